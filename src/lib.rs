@@ -1,0 +1,41 @@
+//! Koehler: flight-test logs in, identified aircraft models with honest uncertainty out.
+//!
+//! The modules are floors of one house: a module imports only modules named above it in this list (`tests/floors.rs` walks the
+//! imports and fails on an upward one).
+//!
+//! | floor | what it does |
+//! |---|---|
+//! | `error` | the one error type: where, what was wanted, what was there, what to do |
+//! | `units` | unit strings, dimensions, conversions to SI |
+//! | `config` | TOML files with positions, checked against the schema of their settings struct, all errors at once |
+//! | `math` | small linear algebra, distributions, autoregressive models |
+//! | `signal` | resampling, smoothing, differentiation of sampled signals |
+//! | `table` | schemas, Parquet datasets, atomic writes, campaign-level joins |
+//! | `log` | MCAP in and out, channel map, decoders, imports |
+//! | `model` | the model language: parse, check units, sort, differentiate, evaluate |
+//! | `dynamics` | a compiled model over a record: trajectories, exact sensitivities, trim |
+//! | `estimate` | maximum-likelihood output error |
+//! | `reconstruct`, `segment`, `fit`, `simulate` | algorithms: numbers in, numbers out |
+//! | `report` | tables to pages |
+//! | `stage` | one file per stage: tables <-> algorithms |
+//! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
+//! | `cli` | verbs, progress, the one place that prints errors |
+
+pub mod cli;
+pub mod config;
+pub mod dynamics;
+pub mod error;
+pub mod estimate;
+pub mod fit;
+pub mod log;
+pub mod math;
+pub mod model;
+pub mod pipeline;
+pub mod reconstruct;
+pub mod report;
+pub mod segment;
+pub mod signal;
+pub mod simulate;
+pub mod stage;
+pub mod table;
+pub mod units;
