@@ -1,1 +1,100 @@
-//! (to come)
+//! TOML text in; checked settings structs with the place of every key out, or every mistake of the file at once.
+//!
+//! A settings struct derives `Deserialize` and `JsonSchema`; the schema is the contract. A file is parsed with positions, its whole
+//! tree is held against the schema (`check`), and only then deserialized. Editors complete and check the same files with the same
+//! schemas: [`schema_text`] writes them.
+
+mod check;
+mod doc;
+mod union;
+mod words;
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use toml::de::{DeTable, DeValue};
+use toml::Spanned;
+
+use crate::error::{Error, Errors, Place};
+pub use doc::Doc;
+pub use words::{list, nearest, quoted};
+
+/// Reads and checks a configuration file; the name in messages is the path as given.
+///
+/// # Errors
+/// The file cannot be read, is not UTF-8, is not TOML, or does not fit `T`: all mistakes, in the order of the file.
+pub fn load<T: DeserializeOwned + JsonSchema>(path: &Path) -> Result<(T, Doc), Errors> {
+    let text = read_text(path)?;
+    parse(&path.to_string_lossy(), &text)
+}
+
+/// The text of a file a person wrote.
+///
+/// # Errors
+/// The file cannot be read or is not UTF-8.
+pub fn read_text(path: &Path) -> crate::error::Result<String> {
+    let name = path.to_string_lossy();
+    let bytes = std::fs::read(path).map_err(|e| {
+        let what = match e.kind() {
+            std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+            _ => format!("cannot read the file: {e}"),
+        };
+        Error::at(Place::file(name.as_ref()), what).help("check the path; paths in a file are relative to the folder of that file")
+    })?;
+    String::from_utf8(bytes).map_err(|e| {
+        let good = String::from_utf8_lossy(&e.as_bytes()[..e.utf8_error().valid_up_to()]).into_owned();
+        Error::at(Place::in_text(&name, &good, good.len()), "the text is not UTF-8 from here on").help("save the file as UTF-8")
+    })
+}
+
+/// Checks configuration text; `file_name` is the name that messages carry.
+///
+/// # Errors
+/// The text is not TOML (syntax errors, one per line), or does not fit `T`: all mistakes, in the order of the text.
+pub fn parse<T: DeserializeOwned + JsonSchema>(file_name: &str, text: &str) -> Result<(T, Doc), Errors> {
+    let tree = syntax(file_name, text)?;
+    let doc = Doc::new(file_name, text, tree.get_ref());
+    let root = Spanned::new(tree.span(), DeValue::Table(tree.into_inner()));
+    check::check(&schema::<T>(), &root, &doc)?;
+    // The schema has accepted the tree, so this fails only where a type's own `Deserialize` asks for more than its schema says.
+    let value = T::deserialize(toml::de::ValueDeserializer::from(root)).map_err(|e| {
+        let offset = e.span().map_or(0, |span| span.start);
+        Errors::from(Error::at(Place::in_text(file_name, text, offset), e.message()))
+    })?;
+    Ok((value, doc))
+}
+
+/// The TOML tree with positions, or the syntax errors: the first one of each line, as later ones tend to follow from it.
+fn syntax<'a>(file: &str, text: &'a str) -> Result<Spanned<DeTable<'a>>, Errors> {
+    let (tree, found) = DeTable::parse_recoverable(text);
+    let mut errors: Vec<Error> = found
+        .iter()
+        .map(|e| {
+            let offset = e.span().map_or(text.len(), |span| span.start);
+            Error::at(Place::in_text(file, text, offset), format!("this is not TOML: {}", e.message()))
+        })
+        .collect();
+    errors.sort_by(|a, b| a.place.cmp(&b.place));
+    errors.dedup_by_key(|e| e.place.as_ref().map(|p| p.line));
+    Errors(errors).or(tree)
+}
+
+/// The JSON Schema of `T`, draft 2020-12.
+fn schema<T: JsonSchema>() -> serde_json::Value {
+    schemars::generate::SchemaSettings::draft2020_12().into_generator().into_root_schema_for::<T>().to_value()
+}
+
+/// The JSON Schema of `T` as text for editors, pretty printed, under the title `title`.
+pub fn schema_text<T: JsonSchema>(title: &str) -> String {
+    let mut schema = schema::<T>();
+    if let Some(object) = schema.as_object_mut() {
+        object.insert("title".into(), title.into());
+    }
+    // `to_string_pretty` of a JSON value cannot fail; were it to, the compact form stands in.
+    serde_json::to_string_pretty(&schema).unwrap_or_else(|_| schema.to_string()) + "\n"
+}
+
+#[cfg(test)]
+mod tests;
