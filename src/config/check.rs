@@ -49,7 +49,8 @@ impl<'s> Checker<'s> {
         let mut schema = schema;
         // A chain longer than this is a circle.
         for _ in 0..32 {
-            let Some(target) = schema.get("$ref").and_then(Json::as_str).and_then(|r| self.root.pointer(r.strip_prefix('#')?)) else {
+            let Some(target) = schema.get("$ref").and_then(Json::as_str).and_then(|r| self.root.pointer(r.strip_prefix('#')?))
+            else {
                 break;
             };
             schema = target;
@@ -157,7 +158,14 @@ impl<'s> Checker<'s> {
         if words.is_empty() { "...".into() } else { format!("<{}>", words.join(" or ")) }
     }
 
-    fn array(&self, object: &'s Map<String, Json>, items: &[Spanned<DeValue>], whole: &Spanned<DeValue>, path: &str, out: &mut Vec<Found>) {
+    fn array(
+        &self,
+        object: &'s Map<String, Json>,
+        items: &[Spanned<DeValue>],
+        whole: &Spanned<DeValue>,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         let prefix: Vec<&Json> = list_of(object, "prefixItems").collect();
         for (i, item) in items.iter().enumerate() {
             let schema = prefix.get(i).copied().or(object.get("items"));

@@ -152,9 +152,5 @@ fn unit(raw: &str, basic: bool, long: bool) -> (usize, usize) {
 }
 
 fn newline(text: &str) -> usize {
-    if text.starts_with("\r\n") {
-        2
-    } else {
-        usize::from(text.starts_with('\n'))
-    }
+    if text.starts_with("\r\n") { 2 } else { usize::from(text.starts_with('\n')) }
 }

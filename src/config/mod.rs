@@ -12,10 +12,9 @@ mod words;
 use std::path::Path;
 
 use schemars::JsonSchema;
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use toml::de::{DeTable, DeValue};
 use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 use crate::error::{Error, Errors, Place};
 pub use doc::Doc;

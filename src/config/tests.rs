@@ -1,6 +1,6 @@
 use super::*;
 use indexmap::IndexMap;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Settings with one of everything.
@@ -45,8 +45,14 @@ enum Kind {
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema, PartialEq)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 enum Noise {
-    White { sd: f64 },
-    Bias { value: f64, #[serde(default)] drift: f64 },
+    White {
+        sd: f64,
+    },
+    Bias {
+        value: f64,
+        #[serde(default)]
+        drift: f64,
+    },
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema, PartialEq)]
@@ -93,12 +99,16 @@ fn good_text_is_accepted_with_every_representation() {
     assert_eq!(s.shape, Some(Shape::Step { at: 1.0 }));
     assert_eq!(s.units.keys().collect::<Vec<_>>(), ["u", "v"]);
     assert_eq!(accepted("title='a'\nshape = \"flat\"").0.shape, Some(Shape::Flat));
-    assert_eq!(accepted("title='a'\n[shape.ramp]\nunit = 'm'").0.shape, Some(Shape::Ramp(Full { unit: "m".into(), doc: "".into() })));
+    assert_eq!(
+        accepted("title='a'\n[shape.ramp]\nunit = 'm'").0.shape,
+        Some(Shape::Ramp(Full { unit: "m".into(), doc: "".into() }))
+    );
 }
 
 #[test]
 fn all_mistakes_come_at_once_in_the_order_of_the_text() {
-    let text = "titel = 'a'\nlevel = \"high\"\ncount = 12\n\n[[noise]]\nkind = \"white\"\nsd = true\n\n[units]\nv = { unti = \"m\" }\n";
+    let text =
+        "titel = 'a'\nlevel = \"high\"\ncount = 12\n\n[[noise]]\nkind = \"white\"\nsd = true\n\n[units]\nv = { unti = \"m\" }\n";
     let wanted = "s.toml:1:1: unknown key \"titel\"\n    did you mean \"title\"? the keys here are: title, level, count, kind, noise, units, shape, pair, weights\n\
         s.toml:1:1: the file lacks the key \"title\"\n    add title = <a text>: One line.\n\
         s.toml:2:9: \"level\" must be a number, not the text \"high\"\n\
@@ -136,7 +146,10 @@ fn enums_named_by_a_key_and_plain_ones_list_their_variants() {
         "s.toml:2:11: unknown key \"stp\" in \"shape\"\n    did you mean \"step\"? one key of these is wanted: step, ramp"
     );
     assert_eq!(with("shape = { step = { } }"), "s.toml:2:18: \"shape.step\" lacks the key \"at\"\n    add at = <a number>");
-    assert_eq!(with("shape = { step = { at = 1, by = 2 } }"), "s.toml:2:28: unknown key \"by\" in \"shape.step\"\n    the keys here are: at");
+    assert_eq!(
+        with("shape = { step = { at = 1, by = 2 } }"),
+        "s.toml:2:28: unknown key \"by\" in \"shape.step\"\n    the keys here are: at"
+    );
     assert_eq!(with("shape = \"steep\""), "s.toml:2:9: \"shape\" must be \"flat\", not the text \"steep\"");
     assert_eq!(with("units.u = 3"), "s.toml:2:11: \"units.u\" must be a text or a table, not 3");
 }

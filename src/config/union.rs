@@ -96,7 +96,8 @@ impl<'s> Checker<'s> {
         let names: Vec<&Json> = parts.iter().filter_map(|s| tag_value(s, tag)).collect();
         let Some((_, had)) = table.iter().find(|(k, _)| k.get_ref() == tag) else {
             let mut found = self.missing(tag, None, value.span().start, path);
-            found.help = Some(format!("add {tag} = one of {}", quoted(&names.iter().filter_map(|n| n.as_str()).collect::<Vec<_>>())));
+            found.help =
+                Some(format!("add {tag} = one of {}", quoted(&names.iter().filter_map(|n| n.as_str()).collect::<Vec<_>>())));
             return out.push(found);
         };
         let name = had.get_ref().as_str();
@@ -107,7 +108,15 @@ impl<'s> Checker<'s> {
     }
 
     /// An enum with the variant's name as the one key of the table.
-    fn named(&self, names: &[&'s str], parts: &[&'s Json], value: &Spanned<DeValue>, table: &DeTable, path: &str, out: &mut Vec<Found>) {
+    fn named(
+        &self,
+        names: &[&'s str],
+        parts: &[&'s Json],
+        value: &Spanned<DeValue>,
+        table: &DeTable,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         let meant = names.iter().position(|n| table.keys().any(|k| k.get_ref() == n));
         if let Some(part) = meant.and_then(|i| parts.get(i)) {
             return self.value(part, value, path, out);

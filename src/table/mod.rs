@@ -1,1 +1,149 @@
-//! (to come)
+//! Columns in; tables of a known schema, Parquet datasets and campaign-level selections out.
+//!
+//! Every table the program writes has its schema in `schemas/tables/`, and goes through this module: names, types, units and lengths
+//! are checked when a table is built, and the same table gives the same bytes. `docs/tables.md` is the reader's page.
+
+mod build;
+pub mod campaign;
+mod dataset;
+mod flight;
+mod page;
+mod parquet;
+mod rows;
+mod schema;
+
+use std::sync::Arc;
+
+use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray};
+
+use crate::config;
+use crate::error::{Error, Result};
+pub use build::Builder;
+pub use dataset::{part_path, parts, read_dataset, read_part, write_atomic, write_part};
+pub use flight::{check_flight, flight_id};
+pub use page::page;
+pub use schema::{Column, Kind, Schema, schema, schemas};
+
+/// What stands in a `stop` column when all is well.
+pub const CONVERGED: &str = "converged";
+
+/// Rows of one table: a schema and its columns.
+///
+/// In memory a missing f64 is NaN; in a file it is null.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    schema: &'static Schema,
+    /// The schema's columns, then the dynamic ones.
+    columns: Arc<[Column]>,
+    batch: RecordBatch,
+}
+
+impl Table {
+    /// Starts a table of the schema `name`; `finish` checks it.
+    pub fn build(name: &str) -> Builder {
+        Builder::new(name)
+    }
+
+    /// The table `name` without rows (and without dynamic columns).
+    ///
+    /// # Errors
+    /// There is no such table.
+    pub fn empty(name: &str) -> Result<Table> {
+        let schema = schema(name)?;
+        let columns: Arc<[Column]> = schema.columns.clone().into();
+        let batch = RecordBatch::new_empty(schema::arrow(&columns));
+        Ok(Table { schema, columns, batch })
+    }
+
+    fn from_arrays(schema: &'static Schema, columns: Vec<Column>, arrays: Vec<ArrayRef>) -> Result<Table> {
+        let batch = RecordBatch::try_new(schema::arrow(&columns), arrays)
+            .map_err(|e| Error::new(format!("table \"{}\": {e}", schema.name)))?;
+        Ok(Table { schema, columns: columns.into(), batch })
+    }
+
+    pub fn name(&self) -> &'static str {
+        &self.schema.name
+    }
+
+    pub fn schema(&self) -> &'static Schema {
+        self.schema
+    }
+
+    /// The columns of this table, dynamic ones at the end.
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    pub fn rows(&self) -> usize {
+        self.batch.num_rows()
+    }
+
+    /// The table as an Arrow batch.
+    pub fn batch(&self) -> &RecordBatch {
+        &self.batch
+    }
+
+    /// Whether there is a column `name`; worth asking only about dynamic ones.
+    pub fn has(&self, name: &str) -> bool {
+        self.columns.iter().any(|c| c.name == name)
+    }
+
+    /// The description of a column.
+    ///
+    /// # Errors
+    /// There is no such column.
+    pub fn column(&self, name: &str) -> Result<&Column> {
+        self.columns.iter().find(|c| c.name == name).ok_or_else(|| {
+            let names: Vec<&str> = self.columns.iter().map(|c| c.name.as_str()).collect();
+            let help = match config::nearest(name, names.iter().copied()) {
+                Some(near) => format!("did you mean \"{near}\"? It has {}", config::list(&names)),
+                None => format!("it has {}", config::list(&names)),
+            };
+            Error::new(format!("table \"{}\" has no column \"{name}\"", self.name())).help(help)
+        })
+    }
+
+    fn array<A: 'static>(&self, name: &str, kind: Kind) -> Result<&A> {
+        let column = self.column(name)?;
+        self.batch.column_by_name(name).and_then(|a| a.as_any().downcast_ref::<A>()).ok_or_else(|| {
+            Error::new(format!("column \"{name}\" of table \"{}\" is {}, not {}", self.name(), column.kind.word(), kind.word()))
+        })
+    }
+
+    /// The values of an f64 column; NaN where there is none.
+    ///
+    /// # Errors
+    /// There is no such column, or it is of another type; likewise for the other types.
+    pub fn f64(&self, name: &str) -> Result<&[f64]> {
+        Ok(self.array::<Float64Array>(name, Kind::F64)?.values())
+    }
+
+    /// The values of an i64 column without nulls.
+    pub fn i64(&self, name: &str) -> Result<&[i64]> {
+        let array = self.array::<Int64Array>(name, Kind::I64)?;
+        match array.null_count() {
+            0 => Ok(array.values()),
+            n => Err(Error::new(format!("column \"{name}\" of table \"{}\" has {n} rows without a value", self.name()))),
+        }
+    }
+
+    pub fn opt_i64(&self, name: &str) -> Result<Vec<Option<i64>>> {
+        Ok(self.array::<Int64Array>(name, Kind::I64)?.iter().collect())
+    }
+
+    pub fn bools(&self, name: &str) -> Result<Vec<bool>> {
+        Ok(self.array::<BooleanArray>(name, Kind::Bool)?.iter().map(|b| b.unwrap_or(false)).collect())
+    }
+
+    /// The texts of a string column; a missing one is empty.
+    pub fn strings(&self, name: &str) -> Result<Vec<&str>> {
+        Ok(self.array::<StringArray>(name, Kind::String)?.iter().map(|s| s.unwrap_or("")).collect())
+    }
+
+    pub fn opt_strings(&self, name: &str) -> Result<Vec<Option<&str>>> {
+        Ok(self.array::<StringArray>(name, Kind::String)?.iter().collect())
+    }
+}
+
+#[cfg(test)]
+mod tests;

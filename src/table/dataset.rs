@@ -1,0 +1,129 @@
+//! Tables in, files of a Parquet dataset out, and back: `DIR/<table>/[flight=<id>/]part-<n>.parquet`.
+//!
+//! A file appears whole or not at all: it is written beside its place, flushed to disk and renamed.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::{Table, check_flight, schema};
+use crate::error::{Error, Errors, Place, Result};
+
+/// The path of a part below the output folder, with `/` between folders.
+///
+/// # Errors
+/// There is no such table, or it is per flight and `flight` is no id, or it is not and there is one.
+pub fn part_path(table: &str, flight: Option<&str>, part: usize) -> Result<String> {
+    match (schema(table)?.per_flight, flight) {
+        (true, Some(id)) => check_flight(id).map(|()| format!("{table}/flight={id}/part-{part}.parquet")),
+        (false, None) => Ok(format!("{table}/part-{part}.parquet")),
+        (true, None) => Err(Error::new(format!("table \"{table}\" is written flight by flight, and no flight is given"))),
+        (false, Some(id)) => Err(Error::new(format!("table \"{table}\" is not written flight by flight, and {id} is given"))),
+    }
+}
+
+/// Writes one part of a table below the folder `dir`, and says where.
+///
+/// # Errors
+/// As [`part_path`]; a row is of another flight than the part; the file cannot be written.
+pub fn write_part(dir: &Path, table: &Table, flight: Option<&str>, part: usize) -> Result<PathBuf> {
+    let path = dir.join(part_path(table.name(), flight, part)?);
+    if let Some(id) = flight
+        && let Some(other) = table.strings("flight")?.into_iter().find(|f| *f != id)
+    {
+        return Err(Error::new(format!("table \"{}\" of flight {id} has a row of flight \"{other}\"", table.name())));
+    }
+    write_atomic(&path, &table.to_parquet()?)?;
+    Ok(path)
+}
+
+/// Writes a file so that it is there whole or not at all, and makes its folder.
+///
+/// # Errors
+/// The file system refuses.
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
+    let fail = |e: std::io::Error| Error::at(Place::file(path.to_string_lossy()), format!("cannot write the file: {e}"));
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(fail)?;
+    let mut file = tempfile::Builder::new().prefix(".unfinished-").tempfile_in(folder).map_err(fail)?;
+    file.write_all(bytes).map_err(fail)?;
+    readable(file.as_file()).map_err(fail)?;
+    file.as_file().sync_all().map_err(fail)?;
+    file.persist(path).map_err(|e| fail(e.error))?;
+    // The rename itself is on disk only once the folder is.
+    std::fs::File::open(folder).and_then(|f| f.sync_all()).map_err(fail)
+}
+
+/// Temporary files are for their owner alone; results are for everybody.
+#[cfg(unix)]
+fn readable(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable(_file: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}
+
+/// Reads one part of a table.
+///
+/// # Errors
+/// The file is not there, or is not a part of that table.
+pub fn read_part(dir: &Path, table: &str, flight: Option<&str>, part: usize) -> Result<Table> {
+    read_file(&dir.join(part_path(table, flight, part)?), table, flight)
+}
+
+fn read_file(path: &Path, table: &str, flight: Option<&str>) -> Result<Table> {
+    let place = || Some(Place::file(path.to_string_lossy()));
+    let bytes =
+        std::fs::read(path).map_err(|e| Error { place: place(), what: format!("cannot read the file: {e}"), help: None })?;
+    Table::from_parquet(table, bytes, flight).map_err(|e| Error { place: place(), ..e })
+}
+
+/// The parts of a table below `dir`, sorted by flight, then number; empty when there are none.
+///
+/// # Errors
+/// There is no such table, or a folder cannot be read.
+pub fn parts(dir: &Path, table: &str) -> Result<Vec<(Option<String>, usize)>> {
+    let folder = dir.join(table);
+    let mut found = Vec::new();
+    if !schema(table)?.per_flight {
+        found.extend(numbers(&folder)?.into_iter().map(|n| (None, n)));
+    } else {
+        for name in names(&folder)? {
+            let Some(id) = name.strip_prefix("flight=") else { continue };
+            found.extend(numbers(&folder.join(&name))?.into_iter().map(|n| (Some(id.to_string()), n)));
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn numbers(folder: &Path) -> Result<Vec<usize>> {
+    let number = |name: &String| name.strip_prefix("part-")?.strip_suffix(".parquet")?.parse().ok();
+    Ok(names(folder)?.iter().filter_map(number).collect())
+}
+
+fn names(folder: &Path) -> Result<Vec<String>> {
+    let fail = |e: std::io::Error| Error::at(Place::file(folder.to_string_lossy()), format!("cannot read the folder: {e}"));
+    let entries = match std::fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(e) => return Err(fail(e)),
+    };
+    entries.map(|e| e.map(|e| e.file_name().to_string_lossy().into_owned())).collect::<std::io::Result<_>>().map_err(fail)
+}
+
+/// Reads a whole table: all parts in the order of [`parts`]. A table without parts has no rows.
+///
+/// # Errors
+/// Every part that cannot be read, or parts that do not fit together.
+pub fn read_dataset(dir: &Path, table: &str) -> std::result::Result<Table, Errors> {
+    let mut errors = Errors::default();
+    let mut tables = Vec::new();
+    for (flight, part) in parts(dir, table)? {
+        tables.extend(errors.take(read_part(dir, table, flight.as_deref(), part)));
+    }
+    errors.or(())?;
+    Ok(Table::concat(table, &tables)?)
+}

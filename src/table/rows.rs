@@ -1,0 +1,132 @@
+//! Tables in; the same rows put together, chosen or sorted, out.
+
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt64Array};
+
+use super::schema::arrow;
+use super::{Column, Table, schema};
+use crate::error::{Error, Result};
+
+impl Table {
+    /// All rows of `tables`, one after the other. A dynamic column that one of them lacks is NaN there.
+    ///
+    /// # Errors
+    /// A table is not of the schema `name`, or a dynamic column has two units.
+    pub fn concat(name: &str, tables: &[Table]) -> Result<Table> {
+        let schema = schema(name)?;
+        let mut columns = schema.columns.clone();
+        for table in tables {
+            if table.schema != schema {
+                return Err(Error::new(format!("table \"{}\" cannot be put together with \"{name}\"", table.name())));
+            }
+            for column in table.columns() {
+                match columns.iter().find(|c| c.name == column.name) {
+                    None => columns.push(column.clone()),
+                    Some(known) if known.unit != column.unit => {
+                        let what = format!("column \"{}\" of \"{name}\" is in {} and in {}", column.name, known.unit, column.unit);
+                        return Err(Error::new(what).help("give the signal the same unit for all flights"));
+                    }
+                    Some(_) => {}
+                }
+            }
+        }
+        if tables.is_empty() {
+            return Table::empty(name);
+        }
+        let arrays = columns.iter().map(|c| concat_column(c, tables)).collect::<Result<Vec<_>>>()?;
+        Table::from_arrays(schema, columns, arrays)
+    }
+
+    /// The rows of these numbers, in their order.
+    ///
+    /// # Errors
+    /// There are fewer rows.
+    pub fn take(&self, rows: &[usize]) -> Result<Table> {
+        if let Some(row) = rows.iter().find(|&&r| r >= self.rows()) {
+            return Err(Error::new(format!("table \"{}\" has {} rows, no row {row}", self.name(), self.rows())));
+        }
+        let indices = UInt64Array::from_iter_values(rows.iter().map(|&r| r as u64));
+        let arrays = self.batch.columns().iter().map(|a| arrow_select::take::take(a, &indices, None));
+        let arrays = arrays.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Error::new(e.to_string()))?;
+        Table::from_arrays(self.schema, self.columns.to_vec(), arrays)
+    }
+
+    /// The rows for which `keep` says yes.
+    ///
+    /// # Errors
+    /// None that a caller can cause.
+    pub fn filter(&self, keep: impl Fn(usize) -> bool) -> Result<Table> {
+        self.take(&(0..self.rows()).filter(|&row| keep(row)).collect::<Vec<_>>())
+    }
+
+    /// The rows sorted by these columns; equal rows keep their order, missing values come first in text and whole numbers and last
+    /// (as NaN) in numbers.
+    ///
+    /// # Errors
+    /// There is no such column.
+    pub fn sorted(&self, by: &[&str]) -> Result<Table> {
+        let mut keys = Vec::new();
+        for name in by {
+            self.column(name)?;
+            keys.extend(self.batch.column_by_name(name));
+        }
+        let mut rows: Vec<usize> = (0..self.rows()).collect();
+        rows.sort_by(|&a, &b| keys.iter().map(|k| compare(k, a, b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal));
+        self.take(&rows)
+    }
+}
+
+fn compare(array: &ArrayRef, a: usize, b: usize) -> Ordering {
+    fn values<T: Ord>(array: &dyn Array, a: usize, b: usize, value: impl Fn(usize) -> T) -> Ordering {
+        let get = |i: usize| array.is_valid(i).then(|| value(i));
+        get(a).cmp(&get(b))
+    }
+    let any = array.as_any();
+    if let Some(x) = any.downcast_ref::<Float64Array>() {
+        x.value(a).total_cmp(&x.value(b))
+    } else if let Some(x) = any.downcast_ref::<Int64Array>() {
+        values(x, a, b, |i| x.value(i))
+    } else if let Some(x) = any.downcast_ref::<StringArray>() {
+        values(x, a, b, |i| x.value(i))
+    } else if let Some(x) = any.downcast_ref::<BooleanArray>() {
+        values(x, a, b, |i| x.value(i))
+    } else {
+        Ordering::Equal
+    }
+}
+
+fn concat_column(column: &Column, tables: &[Table]) -> Result<ArrayRef> {
+    let arrays: Vec<ArrayRef> = tables
+        .iter()
+        .map(|t| match t.batch.column_by_name(&column.name) {
+            Some(array) => array.clone(),
+            None => Arc::new(Float64Array::from(vec![f64::NAN; t.rows()])),
+        })
+        .collect();
+    let parts: Vec<&dyn Array> = arrays.iter().map(|a| a.as_ref()).collect();
+    arrow_select::concat::concat(&parts).map_err(|e| Error::new(format!("column \"{}\": {e}", column.name)))
+}
+
+impl Table {
+    /// The rows without the flight column, as they lie in a file of a per-flight table.
+    pub(super) fn in_file(&self) -> Result<RecordBatch> {
+        let kept: Vec<(&Column, &ArrayRef)> = self
+            .columns
+            .iter()
+            .zip(self.batch.columns())
+            .filter(|(c, _)| !(self.schema.per_flight && c.name == "flight"))
+            .collect();
+        let columns: Vec<Column> = kept.iter().map(|(c, _)| (*c).clone()).collect();
+        let arrays = kept.iter().map(|(c, a)| if c.nullable { nulls_for_nan(a) } else { (*a).clone() }).collect();
+        RecordBatch::try_new(arrow(&columns), arrays).map_err(|e| Error::new(format!("table \"{}\": {e}", self.name())))
+    }
+}
+
+fn nulls_for_nan(array: &ArrayRef) -> ArrayRef {
+    match array.as_any().downcast_ref::<Float64Array>() {
+        Some(numbers) => Arc::new(numbers.values().iter().map(|&v| (!v.is_nan()).then_some(v)).collect::<Float64Array>()),
+        None => array.clone(),
+    }
+}
