@@ -1,1 +1,5 @@
-//! (to come)
+//! Estimates with standard deviations at values of a variable in, straight lines with honest bands out.
+
+mod line;
+
+pub use line::{Band, LineFit, Settings, Unfit, bands, line};

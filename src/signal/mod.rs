@@ -1,1 +1,5 @@
-//! (to come)
+//! Sampled signals in, signals on uniform grids, smoothed signals and derivatives out; NaN marks what is not known.
+
+pub mod resample;
+pub mod robust;
+pub mod smooth;

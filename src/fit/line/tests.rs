@@ -1,0 +1,142 @@
+//! Lines of known truth in; whether the fit, its named outcomes and the coverage of its intervals are right out.
+
+use super::*;
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+
+const TRUTH: (f64, f64) = (-0.8, 0.3);
+
+/// How often the truth was inside, of `trials` simulated fits.
+#[derive(Debug)]
+struct Coverage {
+    joint: f64,
+    slope: f64,
+    simultaneous: f64,
+    prediction: f64,
+}
+
+/// Fits of `n` points with true sd `s_i` (spread by a factor 4 among the points), claimed sd `claim * s_i`, scatter `tau` between points.
+fn coverage(n: usize, claim: f64, tau: f64, trials: u64) -> Coverage {
+    let mut inside = [0u64; 4];
+    for trial in 0..trials {
+        let mut rng = Pcg64::seed_from_u64(1000 + trial);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let x: Vec<f64> = (0..n).map(|i| 2.0 + i as f64 / (n - 1) as f64 + 0.02 * normal()).collect();
+        let s: Vec<f64> = (0..n).map(|i| 0.02 * f64::powf(4.0, ((i * 7) % n) as f64 / (n - 1) as f64)).collect();
+        let y: Vec<f64> = (0..n).map(|i| TRUTH.1 + TRUTH.0 * x[i] + s[i] * normal() + tau * normal()).collect();
+        let claimed: Vec<f64> = s.iter().map(|s| claim * s).collect();
+        let fit = line(&x, &y, &claimed, &Settings::default()).unwrap();
+        let xs: Vec<f64> = (0..21).map(|i| 2.0 + i as f64 / 20.0).collect();
+        let within = bands(&fit, &xs, 0.95).iter().all(|b| {
+            let truth = TRUTH.1 + TRUTH.0 * b.x;
+            b.simultaneous.0 <= truth && truth <= b.simultaneous.1
+        });
+        // a further point with the typical sd
+        let typical = crate::math::median(&s.iter().map(|s| s * s).collect::<Vec<f64>>()).sqrt();
+        let new = TRUTH.1 + TRUTH.0 * 2.4 + typical * normal() + tau * normal();
+        let predicted = bands(&fit, &[2.4], 0.95)[0].prediction;
+        inside[0] += u64::from(fit.joint_region_has(TRUTH.0, TRUTH.1, 0.95));
+        inside[1] += u64::from((fit.slope - TRUTH.0).abs() <= fit.interval_factor(0.95) * fit.slope_sd);
+        inside[2] += u64::from(within);
+        inside[3] += u64::from(predicted.0 <= new && new <= predicted.1);
+    }
+    let [joint, slope, simultaneous, prediction] = inside.map(|k| k as f64 / trials as f64);
+    Coverage { joint, slope, simultaneous, prediction }
+}
+
+fn covers(n: usize, claim: f64, tau: f64) {
+    let c = coverage(n, claim, tau, 4000);
+    println!("n {n}, claim {claim}, tau {tau}: {c:?}");
+    assert!((0.93..=0.97).contains(&c.joint), "n {n}, claim {claim}, tau {tau}: {c:?}");
+    assert!((0.93..=0.97).contains(&c.slope), "n {n}, claim {claim}, tau {tau}: {c:?}");
+    // A band over a limited range of x holds the line at least as often as the joint region.
+    assert!((c.joint..=0.985).contains(&c.simultaneous), "n {n}, claim {claim}, tau {tau}: {c:?}");
+    assert!((0.92..=0.98).contains(&c.prediction), "n {n}, claim {claim}, tau {tau}: {c:?}");
+}
+
+#[test]
+fn the_region_covers_where_the_claims_are_right() {
+    [6, 12, 24].into_iter().for_each(|n| covers(n, 1.0, 0.0));
+}
+
+#[test]
+fn the_region_covers_where_all_claims_are_wrong_by_two() {
+    [6, 12, 24].into_iter().for_each(|n| covers(n, 2.0, 0.0));
+    [6, 12, 24].into_iter().for_each(|n| covers(n, 0.5, 0.0));
+}
+
+#[test]
+fn the_region_covers_where_points_scatter_more_than_they_claim() {
+    [6, 12, 24].into_iter().for_each(|n| covers(n, 1.0, 0.05));
+    [6, 12, 24].into_iter().for_each(|n| covers(n, 1.0, 0.3));
+}
+
+#[test]
+fn equal_sds_give_the_textbook_line() {
+    // residuals of +-1 about y = 2 + 3 x at x = 0, 1, 2, 3: (+, -, -, +) is orthogonal to 1 and x
+    let (x, y) = ([0.0, 1.0, 2.0, 3.0], [3.0, 4.0, 7.0, 12.0]);
+    for sd in [1e-3, 1.0, 50.0] {
+        let fit = line(&x, &y, &[sd; 4], &Settings::default()).unwrap();
+        assert!((fit.slope - 3.0).abs() < 1e-12 && (fit.intercept - 2.0).abs() < 1e-12);
+        // s^2 = RSS/(n-2) = 2, Sxx = 5: whatever the claim
+        assert!((fit.slope_sd - (2.0f64 / 5.0).sqrt()).abs() < 1e-9, "{fit:?}");
+        assert!((fit.intercept_sd - (2.0 * (0.25 + 1.5 * 1.5 / 5.0f64)).sqrt()).abs() < 1e-9);
+        assert!((fit.covariance + 1.5 * 2.0 / 5.0).abs() < 1e-9);
+        assert!((fit.reduced_chi_square * sd * sd - 2.0).abs() < 1e-9);
+        assert!((fit.tau * fit.tau - (2.0 - sd * sd).max(0.0)).abs() < 1e-9);
+        let band = bands(&fit, &[1.5], 0.95)[0];
+        assert!((band.pointwise.1 - band.value - 4.302653 * 0.5f64.sqrt()).abs() < 1e-5);
+        assert!((band.simultaneous.1 - band.value - (2.0f64 * 19.0).sqrt() * 0.5f64.sqrt()).abs() < 1e-5);
+        assert!((band.prediction.1 - band.value - 4.302653 * 2.5f64.sqrt()).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn weights_count() {
+    // the third point claims nothing: the line goes through the other three nearly
+    let fit = line(&[0.0, 1.0, 2.0, 4.0], &[0.0, 1.0, 100.0, 4.0], &[1e-3, 1e-3, 1e3, 1e-3], &Settings::default()).unwrap();
+    assert!((fit.slope - 1.0).abs() < 1e-6 && fit.intercept.abs() < 1e-6 && fit.tau == 0.0);
+}
+
+#[test]
+fn joint_statistic_is_the_quadratic_form() {
+    let mut rng = Pcg64::seed_from_u64(5);
+    let x: Vec<f64> = (0..9).map(|_| rng.random_range(0.0..1.0)).collect();
+    let y: Vec<f64> = x.iter().map(|x| 1.0 + x + rng.random_range(-0.1..0.1)).collect();
+    let sd: Vec<f64> = x.iter().map(|_| rng.random_range(0.02..0.1)).collect();
+    let fit = line(&x, &y, &sd, &Settings::default()).unwrap();
+    let (a, b) = (1.1 - fit.slope, 0.9 - fit.intercept);
+    let (va, vb, c) = (fit.slope_sd.powi(2), fit.intercept_sd.powi(2), fit.covariance);
+    let form = (a * a * vb - 2.0 * a * b * c + b * b * va) / (va * vb - c * c) / 2.0;
+    assert!((fit.joint_statistic(1.1, 0.9) / form - 1.0).abs() < 1e-9);
+    assert_eq!(fit.joint_statistic(fit.slope, fit.value(fit.x_center) - fit.slope * fit.x_center), 0.0);
+}
+
+#[test]
+fn far_from_the_origin_nothing_is_lost() {
+    let x: Vec<f64> = (0..8).map(|i| 1e6 + i as f64 * 1e-2).collect();
+    let y: Vec<f64> = (0..8).map(|i| 5e3 + i as f64 * 2e-2 + if i % 2 == 0 { 1e-4 } else { -1e-4 }).collect();
+    let fit = line(&x, &y, &[1e-4; 8], &Settings::default()).unwrap();
+    assert!((fit.slope - 2.0).abs() < 0.01 && (fit.value(1e6 + 0.035) - 5e3 - 0.07).abs() < 1e-4);
+}
+
+#[test]
+fn what_cannot_be_fitted_has_a_name() {
+    let s = Settings::default();
+    assert_eq!(line(&[], &[], &[], &s), Err(Unfit::TooFewPoints));
+    assert_eq!(line(&[1.0, 2.0], &[1.0, 2.0], &[1.0, 1.0], &s), Err(Unfit::TooFewPoints));
+    assert_eq!(line(&[2.0; 4], &[1.0, 2.0, 3.0, 4.0], &[1.0; 4], &s), Err(Unfit::IdenticalX));
+    assert_eq!(line(&[1.0, 2.0, 3.0], &[1.0, f64::NAN, 1.0], &[1.0; 3], &s), Err(Unfit::BadValue(1)));
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(line(&[1.0, 2.0, 3.0], &[1.0; 3], &[1.0, 1.0, bad], &s), Err(Unfit::BadSd(2)));
+    }
+    assert_eq!(Unfit::BadSd(2).name(), "bad_sd");
+}
+
+#[test]
+fn without_between_scatter_tau_is_zero() {
+    let fit = line(&[0.0, 1.0, 2.0, 3.0], &[3.0, 4.0, 7.0, 12.0], &[0.1; 4], &Settings { between_scatter: false }).unwrap();
+    assert_eq!(fit.tau, 0.0);
+    assert!((fit.q - 200.0).abs() < 1e-9);
+}

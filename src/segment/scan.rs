@@ -1,0 +1,158 @@
+//! Samples in, sequences of alternating excursions from the local trim out: the raw candidates for maneuvers.
+
+use super::Settings;
+use crate::math::{mad_sd, median, quantile};
+use crate::signal::resample::{Grid, linear};
+use crate::signal::robust::median_filter;
+
+/// The signal on a uniform grid, lightly smoothed; NaN in gaps.
+pub(super) struct Work {
+    pub t0: f64,
+    /// Spacing, s.
+    pub h: f64,
+    pub v: Vec<f64>,
+}
+
+/// A stretch of grid points `start..end` on one side of the trim.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Excursion {
+    pub start: usize,
+    pub end: usize,
+}
+
+impl Work {
+    /// `None` where there are too few samples to hold a maneuver.
+    pub fn new(t: &[f64], u: &[f64], settings: &Settings) -> Option<Work> {
+        let (t, u) = clean(t, u);
+        let spacings: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+        let dt = median(&spacings);
+        if t.len() < 5 || !(settings.min_step_s > 0.0) {
+            return None;
+        }
+        let finest = settings.min_step_s / 8.0;
+        let h = dt.max(finest);
+        let grid = Grid::covering(t[0], t[t.len() - 1], h);
+        let gap = settings.max_gap_s.max(2.5 * dt);
+        let raw = if dt > 0.67 * finest { linear(&t, &u, &grid, gap) } else { cell_means(&t, &u, &grid, gap) };
+        let window = 2 * (settings.min_step_s / (4.0 * h) + 1e-6) as usize + 1;
+        Some(Work { t0: t[0], h, v: median_filter(&raw, window) })
+    }
+
+    /// Number of grid points in `seconds`.
+    pub fn count(&self, seconds: f64) -> usize {
+        (seconds / self.h).round().max(0.0) as usize
+    }
+
+    pub fn time(&self, index: f64) -> f64 {
+        self.t0 + index * self.h
+    }
+}
+
+fn clean(t: &[f64], u: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let mut last = f64::NEG_INFINITY;
+    t.iter()
+        .zip(u)
+        .filter(|(t, u)| {
+            let keep = t.is_finite() && u.is_finite() && **t > last;
+            if keep {
+                last = **t;
+            }
+            keep
+        })
+        .unzip()
+}
+
+/// Mean of the samples within half a spacing of each grid point; linear interpolation where there is none.
+fn cell_means(t: &[f64], u: &[f64], grid: &Grid, gap: f64) -> Vec<f64> {
+    let mut out = linear(t, u, grid, gap);
+    let mut next = 0;
+    for (i, v) in out.iter_mut().enumerate() {
+        let end = grid.time(i) + 0.5 * grid.dt;
+        let first = next;
+        while next < t.len() && t[next] < end {
+            next += 1;
+        }
+        if next > first {
+            *v = u[first..next].iter().sum::<f64>() / (next - first) as f64;
+        }
+    }
+    out
+}
+
+/// Sequences of alternating excursions, each from the trim of the quiet window before it; sequences of different starts may overlap.
+pub(super) fn sequences(work: &Work, settings: &Settings) -> Vec<Vec<Excursion>> {
+    let trims = trailing_trims(work, settings);
+    let spreads: Vec<f64> = trims.iter().filter_map(|t| t.map(|t| t.1)).collect();
+    // A window that happens to be calmer than nearly all others says little about the noise.
+    let floor = if spreads.is_empty() { 0.0 } else { 0.7 * quantile(&spreads, 0.25) };
+    let mut found = vec![];
+    let mut next = 0;
+    for i in 0..work.v.len().saturating_sub(1) {
+        let Some((trim, spread)) = trims[i].filter(|_| i >= next) else { continue };
+        let threshold = (settings.threshold * spread.max(floor)).max(0.5 * settings.min_amplitude);
+        let (now, then) = (work.v[i] - trim, work.v[i + 1] - trim);
+        if now.abs() > threshold && then.abs() > threshold && now * then > 0.0 {
+            found.extend(follow(work, i, trim, threshold, settings));
+            next = i + work.count(0.25 * settings.quiet_s).max(1);
+        }
+    }
+    found
+}
+
+/// Median and MAD sd of the window before each grid point; `None` where the window touches a gap or is shorter than half its length.
+fn trailing_trims(work: &Work, settings: &Settings) -> Vec<Option<(f64, f64)>> {
+    let length = work.count(settings.quiet_s).max(3);
+    let mut known = 0;
+    (0..work.v.len())
+        .map(|i| {
+            let window = &work.v[i - known.min(length)..i];
+            known = if work.v[i].is_nan() { 0 } else { known + 1 };
+            (known > 0 && 2 * window.len() >= length).then(|| (median(window), mad_sd(window)))
+        })
+        .collect()
+}
+
+/// The alternating excursions that begin at grid point `start`; `None` where the signal does not come back or alternates too long.
+fn follow(work: &Work, start: usize, trim: f64, threshold: f64, settings: &Settings) -> Option<Vec<Excursion>> {
+    let mut sign = (work.v[start] - trim).signum();
+    let mut sequence: Vec<Excursion> = vec![];
+    let mut begin = start;
+    let mut largest = 0.0f64;
+    loop {
+        let (end, peak) = excursion(work, begin, trim, sign, settings)?;
+        sequence.push(Excursion { start: begin, end });
+        largest = largest.max(peak);
+        if sequence.len() > settings.max_steps {
+            return None;
+        }
+        let pause = ((end - begin) / 2).max(2);
+        sign = -sign;
+        match other_side(work, end, pause, trim, sign, threshold.max(0.35 * largest)) {
+            Some(next) => begin = next,
+            None => return Some(sequence),
+        }
+    }
+}
+
+/// Where the excursion on the side `sign` that is under way at `begin` has fallen to half its peak, and the peak.
+fn excursion(work: &Work, begin: usize, trim: f64, sign: f64, settings: &Settings) -> Option<(usize, f64)> {
+    let limit = begin + work.count(settings.max_step_s);
+    let mut peak = 0.0f64;
+    for i in begin..work.v.len().min(limit) {
+        let side = sign * (work.v[i] - trim);
+        let then = work.v.get(i + 1).map_or(f64::NAN, |v| sign * (v - trim));
+        if side.is_nan() {
+            return None;
+        }
+        peak = peak.max(side);
+        if side < 0.5 * peak && (then < 0.5 * peak || then.is_nan()) {
+            return Some((i, peak));
+        }
+    }
+    None
+}
+
+/// The first of at most `pause` grid points from `from` on that is beyond `threshold` on the side `sign`.
+fn other_side(work: &Work, from: usize, pause: usize, trim: f64, sign: f64, threshold: f64) -> Option<usize> {
+    (from..(from + pause).min(work.v.len())).find(|&i| sign * (work.v[i] - trim) > threshold)
+}

@@ -1,0 +1,142 @@
+//! Samples at any times in, values on a uniform grid out; a gap stays a gap (NaN), nothing is bridged in silence.
+
+/// A uniform grid: point `i` is at `t0 + i*dt`, `0 <= i < n`; times in s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    pub t0: f64,
+    pub dt: f64,
+    pub n: usize,
+}
+
+impl Grid {
+    /// The grid of spacing `dt` from `t0` to at most `t1` (a point within 1e-6 dt beyond `t1` still counts).
+    /// Empty where `dt` is not positive or `t1 < t0`.
+    pub fn covering(t0: f64, t1: f64, dt: f64) -> Grid {
+        let steps = (t1 - t0) / dt;
+        let n = if dt > 0.0 && steps.is_finite() && steps >= 0.0 { (steps + 1e-6).floor() as usize + 1 } else { 0 };
+        Grid { t0, dt, n }
+    }
+
+    /// Time of point `i`, s.
+    pub fn time(&self, i: usize) -> f64 {
+        self.t0 + i as f64 * self.dt
+    }
+
+    /// All times, s.
+    pub fn times(&self) -> Vec<f64> {
+        (0..self.n).map(|i| self.time(i)).collect()
+    }
+}
+
+/// Linear interpolation of samples `y` at ascending times `t` (equal lengths).
+///
+/// A sample within 1e-6 dt of a grid point passes exactly. NaN outside the samples, next to a NaN sample, and between samples
+/// more than `max_gap` seconds apart.
+pub fn linear(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
+    walk(t, y, grid, |time, before, after| {
+        let width = t[after] - t[before];
+        if width > max_gap {
+            return f64::NAN;
+        }
+        let share = (time - t[before]) / width;
+        y[before] + share * (y[after] - y[before])
+    })
+}
+
+/// The nearest sample, for discrete signals; of two equally near the earlier one. NaN where it is more than `max_age` seconds away.
+pub fn nearest(t: &[f64], y: &[f64], grid: &Grid, max_age: f64) -> Vec<f64> {
+    (0..grid.n)
+        .map(|i| {
+            let time = grid.time(i);
+            let after = t.partition_point(|v| *v < time);
+            let before = after.checked_sub(1).filter(|&b| after == t.len() || time - t[b] <= t[after] - time);
+            let k = before.unwrap_or(after);
+            if k < t.len() && (t[k] - time).abs() <= max_age + 1e-6 * grid.dt { y[k] } else { f64::NAN }
+        })
+        .collect()
+}
+
+/// The last sample at or before each grid point (zero-order hold), for signals that are sent when they change.
+/// NaN before the first sample and where the sample is older than `max_age` seconds.
+pub fn hold(t: &[f64], y: &[f64], grid: &Grid, max_age: f64) -> Vec<f64> {
+    let slack = 1e-6 * grid.dt;
+    (0..grid.n)
+        .map(|i| {
+            let time = grid.time(i);
+            let k = t.partition_point(|v| *v <= time + slack);
+            if k > 0 && time - t[k - 1] <= max_age + slack { y[k - 1] } else { f64::NAN }
+        })
+        .collect()
+}
+
+/// Visits the grid with the samples on both sides of each point; exact hits and the outside are settled here.
+fn walk(t: &[f64], y: &[f64], grid: &Grid, between: impl Fn(f64, usize, usize) -> f64) -> Vec<f64> {
+    assert_eq!(t.len(), y.len(), "one value per time");
+    let slack = 1e-6 * grid.dt;
+    let mut next = 0;
+    (0..grid.n)
+        .map(|i| {
+            let time = grid.time(i);
+            while next < t.len() && t[next] < time - slack {
+                next += 1;
+            }
+            match next {
+                k if k == t.len() => f64::NAN,
+                k if t[k] <= time + slack => y[k],
+                0 => f64::NAN,
+                k => between(time, k - 1, k),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GRID: Grid = Grid { t0: 0.0, dt: 0.1, n: 11 };
+
+    #[test]
+    fn a_sample_on_the_grid_passes_exactly() {
+        let y: Vec<f64> = (0..11).map(|i| (i as f64 * 1.7).sin() / 3.0).collect();
+        assert_eq!(linear(&GRID.times(), &y, &GRID, 1.0), y);
+        let shifted: Vec<f64> = GRID.times().iter().map(|t| t + 5e-8).collect();
+        assert_eq!(linear(&shifted, &y, &GRID, 1.0), y);
+    }
+
+    #[test]
+    fn a_straight_line_is_kept_between_irregular_samples() {
+        let t = [-0.03, 0.08, 0.22, 0.31, 0.49, 0.66, 0.81, 0.9, 1.04];
+        let y: Vec<f64> = t.iter().map(|t| 2.0 - 3.0 * t).collect();
+        for (i, v) in linear(&t, &y, &GRID, 0.2).iter().enumerate() {
+            assert!((v - (2.0 - 0.3 * i as f64)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn gaps_ends_and_nan_are_never_bridged() {
+        let t = [0.05, 0.15, 0.65, 0.75, 0.85];
+        let v = linear(&t, &[1.0, 1.0, 1.0, f64::NAN, 1.0], &GRID, 0.3);
+        let known: Vec<usize> = (0..11).filter(|&i| !v[i].is_nan()).collect();
+        assert_eq!(known, [1]);
+        assert!(linear(&[], &[], &GRID, 1.0).iter().all(|v| v.is_nan()));
+    }
+
+    #[test]
+    fn discrete_signals_keep_their_values() {
+        let (t, y) = ([0.14, 0.56], [1.0, 2.0]);
+        let held = hold(&t, &y, &GRID, 0.3);
+        assert!(held[1].is_nan() && held[2] == 1.0 && held[4] == 1.0 && held[5].is_nan() && held[6] == 2.0 && held[9].is_nan());
+        let near = nearest(&t, &y, &GRID, 0.2);
+        assert!(near[0] == 1.0 && near[3] == 1.0 && near[4] == 2.0 && near[7] == 2.0 && near[8].is_nan());
+        assert_eq!(hold(&[0.3], &[5.0], &GRID, 10.0)[3], 5.0);
+    }
+
+    #[test]
+    fn a_grid_covers_its_interval() {
+        assert_eq!(Grid::covering(1.0, 2.0, 0.1).n, 11);
+        assert_eq!(Grid::covering(1.0, 1.95, 0.1).n, 10);
+        assert_eq!(Grid::covering(1.0, 1.0, 0.1).n, 1);
+        assert_eq!((Grid::covering(1.0, 0.0, 0.1).n, Grid::covering(0.0, 1.0, 0.0).n), (0, 0));
+    }
+}
