@@ -113,7 +113,13 @@ pub struct Source<'a> {
 /// Levels, amplitude and polarity of an interval given by hand are measured in the signal. An excluded maneuver stays, with `included`
 /// false. Errors: an edit near which no maneuver was found; an included interval that overlaps a found maneuver or lies where
 /// the signal has no samples. `place` is that of the edits in their file.
-pub fn apply(found: Vec<Maneuver>, edits: &Edits, source: &Source, settings: &Settings, place: &Place) -> Result<Vec<Maneuver>, Errors> {
+pub fn apply(
+    found: Vec<Maneuver>,
+    edits: &Edits,
+    source: &Source,
+    settings: &Settings,
+    place: &Place,
+) -> Result<Vec<Maneuver>, Errors> {
     let mut errors = Errors::default();
     let mut maneuvers = found;
     let here = |flight: &str, input: &str| flight == source.flight && input == source.input;
@@ -153,17 +159,30 @@ fn nearest<'a>(found: &'a mut [Maneuver], t_s: f64, verb: &str, source: &Source,
         Some(m) if distance(m) <= REACH_S => Ok(m),
         _ => Err(Error::at(
             place.clone(),
-            format!("{verb} at {t_s} s: flight {:?} has no maneuver on {:?} within {REACH_S} s; {there}", source.flight, source.input),
+            format!(
+                "{verb} at {t_s} s: flight {:?} has no maneuver on {:?} within {REACH_S} s; {there}",
+                source.flight, source.input
+            ),
         )
         .help("give a time inside the maneuver meant")),
     }
 }
 
 /// A maneuver of the given kind and interval, with levels measured in the signal.
-fn by_hand(source: &Source, kind: Kind, (start, end): (f64, f64), reason: &str, settings: &Settings, place: &Place) -> Result<Maneuver, Error> {
+fn by_hand(
+    source: &Source,
+    kind: Kind,
+    (start, end): (f64, f64),
+    reason: &str,
+    settings: &Settings,
+    place: &Place,
+) -> Result<Maneuver, Error> {
     let missing = |what: &str| {
-        Error::at(place.clone(), format!("{kind} at {start} to {end} s: flight {:?} has no samples of {:?} {what}", source.flight, source.input))
-            .help("give an interval inside the flight")
+        Error::at(
+            place.clone(),
+            format!("{kind} at {start} to {end} s: flight {:?} has no samples of {:?} {what}", source.flight, source.input),
+        )
+        .help("give an interval inside the flight")
     };
     let within = |from: f64, to: f64| {
         let pairs = source.t.iter().zip(source.u);
@@ -191,5 +210,18 @@ fn by_hand(source: &Source, kind: Kind, (start, end): (f64, f64), reason: &str, 
     let amplitude = steps.iter().map(|s| s.level.abs()).sum::<f64>() / steps.len() as f64;
     let polarity = if steps[0].level < 0.0 { -1.0 } else { 1.0 };
     let reason = reason.to_string();
-    Ok(Maneuver { kind, t_start: start, t_end: end, onset: start, unit_time, amplitude, polarity, trim, steps, score: 0.0, included: true, reason })
+    Ok(Maneuver {
+        kind,
+        t_start: start,
+        t_end: end,
+        onset: start,
+        unit_time,
+        amplitude,
+        polarity,
+        trim,
+        steps,
+        score: 0.0,
+        included: true,
+        reason,
+    })
 }

@@ -65,7 +65,8 @@ pub(super) struct Match {
 /// The pattern nearest to step `durations` (s), if their rms deviation is within `tolerance` unit times; a multistep otherwise.
 pub(super) fn classify(durations: &[f64], tolerance: f64) -> Match {
     let of_length = Kind::ALL.into_iter().filter(|k| *k != Kind::Multistep && k.pattern().len() == durations.len());
-    let best = of_length.map(|k| compare(durations, k)).min_by(|a, b| a.deviation.unwrap_or(0.0).total_cmp(&b.deviation.unwrap_or(0.0)));
+    let best =
+        of_length.map(|k| compare(durations, k)).min_by(|a, b| a.deviation.unwrap_or(0.0).total_cmp(&b.deviation.unwrap_or(0.0)));
     match best {
         Some(m) if m.deviation.unwrap_or(0.0) <= tolerance => m,
         _ => Match { kind: Kind::Multistep, unit_time: durations.iter().copied().fold(f64::INFINITY, f64::min), deviation: None },

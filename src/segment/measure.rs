@@ -3,7 +3,12 @@
 use super::kind::{Kind, classify};
 use super::scan::{Excursion, Work};
 use super::{Maneuver, Settings, Step};
-use crate::math::median;
+use crate::math::{mad_sd, median};
+
+/// How much of the flight around a maneuver its edges are compared with, s.
+const CONTEXT_S: f64 = 20.0;
+/// The contrast that halves the evidence, for several steps and for a single one, which chance makes more often.
+const CONTRAST: (f64, f64) = (6.0, 9.0);
 
 /// Levels and edges of a sequence of steps, in grid points (fractional).
 struct Shape {
@@ -13,8 +18,8 @@ struct Shape {
     levels: Vec<f64>,
     before: Quiet,
     after: Option<Quiet>,
-    /// Mean time from 20 to 80% of an edge.
-    rise: f64,
+    /// Times from 20 to 80% of each edge.
+    rises: Vec<f64>,
 }
 
 /// A quiet window: its level, and the rms deviation from it.
@@ -68,14 +73,14 @@ fn refine(work: &Work, sequence: &[Excursion], settings: &Settings) -> Option<Sh
     edges.extend(sequence.windows(2).map(|w| 0.5 * (w[0].end + w[1].start) as f64));
     edges.push(sequence.last()?.end as f64);
     let before = window(work, edges[0], -settings.quiet_s)?;
-    let mut shape = Shape { edges, levels: vec![], before, after: None, rise: 0.0 };
+    let mut shape = Shape { edges, levels: vec![], before, after: None, rises: vec![] };
     for _pass in 0..3 {
         shape.levels = levels(work, &shape)?;
         shape.edges = edges_of(work, &shape)?;
-        shape.rise = rise(work, &shape);
+        shape.rises = rises(work, &shape);
         let size = shape.levels.iter().map(|l| l.abs()).sum::<f64>() / shape.levels.len() as f64;
         shape.before = window(work, onset(work, &shape, size), -settings.quiet_s)?;
-        let end = shape.edges[shape.edges.len() - 1] + 2.0 * shape.rise + 1.0;
+        let end = shape.edges[shape.edges.len() - 1] + 2.0 * shape.rises[shape.rises.len() - 1] + 1.0;
         shape.after = window(work, end, settings.quiet_s);
     }
     Some(shape)
@@ -145,7 +150,8 @@ fn edges_of(work: &Work, shape: &Shape) -> Option<Vec<f64>> {
         let (a, b) = shape.sides(k);
         let half = 0.5 * (a + b);
         // Walk from the plateau next to the edge: back to the start of a step, forward to the end of the last.
-        let (from, forward, sign) = if k < m { (middle(k), false, (b - a).signum()) } else { (middle(k - 1), true, (a - b).signum()) };
+        let (from, forward, sign) =
+            if k < m { (middle(k), false, (b - a).signum()) } else { (middle(k - 1), true, (a - b).signum()) };
         edges.push(cross(work, from, forward, |i| sign * (deviation(work, shape, i) - half))?);
     }
     edges.windows(2).all(|w| w[0] < w[1]).then_some(edges)
@@ -174,8 +180,8 @@ fn cross(work: &Work, from: usize, forward: bool, side: impl Fn(usize) -> f64) -
     }
 }
 
-/// Mean time from 20 to 80% over the edges, in grid points; an edge that never gets there counts half its shorter neighbour.
-fn rise(work: &Work, shape: &Shape) -> f64 {
+/// Time from 20 to 80% of each edge, in grid points; an edge that never gets there counts half its shorter neighbour.
+fn rises(work: &Work, shape: &Shape) -> Vec<f64> {
     let m = shape.levels.len();
     let duration = |k: usize| shape.edges[k + 1] - shape.edges[k];
     let one = |k: usize| {
@@ -190,7 +196,25 @@ fn rise(work: &Work, shape: &Shape) -> f64 {
             _ => slowest,
         }
     };
-    (0..=m).map(one).sum::<f64>() / (m + 1) as f64
+    (0..=m).map(one).collect()
+}
+
+/// The least ratio, over the edges, of the change between 20 and 80% to the sd of changes over the same time in the `CONTEXT_S`
+/// seconds before and after the maneuver: slow or noisy activity makes levels, but no change that stands out.
+fn contrast(work: &Work, shape: &Shape) -> f64 {
+    let context = work.count(CONTEXT_S);
+    let first = (shape.edges[0] - shape.rises[0] - 1.0).max(0.0) as usize;
+    let last = (shape.edges[shape.edges.len() - 1] + 2.0 * shape.rises[shape.rises.len() - 1] + 1.0) as usize;
+    let before = &work.v[first.saturating_sub(context)..first];
+    let after = &work.v[last.min(work.v.len())..(last + context).min(work.v.len())];
+    let one = |k: usize| {
+        let lag = (shape.rises[k].ceil() as usize).max(1);
+        let change = |part: &[f64]| part.iter().zip(part.iter().skip(lag)).map(|(a, b)| b - a).collect::<Vec<f64>>();
+        let changes: Vec<f64> = [change(before), change(after)].concat().into_iter().filter(|d| !d.is_nan()).collect();
+        let (a, b) = shape.sides(k);
+        0.6 * (b - a).abs() / mad_sd(&changes)
+    };
+    (0..shape.edges.len()).map(one).filter(|c| !c.is_nan()).fold(f64::INFINITY, f64::min)
 }
 
 /// The last grid point before the first edge where the signal is still at trim.
@@ -202,7 +226,7 @@ fn onset(work: &Work, shape: &Shape, size: f64) -> f64 {
     (found as f64).max(shape.edges[0] - longest)
 }
 
-/// 0 to 1: the geometric mean of two factors' worth of evidence, each factor falling from 1 with one defect of the maneuver.
+/// 0 to 1: the root of a product of factors, each falling from 1 with one defect of the maneuver.
 fn score(work: &Work, shape: &Shape, size: f64, kind: Kind, timing: Option<f64>) -> f64 {
     let factor = |x: f64, half: f64| 1.0 / (1.0 + (x / half) * (x / half));
     let count = shape.levels.len() as f64;
@@ -213,7 +237,8 @@ fn score(work: &Work, shape: &Shape, size: f64, kind: Kind, timing: Option<f64>)
     let product = timing
         * factor(unequal / size, 0.4)
         * factor(roughness(work, shape) / size, 0.25)
-        * factor(shape.rise / shortest, 0.6)
+        * factor(shape.rises.iter().sum::<f64>() / (count + 1.0) / shortest, 0.6)
+        * factor(1.0 / contrast(work, shape), 1.0 / if kind == Kind::Step { CONTRAST.1 } else { CONTRAST.0 })
         * factor(shape.before.rms / size, 0.2)
         * after;
     product.sqrt()

@@ -27,7 +27,8 @@ pub struct Settings {
     pub threshold: f64,
     /// Smallest amplitude of a maneuver, in the channel's SI unit.
     pub min_amplitude: f64,
-    /// Smallest amplitude of a maneuver as a share of the median amplitude of the record's maneuvers of two or more steps.
+    /// Smallest amplitude of a maneuver as a share of the median amplitude of the record's maneuvers of two or more steps
+    /// (of the largest step where there are none).
     pub relative_amplitude: f64,
     /// Most steps in one maneuver; more is an oscillation or a sweep.
     pub max_steps: usize,
@@ -50,7 +51,7 @@ impl Default for Settings {
             relative_amplitude: 0.25,
             max_steps: 8,
             timing_tolerance: 0.3,
-            min_score: 0.35,
+            min_score: 0.4,
             max_gap_s: 0.5,
         }
     }
@@ -121,13 +122,15 @@ pub fn find(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Maneuver> {
     candidates.retain(|m| m.score >= settings.min_score && m.amplitude >= settings.min_amplitude);
     let kept = best_without_overlap(candidates);
     let several: Vec<f64> = kept.iter().filter(|m| m.steps.len() > 1).map(|m| m.amplitude).collect();
-    let least = if several.is_empty() { 0.0 } else { settings.relative_amplitude * crate::math::median(&several) };
+    let largest = kept.iter().map(|m| m.amplitude).fold(0.0, f64::max);
+    let typical = if several.is_empty() { largest } else { crate::math::median(&several) };
+    let least = settings.relative_amplitude * typical;
     kept.into_iter().filter(|m| m.amplitude >= least).collect()
 }
 
 /// Of overlapping candidates the one that explains most; more steps weigh more, since chance seldom makes them.
 fn best_without_overlap(mut candidates: Vec<Maneuver>) -> Vec<Maneuver> {
-    let rank = |m: &Maneuver| m.score * (m.steps.len() as f64).sqrt() * if m.kind == Kind::Multistep { 0.7 } else { 1.0 };
+    let rank = |m: &Maneuver| m.score * m.steps.len() as f64 * if m.kind == Kind::Multistep { 0.7 } else { 1.0 };
     candidates.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then(a.t_start.total_cmp(&b.t_start)));
     let mut kept: Vec<Maneuver> = vec![];
     for m in candidates {

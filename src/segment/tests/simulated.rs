@@ -86,8 +86,8 @@ fn is(m: &Maneuver, f: &Flown, dt: f64, d: &Disturbance) -> Result<(), TestCaseE
     prop_assert!((m.t_start - f.start - delay).abs() < slack, "start {} of {}", m.t_start, f.start + delay);
     prop_assert!((m.t_end - f.end() - delay).abs() < slack, "end {} of {}", m.t_end, f.end() + delay);
     prop_assert!((m.unit_time / f.unit - 1.0).abs() < 0.12 + 0.5 * dt / f.unit, "unit {}", m.unit_time);
-    prop_assert!(m.onset <= m.t_start && m.onset > f.start - slack, "onset {}", m.onset);
-    prop_assert!(m.score > 0.35 && m.score <= 1.0);
+    prop_assert!(m.onset <= m.t_start && m.onset > f.start - slack - 0.15, "onset {}", m.onset);
+    prop_assert!(m.score > 0.4 && m.score <= 1.0);
     prop_assert!(m.included && m.reason.is_empty());
     Ok(())
 }
@@ -143,7 +143,10 @@ fn a_flight_gives_its_maneuvers_and_nothing_else() {
         let d = Disturbance { noise: 0.02, lag: 0.08, offset: 3.0, drift: 0.005, leveller: 0.04, jitter: 0.1, seed };
         let (t, u) = record(&flown, 320.0, 0.02, &d);
         let found = find(&t, &u, &Settings::default());
-        let listing: Vec<String> = found.iter().map(|m| format!("{} {:.2} {:.2} A {:.3} s {:.2}", m.kind, m.t_start, m.t_end, m.amplitude, m.score)).collect();
+        let listing: Vec<String> = found
+            .iter()
+            .map(|m| format!("{} {:.2} {:.2} A {:.3} s {:.2}", m.kind, m.t_start, m.t_end, m.amplitude, m.score))
+            .collect();
         println!("seed {seed}: {listing:#?}");
         assert_eq!(found.len(), flown.len(), "seed {seed}: {flown:#?}");
         for (m, f) in found.iter().zip(&flown) {
@@ -163,7 +166,9 @@ fn a_leveller_alone_gives_no_maneuvers() {
         let (t, u) = record(&[], 300.0, 0.02, &still);
         alarms.extend(find(&t, &u, &Settings::default()).into_iter().map(|m| (seed, m)));
     }
-    alarms.iter().for_each(|a| println!("{a:?}"));
+    alarms
+        .iter()
+        .for_each(|(seed, m)| println!("seed {seed}: {} {:.2} to {:.2} s score {:.2}", m.kind, m.t_start, m.t_end, m.score));
     assert!(alarms.is_empty(), "{} false maneuvers in 200 minutes", alarms.len());
 }
 
@@ -234,7 +239,12 @@ fn the_quiet_window_ends_where_the_signal_leaves_trim() {
 
 #[test]
 fn small_and_unwanted_maneuvers_are_filtered_by_amplitude() {
-    let flown = [1.0, 1.0, 0.1].map(|amplitude| Flown { kind: Kind::Doublet, start: 10.0 * (1.0 + 20.0 * (1.0 - amplitude)), unit: 1.0, amplitude });
+    let flown = [1.0, 1.0, 0.1].map(|amplitude| Flown {
+        kind: Kind::Doublet,
+        start: 10.0 * (1.0 + 20.0 * (1.0 - amplitude)),
+        unit: 1.0,
+        amplitude,
+    });
     let flown = [flown[0], Flown { start: 30.0, ..flown[1] }, Flown { start: 50.0, ..flown[2] }];
     let (t, u) = record(&flown, 70.0, 0.02, &Disturbance { noise: 0.005, ..Disturbance::default() });
     assert_eq!(find(&t, &u, &Settings::default()).len(), 2);
