@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray};
+use arrow_array::builder::StringBuilder;
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array};
 
 use super::Table;
 use super::schema::{Column, Kind, Schema, schema};
@@ -40,6 +41,22 @@ struct Given {
 enum Values {
     Repeat(String),
     Array(ArrayRef, Kind),
+    /// Texts of more bytes than an Arrow array holds.
+    TooLong,
+}
+
+/// Texts as an Arrow array; `None` when their bytes are too many for one (2 GiB).
+pub(super) fn texts<S: AsRef<str>>(values: impl IntoIterator<Item = Option<S>>) -> Option<ArrayRef> {
+    let mut builder = StringBuilder::new();
+    let mut bytes = 0;
+    for value in values {
+        bytes += value.as_ref().map_or(0, |v| v.as_ref().len());
+        if bytes > i32::MAX as usize {
+            return None;
+        }
+        builder.append_option(value);
+    }
+    Some(Arc::new(builder.finish()))
 }
 
 impl Builder {
@@ -70,11 +87,13 @@ impl Builder {
     }
 
     pub fn strings<S: AsRef<str>>(self, name: &str, values: impl IntoIterator<Item = S>) -> Self {
-        self.array(name, Arc::new(StringArray::from_iter_values(values)), Kind::String)
+        self.opt_strings(name, values.into_iter().map(Some))
     }
 
-    pub fn opt_strings<S: AsRef<str>>(self, name: &str, values: impl IntoIterator<Item = Option<S>>) -> Self {
-        self.array(name, Arc::new(values.into_iter().collect::<StringArray>()), Kind::String)
+    pub fn opt_strings<S: AsRef<str>>(mut self, name: &str, values: impl IntoIterator<Item = Option<S>>) -> Self {
+        let values = texts(values).map_or(Values::TooLong, |array| Values::Array(array, Kind::String));
+        self.given.push(Given { name: name.into(), values, dynamic: None });
+        self
     }
 
     /// One text for all rows.
@@ -129,7 +148,7 @@ impl Given {
     fn rows(&self) -> Option<usize> {
         match &self.values {
             Values::Array(array, _) => Some(array.len()),
-            Values::Repeat(_) => None,
+            Values::Repeat(_) | Values::TooLong => None,
         }
     }
 
@@ -141,11 +160,16 @@ impl Given {
     }
 
     fn checked(&self, column: &Column, rows: usize, wrong: &mut Vec<String>) -> Option<ArrayRef> {
-        let (array, kind): (ArrayRef, Kind) = match &self.values {
-            Values::Repeat(text) => (Arc::new(StringArray::from_iter_values(std::iter::repeat_n(text, rows))), Kind::String),
-            Values::Array(array, kind) => (array.clone(), *kind),
-        };
         let name = &column.name;
+        let given = match &self.values {
+            Values::Repeat(text) => texts(std::iter::repeat_n(Some(text), rows)).map(|array| (array, Kind::String)),
+            Values::Array(array, kind) => Some((array.clone(), *kind)),
+            Values::TooLong => None,
+        };
+        let Some((array, kind)) = given else {
+            wrong.push(format!("column \"{name}\" has more than 2 GiB of text"));
+            return None;
+        };
         if kind != column.kind {
             wrong.push(format!("column \"{name}\" must be {}, not {}", column.kind.word(), kind.word()));
             return None;

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch, StringArray};
+use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch};
 use arrow_schema::{DataType, Field};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -84,7 +84,8 @@ impl Table {
         for column in &columns {
             let array = match (batch.column_by_name(&column.name), flight) {
                 (Some(array), _) => nan_for_nulls(array),
-                (None, Some(id)) => Arc::new(StringArray::from_iter_values(std::iter::repeat_n(id, batch.num_rows()))),
+                (None, Some(id)) => super::build::texts(std::iter::repeat_n(Some(id), batch.num_rows()))
+                    .ok_or_else(|| fail(&"it has too many rows"))?,
                 (None, None) => return Err(fail(&"its path does not say which flight it is of")),
             };
             arrays.push(array);
