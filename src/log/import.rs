@@ -196,13 +196,11 @@ fn convert(settings: &Import, doc: &Doc, file: &str, text: &str, output: &Path) 
         log.add_topic(&t.name, &fields)
     };
     let topics: Vec<TopicId> = settings.topic.iter().map(add).collect::<Result<_, Error>>()?;
-    let stream = |(&topic, values): (&TopicId, &Vec<f64>)| Stream {
-        topic,
-        log_time_ns: &rows.received,
-        publish_time_ns: &rows.stamp,
-        rows: values,
-    };
-    let streams: Vec<Stream> = topics.iter().zip(&rows.values).map(stream).collect();
+    let streams: Vec<Stream> = topics
+        .iter()
+        .zip(&rows.values)
+        .map(|(&topic, values)| Stream { topic, log_time_ns: &rows.received, publish_time_ns: &rows.stamp, rows: values })
+        .collect();
     log.write_streams(&streams)?;
     log.finish()?;
     Ok(rows.stamp.len())
