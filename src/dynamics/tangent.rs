@@ -217,10 +217,6 @@ impl<'p> Tangent<'p> {
     }
 }
 
-fn add(y: &mut [f64], a: f64, x: &[f64]) {
-    add(y, a, x);
-}
-
 /// `out = J_x S + J_p + J_d D` for sparse entries `values` of the three parts.
 fn accumulate(entries: &Sparse, values: &[f64], lanes: usize, s: &[f64], delayed: &[f64], out: &mut [f64]) {
     for e in &entries.states {
