@@ -80,7 +80,8 @@ mod tests {
     fn a_cubic_is_read_back_from_history() {
         let (f, g) = (|t: f64| t * t * t - t, |t: f64| 3.0 * t * t - 1.0);
         let times = [0.0, 0.2, 0.5, 0.6];
-        let value = |p: Past, w: [f64; 4]| w[0] * f(times[p.i]) + w[1] * g(times[p.i]) + w[2] * f(times[p.j]) + w[3] * g(times[p.j]);
+        let value =
+            |p: Past, w: [f64; 4]| w[0] * f(times[p.i]) + w[1] * g(times[p.i]) + w[2] * f(times[p.j]) + w[3] * g(times[p.j]);
         let p = locate(&times, 0.33, true);
         assert!((value(p, p.w) - f(0.33)).abs() < 1e-12);
         assert!((value(p, p.slope) - g(0.33)).abs() < 1e-12);

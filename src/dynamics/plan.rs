@@ -95,8 +95,10 @@ impl Plan {
             .map(|&i| {
                 let name = &model.states[i].quantity.name;
                 model.output(name).and_then(|o| record.first_measured(o)).ok_or_else(|| {
-                    Error::new(format!("state \"{name}\" starts at its first measured value, but there is no measured output \"{name}\""))
-                        .help("map a measured signal to that output, or give the state a start value")
+                    Error::new(format!(
+                        "state \"{name}\" starts at its first measured value, but there is no measured output \"{name}\""
+                    ))
+                    .help("map a measured signal to that output, or give the state a start value")
                 })
             })
             .collect::<Result<_>>()?;

@@ -2,9 +2,9 @@
 
 use super::history::{self, Past};
 use super::plan::Plan;
-use super::{Grid, Record};
 use super::stiffness::Stiffness;
 use super::tangent::Tangent;
+use super::{Grid, Record};
 use crate::model::linear::Starts;
 use crate::model::{Delayed, Layout, Program, Tables};
 
@@ -20,12 +20,26 @@ pub(super) const MOST_SUBSTEPS: usize = 256;
 const LOOK: usize = 64;
 
 /// Start values of all states.
-pub fn evaluate_starts(starts: &Starts, layout: Layout, tables: &Tables, parameters: &[f64], given: &[f64], record: &Record) -> Vec<f64> {
+pub fn evaluate_starts(
+    starts: &Starts,
+    layout: Layout,
+    tables: &Tables,
+    parameters: &[f64],
+    given: &[f64],
+    record: &Record,
+) -> Vec<f64> {
     let file = start_file(starts, layout, tables, parameters, given, record);
     (0..layout.states).map(|i| starts.program.output(&file, i)[0]).collect()
 }
 
-fn start_file(starts: &Starts, layout: Layout, tables: &Tables, parameters: &[f64], given: &[f64], record: &Record) -> Vec<[f64; 1]> {
+fn start_file(
+    starts: &Starts,
+    layout: Layout,
+    tables: &Tables,
+    parameters: &[f64],
+    given: &[f64],
+    record: &Record,
+) -> Vec<[f64; 1]> {
     let mut file = starts.program.registers::<1>();
     let row = &record.inputs[(record.start * layout.inputs).min(record.inputs.len())..];
     for (i, u) in row.iter().take(layout.inputs).enumerate() {

@@ -366,7 +366,8 @@ impl Compiler<'_> {
             let g = &mut self.model.graph;
             let zero = g.c(0.0);
             // beyond the stop the rate cannot lead further out
-            let (beyond, back) = if field == "min" { (g.sub(bound, x), g.max(node, zero)) } else { (g.sub(x, bound), g.min(node, zero)) };
+            let (beyond, back) =
+                if field == "min" { (g.sub(bound, x), g.max(node, zero)) } else { (g.sub(x, bound), g.min(node, zero)) };
             node = g.select(beyond, back, node);
         }
         self.rates[i] = Some(node);
@@ -575,8 +576,9 @@ impl Compiler<'_> {
                     let unit = self.model.constants[i].quantity.unit.clone();
                     let what = format!("constant \"{name}\" has no value");
                     let place = self.sources[declared.source].doc.key_place(&declared.key);
-                    let error = Error::at(place, what)
-                        .help(format!("add to the aircraft file: {name} = {{ value = ..., unit = \"{unit}\", sd = ..., source = \"...\" }}"));
+                    let error = Error::at(place, what).help(format!(
+                        "add to the aircraft file: {name} = {{ value = ..., unit = \"{unit}\", sd = ..., source = \"...\" }}"
+                    ));
                     if !self.errors.0.contains(&error) {
                         self.errors.push(error);
                     }
@@ -719,5 +721,6 @@ impl Graph {
 }
 
 fn valid_name(name: &str) -> bool {
-    name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_') && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_')
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }

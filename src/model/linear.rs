@@ -172,13 +172,16 @@ impl Model {
                     .filter(|&i| !known.contains_key(&Leaf::State(i)))
                     .map(|i| self.states[i].quantity.name.as_str())
                     .collect();
-                return Err(Error::new(format!("model {}: the start values of {} depend on each other", self.name, names.join(", "))));
+                return Err(Error::new(format!(
+                    "model {}: the start values of {} depend on each other",
+                    self.name,
+                    names.join(", ")
+                )));
             }
         }
         let starts: Vec<Node> = (0..self.states.len()).map(|i| known[&Leaf::State(i)]).collect();
-        let given: Vec<usize> = (0..self.states.len())
-            .filter(|i| given.contains(i) || self.states[*i].start == StartKind::Measured)
-            .collect();
+        let given: Vec<usize> =
+            (0..self.states.len()).filter(|i| given.contains(i) || self.states[*i].start == StartKind::Measured).collect();
         let directions: Vec<Leaf> =
             free.iter().map(|&p| Leaf::Parameter(p)).chain(given.iter().map(|&i| Leaf::StartValue(i))).collect();
         let (mut entries, mut nodes) = (Vec::new(), starts.clone());
