@@ -33,6 +33,11 @@ pub fn sample_autocovariance(r: &[f64], lags: usize) -> Vec<f64> {
 /// A recursion that ceases to be stationary (an autocovariance that is not positive semidefinite) ends the search at the order
 /// reached. A lag 0 that is not positive gives order 0 with that variance.
 pub fn fit(autocovariance: &[f64], n: usize, max_order: usize) -> Ar {
+    fit_penalised(autocovariance, n, max_order, libm::log(n as f64))
+}
+
+/// As `fit`, with the least `n ln(variance) + p penalty`: `ln n` is BIC, 2 is AIC.
+pub fn fit_penalised(autocovariance: &[f64], n: usize, max_order: usize, penalty: f64) -> Ar {
     let Some(&c0) = autocovariance.first() else { return Ar { coefficients: vec![], variance: 0.0, order: 0 } };
     let mut best = Ar { coefficients: vec![], variance: c0, order: 0 };
     if !(c0 > 0.0 && c0.is_finite()) {
@@ -50,9 +55,9 @@ pub fn fit(autocovariance: &[f64], n: usize, max_order: usize) -> Ar {
         }
         a = step_up(&a, reflection);
         variance *= 1.0 - reflection * reflection;
-        let bic = n as f64 * libm::log(variance) + p as f64 * libm::log(n as f64);
-        if bic < least {
-            least = bic;
+        let criterion = n as f64 * libm::log(variance) + p as f64 * penalty;
+        if criterion < least {
+            least = criterion;
             best = Ar { coefficients: a.clone(), variance, order: p };
         }
     }
@@ -92,7 +97,7 @@ fn step_up(a: &[f64], reflection: f64) -> Vec<f64> {
 }
 
 /// The predictors of order 1..=p that belong to one of order p; `None` when it is not stationary.
-fn step_down(coefficients: &[f64]) -> Option<Vec<Vec<f64>>> {
+pub fn step_down(coefficients: &[f64]) -> Option<Vec<Vec<f64>>> {
     let mut orders = vec![];
     let mut a = coefficients.to_vec();
     while let Some(&reflection) = a.last() {

@@ -1,0 +1,147 @@
+//! A normal matrix in; its condition and the combinations of parameters that the data cannot separate out.
+
+use super::arrow::{Arrow, diagonal};
+use crate::math::dense::symmetric_eigen;
+
+/// Whether the data determine the parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// Largest over smallest eigenvalue of the normal matrix scaled to a unit diagonal (every segment's own parameters first, then
+    /// the common ones after those are eliminated; the worst of them). Infinite when singular, NaN without data.
+    pub condition: f64,
+    /// At least one combination is not determined at all.
+    pub singular: bool,
+    /// Combinations that are not determined, or hardly (less than 1e-6 of the information of their parameters alone).
+    pub combinations: Vec<Combination>,
+}
+
+/// Parameters that can change together with (nearly) no effect on any output.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Combination {
+    /// Share of information left: 0 when the combination has no effect at all.
+    pub information: f64,
+    /// Name, segment (none for a common parameter) and the change of each, in its own unit.
+    pub terms: Vec<(String, Option<usize>, f64)>,
+}
+
+impl std::fmt::Display for Combination {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let names: Vec<String> = self
+            .terms
+            .iter()
+            .map(|(name, segment, _)| segment.map_or_else(|| name.clone(), |s| format!("{name} of segment {s}")))
+            .collect();
+        match names.as_slice() {
+            [one] => write!(f, "{one} has no effect on the measured outputs"),
+            _ => write!(f, "{} cannot be told apart", names.join(", ")),
+        }
+    }
+}
+
+/// A combination by parameter index.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Weak {
+    pub information: f64,
+    pub terms: Vec<(usize, f64)>,
+}
+
+/// Below this share of information a combination is reported, below `NONE` it counts as undetermined.
+const WEAK: f64 = 1e-6;
+/// Squares and sums of some thousand products, each good to 1e-16, leave about this.
+const NONE: f64 = 1e-12;
+/// Components smaller than this share of the largest do not belong to a combination.
+const PART: f64 = 0.05;
+
+/// Condition, singular or not, and the weak combinations of `matrix` (priors included).
+pub fn judge(matrix: &Arrow) -> (f64, bool, Vec<Weak>) {
+    let nc = matrix.shared;
+    let mut matrix = matrix.clone();
+    let mut weak = Vec::new();
+    let mut condition: f64 = 1.0;
+    let mut offset = nc;
+    for s in 0..matrix.own.len() {
+        let n = matrix.own[s].n;
+        loop {
+            let ss = &matrix.own[s].ss;
+            let scale = diagonal(ss, n);
+            let found = weakest(ss, &scale, &mut condition);
+            let Some((share, change)) = found else { break };
+            weak.push(Weak { information: share, terms: terms(&change, &scale, offset) });
+            if share > NONE {
+                break;
+            }
+            // Hold the largest part of what cannot be determined, and look at the rest.
+            hold(&mut matrix, offset + largest(&change, &scale));
+        }
+        offset += n;
+    }
+    judge_shared(&mut matrix, &mut weak, &mut condition);
+    let singular = weak.iter().any(|w| w.information <= NONE);
+    (if singular { f64::INFINITY } else { condition }, singular, weak)
+}
+
+/// The common parameters, with every segment's own ones free to follow.
+fn judge_shared(matrix: &mut Arrow, weak: &mut Vec<Weak>, condition: &mut f64) {
+    let nc = matrix.shared;
+    for _ in 0..nc {
+        let Some(schur) = matrix.schur() else { return };
+        let scale = diagonal(&matrix.cc, nc);
+        let Some((share, change)) = weakest(&schur, &scale, condition) else { return };
+        let mut all = terms(&change, &scale, 0);
+        let most = all.iter().map(|&(i, d)| d.abs() * scale[i].sqrt()).fold(0.0, f64::max);
+        let mut offset = nc;
+        for (s, own) in matrix.own.iter().enumerate() {
+            for (i, d) in matrix.follow(s, &change).into_iter().enumerate() {
+                if d.abs() * own.ss[i * own.n + i].sqrt() > PART * most {
+                    all.push((offset + i, d));
+                }
+            }
+            offset += own.n;
+        }
+        weak.push(Weak { information: share, terms: all });
+        if share > NONE {
+            return;
+        }
+        hold(matrix, largest(&change, &scale));
+    }
+}
+
+/// The eigenvector of the smallest eigenvalue of `matrix` scaled by `scale`, as a change of the parameters, if that eigenvalue is
+/// below `WEAK`; notes the condition otherwise.
+fn weakest(matrix: &[f64], scale: &[f64], condition: &mut f64) -> Option<(f64, Vec<f64>)> {
+    let n = scale.len();
+    if let Some(i) = (0..n).find(|&i| !(scale[i] > 0.0)) {
+        let mut change = vec![0.0; n];
+        change[i] = 1.0;
+        return Some((0.0, change));
+    }
+    let root: Vec<f64> = scale.iter().map(|d| d.sqrt()).collect();
+    let scaled: Vec<f64> = (0..n * n).map(|k| matrix[k] / (root[k / n] * root[k % n])).collect();
+    let eigen = symmetric_eigen(&scaled, n);
+    let (Some(&least), Some(&most)) = (eigen.values.first(), eigen.values.last()) else { return None };
+    let share = (least / most).max(0.0);
+    if share > 0.0 {
+        *condition = condition.max(1.0 / share);
+    }
+    if share >= WEAK {
+        return None;
+    }
+    Some((share, (0..n).map(|i| eigen.vectors[i] / root[i]).collect()))
+}
+
+/// The parts of a change that matter, each measured against what its parameter alone would show.
+fn terms(change: &[f64], scale: &[f64], offset: usize) -> Vec<(usize, f64)> {
+    let size = |i: usize| if scale[i] > 0.0 { change[i].abs() * scale[i].sqrt() } else { change[i].abs() };
+    let most = (0..change.len()).map(size).fold(0.0, f64::max);
+    (0..change.len()).filter(|&i| size(i) > PART * most).map(|i| (offset + i, change[i])).collect()
+}
+
+fn largest(change: &[f64], scale: &[f64]) -> usize {
+    let size = |i: usize| change[i].abs() * if scale[i] > 0.0 { scale[i].sqrt() } else { 1.0 };
+    (0..change.len()).fold(0, |best, i| if size(i) > size(best) { i } else { best })
+}
+
+fn hold(matrix: &mut Arrow, index: usize) {
+    matrix.clear(index);
+    matrix.add_diagonal(index, 1.0);
+}

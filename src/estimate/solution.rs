@@ -1,0 +1,69 @@
+//! A problem over segments in; estimates, both covariances, colour and rank verdict, all by parameter index, out.
+
+use super::arrow::Arrow;
+use super::colour::{Source, coloured};
+use super::gauss::{Fit, Rule, minimise};
+use super::problem::{Block, Layout};
+use super::rank::{Weak, judge};
+use super::{Settings, Stop};
+use crate::math::ar::Ar;
+
+/// What an estimation yields before names are put to it.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    pub fit: Fit,
+    /// Cramer-Rao covariance (blocks of `M^-1`); none unless converged.
+    pub crlb: Option<Arrow>,
+    /// The same with coloured residuals allowed for; none unless converged.
+    pub covariance: Option<Arrow>,
+    /// Colour per noise class; empty unless converged.
+    pub colour: Vec<Ar>,
+    pub condition: f64,
+    pub singular: bool,
+    pub weak: Vec<Weak>,
+}
+
+/// Estimates and judges. Not converged or singular: no covariance.
+pub fn solve<F>(layout: &Layout, evaluate: &F, settings: &Settings) -> Solution
+where
+    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
+{
+    let rule = Rule {
+        tolerance: settings.tolerance,
+        step_tolerance: settings.step_tolerance,
+        max_iterations: settings.max_iterations,
+        max_halvings: settings.max_halvings,
+    };
+    let mut fit = minimise(layout, evaluate, &rule);
+    let none = |fit| Solution {
+        fit,
+        crlb: None,
+        covariance: None,
+        colour: Vec::new(),
+        condition: f64::NAN,
+        singular: false,
+        weak: Vec::new(),
+    };
+    let Some(mut matrix) = fit.matrix.clone() else { return none(fit) };
+    let mut nothing = vec![0.0; layout.start.len()];
+    for (i, _) in fit.held.iter().enumerate().filter(|(_, held)| **held) {
+        matrix.pin(&mut nothing, i, 0.0);
+    }
+    let (condition, singular, weak) = judge(&matrix);
+    if singular && fit.stop == Stop::Converged {
+        fit.stop = Stop::Singular;
+    }
+    let singular = singular || fit.stop == Stop::Singular;
+    let mut solution = Solution { condition, singular, weak, ..none(fit) };
+    if solution.fit.stop == Stop::Converged {
+        let fit = &solution.fit;
+        let source = Source::new(layout, evaluate, &fit.theta);
+        let colour = coloured(&source, &matrix, &fit.held, &fit.r, &fit.count, settings);
+        if let Some(colour) = colour {
+            solution.crlb = Some(colour.crlb);
+            solution.covariance = Some(colour.covariance);
+            solution.colour = colour.models;
+        }
+    }
+    solution
+}
