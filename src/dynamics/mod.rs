@@ -1,29 +1,57 @@
 //! A compiled model over a record: trajectories, exact sensitivities, trim.
+//!
+//! # How a trajectory and its sensitivities are computed
+//!
+//! 1. *Values*: classic Runge-Kutta of fourth order on the record's grid, with as many equal sub-steps as the fastest mode asks for
+//!    (`|lambda| h <= 0.5`, lambda from the compiled Jacobian). Inputs are linear between grid points (mid-step is the mean).
+//!    Every stage's arguments are kept.
+//! 2. *Jacobians*: the non-zero entries of A = df/dx, B = df/dp and of the outputs' C, D at all stages of a chunk, evaluated over
+//!    lanes of eight points. No sequence here, so the lanes are always full.
+//! 3. *Sensitivities*: `S' = A S + B` through the same Runge-Kutta stages, so the result is the exact derivative of the computed
+//!    values, not an approximation of the derivative of the true ones. Lanes are directions.
+//!
+//! A chunk of grid steps goes through 1 to 3 before the next one begins: the working set stays in cache, memory does not grow with the
+//! record (except for the outputs themselves, and the history of delayed states).
+//!
+//! Delayed inputs are read from the grid by cubic interpolation (smooth in the delay), delayed states from their own history by cubic
+//! Hermite interpolation; sensitivities of the history go along. Within an unfinished step (delay shorter than the step) the history
+//! is extrapolated along its slope.
+//!
+//! Measured outputs keep their own time stamps: a prediction between grid points is the cubic through the four nearest grid values,
+//! a fixed linear map, so values and sensitivities stay exactly consistent; on a grid point it is the value itself.
 
-/// What was measured of one model output, at its own time stamps.
+mod history;
+mod plan;
+mod propagate;
+mod record;
+mod stiffness;
+mod tangent;
+pub mod trim;
+
+pub use plan::{Directions, Plan};
+pub use record::{Channel, Record};
+
+/// Outputs on the record's grid from its start point on.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Channel {
-    /// Index into the model's outputs.
-    pub output: usize,
-    /// Seconds, on the clock of the record's grid; ascending, inside the grid.
-    pub t: Vec<f64>,
-    /// Values in SI; NaN marks a masked sample.
-    pub z: Vec<f64>,
+pub struct Grid {
+    /// Number of points.
+    pub n: usize,
+    /// Values `[n][outputs]`.
+    pub y: Vec<f64>,
+    /// Sensitivities `[n][outputs][directions]`; empty unless asked for.
+    pub dy: Vec<f64>,
+    /// States at the last point.
+    pub x_end: Vec<f64>,
+    /// False if a state or an output stopped being finite; what follows is NaN.
+    pub finite: bool,
 }
 
-/// One stretch of flight as a model sees it: inputs on a uniform grid, outputs at their own times.
+/// Predictions at the samples of the record's channels.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Record {
-    /// Time of grid point 0, s.
-    pub t0: f64,
-    /// Grid spacing, s.
-    pub dt: f64,
-    /// Number of grid points.
-    pub n: usize,
-    /// Inputs `[n][nu]`, row by row, in the order of the model's inputs.
-    pub inputs: Vec<f64>,
-    /// Grid points before the record proper that only feed delays (pre-roll); the states start at this grid point.
-    pub start: usize,
-    /// The channels scored, in the order of the model's outputs; outputs that are not measured are absent.
-    pub channels: Vec<Channel>,
+pub struct Response {
+    /// Per channel, per sample; NaN outside the grid.
+    pub y: Vec<Vec<f64>>,
+    /// Per channel `[sample][direction]`; empty unless asked for.
+    pub dy: Vec<Vec<f64>>,
+    pub finite: bool,
 }

@@ -1,1 +1,63 @@
-//! (to come)
+//! Flight logs: MCAP files and a channel map in, signals in SI with their accounts out; and MCAP files out.
+
+mod bytes;
+pub mod channel_map;
+mod chunk;
+pub mod decode;
+pub mod file;
+pub mod flight;
+mod guess;
+pub mod import;
+pub mod inspect;
+mod series;
+mod signal;
+pub mod starter;
+#[cfg(test)]
+mod tests;
+mod walk;
+mod words;
+pub mod write;
+
+pub use channel_map::{ChannelMap, SignalMap};
+pub use file::LogFile;
+pub use flight::{FlightLog, SignalLog, read_flight};
+pub use series::{Account, Series};
+pub use write::{FieldSpec, LogWriter, Stream, TopicId};
+
+/// How much a note matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Worth knowing.
+    Info,
+    /// Something was lost or looks wrong; the result stands without it.
+    Warning,
+}
+
+impl Severity {
+    /// The word in the `notes` table.
+    pub fn word(self) -> &'static str {
+        match self {
+            Severity::Info => "info",
+            Severity::Warning => "warning",
+        }
+    }
+}
+
+/// Something lost or noticed while reading a log: what (a topic, a signal, `file`), how often, and in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    pub severity: Severity,
+    pub subject: String,
+    pub count: u64,
+    pub text: String,
+}
+
+impl Note {
+    pub fn info(subject: impl Into<String>, count: u64, text: impl Into<String>) -> Note {
+        Note { severity: Severity::Info, subject: subject.into(), count, text: text.into() }
+    }
+
+    pub fn warning(subject: impl Into<String>, count: u64, text: impl Into<String>) -> Note {
+        Note { severity: Severity::Warning, subject: subject.into(), count, text: text.into() }
+    }
+}

@@ -1,7 +1,34 @@
 //! The model language: a text file in, a compiled model out (`docs/model-language.md` is the reference).
+//!
+//! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names, checks units
+//! and builds one shared expression graph (`graph`); `linear` asks the graph for exact derivatives and lowers values and Jacobians to
+//! flat lists of operations (`program`) that run over lanes. Nothing here knows about time steps: that is `dynamics`.
+
+pub mod compile;
+pub mod expr;
+pub mod file;
+pub mod fragments;
+mod functions;
+pub mod graph;
+pub mod linear;
+pub mod program;
+pub mod tables;
+
+use std::path::Path;
+
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::config;
+use crate::error::Errors;
+use fragments::Folder;
+use graph::{Graph, Leaf, Node};
+pub use program::{Layout, Program};
+pub use tables::Tables;
 
 /// A named quantity of a model with its SI unit and meaning.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Quantity {
     pub name: String,
     pub unit: String,
@@ -21,6 +48,7 @@ pub enum Scope {
 pub struct Parameter {
     pub quantity: Quantity,
     pub start: f64,
+    /// Bounds; infinite where there are none.
     pub min: f64,
     pub max: f64,
     pub scope: Scope,
@@ -30,11 +58,149 @@ pub struct Parameter {
     pub prior_sd: f64,
 }
 
-/// How a state begins.
+/// A constant that models assume: value and its standard deviation in SI.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Start {
-    /// An expression of parameters and constants (compiled).
-    Expression,
+pub struct Assumed {
+    pub quantity: Quantity,
+    pub value: f64,
+    pub sd: f64,
+}
+
+/// How a state begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum StartKind {
     /// The first measured value of the output of the same name.
     Measured,
+    /// An expression of parameters, constants, other states' starts and the inputs at the start.
+    Expression(Node),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    pub quantity: Quantity,
+    pub start: StartKind,
+    pub min: Option<Node>,
+    pub max: Option<Node>,
+    /// Made by the compiler for a `lag()`.
+    pub hidden: bool,
+}
+
+/// What a `delay()` is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delayed {
+    Input(usize),
+    State(usize),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Delay {
+    pub of: Delayed,
+    /// Node of the delay time, s.
+    pub tau: Node,
+}
+
+/// What `[trim]` says: quantities solved for, and named nodes that must vanish.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Trim {
+    pub free: Vec<(String, Leaf)>,
+    pub zero: Vec<(String, Node)>,
+}
+
+/// One entry of an aircraft file.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Given {
+    /// The assumed value, in SI.
+    pub value: f64,
+    /// Its coherent SI unit.
+    pub unit: String,
+    /// Standard deviation of the assumed value.
+    #[schemars(range(min = 0.0))]
+    pub sd: f64,
+    /// Where the value comes from.
+    pub source: String,
+}
+
+/// An aircraft file (`aircraft.toml`): constants by name, which override those of the models.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(transparent)]
+pub struct Constants(pub IndexMap<String, Given>);
+
+/// A compiled model. States made by `lag()` stand behind the declared ones.
+#[derive(Debug, Clone, Default)]
+pub struct Model {
+    pub name: String,
+    pub title: String,
+    pub source: String,
+    pub inputs: Vec<Quantity>,
+    pub constants: Vec<Assumed>,
+    pub parameters: Vec<Parameter>,
+    pub states: Vec<State>,
+    pub outputs: Vec<Quantity>,
+    pub delays: Vec<Delay>,
+    pub trim: Trim,
+    pub tables: Tables,
+    pub layout: Layout,
+    pub graph: Graph,
+    /// Nodes of the state rates, the outputs, and the named equations.
+    pub rates: Vec<Node>,
+    pub output_nodes: Vec<Node>,
+    pub equations: IndexMap<String, Node>,
+    /// The resolved text, fragments included: what a cache key hashes (together with `constants`).
+    pub text: String,
+}
+
+impl Model {
+    /// Reads, checks and compiles a model file; its name is the file name without `.model.toml`.
+    ///
+    /// # Errors
+    /// Every mistake of the file and of its fragments, with file, line and column.
+    pub fn load(path: &Path, constants: &Constants) -> Result<Model, Errors> {
+        let text = config::read_text(path)?;
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = name.strip_suffix(".model.toml").or(name.strip_suffix(".toml")).unwrap_or(&name).to_string();
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let sources = fragments::gather(&path.to_string_lossy(), &text, Folder::At(folder))?;
+        compile::compile(&name, &sources, constants)
+    }
+
+    /// Compiles model text that is not in a file; it can use embedded fragments only.
+    ///
+    /// # Errors
+    /// As `load`.
+    pub fn parse(name: &str, text: &str, constants: &Constants) -> Result<Model, Errors> {
+        let sources = fragments::gather(name, text, Folder::None)?;
+        compile::compile(name, &sources, constants)
+    }
+
+    /// An embedded fragment as a model of its own.
+    ///
+    /// # Errors
+    /// As `load`; also when there is no such fragment.
+    pub fn embedded(name: &str, constants: &Constants) -> Result<Model, Errors> {
+        let text = fragments::EMBEDDED.iter().find(|e| e.0 == name).map(|e| e.1);
+        let text = text.ok_or_else(|| crate::error::Error::new(format!("there is no embedded fragment \"{name}\"")))?;
+        Model::parse(&format!("<{name}>"), text, constants).map(|m| Model { name: name.to_string(), ..m })
+    }
+
+    pub fn parameter(&self, name: &str) -> Option<usize> {
+        self.parameters.iter().position(|p| p.quantity.name == name)
+    }
+
+    pub fn state(&self, name: &str) -> Option<usize> {
+        self.states.iter().position(|s| s.quantity.name == name)
+    }
+
+    pub fn input(&self, name: &str) -> Option<usize> {
+        self.inputs.iter().position(|i| i.name == name)
+    }
+
+    pub fn output(&self, name: &str) -> Option<usize> {
+        self.outputs.iter().position(|o| o.name == name)
+    }
+
+    /// Start values of all parameters, in order.
+    pub fn parameter_starts(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.start).collect()
+    }
 }

@@ -2,6 +2,8 @@
 //!
 //! polars joins, filters, sorts and counts; it never adds up numbers that end in a table, as its order of summation is its own.
 
+use std::borrow::Borrow;
+
 use polars::prelude::{Column as Series, DataFrame, IntoLazy, LazyFrame, PlSmallStr, PolarsError, SortMultipleOptions};
 use polars::prelude::{coalesce, col, len, lit};
 
@@ -34,7 +36,7 @@ pub struct Line<'a> {
 ///
 /// # Errors
 /// A table lacks a column, or a segment has two estimates of the parameter (of two groups).
-pub fn points(estimates: &[Table], segments: &[Table], conditions: &[Table], line: Line) -> Result<Points> {
+pub fn points<T: Borrow<Table>>(estimates: &[T], segments: &[T], conditions: &[T], line: Line) -> Result<Points> {
     let name = |from: &str, to: &str| col(PlSmallStr::from_str(from)).alias(PlSmallStr::from_str(to));
     let estimates = lazy("estimates", estimates, &["model", "group", "segment", "parameter", "unit", "value", "sd", "stop"])?
         .filter(col("model").eq(lit(line.model)).and(col("parameter").eq(lit(line.parameter))))
@@ -130,7 +132,7 @@ fn sift(joined: &DataFrame, line: Line) -> std::result::Result<Points, Sift> {
 ///
 /// # Errors
 /// A table is not of the schema `name`, or lacks a column.
-pub fn counts(name: &str, tables: &[Table], by: &[&str]) -> Result<Vec<(Vec<String>, usize)>> {
+pub fn counts<T: Borrow<Table>>(name: &str, tables: &[T], by: &[&str]) -> Result<Vec<(Vec<String>, usize)>> {
     let keys: Vec<_> = by.iter().map(|b| col(PlSmallStr::from_str(b))).collect();
     let counted = lazy(name, tables, by)?
         .group_by_stable(keys)
@@ -150,7 +152,7 @@ pub fn counts(name: &str, tables: &[Table], by: &[&str]) -> Result<Vec<(Vec<Stri
 }
 
 /// The columns of all tables, one after the other, as a polars frame.
-fn lazy(name: &str, tables: &[Table], columns: &[&str]) -> Result<LazyFrame> {
+fn lazy<T: Borrow<Table>>(name: &str, tables: &[T], columns: &[&str]) -> Result<LazyFrame> {
     let table = Table::concat(name, tables)?;
     let series = columns.iter().map(|c| series(&table, c)).collect::<Result<Vec<_>>>()?;
     let frame = DataFrame::new(table.rows(), series).map_err(|e| failed(name, &e))?;

@@ -1,5 +1,6 @@
 //! Tables in; the same rows put together, chosen or sorted, out.
 
+use std::borrow::Borrow;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
@@ -14,10 +15,11 @@ impl Table {
     ///
     /// # Errors
     /// A table is not of the schema `name`, or a dynamic column has two units.
-    pub fn concat(name: &str, tables: &[Table]) -> Result<Table> {
+    pub fn concat<T: Borrow<Table>>(name: &str, tables: &[T]) -> Result<Table> {
+        let tables: Vec<&Table> = tables.iter().map(Borrow::borrow).collect();
         let schema = schema(name)?;
         let mut columns = schema.columns.clone();
-        for table in tables {
+        for table in &tables {
             if table.schema != schema {
                 return Err(Error::new(format!("table \"{}\" cannot be put together with \"{name}\"", table.name())));
             }
@@ -35,7 +37,7 @@ impl Table {
         if tables.is_empty() {
             return Table::empty(name);
         }
-        let arrays = columns.iter().map(|c| concat_column(c, tables)).collect::<Result<Vec<_>>>()?;
+        let arrays = columns.iter().map(|c| concat_column(c, &tables)).collect::<Result<Vec<_>>>()?;
         Table::from_arrays(schema, columns, arrays)
     }
 
@@ -97,7 +99,7 @@ fn compare(array: &ArrayRef, a: usize, b: usize) -> Ordering {
     }
 }
 
-fn concat_column(column: &Column, tables: &[Table]) -> Result<ArrayRef> {
+fn concat_column(column: &Column, tables: &[&Table]) -> Result<ArrayRef> {
     let arrays: Vec<ArrayRef> = tables
         .iter()
         .map(|t| match t.batch.column_by_name(&column.name) {

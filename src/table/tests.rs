@@ -103,7 +103,7 @@ fn rows_are_put_together_chosen_and_sorted() {
     assert_eq!(both.filter(|i| i != 0).unwrap().strings("segment").unwrap(), ["a1", "b1"]);
     assert!(both.take(&[3]).is_err());
     assert!(Table::concat("segments", &[a, samples(2)]).is_err());
-    assert_eq!(Table::concat("segments", &[]).unwrap().rows(), 0);
+    assert_eq!(Table::concat::<Table>("segments", &[]).unwrap().rows(), 0);
 }
 
 #[test]
@@ -326,7 +326,7 @@ mod campaign_level {
 
     #[test]
     fn points_of_nothing_are_an_empty_table() {
-        let found = points(&[], &[], &[], LINE).unwrap();
+        let found = points::<Table>(&[], &[], &[], LINE).unwrap();
         assert_eq!((found.table.rows(), found.left_out.len()), (0, 0));
     }
 
@@ -341,6 +341,6 @@ mod campaign_level {
         );
         assert_eq!(text(counts("segments", &tables, &["kind", "polarity"]).unwrap()), ["3211 -1: 4"]);
         assert!(counts("segments", &tables, &["kynd"]).is_err());
-        assert!(counts("segments", &[], &["kind"]).unwrap().is_empty());
+        assert!(counts::<Table>("segments", &[], &["kind"]).unwrap().is_empty());
     }
 }

@@ -1,0 +1,415 @@
+//! Runge-Kutta through a record, in chunks: values, then Jacobians over lanes, then sensitivities (see the module's page).
+
+use super::history::{self, Past};
+use super::plan::Plan;
+use super::stiffness::Stiffness;
+use super::tangent::Tangent;
+use super::{Grid, Record};
+use crate::model::linear::Starts;
+use crate::model::{Delayed, Layout, Program, Tables};
+
+/// Points of one Jacobian evaluation.
+pub(super) const LANES: usize = 8;
+/// Grid steps per chunk.
+const CHUNK: usize = 32;
+/// Largest |lambda| h of a step.
+pub(super) const STIFF: f64 = 0.5;
+/// More sub-steps than this would not end: the trajectory is given up as not finite.
+pub(super) const MOST_SUBSTEPS: usize = 256;
+/// Grid steps between two looks at the Jacobian where sub-steps are chosen along the way.
+const LOOK: usize = 64;
+
+/// Start values of all states.
+pub fn evaluate_starts(
+    starts: &Starts,
+    layout: Layout,
+    tables: &Tables,
+    parameters: &[f64],
+    given: &[f64],
+    record: &Record,
+) -> Vec<f64> {
+    let file = start_file(starts, layout, tables, parameters, given, record);
+    (0..layout.states).map(|i| starts.program.output(&file, i)[0]).collect()
+}
+
+fn start_file(
+    starts: &Starts,
+    layout: Layout,
+    tables: &Tables,
+    parameters: &[f64],
+    given: &[f64],
+    record: &Record,
+) -> Vec<[f64; 1]> {
+    let mut file = starts.program.registers::<1>();
+    let row = &record.inputs[(record.start * layout.inputs).min(record.inputs.len())..];
+    for (i, u) in row.iter().take(layout.inputs).enumerate() {
+        file[layout.input() + i] = [*u];
+    }
+    for (i, p) in parameters.iter().enumerate().take(layout.parameters) {
+        file[layout.parameter() + i] = [*p];
+    }
+    for (&i, &x) in starts.given.iter().zip(given) {
+        file[layout.start_value() + i] = [x];
+    }
+    starts.program.prepare(&mut file, tables);
+    starts.program.run(&mut file, tables);
+    file
+}
+
+/// A program with its register file for one evaluation at a time.
+struct Single<'p> {
+    program: &'p Program,
+    tables: &'p Tables,
+    file: Vec<[f64; 1]>,
+}
+
+impl<'p> Single<'p> {
+    fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
+        let mut file = program.registers::<1>();
+        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
+            file[plan.layout.parameter() + i] = [*p];
+        }
+        program.prepare(&mut file, &plan.tables);
+        Single { program, tables: &plan.tables, file }
+    }
+
+    /// Evaluates at `point` (states, inputs, input rates, delayed values, time).
+    fn at(&mut self, point: &[f64]) {
+        for (slot, x) in self.file.iter_mut().zip(point) {
+            slot[0] = *x;
+        }
+        self.program.run(&mut self.file, self.tables);
+    }
+
+    fn get(&self, k: usize) -> f64 {
+        self.program.output(&self.file, k)[0]
+    }
+}
+
+/// A program evaluated at many points: lanes are points.
+pub(super) struct Many<'p> {
+    program: &'p Program,
+    tables: &'p Tables,
+    file: Vec<[f64; LANES]>,
+    width: usize,
+}
+
+impl<'p> Many<'p> {
+    pub(super) fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
+        let mut file = program.registers::<LANES>();
+        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
+            file[plan.layout.parameter() + i] = [*p; LANES];
+        }
+        program.prepare(&mut file, &plan.tables);
+        Many { program, tables: &plan.tables, file, width: plan.layout.time() + 1 }
+    }
+
+    /// All outputs at all `points` (rows of `width`) into rows of `out`.
+    pub(super) fn over(&mut self, points: &[f64], out: &mut Vec<f64>) {
+        let (n, m) = (points.len() / self.width, self.program.outputs());
+        out.clear();
+        out.resize(n * m, 0.0);
+        if m == 0 {
+            return;
+        }
+        for first in (0..n).step_by(LANES) {
+            let live = LANES.min(n - first);
+            for slot in 0..self.width {
+                for l in 0..LANES {
+                    self.file[slot][l] = points[(first + l.min(live - 1)) * self.width + slot];
+                }
+            }
+            self.program.run(&mut self.file, self.tables);
+            for k in 0..m {
+                let values = self.program.output(&self.file, k);
+                for l in 0..live {
+                    out[(first + l) * m + k] = values[l];
+                }
+            }
+        }
+    }
+}
+
+/// Everything of one run that the three passes share.
+pub(super) struct Run<'p> {
+    pub(super) plan: &'p Plan,
+    pub(super) record: &'p Record,
+    /// Time derivatives of the inputs on the grid (only where the model uses them).
+    slopes: Vec<f64>,
+    /// Limits of the states: lower, upper.
+    bounds: Vec<f64>,
+    /// Times at which sub-steps begin; states and their rates there (delayed states need them).
+    times: Vec<f64>,
+    x_history: Vec<f64>,
+    f_history: Vec<f64>,
+    /// Scratch of a step.
+    stage: Vec<f64>,
+    sum: Vec<f64>,
+}
+
+impl<'p> Run<'p> {
+    fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>) -> Self {
+        let slopes = if plan.uses_input_rates { input_slopes(record, plan.layout.inputs) } else { Vec::new() };
+        let (times, x_history, f_history, stage, sum) = Default::default();
+        Run { plan, record, slopes, bounds, times, x_history, f_history, stage, sum }
+    }
+}
+
+/// What one chunk keeps for the later passes.
+#[derive(Default)]
+pub(super) struct Chunk {
+    /// Arguments of every stage, rows of the layout's width.
+    pub(super) stages: Vec<f64>,
+    /// How every stage's delayed states were read: rows of delays.
+    pub(super) pasts: Vec<Past>,
+    /// Arguments at the grid points.
+    pub(super) points: Vec<f64>,
+    pub(super) point_pasts: Vec<Past>,
+    /// Sub-steps of each grid step.
+    pub(super) substeps: Vec<usize>,
+    /// Per sub-step and limited state: 0 free, 1 held at its minimum, 2 at its maximum.
+    pub(super) held: Vec<u8>,
+}
+
+impl Chunk {
+    fn clear(&mut self) {
+        self.stages.clear();
+        self.pasts.clear();
+        self.points.clear();
+        self.point_pasts.clear();
+        self.substeps.clear();
+        self.held.clear();
+    }
+}
+
+/// Runs `record` from its start point to its end.
+pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Grid {
+    let (nx, nu, ny) = (plan.layout.states, plan.layout.inputs, plan.outputs);
+    let n = record.n.saturating_sub(record.start);
+    let nd = plan.directions.len();
+    let mut grid = Grid { n, y: vec![f64::NAN; n * ny], finite: true, ..Default::default() };
+    if n == 0 || record.inputs.len() < record.n * nu {
+        grid.finite = n == 0;
+        return grid;
+    }
+    let file = start_file(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
+    let mut x: Vec<f64> = (0..nx).map(|i| plan.starts.program.output(&file, i)[0]).collect();
+    let mut bounds = Single::new(&plan.limits, plan, parameters);
+    bounds.at(&[]);
+    let bounds: Vec<f64> = (0..2 * nx).map(|k| bounds.get(k)).collect();
+    let mut run = Run::new(plan, record, bounds);
+    let mut rates = Single::new(&plan.rates, plan, parameters);
+    let mut outputs = Single::new(&plan.output_values, plan, parameters);
+    let mut taus = Single::new(&plan.delay_values, plan, parameters);
+    let mut tangent = sensitivities.then(|| Tangent::new(plan, parameters, &file, n));
+    let mut stiffness = Stiffness::new(plan, parameters);
+    let mut chunk = Chunk::default();
+    let mut substeps = record.substeps.max(1);
+    for first in (0..n).step_by(CHUNK) {
+        chunk.clear();
+        for k in first..(first + CHUNK).min(n) {
+            run.point(k, &x, &mut taus, &mut chunk);
+            let width = plan.layout.time() + 1;
+            let point = &chunk.points[(k - first) * width..];
+            if record.substeps == 0 && k % LOOK == 0 {
+                substeps = stiffness.substeps(&point[..width], record.dt);
+            }
+            outputs.at(&point[..width]);
+            for j in 0..ny {
+                grid.y[k * ny + j] = outputs.get(j);
+            }
+            let good = substeps <= MOST_SUBSTEPS && x.iter().all(|v| v.is_finite());
+            if !good || grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite()) {
+                grid.finite = false;
+                grid.y[k * ny..].fill(f64::NAN);
+                if sensitivities {
+                    grid.dy = vec![f64::NAN; n * ny * nd];
+                }
+                return grid;
+            }
+            if k + 1 < n {
+                chunk.substeps.push(substeps);
+                for s in 0..substeps {
+                    run.step((k, s, substeps), &mut x, &mut rates, &mut taus, &mut chunk);
+                }
+            }
+        }
+        if let Some(tangent) = &mut tangent {
+            tangent.advance(&run, &chunk);
+        }
+    }
+    grid.x_end = x;
+    if let Some(tangent) = tangent {
+        grid.dy = tangent.rows;
+        grid.finite &= grid.dy.iter().all(|v| v.is_finite());
+    }
+    grid
+}
+
+/// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record.
+pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record) -> usize {
+    let n = record.n.saturating_sub(record.start);
+    if n == 0 || record.inputs.len() < record.n * plan.layout.inputs {
+        return 1;
+    }
+    let x = evaluate_starts(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
+    let mut run = Run::new(plan, record, Vec::new());
+    let mut taus = Single::new(&plan.delay_values, plan, parameters);
+    let mut stiffness = Stiffness::new(plan, parameters);
+    let mut most = 1;
+    for i in 0..5 {
+        let mut chunk = Chunk::default();
+        (run.times, run.x_history, run.f_history) = (vec![0.0], x.clone(), vec![0.0; x.len()]);
+        run.point(i * (n - 1) / 4, &x, &mut taus, &mut chunk);
+        most = most.max(stiffness.substeps(&chunk.points, record.dt));
+        // a delayed state is read from finished steps where the delay is not absurdly short
+        for (k, d) in plan.delays.iter().enumerate() {
+            let tau = taus.get(k);
+            if matches!(d.of, Delayed::State(_)) && tau > 0.0 {
+                most = most.max(((record.dt / tau).ceil() as usize).min(16));
+            }
+        }
+    }
+    most.min(MOST_SUBSTEPS)
+}
+
+/// Central differences of the inputs on the grid, one-sided at the ends.
+fn input_slopes(record: &Record, nu: usize) -> Vec<f64> {
+    let n = record.n;
+    let mut out = vec![0.0; n * nu];
+    for k in 0..n {
+        let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
+        if a == b {
+            continue;
+        }
+        for j in 0..nu {
+            out[k * nu + j] = (record.inputs[b * nu + j] - record.inputs[a * nu + j]) / ((b - a) as f64 * record.dt);
+        }
+    }
+    out
+}
+
+impl Run<'_> {
+    /// Fills states, inputs, input rates and time of the point at grid step k (from the start point) and fraction c.
+    fn arguments(&self, k: usize, c: f64, x: &[f64], point: &mut [f64]) {
+        let (l, nu) = (&self.plan.layout, self.plan.layout.inputs);
+        point[..l.states].copy_from_slice(x);
+        let k = self.record.start + k;
+        let next = (k + 1).min(self.record.n - 1);
+        let between = |from: &[f64], j: usize| {
+            let (a, b) = (from[k * nu + j], from[next * nu + j]);
+            if c == 0.0 { a } else { a + c * (b - a) }
+        };
+        for j in 0..nu {
+            point[l.input() + j] = between(&self.record.inputs, j);
+            if !self.slopes.is_empty() {
+                point[l.input_rate() + j] = between(&self.slopes, j);
+            }
+        }
+        point[l.time()] = (k as f64 - self.record.start as f64 + c) * self.record.dt;
+    }
+
+    /// Fills the delayed values of a point and says how the states among them were read.
+    fn delayed(&self, point: &mut [f64], taus: &mut Single, slope_known: bool, pasts: &mut Vec<Past>) {
+        let (plan, l, record) = (self.plan, &self.plan.layout, self.record);
+        if plan.delays.is_empty() {
+            return;
+        }
+        taus.at(point);
+        let now = point[l.time()];
+        for (k, delay) in plan.delays.iter().enumerate() {
+            let t = now - taus.get(k);
+            let mut past = Past { i: 0, j: 0, w: [0.0; 4], slope: [0.0; 4] };
+            point[l.delayed() + k] = match delay.of {
+                Delayed::Input(j) => {
+                    let at = t / record.dt + record.start as f64;
+                    let (value, slope) = history::input(&record.inputs[..record.n * l.inputs], l.inputs, j, record.dt, at);
+                    past.slope[0] = slope;
+                    value
+                }
+                Delayed::State(i) => {
+                    past = history::locate(&self.times, t, slope_known);
+                    self.past_value(i, &past, &past.w)
+                }
+            };
+            pasts.push(past);
+        }
+    }
+
+    pub(super) fn past_value(&self, state: usize, p: &Past, w: &[f64; 4]) -> f64 {
+        let nx = self.plan.layout.states;
+        let (i, j) = (p.i * nx + state, p.j * nx + state);
+        w[0] * self.x_history[i] + w[1] * self.f_history[i] + w[2] * self.x_history[j] + w[3] * self.f_history[j]
+    }
+
+    pub(super) fn keeps_history(&self) -> bool {
+        self.plan.delays.iter().any(|d| matches!(d.of, Delayed::State(_)))
+    }
+
+    /// The arguments at a grid point.
+    fn point(&mut self, k: usize, x: &[f64], taus: &mut Single, chunk: &mut Chunk) {
+        let width = self.plan.layout.time() + 1;
+        let at = chunk.points.len();
+        chunk.points.resize(at + width, 0.0);
+        self.arguments(k, 0.0, x, &mut chunk.points[at..]);
+        self.remember(chunk.points[at + width - 1], x);
+        self.delayed(&mut chunk.points[at..], taus, false, &mut chunk.point_pasts);
+    }
+
+    /// Adds a step time and the states there to the history, once.
+    fn remember(&mut self, time: f64, x: &[f64]) {
+        if self.keeps_history() && self.times.last() != Some(&time) {
+            self.times.push(time);
+            self.x_history.extend_from_slice(x);
+            self.f_history.resize(self.x_history.len(), 0.0);
+        }
+    }
+
+    /// Sub-step `s` of `m` in grid step `k`: the classic fourth-order method.
+    fn step(&mut self, (k, s, m): (usize, usize, usize), x: &mut [f64], rates: &mut Single, taus: &mut Single, chunk: &mut Chunk) {
+        let nx = x.len();
+        let width = self.plan.layout.time() + 1;
+        let h = self.record.dt / m as f64;
+        let mut stage_x = std::mem::take(&mut self.stage);
+        stage_x.clear();
+        stage_x.extend_from_slice(x);
+        let mut sum = std::mem::take(&mut self.sum);
+        sum.clear();
+        sum.resize(nx, 0.0);
+        for stage in 0..4 {
+            let at = chunk.stages.len();
+            chunk.stages.resize(at + width, 0.0);
+            let point = &mut chunk.stages[at..];
+            self.arguments(k, (s as f64 + OFFSET[stage]) / m as f64, &stage_x, point);
+            if stage == 0 {
+                self.remember(point[width - 1], x);
+            }
+            self.delayed(point, taus, stage > 0, &mut chunk.pasts);
+            rates.at(point);
+            for i in 0..nx {
+                let f = rates.get(i);
+                sum[i] += WEIGHT[stage] * f;
+                stage_x[i] = x[i] + AHEAD[stage] * h * f;
+                if stage == 0 && self.keeps_history() {
+                    let end = self.f_history.len();
+                    self.f_history[end - nx + i] = f;
+                }
+            }
+        }
+        for i in 0..nx {
+            x[i] += h / 6.0 * sum[i];
+        }
+        for &i in &self.plan.limited {
+            let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
+            let held = u8::from(x[i] < low) + 2 * u8::from(x[i] > high);
+            chunk.held.push(held);
+            x[i] = [x[i], low, high][usize::from(held.min(2))];
+        }
+        (self.stage, self.sum) = (stage_x, sum);
+    }
+}
+
+/// The tableau: where a stage is in the step, its weight times six, and how far its rate leads to the next stage's state.
+pub(super) const OFFSET: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
+pub(super) const WEIGHT: [f64; 4] = [1.0, 2.0, 2.0, 1.0];
+pub(super) const AHEAD: [f64; 4] = [0.5, 0.5, 1.0, 0.0];

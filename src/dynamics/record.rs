@@ -1,0 +1,90 @@
+//! One stretch of flight as a model sees it: inputs on a uniform grid, measured outputs at their own times.
+
+/// What was measured of one model output, at its own time stamps.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Channel {
+    /// Index into the model's outputs.
+    pub output: usize,
+    /// Seconds, on the clock of the record's grid; ascending.
+    pub t: Vec<f64>,
+    /// Values in SI; NaN marks a masked sample.
+    pub z: Vec<f64>,
+}
+
+/// Inputs on a uniform grid and what was measured meanwhile.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Record {
+    /// Time of grid point 0, s.
+    pub t0: f64,
+    /// Grid spacing, s.
+    pub dt: f64,
+    /// Number of grid points.
+    pub n: usize,
+    /// Inputs `[n][nu]`, row by row, in the order of the model's inputs.
+    pub inputs: Vec<f64>,
+    /// The grid point where the states start; the points before it only feed delays (pre-roll).
+    pub start: usize,
+    /// The channels scored, in the order of the model's outputs; outputs that are not measured are absent.
+    pub channels: Vec<Channel>,
+    /// Integration steps per grid step; 0 lets the model's Jacobian decide along the way.
+    pub substeps: usize,
+}
+
+/// A sample's prediction as a combination of grid values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// First grid point (counted from the record's start point).
+    pub first: usize,
+    /// How many of the weights count.
+    pub len: usize,
+    pub w: [f64; 4],
+}
+
+impl Record {
+    /// Weights of the grid values for time `t`; `None` outside the grid.
+    pub fn weights(&self, t: f64) -> Option<Weights> {
+        let n = self.n.saturating_sub(self.start);
+        let at = (t - self.t0) / self.dt - self.start as f64;
+        let nearest = at.round();
+        if (at - nearest).abs() < 1e-6 && nearest >= 0.0 && (nearest as usize) < n {
+            return Some(Weights { first: nearest as usize, len: 1, w: [1.0, 0.0, 0.0, 0.0] });
+        }
+        if !(at >= 0.0 && at <= (n as f64) - 1.0) {
+            return None;
+        }
+        let left = at.floor() as usize;
+        if n < 4 {
+            let f = at - left as f64;
+            return Some(Weights { first: left, len: 2, w: [1.0 - f, f, 0.0, 0.0] });
+        }
+        let first = left.saturating_sub(1).min(n - 4);
+        let s = at - first as f64;
+        // Lagrange's cubic through points 0, 1, 2, 3
+        let (a, b, c, d) = (s, s - 1.0, s - 2.0, s - 3.0);
+        Some(Weights { first, len: 4, w: [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0] })
+    }
+
+    /// First finite measured value of an output.
+    pub fn first_measured(&self, output: usize) -> Option<f64> {
+        self.channels.iter().find(|c| c.output == output)?.z.iter().copied().find(|z| z.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_is_interpolated_exactly() {
+        let record = Record { t0: 2.0, dt: 0.5, n: 20, start: 3, ..Default::default() };
+        let f = |t: f64| 1.0 + t - 0.3 * t * t + 0.1 * t * t * t;
+        for t in [3.5, 3.6, 3.75, 5.3, 10.9, 11.4, 11.5] {
+            let w = record.weights(t).unwrap();
+            let value: f64 = (0..w.len).map(|k| w.w[k] * f(2.0 + 0.5 * (3 + w.first + k) as f64)).sum();
+            assert!((value - f(t)).abs() < 1e-9, "{t}");
+        }
+        assert!(record.weights(3.4).is_none());
+        assert!(record.weights(11.6).is_none());
+        assert_eq!(record.weights(4.0).unwrap().len, 1);
+    }
+}

@@ -1,0 +1,130 @@
+//! The channel map (`channels.toml`): which topic and field of a log is which signal, and how its numbers become SI.
+
+use crate::config::Doc;
+use crate::error::{Error, Errors};
+use crate::units::Unit;
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Maps the topics and fields of a log to signals in SI units.
+///
+/// One sample becomes `value = sign * scale * si(raw) + offset` at the time `stamp - delay`, where `si` converts from `unit`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ChannelMap {
+    /// What holds for every signal that does not say otherwise.
+    #[serde(default)]
+    pub defaults: Defaults,
+    /// The signals, by the name that the other files use.
+    pub signal: IndexMap<String, SignalMap>,
+}
+
+/// What holds for every signal that does not say otherwise.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Defaults {
+    /// Which time stamp counts: "log" (when the recorder received the message), "publish" (when it was sent), or the path of a
+    /// field of the message, such as "header.stamp". Default "log".
+    pub time: Option<String>,
+    /// Unit of a time stamp taken from a field: "s", "ms", "us" or "ns". Not needed for a stamp of two fields (sec, nanosec).
+    pub time_unit: Option<String>,
+}
+
+/// Where one signal comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SignalMap {
+    /// Topic in the log, for example "/surfaces".
+    pub topic: String,
+    /// Field of the message; a path such as "pose.position.x" or "channels.3" reaches into nested messages and lists.
+    pub field: String,
+    /// Unit of the numbers in the log, for example "deg", "kt", "ft/min", "hPa", "degC"; "1" where there is none.
+    pub unit: String,
+    /// +1, or -1 where the log counts the other way round.
+    #[serde(default = "one_int")]
+    pub sign: i8,
+    /// Known scale factor: multiplies the value.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Known offset in SI units: added after sign and scale.
+    #[serde(default)]
+    pub offset: f64,
+    /// Known latency in s, from the physical event to the time stamp: subtracted from the time stamp.
+    #[serde(default)]
+    pub delay: f64,
+    /// Which time stamp counts, if another than in [defaults].
+    pub time: Option<String>,
+    /// Unit of a time stamp taken from a field, if another than in [defaults].
+    pub time_unit: Option<String>,
+    /// What the signal is, with its sign convention.
+    #[serde(default)]
+    pub doc: String,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn one_int() -> i8 {
+    1
+}
+
+/// Which time stamp of a message counts.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TimeSource {
+    Log,
+    Publish,
+    /// Path of a field, and how many ns one unit of it is (`None`: no unit given, a stamp of `sec` and `nanosec`).
+    Field(String, Option<f64>),
+}
+
+impl ChannelMap {
+    /// Checks everything that can be checked without a log: units, signs, numbers, time stamps.
+    pub fn check(&self, doc: &Doc) -> Result<(), Errors> {
+        let mut errors = Errors::default();
+        if let Some(unit) = &self.defaults.time_unit {
+            errors.take(time_unit_ns(unit).map_err(|e| Error::at(doc.place("defaults.time_unit"), e)));
+        }
+        for (name, signal) in &self.signal {
+            let place = |key: &str| doc.place(&format!("signal.{name}.{key}"));
+            errors.take(Unit::parse(&signal.unit).map_err(|e| Error::at(place("unit"), e)));
+            if signal.sign != 1 && signal.sign != -1 {
+                errors.push(Error::at(place("sign"), format!("sign is 1 or -1, not {}", signal.sign)));
+            }
+            for (key, value) in [("scale", signal.scale), ("offset", signal.offset), ("delay", signal.delay)] {
+                if !value.is_finite() {
+                    errors.push(Error::at(place(key), format!("{key} is a finite number, not {value}")));
+                }
+            }
+            if signal.scale == 0.0 {
+                errors.push(Error::at(place("scale"), "a scale of 0 would make every value 0"));
+            }
+            if let Some(unit) = &signal.time_unit {
+                errors.take(time_unit_ns(unit).map_err(|e| Error::at(place("time_unit"), e)));
+            }
+        }
+        errors.or(())
+    }
+
+    /// The time stamp that counts for a signal.
+    pub fn time_source(&self, signal: &SignalMap) -> TimeSource {
+        let time = signal.time.as_deref().or(self.defaults.time.as_deref()).unwrap_or("log");
+        let unit = signal.time_unit.as_deref().or(self.defaults.time_unit.as_deref());
+        match time {
+            "log" => TimeSource::Log,
+            "publish" => TimeSource::Publish,
+            path => TimeSource::Field(path.to_string(), unit.and_then(|u| time_unit_ns(u).ok())),
+        }
+    }
+}
+
+fn time_unit_ns(unit: &str) -> Result<f64, String> {
+    match unit {
+        "s" => Ok(1e9),
+        "ms" => Ok(1e6),
+        "us" => Ok(1e3),
+        "ns" => Ok(1.0),
+        other => Err(format!("a time stamp is in \"s\", \"ms\", \"us\" or \"ns\", not in \"{other}\"")),
+    }
+}

@@ -1,0 +1,239 @@
+//! A log file and a channel map in; every signal as an SI series on the flight's time base, with its account, out.
+//!
+//! Time base: `t_s` is seconds since the earliest log time of any intact message of the file, computed in integer nanoseconds;
+//! one zero for all topics and signals of a flight, whichever time stamp a signal uses.
+
+use super::channel_map::{ChannelMap, SignalMap, TimeSource};
+use super::decode::{self, FieldInfo, Reader};
+use super::file::{Channel, LogFile};
+use super::series::{Account, Series};
+use super::signal::Context;
+use super::{Note, words};
+use crate::config::Doc;
+use crate::error::{Error, Errors};
+use indexmap::IndexMap;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// One flight: the signals of the channel map, in its order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightLog {
+    /// The file's name.
+    pub name: String,
+    /// Log time of `t_s = 0`, ns (since 1970 for most recorders).
+    pub start_ns: u64,
+    pub signals: IndexMap<String, SignalLog>,
+    /// What was lost or noticed, in a fixed order.
+    pub notes: Vec<Note>,
+}
+
+/// One signal of a flight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SignalLog {
+    pub series: Series,
+    pub account: Account,
+}
+
+/// What is read from one topic.
+pub(super) struct TopicPlan {
+    pub topic: String,
+    pub channels: Vec<u16>,
+    /// Paths of fields, each once: signals and field time stamps.
+    pub paths: Vec<String>,
+    /// What the topic has, for messages to people.
+    pub fields: Vec<FieldInfo>,
+}
+
+/// The messages of one topic in one part of the file, in file order.
+#[derive(Default)]
+pub(super) struct Columns {
+    pub log: Vec<u64>,
+    pub publish: Vec<u64>,
+    /// `[n][paths]`, row by row.
+    pub values: Vec<f64>,
+}
+
+pub(super) struct PartData {
+    pub topics: Vec<Columns>,
+    pub earliest: Option<u64>,
+    pub damage: Option<String>,
+}
+
+/// Reads the signals of the map from one log.
+///
+/// # Errors
+/// The file cannot be read; or, all at once and each at its place in the map: topics and fields that the log does not have,
+/// encodings that cannot be decoded, time stamps that are not there.
+pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog, Errors> {
+    let log = LogFile::open(path)?;
+    let plans = plan(&log, map, doc)?;
+    let parts = decode_parts(&log, &plans)?;
+    let start_ns = parts.iter().filter_map(|p| p.earliest).min().unwrap_or(0);
+    let mut notes = log.notes.clone();
+    notes.extend(damage_note(&log, &parts));
+
+    let signals: Vec<(&String, &SignalMap)> = map.signal.iter().collect();
+    let context = Context { log: &log, map, doc, plans: &plans, parts: &parts, start_ns };
+    let read: Vec<_> = signals.par_iter().map(|(name, signal)| context.signal(name, signal)).collect();
+    let mut errors = Errors::default();
+    let mut out = IndexMap::new();
+    for ((name, _), result) in signals.into_iter().zip(read) {
+        if let Some((signal, more)) = errors.take(result) {
+            notes.extend(more);
+            out.insert(name.clone(), signal);
+        }
+    }
+    errors.or(FlightLog { name: log.name(), start_ns, signals: out, notes })
+}
+
+/// One plan per topic that the map asks for, in the order of the topics' names.
+fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<Vec<TopicPlan>, Errors> {
+    let mut errors = Errors::default();
+    let mut wanted: BTreeMap<&str, Vec<&SignalMap>> = BTreeMap::new();
+    for (name, signal) in &map.signal {
+        let channels: Vec<&Channel> = log.channels.values().filter(|c| c.topic == signal.topic).collect();
+        if let Some(e) = topic_mistake(log, &signal.topic, &channels) {
+            errors.push(Error { place: Some(doc.place(&format!("signal.{name}.topic"))), ..e });
+        } else {
+            wanted.entry(&signal.topic).or_default().push(signal);
+        }
+    }
+    errors.or(())?;
+    let ids = |topic: &str| log.channels.iter().filter(|(_, c)| c.topic == topic).map(|(&id, _)| id).collect::<Vec<_>>();
+    let all: Vec<u16> = wanted.keys().flat_map(|t| ids(t)).collect();
+    let samples = first_messages(log, &all);
+    let make = |(topic, signals): (&str, Vec<&SignalMap>)| {
+        let channels = ids(topic);
+        let fields = topic_fields(log, &channels, &samples);
+        let mut paths: Vec<String> = Vec::new();
+        for signal in signals {
+            let stamps = match map.time_source(signal) {
+                TimeSource::Field(path, unit) => stamp_paths(&path, unit, &fields),
+                _ => Vec::new(),
+            };
+            for path in std::iter::once(signal.field.clone()).chain(stamps) {
+                if !paths.contains(&path) {
+                    paths.push(path);
+                }
+            }
+        }
+        TopicPlan { topic: topic.to_string(), channels, paths, fields }
+    };
+    Ok(wanted.into_iter().map(make).collect())
+}
+
+fn topic_mistake(log: &LogFile, topic: &str, channels: &[&Channel]) -> Option<Error> {
+    let file = log.name();
+    if channels.is_empty() {
+        let mut topics: Vec<&str> = log.channels.values().map(|c| c.topic.as_str()).collect();
+        topics.sort_unstable();
+        topics.dedup();
+        return Some(Error::new(format!("topic \"{topic}\" is not in {file}; it has {}", words::near(topic, &topics))));
+    }
+    let foreign = channels.iter().find(|c| decode::encoding_of(c).is_none())?;
+    let schema = if foreign.schema_encoding.is_empty() { "no" } else { &foreign.schema_encoding };
+    let what = format!(
+        "topic \"{topic}\" of {file} is encoded as {} with {schema} schema, which cannot be decoded; supported: {}",
+        foreign.message_encoding,
+        decode::supported()
+    );
+    Some(Error::new(what).help("convert the log, or take the signal from a topic with a supported encoding"))
+}
+
+/// The first intact message of each of the given channels.
+pub(super) fn first_messages(log: &LogFile, channels: &[u16]) -> BTreeMap<u16, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut buffer = Vec::new();
+    for part in 0..log.parts() {
+        if found.len() == channels.len() {
+            break;
+        }
+        let _ = log.messages(part, &mut buffer, |m| {
+            if channels.contains(&m.channel) && !found.contains_key(&m.channel) {
+                found.insert(m.channel, m.data.to_vec());
+            }
+        });
+    }
+    found
+}
+
+/// The fields of all channels of a topic together.
+pub(super) fn topic_fields(log: &LogFile, channels: &[u16], samples: &BTreeMap<u16, Vec<u8>>) -> Vec<FieldInfo> {
+    let mut fields: Vec<FieldInfo> = Vec::new();
+    for (id, channel) in channels.iter().filter_map(|id| Some((id, log.channels.get(id)?))) {
+        let Some(encoding) = decode::encoding_of(channel) else { continue };
+        for field in (encoding.fields)(&channel.schema, samples.get(id).map(Vec::as_slice)) {
+            if !fields.iter().any(|f| f.path == field.path) {
+                fields.push(field);
+            }
+        }
+    }
+    fields
+}
+
+/// A stamp is one field, or (as ROS writes it) a pair of seconds and nanoseconds below the given path.
+pub(super) fn stamp_paths(path: &str, unit: Option<f64>, fields: &[FieldInfo]) -> Vec<String> {
+    let has = |p: &str| fields.iter().any(|f| f.path == p);
+    let pair = |s: &str, ns: &str| (format!("{path}.{s}"), format!("{path}.{ns}"));
+    for (sec, nanosec) in [pair("sec", "nanosec"), pair("sec", "nsec"), pair("secs", "nsecs"), pair("seconds", "nanos")] {
+        if unit.is_none() && has(&sec) && has(&nanosec) {
+            return vec![sec, nanosec];
+        }
+    }
+    vec![path.to_string()]
+}
+
+fn decode_parts(log: &LogFile, plans: &[TopicPlan]) -> Result<Vec<PartData>, Errors> {
+    let parts: Vec<Result<PartData, Error>> =
+        (0..log.parts()).into_par_iter().map_init(Vec::new, |buffer, part| decode_part(log, plans, part, buffer)).collect();
+    let mut errors = Errors::default();
+    let parts: Vec<PartData> = parts.into_iter().filter_map(|p| errors.take(p)).collect();
+    errors.0.truncate(1);
+    errors.or(parts)
+}
+
+fn decode_part(log: &LogFile, plans: &[TopicPlan], part: usize, buffer: &mut Vec<u8>) -> Result<PartData, Error> {
+    let mut readers: Vec<Option<(usize, Reader)>> = Vec::new();
+    for (i, plan) in plans.iter().enumerate() {
+        for &id in &plan.channels {
+            let Some(channel) = log.channels.get(&id) else { continue };
+            let Some(encoding) = decode::encoding_of(channel) else { continue };
+            let reader = (encoding.reader)(&channel.schema, &plan.paths)
+                .map_err(|e| Error::new(format!("topic \"{}\" of {}: {e}", plan.topic, log.name())))?;
+            let at = usize::from(id);
+            if readers.len() <= at {
+                readers.resize_with(at + 1, || None);
+            }
+            readers[at] = Some((i, reader));
+        }
+    }
+    let mut topics: Vec<Columns> = plans.iter().map(|_| Columns::default()).collect();
+    let mut row = vec![0.0; plans.iter().map(|p| p.paths.len()).max().unwrap_or(0)];
+    let mut earliest: Option<u64> = None;
+    let read = log.messages(part, buffer, |m| {
+        if log.channels.contains_key(&m.channel) {
+            earliest = Some(earliest.map_or(m.log_time, |e| e.min(m.log_time)));
+        }
+        if let Some(Some((i, reader))) = readers.get_mut(usize::from(m.channel)) {
+            let (columns, row) = (&mut topics[*i], &mut row[..plans[*i].paths.len()]);
+            reader(m.data, row);
+            columns.log.push(m.log_time);
+            columns.publish.push(m.publish_time);
+            columns.values.extend_from_slice(row);
+        }
+    });
+    Ok(PartData { topics, earliest, damage: read.err() })
+}
+
+fn damage_note(log: &LogFile, parts: &[PartData]) -> Option<Note> {
+    let damaged: Vec<(usize, &String)> = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.damage.as_ref()?))).collect();
+    let (first, why) = damaged.first()?;
+    let text = format!(
+        "{} of {} chunks are damaged and left out; the first, at byte {}: {why}",
+        damaged.len(),
+        parts.len(),
+        log.offset(*first)
+    );
+    Some(Note::warning("file", damaged.len() as u64, text))
+}

@@ -1,0 +1,166 @@
+//! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its account and notes out.
+
+use super::channel_map::{ChannelMap, SignalMap, TimeSource};
+use super::decode::is_unreadable;
+use super::file::LogFile;
+use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
+use super::series::{Account, Series, clock_jumps, describe, order, seconds};
+use super::{Note, words};
+use crate::config::Doc;
+use crate::error::{Error, Errors};
+use crate::units::Unit;
+
+/// Everything that the signals of one flight share.
+pub(super) struct Context<'a> {
+    pub log: &'a LogFile,
+    pub map: &'a ChannelMap,
+    pub doc: &'a Doc,
+    pub plans: &'a [TopicPlan],
+    pub parts: &'a [PartData],
+    pub start_ns: u64,
+}
+
+impl Context<'_> {
+    /// Reads one signal.
+    pub fn signal(&self, name: &str, signal: &SignalMap) -> Result<(SignalLog, Vec<Note>), Errors> {
+        let error = |key: &str, what: String| Error::at(self.doc.place(&format!("signal.{name}.{key}")), what);
+        let unit = Unit::parse(&signal.unit).map_err(|e| error("unit", e))?;
+        let Some((index, plan)) = self.plans.iter().enumerate().find(|(_, p)| p.topic == signal.topic) else {
+            return Err(error("topic", format!("topic \"{}\" was not read", signal.topic)).into());
+        };
+        let data: Vec<&Columns> = self.parts.iter().map(|p| &p.topics[index]).collect();
+        let messages: usize = data.iter().map(|c| c.log.len()).sum();
+        if messages == 0 {
+            let what = format!("topic \"{}\" of {} has no intact message", signal.topic, self.log.name());
+            return Err(error("topic", what).into());
+        }
+        let mut account = Account {
+            topic: signal.topic.clone(),
+            field: signal.field.clone(),
+            unit: signal.unit.clone(),
+            messages: messages as u64,
+            ..Account::default()
+        };
+        let (log_ns, stamps) = self.stamps(plan, &data, signal).map_err(|what| error(self.time_key(signal), what))?;
+        account.clock_jumps = clock_jumps(&log_ns, &stamps.iter().zip(&log_ns).map(|(s, l)| s.unwrap_or(*l)).collect::<Vec<_>>());
+
+        let raw = column(plan, &data, &signal.field);
+        if raw.clone().all(is_unreadable) {
+            let known: Vec<&str> = plan.fields.iter().map(|f| f.path.as_str()).filter(|p| !p.contains('*')).collect();
+            let what = if known.contains(&signal.field.as_str()) {
+                format!("field \"{}\" of topic \"{}\" in {} holds no number", signal.field, signal.topic, self.log.name())
+            } else {
+                let has = words::nearest_first(&signal.field, &known);
+                format!("field \"{}\" is not in topic \"{}\" of {}; it has {has}", signal.field, signal.topic, self.log.name())
+            };
+            return Err(error("field", what).into());
+        }
+        let mut samples: Vec<(i64, f64)> = Vec::with_capacity(messages);
+        for (stamp, value) in stamps.iter().zip(raw) {
+            match stamp {
+                Some(stamp) if value.is_finite() => samples.push((*stamp, value)),
+                Some(_) if !is_unreadable(value) => account.dropped_nan += 1,
+                _ => account.dropped_unreadable += 1,
+            }
+        }
+        order(&mut samples, &mut account);
+        let factor = f64::from(signal.sign) * signal.scale;
+        let series = Series {
+            t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
+            value: samples.iter().map(|s| factor * unit.to_si(s.1) + signal.offset).collect(),
+        };
+        describe(&series, &samples, &mut account);
+        let notes = self.notes(name, &account, &log_ns, &stamps);
+        Ok((SignalLog { series, account }, notes))
+    }
+
+    fn time_key(&self, signal: &SignalMap) -> &'static str {
+        if signal.time.is_some() { "time" } else { "topic" }
+    }
+
+    /// Log times and the stamps that count, ns since the flight's zero, in file order.
+    #[allow(clippy::type_complexity)]
+    fn stamps(&self, plan: &TopicPlan, data: &[&Columns], signal: &SignalMap) -> Result<(Vec<i64>, Vec<Option<i64>>), String> {
+        let since = |ns: u64| i64::try_from(i128::from(ns) - i128::from(self.start_ns)).unwrap_or(i64::MAX);
+        let log_ns: Vec<i64> = data.iter().flat_map(|c| c.log.iter().map(|&t| since(t))).collect();
+        let (topic, file) = (&signal.topic, self.log.name());
+        let stamps = match self.map.time_source(signal) {
+            TimeSource::Log => log_ns.iter().copied().map(Some).collect(),
+            TimeSource::Publish => {
+                if data.iter().all(|c| c.publish.iter().all(|&t| t == 0)) {
+                    return Err(format!("topic \"{topic}\" of {file} has no publish times (all are 0); use time = \"log\""));
+                }
+                data.iter().flat_map(|c| c.publish.iter().map(|&t| Some(since(t)))).collect()
+            }
+            TimeSource::Field(path, unit) => {
+                let paths = stamp_paths(&path, unit, &plan.fields);
+                let zero = i128::from(self.start_ns);
+                let stamp = |ns: i128| i64::try_from(ns - zero).ok();
+                let whole = |x: f64, unit: f64| x.is_finite().then(|| libm::round(x * unit) as i128);
+                let stamps: Vec<Option<i64>> = match (paths.as_slice(), unit) {
+                    ([sec, nanosec], _) => column(plan, data, sec)
+                        .zip(column(plan, data, nanosec))
+                        .map(|(s, ns)| stamp(whole(s, 1.0)? * 1_000_000_000 + whole(ns, 1.0)?))
+                        .collect(),
+                    (_, Some(unit)) => column(plan, data, &path).map(|x| stamp(whole(x, unit)?)).collect(),
+                    _ => {
+                        return Err(format!(
+                            "the time stamp \"{path}\" of topic \"{topic}\" needs a time_unit: \"s\", \"ms\", \"us\" or \"ns\""
+                        ));
+                    }
+                };
+                if stamps.iter().all(Option::is_none) {
+                    let known: Vec<&str> = plan.fields.iter().map(|f| f.path.as_str()).collect();
+                    return Err(format!(
+                        "no message of topic \"{topic}\" in {file} has a time stamp \"{path}\"; it has {}",
+                        words::nearest_first(&path, &known)
+                    ));
+                }
+                stamps
+            }
+        };
+        Ok((log_ns, stamps))
+    }
+
+    fn notes(&self, name: &str, a: &Account, log_ns: &[i64], stamps: &[Option<i64>]) -> Vec<Note> {
+        let from = format!("{} {}", a.topic, a.field);
+        let of = format!("of {} messages", a.messages);
+        let mut notes = Vec::new();
+        let mut say = |count: u64, text: String| {
+            if count > 0 {
+                notes.push(Note::warning(name, count, format!("{from}: {text}")));
+            }
+        };
+        say(a.dropped_unreadable, format!("{} {of} unreadable", a.dropped_unreadable));
+        say(a.dropped_nan, format!("{} {of} hold NaN, dropped", a.dropped_nan));
+        say(a.dropped_duplicate, format!("{} {of} repeat a time stamp, dropped", a.dropped_duplicate));
+        say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
+        say(
+            a.gaps,
+            format!("{} gaps, the longest {:.3} s at a usual spacing of {:.4} s", a.gaps, a.longest_gap_s, 1.0 / a.rate_hz),
+        );
+        if a.reordered > 0 {
+            notes.push(Note::info(name, a.reordered, format!("{from}: {} {of} out of order, sorted", a.reordered)));
+        }
+        if a.count == 0 {
+            notes.push(Note::warning(name, a.messages, format!("{from}: no sample is left")));
+        }
+        // Stamps of a clock of their own (since boot, say) would silently shift the signal against all others.
+        let mut apart: Vec<i64> = stamps.iter().zip(log_ns).filter_map(|(s, l)| Some(s.as_ref()?.saturating_sub(*l))).collect();
+        let middle = apart.len() / 2;
+        if !apart.is_empty() && apart.select_nth_unstable(middle).1.saturating_abs() > 1_000_000_000 {
+            let text = format!(
+                "{from}: its time stamps are {:.3} s off the log time; signals of other clocks are not aligned with it",
+                seconds(apart[middle])
+            );
+            notes.push(Note::warning(name, a.messages, text));
+        }
+        notes
+    }
+}
+
+/// One field of a topic over all parts.
+fn column<'a>(plan: &TopicPlan, data: &'a [&'a Columns], path: &str) -> impl Iterator<Item = f64> + Clone + 'a {
+    let (at, width) = (plan.paths.iter().position(|p| p == path).unwrap_or(0), plan.paths.len().max(1));
+    data.iter().flat_map(move |c| c.values.iter().skip(at).step_by(width).copied())
+}

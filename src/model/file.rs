@@ -1,0 +1,180 @@
+//! The sections of a model file as they stand in the text, before any name is looked up.
+
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A model file (`<name>.model.toml`) or a fragment.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ModelFile {
+    /// One line saying what the model describes.
+    pub title: String,
+    /// Where the equations come from.
+    #[serde(default)]
+    pub source: String,
+    /// Fragments pulled in: names of embedded ones, or paths beginning with "./" beside this file.
+    #[serde(default, rename = "use")]
+    pub uses: Vec<String>,
+    /// What drives the model: columns of the samples table with the unit the equations expect.
+    #[serde(default)]
+    pub inputs: IndexMap<String, Input>,
+    /// Assumed values; those without a value here come from the aircraft file.
+    #[serde(default)]
+    pub constants: IndexMap<String, Constant>,
+    /// What may be estimated.
+    #[serde(default)]
+    pub parameters: IndexMap<String, ParameterEntry>,
+    /// Named expressions, in any order.
+    #[serde(default)]
+    pub equations: IndexMap<String, String>,
+    /// What is integrated.
+    #[serde(default)]
+    pub states: IndexMap<String, State>,
+    /// What is compared with measurements.
+    #[serde(default)]
+    pub outputs: IndexMap<String, Output>,
+    /// Tables for `table(name, x)`.
+    #[serde(default)]
+    pub tables: IndexMap<String, TableEntry>,
+    /// What is solved for, and what must vanish, in steady flight.
+    pub trim: Option<Trim>,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Input {
+    /// The SI unit.
+    Unit(String),
+    Full(InputFull),
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InputFull {
+    pub unit: String,
+    #[serde(default)]
+    pub doc: String,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Constant {
+    /// The SI unit; the value comes from the aircraft file.
+    Unit(String),
+    Full(ConstantFull),
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConstantFull {
+    pub unit: String,
+    /// The value, unless the aircraft file gives one.
+    pub value: Option<f64>,
+    /// Standard deviation of the assumed value.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub sd: f64,
+    #[serde(default)]
+    pub doc: String,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterEntry {
+    pub unit: String,
+    /// Starting value of an estimation, and the value where the parameter is fixed.
+    pub start: f64,
+    /// Lower bound.
+    pub min: Option<f64>,
+    /// Upper bound.
+    pub max: Option<f64>,
+    /// Where one value holds.
+    #[serde(default)]
+    pub per: Per,
+    /// Held at `start` unless an estimation frees it.
+    #[serde(default)]
+    pub fixed: bool,
+    /// Standard deviation of a prior centred at `start`.
+    #[schemars(range(min = 0.0))]
+    pub sd: Option<f64>,
+    #[serde(default)]
+    pub doc: String,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Per {
+    /// One value for all segments.
+    #[default]
+    Campaign,
+    /// One value for each segment.
+    Segment,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    pub unit: String,
+    /// Its time derivative, an expression.
+    pub rate: String,
+    /// Start value: a number, an expression, or "measured".
+    pub start: Value,
+    /// The state stays above this number, constant or parameter.
+    pub min: Option<Value>,
+    /// The state stays below this number, constant or parameter.
+    pub max: Option<Value>,
+    /// The rate stays within plus and minus this number, constant or parameter.
+    pub rate_max: Option<Value>,
+    #[serde(default)]
+    pub doc: String,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Value {
+    Number(f64),
+    Text(String),
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Output {
+    pub unit: String,
+    /// An expression.
+    pub value: String,
+    #[serde(default)]
+    pub doc: String,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TableEntry {
+    /// Break points of the first argument, ascending.
+    pub x: Vec<f64>,
+    pub unit_x: String,
+    /// Break points of a second argument, ascending.
+    pub x2: Option<Vec<f64>>,
+    pub unit_x2: Option<String>,
+    /// Values: one per break point, or one row of `x2` values per break point of `x`.
+    pub y: Values,
+    pub unit_y: String,
+    #[serde(default)]
+    pub doc: String,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Values {
+    Row(Vec<f64>),
+    Rows(Vec<Vec<f64>>),
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Trim {
+    /// States, inputs or parameters that are solved for.
+    pub free: Vec<String>,
+    /// Equations, outputs or state rates (`rate(w)`) that must vanish.
+    pub zero: Vec<String>,
+}

@@ -1,0 +1,199 @@
+//! Which programs a trajectory needs: values alone, or values with exact Jacobians for chosen directions.
+
+use std::collections::BTreeMap;
+
+use super::graph::{Graph, Leaf, Node};
+use super::program::Program;
+use super::{Model, StartKind};
+use crate::error::{Error, Result};
+
+/// One non-zero entry of a Jacobian: row, column, number of the program's output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Entry {
+    pub row: usize,
+    pub column: usize,
+    pub output: usize,
+}
+
+/// A program computing the non-zero entries of a set of derivatives: `value = d(row)/d(column)`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Sparse {
+    /// With respect to states.
+    pub states: Vec<Entry>,
+    /// With respect to the free parameters (columns count directions).
+    pub parameters: Vec<Entry>,
+    /// With respect to delayed values.
+    pub delayed: Vec<Entry>,
+}
+
+/// Programs for values and derivatives of one model and one choice of free parameters.
+#[derive(Debug, Clone)]
+pub struct Linear {
+    /// Rates and their Jacobian entries.
+    pub rates: Sparse,
+    pub rates_program: Program,
+    /// Outputs (first) and their Jacobian entries.
+    pub outputs: Sparse,
+    pub outputs_program: Program,
+    /// Delay times (first) and their Jacobian entries.
+    pub delays: Sparse,
+    pub delays_program: Program,
+    /// d(limit)/d(parameter) of the states' `min` and `max`: (state, is max, direction, output of `limits_program`).
+    pub limits: Vec<(usize, bool, usize, usize)>,
+    pub limits_program: Program,
+}
+
+/// Start values as functions of parameters, inputs at the start and values given from outside.
+#[derive(Debug, Clone)]
+pub struct Starts {
+    /// One output per state, then the derivative entries.
+    pub program: Program,
+    /// Columns count directions: free parameters first, then the given states in order.
+    pub entries: Vec<Entry>,
+    /// States whose start is given from outside (measured or free).
+    pub given: Vec<usize>,
+}
+
+impl Model {
+    /// Values of the rates.
+    pub fn rates_program(&self) -> Program {
+        Program::lower(&self.graph, &self.rates, &self.layout)
+    }
+
+    /// Values of the outputs.
+    pub fn outputs_program(&self) -> Program {
+        Program::lower(&self.graph, &self.output_nodes, &self.layout)
+    }
+
+    /// Values of the delay times.
+    pub fn delays_program(&self) -> Program {
+        let taus: Vec<Node> = self.delays.iter().map(|d| d.tau).collect();
+        Program::lower(&self.graph, &taus, &self.layout)
+    }
+
+    /// Values of the limits of the states: `min` and `max` of each state in turn (infinite where there is none).
+    pub fn limits_program(&self) -> Program {
+        let mut graph = self.graph.clone();
+        let (low, high) = (graph.c(f64::NEG_INFINITY), graph.c(f64::INFINITY));
+        let nodes: Vec<Node> = self.states.iter().flat_map(|s| [s.min.unwrap_or(low), s.max.unwrap_or(high)]).collect();
+        Program::lower(&graph, &nodes, &self.layout)
+    }
+
+    /// The programs of the sensitivities with respect to `free` parameters (indices).
+    pub fn linearize(&self, free: &[usize]) -> Linear {
+        let mut g = self.graph.clone();
+        let taus: Vec<Node> = self.delays.iter().map(|d| d.tau).collect();
+        let (rates, nodes) = self.sparse(&mut g, &self.rates, free, 0);
+        let rates_program = Program::lower(&g, &nodes, &self.layout);
+        let (outputs, nodes) = self.sparse(&mut g, &self.output_nodes, free, self.output_nodes.len());
+        let outputs_program = Program::lower(&g, &[&self.output_nodes[..], &nodes].concat(), &self.layout);
+        let (delays, nodes) = self.sparse(&mut g, &taus, free, taus.len());
+        let delays_program = Program::lower(&g, &[&taus[..], &nodes].concat(), &self.layout);
+        let (mut limits, mut nodes) = (Vec::new(), Vec::new());
+        for (i, s) in self.states.iter().enumerate() {
+            for (is_max, bound) in [(false, s.min), (true, s.max)] {
+                let Some(bound) = bound else { continue };
+                for (column, &p) in free.iter().enumerate() {
+                    let d = g.derivative(bound, Leaf::Parameter(p));
+                    if g.constant(d) != Some(0.0) {
+                        limits.push((i, is_max, column, nodes.len()));
+                        nodes.push(d);
+                    }
+                }
+            }
+        }
+        let limits_program = Program::lower(&g, &nodes, &self.layout);
+        Linear { rates, rates_program, outputs, outputs_program, delays, delays_program, limits, limits_program }
+    }
+
+    /// Non-zero derivatives of `rows`; outputs are numbered from `first`.
+    fn sparse(&self, g: &mut Graph, rows: &[Node], free: &[usize], first: usize) -> (Sparse, Vec<Node>) {
+        let (mut sparse, mut nodes) = (Sparse::default(), Vec::new());
+        let present = |g: &Graph, row: Node| g.leaves(&[row]);
+        for (row, &node) in rows.iter().enumerate() {
+            let leaves = present(g, node);
+            let mut put = |g: &mut Graph, leaf: Leaf, column: usize, list: &mut Vec<Entry>| {
+                if !leaves.contains(&leaf) {
+                    return;
+                }
+                let d = g.derivative(node, leaf);
+                if g.constant(d) != Some(0.0) {
+                    list.push(Entry { row, column, output: first + nodes.len() });
+                    nodes.push(d);
+                }
+            };
+            for i in 0..self.states.len() {
+                put(g, Leaf::State(i), i, &mut sparse.states);
+            }
+            for (column, &p) in free.iter().enumerate() {
+                put(g, Leaf::Parameter(p), column, &mut sparse.parameters);
+            }
+            for k in 0..self.delays.len() {
+                put(g, Leaf::Delayed(k), k, &mut sparse.delayed);
+            }
+        }
+        (sparse, nodes)
+    }
+
+    /// The program of the start values. `given` states (ascending) start at values from outside, `free` parameters give directions.
+    ///
+    /// # Errors
+    /// A start that depends on itself through other starts.
+    pub fn starts(&self, given: &[usize], free: &[usize]) -> Result<Starts> {
+        let mut g = self.graph.clone();
+        let mut known: BTreeMap<Leaf, Node> = BTreeMap::new();
+        for &i in given {
+            let node = g.leaf(Leaf::StartValue(i));
+            known.insert(Leaf::State(i), node);
+        }
+        // each round resolves every start whose states are all known
+        loop {
+            let open: Vec<usize> = (0..self.states.len()).filter(|&i| !known.contains_key(&Leaf::State(i))).collect();
+            if open.is_empty() {
+                break;
+            }
+            let mut progress = false;
+            for i in open {
+                let node = match self.states[i].start {
+                    StartKind::Measured => g.leaf(Leaf::StartValue(i)),
+                    StartKind::Expression(node) => {
+                        let ready = g.leaves(&[node]).iter().all(|l| !matches!(l, Leaf::State(_)) || known.contains_key(l));
+                        if !ready {
+                            continue;
+                        }
+                        g.substitute(node, &known)
+                    }
+                };
+                known.insert(Leaf::State(i), node);
+                progress = true;
+            }
+            if !progress {
+                let names: Vec<&str> = (0..self.states.len())
+                    .filter(|&i| !known.contains_key(&Leaf::State(i)))
+                    .map(|i| self.states[i].quantity.name.as_str())
+                    .collect();
+                return Err(Error::new(format!(
+                    "model {}: the start values of {} depend on each other",
+                    self.name,
+                    names.join(", ")
+                )));
+            }
+        }
+        let starts: Vec<Node> = (0..self.states.len()).map(|i| known[&Leaf::State(i)]).collect();
+        let given: Vec<usize> =
+            (0..self.states.len()).filter(|i| given.contains(i) || self.states[*i].start == StartKind::Measured).collect();
+        let directions: Vec<Leaf> =
+            free.iter().map(|&p| Leaf::Parameter(p)).chain(given.iter().map(|&i| Leaf::StartValue(i))).collect();
+        let (mut entries, mut nodes) = (Vec::new(), starts.clone());
+        for (row, &node) in starts.iter().enumerate() {
+            for (column, &leaf) in directions.iter().enumerate() {
+                let d = g.derivative(node, leaf);
+                if g.constant(d) != Some(0.0) {
+                    entries.push(Entry { row, column, output: nodes.len() });
+                    nodes.push(d);
+                }
+            }
+        }
+        Ok(Starts { program: Program::lower(&g, &nodes, &self.layout), entries, given })
+    }
+}
