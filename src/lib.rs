@@ -1,6 +1,6 @@
 //! Koehler: flight-test logs in, identified aircraft models with honest uncertainty out.
 //!
-//! The modules are floors of one house: a module imports only modules named above it in this list (`tests/floors.rs` walks the
+//! The modules are floors of one house: a module imports only modules named above it in this list (`tests/all/floors.rs` walks the
 //! imports and fails on an upward one).
 //!
 //! | floor | what it does |

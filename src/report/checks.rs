@@ -1,0 +1,127 @@
+//! All tables in, what a reader wants to know first out: the counts at the top and the answers to "can I trust this?".
+
+use super::columns::Columns;
+use super::format::{count, number};
+use super::grid::Level;
+use super::maneuvers::{self, Match};
+use super::{estimates, flights, lines, logs};
+use serde::Serialize;
+
+/// One number of the header.
+#[derive(Debug, Serialize)]
+pub struct Tile {
+    pub value: String,
+    pub label: String,
+    pub level: Option<Level>,
+}
+
+/// One checked question, with its answer.
+#[derive(Debug, Serialize)]
+pub struct Check {
+    pub level: Level,
+    pub mark: &'static str,
+    pub word: &'static str,
+    pub text: String,
+    /// The section with the details.
+    pub link: &'static str,
+}
+
+/// The tables that the header and the checks look at.
+#[derive(Clone, Copy)]
+pub struct Facts<'a> {
+    pub flights: &'a [String],
+    pub segments: Option<&'a Columns>,
+    pub estimates: Option<&'a Columns>,
+    pub correlations: Option<&'a Columns>,
+    pub fits: Option<&'a Columns>,
+    pub channels: Option<&'a Columns>,
+    pub notes: Option<&'a Columns>,
+    pub matches: &'a [Match],
+}
+
+/// Flights, maneuvers found and used, estimations converged, lines, notes.
+pub fn tiles(facts: Facts) -> Vec<Tile> {
+    let tile = |value: String, label: &str, level| Tile { value, label: label.into(), level };
+    let found = facts.segments.map_or(0, Columns::rows);
+    let used = facts.segments.map_or(0, |s| (0..s.rows()).filter(|&row| flights::included(s, row)).count());
+    let (all, good) = estimates::counts(facts.estimates);
+    let lines = facts.fits.map_or(0, Columns::rows);
+    let remarks = facts.notes.map_or(0, Columns::rows);
+    let noted = facts.notes.and_then(|n| logs::remarks(Some(n))).map(|(level, _)| level).filter(|l| *l != Level::Good);
+    vec![
+        tile(facts.flights.len().to_string(), "flights", None),
+        tile(found.to_string(), "maneuvers found", (found == 0).then_some(Level::Bad)),
+        tile(used.to_string(), "maneuvers used", (used == 0).then_some(Level::Bad)),
+        tile(format!("{good} / {all}"), "estimations converged", (good < all || all == 0).then_some(Level::Bad)),
+        tile(lines.to_string(), "fitted lines", None),
+        tile(remarks.to_string(), "notes", noted),
+    ]
+}
+
+/// The checks, in the order of the processing.
+pub fn checks(facts: Facts) -> Vec<Check> {
+    let answers = [
+        (logs::losses(facts.channels), "channels"),
+        (flights::summary(facts.segments, facts.flights), "flights"),
+        (by_hand(facts.segments), "flights"),
+        (estimates::convergence(facts.estimates), "estimates"),
+        (maneuvers::summary(facts.matches), "maneuvers"),
+        (estimates::colour(facts.estimates), "estimates"),
+        (estimates::separation(facts.correlations), "estimates"),
+        (scatter(facts.fits), "fits"),
+        (few_points(facts.fits), "fits"),
+        (logs::remarks(facts.notes), "notes"),
+    ];
+    answers.into_iter().filter_map(|(answer, link)| answer.map(|(level, text)| check(level, text, link))).collect()
+}
+
+fn check(level: Level, text: String, link: &'static str) -> Check {
+    let (mark, word) = match level {
+        Level::Good => ("✓", "good"),
+        Level::Info | Level::Dim => ("·", "note"),
+        Level::Warn => ("!", "look"),
+        Level::Bad => ("✗", "problem"),
+    };
+    Check { level, mark, word, text, link }
+}
+
+/// Maneuvers that were left out, by hand or by the score.
+fn by_hand(segments: Option<&Columns>) -> Option<(Level, String)> {
+    let segments = segments?;
+    let out = (0..segments.rows()).filter(|&row| !flights::included(segments, row)).count();
+    (out > 0).then(|| (Level::Info, format!("{} found but left out; the reasons are in the table.", count(out, "maneuver"))))
+}
+
+/// Scatter between maneuvers beyond what the estimates' own sd explain.
+fn scatter(fits: Option<&Columns>) -> Option<(Level, String)> {
+    let fits = fits.filter(|f| f.rows() > 0)?;
+    let excess = |row: &usize| lines::reduced_chi2(fits, *row) > EXCESS;
+    let names: Vec<String> = (0..fits.rows())
+        .filter(excess)
+        .map(|r| format!("{} ({})", fits.text("parameter", r), number(lines::reduced_chi2(fits, r), 2)))
+        .collect();
+    Some(if names.is_empty() {
+        (
+            Level::Good,
+            format!("The points scatter about their lines as their standard deviations say (reduced chi-square below {EXCESS})."),
+        )
+    } else {
+        let text = format!(
+            "Points scatter more than their standard deviations explain (reduced chi-square above {EXCESS}): {}.",
+            estimates::few(&names)
+        );
+        (Level::Warn, text + " The bands include this scatter; ask what the model lacks.")
+    })
+}
+
+/// Above this, scatter is remarkable.
+const EXCESS: f64 = 2.5;
+
+/// Lines through few points.
+fn few_points(fits: Option<&Columns>) -> Option<(Level, String)> {
+    let fits = fits?;
+    let names: Vec<String> = (0..fits.rows()).filter(|&r| fits.number("n", r) < 5.0).map(|r| fits.text("parameter", r)).collect();
+    (!names.is_empty()).then(|| {
+        (Level::Warn, format!("Lines through fewer than 5 points, so with wide and uncertain bands: {}.", estimates::few(&names)))
+    })
+}

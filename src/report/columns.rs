@@ -1,0 +1,123 @@
+//! A table's columns by name, read without fear: a missing column or an empty cell is NaN or "", never a failure of the page.
+
+use std::collections::BTreeMap;
+
+use crate::table::{self, Kind, Table};
+
+/// Columns of one table in row order.
+#[derive(Debug, Clone, Default)]
+pub struct Columns {
+    rows: usize,
+    numbers: BTreeMap<String, Vec<f64>>,
+    texts: BTreeMap<String, Vec<String>>,
+    flags: BTreeMap<String, Vec<bool>>,
+    units: BTreeMap<String, String>,
+}
+
+/// The values of one column.
+#[derive(Debug, Clone)]
+enum Column {
+    Number(Vec<f64>),
+    Text(Vec<String>),
+    Flag(Vec<bool>),
+}
+
+impl Columns {
+    /// The columns of a table.
+    pub fn of(table: &Table) -> Self {
+        let column = |column: &table::Column| {
+            let name = column.name.as_str();
+            let values = match column.kind {
+                Kind::F64 => table.f64(name).map(|v| Column::Number(v.to_vec())),
+                Kind::I64 => {
+                    table.opt_i64(name).map(|v| Column::Number(v.into_iter().map(|n| n.map_or(f64::NAN, |n| n as f64)).collect()))
+                }
+                Kind::Bool => table.bools(name).map(Column::Flag),
+                Kind::String => table.strings(name).map(|v| Column::Text(v.into_iter().map(String::from).collect())),
+            };
+            // "-" and "SI" say that there is no unit, or that another column names it.
+            let unit = if ["-", "SI"].contains(&column.unit.as_str()) { "" } else { &column.unit };
+            values.ok().map(|values| (name.to_string(), unit.to_string(), values))
+        };
+        Columns::from_columns(table.columns().iter().filter_map(column))
+    }
+
+    /// Columns from name, unit and values; the shortest column decides how many rows there are.
+    fn from_columns(columns: impl IntoIterator<Item = (String, String, Column)>) -> Self {
+        let mut all = Columns::default();
+        let mut rows: Option<usize> = None;
+        for (name, unit, column) in columns {
+            let n = match column {
+                Column::Number(values) => all.numbers.entry(name.clone()).or_insert(values).len(),
+                Column::Text(values) => all.texts.entry(name.clone()).or_insert(values).len(),
+                Column::Flag(values) => all.flags.entry(name.clone()).or_insert(values).len(),
+            };
+            rows = Some(rows.map_or(n, |rows| rows.min(n)));
+            all.units.insert(name, unit);
+        }
+        all.rows = rows.unwrap_or(0);
+        all
+    }
+
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    pub fn has(&self, name: &str) -> bool {
+        self.numbers.contains_key(name) || self.texts.contains_key(name) || self.flags.contains_key(name)
+    }
+
+    /// The number in a cell; NaN when there is none.
+    pub fn number(&self, name: &str, row: usize) -> f64 {
+        self.column(name).get(row).copied().unwrap_or(f64::NAN)
+    }
+
+    /// The whole number column; empty when there is none.
+    pub fn column(&self, name: &str) -> &[f64] {
+        self.numbers.get(name).map_or(&[], |v| v.as_slice())
+    }
+
+    /// The text in a cell; "" when there is none. Whole numbers read as text too (a segment may be numbered).
+    pub fn text(&self, name: &str, row: usize) -> String {
+        if let Some(text) = self.texts.get(name).and_then(|v| v.get(row)) {
+            return text.clone();
+        }
+        match self.numbers.get(name).and_then(|v| v.get(row)) {
+            Some(v) if v.is_finite() => format!("{v}"),
+            _ => String::new(),
+        }
+    }
+
+    pub fn flag(&self, name: &str, row: usize) -> Option<bool> {
+        self.flags.get(name).and_then(|v| v.get(row)).copied()
+    }
+
+    /// The unit of a column, "" when it has none.
+    pub fn unit(&self, name: &str) -> &str {
+        self.units.get(name).map_or("", |u| u.as_str())
+    }
+
+    /// Row numbers by the text in column `name`.
+    pub fn rows_by(&self, name: &str) -> BTreeMap<String, Vec<usize>> {
+        let mut rows: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        for row in 0..self.rows {
+            rows.entry(self.text(name, row)).or_default().push(row);
+        }
+        rows
+    }
+
+    /// Rows grouped by the texts in `names`, groups in order of first appearance.
+    pub fn groups(&self, names: &[&str]) -> Vec<(Vec<String>, Vec<usize>)> {
+        let mut at: BTreeMap<Vec<String>, usize> = BTreeMap::new();
+        let mut groups: Vec<(Vec<String>, Vec<usize>)> = Vec::new();
+        for row in 0..self.rows {
+            let key: Vec<String> = names.iter().map(|n| self.text(n, row)).collect();
+            let i = *at.entry(key.clone()).or_insert_with(|| {
+                groups.push((key, Vec::new()));
+                groups.len() - 1
+            });
+            groups[i].1.push(row);
+        }
+        groups
+    }
+}

@@ -1,0 +1,207 @@
+//! `estimates` and `correlations` in, the tables of estimates and what the checks say about them out.
+
+use super::columns::Columns;
+use super::format::{count, number, with_sd};
+use super::grid::{Cell, Grid, Level};
+use serde::Serialize;
+
+/// The estimates of the page: one table per model and group.
+#[derive(Debug, Default, Serialize)]
+pub struct Estimates {
+    pub missing: Option<String>,
+    pub tables: Vec<Table>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct Table {
+    pub heading: String,
+    pub grid: Grid,
+}
+
+/// Stop reason of an estimate that reached its minimum.
+const CONVERGED: &str = "converged";
+/// More parameters than this are listed below each other, not side by side.
+const WIDE: usize = 8;
+
+/// Tables of estimates: maneuvers down and parameters across where there are many maneuvers, else one row per parameter.
+pub fn estimates(table: Option<&Columns>) -> Estimates {
+    let Some(table) = table.filter(|t| t.rows() > 0) else {
+        return Estimates {
+            missing: Some("No estimate: the estimate stage has not run, or no maneuver was found.".into()),
+            tables: Vec::new(),
+        };
+    };
+    // One estimate per maneuver is one group per maneuver: those belong into one table per model.
+    let mut tables = Vec::new();
+    for (model, rows) in table.groups(&["model"]) {
+        let parameters = names(table, &rows);
+        let runs = runs(table, &rows);
+        let grid = if parameters.len() <= WIDE && runs.len() > 1 { across(table, &parameters, &runs) } else { down(table, &rows) };
+        tables.push(Table { heading: model.join(" "), grid });
+    }
+    Estimates { missing: None, tables }
+}
+
+/// Parameter names in order of first appearance.
+fn names(table: &Columns, rows: &[usize]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for &row in rows {
+        let name = table.text("parameter", row);
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
+}
+
+/// Rows of one group and segment each, in order of first appearance.
+fn runs(table: &Columns, rows: &[usize]) -> Vec<Vec<usize>> {
+    let mut runs: Vec<Vec<usize>> = Vec::new();
+    let key = |row: usize| [table.text("group", row), table.text("flight", row), table.text("segment", row)];
+    for &row in rows {
+        match runs.iter_mut().find(|run| run.first().is_some_and(|&first| key(first) == key(row))) {
+            Some(run) => run.push(row),
+            None => runs.push(vec![row]),
+        }
+    }
+    runs
+}
+
+fn across(table: &Columns, parameters: &[String], runs: &[Vec<usize>]) -> Grid {
+    let unit = |name: &String| {
+        runs.iter().flatten().find(|&&r| table.text("parameter", r) == *name).map_or(String::new(), |&r| table.text("unit", r))
+    };
+    let mut columns: Vec<String> = vec!["group".into(), "segment".into()];
+    columns.extend(parameters.iter().map(|name| format!("#{name}|{}", unit(name))));
+    columns.push("stop".into());
+    let mut grid = Grid::new(columns);
+    for run in runs {
+        let Some(&first) = run.first() else { continue };
+        let mut cells = vec![Cell::new(table.text("group", first)), Cell::new(segment(table, first))];
+        for name in parameters {
+            let row = run.iter().copied().find(|&r| table.text("parameter", r) == *name);
+            cells.push(row.map_or(Cell::default(), |row| value(table, row)));
+        }
+        cells.push(stop(table, first));
+        grid.push(cells);
+        mark_failed(&mut grid, table, first);
+    }
+    grid
+}
+
+fn down(table: &Columns, rows: &[usize]) -> Grid {
+    let columns = ["group", "segment", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#start", "stop"];
+    let mut grid = Grid::new(columns);
+    for &row in rows {
+        let (sd, bound) = (table.number("sd", row), table.number("sd_crlb", row));
+        let (value, sd_text) = with_sd(table.number("value", row), sd);
+        let mut cells: Vec<Cell> = vec![table.text("group", row).into(), segment(table, row).into()];
+        cells.extend(["parameter", "unit"].map(|name| Cell::new(table.text(name, row))));
+        cells.extend([
+            value.into(),
+            sd_text.unwrap_or("none".into()).into(),
+            number(bound, 2).into(),
+            number(sd / bound, 2).into(),
+            number(table.number("start", row), 4).into(),
+            stop(table, row),
+        ]);
+        grid.push(cells);
+        mark_failed(&mut grid, table, row);
+    }
+    grid
+}
+
+fn segment(table: &Columns, row: usize) -> String {
+    let parts = [table.text("flight", row), table.text("segment", row)];
+    parts.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(" / ")
+}
+
+fn value(table: &Columns, row: usize) -> Cell {
+    let (value, sd) = with_sd(table.number("value", row), table.number("sd", row));
+    let bound = table.number("sd_crlb", row);
+    let text = sd.map_or(value.clone(), |sd| format!("{value} ± {sd}"));
+    if bound.is_finite() { Cell::new(text).sub(format!("CR {}", number(bound, 2))) } else { Cell::new(text) }
+}
+
+fn stop(table: &Columns, row: usize) -> Cell {
+    Cell::new(table.text("stop", row))
+}
+
+fn mark_failed(grid: &mut Grid, table: &Columns, row: usize) {
+    if !converged(table, row)
+        && let Some(last) = grid.rows.last_mut()
+    {
+        last.level = Some(Level::Bad);
+    }
+}
+
+fn converged(table: &Columns, row: usize) -> bool {
+    table.text("stop", row) == CONVERGED
+}
+
+/// How many estimations there are, and how many of them converged.
+pub fn counts(table: Option<&Columns>) -> (usize, usize) {
+    let Some(table) = table else { return (0, 0) };
+    let groups = table.groups(&["model", "group"]);
+    let good = groups.iter().filter(|(_, rows)| rows.iter().all(|&r| converged(table, r))).count();
+    (groups.len(), good)
+}
+
+/// The sentence of the checks about convergence.
+pub fn convergence(table: Option<&Columns>) -> Option<(Level, String)> {
+    let table = table?;
+    let (all, good) = counts(Some(table));
+    if all == 0 {
+        return None;
+    }
+    if good == all {
+        return Some((Level::Good, format!("Every one of the {} converged.", count(all, "estimation"))));
+    }
+    let groups = table.groups(&["model", "group"]);
+    let failed = groups.iter().filter(|(_, rows)| !rows.iter().all(|&r| converged(table, r)));
+    let names: Vec<String> = failed
+        .map(|(key, rows)| format!("{} ({})", key.join(" "), rows.first().map_or(String::new(), |&r| table.text("stop", r))))
+        .collect();
+    Some((Level::Bad, format!("{} did not converge: {}.", count(all - good, "estimation"), few(&names))))
+}
+
+/// The sentence of the checks about coloured residuals: how far the corrected sd stands above the plain bound.
+pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
+    let table = table?;
+    let ratio = |row: usize| table.number("sd", row) / table.number("sd_crlb", row);
+    let mut ratios: Vec<f64> = (0..table.rows()).map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
+    ratios.sort_by(f64::total_cmp);
+    let median = *ratios.get(ratios.len() / 2)?;
+    let tail = if median > 1.5 {
+        "the residuals are coloured, and the plain bound would be too optimistic by that factor."
+    } else {
+        "the residuals are close to white."
+    };
+    Some((
+        Level::Info,
+        format!("The standard deviations are {} times the plain Cramér-Rao bound (median): {tail}", number(median, 2)),
+    ))
+}
+
+/// The sentence of the checks about parameter pairs the data hardly separate.
+pub fn separation(correlations: Option<&Columns>) -> Option<(Level, String)> {
+    let table = correlations?;
+    let name = |row: usize| format!("{} and {}", table.text("parameter", row), table.text("other", row));
+    let close = |row: &usize| table.number("value", *row).abs() > CLOSE;
+    let mut pairs: Vec<String> = (0..table.rows()).filter(close).map(name).collect();
+    pairs.sort();
+    pairs.dedup();
+    Some(if pairs.is_empty() {
+        (Level::Good, format!("No two parameters of an estimation are correlated above {CLOSE}."))
+    } else {
+        (Level::Warn, format!("Correlated above {CLOSE} in some estimation, so hardly separable there: {}.", few(&pairs)))
+    })
+}
+
+const CLOSE: f64 = 0.95;
+
+/// At most six names, and how many more there are.
+pub fn few(names: &[String]) -> String {
+    let shown = names.iter().take(6).cloned().collect::<Vec<_>>().join(", ");
+    if names.len() > 6 { format!("{shown}, and {} more", names.len() - 6) } else { shown }
+}

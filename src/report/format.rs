@@ -1,0 +1,143 @@
+//! Numbers in, what a person reads out: significant digits, display units, thinning of long traces.
+
+use std::f64::consts::PI;
+
+/// `value` and `sd` as text: two significant digits of `sd`, and `value` to the same decimal place.
+pub fn with_sd(value: f64, sd: f64) -> (String, Option<String>) {
+    if !value.is_finite() {
+        return ("none".into(), None);
+    }
+    if !(sd.is_finite() && sd > 0.0) {
+        return (number(value, 5), None);
+    }
+    let digits = 1 - exponent(sd);
+    // Very large or small quantities read better with an exponent, both with the same significance.
+    if !(-3..=9).contains(&digits) || value.abs() >= 1e7 {
+        let significant = (exponent(value).max(exponent(sd)) - exponent(sd) + 2).clamp(2, 12);
+        return (number(value, significant as usize), Some(number(sd, 2)));
+    }
+    let places = digits.max(0) as usize;
+    (format!("{value:.places$}"), Some(format!("{sd:.places$}")))
+}
+
+/// `value` with `significant` digits; exponents only where plain digits would be long.
+pub fn number(value: f64, significant: usize) -> String {
+    if !value.is_finite() {
+        return if value.is_nan() { "none".into() } else { format!("{value}") };
+    }
+    if value == 0.0 {
+        return "0".into();
+    }
+    let e = exponent(value);
+    let significant = significant.max(1) as i32;
+    if (-4..=6).contains(&e) {
+        let places = (significant - 1 - e).max(0) as usize;
+        let text = format!("{value:.places$}");
+        return if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') { "0".into() } else { text };
+    }
+    let places = (significant - 1) as usize;
+    format!("{value:.places$e}")
+}
+
+/// A number as it stands, integers without a decimal point.
+pub fn plain(value: f64, places: usize) -> String {
+    if value.is_finite() { format!("{value:.places$}") } else { "none".into() }
+}
+
+/// Decimal exponent of `value` after rounding to two digits, so that 0.0996 counts as 0.10.
+fn exponent(value: f64) -> i32 {
+    let text = format!("{:.1e}", value.abs());
+    text.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0)
+}
+
+/// The unit a plot shows for SI `unit`, and the factor to it: angles are read in degrees.
+pub fn display_unit(unit: &str) -> (f64, String) {
+    match unit {
+        "rad" => (180.0 / PI, "deg".into()),
+        "rad/s" => (180.0 / PI, "deg/s".into()),
+        "rad/s^2" | "rad/s2" => (180.0 / PI, "deg/s^2".into()),
+        _ => (1.0, unit.into()),
+    }
+}
+
+/// `value` rounded to six significant digits: what a plot can show, and a third of the bytes. Not finite is `None`.
+pub fn short(value: f64) -> Option<f64> {
+    if !value.is_finite() {
+        return None;
+    }
+    format!("{value:.5e}").parse().ok()
+}
+
+/// `values * factor`, shortened for a plot.
+pub fn shorts(values: impl IntoIterator<Item = f64>, factor: f64) -> Vec<Option<f64>> {
+    values.into_iter().map(|v| short(v * factor)).collect()
+}
+
+/// The samples to draw when `n` are too many: in every bucket the smallest and the largest of each of `curves`, so that no spike is
+/// lost. Returns increasing indices, at most about `limit` of them; all when `n <= limit`.
+pub fn thin(n: usize, curves: &[&[f64]], limit: usize) -> Vec<usize> {
+    let per_bucket = 2 * curves.len().max(1);
+    let buckets = (limit / per_bucket).max(1);
+    if n <= limit.max(per_bucket) {
+        return (0..n).collect();
+    }
+    let mut keep = Vec::with_capacity(limit + 2);
+    keep.push(0);
+    for b in 0..buckets {
+        let (from, to) = (b * n / buckets, (b + 1) * n / buckets);
+        for curve in curves {
+            let finite = || (from..to).filter(|&i| curve.get(i).is_some_and(|v| v.is_finite()));
+            let at = |i: &usize| curve[*i];
+            keep.extend(finite().min_by(|a, b| at(a).total_cmp(&at(b))));
+            keep.extend(finite().max_by(|a, b| at(a).total_cmp(&at(b))));
+        }
+    }
+    keep.push(n - 1);
+    keep.sort_unstable();
+    keep.dedup();
+    keep
+}
+
+/// "1 flight", "3 flights".
+pub fn count(n: usize, what: &str) -> String {
+    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sd_decides_the_digits() {
+        assert_eq!(with_sd(-0.372_149, 0.004_21), ("-0.3721".into(), Some("0.0042".into())));
+        assert_eq!(with_sd(-0.372_149, 0.0996), ("-0.37".into(), Some("0.10".into())));
+        assert_eq!(with_sd(1234.56, 25.0), ("1235".into(), Some("25".into())));
+        assert_eq!(with_sd(3.016e-24, 2e-26), ("3.016e-24".into(), Some("2.0e-26".into())));
+        assert_eq!(with_sd(0.25, f64::NAN), ("0.25000".into(), None));
+        assert_eq!(with_sd(f64::NAN, 1.0), ("none".into(), None));
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        assert_eq!(number(0.0, 3), "0");
+        assert_eq!(number(-0.012_345, 3), "-0.0123");
+        assert_eq!(number(12_345.0, 3), "12345");
+        assert_eq!(number(1.234_5e-9, 3), "1.23e-9");
+        assert_eq!(short(1.234_567_89), Some(1.234_57));
+        assert_eq!(short(f64::INFINITY), None);
+    }
+
+    #[test]
+    fn thinning_keeps_spikes_and_ends() {
+        let mut curve: Vec<f64> = (0..10_000).map(|i| f64::from(i % 7)).collect();
+        curve[4321] = 99.0;
+        curve[1234] = -99.0;
+        curve[77] = f64::NAN;
+        let keep = thin(curve.len(), &[&curve], 400);
+        assert!(keep.len() <= 402, "{}", keep.len());
+        assert!(keep.windows(2).all(|w| w[0] < w[1]));
+        assert!([0, 1234, 4321, 9999].iter().all(|i| keep.contains(i)));
+        assert_eq!(thin(5, &[&curve[..5]], 400), vec![0, 1, 2, 3, 4]);
+        assert_eq!(thin(0, &[&[]], 400), Vec::<usize>::new());
+    }
+}

@@ -1,0 +1,203 @@
+//! `fits`, `bands` and `points` in, the plots of coefficients versus angle of attack and the table of fitted lines out.
+
+use super::columns::Columns;
+use super::format::{display_unit, number, plain, shorts, with_sd};
+use super::grid::{Cell, Grid, Level};
+use serde::Serialize;
+
+/// What the plot of one line is drawn from (JSON).
+#[derive(Debug, Serialize)]
+pub struct LinePlot {
+    pub index: usize,
+    pub parameter: String,
+    pub unit: String,
+    pub against: String,
+    pub x_unit: String,
+    pub band: Option<Band>,
+    pub points: Vec<Points>,
+}
+
+type Limits = [Vec<Option<f64>>; 2];
+
+/// The fitted line over a grid of x, with lower and upper limits.
+#[derive(Debug, Serialize)]
+pub struct Band {
+    pub x: Vec<Option<f64>>,
+    pub value: Vec<Option<f64>>,
+    pub pointwise: Option<Limits>,
+    pub simultaneous: Option<Limits>,
+    pub prediction: Option<Limits>,
+}
+
+/// The estimates of one flight; `bar` is half of the 95% interval.
+#[derive(Debug, Serialize)]
+pub struct Points {
+    pub flight: String,
+    pub segment: Vec<String>,
+    pub x: Vec<Option<f64>>,
+    pub value: Vec<Option<f64>>,
+    pub bar: Vec<Option<f64>>,
+}
+
+/// The text around the plots (template).
+#[derive(Debug, Default, Serialize)]
+pub struct Lines {
+    pub missing: Option<String>,
+    pub levels: String,
+    pub models: Vec<LinesOfModel>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct LinesOfModel {
+    pub model: String,
+    pub plots: Vec<Caption>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct Caption {
+    pub index: usize,
+    pub parameter: String,
+    pub against: String,
+    pub equation: String,
+    pub facts: String,
+}
+
+const KEY: [&str; 3] = ["model", "parameter", "against"];
+/// Half width of the 95% interval in standard deviations.
+const INTERVAL: f64 = 1.959_963_984_540_054;
+
+/// The plots and their captions, in the order of `fits`.
+pub fn lines(fits: Option<&Columns>, bands: Option<&Columns>, points: Option<&Columns>) -> (Lines, Vec<LinePlot>) {
+    let Some(fits) = fits.filter(|f| f.rows() > 0) else {
+        let missing = Some("No fitted line: the fit stage has not run, or no coefficient had enough estimates.".into());
+        return (Lines { missing, ..Lines::default() }, Vec::new());
+    };
+    let mut models: Vec<LinesOfModel> = Vec::new();
+    let mut plots = Vec::new();
+    for row in 0..fits.rows() {
+        let [model, parameter, against] = KEY.map(|name| fits.text(name, row));
+        let index = plots.len();
+        plots.push(plot(index, fits, row, bands, points));
+        let (equation, facts) = (equation(fits, row), facts(fits, row));
+        let caption = Caption { index, parameter, against, equation, facts };
+        match models.iter_mut().find(|m| m.model == model) {
+            Some(m) => m.plots.push(caption),
+            None => models.push(LinesOfModel { model, plots: vec![caption] }),
+        }
+    }
+    let levels =
+        "The narrow band is the 95% confidence band at each single angle; the wide one holds for the whole range at once and for \
+                  all lines of a model together; the prediction band is where a new maneuver's estimate is expected."
+            .into();
+    (Lines { missing: None, levels, models }, plots)
+}
+
+fn plot(index: usize, fits: &Columns, row: usize, bands: Option<&Columns>, points: Option<&Columns>) -> LinePlot {
+    let key = KEY.map(|name| fits.text(name, row));
+    let rows_of = |table: &Columns, names: &[&str]| -> Vec<usize> {
+        (0..table.rows()).filter(|&r| names.iter().zip(&key).all(|(name, wanted)| table.text(name, r) == *wanted)).collect()
+    };
+    let (factor, x_unit) = display_unit(&fits.text("unit_x", row));
+    let band = bands.and_then(|table| {
+        let rows = rows_of(table, &KEY);
+        (!rows.is_empty()).then(|| Band {
+            x: shorts(rows.iter().map(|&r| table.number("x", r)), factor),
+            value: shorts(rows.iter().map(|&r| table.number("value", r)), 1.0),
+            pointwise: limits(table, &rows, "pointwise"),
+            simultaneous: limits(table, &rows, "simultaneous"),
+            prediction: limits(table, &rows, "prediction"),
+        })
+    });
+    let points = points.map_or(Vec::new(), |table| points_of(table, &rows_of(table, &KEY), factor));
+    let [_, parameter, against] = key;
+    LinePlot { index, parameter, unit: fits.text("unit", row), against, x_unit, band, points }
+}
+
+fn limits(table: &Columns, rows: &[usize], name: &str) -> Option<Limits> {
+    let [lower, upper] = ["lower", "upper"].map(|side| format!("{name}_{side}"));
+    (table.has(&lower) && table.has(&upper))
+        .then(|| [&lower, &upper].map(|column| shorts(rows.iter().map(|&r| table.number(column, r)), 1.0)))
+}
+
+fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
+    let mut flights: Vec<String> = rows.iter().map(|&r| table.text("flight", r)).collect();
+    flights.sort();
+    flights.dedup();
+    let of_flight = |flight: String| {
+        let rows: Vec<usize> = rows.iter().copied().filter(|&r| table.text("flight", r) == flight).collect();
+        Points {
+            segment: rows.iter().map(|&r| table.text("segment", r)).collect(),
+            x: shorts(rows.iter().map(|&r| table.number("x", r)), factor),
+            value: shorts(rows.iter().map(|&r| table.number("value", r)), 1.0),
+            bar: shorts(rows.iter().map(|&r| table.number("sd", r)), INTERVAL),
+            flight,
+        }
+    };
+    flights.into_iter().map(of_flight).collect()
+}
+
+/// `C_h_alpha = -0.4229 (± 0.031) alpha - 0.0107 (± 0.0021)`, alpha in SI units.
+fn equation(fits: &Columns, row: usize) -> String {
+    let [_, parameter, against] = KEY.map(|name| fits.text(name, row));
+    let (slope, slope_sd) = with_sd(fits.number("slope", row), fits.number("slope_sd", row));
+    let (intercept, intercept_sd) = with_sd(fits.number("intercept", row), fits.number("intercept_sd", row));
+    let sd = |sd: Option<String>| sd.map_or(String::new(), |sd| format!(" (sd {sd})"));
+    let (sign, intercept) = intercept.strip_prefix('-').map_or(("+", intercept.as_str()), |rest| ("-", rest));
+    format!("{parameter} = {slope}{} * {against} {sign} {intercept}{}", sd(slope_sd), sd(intercept_sd))
+}
+
+fn facts(fits: &Columns, row: usize) -> String {
+    let mut facts = vec![format!("n = {}", plain(fits.number("n", row), 0))];
+    let tau = fits.number("scatter_sd", row);
+    if tau.is_finite() {
+        let text = if tau == 0.0 { "none beyond the estimates' own sd".into() } else { format!("sd {}", number(tau, 2)) };
+        facts.push(format!("scatter between maneuvers: {text}"));
+    }
+    let chi = reduced_chi2(fits, row);
+    if chi.is_finite() {
+        facts.push(format!("reduced chi-square = {}", number(chi, 2)));
+    }
+    facts.join("; ")
+}
+
+/// Weighted sum of squares about the line over its degrees of freedom; NaN where there are none.
+pub fn reduced_chi2(fits: &Columns, row: usize) -> f64 {
+    let freedom = fits.number("n", row) - 2.0;
+    if freedom > 0.0 { fits.number("chi2", row) / freedom } else { f64::NAN }
+}
+
+/// Correlation of slope and intercept of a fitted line; NaN where it is not defined.
+fn correlation(fits: &Columns, row: usize) -> f64 {
+    fits.number("covariance", row) / (fits.number("slope_sd", row) * fits.number("intercept_sd", row))
+}
+
+/// The table of fitted lines.
+pub fn table(fits: Option<&Columns>) -> Grid {
+    let Some(fits) = fits.filter(|f| f.rows() > 0) else { return Grid::missing("No fitted line.") };
+    let columns =
+        ["model", "parameter", "against", "#slope", "#intercept", "#correlation", "#n", "#scatter sd", "#reduced chi-square"];
+    let mut grid = Grid::new(columns);
+    for row in 0..fits.rows() {
+        let estimate = |value: &str, sd: &str| {
+            let (value, sd) = with_sd(fits.number(value, row), fits.number(sd, row));
+            Cell { text: value, sub: sd.map(|sd| format!("sd {sd}")), level: None }
+        };
+        let chi = reduced_chi2(fits, row);
+        let mut cells: Vec<Cell> = KEY.iter().map(|name| Cell::new(fits.text(name, row))).collect();
+        cells.extend([
+            estimate("slope", "slope_sd"),
+            estimate("intercept", "intercept_sd"),
+            plain(correlation(fits, row), 3).into(),
+            Cell::new(plain(fits.number("n", row), 0)).level_if(fits.number("n", row) < 5.0, Level::Warn),
+            number(fits.number("scatter_sd", row), 2).into(),
+            number(chi, 2).into(),
+        ]);
+        grid.push(cells);
+    }
+    grid.note = Some(
+        "SI units, angles in rad: coefficient = slope * against + intercept. The covariance of slope and intercept includes the scatter \
+         between maneuvers; reduced chi-square is against the estimates' own sd, before that scatter is added."
+            .into(),
+    );
+    grid
+}

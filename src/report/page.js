@@ -1,0 +1,156 @@
+"use strict";
+// Draws the plots of the report from the numbers in #data. Everything else on the page is plain HTML.
+(function () {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const byId = (id) => document.getElementById(id);
+  const colourOf = {}, symbolOf = {};
+  data.flights.forEach((f) => { colourOf[f.id] = f.colour; symbolOf[f.id] = f.symbol; });
+
+  // Plotly reads a few HTML tags in labels: names from logs are shown as they are.
+  const escape = (s) => String(s).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
+  const withUnit = (name, unit) => escape(name) + (unit ? " [" + escape(unit) + "]" : "");
+
+  let printing = false;
+  function theme() {
+    const d = dark.matches && !printing;
+    return d
+      ? { ink: "#e4e9ee", soft: "#a3afbb", grid: "#2c353f", line: "#4a5663", back: "#161b21", model: "#ffb454", measured: "#8ec7f5", band: "163,175,187" }
+      : { ink: "#1b2430", soft: "#566270", grid: "#e6eaee", line: "#aeb7c0", back: "#ffffff", model: "#c24a00", measured: "#0072b2", band: "60,75,90" };
+  }
+  function layout(extra) {
+    const t = theme();
+    return Object.assign({
+      paper_bgcolor: t.back, plot_bgcolor: t.back, showlegend: false, hovermode: "closest",
+      font: { family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 12, color: t.ink },
+      margin: { l: 64, r: 14, t: 14, b: 44 },
+    }, extra);
+  }
+  function axis(title, extra) {
+    const t = theme();
+    return Object.assign({
+      title: { text: title, standoff: 6, font: { size: 12 } }, gridcolor: t.grid, linecolor: t.line, zerolinecolor: t.line, zerolinewidth: 1,
+      showline: true, ticks: "outside", tickcolor: t.line, ticklen: 4, automargin: true,
+    }, extra);
+  }
+  const config = { responsive: true, displaylogo: false, displayModeBar: "hover", modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"], toImageButtonOptions: { format: "svg" } };
+
+  // ---- coefficients versus alpha ----
+  function band(x, lower, upper, colour) {
+    const none = { width: 0 };
+    return [
+      { x: x, y: lower, mode: "lines", line: none, hoverinfo: "skip" },
+      { x: x, y: upper, mode: "lines", line: none, fill: "tonexty", fillcolor: colour, hoverinfo: "skip" },
+    ];
+  }
+  function drawLine(plot) {
+    const element = byId("line-" + plot.index);
+    if (!element) return;
+    const t = theme(), traces = [], b = plot.band;
+    if (b) {
+      if (byId("show-prediction").checked && b.prediction) traces.push(...band(b.x, b.prediction[0], b.prediction[1], "rgba(" + t.band + ",0.09)"));
+      if (byId("show-simultaneous").checked && b.simultaneous) traces.push(...band(b.x, b.simultaneous[0], b.simultaneous[1], "rgba(" + t.band + ",0.16)"));
+      if (byId("show-pointwise").checked && b.pointwise) traces.push(...band(b.x, b.pointwise[0], b.pointwise[1], "rgba(" + t.band + ",0.22)"));
+      traces.push({ x: b.x, y: b.value, mode: "lines", line: { color: t.ink, width: 1.6 }, hoverinfo: "skip" });
+    }
+    plot.points.forEach((p) => traces.push({
+      x: p.x, y: p.value, text: p.segment.map(escape), name: escape(p.flight), mode: "markers", type: "scatter",
+      marker: { color: colourOf[p.flight], symbol: symbolOf[p.flight], size: 8 },
+      error_y: { type: "data", array: p.bar, color: colourOf[p.flight], thickness: 1.2, width: 3 },
+      hovertemplate: "%{text}<br>%{x:.2f}, %{y:.4g} ± %{error_y.array:.2g}<extra>%{fullData.name}</extra>",
+    }));
+    Plotly.react(element, traces, layout({ xaxis: axis(withUnit(plot.against, plot.x_unit)), yaxis: axis(withUnit(plot.parameter, plot.unit)) }), config);
+  }
+  const drawLines = () => data.lines.forEach(drawLine);
+  ["show-pointwise", "show-simultaneous", "show-prediction"].forEach((id) => { if (byId(id)) byId(id).addEventListener("change", drawLines); });
+
+  // ---- stacked time histories: rows of {title, height, traces} share one time axis ----
+  function stack(element, rows, xTitle, shapes, annotations) {
+    const gap = 26, top = 16, bottom = 46;
+    const heights = rows.map((r) => r.height);
+    const total = heights.reduce((a, h) => a + h, 0) + gap * (rows.length - 1);
+    const l = layout({ height: total + top + bottom, shapes: shapes, annotations: annotations, hovermode: "x", showlegend: true,
+      margin: { l: 74, r: 14, t: top + 16, b: bottom }, legend: { orientation: "h", x: 1, xanchor: "right", y: 1, yanchor: "bottom", font: { size: 11.5 } } });
+    const traces = [];
+    let from = total;
+    rows.forEach((r, i) => {
+      const n = i === 0 ? "" : String(i + 1);
+      l["yaxis" + n] = axis(r.title, { domain: [Math.max(0, (from - r.height) / total), from / total], anchor: "x", nticks: r.height < 90 ? 4 : 6, zeroline: r.residual === true });
+      from -= r.height + gap;
+      r.traces.forEach((trace) => traces.push(Object.assign({ xaxis: "x", yaxis: "y" + n, type: "scatter", mode: "lines" }, trace)));
+    });
+    l.xaxis = axis(xTitle, { anchor: "y" + (rows.length > 1 ? rows.length : ""), zeroline: false });
+    element.style.height = (total + top + bottom + 16) + "px";
+    Plotly.react(element, traces, l, config);
+  }
+  function shade(from, to, ok) {
+    return { type: "rect", xref: "x", yref: "paper", x0: from, x1: to, y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: ok ? "rgba(0,114,178,0.13)" : "rgba(150,150,150,0.20)" };
+  }
+
+  let maneuver = 0;
+  function drawManeuver() {
+    const m = data.maneuvers[maneuver], element = byId("maneuver-plot");
+    if (!m || !element) return;
+    const t = theme(), rows = [];
+    m.outputs.forEach((o, i) => {
+      const residual = o.measured.map((z, k) => (z === null || o.modelled[k] === null ? null : z - o.modelled[k]));
+      rows.push({ title: withUnit(o.name, o.unit), height: m.outputs.length > 3 ? 130 : 200, traces: [
+        { x: o.t, y: o.measured, name: "measured", legendgroup: "measured", showlegend: i === 0, line: { color: t.measured, width: 1.6 } },
+        { x: o.t, y: o.modelled, name: "modelled", legendgroup: "modelled", showlegend: i === 0, line: { color: t.model, width: 1.6, dash: "5px,2px" } },
+      ] });
+      rows.push({ title: "residual", height: 70, residual: true, traces: [{ x: o.t, y: residual, name: "residual", showlegend: false, line: { color: t.soft, width: 1 } }] });
+    });
+    m.inputs.forEach((u) => rows.push({ title: withUnit(u.name, u.unit), height: 80, traces: [{ x: u.t, y: u.value, name: escape(u.name), showlegend: false, line: { color: t.ink, width: 1.1 } }] }));
+    if (rows.length === 0) { Plotly.purge(element); element.textContent = "No time history for this maneuver."; return; }
+    stack(element, rows, "time in flight [s]", [shade(m.start, m.end, true)].filter((s) => s.x0 !== null), []);
+    byId("maneuver-caption").textContent = m.caption;
+    byId("maneuver-select").value = String(maneuver);
+    document.querySelectorAll("#maneuvers tr[data-pick]").forEach((row) => row.classList.toggle("chosen", row.dataset.pick === "m" + maneuver));
+  }
+  function fill(select, labels, pick) {
+    labels.forEach((label, i) => {
+      const option = document.createElement("option");
+      option.value = String(i);
+      option.textContent = label;
+      select.appendChild(option);
+    });
+    select.addEventListener("change", () => pick(Number(select.value)));
+  }
+  function showManeuver(i) {
+    maneuver = (i + data.maneuvers.length) % data.maneuvers.length;
+    drawManeuver();
+  }
+  if (byId("maneuver-select")) {
+    fill(byId("maneuver-select"), data.maneuvers.map((m) => m.label), showManeuver);
+    byId("maneuver-previous").addEventListener("click", () => showManeuver(maneuver - 1));
+    byId("maneuver-next").addEventListener("click", () => showManeuver(maneuver + 1));
+    document.querySelectorAll("#maneuvers tr[data-pick]").forEach((row) => {
+      const pick = () => { showManeuver(Number(row.dataset.pick.slice(1))); byId("maneuver-caption").scrollIntoView({ block: "start" }); };
+      row.addEventListener("click", pick);
+      row.addEventListener("keydown", (e) => { if (e.key === "Enter") pick(); });
+    });
+  }
+
+  // ---- whole flights ----
+  let flight = 0;
+  function drawFlight() {
+    const f = data.overview[flight], element = byId("flight-plot");
+    if (!f || !element) return;
+    const t = theme();
+    const rows = f.traces.map((s) => ({ title: withUnit(s.name, s.unit), height: 110, traces: [{ x: s.t, y: s.value, name: escape(s.name), showlegend: false, line: { color: t.measured, width: 1.1 } }] }));
+    if (rows.length === 0) { Plotly.purge(element); element.textContent = "No time history for this flight."; return; }
+    const marks = f.segments.map((s) => ({ x: (s.start + s.end) / 2, y: 1, xref: "x", yref: "paper", yanchor: "bottom", showarrow: false, text: escape(s.mark), hovertext: escape(s.label), font: { size: 10.5, color: t.soft } }));
+    stack(element, rows, "time [s]", f.segments.map((s) => shade(s.start, s.end, s.included)), marks);
+  }
+  if (byId("flight-select")) fill(byId("flight-select"), data.overview.map((f) => f.flight), (i) => { flight = i; drawFlight(); });
+
+  function drawAll() {
+    drawLines();
+    drawManeuver();
+    drawFlight();
+  }
+  dark.addEventListener("change", drawAll);
+  window.addEventListener("beforeprint", () => { printing = true; drawAll(); });
+  window.addEventListener("afterprint", () => { printing = false; drawAll(); });
+  drawAll();
+})();

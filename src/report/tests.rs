@@ -1,0 +1,309 @@
+//! A made-up campaign of three flights in, checks of the whole page out. `KOEHLER_REPORT_PAGE=/some/file.html cargo test --lib report`
+//! writes the page down for a look in a browser.
+
+use super::*;
+use rand::{Rng, RngExt, SeedableRng};
+
+const LINES: [(&str, &str, f64, f64, f64); 4] = [
+    ("C_h_delta", "1/rad", -0.3717, -0.3189, 0.004),
+    ("C_h_deltadot", "s/rad", -0.094, -0.017, 0.0009),
+    ("C_h_alpha", "1/rad", -0.4229, -0.0107, 0.006),
+    ("C_h_0", "1", -0.39, 0.0216, 0.0006),
+];
+const LEFT_OUT: &str = "flight-2-s4";
+const HOSTILE: &str = "<script>alert('x')</script>&\"";
+
+type Tables = BTreeMap<String, Table>;
+
+struct Maneuver {
+    flight: String,
+    segment: String,
+    start: f64,
+    alpha: f64,
+    speed: f64,
+}
+
+fn maneuvers() -> Vec<Maneuver> {
+    let points = [(82.0, 0.070), (62.0, 0.140), (123.0, 0.022), (82.5, 0.071)];
+    let one = |(i, flight, j): (usize, usize, usize)| Maneuver {
+        flight: format!("flight-{flight}"),
+        segment: format!("flight-{flight}-s{}", j + 1),
+        start: 120.0 + 150.0 * j as f64 + 3.7 * i as f64,
+        alpha: points[j].1 + 0.002 * flight as f64,
+        speed: points[j].0,
+    };
+    (0..12).map(|i| one((i, i / 4 + 1, i % 4))).collect()
+}
+
+/// The commanded 3-2-1-1 at `t` seconds after its start.
+fn command(t: f64) -> f64 {
+    match t {
+        t if !(0.0..7.0).contains(&t) => 0.0,
+        t if t < 3.0 => 1.0,
+        t if t < 5.0 => -1.0,
+        t if t < 6.0 => 1.0,
+        _ => -1.0,
+    }
+}
+
+fn segments(all: &[Maneuver]) -> Table {
+    let text = |f: &dyn Fn(&Maneuver) -> String| all.iter().map(f).collect::<Vec<_>>();
+    let number = |f: &dyn Fn(&Maneuver) -> f64| all.iter().map(f).collect::<Vec<_>>();
+    let out = |m: &Maneuver| m.segment == LEFT_OUT;
+    Table::build("segments")
+        .strings("flight", text(&|m| m.flight.clone()))
+        .strings("segment", text(&|m| m.segment.clone()))
+        .repeat("kind", "3211")
+        .repeat("input", "servo_torque")
+        .f64("t_start_s", number(&|m| m.start))
+        .f64("t_end_s", number(&|m| m.start + 7.0))
+        .f64("unit_time_s", number(&|_| 1.0))
+        .f64("amplitude", number(&|m| 5.0 + 0.01 * m.speed))
+        .i64("polarity", vec![1; all.len()])
+        .f64("score", number(&|m| 0.97 - 0.01 * m.alpha))
+        .bools("included", all.iter().map(|m| !out(m)).collect::<Vec<_>>())
+        .opt_strings("reason", all.iter().map(|m| out(m).then(|| format!("left out by hand: {HOSTILE}"))))
+        .finish()
+        .expect("segments")
+}
+
+/// Twelve minutes of every flight, and the responses of all maneuvers with one spike each.
+fn histories(all: &[Maneuver], noise: &mut impl Rng) -> (Table, Table) {
+    let (mut names, mut rows) = (Vec::new(), [vec![], vec![], vec![]]);
+    let (mut flights, mut samples) = (Vec::new(), vec![Vec::new(); 5]);
+    for flight in (1..=3).map(|i| format!("flight-{i}")) {
+        let own: Vec<&Maneuver> = all.iter().filter(|m| m.flight == flight).collect();
+        let (mut v, mut alpha) = (82.0, 0.07);
+        for t in (0..36_000).map(|i| 0.02 * f64::from(i)) {
+            let next = own.iter().find(|m| t < m.start + 40.0).or(own.last()).expect("flights have maneuvers");
+            v += 0.0006 * (next.speed - v);
+            alpha += 0.0006 * (next.alpha - alpha);
+            let torque = 5.0 * own.iter().map(|m| command(t - m.start)).sum::<f64>();
+            flights.push(flight.clone());
+            let row = [t, v + 0.3 * libm::sin(0.1 * t), 5180.0 + 25.0 * libm::sin(0.013 * t), alpha + 0.004 * torque, torque];
+            samples.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
+        }
+    }
+    for m in all {
+        let (mut x, mut rate) = (0.0, 0.0);
+        for i in 0..1100 {
+            let t = 0.01 * f64::from(i) - 1.0;
+            rate += 0.01 * (900.0 * (0.03 * command(t) - x) - 21.0 * rate);
+            x += 0.01 * rate;
+            names.push(m.segment.clone());
+            let measured = x - 0.02 + 0.0007 * (noise.random::<f64>() - 0.5) + if i == 500 { 0.01 } else { 0.0 };
+            [t + m.start, measured, x - 0.02].into_iter().zip(rows.iter_mut()).for_each(|(value, column)| column.push(value));
+        }
+    }
+    let [t, measured, modelled] = rows;
+    let responses = Table::build("responses").repeat("model", "elevator").strings("group", &names).strings("segment", &names);
+    let responses = responses.repeat("output", "delta_e").f64("t_s", t).f64("measured", measured).f64("modelled", modelled);
+    let mut columns = samples.into_iter();
+    let mut build = Table::build("samples").strings("flight", flights).f64("t_s", columns.next().unwrap_or_default());
+    for ((name, unit), values) in [("V", "m/s"), ("h", "m"), ("alpha", "rad"), ("servo_torque", "N m")].into_iter().zip(columns) {
+        build = build.dynamic(name, unit, "made up", values);
+    }
+    (responses.finish().expect("responses"), build.finish().expect("samples"))
+}
+
+/// Estimates about the lines, the fits through them and their bands; the tenth estimation has failed.
+fn results(all: &[Maneuver], noise: &mut impl Rng) -> [Table; 4] {
+    let used: Vec<&Maneuver> = all.iter().filter(|m| m.segment != LEFT_OUT).collect();
+    let [mut estimates, mut fits, mut bands, mut points] = [const { Vec::new() }; 4];
+    for (name, unit, slope, intercept, sd) in LINES {
+        let alpha: Vec<f64> = used.iter().map(|m| m.alpha).collect();
+        let sds: Vec<f64> = alpha.iter().map(|x| sd * (0.6 + 8.0 * x)).collect();
+        let mut gauss = || (0..12).map(|_| noise.random::<f64>()).sum::<f64>() - 6.0;
+        let values: Vec<f64> = alpha.iter().zip(&sds).map(|(x, sd)| slope * x + intercept + sd * gauss()).collect();
+        let segments = || used.iter().map(|m| m.segment.as_str());
+        let failed = |i: usize| i == 9;
+        let known = |v: f64| (0..used.len()).map(|i| if failed(i) { f64::NAN } else { v * sds[i] }).collect::<Vec<_>>();
+        let table =
+            Table::build("estimates").repeat("model", "elevator").strings("group", segments()).strings("segment", segments());
+        let table = table.repeat("parameter", name).repeat("unit", unit).f64("value", values.clone()).f64("sd", known(1.0));
+        let table = table.f64("sd_crlb", known(0.37)).f64("start", vec![0.9 * intercept; used.len()]);
+        let stop = (0..used.len()).map(|i| if failed(i) { "singular" } else { "converged" });
+        estimates.push(table.strings("stop", stop).finish().expect("estimates"));
+        let table = Table::build("points").repeat("model", "elevator").repeat("parameter", name).repeat("against", "alpha");
+        let table = table.repeat("unit", unit).repeat("unit_x", "rad").strings("flight", used.iter().map(|m| m.flight.as_str()));
+        let table = table.strings("segment", segments()).f64("x", alpha.clone()).f64("value", values.clone()).f64("sd", sds);
+        points.push(table.finish().expect("points"));
+        let (fit, band) = line(name, unit, &alpha, &values);
+        fits.push(fit);
+        bands.push(band);
+    }
+    [("estimates", estimates), ("fits", fits), ("bands", bands), ("points", points)]
+        .map(|(name, parts)| Table::concat(name, &parts).expect("parts"))
+}
+
+/// An unweighted line, good enough to look at.
+fn line(name: &str, unit: &str, x: &[f64], y: &[f64]) -> (Table, Table) {
+    let n = x.len() as f64;
+    let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let sxx: f64 = x.iter().map(|x| (x - mx) * (x - mx)).sum();
+    let slope = x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum::<f64>() / sxx;
+    let s2 = x.iter().zip(y).map(|(x, y)| (y - my - slope * (x - mx)).powi(2)).sum::<f64>() / (n - 2.0);
+    let table = Table::build("fits")
+        .strings("model", ["elevator"])
+        .repeat("parameter", name)
+        .repeat("against", "alpha")
+        .repeat("unit", unit);
+    let table = table
+        .repeat("unit_x", "rad")
+        .f64("slope", [slope])
+        .f64("intercept", [my - slope * mx])
+        .f64("slope_sd", [(s2 / sxx).sqrt()]);
+    let table = table
+        .f64("intercept_sd", [(s2 * (1.0 / n + mx * mx / sxx)).sqrt()])
+        .f64("covariance", [-mx * s2 / sxx])
+        .i64("n", [x.len() as i64]);
+    let chi2 = if name == "C_h_alpha" { 3.1 * (n - 2.0) } else { 1.1 * (n - 2.0) };
+    let table =
+        table.f64("scatter_sd", [if name == "C_h_0" { 0.0 } else { 0.3 * s2.sqrt() }]).f64("chi2", [chi2]).f64("x_min", [0.022]);
+    let fit = table.f64("x_max", [0.146]).f64("level", [0.9875]).repeat("stop", "converged").finish().expect("fits");
+    let grid: Vec<f64> = (0..=50).map(|i| 0.022 + 0.00248 * f64::from(i)).collect();
+    let curve = |f: &dyn Fn(f64) -> f64| grid.iter().map(|&x| my + slope * (x - mx) + f(x)).collect::<Vec<_>>();
+    let sd = |x: f64| (s2 * (1.0 / n + (x - mx).powi(2) / sxx)).sqrt();
+    let mut table = Table::build("bands").repeat("model", "elevator").repeat("parameter", name).repeat("against", "alpha");
+    table = table.f64("x", grid.clone()).f64("value", curve(&|_| 0.0));
+    for (name, sign) in [("lower", -1.0), ("upper", 1.0)] {
+        table = table.f64(&format!("pointwise_{name}"), curve(&|x| sign * 2.26 * sd(x)));
+        table = table.f64(&format!("simultaneous_{name}"), curve(&|x| sign * 3.5 * sd(x)));
+        table = table.f64(&format!("prediction_{name}"), curve(&|x| sign * 2.26 * (sd(x).powi(2) + s2).sqrt()));
+    }
+    (fit, table.finish().expect("bands"))
+}
+
+fn channels() -> Table {
+    let signals = [
+        ("V", "/air_data", "tas", "m/s", 50),
+        ("alpha_vane", "/air_data", "alpha", "rad", 50),
+        ("q", "/imu", "gyro.y", "rad/s", 100),
+    ];
+    let rows: Vec<_> = (1..=3).flat_map(|f| signals.map(|s| (f, s))).collect();
+    let rate = || rows.iter().map(|r| f64::from(r.1.4));
+    let n = rows.len();
+    Table::build("channels")
+        .strings("flight", rows.iter().map(|r| format!("flight-{}", r.0)))
+        .strings("signal", rows.iter().map(|r| r.1.0))
+        .strings("topic", rows.iter().map(|r| if r.0 == 2 { HOSTILE } else { r.1.1 }))
+        .strings("field", rows.iter().map(|r| r.1.2))
+        .strings("unit", rows.iter().map(|r| r.1.3))
+        .i64("count", rows.iter().map(|r| 720 * r.1.4 - r.0).collect::<Vec<_>>())
+        .f64("rate_hz", rate().collect::<Vec<_>>())
+        .i64("dropped_duplicate", rows.iter().map(|r| r.0 - 1).collect::<Vec<_>>())
+        .i64("reordered", vec![0; n])
+        .i64("dropped_out_of_order", vec![0; n])
+        .i64("dropped_nan", vec![0; n])
+        .i64("dropped_unreadable", vec![0; n])
+        .f64("longest_gap_s", rows.iter().map(|r| if r.0 == 3 { 0.4 } else { 1.2 / f64::from(r.1.4) }).collect::<Vec<_>>())
+        .f64("t_first_s", vec![0.01; n])
+        .f64("t_last_s", vec![719.98; n])
+        .f64("min", vec![-0.1; n])
+        .f64("max", vec![0.2; n])
+        .finish()
+        .expect("channels")
+}
+
+fn biases() -> Table {
+    let all = [("ax_bias", "m/s^2", 6.76e-3, 4.6e-4), ("az_bias", "m/s^2", 8.4e-2, 8.2e-4), ("q_bias", "rad/s", 3.409e-3, 4.0e-6)];
+    Table::build("biases")
+        .strings("flight", ["flight-1"; 3])
+        .i64("window", [0; 3])
+        .f64("t_start_s", [100.0; 3])
+        .f64("t_end_s", [600.0; 3])
+        .strings("parameter", all.map(|b| b.0))
+        .strings("unit", all.map(|b| b.1))
+        .f64("value", all.map(|b| b.2))
+        .f64("sd", all.map(|b| b.3))
+        .finish()
+        .expect("biases")
+}
+
+fn notes() -> Table {
+    Table::build("notes")
+        .strings("flight", ["flight-2", "flight-3"])
+        .strings("stage", ["ingest", "estimate"])
+        .strings("severity", ["info", "warning"])
+        .strings("subject", [HOSTILE, "elevator"])
+        .i64("count", [3, 1])
+        .strings("text", ["messages repeat an earlier time stamp", "the normal matrix is singular: no covariance"])
+        .finish()
+        .expect("notes")
+}
+
+fn residuals(all: &[Maneuver]) -> Table {
+    let n = all.len();
+    let table = Table::build("residuals").repeat("model", "elevator").strings("group", all.iter().map(|m| &m.segment));
+    let table = table.strings("segment", all.iter().map(|m| &m.segment)).repeat("output", "delta_e").repeat("unit", "rad");
+    let table = table.i64("n", vec![1100; n]).f64("mean", vec![0.0; n]).f64("sd", vec![2e-4; n]).i64("ar_order", vec![2; n]);
+    table.f64("colour", vec![7.3; n]).finish().expect("residuals")
+}
+
+fn campaign() -> Tables {
+    let mut noise = rand_pcg::Pcg64::seed_from_u64(7);
+    let all = maneuvers();
+    let (responses, samples) = histories(&all, &mut noise);
+    let tables = results(&all, &mut noise).into_iter().chain([
+        segments(&all),
+        responses,
+        residuals(&all),
+        samples,
+        channels(),
+        biases(),
+        notes(),
+    ]);
+    tables.map(|table| (table.name().to_string(), table)).collect()
+}
+
+fn frame(tables: Tables) -> ReportInput {
+    ReportInput {
+        tables,
+        title: "Citation elevator campaign".into(),
+        subtitle: "pipelines/citation/pipeline.toml: ingest, reconstruct, derive, segment, estimate, fit".into(),
+        provenance: vec![("program".into(), "koehler 0.1.0".into()), ("code".into(), "0123456789abcdef".into())],
+        ..ReportInput::default()
+    }
+}
+
+#[test]
+fn a_campaign_becomes_one_self_contained_page() {
+    let html = page(&frame(campaign())).expect("page");
+    if let Ok(path) = std::env::var("KOEHLER_REPORT_PAGE") {
+        std::fs::write(path, &html).expect("written");
+    }
+    assert!(html.contains("C_h_delta = -0.3"), "no equation");
+    assert!(html.contains("10 / 11</b>"), "no count of converged estimations");
+    assert!(html.contains("singular"), "the failed estimate is not shown");
+    assert!(html.contains("Every one of the 3 flights has a maneuver"));
+    let body = html.find("<script type=\"application/json\"").expect("data");
+    assert!(!html[..body].contains("http"), "the page points outside");
+    assert!(html.len() < 8_000_000, "{} bytes", html.len());
+    assert_eq!(html, page(&frame(campaign())).expect("page"), "not the same bytes twice");
+}
+
+#[test]
+fn text_from_logs_is_escaped_everywhere() {
+    let mut input = frame(campaign());
+    input.title = HOSTILE.into();
+    input.provenance.push((HOSTILE.into(), HOSTILE.into()));
+    let html = page(&input).expect("page");
+    assert!(html.contains("&lt;script&gt;alert"));
+    assert!(!html.contains("<script>alert"), "text from a log came through as markup");
+}
+
+#[test]
+fn missing_tables_are_said_to_be_missing() {
+    let html = page(&frame(Tables::new())).expect("page");
+    for sentence in
+        ["No fitted line", "No time history", "No estimate", "No table of segments", "No account of channels", "No flight traces"]
+    {
+        assert!(html.contains(sentence), "{sentence}");
+    }
+    let all = campaign();
+    for name in all.keys() {
+        let mut without = all.clone();
+        without.remove(name);
+        page(&frame(without)).unwrap_or_else(|e| panic!("without {name}: {e}"));
+    }
+}

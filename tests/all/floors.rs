@@ -1,0 +1,120 @@
+//! Reads the sources as text: modules import only floors below their own, and every file opens with what comes in and goes out.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+fn sources() -> Vec<(String, String)> {
+    fn walk(dir: &Path, out: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(dir).expect("readable folder") {
+            let path = entry.expect("readable entry").path();
+            if path.is_dir() {
+                walk(&path, out);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                out.push(path);
+            }
+        }
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut paths = Vec::new();
+    walk(&root, &mut paths);
+    paths.sort();
+    let relative = |path: &PathBuf| path.strip_prefix(&root).expect("inside src").to_string_lossy().replace('\\', "/");
+    paths.iter().map(|path| (relative(path), std::fs::read_to_string(path).expect("readable source"))).collect()
+}
+
+/// Floor of each module: the row of the table in the documentation of `lib.rs`, counted from the bottom floor.
+fn floors() -> BTreeMap<String, usize> {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).expect("lib.rs");
+    let rows = text.lines().filter_map(|line| line.strip_prefix("//! | `"));
+    let mut floors = BTreeMap::new();
+    for (floor, row) in rows.enumerate() {
+        let names = row.split('|').next().unwrap_or_default();
+        floors.extend(names.split(',').map(|name| (name.trim().trim_matches('`').to_string(), floor)));
+    }
+    floors
+}
+
+/// The code of a file without comments, and without its tests, which may look at any floor.
+fn code(text: &str) -> String {
+    let lines = text.lines().take_while(|line| line.trim() != "#[cfg(test)]");
+    lines.map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
+}
+
+/// Modules of this crate that `code` names: `crate::a::b` and `use crate::{a::b, c}`.
+fn imports(code: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (at, _) in code.match_indices("crate::") {
+        // `$crate::` and `other_crate::` name something else or are found by their own floor.
+        if code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+            continue;
+        }
+        let rest = &code[at + "crate::".len()..];
+        if !rest.starts_with('{') {
+            found.push(word(rest));
+            continue;
+        }
+        let mut depth = 0;
+        let mut start = 1;
+        for (i, c) in rest.char_indices() {
+            match c {
+                '{' => depth += 1,
+                '}' => depth -= 1,
+                _ => {}
+            }
+            if depth == 0 || (depth == 1 && c == ',') {
+                found.push(word(rest[start..i].trim()));
+                start = i + 1;
+            }
+            if depth == 0 {
+                break;
+            }
+        }
+    }
+    found.retain(|name| !name.is_empty());
+    found
+}
+
+fn word(text: &str) -> String {
+    text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+}
+
+#[test]
+fn imports_are_found_in_every_spelling() {
+    let text = "use crate::{error::{Error, Result}, units, table::Table};\nlet x = crate::model::Tape; // crate::cli\n#[cfg(test)]\nuse crate::stage;\n";
+    assert_eq!(imports(&code(text)), ["error", "units", "table", "model"]);
+}
+
+#[test]
+fn a_module_imports_only_floors_below_its_own() {
+    let floors = floors();
+    assert!(floors.len() >= 15, "the table of floors in lib.rs was not understood: {floors:?}");
+    let mut wrong = Vec::new();
+    for (file, text) in sources() {
+        let module = file.split('/').next().unwrap_or_default().trim_end_matches(".rs").to_string();
+        if ["lib", "main"].contains(&module.as_str()) || file.ends_with("tests.rs") {
+            continue;
+        }
+        let Some(own) = floors.get(&module) else {
+            wrong.push(format!("{file}: module `{module}` has no floor in lib.rs"));
+            continue;
+        };
+        for import in imports(&code(&text)) {
+            match floors.get(&import) {
+                Some(other) if import == module || other < own => {}
+                Some(_) => wrong.push(format!("{file} imports `{import}`, which is not below `{module}`")),
+                // A macro or item of lib.rs would be named here: the crate root is above every floor.
+                None => wrong.push(format!("{file} imports `{import}`, which has no floor in lib.rs")),
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "upward imports:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_file_opens_with_its_sentence() {
+    let silent: Vec<String> = sources().into_iter().filter(|(_, text)| !text.starts_with("//! ")).map(|(file, _)| file).collect();
+    assert!(silent.is_empty(), "files that do not say what comes in and what goes out: {silent:?}");
+    let unfinished: Vec<String> =
+        sources().into_iter().filter(|(_, text)| text.starts_with("//! (to come)")).map(|(file, _)| file).collect();
+    assert!(unfinished.is_empty(), "files without a sentence yet: {unfinished:?}");
+}

@@ -1,0 +1,3 @@
+//! One integration-test binary: linking is the hidden cost of many.
+
+mod floors;
