@@ -85,10 +85,11 @@ pub fn lines(fits: Option<&Columns>, bands: Option<&Columns>, points: Option<&Co
             None => models.push(LinesOfModel { model, plots: vec![caption] }),
         }
     }
-    let levels =
-        "The narrow band is the 95% confidence band at each single angle; the wide one holds for the whole range at once and for \
-                  all lines of a model together; the prediction band is where a new maneuver's estimate is expected."
-            .into();
+    let level = plain(100.0 * fits.number("level", 0), 1);
+    let levels = format!(
+        "Bands at {level}%: the narrow one holds at each single abscissa, the wide one over the whole range at once (Working-Hotelling); \
+         the prediction band is where the estimate of one more maneuver is expected."
+    );
     (Lines { missing: None, levels, models }, plots)
 }
 
@@ -139,6 +140,9 @@ fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
 /// `C_h_alpha = -0.4229 (± 0.031) alpha - 0.0107 (± 0.0021)`, alpha in SI units.
 fn equation(fits: &Columns, row: usize) -> String {
     let [_, parameter, against] = KEY.map(|name| fits.text(name, row));
+    if !fits.number("slope", row).is_finite() {
+        return format!("{parameter}: no line ({})", fits.text("stop", row));
+    }
     let (slope, slope_sd) = with_sd(fits.number("slope", row), fits.number("slope_sd", row));
     let (intercept, intercept_sd) = with_sd(fits.number("intercept", row), fits.number("intercept_sd", row));
     let sd = |sd: Option<String>| sd.map_or(String::new(), |sd| format!(" (sd {sd})"));

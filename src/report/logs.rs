@@ -116,7 +116,7 @@ pub fn notes(table: Option<&Columns>) -> Grid {
 fn severity(table: &Columns, row: usize) -> Option<Level> {
     match table.text("severity", row).as_str() {
         "warning" => Some(Level::Warn),
-        "error" => Some(Level::Bad),
+        "error" | "missing" => Some(Level::Bad),
         _ => None,
     }
 }
@@ -128,8 +128,8 @@ pub fn remarks(table: Option<&Columns>) -> Option<(Level, String)> {
     let (errors, warnings) = (of(Level::Bad), of(Level::Warn));
     Some(match (errors, warnings) {
         (0, 0) => (Level::Good, "No stage has left a warning.".into()),
-        (0, n) => (Level::Warn, format!("The stages have left {}.", count(n, "warning"))),
-        (n, 0) => (Level::Bad, format!("The stages have left {}.", count(n, "error"))),
-        (n, m) => (Level::Bad, format!("The stages have left {} and {}.", count(n, "error"), count(m, "warning"))),
+        (0, n) => (Level::Warn, format!("The notes name {}.", count(n, "warning"))),
+        (n, 0) => (Level::Bad, format!("The notes name {}.", count(n, "missing result"))),
+        (n, m) => (Level::Bad, format!("The notes name {} and {}.", count(n, "missing result"), count(m, "warning"))),
     })
 }
