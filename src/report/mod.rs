@@ -63,6 +63,33 @@ struct Data<'a> {
     overview: Vec<flights::Flight>,
 }
 
+/// What the template is filled with.
+#[derive(Serialize)]
+struct Page<'a> {
+    title: &'a str,
+    subtitle: &'a str,
+    contents: [Heading; CONTENTS.len()],
+    tiles: Vec<checks::Tile>,
+    checks: Vec<checks::Check>,
+    flights: &'a [FlightStyle],
+    lines: lines::Lines,
+    fits: Grid,
+    maneuvers: maneuvers::Maneuvers,
+    estimates: estimates::Estimates,
+    overview: flights::Overview,
+    segments: Grid,
+    channels: Grid,
+    biases: Grid,
+    notes: Grid,
+    provenance: Grid,
+    stages: Option<Grid>,
+    /// JSON of [`Data`].
+    data: String,
+    style: &'static str,
+    script: &'static str,
+    plotly: String,
+}
+
 #[derive(Serialize)]
 struct Heading {
     id: &'static str,
@@ -134,38 +161,37 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         matches: &matches,
     };
     let data = json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights })?;
-    let contents: Vec<Heading> = CONTENTS.iter().map(|&(id, heading)| Heading { id, heading }).collect();
-    render(minijinja::context! {
-        title => input.title,
-        subtitle => input.subtitle,
-        contents,
-        tiles => checks::tiles(facts),
-        checks => checks::checks(facts),
-        flights => styles,
+    render(&Page {
+        title: &input.title,
+        subtitle: &input.subtitle,
+        contents: CONTENTS.map(|(id, heading)| Heading { id, heading }),
+        tiles: checks::tiles(facts),
+        checks: checks::checks(facts),
+        flights: &styles,
         lines,
-        fits => lines::table(get("fits")),
+        fits: lines::table(get("fits")),
         maneuvers,
-        estimates => estimates::estimates(get("estimates")),
+        estimates: estimates::estimates(get("estimates")),
         overview,
-        segments => flights::segments(get("segments")),
-        channels => logs::channels(get("channels")),
-        biases => logs::biases(get("biases")),
-        notes => logs::notes(get("notes")),
-        provenance => provenance(&input.provenance),
-        stages => stages(get("stages")),
+        segments: flights::segments(get("segments")),
+        channels: logs::channels(get("channels")),
+        biases: logs::biases(get("biases")),
+        notes: logs::notes(get("notes")),
+        provenance: provenance(&input.provenance),
+        stages: stages(get("stages")),
         data,
-        style => include_str!("page.css"),
-        script => include_str!("page.js"),
-        plotly => plotly_script(),
+        style: include_str!("page.css"),
+        script: include_str!("page.js"),
+        plotly: plotly_script(),
     })
 }
 
-fn render(context: minijinja::Value) -> Result<String> {
+fn render(page: &Page) -> Result<String> {
     let fault = |e: minijinja::Error| Error::new(format!("the report page could not be written: {e:#}"));
     let mut environment = minijinja::Environment::new();
     // The name decides the escaping: everything in a .html template is escaped unless it is marked safe.
     environment.add_template("page.html", include_str!("page.html")).map_err(fault)?;
-    environment.get_template("page.html").and_then(|template| template.render(context)).map_err(fault)
+    environment.get_template("page.html").and_then(|template| template.render(minijinja::value::Serde(page))).map_err(fault)
 }
 
 /// JSON that may stand inside a script element: no `<` can end the element.
