@@ -181,7 +181,7 @@ fn channels() -> Table {
         ("q", "/imu", "gyro.y", "rad/s", 100),
     ];
     let rows: Vec<_> = (1..=3).flat_map(|f| signals.map(|s| (f, s))).collect();
-    let rate = || rows.iter().map(|r| f64::from(r.1.4));
+    let rate = || rows.iter().map(|r| r.1.4 as f64);
     let n = rows.len();
     Table::build("channels")
         .strings("flight", rows.iter().map(|r| format!("flight-{}", r.0)))
@@ -196,7 +196,7 @@ fn channels() -> Table {
         .i64("dropped_out_of_order", vec![0; n])
         .i64("dropped_nan", vec![0; n])
         .i64("dropped_unreadable", vec![0; n])
-        .f64("longest_gap_s", rows.iter().map(|r| if r.0 == 3 { 0.4 } else { 1.2 / f64::from(r.1.4) }).collect::<Vec<_>>())
+        .f64("longest_gap_s", rows.iter().map(|r| if r.0 == 3 { 0.4 } else { 1.2 / r.1.4 as f64 }).collect::<Vec<_>>())
         .f64("t_first_s", vec![0.01; n])
         .f64("t_last_s", vec![719.98; n])
         .f64("min", vec![-0.1; n])
