@@ -273,7 +273,7 @@ fn a_campaign_becomes_one_self_contained_page() {
         std::fs::write(path, &html).expect("written");
     }
     assert!(html.contains("C_h_delta = -0.3"), "no equation");
-    assert!(html.contains("10 / 11</b>"), "no count of converged estimations");
+    assert!(html.contains("10 &#x2f; 11</b>"), "no count of converged estimations");
     assert!(html.contains("singular"), "the failed estimate is not shown");
     assert!(html.contains("Every one of the 3 flights has a maneuver"));
     let body = html.find("<script type=\"application/json\"").expect("data");
