@@ -1,4 +1,4 @@
-//! A compiled model over a record: trajectories, exact sensitivities, trim.
+//! A compiled model over a record: trajectories and exact sensitivities.
 //!
 //! # How a trajectory and its sensitivities are computed
 //!
@@ -26,7 +26,6 @@ mod propagate;
 mod record;
 mod stiffness;
 mod tangent;
-pub mod trim;
 
 pub use plan::{Directions, Plan};
 pub use record::{Channel, Record};

@@ -1,3 +1,4 @@
 //! One integration-test binary: linking is the hidden cost of many.
 
 mod floors;
+mod models;

@@ -1,1 +1,0 @@
-//! Steady flight: solves a model's `[trim]` section for the quantities it frees.

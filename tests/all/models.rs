@@ -1,0 +1,193 @@
+//! Every shipped model: it compiles, and every exact derivative agrees with differences.
+
+use koehler::config;
+use koehler::dynamics::{Directions, Plan, Record};
+use koehler::model::graph::{Leaf, Node};
+use koehler::model::program::Program;
+use koehler::model::{Constants, Model, fragments::EMBEDDED};
+use std::path::{Path, PathBuf};
+
+/// All model files under `pipelines/`, with the aircraft file beside them.
+fn shipped() -> Vec<(PathBuf, Constants)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+    let mut out = Vec::new();
+    let mut stack = vec![root];
+    while let Some(dir) = stack.pop() {
+        for entry in std::fs::read_dir(dir).unwrap().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                stack.push(path);
+            } else if path.to_string_lossy().ends_with(".model.toml") {
+                let aircraft = path.with_file_name("aircraft.toml");
+                let constants = if aircraft.exists() { config::load::<Constants>(&aircraft).unwrap().0 } else { Constants::default() };
+                out.push((path, constants));
+            }
+        }
+    }
+    out.sort_by(|a, b| a.0.cmp(&b.0));
+    out
+}
+
+/// Files that are parts of another model and do not stand alone.
+fn is_part(path: &Path) -> bool {
+    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    let folder = path.parent().unwrap();
+    std::fs::read_dir(folder).unwrap().flatten().any(|e| {
+        let text = std::fs::read_to_string(e.path()).unwrap_or_default();
+        e.path() != path && text.contains(&format!("\"./{name}\""))
+    })
+}
+
+/// A point near which a model is smooth: its own starts, spread a little so that no two quantities are alike.
+fn point(model: &Model) -> Vec<f64> {
+    let l = model.layout;
+    let spread = |i: usize| 0.1 + 0.037 * (i as f64) - 0.011 * ((i * i) % 7) as f64;
+    let mut point: Vec<f64> = (0..l.len()).map(spread).collect();
+    for (i, s) in model.states.iter().enumerate() {
+        let x: f64 = match s.quantity.unit.as_str() {
+            "m/s" => 90.0 + 3.0 * i as f64,
+            "m" => 4000.0,
+            "N" => 5000.0,
+            _ => spread(i) * 0.2,
+        };
+        point[i] = x;
+    }
+    for (i, q) in model.inputs.iter().enumerate() {
+        point[l.input() + i] = match q.unit.as_str() {
+            "m/s" => 95.0,
+            "m" => 4100.0,
+            "K" => 270.0,
+            "Pa" => 55000.0,
+            "kg/m^3" => 0.8,
+            "N" => 6000.0,
+            _ => spread(i) * 0.3,
+        };
+        if model.inputs[i].name == "u" {
+            point[l.input() + i] = 97.0;
+        }
+    }
+    for (i, p) in model.parameters.iter().enumerate() {
+        point[l.parameter() + i] = if p.start == 0.0 { 0.01 * spread(i) } else { p.start };
+    }
+    point
+}
+
+fn values(model: &Model, program: &Program, point: &[f64]) -> Vec<f64> {
+    let mut file = program.registers::<1>();
+    for (slot, x) in file.iter_mut().zip(point) {
+        slot[0] = *x;
+    }
+    program.prepare(&mut file, &model.tables);
+    program.run(&mut file, &model.tables);
+    (0..program.outputs()).map(|k| program.output(&file, k)[0]).collect()
+}
+
+/// Largest disagreement between an exact derivative and a difference, and how many derivatives were compared.
+fn check(model: &Model, name: &str) -> usize {
+    let mut graph = model.graph.clone();
+    let rows: Vec<Node> = model.rates.iter().chain(&model.output_nodes).copied().collect();
+    let at = point(model);
+    let base = Program::lower(&model.graph, &rows, &model.layout);
+    let mut compared = 0;
+    for leaf in model.graph.leaves(&rows) {
+        if matches!(leaf, Leaf::StartValue(_)) {
+            continue;
+        }
+        let exact: Vec<Node> = rows.iter().map(|&n| graph.derivative(n, leaf)).collect();
+        let exact = values(model, &Program::lower(&graph, &exact, &model.layout), &at);
+        let slot = model.layout.slot(leaf);
+        // a fourth-order difference, with the step that balances truncation and rounding
+        let h = 1e-3 * at[slot].abs().max(1e-2);
+        let shifted: Vec<Vec<f64>> = [-2.0, -1.0, 1.0, 2.0]
+            .iter()
+            .map(|k| {
+                let mut p = at.clone();
+                p[slot] += k * h;
+                values(model, &base, &p)
+            })
+            .collect();
+        for row in 0..rows.len() {
+            let f = |k: usize| shifted[k][row];
+            let difference = (f(0) - 8.0 * f(1) + 8.0 * f(2) - f(3)) / (12.0 * h);
+            let size = (f(1).abs() + f(2).abs()) / h * 1e-11 + exact[row].abs() * 1e-6 + 1e-9;
+            assert!(
+                (exact[row] - difference).abs() <= size,
+                "{name}: row {row} with respect to {leaf:?}: exact {} difference {difference}",
+                exact[row]
+            );
+            compared += 1;
+        }
+    }
+    compared
+}
+
+#[test]
+fn every_derivative_of_every_shipped_model_agrees_with_differences() {
+    let mut compared = 0;
+    for (path, constants) in shipped().into_iter().filter(|(p, _)| !is_part(p)) {
+        let model = Model::load(&path, &constants).unwrap_or_else(|e| panic!("{e}"));
+        let n = check(&model, &path.to_string_lossy());
+        println!("{}: {n} derivatives", path.display());
+        compared += n;
+    }
+    assert!(compared > 1000, "only {compared} derivatives were compared");
+}
+
+#[test]
+fn fragments_that_stand_alone_agree_with_differences() {
+    let aircraft = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/citation/aircraft.toml");
+    let constants = config::load::<Constants>(&aircraft).unwrap().0;
+    let mut checked = 0;
+    for (name, text) in EMBEDDED {
+        // a fragment may lean on names of its user; those that do are checked within the models above
+        if let Ok(model) = Model::parse(name, text, &constants) {
+            checked += check(&model, name);
+        }
+    }
+    assert!(checked > 100);
+}
+
+#[test]
+fn sensitivities_of_every_estimation_model_agree_with_differences() {
+    for (path, constants) in shipped().into_iter().filter(|(p, _)| !is_part(p)) {
+        let model = Model::load(&path, &constants).unwrap();
+        if model.parameters.is_empty() || model.states.is_empty() {
+            continue;
+        }
+        let at = point(&model);
+        let l = model.layout;
+        let n = 40;
+        let inputs = (0..n)
+            .flat_map(|k| (0..l.inputs).map(move |j| (k, j)))
+            .map(|(k, j)| at[l.input() + j] * (1.0 + 0.02 * libm::sin(0.3 * k as f64 + j as f64)))
+            .collect();
+        let record = Record { dt: 0.02, n, inputs, substeps: 4, ..Default::default() };
+        let directions = Directions { parameters: (0..model.parameters.len()).collect(), starts: (0..l.states).collect() };
+        let plan = Plan::new(&model, directions).unwrap();
+        let (p, x0) = (at[l.parameter()..l.parameter() + l.parameters].to_vec(), at[..l.states].to_vec());
+        let exact = plan.run(&p, &x0, &record, true);
+        assert!(exact.finite, "{}", path.display());
+        let (ny, nd) = (model.outputs.len(), p.len() + x0.len());
+        for d in 0..nd {
+            let run = |step: f64| {
+                let (mut p, mut x0) = (p.clone(), x0.clone());
+                if d < p.len() { p[d] += step } else { x0[d - p.len()] += step }
+                plan.run(&p, &x0, &record, false).y
+            };
+            let h = 1e-4 * if d < p.len() { p[d] } else { x0[d - p.len()] }.abs().max(1e-2);
+            let (low, high) = (run(-h), run(h));
+            for i in (0..n * ny).step_by(7) {
+                let difference = (high[i] - low[i]) / (2.0 * h);
+                let scale = exact.dy[i * nd + d].abs() * 1e-4 + exact.y[i].abs() / h * 1e-10 + 1e-8;
+                assert!(
+                    (exact.dy[i * nd + d] - difference).abs() < scale,
+                    "{}: point {} output {} direction {d}: exact {} difference {difference}",
+                    path.display(),
+                    i / ny,
+                    model.outputs[i % ny].name,
+                    exact.dy[i * nd + d]
+                );
+            }
+        }
+    }
+}
