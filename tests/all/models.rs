@@ -19,7 +19,8 @@ fn shipped() -> Vec<(PathBuf, Constants)> {
                 stack.push(path);
             } else if path.to_string_lossy().ends_with(".model.toml") {
                 let aircraft = path.with_file_name("aircraft.toml");
-                let constants = if aircraft.exists() { config::load::<Constants>(&aircraft).unwrap().0 } else { Constants::default() };
+                let constants =
+                    if aircraft.exists() { config::load::<Constants>(&aircraft).unwrap().0 } else { Constants::default() };
                 out.push((path, constants));
             }
         }
@@ -171,7 +172,11 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
         for d in 0..nd {
             let run = |step: f64| {
                 let (mut p, mut x0) = (p.clone(), x0.clone());
-                if d < p.len() { p[d] += step } else { x0[d - p.len()] += step }
+                if d < p.len() {
+                    p[d] += step
+                } else {
+                    x0[d - p.len()] += step
+                }
                 plan.run(&p, &x0, &record, false).y
             };
             let h = 1e-4 * if d < p.len() { p[d] } else { x0[d - p.len()] }.abs().max(1e-2);
