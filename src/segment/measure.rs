@@ -221,7 +221,8 @@ fn contrast(work: &Work, shape: &Shape) -> f64 {
 fn onset(work: &Work, shape: &Shape, size: f64) -> f64 {
     let near = (2.0 * shape.before.rms).max(0.05 * size).min(0.4 * size);
     let from = shape.edges[0].floor().max(0.0) as usize;
-    let longest = 0.5 * (shape.edges[1] - shape.edges[0]);
+    // A smooth edge begins about one rise before its middle; beyond two it is something else.
+    let longest = (0.5 * (shape.edges[1] - shape.edges[0])).min(2.0 * shape.rises[0] + 2.0);
     let found = (0..=from).rev().find(|&i| !((deviation(work, shape, i)).abs() > near)).unwrap_or(0);
     (found as f64).max(shape.edges[0] - longest)
 }

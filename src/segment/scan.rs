@@ -99,13 +99,16 @@ pub(super) fn sequences(work: &Work, settings: &Settings) -> Vec<Vec<Excursion>>
     found
 }
 
-/// Median and MAD sd of the window before each grid point; `None` where the window touches a gap or is shorter than half its length.
+/// Median and MAD sd of a quiet window before each grid point; `None` where it touches a gap or is shorter than half its length.
+///
+/// The window ends somewhat before the point, so that a slow edge does not widen its own threshold.
 fn trailing_trims(work: &Work, settings: &Settings) -> Vec<Option<(f64, f64)>> {
     let length = work.count(settings.quiet_s).max(3);
+    let lead = work.count(0.4 * settings.quiet_s);
     let mut known = 0;
     (0..work.v.len())
         .map(|i| {
-            let window = &work.v[i - known.min(length)..i];
+            let window = &work.v[i - known.min(length + lead)..i - known.min(lead)];
             known = if work.v[i].is_nan() { 0 } else { known + 1 };
             (known > 0 && 2 * window.len() >= length).then(|| (median(window), mad_sd(window)))
         })
@@ -125,7 +128,7 @@ fn follow(work: &Work, start: usize, trim: f64, threshold: f64, settings: &Setti
         if sequence.len() > settings.max_steps {
             return None;
         }
-        let pause = ((end - begin) / 2).max(2);
+        let pause = (3 * (end - begin) / 4).max(work.count(0.5 * settings.min_step_s)).max(3);
         sign = -sign;
         match other_side(work, end, pause, trim, sign, threshold.max(0.35 * largest)) {
             Some(next) => begin = next,

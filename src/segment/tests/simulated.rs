@@ -97,17 +97,18 @@ fn kinds() -> impl Strategy<Value = Kind> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
     fn one_maneuver_is_found_whatever_its_unit_time(
         kind in kinds(), unit in 0.25f64..3.0, up in any::<bool>(), size in -6.0f64..2.0, noise in 0.0f64..0.08, lag in 0.0f64..0.3,
-        offset in -20.0f64..20.0, drift in -0.01f64..0.01, jitter in 0.0f64..0.3, dt in 0.01f64..0.06, seed in any::<u64>(),
+        offset in -20.0f64..20.0, drift in -0.01f64..0.01, jitter in 0.0f64..0.3, dt in 0.01f64..0.06, leveller in 0.0f64..0.03, seed in any::<u64>(),
     ) {
         let amplitude = 10f64.powf(size);
         let f = Flown { kind, start: 8.0, unit, amplitude: if up { amplitude } else { -amplitude } };
         let d = Disturbance {
-            noise: noise * amplitude, lag: lag * unit, offset: offset * amplitude, drift: drift * amplitude, leveller: 0.0, jitter, seed,
+            noise: noise * amplitude, lag: lag * unit, offset: offset * amplitude, drift: drift * amplitude,
+            leveller: leveller * amplitude, jitter, seed,
         };
         let (t, u) = record(&[f], f.end() + 8.0, dt, &d);
         let found = find(&t, &u, &Settings::default());
