@@ -52,7 +52,7 @@ pub fn tiles(facts: Facts) -> Vec<Tile> {
         tile(facts.flights.len().to_string(), "flights", None),
         tile(found.to_string(), "maneuvers found", (found == 0).then_some(Level::Bad)),
         tile(used.to_string(), "maneuvers used", (used == 0).then_some(Level::Bad)),
-        tile(format!("{good} / {all}"), "estimations converged", (good < all || all == 0).then_some(Level::Bad)),
+        tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad)),
         tile(lines.to_string(), "fitted lines", None),
         tile(remarks.to_string(), "notes", noted),
     ]

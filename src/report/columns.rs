@@ -97,27 +97,19 @@ impl Columns {
         self.units.get(name).map_or("", |u| u.as_str())
     }
 
-    /// Row numbers by the text in column `name`.
-    pub fn rows_by(&self, name: &str) -> BTreeMap<String, Vec<usize>> {
-        let mut rows: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    /// Row numbers by the texts in columns `names`.
+    pub fn rows_by<const N: usize>(&self, names: [&str; N]) -> BTreeMap<[String; N], Vec<usize>> {
+        let mut rows: BTreeMap<[String; N], Vec<usize>> = BTreeMap::new();
         for row in 0..self.rows {
-            rows.entry(self.text(name, row)).or_default().push(row);
+            rows.entry(names.map(|name| self.text(name, row))).or_default().push(row);
         }
         rows
     }
 
-    /// Rows grouped by the texts in `names`, groups in order of first appearance.
-    pub fn groups(&self, names: &[&str]) -> Vec<(Vec<String>, Vec<usize>)> {
-        let mut at: BTreeMap<Vec<String>, usize> = BTreeMap::new();
-        let mut groups: Vec<(Vec<String>, Vec<usize>)> = Vec::new();
-        for row in 0..self.rows {
-            let key: Vec<String> = names.iter().map(|n| self.text(n, row)).collect();
-            let i = *at.entry(key.clone()).or_insert_with(|| {
-                groups.push((key, Vec::new()));
-                groups.len() - 1
-            });
-            groups[i].1.push(row);
-        }
+    /// The same, in order of first appearance.
+    pub fn groups<const N: usize>(&self, names: [&str; N]) -> Vec<([String; N], Vec<usize>)> {
+        let mut groups: Vec<_> = self.rows_by(names).into_iter().collect();
+        groups.sort_by_key(|(_, rows)| rows.first().copied());
         groups
     }
 }

@@ -3,6 +3,7 @@
 use super::columns::Columns;
 use super::format::{count, number, with_sd};
 use super::grid::{Cell, Grid, Level};
+use super::maneuvers::name;
 use serde::Serialize;
 
 /// The estimates of the page: one table per model and group.
@@ -33,11 +34,11 @@ pub fn estimates(table: Option<&Columns>) -> Estimates {
     };
     // One estimate per maneuver is one group per maneuver: those belong into one table per model.
     let mut tables = Vec::new();
-    for (model, rows) in table.groups(&["model"]) {
+    for ([model], rows) in table.groups(["model"]) {
         let parameters = names(table, &rows);
-        let runs = runs(table, &rows);
-        let grid = if parameters.len() <= WIDE && runs.len() > 1 { across(table, &parameters, &runs) } else { down(table, &rows) };
-        tables.push(Table { heading: model.join(" "), grid });
+        let runs = runs(table, &model);
+        let grid = if parameters.len() <= WIDE && runs.len() > 1 { across(table, &parameters, &runs) } else { down(table, &runs) };
+        tables.push(Table { heading: model, grid });
     }
     Estimates { missing: None, tables }
 }
@@ -54,32 +55,49 @@ fn names(table: &Columns, rows: &[usize]) -> Vec<String> {
     names
 }
 
-/// Rows of one group and segment each, in order of first appearance.
-fn runs(table: &Columns, rows: &[usize]) -> Vec<Vec<usize>> {
-    let mut runs: Vec<Vec<usize>> = Vec::new();
-    let key = |row: usize| [table.text("group", row), table.text("flight", row), table.text("segment", row)];
-    for &row in rows {
-        match runs.iter_mut().find(|run| run.first().is_some_and(|&first| key(first) == key(row))) {
-            Some(run) => run.push(row),
-            None => runs.push(vec![row]),
+/// One estimate of all parameters, or of those of one segment of it: its name and its rows.
+struct Run {
+    name: String,
+    rows: Vec<usize>,
+}
+
+/// The runs of a model, groups in order of first appearance. A group of one segment is one run: its quantities are all of that segment.
+fn runs(table: &Columns, model: &str) -> Vec<Run> {
+    let mut runs = Vec::new();
+    for ([_, group], rows) in table.groups(["model", "group"]).into_iter().filter(|([m, _], _)| m == model) {
+        let mut segments: Vec<String> = Vec::new();
+        for segment in rows.iter().map(|&row| table.text("segment", row)) {
+            if !segments.contains(&segment) {
+                segments.push(segment);
+            }
+        }
+        if segments.iter().filter(|s| !s.is_empty()).count() < 2 {
+            let segment = segments.into_iter().find(|s| !s.is_empty()).unwrap_or_default();
+            runs.push(Run { name: name(&group, &segment), rows });
+            continue;
+        }
+        for segment in segments {
+            let rows = rows.iter().copied().filter(|&row| table.text("segment", row) == segment).collect();
+            runs.push(Run { name: name(&group, &segment), rows });
         }
     }
     runs
 }
 
-fn across(table: &Columns, parameters: &[String], runs: &[Vec<usize>]) -> Grid {
+fn across(table: &Columns, parameters: &[String], runs: &[Run]) -> Grid {
     let unit = |name: &String| {
-        runs.iter().flatten().find(|&&r| table.text("parameter", r) == *name).map_or(String::new(), |&r| table.text("unit", r))
+        let row = runs.iter().flat_map(|run| &run.rows).find(|&&r| table.text("parameter", r) == *name);
+        row.map_or(String::new(), |&r| table.text("unit", r))
     };
-    let mut columns: Vec<String> = vec!["group".into(), "segment".into()];
+    let mut columns: Vec<String> = vec!["maneuver".into()];
     columns.extend(parameters.iter().map(|name| format!("#{name}|{}", unit(name))));
     columns.push("stop".into());
     let mut grid = Grid::new(columns);
     for run in runs {
-        let Some(&first) = run.first() else { continue };
-        let mut cells = vec![Cell::new(table.text("group", first)), Cell::new(segment(table, first))];
+        let Some(&first) = run.rows.first() else { continue };
+        let mut cells = vec![Cell::new(&run.name)];
         for name in parameters {
-            let row = run.iter().copied().find(|&r| table.text("parameter", r) == *name);
+            let row = run.rows.iter().copied().find(|&r| table.text("parameter", r) == *name);
             cells.push(row.map_or(Cell::default(), |row| value(table, row)));
         }
         cells.push(stop(table, first));
@@ -89,13 +107,12 @@ fn across(table: &Columns, parameters: &[String], runs: &[Vec<usize>]) -> Grid {
     grid
 }
 
-fn down(table: &Columns, rows: &[usize]) -> Grid {
-    let columns = ["group", "segment", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#start", "stop"];
-    let mut grid = Grid::new(columns);
-    for &row in rows {
+fn down(table: &Columns, runs: &[Run]) -> Grid {
+    let mut grid = Grid::new(["maneuver", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#start", "stop"]);
+    for (run, row) in runs.iter().flat_map(|run| run.rows.iter().map(move |&row| (run, row))) {
         let (sd, bound) = (table.number("sd", row), table.number("sd_crlb", row));
         let (value, sd_text) = with_sd(table.number("value", row), sd);
-        let mut cells: Vec<Cell> = vec![table.text("group", row).into(), segment(table, row).into()];
+        let mut cells = vec![Cell::new(&run.name)];
         cells.extend(["parameter", "unit"].map(|name| Cell::new(table.text(name, row))));
         cells.extend([
             value.into(),
@@ -109,11 +126,6 @@ fn down(table: &Columns, rows: &[usize]) -> Grid {
         mark_failed(&mut grid, table, row);
     }
     grid
-}
-
-fn segment(table: &Columns, row: usize) -> String {
-    let parts = [table.text("flight", row), table.text("segment", row)];
-    parts.into_iter().filter(|s| !s.is_empty()).collect::<Vec<_>>().join(" / ")
 }
 
 fn value(table: &Columns, row: usize) -> Cell {
@@ -142,7 +154,7 @@ fn converged(table: &Columns, row: usize) -> bool {
 /// How many estimations there are, and how many of them converged.
 pub fn counts(table: Option<&Columns>) -> (usize, usize) {
     let Some(table) = table else { return (0, 0) };
-    let groups = table.groups(&["model", "group"]);
+    let groups = table.groups(["model", "group"]);
     let good = groups.iter().filter(|(_, rows)| rows.iter().all(|&r| converged(table, r))).count();
     (groups.len(), good)
 }
@@ -157,7 +169,7 @@ pub fn convergence(table: Option<&Columns>) -> Option<(Level, String)> {
     if good == all {
         return Some((Level::Good, format!("Every one of the {} converged.", count(all, "estimation"))));
     }
-    let groups = table.groups(&["model", "group"]);
+    let groups = table.groups(["model", "group"]);
     let failed = groups.iter().filter(|(_, rows)| !rows.iter().all(|&r| converged(table, r)));
     let names: Vec<String> = failed
         .map(|(key, rows)| format!("{} ({})", key.join(" "), rows.first().map_or(String::new(), |&r| table.text("stop", r))))

@@ -56,7 +56,7 @@ pub fn overview(
         let missing = Some("No flight traces: neither the flight path nor the samples table has a row.".into());
         return (Overview { missing, ..Overview::default() }, Vec::new());
     }
-    let rows: Vec<BTreeMap<String, Vec<usize>>> = tables.iter().map(|t| t.rows_by("flight")).collect();
+    let rows: Vec<BTreeMap<[String; 1], Vec<usize>>> = tables.iter().map(|t| t.rows_by(["flight"])).collect();
     let mut thinned = false;
     let mut flight = |id: &String| {
         let mut traces = Vec::new();
@@ -67,7 +67,7 @@ pub fn overview(
         let wanted = OVERVIEW.iter().map(|names| names.to_vec()).chain(inputs.iter().map(|name| vec![name.as_str()]));
         for names in wanted {
             let found = tables.iter().zip(&rows).find_map(|(table, rows)| {
-                let rows = rows.get(id)?;
+                let rows = rows.get(std::slice::from_ref(id))?;
                 names.iter().find_map(|name| trace(table, rows, name))
             });
             if let Some((trace, was_thinned)) = found {
@@ -120,7 +120,7 @@ pub fn included(segments: &Columns, row: usize) -> bool {
 pub fn segments(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No table of segments: the segment stage has not run.") };
     let columns =
-        ["flight", "segment", "kind", "input", "#start|s", "#end|s", "#unit time|s", "#amplitude", "#score", "used", "reason"];
+        ["flight", "segment", "kind", "input", "#start|s", "#end|s", "#unit time|s", "#amplitude", "#score", "used", "~reason"];
     let mut grid = Grid::new(columns);
     for row in 0..table.rows() {
         let used = included(table, row);

@@ -19,6 +19,8 @@ pub struct Column {
     pub name: String,
     pub unit: Option<String>,
     pub numeric: bool,
+    /// Whether long text is broken into lines.
+    pub wrap: bool,
 }
 
 #[derive(Debug, Clone, Default, Serialize)]
@@ -47,13 +49,14 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Columns from `"name"`, `"name|unit"`, and `"#name|unit"` for numbers.
+    /// Columns from `"name"`, `"name|unit"`, `"#name|unit"` for numbers and `"~name"` for long text.
     pub fn new<S: AsRef<str>>(columns: impl IntoIterator<Item = S>) -> Self {
         let column = |text: S| {
             let text = text.as_ref();
-            let (numeric, text) = text.strip_prefix('#').map_or((false, text), |rest| (true, rest));
-            let (name, unit) = text.split_once('|').unwrap_or((text, ""));
-            Column { name: name.into(), unit: (!unit.is_empty()).then(|| unit.into()), numeric }
+            let (numeric, wrap) = (text.starts_with('#'), text.starts_with('~'));
+            let (name, unit) =
+                text.trim_start_matches(['#', '~']).split_once('|').unwrap_or((text.trim_start_matches(['#', '~']), ""));
+            Column { name: name.into(), unit: (!unit.is_empty()).then(|| unit.into()), numeric, wrap }
         };
         Grid { columns: columns.into_iter().map(column).collect(), ..Grid::default() }
     }

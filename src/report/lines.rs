@@ -85,7 +85,7 @@ pub fn lines(fits: Option<&Columns>, bands: Option<&Columns>, points: Option<&Co
             None => models.push(LinesOfModel { model, plots: vec![caption] }),
         }
     }
-    let level = plain(100.0 * fits.number("level", 0), 1);
+    let level = number(100.0 * fits.number("level", 0), 4).trim_end_matches('0').trim_end_matches('.').to_string();
     let levels = format!(
         "Bands at {level}%: the narrow one holds at each single abscissa, the wide one over the whole range at once (Working-Hotelling); \
          the prediction band is where the estimate of one more maneuver is expected."
@@ -154,14 +154,13 @@ fn facts(fits: &Columns, row: usize) -> String {
     let mut facts = vec![format!("n = {}", plain(fits.number("n", row), 0))];
     let tau = fits.number("scatter_sd", row);
     if tau.is_finite() {
-        let text = if tau == 0.0 { "none beyond the estimates' own sd".into() } else { format!("sd {}", number(tau, 2)) };
-        facts.push(format!("scatter between maneuvers: {text}"));
+        facts.push(format!("scatter between maneuvers {}", number(tau, 2)));
     }
     let chi = reduced_chi2(fits, row);
     if chi.is_finite() {
-        facts.push(format!("reduced chi-square = {}", number(chi, 2)));
+        facts.push(format!("reduced chi-square {}", number(chi, 2)));
     }
-    facts.join("; ")
+    facts.join(" · ")
 }
 
 /// Weighted sum of squares about the line over its degrees of freedom; NaN where there are none.

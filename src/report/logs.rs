@@ -21,7 +21,7 @@ pub fn channels(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No account of channels: the ingest stage has not run.") };
     let present: Vec<(&str, &str)> = DROPPED.into_iter().filter(|(name, _)| table.has(name)).collect();
     let mut columns: Vec<String> =
-        ["flight", "signal", "topic and field", "unit", "#samples", "#rate|Hz", "#longest gap|s"].map(String::from).into();
+        ["flight", "signal", "~topic and field", "unit", "#samples", "#rate|Hz", "#longest gap|s"].map(String::from).into();
     columns.extend(present.iter().map(|(_, words)| format!("#{words}")));
     columns.extend(["#from|s", "#to|s", "#min", "#max"].map(String::from));
     let mut grid = Grid::new(columns);
@@ -101,7 +101,7 @@ pub fn biases(table: Option<&Columns>) -> Grid {
 /// Counted notes of every stage.
 pub fn notes(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No table of notes.") };
-    let mut grid = Grid::new(["flight", "stage", "severity", "subject", "#count", "note"]);
+    let mut grid = Grid::new(["flight", "stage", "severity", "~subject", "#count", "~note"]);
     for row in 0..table.rows() {
         let mut cells: Vec<Cell> = ["flight", "stage", "severity", "subject"].map(|name| Cell::new(table.text(name, row))).into();
         cells.extend([Cell::new(plain(table.number("count", row), 0)), table.text("text", row).into()]);

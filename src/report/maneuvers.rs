@@ -52,7 +52,6 @@ pub struct Match {
 }
 
 /// The tables the time histories come from.
-#[derive(Clone, Copy)]
 pub struct Sources<'a> {
     pub responses: Option<&'a Columns>,
     pub segments: Option<&'a Columns>,
@@ -68,34 +67,57 @@ const BUDGET: usize = 600_000;
 /// Seconds of inputs drawn before and after a maneuver's own span when the responses do not say more.
 const MARGIN: f64 = 1.0;
 
+/// What is looked up for every maneuver.
+struct Lookup<'a> {
+    from: &'a Sources<'a>,
+    responses: &'a Columns,
+    segments: BTreeMap<[String; 1], Vec<usize>>,
+    samples: BTreeMap<[String; 1], Vec<usize>>,
+    estimates: BTreeMap<[String; 2], Vec<usize>>,
+    residuals: BTreeMap<[String; 3], Vec<usize>>,
+    /// Samples drawn per curve, at most about.
+    limit: usize,
+}
+
+/// Model, group and segment of a maneuver.
+type Key = [String; 3];
+
 /// Time histories in the order of `responses`, their table, and the match of every output.
-pub fn maneuvers(from: Sources) -> (Maneuvers, Vec<Maneuver>, Vec<Match>) {
+pub fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>, Vec<Match>) {
     let Some(responses) = from.responses.filter(|r| r.rows() > 0) else {
         let missing = Some("No time history: no maneuver has been estimated.".into());
         return (Maneuvers { missing, ..Maneuvers::default() }, Vec::new(), Vec::new());
     };
-    let groups = responses.groups(&["model", "group", "segment"]);
+    let groups = responses.groups(["model", "group", "segment"]);
     let limit = (BUDGET / (3 * groups.len().max(1))).clamp(150, 1200);
-    let mut table =
-        Grid::new(["model", "group", "segment", "output", "#samples", "#residual r.m.s.", "#of measured variation|%", "#colour"]);
+    let look = Lookup {
+        from,
+        responses,
+        segments: from.segments.map(|t| t.rows_by(["segment"])).unwrap_or_default(),
+        samples: from.samples.map(|t| t.rows_by(["flight"])).unwrap_or_default(),
+        estimates: from.estimates.map(|t| t.rows_by(["model", "group"])).unwrap_or_default(),
+        residuals: from.residuals.map(|t| t.rows_by(["model", "group", "output"])).unwrap_or_default(),
+        limit,
+    };
+    let columns = ["model", "maneuver", "output", "#samples", "#residual r.m.s.", "#part of measured variation|%", "#colour"];
+    let mut table = Grid::new(columns);
     let (mut all, mut matches, mut thinned) = (Vec::new(), Vec::new(), false);
     for (key, rows) in &groups {
         let pick = format!("m{}", all.len());
-        let (maneuver, was_thinned) = maneuver(from, responses, key, rows, limit);
+        let (maneuver, was_thinned) = look.maneuver(key, rows);
         thinned |= was_thinned;
         for (output, rows) in by_output(responses, rows) {
-            let residual = from.residuals.and_then(|table| residual_row(table, key, &output).map(|row| (table, row)));
-            let (row, found) = match_of(responses, key, &output, &rows, residual, &pick);
+            let (row, found) = look.match_of(key, &output, &rows, &pick);
             table.rows.push(row);
             matches.push(found);
         }
         all.push(maneuver);
     }
-    table.note = Some("Click a row to see its time history. The r.m.s. is over all samples. Colour is the residuals' variance at frequency zero over their variance: 1 is white.".into());
+    let note = "Click a row to see its time history. The r.m.s. is over all samples. Colour is the residuals' variance at frequency zero \
+                over their variance: 1 is white.";
+    table.note = Some(note.into());
     let shown = if thinned {
-        format!(
-            "Long records are thinned for display to about {limit} samples a curve, extremes kept; nothing else on this page is thinned."
-        )
+        format!("Long records are thinned for display to about {limit} samples a curve, extremes kept; no number on this page is.")
     } else {
         "Every sample is drawn.".into()
     };
@@ -114,79 +136,112 @@ fn by_output(responses: &Columns, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
     outputs
 }
 
-fn maneuver(from: Sources, responses: &Columns, key: &[String], rows: &[usize], limit: usize) -> (Maneuver, bool) {
-    let [model, group, segment] = [0, 1, 2].map(|i| key.get(i).cloned().unwrap_or_default());
-    let found = from.segments.and_then(|s| (0..s.rows()).find(|&row| s.text("segment", row) == segment).map(|row| (s, row)));
-    let flight = found.map_or(String::new(), |(s, row)| s.text("flight", row));
-    let [start, end] = ["t_start_s", "t_end_s"].map(|name| found.map_or(f64::NAN, |(s, row)| s.number(name, row)));
-    let mut thinned = false;
-    let mut outputs = Vec::new();
-    let mut span = (start - MARGIN, end + MARGIN);
-    for (name, rows) in by_output(responses, rows) {
-        let [t, measured, modelled] = ["t_s", "measured", "modelled"].map(|c| pick(responses.column(c), &rows));
-        let keep = thin(t.len(), &[&measured, &modelled], limit);
-        thinned |= keep.len() < t.len();
-        span = (t.iter().copied().fold(span.0, f64::min), t.iter().copied().fold(span.1, f64::max));
-        let (factor, unit) = display_unit(
-            &from.residuals.and_then(|r| residual_row(r, key, &name).map(|row| r.text("unit", row))).unwrap_or_default(),
-        );
-        let drawn = |v: &[f64], factor| shorts(keep.iter().filter_map(|&i| v.get(i).copied()), factor);
-        outputs.push(Output {
-            name,
-            unit,
-            t: times(&pick(&t, &keep)),
-            measured: drawn(&measured, factor),
-            modelled: drawn(&modelled, factor),
-        });
+/// How a maneuver is called: by its segment, and by its group where that is another name.
+pub fn name(group: &str, segment: &str) -> String {
+    match (group, segment) {
+        (group, "") => group.into(),
+        (group, segment) if group == segment || group.is_empty() => segment.into(),
+        (group, segment) => format!("{group} / {segment}"),
     }
-    let mut names = from.inputs.get(&model).cloned().unwrap_or_default();
-    if let Some((s, row)) = found.filter(|_| names.is_empty()) {
-        names.push(s.text("input", row));
-    }
-    let inputs = from.samples.map_or(Vec::new(), |samples| inputs(samples, &flight, span, &names, limit));
-    let kind = found.map_or(String::new(), |(s, row)| s.text("kind", row));
-    let label: Vec<&str> =
-        [&model, &group, &flight, &segment, &kind].into_iter().map(String::as_str).filter(|s| !s.is_empty()).collect();
-    let caption = caption(from.estimates, &model, &group, &segment, &label.join(" / "));
-    (Maneuver { label: label.join(" / "), caption, start: short(start), end: short(end), outputs, inputs }, thinned)
 }
 
-/// The row of `residuals` about one output of one segment, or of the whole group.
-fn residual_row(residuals: &Columns, key: &[String], output: &str) -> Option<usize> {
-    let [model, group, segment] = [0, 1, 2].map(|i| key.get(i).map_or("", String::as_str));
-    let own = |row: &usize| {
-        residuals.text("model", *row) == model && residuals.text("group", *row) == group && residuals.text("output", *row) == output
-    };
-    let rows: Vec<usize> = (0..residuals.rows()).filter(own).collect();
-    rows.iter().find(|&&row| residuals.text("segment", row) == segment).or(rows.first()).copied()
-}
-
-fn caption(estimates: Option<&Columns>, model: &str, group: &str, segment: &str, label: &str) -> String {
-    let stop = estimates.and_then(|e| {
-        let own = |row: &usize| e.text("model", *row) == model && e.text("group", *row) == group;
-        let rows: Vec<usize> = (0..e.rows()).filter(own).collect();
-        let row = rows.iter().find(|&&row| e.text("segment", row) == segment).or(rows.first())?;
-        Some(e.text("stop", *row))
-    });
-    stop.filter(|s| !s.is_empty()).map_or(label.to_string(), |stop| format!("{label}: {stop}"))
-}
-
-fn inputs(samples: &Columns, flight: &str, span: (f64, f64), names: &[String], limit: usize) -> Vec<Input> {
-    let time = samples.column("t_s");
-    let inside =
-        |row: &usize| time.get(*row).is_some_and(|t| *t >= span.0 && *t <= span.1) && samples.text("flight", *row) == flight;
-    let rows: Vec<usize> = (0..samples.rows()).filter(inside).collect();
-    let t = pick(time, &rows);
-    let curve = |name: &String| {
-        let value = pick(samples.column(name), &rows);
-        if !value.iter().any(|v| v.is_finite()) {
-            return None;
+impl Lookup<'_> {
+    fn maneuver(&self, key: &Key, rows: &[usize]) -> (Maneuver, bool) {
+        let [model, group, segment] = key;
+        let row = self.segments.get(std::slice::from_ref(segment)).and_then(|rows| rows.first());
+        let found = self.from.segments.zip(row.copied());
+        let text = |name: &str| found.map_or(String::new(), |(s, row)| s.text(name, row));
+        let [start, end] = ["t_start_s", "t_end_s"].map(|name| found.map_or(f64::NAN, |(s, row)| s.number(name, row)));
+        let mut span = (start - MARGIN, end + MARGIN);
+        let mut thinned = false;
+        let mut outputs = Vec::new();
+        for (name, rows) in by_output(self.responses, rows) {
+            let t = pick(self.responses.column("t_s"), &rows);
+            span = (t.iter().copied().fold(span.0, f64::min), t.iter().copied().fold(span.1, f64::max));
+            let output = self.output(key, name, &rows);
+            thinned |= output.t.len() < rows.len();
+            outputs.push(output);
         }
-        let keep = thin(t.len(), &[&value], limit / 2);
-        let (factor, unit) = display_unit(samples.unit(name));
-        Some(Input { name: name.clone(), unit, t: times(&pick(&t, &keep)), value: shorts(pick(&value, &keep), factor) })
-    };
-    names.iter().filter_map(curve).collect()
+        let mut names = self.from.inputs.get(model).cloned().unwrap_or_default();
+        if names.is_empty() {
+            names.push(text("input"));
+        }
+        let inputs = self.inputs(&text("flight"), span, &names);
+        let label = [model.as_str(), &name(group, segment), &text("kind")]
+            .into_iter()
+            .filter(|s| !s.is_empty())
+            .collect::<Vec<_>>()
+            .join(" / ");
+        let caption = self.stop(key).map_or(label.clone(), |stop| format!("{label}: {stop}"));
+        (Maneuver { label, caption, start: short(start), end: short(end), outputs, inputs }, thinned)
+    }
+
+    fn output(&self, key: &Key, name: String, rows: &[usize]) -> Output {
+        let [t, measured, modelled] = ["t_s", "measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
+        let keep = thin(t.len(), &[&measured, &modelled], self.limit);
+        let (factor, unit) = display_unit(&self.residual(key, &name).map_or(String::new(), |(table, row)| table.text("unit", row)));
+        let drawn = |v: &[f64]| shorts(pick(v, &keep), factor);
+        Output { name, unit, t: times(&pick(&t, &keep)), measured: drawn(&measured), modelled: drawn(&modelled) }
+    }
+
+    /// The row of `residuals` about one output of one segment, or of the whole group.
+    fn residual(&self, key: &Key, output: &str) -> Option<(&Columns, usize)> {
+        let [model, group, segment] = key;
+        let table = self.from.residuals?;
+        let rows = self.residuals.get(&[model.clone(), group.clone(), output.to_string()])?;
+        let row = rows.iter().find(|&&row| table.text("segment", row) == *segment).or(rows.first())?;
+        Some((table, *row))
+    }
+
+    /// Why the iteration of this maneuver's estimate ended.
+    fn stop(&self, key: &Key) -> Option<String> {
+        let [model, group, _] = key;
+        let row = self.estimates.get(&[model.clone(), group.clone()])?.first()?;
+        Some(self.from.estimates?.text("stop", *row))
+    }
+
+    /// Samples of a flight between two times; a flight's rows are sorted by time.
+    fn inputs(&self, flight: &str, span: (f64, f64), names: &[String]) -> Vec<Input> {
+        let (Some(samples), Some(rows)) = (self.from.samples, self.samples.get(&[flight.to_string()])) else { return Vec::new() };
+        let time = |row: &usize| samples.number("t_s", *row);
+        let rows = &rows[rows.partition_point(|row| time(row) < span.0)..rows.partition_point(|row| time(row) <= span.1)];
+        let t = pick(samples.column("t_s"), rows);
+        let curve = |name: &String| {
+            let value = pick(samples.column(name), rows);
+            if !value.iter().any(|v| v.is_finite()) {
+                return None;
+            }
+            let keep = thin(t.len(), &[&value], self.limit / 2);
+            let (factor, unit) = display_unit(samples.unit(name));
+            Some(Input { name: name.clone(), unit, t: times(&pick(&t, &keep)), value: shorts(pick(&value, &keep), factor) })
+        };
+        names.iter().filter_map(curve).collect()
+    }
+
+    /// A row of the table of matches, and the match itself.
+    fn match_of(&self, key: &Key, output: &str, rows: &[usize], picked: &str) -> (Row, Match) {
+        let [measured, modelled] = ["measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
+        let pairs: Vec<(f64, f64)> = measured.into_iter().zip(modelled).filter(|(z, y)| z.is_finite() && y.is_finite()).collect();
+        let n = pairs.len() as f64;
+        let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
+        let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
+        let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
+        let misfit = rms / variation;
+        let residual = self.residual(key, output);
+        let unit = residual.map_or(String::new(), |(table, row)| table.text("unit", row));
+        let [model, group, segment] = key;
+        let cells = vec![
+            model.as_str().into(),
+            name(group, segment).into(),
+            output.into(),
+            plain(n, 0).into(),
+            format!("{} {unit}", number(rms, 3)).into(),
+            Cell::new(plain(100.0 * misfit, 1)).level_if(misfit > POOR, Level::Warn),
+            number(residual.map_or(f64::NAN, |(table, row)| table.number("colour", row)), 3).into(),
+        ];
+        let found = Match { name: format!("{output} of {}", name(group, segment)), misfit };
+        (Row { pick: Some(picked.into()), cells, level: None }, found)
+    }
 }
 
 fn pick(values: &[f64], rows: &[usize]) -> Vec<f64> {
@@ -196,38 +251,6 @@ fn pick(values: &[f64], rows: &[usize]) -> Vec<f64> {
 /// Times to the millisecond: six digits would not do for a long flight.
 pub fn times(t: &[f64]) -> Vec<Option<f64>> {
     t.iter().map(|t| t.is_finite().then(|| (t * 1e3).round() / 1e3)).collect()
-}
-
-/// A row of the table of matches; `residual` is the row of `residuals` about the same output.
-fn match_of(
-    responses: &Columns,
-    key: &[String],
-    output: &str,
-    rows: &[usize],
-    residual: Option<(&Columns, usize)>,
-    picked: &str,
-) -> (Row, Match) {
-    let [measured, modelled] = ["measured", "modelled"].map(|c| pick(responses.column(c), rows));
-    let pairs: Vec<(f64, f64)> = measured.iter().copied().zip(modelled).filter(|(z, y)| z.is_finite() && y.is_finite()).collect();
-    let n = pairs.len() as f64;
-    let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
-    let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
-    let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
-    let misfit = rms / variation;
-    let [model, group, segment] = [0, 1, 2].map(|i| key.get(i).cloned().unwrap_or_default());
-    let unit = residual.map_or(String::new(), |(table, row)| table.text("unit", row));
-    let name = format!("{output} of {segment}");
-    let cells = vec![
-        model.into(),
-        group.into(),
-        segment.into(),
-        output.into(),
-        plain(n, 0).into(),
-        Cell::new(format!("{} {unit}", number(rms, 3))),
-        Cell::new(plain(100.0 * misfit, 1)).level_if(misfit > POOR, Level::Warn),
-        number(residual.map_or(f64::NAN, |(table, row)| table.number("colour", row)), 3).into(),
-    ];
-    (Row { pick: Some(picked.into()), cells, level: None }, Match { name, misfit })
 }
 
 /// A residual above this part of the measured variation is a poor match.

@@ -148,7 +148,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         residuals: get("residuals"),
         inputs: &input.inputs,
     };
-    let (maneuvers, histories, matches) = maneuvers::maneuvers(sources);
+    let (maneuvers, histories, matches) = maneuvers::maneuvers(&sources);
     let (overview, flights) = flights::overview(get("flightpath"), get("samples"), get("segments"), &ids);
     let facts = checks::Facts {
         flights: &ids,
@@ -209,7 +209,8 @@ fn plotly_script() -> String {
 
 /// All flights any table knows, in alphabetical order, with colour and shape.
 fn flight_styles(tables: &BTreeMap<String, Columns>) -> Vec<FlightStyle> {
-    let mut ids: Vec<String> = tables.values().flat_map(|t| t.rows_by("flight").into_keys()).filter(|id| !id.is_empty()).collect();
+    let mut ids: Vec<String> =
+        tables.values().flat_map(|t| t.rows_by(["flight"]).into_keys().flatten()).filter(|id| !id.is_empty()).collect();
     ids.sort();
     ids.dedup();
     let style = |(i, id): (usize, String)| {
@@ -220,7 +221,7 @@ fn flight_styles(tables: &BTreeMap<String, Columns>) -> Vec<FlightStyle> {
 }
 
 fn provenance(entries: &[(String, String)]) -> Grid {
-    let mut grid = Grid::new(["what", "value"]);
+    let mut grid = Grid::new(["what", "~value"]);
     for (name, value) in entries {
         grid.push(vec![name.as_str().into(), value.as_str().into()]);
     }
@@ -231,7 +232,7 @@ fn provenance(entries: &[(String, String)]) -> Grid {
 fn stages(table: Option<&Columns>) -> Option<Grid> {
     let table = table.filter(|t| t.rows() > 0)?;
     let mut grid = Grid::new(["stage", "for", "key", "code", "#ingredients"]);
-    for (key, rows) in table.groups(&["stage", "unit", "key", "code"]) {
+    for (key, rows) in table.groups(["stage", "unit", "key", "code"]) {
         let mut cells: Vec<grid::Cell> = key.into_iter().map(grid::Cell::new).collect();
         cells.push(rows.len().to_string().into());
         grid.push(cells);

@@ -66,16 +66,18 @@
 
   // ---- stacked time histories: rows of {title, height, traces} share one time axis ----
   function stack(element, rows, xTitle, shapes, annotations) {
-    const gap = 26, top = 16, bottom = 46;
+    const gap = 32, top = 16, bottom = 46;
     const heights = rows.map((r) => r.height);
     const total = heights.reduce((a, h) => a + h, 0) + gap * (rows.length - 1);
-    const l = layout({ height: total + top + bottom, shapes: shapes, annotations: annotations, hovermode: "x", showlegend: true,
-      margin: { l: 74, r: 14, t: top + 16, b: bottom }, legend: { orientation: "h", x: 1, xanchor: "right", y: 1, yanchor: "bottom", font: { size: 11.5 } } });
-    const traces = [];
+    const l = layout({ height: total + top + bottom, shapes: shapes, annotations: annotations.slice(), hovermode: "x", showlegend: true,
+      margin: { l: 56, r: 14, t: top + 16, b: bottom }, legend: { orientation: "h", x: 0.5, xanchor: "center", y: 1, yanchor: "bottom", font: { size: 11.5 } } });
+    const traces = [], t = theme();
     let from = total;
     rows.forEach((r, i) => {
       const n = i === 0 ? "" : String(i + 1);
-      l["yaxis" + n] = axis(r.title, { domain: [Math.max(0, (from - r.height) / total), from / total], anchor: "x", nticks: r.height < 90 ? 4 : 6, zeroline: r.residual === true });
+      l["yaxis" + n] = axis("", { domain: [Math.max(0, (from - r.height) / total), from / total], anchor: "x", nticks: r.height < 90 ? 4 : 6, zeroline: r.residual === true });
+      // Titles stand above their rows: names are longer than rows are high.
+      l.annotations.push({ text: r.title, x: 0, xref: "paper", xanchor: "left", y: from / total, yref: "paper", yanchor: "bottom", showarrow: false, font: { size: 12, color: r.residual ? t.soft : t.ink } });
       from -= r.height + gap;
       r.traces.forEach((trace) => traces.push(Object.assign({ xaxis: "x", yaxis: "y" + n, type: "scatter", mode: "lines" }, trace)));
     });
