@@ -3,6 +3,7 @@
 use super::columns::Columns;
 use super::format::{count, number};
 use super::grid::Level;
+use super::lines::EXCESS;
 use super::maneuvers::{self, Match};
 use super::{estimates, flights, lines, logs};
 use serde::Serialize;
@@ -113,9 +114,6 @@ fn scatter(fits: Option<&Columns>) -> Option<(Level, String)> {
         (Level::Warn, text + " The bands include this scatter; ask what the model lacks.")
     })
 }
-
-/// Above this, scatter is remarkable.
-const EXCESS: f64 = 2.5;
 
 /// Lines through few points.
 fn few_points(fits: Option<&Columns>) -> Option<(Level, String)> {

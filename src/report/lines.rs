@@ -62,6 +62,9 @@ pub struct Caption {
     pub facts: String,
 }
 
+/// A reduced chi-square above this says that the points scatter more than their standard deviations explain.
+pub const EXCESS: f64 = 2.5;
+
 const KEY: [&str; 3] = ["model", "parameter", "against"];
 /// Half width of the 95% interval in standard deviations.
 const INTERVAL: f64 = 1.959_963_984_540_054;
@@ -193,7 +196,7 @@ pub fn table(fits: Option<&Columns>) -> Grid {
             plain(correlation(fits, row), 3).into(),
             Cell::new(plain(fits.number("n", row), 0)).level_if(fits.number("n", row) < 5.0, Level::Warn),
             number(fits.number("scatter_sd", row), 2).into(),
-            number(chi, 2).into(),
+            Cell::new(number(chi, 2)).level_if(chi > EXCESS, Level::Warn),
         ]);
         grid.push(cells);
     }
