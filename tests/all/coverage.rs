@@ -1,0 +1,148 @@
+//! Do the intervals of the main job cover the truth? The shipped Citation campaign, recorded again with other sensor errors, goes from
+//! its logs through every stage; the truth is looked at here alone.
+//!
+//! The slow test needs `KOEHLER_SLOW=1` (`.ci/run` sets it, in release mode). `KOEHLER_SEEDS` chooses another number of campaigns.
+
+use koehler::math::distribution::{f_quantile, t_quantile};
+use koehler::pipeline::{Plan, Store, run};
+use koehler::simulate::{Campaign, Truth, write_log};
+use koehler::table::{Table, read_dataset};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The lines of citation Eqs. 8, 9, 10, 14 and 11: slope (1/rad) and intercept. The first four are judged.
+const LINES: [(&str, f64, f64); 5] = [
+    ("C_h_delta", -0.3717, -0.3189),
+    ("C_h_deltadot", -0.094, -0.017),
+    ("C_h_alpha", -0.4229, -0.0107),
+    ("C_h_0", -0.39, 0.0216),
+    ("C_h_alphadot", -0.0333, -0.0072),
+];
+const JUDGED: usize = 4;
+
+fn campaign_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/citation")
+}
+
+/// What one recorded campaign says.
+struct Outcome {
+    /// Per line: joint statistic over its 95% quantile, and whether the truth is inside the simultaneous band at 1 - 0.05/4.
+    joint: [(f64, bool); 5],
+    /// Per coefficient: (estimate - truth) / sd of every maneuver.
+    normed: [Vec<f64>; 5],
+    maneuvers: usize,
+}
+
+/// Copies the campaign's files without its simulation and report, records the truth with `seed`, and runs the pipeline.
+fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64) -> Outcome {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for entry in std::fs::read_dir(campaign_folder()).expect("the campaign").flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let analysis = ["aircraft.toml", "channels.toml", "derived.model.toml", "elevator.model.toml"];
+        if analysis.contains(&name.as_str()) {
+            std::fs::copy(entry.path(), folder.path().join(&name)).expect("copied");
+        }
+    }
+    let pipeline = std::fs::read_to_string(campaign_folder().join("pipeline.toml")).expect("the pipeline");
+    let pipeline = pipeline.split("[report]").next().expect("text").replace("simulate = \"campaign.toml\"", "");
+    std::fs::write(folder.path().join("pipeline.toml"), pipeline).expect("written");
+    for truth in truths {
+        let recording = campaign.record(truth, seed).expect("recorded");
+        write_log(&recording, &folder.path().join(format!("logs/{}.mcap", truth.flight))).expect("a log");
+    }
+    let plan = Plan::read(&folder.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let out = folder.path().join("out");
+    let result = run(&plan, &Store::open(&out), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+    assert!(result.complete(), "seed {seed}: {:?} {}", result.notes, result.errors);
+    judge(&out, truths)
+}
+
+fn table(out: &Path, name: &str) -> Table {
+    read_dataset(out, name).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// True values of the coefficients at the maneuver that covers `t`.
+fn truth_at(truths: &[Truth], flight: &str, t: f64) -> BTreeMap<String, f64> {
+    let truth = truths.iter().find(|x| x.flight == flight).expect("a flight");
+    truth.at(t).into_iter().map(|(name, value)| (name.to_string(), value)).collect()
+}
+
+fn judge(out: &Path, truths: &[Truth]) -> Outcome {
+    let (fits, estimates, segments) = (table(out, "fits"), table(out, "estimates"), table(out, "segments"));
+    let mut joint = [(f64::NAN, false); 5];
+    for (k, (name, slope, intercept)) in LINES.iter().enumerate() {
+        let row = fits.strings("parameter").unwrap().iter().position(|p| p == name).expect("a fit");
+        let get = |column: &str| fits.f64(column).unwrap()[row];
+        let dof = fits.i64("n").unwrap()[row] as f64 - 2.0;
+        let (ds, di) = (get("slope") - slope, get("intercept") - intercept);
+        let (vs, vi, c) = (get("slope_sd").powi(2), get("intercept_sd").powi(2), get("covariance"));
+        let statistic = (di * di * vs - 2.0 * ds * di * c + ds * ds * vi) / (vs * vi - c * c) / 2.0;
+        let width = (2.0 * f_quantile(1.0 - 0.05 / 4.0, 2.0, dof)).sqrt();
+        let inside = (0..=20).all(|i| {
+            let x = get("x_min") + f64::from(i) / 20.0 * (get("x_max") - get("x_min"));
+            (di + ds * x).abs() <= width * (vi + 2.0 * x * c + x * x * vs).sqrt()
+        });
+        joint[k] = (statistic / f_quantile(0.95, 2.0, dof), inside);
+    }
+    let (ids, flights) = (segments.strings("segment").unwrap(), segments.strings("flight").unwrap());
+    let starts = segments.f64("t_start_s").unwrap();
+    let mut normed: [Vec<f64>; 5] = Default::default();
+    let (names, of) = (estimates.strings("parameter").unwrap(), estimates.opt_strings("segment").unwrap());
+    let groups = estimates.strings("group").unwrap();
+    let (values, sds) = (estimates.f64("value").unwrap(), estimates.f64("sd").unwrap());
+    for row in 0..estimates.rows() {
+        let Some(k) = LINES.iter().position(|l| l.0 == names[row]) else { continue };
+        let id = of[row].unwrap_or(groups[row]);
+        let segment = ids.iter().position(|s| *s == id).expect("a segment");
+        let truth = truth_at(truths, flights[segment], starts[segment] + 1.0);
+        normed[k].push((values[row] - truth[&format!("{}_true", names[row])]) / sds[row]);
+    }
+    let maneuvers = normed[0].len();
+    Outcome { joint, normed, maneuvers }
+}
+
+/// The truth flights: one motion, recorded again for every seed.
+fn fly() -> (Campaign, Vec<Truth>) {
+    let campaign = Campaign::load(&campaign_folder().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let ids: Vec<String> = campaign.flights().iter().map(|f| f.to_string()).collect();
+    let truths = ids.par_iter().map(|id| campaign.truth(id).unwrap_or_else(|e| panic!("{e}"))).collect();
+    (campaign, truths)
+}
+
+#[test]
+fn recovery_coverage_of_the_citation_campaign() {
+    if std::env::var("KOEHLER_SLOW").as_deref() != Ok("1") {
+        println!("skipped: set KOEHLER_SLOW=1 (about ten minutes in release mode on two cores)");
+        return;
+    }
+    let seeds: u64 = std::env::var("KOEHLER_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(100);
+    let (campaign, truths) = fly();
+    let outcomes: Vec<Outcome> = (0..seeds).into_par_iter().map(|seed| analyse(&campaign, &truths, 1000 + seed)).collect();
+    let n = outcomes.len() as f64;
+    println!("{seeds} campaigns, {} maneuvers each", outcomes[0].maneuvers);
+    println!("{:<14} {:>10} {:>12} {:>10} {:>10} {:>10}", "line", "joint 95%", "in the band", "maneuvers", "mean/sd", "rms/sd");
+    let z = t_quantile(0.975, 1e6);
+    let (mut lines, mut points, mut all_points) = (Vec::new(), 0.0, 0.0);
+    for (k, (name, ..)) in LINES.iter().enumerate() {
+        let covered = outcomes.iter().filter(|o| o.joint[k].0 <= 1.0).count();
+        let band = outcomes.iter().filter(|o| o.joint[k].1).count();
+        let normed: Vec<f64> = outcomes.iter().flat_map(|o| o.normed[k].iter().copied()).collect();
+        let m = normed.len() as f64;
+        let inside = normed.iter().filter(|v| v.abs() <= z).count() as f64;
+        let (mean, square) = (normed.iter().sum::<f64>() / m, normed.iter().map(|v| v * v).sum::<f64>() / m);
+        println!("{name:<14} {covered:>10} {band:>12} {:>9.2}% {mean:>10.3} {:>10.3}", 100.0 * inside / m, square.sqrt());
+        if k < JUDGED {
+            lines.push(covered as f64);
+            points += inside;
+            all_points += m;
+        }
+    }
+    let (pooled_lines, pooled_points) = (lines.iter().sum::<f64>() / (4.0 * n), points / all_points);
+    println!("pooled: lines {:.2}%, maneuvers {:.2}%", 100.0 * pooled_lines, 100.0 * pooled_points);
+    for (covered, (name, ..)) in lines.iter().zip(&LINES) {
+        assert!((0.88..=0.99).contains(&(covered / n)), "{name}: the joint region covers {covered} of {n}");
+    }
+    assert!((0.93..=0.97).contains(&pooled_lines), "all lines pooled: {pooled_lines}");
+    assert!((0.92..=0.97).contains(&pooled_points), "all maneuvers pooled: {pooled_points}");
+}

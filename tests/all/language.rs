@@ -1,0 +1,134 @@
+//! The reference page of the model language: every example compiles, has exact sensitivities, and gives the number it says.
+
+use koehler::dynamics::{Directions, Plan, Record};
+use koehler::model::{Constants, Model};
+
+/// The complete models of the page, in order.
+fn examples() -> Vec<String> {
+    let page = include_str!("../../docs/model-language.md");
+    let blocks = page.split("```toml\n").skip(1).filter_map(|b| b.split("```").next());
+    blocks.filter(|b| b.contains("title")).map(str::to_string).collect()
+}
+
+/// `# check: u = 1, v = t: y(0.5) = 2` as inputs, output, time, value.
+fn check_line(text: &str) -> (Vec<(String, String)>, String, f64, f64) {
+    let line = text.lines().find_map(|l| l.strip_prefix("# check: ")).expect("an example without a check line");
+    let (inputs, claim) = line.split_once(": ").unwrap_or(("", line));
+    let inputs = inputs.split(", ").filter_map(|p| p.split_once(" = ")).map(|(n, v)| (n.to_string(), v.to_string())).collect();
+    let (left, value) = claim.split_once(" = ").unwrap();
+    let (output, time) = left.split_once('(').unwrap();
+    (inputs, output.to_string(), time.trim_end_matches(')').parse().unwrap(), value.parse().unwrap())
+}
+
+fn record(model: &Model, inputs: &[(String, String)], duration: f64) -> Record {
+    let dt = 0.005;
+    let n = (duration / dt).round() as usize + 2;
+    let value = |name: &str, t: f64| {
+        let text = &inputs.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("no value for input {name}")).1;
+        if text == "t" { t } else { text.parse().unwrap() }
+    };
+    let rows = (0..n).flat_map(|k| model.inputs.iter().map(move |i| (i.name.clone(), k as f64 * dt))).map(|(i, t)| value(&i, t)).collect();
+    Record { dt, n, inputs: rows, ..Default::default() }
+}
+
+#[test]
+fn every_example_gives_the_number_it_says() {
+    let examples = examples();
+    assert!(examples.len() >= 11, "only {} examples were found", examples.len());
+    for text in examples {
+        let model = Model::parse("example", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let (inputs, output, time, wanted) = check_line(&text);
+        let record = record(&model, &inputs, time);
+        let plan = Plan::new(&model, Directions::default()).unwrap();
+        let parameters = model.parameter_starts();
+        let given = plan.first_values(&model, &parameters, &record).unwrap();
+        let grid = plan.run(&parameters, &given, &record, false);
+        let at = (time / record.dt).round() as usize;
+        let got = grid.y[at * model.outputs.len() + model.output(&output).unwrap()];
+        // as exact as the number of digits on the page
+        assert!((got - wanted).abs() <= 2e-6 * wanted.abs().max(1e-3), "{}: {output}({time}) is {got}, the page says {wanted}", model.title);
+    }
+}
+
+#[test]
+fn every_example_has_exact_sensitivities() {
+    for text in examples() {
+        let model = Model::parse("example", &text, &Constants::default()).unwrap();
+        let (inputs, _, _, _) = check_line(&text);
+        // away from the switches that the numbers on the page sit on, and with delays well inside the record
+        let record = record(&model, &inputs, 0.43);
+        let directions = Directions { parameters: (0..model.parameters.len()).collect(), starts: (0..model.states.len()).collect() };
+        let plan = Plan::new(&model, directions).unwrap();
+        let p = model.parameter_starts();
+        let natural = Plan::new(&model, Directions::default()).unwrap();
+        let x0: Vec<f64> = plan.first_values(&model, &p, &record).unwrap();
+        let _ = natural;
+        let exact = plan.run(&p, &x0, &record, true);
+        let nd = p.len() + x0.len();
+        for d in 0..nd {
+            let run = |step: f64| {
+                let (mut p, mut x0) = (p.clone(), x0.clone());
+                if d < p.len() { p[d] += step } else { x0[d - p.len()] += step }
+                plan.run(&p, &x0, &record, false).y
+            };
+            let h = 1e-5 * if d < p.len() { p[d] } else { x0[d - p.len()] }.abs().max(1e-2);
+            let (low, high) = (run(-h), run(h));
+            for i in 0..exact.y.len() {
+                let difference = (high[i] - low[i]) / (2.0 * h);
+                let bound = 2e-5 * exact.dy[i * nd + d].abs() + 1e-7 + exact.y[i].abs() / h * 1e-12;
+                assert!(
+                    (exact.dy[i * nd + d] - difference).abs() < bound,
+                    "{}: value {i}, direction {d}: exact {} difference {difference}",
+                    model.title,
+                    exact.dy[i * nd + d]
+                );
+            }
+        }
+    }
+}
+
+/// The message for a model with one mistake.
+fn message(text: &str) -> String {
+    Model::parse("m.model.toml", text, &Constants::default()).expect_err("the mistake went unnoticed").to_string()
+}
+
+const HEAD: &str = "title = \"t\"\n[inputs]\nV = \"m/s\"\nrho = \"kg/m^3\"\n[outputs]\ny = { unit = \"-\", value = \"1.0\" }\n";
+
+#[test]
+fn mistakes_are_named_with_line_and_column() {
+    let with = |rest: &str| message(&format!("{HEAD}{rest}"));
+    for (text, wanted) in [
+        ("[equations]\na = \"V + rho\"", "m.model.toml:8:10: kg/m^3 cannot be added to m/s"),
+        ("[equations]\na = \"2*Vv\"", "m.model.toml:8:8: unknown name \"Vv\"\n    did you mean \"V\"?"),
+        ("[equations]\na = \"b\"\nb = \"a\"", "depends on itself: a -> b -> a"),
+        ("[equations]\na = \"sin(V)\"", "m.model.toml:8:10: sin() takes a number without unit (or rad), this one is in m/s"),
+        ("[equations]\na = \"sine(V)\"", "unknown function \"sine\"\n    did you mean \"sin\"?"),
+        ("[equations]\na = \"atan2(V)\"", "atan2(y, x) is wanted, 1 argument(s) are there"),
+        ("[equations]\na = \"V^rho\"", "an exponent has no unit"),
+        ("[equations]\na = \"(V\"", "m.model.toml:8:8: \")\" is wanted"),
+        ("[equations]\nV = \"1.0\"", "\"V\" is already declared at m.model.toml:3:1"),
+        ("[equations]\nsin = \"1.0\"", "\"sin\" is a function"),
+        ("[equations]\na = \"delay(V*2, 0.1)\"", "delay() takes the name of an input or a state"),
+        ("[equations]\na = \"delay(V, rho)\"", "a delay must be in s"),
+        ("[equations]\na = \"table(nil, V)\"", "unknown table \"nil\""),
+        ("[constants]\nk = \"deg\"", "unit \"deg\" is not a coherent SI unit\n    models are in SI: use rad"),
+        ("[constants]\nk = \"N m\"\n[equations]\na = \"k*2\"", "constant \"k\" has no value\n    add to the aircraft file: k ="),
+        ("[constants]\nk = \"furlong\"", "\"furlong\" is not a known unit"),
+        ("[states]\nx = { unit = \"m\", rate = \"rho\", start = 0.0 }", "the rate must be in m/s, the expression is in kg/m^3"),
+        ("[states]\nx = { unit = \"m\", rat = \"V\", start = 0.0 }", "m.model.toml:8:20: "),
+        ("[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = \"t\" }", "must not change along a trajectory"),
+        ("[parameters]\np = { unit = \"-\", start = 2.0, max = 1.0 }", "starts at 2 outside its bounds"),
+        ("[tables]\nT = { x = [1.0, 0.0], unit_x = \"-\", y = [1.0, 2.0], unit_y = \"-\" }", "break points must ascend"),
+        ("[trim]\nfree = [\"W\"]\nzero = []", "unknown name \"W\""),
+    ] {
+        let got = with(text);
+        assert!(got.contains(wanted), "for\n{text}\nwanted: {wanted}\ngot:    {got}");
+    }
+    assert!(message("use = [\"nothing\"]\ntitle = \"t\"").contains("there is no fragment \"nothing\""));
+}
+
+#[test]
+fn all_mistakes_of_a_model_come_at_once() {
+    let text = message(&format!("{HEAD}[equations]\na = \"V + rho\"\nb = \"unknown_name*2\"\nc = \"sin(\""));
+    assert_eq!(text.lines().filter(|l| l.starts_with("m.model.toml:")).count(), 3, "{text}");
+}
