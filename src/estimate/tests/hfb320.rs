@@ -115,7 +115,7 @@ fn truth_hfb320_column_c() {
     let e = estimate(&model, std::slice::from_ref(&record), &settings).unwrap();
     assert_eq!((e.stop, e.rows.len()), (Stop::Converged, 15));
     close("det R", e.det_r, 2.339015e-24, 1e-5);
-    let published = [
+    let published: [(f64, f64); 11] = [
         (0.1125395, 3.16e-3),
         (-0.04768777, 2.79e-3),
         (0.2447409, 6.96e-3),
