@@ -11,17 +11,24 @@
 //! | `gauss` | the iteration: step, bounds, halving, stopping |
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
-//! | `solution` | the three together: estimates and covariances by parameter index |
+//! | `solution` | the four together: estimates and covariances by parameter index |
+//! | `choice` | settings against the model: what is free, where it starts |
+//! | `output_error` | a compiled model over records, as such a problem |
+//! | `result` | names put to the solution |
 
 mod arrow;
+mod choice;
 mod colour;
 mod gauss;
+mod output_error;
 mod problem;
 mod rank;
+mod result;
 mod solution;
 #[cfg(test)]
 mod tests;
 
+pub use output_error::estimate;
 pub use rank::{Combination, Verdict};
 
 use indexmap::IndexMap;

@@ -1,6 +1,7 @@
 //! Tests of the numerical core on problems with known answers.
 
 mod coverage;
+mod hfb320;
 mod linear_algebra;
 mod points;
 
