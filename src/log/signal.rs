@@ -1,6 +1,6 @@
 //! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its account and notes out.
 
-use super::channel_map::{ChannelMap, SignalMap, TimeSource};
+use super::channel_map::{ChannelMap, SignalMap, TimeSource, TimeZero};
 use super::decode::is_unreadable;
 use super::file::LogFile;
 use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
@@ -92,9 +92,12 @@ impl Context<'_> {
                 }
                 data.iter().flat_map(|c| c.publish.iter().map(|&t| Some(since(t)))).collect()
             }
-            TimeSource::Field(path, unit) => {
+            TimeSource::Field(path, unit, zero) => {
                 let paths = stamp_paths(&path, unit, &plan.fields);
-                let zero = i128::from(self.start_ns);
+                let zero = match zero {
+                    TimeZero::Epoch => i128::from(self.start_ns),
+                    TimeZero::Start => 0,
+                };
                 let stamp = |ns: i128| i64::try_from(ns - zero).ok();
                 let whole = |x: f64, unit: f64| x.is_finite().then(|| libm::round(x * unit) as i128);
                 let stamps: Vec<Option<i64>> = match (paths.as_slice(), unit) {
@@ -150,7 +153,7 @@ impl Context<'_> {
         let middle = apart.len() / 2;
         if !apart.is_empty() && apart.select_nth_unstable(middle).1.saturating_abs() > 1_000_000_000 {
             let text = format!(
-                "{from}: its time stamps are {:.3} s off the log time; signals of other clocks are not aligned with it",
+                "{from}: its time stamps are {:.3} s off the log time; signals of other clocks are not aligned with it (time_zero = \"start\" for stamps that count from the start of the recording)",
                 seconds(apart[middle])
             );
             notes.push(Note::warning(name, a.messages, text));
