@@ -266,6 +266,11 @@ fn header_stamps_of_every_kind_give_the_same_times() {
     for (path, unit) in [("us", "time_unit = \"us\"\n"), ("s", "time_unit = \"s\"\n")] {
         assert!(times(path, unit).iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-6), "{path}");
     }
+    let mut wild = (0..20).map(message).collect::<Vec<_>>();
+    wild[3].3 = "{\"stamp\":{\"sec\":1e300,\"nanosec\":1e300},\"x\":3}".into();
+    let other = folder.path().join("wild.mcap");
+    raw(&other, "json", &wild, 4000);
+    assert_eq!(read(&other, &one_signal("stamp")).unwrap().signals["x"].account.dropped_unreadable, 1);
     let early = read(&path, &(one_signal("us") + "time_unit = \"us\"\ntime_zero = \"start\"\n")).unwrap();
     assert!((early.signals["x"].series.t_s[0] - START as f64 / 1e9).abs() < 1e-3);
     assert!(texts(&early)[0].contains("signals of other clocks are not aligned"), "{:?}", early.notes);
