@@ -215,7 +215,8 @@ fn layout(fields: &[FieldSpec]) -> std::result::Result<(Vec<String>, String), St
             if seen.contains(&path) {
                 Err(format!("field \"{}\" clashes with another at \"{path}\"", f.name))
             } else {
-                Ok(seen.push(path))
+                seen.push(path);
+                Ok(())
             }
         };
         for (i, part) in parts.iter().enumerate().skip(shared) {
