@@ -29,6 +29,19 @@ pub struct Defaults {
     pub time: Option<String>,
     /// Unit of a time stamp taken from a field: "s", "ms", "us" or "ns". Not needed for a stamp of two fields (sec, nanosec).
     pub time_unit: Option<String>,
+    /// What a time stamp taken from a field counts from. Default "epoch".
+    pub time_zero: Option<TimeZero>,
+}
+
+/// What a time stamp taken from a field counts from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TimeZero {
+    /// The epoch of the log times, 1970 for most recorders.
+    #[default]
+    Epoch,
+    /// The start of the recording: the earliest log time of the flight.
+    Start,
 }
 
 /// Where one signal comes from.
@@ -57,6 +70,8 @@ pub struct SignalMap {
     pub time: Option<String>,
     /// Unit of a time stamp taken from a field, if another than in [defaults].
     pub time_unit: Option<String>,
+    /// What a time stamp taken from a field counts from, if another than in [defaults].
+    pub time_zero: Option<TimeZero>,
     /// What the signal is, with its sign convention.
     #[serde(default)]
     pub doc: String,
@@ -75,8 +90,8 @@ fn one_int() -> i8 {
 pub enum TimeSource {
     Log,
     Publish,
-    /// Path of a field, and how many ns one unit of it is (`None`: no unit given, a stamp of `sec` and `nanosec`).
-    Field(String, Option<f64>),
+    /// Path of a field, how many ns one unit of it is (`None`: no unit given, a stamp of `sec` and `nanosec`), and its zero.
+    Field(String, Option<f64>, TimeZero),
 }
 
 impl ChannelMap {
@@ -111,10 +126,11 @@ impl ChannelMap {
     pub fn time_source(&self, signal: &SignalMap) -> TimeSource {
         let time = signal.time.as_deref().or(self.defaults.time.as_deref()).unwrap_or("log");
         let unit = signal.time_unit.as_deref().or(self.defaults.time_unit.as_deref());
+        let zero = signal.time_zero.or(self.defaults.time_zero).unwrap_or_default();
         match time {
             "log" => TimeSource::Log,
             "publish" => TimeSource::Publish,
-            path => TimeSource::Field(path.to_string(), unit.and_then(|u| time_unit_ns(u).ok())),
+            path => TimeSource::Field(path.to_string(), unit.and_then(|u| time_unit_ns(u).ok()), zero),
         }
     }
 }

@@ -109,7 +109,7 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<Vec<TopicPlan>, Er
         let mut paths: Vec<String> = Vec::new();
         for signal in signals {
             let stamps = match map.time_source(signal) {
-                TimeSource::Field(path, unit) => stamp_paths(&path, unit, &fields),
+                TimeSource::Field(path, unit, _) => stamp_paths(&path, unit, &fields),
                 _ => Vec::new(),
             };
             for path in std::iter::once(signal.field.clone()).chain(stamps) {

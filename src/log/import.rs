@@ -243,7 +243,7 @@ fn read_rows(settings: &Import, file: &str, text: &str, time: usize, columns: &[
         };
         let stamp = value(time).and_then(|t| {
             let ns = libm::round((unit.to_si(t) + settings.time.start_s) * 1e9);
-            let fits = ns >= 0.0 && ns < 9e18;
+            let fits = (0.0..9e18).contains(&ns);
             if fits { Ok(ns as u64) } else { Err(Error::at(at(cells[time]), "the time is negative, not a number or too large")) }
         });
         if let Some(stamp) = errors.take(stamp) {

@@ -258,7 +258,7 @@ impl std::fmt::Display for TopicSurvey {
 }
 
 /// A number with six significant digits at most.
-struct Short(f64);
+pub(super) struct Short(pub f64);
 
 impl std::fmt::Display for Short {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {

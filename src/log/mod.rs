@@ -18,7 +18,7 @@ mod walk;
 mod words;
 pub mod write;
 
-pub use channel_map::{ChannelMap, SignalMap};
+pub use channel_map::{ChannelMap, SignalMap, TimeZero};
 pub use file::LogFile;
 pub use flight::{FlightLog, SignalLog, read_flight};
 pub use series::{Account, Series};

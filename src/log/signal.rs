@@ -1,6 +1,6 @@
 //! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its account and notes out.
 
-use super::channel_map::{ChannelMap, SignalMap, TimeSource};
+use super::channel_map::{ChannelMap, SignalMap, TimeSource, TimeZero};
 use super::decode::is_unreadable;
 use super::file::LogFile;
 use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
@@ -9,6 +9,9 @@ use super::{Note, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::units::Unit;
+
+/// Time stamps, ns since the flight's zero; `None` where a message has none.
+type Stamps = Vec<Option<i64>>;
 
 /// Everything that the signals of one flight share.
 pub(super) struct Context<'a> {
@@ -46,14 +49,7 @@ impl Context<'_> {
 
         let raw = column(plan, &data, &signal.field);
         if raw.clone().all(is_unreadable) {
-            let known: Vec<&str> = plan.fields.iter().map(|f| f.path.as_str()).filter(|p| !p.contains('*')).collect();
-            let what = if known.contains(&signal.field.as_str()) {
-                format!("field \"{}\" of topic \"{}\" in {} holds no number", signal.field, signal.topic, self.log.name())
-            } else {
-                let has = words::nearest_first(&signal.field, &known);
-                format!("field \"{}\" is not in topic \"{}\" of {}; it has {has}", signal.field, signal.topic, self.log.name())
-            };
-            return Err(error("field", what).into());
+            return Err(error("field", self.no_such_field(plan, signal)).into());
         }
         let mut samples: Vec<(i64, f64)> = Vec::with_capacity(messages);
         for (stamp, value) in stamps.iter().zip(raw) {
@@ -74,52 +70,73 @@ impl Context<'_> {
         Ok((SignalLog { series, account }, notes))
     }
 
+    fn no_such_field(&self, plan: &TopicPlan, signal: &SignalMap) -> String {
+        let known = names(plan);
+        let (field, topic, file) = (&signal.field, &signal.topic, self.log.name());
+        if known.contains(&field.as_str()) {
+            return format!("field \"{field}\" of topic \"{topic}\" in {file} holds no number");
+        }
+        let has = words::nearest_first(field, &known);
+        format!("field \"{field}\" is not in topic \"{topic}\" of {file}; it has {has}")
+    }
+
     fn time_key(&self, signal: &SignalMap) -> &'static str {
         if signal.time.is_some() { "time" } else { "topic" }
     }
 
     /// Log times and the stamps that count, ns since the flight's zero, in file order.
-    #[allow(clippy::type_complexity)]
-    fn stamps(&self, plan: &TopicPlan, data: &[&Columns], signal: &SignalMap) -> Result<(Vec<i64>, Vec<Option<i64>>), String> {
+    fn stamps(&self, plan: &TopicPlan, data: &[&Columns], signal: &SignalMap) -> Result<(Vec<i64>, Stamps), String> {
         let since = |ns: u64| i64::try_from(i128::from(ns) - i128::from(self.start_ns)).unwrap_or(i64::MAX);
         let log_ns: Vec<i64> = data.iter().flat_map(|c| c.log.iter().map(|&t| since(t))).collect();
-        let (topic, file) = (&signal.topic, self.log.name());
         let stamps = match self.map.time_source(signal) {
             TimeSource::Log => log_ns.iter().copied().map(Some).collect(),
             TimeSource::Publish => {
                 if data.iter().all(|c| c.publish.iter().all(|&t| t == 0)) {
+                    let (topic, file) = (&signal.topic, self.log.name());
                     return Err(format!("topic \"{topic}\" of {file} has no publish times (all are 0); use time = \"log\""));
                 }
                 data.iter().flat_map(|c| c.publish.iter().map(|&t| Some(since(t)))).collect()
             }
-            TimeSource::Field(path, unit) => {
-                let paths = stamp_paths(&path, unit, &plan.fields);
-                let zero = i128::from(self.start_ns);
-                let stamp = |ns: i128| i64::try_from(ns - zero).ok();
-                let whole = |x: f64, unit: f64| x.is_finite().then(|| libm::round(x * unit) as i128);
-                let stamps: Vec<Option<i64>> = match (paths.as_slice(), unit) {
-                    ([sec, nanosec], _) => column(plan, data, sec)
-                        .zip(column(plan, data, nanosec))
-                        .map(|(s, ns)| stamp(whole(s, 1.0)? * 1_000_000_000 + whole(ns, 1.0)?))
-                        .collect(),
-                    (_, Some(unit)) => column(plan, data, &path).map(|x| stamp(whole(x, unit)?)).collect(),
-                    _ => {
-                        return Err(format!(
-                            "the time stamp \"{path}\" of topic \"{topic}\" needs a time_unit: \"s\", \"ms\", \"us\" or \"ns\""
-                        ));
-                    }
+            TimeSource::Field(path, unit, zero) => {
+                let zero_ns = match zero {
+                    TimeZero::Epoch => self.start_ns,
+                    TimeZero::Start => 0,
                 };
-                if stamps.iter().all(Option::is_none) {
-                    let known: Vec<&str> = plan.fields.iter().map(|f| f.path.as_str()).collect();
-                    return Err(format!(
-                        "no message of topic \"{topic}\" in {file} has a time stamp \"{path}\"; it has {}",
-                        words::nearest_first(&path, &known)
-                    ));
-                }
-                stamps
+                self.field_stamps(plan, data, &path, unit, zero_ns)?
             }
         };
         Ok((log_ns, stamps))
+    }
+
+    /// Stamps from a field of the message (or a pair of fields), ns since `zero_ns`.
+    fn field_stamps(
+        &self,
+        plan: &TopicPlan,
+        data: &[&Columns],
+        path: &str,
+        unit: Option<f64>,
+        zero_ns: u64,
+    ) -> Result<Stamps, String> {
+        let stamp = |ns: i128| i64::try_from(ns - i128::from(zero_ns)).ok();
+        // Larger numbers are no time; the limit keeps the sums below in range.
+        let whole = |x: f64, unit: f64| (libm::fabs(x * unit) < 1e20).then(|| libm::round(x * unit) as i128);
+        let stamps: Stamps = match (stamp_paths(path, unit, &plan.fields).as_slice(), unit) {
+            ([sec, nanosec], _) => column(plan, data, sec)
+                .zip(column(plan, data, nanosec))
+                .map(|(s, ns)| stamp(whole(s, 1.0)? * 1_000_000_000 + whole(ns, 1.0)?))
+                .collect(),
+            (_, Some(unit)) => column(plan, data, path).map(|x| stamp(whole(x, unit)?)).collect(),
+            _ => {
+                let what = format!("the time stamp \"{path}\" of topic \"{}\" needs a time_unit", plan.topic);
+                return Err(format!("{what}: \"s\", \"ms\", \"us\" or \"ns\""));
+            }
+        };
+        if stamps.iter().all(Option::is_none) {
+            let has = words::nearest_first(path, &names(plan));
+            let (topic, file) = (&plan.topic, self.log.name());
+            return Err(format!("no message of topic \"{topic}\" in {file} has a time stamp \"{path}\"; it has {has}"));
+        }
+        Ok(stamps)
     }
 
     fn notes(&self, name: &str, a: &Account, log_ns: &[i64], stamps: &[Option<i64>]) -> Vec<Note> {
@@ -150,13 +167,18 @@ impl Context<'_> {
         let middle = apart.len() / 2;
         if !apart.is_empty() && apart.select_nth_unstable(middle).1.saturating_abs() > 1_000_000_000 {
             let text = format!(
-                "{from}: its time stamps are {:.3} s off the log time; signals of other clocks are not aligned with it",
+                "{from}: its time stamps are {:.3} s off the log time; signals of other clocks are not aligned with it (time_zero = \"start\" for stamps that count from the start of the recording)",
                 seconds(apart[middle])
             );
             notes.push(Note::warning(name, a.messages, text));
         }
         notes
     }
+}
+
+/// The fields of a topic that a map can name.
+fn names(plan: &TopicPlan) -> Vec<&str> {
+    plan.fields.iter().map(|f| f.path.as_str()).filter(|p| !p.contains('*')).collect()
 }
 
 /// One field of a topic over all parts.

@@ -1,7 +1,7 @@
 //! Logs in; a starter campaign folder (pipeline, channel map, aircraft) to be completed out.
 
 use super::guess::{self, Known};
-use super::inspect::{FieldSurvey, Survey, TopicSurvey, survey};
+use super::inspect::{FieldSurvey, Short, Survey, TopicSurvey, survey};
 use crate::error::{Error, Errors};
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
@@ -111,7 +111,8 @@ fn channels(surveys: &[Survey], candidates: &[Candidate]) -> (String, usize) {
 /// One entry below its header; true where its unit has to be completed.
 fn entry(text: &mut String, c: &Candidate, logs: usize, comment: &str) -> bool {
     let f = c.field;
-    let range = if f.count > 0 { format!("{} .. {} in the log", f.min, f.max) } else { "no sample in the log".to_string() };
+    let range =
+        if f.count > 0 { format!("{} .. {} in the log", Short(f.min), Short(f.max)) } else { "no sample in the log".to_string() };
     let unit = guess::unit_of(&f.info);
     let (unit, why) = unit.as_ref().map_or(("?", "COMPLETE: unit of the numbers in the log"), |(u, why)| (u.as_str(), *why));
     let doc = if f.info.doc.is_empty() { c.known.map_or("", |k| k.doc) } else { &f.info.doc };
@@ -167,7 +168,7 @@ fn next_steps(out: &Path, candidates: &[Candidate], open: usize) -> String {
         0 => writeln!(text, "  1. look through {out}/channels.toml: units, signs (sign = -1), delays; add the fields you need"),
         n => writeln!(
             text,
-            "  1. complete {out}/channels.toml: {n} units marked \"?\"; signs (sign = -1), delays; add the fields you need"
+            "  1. complete {out}/channels.toml: the units marked \"?\" ({n}); signs (sign = -1), delays; add the fields you need"
         ),
     };
     let _ = writeln!(text, "  2. fill in {out}/aircraft.toml: the constants that your models name");

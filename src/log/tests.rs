@@ -266,6 +266,14 @@ fn header_stamps_of_every_kind_give_the_same_times() {
     for (path, unit) in [("us", "time_unit = \"us\"\n"), ("s", "time_unit = \"s\"\n")] {
         assert!(times(path, unit).iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-6), "{path}");
     }
+    let mut wild = (0..20).map(message).collect::<Vec<_>>();
+    wild[3].3 = "{\"stamp\":{\"sec\":1e300,\"nanosec\":1e300},\"x\":3}".into();
+    let other = folder.path().join("wild.mcap");
+    raw(&other, "json", &wild, 4000);
+    assert_eq!(read(&other, &one_signal("stamp")).unwrap().signals["x"].account.dropped_unreadable, 1);
+    let early = read(&path, &(one_signal("us") + "time_unit = \"us\"\ntime_zero = \"start\"\n")).unwrap();
+    assert!((early.signals["x"].series.t_s[0] - START as f64 / 1e9).abs() < 1e-3);
+    assert!(texts(&early)[0].contains("signals of other clocks are not aligned"), "{:?}", early.notes);
     let e = read(&path, &one_signal("publish")).unwrap_err();
     assert_eq!(e, "channels.toml:5:8: topic \"/t\" of a.mcap has no publish times (all are 0); use time = \"log\"");
 }
@@ -350,7 +358,7 @@ fn the_starter_folder_is_accepted_but_for_the_open_entries() {
     log.finish().unwrap();
     let out = folder.path().join("campaign");
     let said = starter::run(std::slice::from_ref(&path), &out).unwrap();
-    assert!(said.contains("Recognised by name: V, alpha (of 3 fields)") && said.contains("1 units marked \"?\""), "{said}");
+    assert!(said.contains("Recognised by name: V, alpha (of 3 fields)") && said.contains("the units marked \"?\" (1)"), "{said}");
     let text = std::fs::read_to_string(out.join("channels.toml")).unwrap();
     let open = read(&path, &text).unwrap_err();
     assert_eq!(open.lines().filter(|l| l.starts_with("channels.toml:")).count(), 1, "{open}");
@@ -378,6 +386,20 @@ fn the_starter_folder_is_accepted_but_for_the_open_entries() {
     assert_eq!(pipeline["logs"].as_array().unwrap()[0].as_str(), Some("../logs/a.mcap"));
     assert_eq!(pipeline["derive"]["rate_hz"].as_float(), Some(50.0));
     assert!(starter::run(&[path], &out).unwrap_err().to_string().contains("is there already"));
+}
+
+#[test]
+fn every_shipped_channel_map_is_sound() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+    let maps = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path().join("channels.toml")).filter(|p| p.exists());
+    let mut checked = 0;
+    for path in maps {
+        let (map, doc) = config::load::<ChannelMap>(&path).map_err(|e| e.to_string()).unwrap();
+        map.check(&doc).map_err(|e| e.to_string()).unwrap();
+        assert!(map.signal.values().all(|s| !s.doc.is_empty()), "{}: a signal without doc", path.display());
+        checked += 1;
+    }
+    assert!(checked > 0);
 }
 
 #[test]

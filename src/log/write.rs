@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 /// One field of a topic: every message holds one number for it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldSpec {
+    /// A dot makes a nested object: `rate.p` is written as `{"rate":{"p":0.1}}`.
     pub name: String,
     /// The unit as a recorder would name it (`"deg"`, `"m/s"`); goes to the schema as `unit`.
     pub unit: String,
@@ -41,8 +42,10 @@ pub struct Stream<'a> {
 struct Topic {
     channel: u16,
     count: u32,
-    /// The text before each value: `{"a":`, `,"b":`, ...
+    /// The text before each value: `{"a":`, `,"b":{"c":`, ...
     keys: Vec<String>,
+    /// The text after the last value.
+    end: String,
 }
 
 /// Writes one log file. Nothing is at `path` until `finish` has succeeded.
@@ -93,8 +96,12 @@ impl LogWriter {
         Ok(LogWriter { writer, file, path: path.to_path_buf(), topics: Vec::new(), last_ns: 0, text: Vec::new() })
     }
 
-    /// Adds a topic whose messages are flat JSON objects with the given fields, in that order.
+    /// Adds a topic whose messages are JSON objects with the given fields, in that order.
+    ///
+    /// # Errors
+    /// A field is there twice, is a number and an object at once, or does not stand next to the others of its object.
     pub fn add_topic(&mut self, name: &str, fields: &[FieldSpec]) -> Result<TopicId> {
+        let (keys, end) = layout(fields).map_err(|what| cannot_write(&self.path, format!("topic {name}: {what}")))?;
         let schema = json_schema(name, fields).to_string();
         let title = name.trim_matches('/').replace('/', ".");
         let channel = self
@@ -102,12 +109,7 @@ impl LogWriter {
             .add_schema(&title, "jsonschema", schema.as_bytes())
             .and_then(|id| self.writer.add_channel(id, name, "json", &BTreeMap::new()))
             .map_err(|e| cannot_write(&self.path, e))?;
-        let keys = fields
-            .iter()
-            .enumerate()
-            .map(|(i, f)| format!("{}{}:", if i == 0 { '{' } else { ',' }, serde_json::Value::from(f.name.as_str())))
-            .collect();
-        self.topics.push(Topic { channel, count: 0, keys });
+        self.topics.push(Topic { channel, count: 0, keys, end });
         Ok(TopicId(self.topics.len() - 1))
     }
 
@@ -131,7 +133,7 @@ impl LogWriter {
             // NaN and infinity become `null`, JSON has no word for them.
             serde_json::to_writer(&mut self.text, value).map_err(|e| cannot_write(&self.path, e))?;
         }
-        self.text.extend_from_slice(if t.keys.is_empty() { b"{}" } else { b"}" });
+        self.text.extend_from_slice(t.end.as_bytes());
         let header = mcap::records::MessageHeader {
             channel_id: t.channel,
             sequence: t.count,
@@ -196,14 +198,50 @@ fn cannot_write(path: &Path, why: impl std::fmt::Display) -> Error {
     Error::new(format!("cannot write the log {}: {why}", path.display()))
 }
 
-fn json_schema(name: &str, fields: &[FieldSpec]) -> serde_json::Value {
-    let mut properties = serde_json::Map::new();
+/// The text before each value of a message, and that after the last one.
+fn layout(fields: &[FieldSpec]) -> std::result::Result<(Vec<String>, String), String> {
+    let mut keys = Vec::new();
+    let mut open: Vec<&str> = Vec::new();
+    // Paths of numbers, and of objects that are open or closed already.
+    let mut seen: Vec<String> = Vec::new();
+    let mut text = String::from("{");
     for f in fields {
-        let property = serde_json::json!({"type": "number", "unit": f.unit, "description": f.doc});
-        properties.insert(f.name.clone(), property);
+        let mut parts: Vec<&str> = f.name.split('.').collect();
+        let leaf = parts.pop().unwrap_or_default();
+        let shared = open.iter().zip(&parts).take_while(|(a, b)| a == b).count();
+        text.push_str(&"}".repeat(open.len() - shared));
+        text.push_str(if keys.is_empty() { "" } else { "," });
+        let mut claim = |path: String| {
+            if seen.contains(&path) {
+                Err(format!("field \"{}\" clashes with another at \"{path}\"", f.name))
+            } else {
+                seen.push(path);
+                Ok(())
+            }
+        };
+        for (i, part) in parts.iter().enumerate().skip(shared) {
+            claim(parts[..=i].join("."))?;
+            text.push_str(&format!("{}:{{", serde_json::Value::from(*part)));
+        }
+        claim(f.name.clone())?;
+        text.push_str(&format!("{}:", serde_json::Value::from(leaf)));
+        keys.push(std::mem::take(&mut text));
+        open = parts;
     }
-    let required: Vec<&str> = fields.iter().map(|f| f.name.as_str()).collect();
-    serde_json::json!({"title": name, "type": "object", "properties": properties, "required": required})
+    Ok((keys, if fields.is_empty() { "{}".into() } else { "}".repeat(open.len() + 1) }))
+}
+
+fn json_schema(name: &str, fields: &[FieldSpec]) -> serde_json::Value {
+    let mut schema = serde_json::json!({"title": name, "type": "object"});
+    for f in fields {
+        let mut node = &mut schema;
+        for part in f.name.split('.') {
+            node["type"] = "object".into();
+            node = &mut node["properties"][part];
+        }
+        *node = serde_json::json!({"type": "number", "unit": f.unit, "description": f.doc});
+    }
+    schema
 }
 
 #[cfg(test)]
@@ -246,6 +284,21 @@ mod tests {
             r#"/imu 30 29 {"p":0.1,"q":1e-300}"#,
         ];
         assert_eq!(got, expected);
+    }
+
+    #[test]
+    fn dots_make_nested_objects_and_clashes_are_refused() {
+        let fields = |names: &[&str]| names.iter().map(|n| FieldSpec::new(*n, "1", "")).collect::<Vec<_>>();
+        let (keys, end) = layout(&fields(&["t", "rate.p", "rate.q", "a.b.c", "a.d", "z"])).unwrap();
+        let text: String = keys.iter().map(|k| format!("{k}0")).collect::<String>() + &end;
+        assert_eq!(text, r#"{"t":0,"rate":{"p":0,"q":0},"a":{"b":{"c":0},"d":0},"z":0}"#);
+        assert_eq!(layout(&[]).unwrap(), (vec![], "{}".to_string()));
+        for names in [["a", "a"], ["a", "a.b"], ["a.b", "a"]] {
+            assert!(layout(&fields(&names)).unwrap_err().contains("clashes"), "{names:?}");
+        }
+        assert!(layout(&fields(&["a.b", "c", "a.d"])).unwrap_err().contains("clashes with another at \"a\""));
+        let schema = json_schema("/t", &fields(&["rate.p"]));
+        assert_eq!(schema["properties"]["rate"]["properties"]["p"]["unit"], "1");
     }
 
     #[test]

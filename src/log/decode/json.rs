@@ -109,14 +109,22 @@ fn skip_scalar(text: &[u8]) -> Option<&[u8]> {
             Some(&text[i + 1..])
         }
         _ => {
-            let end =
-                text.iter().position(|b| matches!(b, b',' | b'}' | b']' | b' ' | b'\n' | b'\r' | b'\t')).unwrap_or(text.len());
-            let token = text.get(..end)?;
-            let fine = !token.is_empty() && token.iter().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'+' | b'-' | b'.'));
-            fine.then(|| &text[end..])
+            let end = text.iter().position(|&b| !IN_TOKEN[usize::from(b)]).unwrap_or(text.len());
+            if end == 0 { None } else { text.get(end..) }
         }
     }
 }
+
+/// The bytes that numbers and words (`null`, `-1.5e+3`) are made of.
+const IN_TOKEN: [bool; 256] = {
+    let mut table = [false; 256];
+    let mut b = 0;
+    while b < 256 {
+        table[b] = (b as u8).is_ascii_alphanumeric() || matches!(b as u8, b'+' | b'-' | b'.');
+        b += 1;
+    }
+    table
+};
 
 /// Calls `visit(path, start, end)` for every scalar of a message; `None` where it is no JSON (NaN and Infinity are let through).
 fn scan(message: &[u8], visit: &mut dyn FnMut(&str, usize, usize)) -> Option<()> {
