@@ -27,8 +27,8 @@ impl Interface {
 /// Longest flight that is not taken for a mistake in a number.
 const LONGEST_S: f64 = 24.0 * 3600.0;
 
-/// Checks everything that the schema of the file cannot say.
-pub fn check(settings: &Settings, doc: &Doc, truth: &Interface) -> Errors {
+/// Checks everything that the schema of the file cannot say; without a truth model (it has mistakes of its own), all but its names.
+pub fn check(settings: &Settings, doc: &Doc, truth: Option<&Interface>) -> Errors {
     let mut checker = Checker { settings, doc, truth, errors: Errors::default() };
     checker.timing("timing", &settings.timing);
     checker.drive();
@@ -51,7 +51,7 @@ pub fn check(settings: &Settings, doc: &Doc, truth: &Interface) -> Errors {
 struct Checker<'a> {
     settings: &'a Settings,
     doc: &'a Doc,
-    truth: &'a Interface,
+    truth: Option<&'a Interface>,
     errors: Errors,
 }
 
@@ -77,7 +77,7 @@ impl Checker<'_> {
 
     /// Reports an input that the truth model has not, or whose unit is of another kind than `wanted`.
     fn input(&mut self, path: &str, name: &str, wanted: Option<&str>) {
-        let truth = self.truth;
+        let Some(truth) = self.truth else { return };
         let Some(unit) = truth.inputs.get(name) else {
             return self.unknown(path, name, "truth-model input", truth.inputs.keys());
         };
@@ -111,7 +111,7 @@ impl Checker<'_> {
             }
         }
         driven.extend(self.settings.maneuvers.values().map(|m| m.input.clone()));
-        let left: Vec<&String> = self.truth.inputs.keys().filter(|name| !driven.contains(*name)).collect();
+        let left: Vec<&String> = self.truth.iter().flat_map(|t| t.inputs.keys()).filter(|name| !driven.contains(*name)).collect();
         if !left.is_empty() {
             self.push("drive", format!("nothing drives these inputs of the truth model: {}", list(&left)), "give each a value in [drive.constant], or a role");
         }
@@ -228,7 +228,7 @@ impl Checker<'_> {
             if sensor.sign.abs() != 1.0 {
                 self.push(&format!("{path}.sign"), format!("the sign must be 1 or -1, not {}", sensor.sign), "");
             }
-            let truth = self.truth;
+            let Some(truth) = self.truth else { continue };
             let Some(unit) = truth.unit(&sensor.truth) else {
                 self.unknown(&format!("{path}.truth"), &sensor.truth, "truth-model output or input", truth.outputs.keys().chain(truth.inputs.keys()));
                 continue;
@@ -300,7 +300,7 @@ cmd = { truth = "aileron", unit = "V" }
 
     fn mistakes(text: &str) -> Vec<String> {
         let (settings, doc) = crate::config::parse::<Settings>("campaign.toml", text).unwrap();
-        check(&settings, &doc, &interface()).0.iter().map(|e| e.to_string()).collect()
+        check(&settings, &doc, Some(&interface())).0.iter().map(|e| e.to_string()).collect()
     }
 
     #[test]
