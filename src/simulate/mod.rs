@@ -1,1 +1,22 @@
-//! (to come)
+//! A campaign file and a truth model in, flight logs out: what a flight-test team would bring home.
+
+mod atmosphere;
+mod campaign;
+mod check;
+mod input;
+mod plan;
+mod random;
+mod record;
+mod settings;
+mod trim;
+mod truth;
+mod write;
+
+pub use campaign::{Campaign, Flown};
+pub use check::{Interface, check};
+pub use input::Shape;
+pub use plan::{Placed, Plan};
+pub use record::{FieldLog, Recording, SensorError, TopicLog, record};
+pub use settings::{Drive, Event, Flight, Gap, Maneuver, Point, Sensor, Settings, Timing, Topic};
+pub use truth::{Signal, Truth};
+pub use write::{write_log, write_truth};

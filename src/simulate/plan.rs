@@ -1,0 +1,314 @@
+//! A flight of the campaign file in; its timeline out: when each maneuver is flown, and every input of the truth model over time.
+
+use super::atmosphere::{FOOT, KNOT, true_airspeed};
+use super::input::Shape;
+use super::random::Stream;
+use super::settings::{Flight, Settings, Timing};
+use indexmap::IndexMap;
+use serde::Serialize;
+
+/// A maneuver with its place in a flight. Times are seconds since the start of the flight.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Placed {
+    /// Name in `[maneuvers]`.
+    pub maneuver: String,
+    pub input: String,
+    pub kind: String,
+    /// First step (on the truth grid) and return to zero.
+    pub t_start_s: f64,
+    pub t_end_s: f64,
+    /// Time unit of a multistep.
+    pub unit_time_s: Option<f64>,
+    pub amplitude: f64,
+    pub polarity: i8,
+    /// Commanded condition.
+    pub speed_kt: f64,
+    pub altitude_ft: f64,
+    /// While this lasts, the loops that fly between test points let go.
+    pub hold_s: [f64; 2],
+}
+
+/// A piecewise linear command.
+#[derive(Debug, Clone, PartialEq)]
+struct Profile(Vec<(f64, f64)>);
+
+impl Profile {
+    fn at(&self, t: f64) -> f64 {
+        let i = self.0.partition_point(|p| p.0 <= t);
+        match (i.checked_sub(1).and_then(|i| self.0.get(i)), self.0.get(i)) {
+            (Some(a), Some(b)) => a.1 + (b.1 - a.1) * (t - a.0) / (b.0 - a.0),
+            (Some(p), None) | (None, Some(p)) => p.1,
+            (None, None) => 0.0,
+        }
+    }
+
+    fn last(&self) -> f64 {
+        self.0.last().map_or(0.0, |p| p.1)
+    }
+
+    /// Holds the last value until `t`, then goes to `value` at `rate`; returns the time at which it is there.
+    fn go(&mut self, t: f64, value: f64, rate: f64) -> f64 {
+        let last = self.last();
+        if last == value {
+            return t;
+        }
+        let there = t + (value - last).abs() / rate;
+        self.0.extend([(t, last), (there, value)]);
+        there
+    }
+}
+
+/// The timeline of one flight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    pub flight: String,
+    /// Grid spacing, s, and number of grid points.
+    pub dt: f64,
+    pub n: usize,
+    /// The maneuvers in the order of time.
+    pub maneuvers: Vec<Placed>,
+    /// Calibrated airspeed, kt, and pressure altitude, ft.
+    speed: Profile,
+    altitude: Profile,
+}
+
+impl Plan {
+    /// Places the maneuvers of a flight. Names in `flight` that are not in `shapes` are passed over (the check of the file reports them).
+    pub fn new(settings: &Settings, shapes: &IndexMap<String, Shape>, id: &str, flight: &Flight) -> Plan {
+        let timing = flight.timing.as_ref().unwrap_or(&settings.timing);
+        let points = points(flight);
+        let (speed, altitude) = points.first().map_or((0.0, flight.altitude_ft), |p| (p.0, p.1));
+        let mut plan = Plan {
+            flight: id.to_string(),
+            dt: 1.0 / settings.rate_hz,
+            n: 0,
+            maneuvers: Vec::new(),
+            speed: Profile(vec![(0.0, speed)]),
+            altitude: Profile(vec![(0.0, altitude)]),
+        };
+        let mut t: f64 = 0.0;
+        for (speed, altitude, names) in points {
+            t = plan.speed.go(t, speed, timing.speed_rate_kt_s).max(plan.altitude.go(t, altitude, timing.altitude_rate_ft_s));
+            t += timing.settle_s;
+            for (i, name) in names.iter().enumerate() {
+                t += if i == 0 { 0.0 } else { timing.recover_s };
+                t = plan.place(settings, shapes, name, t + timing.hold_before_s, timing);
+            }
+        }
+        for event in &flight.events {
+            t = t.max(plan.place(settings, shapes, &event.maneuver, event.at_s, timing));
+        }
+        plan.maneuvers.sort_by(|a, b| a.t_start_s.total_cmp(&b.t_start_s));
+        plan.n = (((t + timing.end_s) / plan.dt).ceil() as usize).saturating_add(1);
+        plan
+    }
+
+    /// Files a maneuver whose first step is at `t` and returns the end of its hold.
+    fn place(&mut self, settings: &Settings, shapes: &IndexMap<String, Shape>, name: &str, t: f64, timing: &Timing) -> f64 {
+        let (Some(m), Some(shape)) = (settings.maneuvers.get(name), shapes.get(name)) else { return t };
+        let start = (t / self.dt).round() * self.dt;
+        let end = start + shape.duration();
+        let hold = [start - timing.hold_before_s, end + timing.hold_after_s];
+        self.maneuvers.push(Placed {
+            maneuver: name.to_string(),
+            input: m.input.clone(),
+            kind: m.kind.clone(),
+            t_start_s: start,
+            t_end_s: end,
+            unit_time_s: m.unit_time_s,
+            amplitude: m.amplitude,
+            polarity: m.polarity,
+            speed_kt: self.speed.at(start),
+            altitude_ft: self.altitude.at(start),
+            hold_s: hold,
+        });
+        hold[1]
+    }
+
+    /// Duration of the flight, s.
+    pub fn duration(&self) -> f64 {
+        self.n.saturating_sub(1) as f64 * self.dt
+    }
+
+    /// The signal of the truth model's input `name` on the grid, `[n]`; `None` when nothing drives it.
+    pub fn signal(&self, settings: &Settings, shapes: &IndexMap<String, Shape>, flight: &Flight, name: &str) -> Option<Vec<f64>> {
+        let drive = &settings.drive;
+        let is = |role: &Option<String>| role.as_deref() == Some(name);
+        let grid = |f: &dyn Fn(f64) -> f64| (0..self.n).map(|k| f(k as f64 * self.dt)).collect();
+        if is(&drive.speed) {
+            Some(self.true_speed())
+        } else if is(&drive.altitude) {
+            Some(grid(&|t| self.altitude.at(t) * FOOT))
+        } else if is(&drive.hold) {
+            Some(grid(&|t| f64::from(self.maneuvers.iter().any(|m| (m.hold_s[0]..m.hold_s[1]).contains(&t)))))
+        } else if is(&drive.turbulence) {
+            Some(vec![flight.turbulence; self.n])
+        } else if drive.noise.iter().any(|n| n == name) {
+            Some(self.noise(settings.seed, flight.turbulence, name))
+        } else if let Some(value) = flight.constant.get(name).or(drive.constant.get(name)) {
+            Some(vec![*value; self.n])
+        } else if settings.maneuvers.values().any(|m| m.input == name) {
+            Some(self.maneuver_input(shapes, name))
+        } else {
+            None
+        }
+    }
+
+    /// True airspeed command, m/s: the calibrated airspeed at the commanded altitude of the moment.
+    fn true_speed(&self) -> Vec<f64> {
+        let mut last = (f64::NAN, f64::NAN, f64::NAN);
+        let mut at = |t: f64| {
+            let (cas, h) = (self.speed.at(t) * KNOT, self.altitude.at(t) * FOOT);
+            if (cas, h) != (last.0, last.1) {
+                last = (cas, h, true_airspeed(cas, h));
+            }
+            last.2
+        };
+        (0..self.n).map(|k| at(k as f64 * self.dt)).collect()
+    }
+
+    /// White noise of unit spectral density: independent values with variance 1/dt. The first one is 0: the flight starts trimmed.
+    fn noise(&self, seed: u64, turbulence: f64, name: &str) -> Vec<f64> {
+        if turbulence == 0.0 {
+            return vec![0.0; self.n];
+        }
+        let mut stream = Stream::new(seed, &["turbulence", &self.flight, name]);
+        let scale = 1.0 / self.dt.sqrt();
+        (0..self.n).map(|k| if k == 0 { 0.0 } else { scale * stream.normal() }).collect()
+    }
+
+    fn maneuver_input(&self, shapes: &IndexMap<String, Shape>, name: &str) -> Vec<f64> {
+        let mut signal = vec![0.0; self.n];
+        for m in self.maneuvers.iter().filter(|m| m.input == name) {
+            let Some(shape) = shapes.get(&m.maneuver) else { continue };
+            let (from, to) = ((m.t_start_s / self.dt) as usize, (m.t_end_s / self.dt).ceil() as usize + 1);
+            for (k, value) in signal.iter_mut().enumerate().take(to + 1).skip(from.saturating_sub(1)) {
+                *value += shape.value(k as f64 * self.dt - m.t_start_s);
+            }
+        }
+        signal
+    }
+}
+
+/// Speed, altitude and maneuvers of the test points, in order.
+fn points(flight: &Flight) -> Vec<(f64, f64, &[String])> {
+    let each = flight.speeds_kt.iter().map(|v| (*v, flight.altitude_ft, flight.at_each.as_slice()));
+    let single = flight.points.iter().map(|p| (p.speed_kt, p.altitude_ft.unwrap_or(flight.altitude_ft), p.maneuvers.as_slice()));
+    each.chain(single).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::atmosphere::true_airspeed;
+
+    const TEXT: &str = r#"
+title = "t"
+seed = 1
+truth = "x"
+rate_hz = 100
+start_unix_s = 0
+topics = {}
+
+[drive]
+speed = "V_cmd"
+altitude = "h_cmd"
+hold = "hold"
+noise = ["n_u", "n_w"]
+turbulence = "sigma"
+constant = { wind = 0.0 }
+
+[timing]
+speed_rate_kt_s = 0.5
+settle_s = 30
+hold_before_s = 2
+hold_after_s = 4
+recover_s = 10
+end_s = 5
+
+[maneuvers.lateral]
+input = "aileron"
+kind = "3211"
+unit_time_s = 1.0
+amplitude = 2.5
+
+[maneuvers.longitudinal]
+input = "elevator"
+kind = "211"
+unit_time_s = 0.5
+amplitude = 1.5
+polarity = -1
+
+[flights.one]
+altitude_ft = 17000
+speeds_kt = [160, 150]
+at_each = ["lateral", "longitudinal"]
+
+[flights.two]
+altitude_ft = 17000
+points = [{ speed_kt = 160 }, { speed_kt = 160, altitude_ft = 17150, maneuvers = ["lateral"] }]
+events = [{ at_s = 10.0, maneuver = "longitudinal" }]
+turbulence = 1.5
+constant = { wind = 3.0 }
+"#;
+
+    fn plan(id: &str) -> (Settings, IndexMap<String, Shape>, Plan) {
+        let settings: Settings = toml::from_str(TEXT).unwrap();
+        let shapes: IndexMap<String, Shape> = settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
+        let plan = Plan::new(&settings, &shapes, id, &settings.flights[id]);
+        (settings, shapes, plan)
+    }
+
+    fn signal(id: &str, name: &str) -> Vec<f64> {
+        let (settings, shapes, plan) = plan(id);
+        plan.signal(&settings, &shapes, &settings.flights[id], name).unwrap()
+    }
+
+    #[test]
+    fn maneuvers_follow_each_other_at_each_speed() {
+        let plan = plan("one").2;
+        let times: Vec<(f64, f64, f64)> = plan.maneuvers.iter().map(|m| (m.t_start_s, m.t_end_s, m.speed_kt)).collect();
+        // 30 settle, 2 hold, 7 long, 4 hold, 10 recover, 2 hold, 2 long, 4 hold = 61; then 20 s for 10 kt.
+        assert_eq!(times, [(32.0, 39.0, 160.0), (55.0, 57.0, 160.0), (113.0, 120.0, 150.0), (136.0, 138.0, 150.0)]);
+        assert!((plan.duration() - 147.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn inputs_are_what_the_timeline_says() {
+        let at = |name: &str, t: f64| signal("one", name)[(t * 100.0).round() as usize];
+        assert_eq!([at("hold", 29.99), at("hold", 30.0), at("hold", 42.99), at("hold", 43.0)], [0.0, 1.0, 1.0, 0.0]);
+        assert_eq!([at("aileron", 31.99), at("aileron", 32.0), at("aileron", 35.0), at("aileron", 39.0)], [0.0, 2.5, -2.5, 0.0]);
+        assert_eq!([at("elevator", 54.99), at("elevator", 55.0), at("elevator", 56.0), at("elevator", 57.0)], [0.0, -1.5, 1.5, 0.0]);
+        let h = 17_000.0 * FOOT;
+        assert_eq!(at("h_cmd", 100.0), h);
+        for (t, kt) in [(0.0, 160.0), (61.0, 160.0), (71.0, 155.0), (81.0, 150.0), (140.0, 150.0)] {
+            assert!((at("V_cmd", t) - true_airspeed(kt * KNOT, h)).abs() < 1e-9, "{t}");
+        }
+        assert_eq!(at("sigma", 50.0) + at("n_w", 50.0) + at("wind", 50.0), 0.0);
+    }
+
+    #[test]
+    fn points_and_events_make_a_flight_of_their_own() {
+        let plan = plan("two").2;
+        let names: Vec<(&str, f64, f64)> = plan.maneuvers.iter().map(|m| (m.maneuver.as_str(), m.t_start_s, m.altitude_ft)).collect();
+        // 30 settle, 10 s for 150 ft at 15 ft/s, 30 settle, 2 hold.
+        assert_eq!(names, [("longitudinal", 10.0, 17_000.0), ("lateral", 72.0, 17_150.0)]);
+        assert_eq!((signal("two", "wind")[100], signal("two", "sigma")[100]), (3.0, 1.5));
+    }
+
+    #[test]
+    fn noise_has_unit_spectral_density_and_each_input_its_own() {
+        let (u, w) = (signal("two", "n_u"), signal("two", "n_w"));
+        let n = u.len() as f64;
+        // Variance 1/dt = 100, standard error 100 sqrt(2/n) = 1.5.
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / n;
+        assert!((product(&u, &u) - 100.0).abs() < 6.0 && product(&u, &w).abs() < 4.5, "{} {}", product(&u, &u), product(&u, &w));
+        assert_eq!(u[0], 0.0);
+    }
+
+    #[test]
+    fn what_nothing_drives_has_no_signal() {
+        let (settings, shapes, plan) = plan("one");
+        assert_eq!(plan.signal(&settings, &shapes, &settings.flights["one"], "rudder"), None);
+    }
+}
