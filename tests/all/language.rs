@@ -59,10 +59,9 @@ fn every_example_has_exact_sensitivities() {
         let record = record(&model, &inputs, 0.43);
         let directions = Directions { parameters: (0..model.parameters.len()).collect(), starts: (0..model.states.len()).collect() };
         let plan = Plan::new(&model, directions).unwrap();
-        let p = model.parameter_starts();
-        let natural = Plan::new(&model, Directions::default()).unwrap();
+        // a little off the round numbers, so that no switch falls on a grid point
+        let p: Vec<f64> = model.parameter_starts().iter().map(|v| v * 1.0037).collect();
         let x0: Vec<f64> = plan.first_values(&model, &p, &record).unwrap();
-        let _ = natural;
         let exact = plan.run(&p, &x0, &record, true);
         let nd = p.len() + x0.len();
         for d in 0..nd {
@@ -115,7 +114,7 @@ fn mistakes_are_named_with_line_and_column() {
         ("[constants]\nk = \"N m\"\n[equations]\na = \"k*2\"", "constant \"k\" has no value\n    add to the aircraft file: k ="),
         ("[constants]\nk = \"furlong\"", "\"furlong\" is not a known unit"),
         ("[states]\nx = { unit = \"m\", rate = \"rho\", start = 0.0 }", "the rate must be in m/s, the expression is in kg/m^3"),
-        ("[states]\nx = { unit = \"m\", rat = \"V\", start = 0.0 }", "m.model.toml:8:20: "),
+        ("[states]\nx = { unit = \"m\", rat = \"V\", start = 0.0 }", "m.model.toml:8:19: "),
         ("[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = \"t\" }", "must not change along a trajectory"),
         ("[parameters]\np = { unit = \"-\", start = 2.0, max = 1.0 }", "starts at 2 outside its bounds"),
         ("[tables]\nT = { x = [1.0, 0.0], unit_x = \"-\", y = [1.0, 2.0], unit_y = \"-\" }", "break points must ascend"),
