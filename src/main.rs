@@ -1,5 +1,5 @@
 //! The `koehler` command.
 
 fn main() -> std::process::ExitCode {
-    std::process::ExitCode::SUCCESS
+    koehler::cli::main()
 }

@@ -1,1 +1,18 @@
-//! (to come)
+//! A pipeline file comes in; it is planned (every mistake of every file is found first), then run stage by stage as far as not fresh.
+
+mod assess;
+mod plan;
+mod record;
+mod run;
+mod settings;
+mod simulate;
+mod store;
+
+mod memo;
+
+pub use assess::{Assessment, State};
+pub use plan::{FlightLog, Plan};
+pub use run::{Event, RunResult, StageResult, Watch, gone, run, status};
+pub use settings::Settings;
+pub use simulate::Simulation;
+pub use store::{Lock, Store};

@@ -1,1 +1,191 @@
-//! (to come)
+//! The stages: tables and a slice of the checked configuration come in, tables come out. No stage opens a path.
+//!
+//! [`STAGES`] is the one list of them, in the order in which they run. Adding a stage is adding a file here and a line there.
+
+mod campaign;
+mod inputs;
+
+pub mod derive;
+pub mod estimate;
+pub mod fit;
+pub mod ingest;
+pub mod reconstruct;
+pub mod report;
+pub mod segment;
+
+use crate::error::{Errors, Result};
+use crate::model::Model;
+use crate::table::Table;
+use serde::{Deserialize, Serialize};
+use indexmap::IndexMap;
+use serde_json::{Value, json};
+
+pub use campaign::{Campaign, Channels};
+pub use inputs::{Inputs, Part};
+
+use inputs::series;
+
+/// One stage of the main job.
+pub struct Stage {
+    pub name: &'static str,
+    /// What it does, in a few words, for people who watch.
+    pub about: &'static str,
+    /// What one run of it is about.
+    pub per: Per,
+    /// Whether this campaign wants it.
+    pub wanted: fn(&Campaign) -> bool,
+    /// Tables it may write; a unit need not write all of them.
+    pub writes: &'static [&'static str],
+    /// Tables (and parts of them) that a unit reads.
+    pub reads: fn(&Campaign, &Unit) -> Vec<Read>,
+    /// Whether it reads the flight's log.
+    pub reads_log: bool,
+    /// The configuration that a unit depends on: part of its cache key, and nothing else of the configuration may be used.
+    pub slice: fn(&Campaign, &Unit) -> Value,
+    pub run: fn(&Campaign, &Unit, &Inputs) -> std::result::Result<Output, Errors>,
+}
+
+/// What one run of a stage is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Per {
+    /// One flight: runs in parallel with the other flights.
+    Flight,
+    /// One `[[estimate]]` of the pipeline file.
+    Estimate,
+    /// One `[[fit]]` of the pipeline file.
+    Fit,
+    /// The whole campaign.
+    Campaign,
+}
+
+/// One run of a stage: a flight, an estimate, a fit, or the campaign.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Unit {
+    /// Flight id, name of the estimate or fit, or `campaign`.
+    pub name: String,
+    /// Place in the list of flights, estimates or fits.
+    pub index: usize,
+    pub per: Per,
+}
+
+impl Unit {
+    /// The part of its tables that this unit writes.
+    pub fn part(&self) -> Part {
+        match self.per {
+            Per::Flight => Part::Flight(self.name.clone()),
+            _ => Part::Number(self.index),
+        }
+    }
+}
+
+/// A part of a table that a unit reads.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Read {
+    pub table: &'static str,
+    pub part: Part,
+    /// Whether the unit can run without it, because the stage that writes it failed or had nothing to write.
+    pub optional: bool,
+}
+
+impl Read {
+    /// These tables of one flight, all of them needed.
+    pub fn flight(tables: &[&'static str], flight: &str) -> Vec<Read> {
+        tables.iter().map(|table| Read { table, part: Part::Flight(flight.to_string()), optional: false }).collect()
+    }
+
+    /// These tables of all flights, without those of flights that failed.
+    pub fn flights(tables: &[&'static str], campaign: &Campaign) -> Vec<Read> {
+        let part = |flight: &String| Part::Flight(flight.clone());
+        let of = |table: &&'static str| -> Vec<Read> {
+            campaign.flights.iter().map(|f| Read { table, part: part(f), optional: true }).collect()
+        };
+        tables.iter().flat_map(of).collect()
+    }
+
+    /// Numbered parts `0..n` of these tables, without those that failed.
+    pub fn parts(tables: &[&'static str], n: usize) -> Vec<Read> {
+        let of = |table: &&'static str| -> Vec<Read> { (0..n).map(|i| Read { table, part: Part::Number(i), optional: true }).collect() };
+        tables.iter().flat_map(of).collect()
+    }
+}
+
+/// What a stage hands back: the pipeline files it.
+#[derive(Debug, Default)]
+pub struct Output {
+    /// Tables by name; each becomes the unit's part of that table.
+    pub tables: Vec<(&'static str, Table)>,
+    /// Other files, by path relative to the output folder.
+    pub files: Vec<(String, Vec<u8>)>,
+    pub notes: Vec<Note>,
+}
+
+/// Something counted that a reader of the results should know.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Note {
+    /// Flight concerned; empty for the campaign.
+    pub flight: String,
+    pub stage: String,
+    pub severity: Severity,
+    /// What it is about: a topic, a signal, a segment, a parameter.
+    pub subject: String,
+    /// How many there were.
+    pub count: u64,
+    pub text: String,
+}
+
+/// How much a note matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// Worth knowing.
+    Info,
+    /// Something was lost; the results asked for are there.
+    Warning,
+    /// Something asked for is missing: the exit code says so too.
+    Missing,
+}
+
+impl Severity {
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Severity::Info => "info",
+            Severity::Warning => "warning",
+            Severity::Missing => "missing",
+        }
+    }
+}
+
+/// The stages in the order in which they run.
+pub const STAGES: &[Stage] = &[ingest::STAGE, reconstruct::STAGE, derive::STAGE, segment::STAGE, estimate::STAGE, fit::STAGE, report::STAGE];
+
+/// The table that the pipeline itself writes from the notes of all stages, before the report.
+pub const NOTES: &str = "notes";
+
+/// The notes of all stages as a table.
+///
+/// # Errors
+/// The table's schema does not fit.
+pub fn notes_table(notes: &[Note]) -> Result<Table> {
+    Table::build(NOTES)
+        .strings("flight", notes.iter().map(|n| &n.flight))
+        .strings("stage", notes.iter().map(|n| &n.stage))
+        .strings("severity", notes.iter().map(|n| n.severity.as_str()))
+        .strings("subject", notes.iter().map(|n| &n.subject))
+        .i64("count", notes.iter().map(|n| i64::try_from(n.count).unwrap_or(i64::MAX)).collect::<Vec<_>>())
+        .strings("text", notes.iter().map(|n| &n.text))
+        .finish()
+}
+
+/// What a model says, as a slice of the configuration: its text with fragments, and the values of its constants.
+pub(crate) fn said(model: &Model) -> Value {
+    let constants: IndexMap<&str, [f64; 2]> = model.constants.iter().map(|c| (c.quantity.name.as_str(), [c.value, c.sd])).collect();
+    json!({ "text": model.text, "constants": constants })
+}
+
+/// Settings as a slice of the configuration; what cannot be written as JSON (there is none) counts as null.
+pub(crate) fn slice_of<T: Serialize>(settings: &T) -> Value {
+    serde_json::to_value(settings).unwrap_or(Value::Null)
+}
+
+/// The table that the pipeline itself writes from the records of all stages before the report.
+pub const STAGES_TABLE: &str = "stages";

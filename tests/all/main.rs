@@ -1,5 +1,8 @@
-//! One integration-test binary: linking is the hidden cost of many.
+//! One integration-test binary: linking is the hidden cost of many. Each module asks one kind of question.
 
+mod campaign;
+mod faults;
 mod floors;
 mod language;
 mod models;
+mod reruns;

@@ -1,0 +1,82 @@
+//! Progress of a run: events come in, bars on the terminal go out; nothing where standard error is no terminal.
+
+use crate::pipeline::Event;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::sync::Mutex;
+
+/// Bars for the stages of a run.
+pub struct Bars {
+    visible: bool,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    bar: Option<ProgressBar>,
+    /// Steps done and wanted, by unit, of the stage that runs.
+    steps: BTreeMap<String, (usize, usize)>,
+    units: usize,
+}
+
+/// Every unit counts as so many steps of the bar.
+const GRAIN: u64 = 1000;
+
+impl Bars {
+    pub fn new() -> Bars {
+        Bars { visible: std::io::stderr().is_terminal(), state: Mutex::default() }
+    }
+
+    /// Shows an event.
+    pub fn hear(&self, event: Event) {
+        if !self.visible {
+            return;
+        }
+        let mut state = self.state.lock().unwrap_or_else(|p| p.into_inner());
+        match event {
+            Event::Stage { stage, to_run, .. } => {
+                state.steps.clear();
+                state.units = to_run;
+                state.bar = (to_run > 0).then(|| bar(stage.name, stage.about, to_run));
+            }
+            Event::Step { unit, done, of } => {
+                // Work inside a unit runs in parallel: the count may arrive out of order.
+                let entry = state.steps.entry(unit.name.clone()).or_insert((0, of));
+                *entry = (entry.0.max(done), of);
+                state.show();
+            }
+            Event::Unit { unit, .. } => {
+                state.steps.insert(unit.name.clone(), (1, 1));
+                state.show();
+            }
+            Event::End { .. } => {
+                if let Some(bar) = state.bar.take() {
+                    bar.finish_and_clear();
+                }
+            }
+        }
+    }
+}
+
+impl State {
+    fn show(&self) {
+        if let Some(bar) = &self.bar {
+            let parts = self.steps.values().filter(|(_, of)| *of > 0).map(|(done, of)| GRAIN * *done as u64 / *of as u64);
+            bar.set_position(parts.sum());
+            let done = self.steps.values().filter(|(done, of)| done == of).count();
+            bar.set_message(format!("{done}/{}", self.units));
+        }
+    }
+}
+
+fn bar(name: &'static str, about: &'static str, units: usize) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(GRAIN * units as u64), ProgressDrawTarget::stderr());
+    if let Ok(style) = ProgressStyle::with_template("{prefix:<12} {bar:30} {msg:>7} {elapsed:>4}") {
+        bar.set_style(style);
+    }
+    bar.set_prefix(format!("{name} ({about})"));
+    bar.set_message(format!("0/{units}"));
+    bar.enable_steady_tick(std::time::Duration::from_millis(200));
+    bar
+}

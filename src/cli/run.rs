@@ -1,0 +1,92 @@
+//! The verbs run, status and check: a pipeline file comes in, tables or words about them go out.
+
+use super::progress::Bars;
+use super::{End, PipelineArgs, RunArgs, on_threads, print_errors, say, summary};
+use crate::error::Errors;
+use crate::pipeline::{self, Assessment, Plan, State, Store};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// `koehler check`
+pub fn check(pipeline: &Path) -> Result<End, Errors> {
+    let plan = Plan::read(pipeline)?;
+    let campaign = &plan.campaign;
+    say(&format!(
+        "{}: no mistakes found; {}, {}, {}",
+        pipeline.display(),
+        summary::count(campaign.flights.len(), "flight"),
+        summary::count(campaign.estimates.len(), "estimate"),
+        summary::count(campaign.fits.len(), "fit"),
+    ));
+    Ok(End::Complete)
+}
+
+/// `koehler run`
+pub fn run(args: &RunArgs) -> Result<End, Errors> {
+    let begin = Instant::now();
+    let plan = Plan::read(&args.files.pipeline)?;
+    let out = out_folder(&args.files);
+    let store = Store::open(&out);
+    let _lock = store.lock()?;
+    let bars = Bars::new();
+    let result = on_threads(args.jobs, || -> Result<_, Errors> {
+        if let Some(simulation) = &plan.simulation {
+            super::simulate::make(simulation, false)?;
+        }
+        Ok(pipeline::run(&plan, &store, &|event| bars.hear(event))?)
+    })??;
+    print_errors(&result.errors);
+    if result.nothing_done() {
+        let seconds = begin.elapsed().as_secs_f64();
+        say(&format!("nothing to do: every stage is fresh ({seconds:.2} s)"));
+    }
+    summary::print(&plan, &store, &out, &result)?;
+    Ok(if result.complete() { End::Complete } else { End::Partial })
+}
+
+/// `koehler status` and `koehler run --dry-run`
+pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
+    let plan = Plan::read(&args.pipeline)?;
+    let store = Store::open(&out_folder(args));
+    if let Some(simulation) = &plan.simulation {
+        for flight in &simulation.missing {
+            say(&format!("{:<12} {:<20} missing: would be simulated", "log", flight));
+        }
+    }
+    let mut to_run = 0;
+    for (stage, assessments) in pipeline::status(&plan, &store)? {
+        for a in &assessments {
+            to_run += usize::from(!matches!(a.state, State::Fresh | State::Blocked(_)));
+            for line in lines(stage.name, a) {
+                say(&line);
+            }
+        }
+    }
+    let gone = pipeline::gone(&plan, &store);
+    for record in &gone {
+        say(&format!("{:<12} {:<20} no longer part of the campaign: its outputs would be removed", record.stage, record.unit));
+    }
+    say(&match (to_run, gone.len()) {
+        (0, 0) => "everything is fresh: a run would do nothing".to_string(),
+        (1, _) => "a run would do 1 unit of work".to_string(),
+        (n, _) => format!("a run would do {n} units of work"),
+    });
+    Ok(End::Complete)
+}
+
+/// One line per reason.
+fn lines(stage: &str, a: &Assessment) -> Vec<String> {
+    let line = |word: &str, why: &str| format!("{stage:<12} {:<20} {word}{why}", a.unit.name);
+    let all = |word: &str, reasons: &[String]| reasons.iter().map(|why| line(word, &format!(": {why}"))).collect();
+    match &a.state {
+        State::Fresh => vec![line("fresh", "")],
+        State::New => vec![line("missing", ": never run")],
+        State::Stale(reasons) => all("stale", reasons),
+        State::Waits(reasons) => all("stale", reasons),
+        State::Blocked(what) => vec![line("blocked", &format!(": {what}"))],
+    }
+}
+
+fn out_folder(args: &PipelineArgs) -> PathBuf {
+    args.out.clone().unwrap_or_else(|| args.pipeline.parent().unwrap_or_else(|| Path::new("")).join("out"))
+}

@@ -1,0 +1,46 @@
+//! The verb schema: the name of a configuration file comes in, its JSON Schema for editors goes out.
+
+use super::{End, say};
+use crate::config::schema_text;
+use crate::error::{Error, Errors};
+use crate::{log, model, pipeline, simulate, table};
+use std::path::Path;
+
+/// The configuration files and their schemas.
+fn schemas() -> Vec<(&'static str, String)> {
+    vec![
+        ("pipeline", schema_text::<pipeline::Settings>("Pipeline file")),
+        ("channels", schema_text::<log::ChannelMap>("Channel map")),
+        ("campaign", schema_text::<simulate::Settings>("Simulated campaign")),
+        ("model", schema_text::<model::file::ModelFile>("Model file")),
+    ]
+}
+
+/// `koehler schema`
+pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
+    let schemas = schemas();
+    let names: Vec<&str> = schemas.iter().map(|(name, _)| *name).collect();
+    let chosen: Vec<&(&str, String)> = schemas.iter().filter(|(name, _)| file.is_none_or(|f| f == *name)).collect();
+    match (file, out, chosen.as_slice()) {
+        (Some(file), _, []) => {
+            let what = format!("there is no configuration file \"{file}\"");
+            Err(Error::new(what).help(format!("there are {}", names.join(", "))).into())
+        }
+        (_, Some(folder), chosen) => {
+            for (name, text) in chosen {
+                let path = folder.join(format!("{name}.schema.json"));
+                table::write_atomic(&path, text.as_bytes())?;
+                say(&path.display().to_string());
+            }
+            Ok(End::Complete)
+        }
+        (None, None, _) => {
+            say(&format!("schemas: {}; name one, or give --out DIR to write all", names.join(", ")));
+            Ok(End::Complete)
+        }
+        (Some(_), None, chosen) => {
+            chosen.iter().for_each(|(_, text)| say(text));
+            Ok(End::Complete)
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! What `--help` teaches beyond the arguments.
+
+pub const EXAMPLES: &str = "\
+Examples:
+  koehler run pipelines/citation/pipeline.toml      from logs to fits and a report
+  koehler inspect logs/flight-01.mcap               what is in a log
+  koehler init logs/*.mcap                          start a campaign of your own
+See `koehler --help` for exit codes and the files of a campaign, `koehler <COMMAND> --help` for each command.";
+
+pub const LONG: &str = "\
+The files of a campaign:
+  pipeline.toml     what to do: stages, which models, which fits
+  channels.toml     which topic and field of a log is which signal, in which unit
+  aircraft.toml     constants with unit, sd and source
+  *.model.toml      models: equations, parameters, outputs
+  campaign.toml     optional: a simulated campaign that makes the logs
+
+A first contact with your own logs:
+  koehler inspect logs/flight-01.mcap     see topics, fields and rates
+  koehler init logs/*.mcap --out mine     write a starter folder
+  (complete mine/channels.toml and mine/pipeline.toml)
+  koehler check mine/pipeline.toml        every mistake at once, with file, line and column
+  koehler run mine/pipeline.toml          tables in mine/out/, pages in mine/out/report/index.html
+
+Exit codes:
+  0  everything asked for is there
+  1  the run ended, and something asked for is missing: it is named on the screen and in the table `notes`
+  2  nothing could be done: a mistake in the command, the configuration, or the output folder";
+
+pub const RUN: &str = "\
+Each table becomes a Parquet dataset OUT/<table>/, by flight where it is per flight. A stage whose inputs, settings and program are
+unchanged is not run again. A run can be stopped at any time: files are written whole or not at all.
+
+Examples:
+  koehler run pipelines/citation/pipeline.toml
+  koehler run pipelines/citation/pipeline.toml --out /tmp/trial --jobs 4
+  koehler run pipelines/citation/pipeline.toml --dry-run
+
+Exit codes: 0 everything is there, 1 something asked for is missing, 2 configuration or usage error.";
+
+pub const STATUS: &str = "\
+For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file).
+
+Example:
+  koehler status pipelines/citation/pipeline.toml";
+
+pub const INIT: &str = "\
+Example:
+  koehler init logs/*.mcap --out my-campaign
+  (edit my-campaign/channels.toml, my-campaign/pipeline.toml)
+  koehler check my-campaign/pipeline.toml";
+
+pub const IMPORT: &str = "\
+Example:
+  koehler import pipelines/hfb320/import.toml";
+
+pub const SIMULATE: &str = "\
+Logs that are there already are left alone unless --force is given. `koehler run` does this by itself for a pipeline file with
+`simulate = \"campaign.toml\"`.
+
+Example:
+  koehler simulate pipelines/citation/campaign.toml";
+
+pub const SCHEMA: &str = "\
+Examples:
+  koehler schema pipeline               print the schema of pipeline.toml
+  koehler schema --out schemas          write all of them
+An editor completes and checks a file that begins with a line such as
+  #:schema ./schemas/pipeline.schema.json";

@@ -1,0 +1,131 @@
+//! Fresh, stale or missing, and why: a plan and the output folder come in, the state of every unit of every stage goes out.
+
+use super::plan::Plan;
+use super::record::{Ingredients, Record};
+use super::store::Store;
+use crate::error::Result;
+use crate::stage::{Part, Per, Stage, Unit};
+use std::collections::BTreeMap;
+
+/// The state of one unit of a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub enum State {
+    /// Its outputs are what a run would make.
+    Fresh,
+    /// It was never run here.
+    New,
+    /// It would be run again: the reasons.
+    Stale(Vec<String>),
+    /// What it reads is being made anew; whether it is run again depends on what comes out. The reasons.
+    Waits(Vec<String>),
+    /// It cannot be run, because something it needs is missing: what.
+    Blocked(String),
+}
+
+/// Content of a file in the output folder, as far as it is known at this point of a run or of a dry run.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Content {
+    /// The hash of its bytes.
+    Hash(String),
+    /// A run would make it anew; the unit that would.
+    Changing(String),
+}
+
+/// Contents by path relative to the output folder; an absent path is a file that is not there.
+pub type Contents = BTreeMap<String, Content>;
+
+/// The state of a unit and what it would be made from.
+#[derive(Debug, Clone)]
+pub struct Assessment {
+    pub unit: Unit,
+    pub state: State,
+    pub ingredients: Ingredients,
+    pub record: Option<Record>,
+}
+
+/// The units of a stage.
+pub fn units(plan: &Plan, stage: &Stage) -> Vec<Unit> {
+    let campaign = &plan.campaign;
+    let names: Vec<String> = match stage.per {
+        _ if !(stage.wanted)(campaign) => Vec::new(),
+        Per::Flight => campaign.flights.clone(),
+        Per::Estimate => campaign.estimates.iter().map(|e| e.name().to_string()).collect(),
+        Per::Fit => campaign.fits.iter().map(|f| f.name().to_string()).collect(),
+        Per::Campaign => vec!["campaign".to_string()],
+    };
+    names.into_iter().enumerate().map(|(index, name)| Unit { name, index, per: stage.per }).collect()
+}
+
+/// Holds one unit against the record of its last run.
+///
+/// # Errors
+/// A log or an output file is there and cannot be read.
+pub fn assess(plan: &Plan, store: &Store, contents: &Contents, stage: &Stage, unit: Unit) -> Result<Assessment> {
+    let campaign = &plan.campaign;
+    let record = store.record(stage.name, &unit.name);
+    let mut ingredients = Ingredients::new(&(stage.slice)(campaign, &unit));
+    if let Part::Number(i) = unit.part() {
+        ingredients.add("place in the list".into(), i.to_string());
+    }
+    let mut waits = Vec::new();
+    let mut blocked = None;
+    if stage.reads_log {
+        match plan.log_hash(store, &unit.name)? {
+            Some(hash) => ingredients.add("log".into(), hash),
+            None => waits.push("its log is not there yet".to_string()),
+        }
+    }
+    for read in (stage.reads)(campaign, &unit) {
+        let words = read.part.words(read.table);
+        match contents.get(&read.part.path(read.table)) {
+            Some(Content::Hash(hash)) => ingredients.add(words, hash.clone()),
+            Some(Content::Changing(by)) => waits.push(format!("{by} runs first")),
+            None if read.optional => {}
+            None => blocked = blocked.or(Some(format!("{words} is missing"))),
+        }
+    }
+    waits.dedup();
+    let state = match (blocked, &record) {
+        (Some(what), _) => State::Blocked(what),
+        (None, None) => State::New,
+        (None, Some(record)) => compare(store, stage, &unit, &ingredients, record, waits)?,
+    };
+    Ok(Assessment { unit, state, ingredients, record })
+}
+
+fn compare(store: &Store, stage: &Stage, unit: &Unit, now: &Ingredients, record: &Record, waits: Vec<String>) -> Result<State> {
+    let mut why = Vec::new();
+    if let Some(error) = &record.error {
+        why.push(format!("it failed: {}", error.lines().next().unwrap_or_default()));
+    }
+    // What is being made anew is no difference yet.
+    why.extend(now.differences(&record.ingredients).into_iter().filter(|d| waits.is_empty() || !d.ends_with(" is gone")));
+    for (path, hash) in &record.outputs {
+        match store.memo.hash(&store.path(path))? {
+            None => why.push(format!("{path} is gone")),
+            Some(found) if found != *hash => why.push(format!("{path} was changed by something else")),
+            Some(_) => {}
+        }
+    }
+    Ok(match (why.is_empty(), waits.is_empty()) {
+        (false, _) => State::Stale(why),
+        (true, false) => State::Waits(waits),
+        (true, true) if now.key(stage.name, &unit.name) != record.key => State::Stale(vec!["its record does not match its key".into()]),
+        (true, true) => State::Fresh,
+    })
+}
+
+/// Adds what a unit's outputs are after this assessment: known where it is fresh, changing where it would run.
+pub fn contents_after(stage: &Stage, assessment: &Assessment, contents: &mut Contents) {
+    match (&assessment.state, &assessment.record) {
+        (State::Blocked(_), _) => {}
+        (State::Fresh, Some(record)) => {
+            contents.extend(record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))));
+        }
+        _ => {
+            let part = assessment.unit.part();
+            let by = format!("{} of {}", stage.name, assessment.unit.name);
+            contents.extend(stage.writes.iter().map(|table| (part.path(table), Content::Changing(by.clone()))));
+        }
+    }
+}

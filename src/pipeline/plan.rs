@@ -1,0 +1,300 @@
+//! A pipeline file and all files it names come in; a checked campaign, or every mistake in any of them at once, goes out.
+
+mod logs;
+mod names;
+
+use super::settings::Settings;
+use super::simulate::Simulation;
+use super::store::Store;
+use crate::config::{self, Doc};
+use crate::error::{Error, Errors, Result};
+use crate::log::ChannelMap;
+use crate::model::{Constants, Model};
+use crate::segment::Kind;
+use crate::stage::{Campaign, Channels, derive, estimate, fit, reconstruct, segment};
+use names::Columns;
+use std::path::{Path, PathBuf};
+
+pub use logs::FlightLog;
+
+/// A checked campaign, ready to run.
+#[derive(Debug)]
+pub struct Plan {
+    pub campaign: Campaign,
+    /// The logs, in the order of the campaign's flights.
+    pub logs: Vec<FlightLog>,
+    /// The simulation that makes logs which are not there yet; none where all are there.
+    pub simulation: Option<Simulation>,
+}
+
+impl Plan {
+    /// Reads and checks everything that a person wrote; reads no log.
+    ///
+    /// # Errors
+    /// Every mistake in any of the files.
+    pub fn read(pipeline: &Path) -> std::result::Result<Plan, Errors> {
+        let (settings, doc) = config::load::<Settings>(pipeline)?;
+        let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
+        Reader { settings, doc, folder, errors: Errors::default() }.plan()
+    }
+
+    /// The log of a flight.
+    pub fn log(&self, flight: &str) -> Result<&FlightLog> {
+        self.logs.iter().find(|l| l.flight == flight).ok_or_else(|| Error::new(format!("flight {flight} has no log")))
+    }
+
+    /// Hash of a flight's log; none where the log is not there.
+    pub fn log_hash(&self, store: &Store, flight: &str) -> Result<Option<String>> {
+        store.memo.hash(&self.log(flight)?.path)
+    }
+}
+
+/// Collects the mistakes of all files on the way to a plan.
+struct Reader {
+    settings: Settings,
+    doc: Doc,
+    folder: PathBuf,
+    errors: Errors,
+}
+
+impl Reader {
+    fn plan(mut self) -> std::result::Result<Plan, Errors> {
+        let channels = self.channels();
+        let aircraft = self.aircraft();
+        let simulation = self.simulation();
+        let logs = self.logs(simulation.as_ref());
+        let flights: Vec<String> = logs.iter().map(|l| l.flight.clone()).collect();
+        // Names are looked up only where everything that could declare them was read.
+        let columns = channels.as_ref().map(Columns::of_signals);
+        let reconstruct = self.reconstruct(aircraft.as_ref(), columns.as_ref());
+        let columns = columns.map(|c| if reconstruct.is_some() { c.with_flight_path() } else { c });
+        let derive = self.derive(aircraft.as_ref(), columns.as_ref());
+        let columns = match (columns, &derive) {
+            (Some(columns), Some(derive)) => Some(columns.with_derived(derive)),
+            _ => None,
+        };
+        let segment = self.segment(&flights, columns.as_ref());
+        let estimates = self.estimates(aircraft.as_ref(), columns.as_ref());
+        let fits = self.fits(&estimates, columns.as_ref());
+        let settings = self.settings;
+        match (self.errors.is_empty(), channels, derive) {
+            (true, Some(channels), Some(derive)) => Ok(Plan {
+                campaign: Campaign {
+                    title: settings.title,
+                    flights,
+                    channels,
+                    reconstruct,
+                    derive,
+                    segment,
+                    estimates: estimates.into_iter().flatten().collect(),
+                    fits,
+                    report: settings.report,
+                },
+                simulation: simulation.and_then(|s| s.for_missing(&logs)),
+                logs,
+            }),
+            _ => Err(self.errors),
+        }
+    }
+
+    fn path(&self, relative: &str) -> PathBuf {
+        self.folder.join(relative)
+    }
+
+    /// Files an error at a key of the pipeline file.
+    fn push(&mut self, key: &str, what: String, help: &str) {
+        let error = self.doc.error(key, what);
+        self.errors.push(if help.is_empty() { error } else { error.help(help) });
+    }
+
+    /// Reports a file that is not there at the place that names it, which is where the mistake is.
+    fn names_a_file(&mut self, key: &str, relative: &str) -> bool {
+        let path = self.path(relative);
+        let there = path.is_file();
+        if !there {
+            self.push(key, format!("there is no file {}", path.display()), "paths are relative to the folder of the pipeline file");
+        }
+        there
+    }
+
+    fn channels(&mut self) -> Option<Channels> {
+        let name = self.settings.channels.clone();
+        if !self.names_a_file("channels", &name) {
+            return None;
+        }
+        let (map, doc) = self.errors.take(config::load::<ChannelMap>(&self.path(&name)))?;
+        self.errors.take(map.check(&doc))?;
+        Some(Channels { map, doc })
+    }
+
+    /// The constants; none where the file has mistakes, empty where the pipeline file names none.
+    fn aircraft(&mut self) -> Option<Constants> {
+        let Some(name) = self.settings.aircraft.clone() else { return Some(Constants::default()) };
+        if !self.names_a_file("aircraft", &name) {
+            return None;
+        }
+        let path = self.path(&name);
+        self.errors.take(config::load::<Constants>(&path)).map(|(constants, _)| constants)
+    }
+
+    fn simulation(&mut self) -> Option<Simulation> {
+        let name = self.settings.simulate.clone()?;
+        if !self.names_a_file("simulate", &name) {
+            return None;
+        }
+        let path = self.path(&name);
+        self.errors.take(Simulation::read(&path))
+    }
+
+    fn logs(&mut self, simulation: Option<&Simulation>) -> Vec<FlightLog> {
+        let found = logs::find(&self.settings, &self.doc, &self.folder, simulation);
+        self.errors.take(found).unwrap_or_default()
+    }
+
+    fn model(&mut self, key: &str, relative: &str, aircraft: Option<&Constants>) -> Option<Model> {
+        if !self.names_a_file(key, relative) {
+            return None;
+        }
+        let path = self.path(relative);
+        self.errors.take(Model::load(&path, aircraft?))
+    }
+
+    fn reconstruct(&mut self, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Option<reconstruct::Config> {
+        let settings = self.settings.reconstruct.clone()?;
+        let checked = reconstruct::Config::new(settings, aircraft?, &columns?.units(), &self.doc);
+        self.errors.take(checked)
+    }
+
+    fn derive(&mut self, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Option<derive::Config> {
+        let settings = self.settings.derive.clone();
+        if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
+            self.push("derive.rate_hz", format!("the rate of the grid is a positive number of Hz, not {}", settings.rate_hz), "");
+        }
+        let model = match &settings.model {
+            Some(file) => {
+                let model = self.model("derive.model", &file.clone(), aircraft)?;
+                if !model.states.is_empty() {
+                    self.push("derive.model", "the model of [derive] has states".to_string(), "only a model without states can be evaluated sample by sample");
+                }
+                Some(model)
+            }
+            None => None,
+        };
+        let inputs = match &model {
+            Some(model) => names::drivers(model, &settings.inputs, columns?, &self.doc, "derive.inputs", &mut self.errors),
+            None => Vec::new(),
+        };
+        Some(derive::Config { settings, model, inputs })
+    }
+
+    fn segment(&mut self, flights: &[String], columns: Option<&Columns>) -> Option<segment::Config> {
+        let settings = self.settings.segment.clone()?;
+        let edits = self.doc.place("segment.edits");
+        self.errors.0.extend(segment::check(&settings, flights, &edits).0);
+        for (i, input) in settings.input.iter().enumerate() {
+            if let Some(columns) = columns {
+                let key = format!("segment.input.{i}.signal");
+                columns.look_up(&input.signal, "signal or column", &self.doc, &key, &mut self.errors);
+            }
+        }
+        Some(segment::Config { settings, edits })
+    }
+
+    /// One entry per `[[estimate]]`, so that fits find theirs; none where it has mistakes.
+    fn estimates(&mut self, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Vec<Option<estimate::Config>> {
+        let all = self.settings.estimate.clone();
+        let mut names: Vec<String> = Vec::new();
+        let mut checked = Vec::new();
+        for (i, settings) in all.into_iter().enumerate() {
+            let key = format!("estimate.{i}");
+            self.new_name(&key, &settings.name(), &mut names);
+            checked.push(self.estimate(&key, settings, aircraft, columns));
+        }
+        checked
+    }
+
+    fn estimate(&mut self, key: &str, settings: estimate::Settings, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Option<estimate::Config> {
+        if let Some(input) = &settings.input {
+            let inputs: Vec<&str> = self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
+            if !inputs.contains(&input.as_str()) {
+                let error = names::unknown(&self.doc, &format!("{key}.input"), "[[segment.input]]", input, &inputs);
+                self.errors.push(error);
+            }
+        }
+        let kinds = Kind::ALL.map(Kind::name);
+        for (i, kind) in settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str())) {
+            let error = names::unknown(&self.doc, &format!("{key}.kinds.{i}"), "kind of maneuver", kind, &kinds);
+            self.errors.push(error);
+        }
+        for (name, value) in [("pre_s", settings.pre_s), ("post_s", settings.post_s), ("preroll_s", settings.preroll_s)] {
+            if !(value >= 0.0 && value.is_finite()) {
+                self.push(&format!("{key}.{name}"), format!("{name} is a time of zero or more seconds, not {value}"), "");
+            }
+        }
+        let model = self.model(&format!("{key}.model"), &settings.model, aircraft)?;
+        let columns = columns?;
+        let before = self.errors.0.len();
+        let inputs = names::inputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
+        let outputs = names::outputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
+        names::method(&model, &settings, &self.doc, key, &mut self.errors);
+        (self.errors.0.len() == before).then_some(estimate::Config { settings, model, inputs, outputs })
+    }
+
+    fn fits(&mut self, estimates: &[Option<estimate::Config>], columns: Option<&Columns>) -> Vec<fit::Config> {
+        let all = self.settings.fit.clone();
+        let mut names: Vec<String> = Vec::new();
+        let mut checked = Vec::new();
+        for (i, settings) in all.into_iter().enumerate() {
+            let key = format!("fit.{i}");
+            self.new_name(&key, &settings.name(), &mut names);
+            checked.extend(self.fit(&key, settings, estimates, columns));
+        }
+        checked
+    }
+
+    fn fit(&mut self, key: &str, settings: fit::Settings, estimates: &[Option<estimate::Config>], columns: Option<&Columns>) -> Option<fit::Config> {
+        let names: Vec<String> = self.settings.estimate.iter().map(estimate::Settings::name).collect();
+        let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
+            let error = names::unknown(&self.doc, &format!("{key}.estimate"), "[[estimate]]", &settings.estimate, &names);
+            self.errors.push(error);
+            return None;
+        };
+        if !(settings.level > 0.0 && settings.level < 1.0) {
+            self.push(&format!("{key}.level"), format!("a confidence level is between 0 and 1, not {}", settings.level), "95% is 0.95");
+        }
+        let unit_x = columns?.look_up(&settings.against, "column", &self.doc, &format!("{key}.against"), &mut self.errors);
+        let estimate = estimates.get(index)?.as_ref()?;
+        if estimate.settings.group != estimate::Group::Segment || estimate.settings.input.is_none() {
+            self.push(
+                &format!("{key}.estimate"),
+                format!("estimate \"{}\" does not give one estimate per maneuver", settings.estimate),
+                "a line goes through estimates per maneuver: give it `input`, and group = \"segment\"",
+            );
+        }
+        let mut units = Vec::new();
+        for (i, name) in settings.parameters.iter().enumerate() {
+            let known: Vec<&str> = estimate.model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
+            match estimate.model.parameters.iter().find(|p| p.quantity.name == *name) {
+                Some(parameter) => units.push(parameter.quantity.unit.clone()),
+                None => {
+                    let error = names::unknown(&self.doc, &format!("{key}.parameters.{i}"), "parameter of the model", name, &known);
+                    self.errors.push(error);
+                }
+            }
+        }
+        let complete = units.len() == settings.parameters.len();
+        complete.then_some(fit::Config { settings, estimate: index, units, unit_x: unit_x? })
+    }
+
+    /// Checks that a name is new and safe in a file's name.
+    fn new_name(&mut self, key: &str, name: &str, names: &mut Vec<String>) {
+        let clean = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c)) && !name.starts_with('.');
+        if !clean {
+            self.push(&format!("{key}.name"), format!("\"{name}\" is no name"), "use letters, digits, '.', '_' and '-'");
+        }
+        if names.iter().any(|n| n == name) {
+            self.push(&format!("{key}.name"), format!("the name \"{name}\" is taken"), "give it another `name`");
+        }
+        names.push(name.to_string());
+    }
+}

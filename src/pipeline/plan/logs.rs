@@ -1,0 +1,81 @@
+//! The patterns of the pipeline file come in, the logs of the flights go out: those that are there and those to be simulated.
+
+use crate::config::Doc;
+use crate::error::{Error, Errors};
+use crate::pipeline::settings::Settings;
+use crate::pipeline::simulate::Simulation;
+use crate::table::check_flight;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The log of one flight.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FlightLog {
+    pub flight: String,
+    pub path: PathBuf,
+}
+
+/// The logs in alphabetical order of the flights.
+///
+/// # Errors
+/// A file that is named and not there, a pattern that finds nothing, two logs with one name, a name that is no flight id.
+pub fn find(settings: &Settings, doc: &Doc, folder: &Path, simulation: Option<&Simulation>) -> Result<Vec<FlightLog>, Errors> {
+    let mut errors = Errors::default();
+    let mut found: BTreeMap<String, PathBuf> = BTreeMap::new();
+    let to_simulate: Vec<(String, PathBuf)> = simulation.map(Simulation::logs).unwrap_or_default();
+    for (i, pattern) in settings.logs.iter().enumerate() {
+        let key = format!("logs.{i}");
+        for path in errors.take(matches(doc, &key, folder, pattern, &to_simulate)).unwrap_or_default() {
+            let flight = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            if let Err(e) = check_flight(&flight) {
+                let what = format!("the log {} names no flight: {}", path.display(), e.what);
+                errors.push(doc.error(&key, what).help(e.help.unwrap_or_default()));
+            }
+            match found.get(&flight) {
+                Some(other) if *other != path => {
+                    let what = format!("two logs are of flight {flight}: {} and {}", other.display(), path.display());
+                    errors.push(doc.error(&key, what).help("rename one: the file's name is the flight's id"));
+                }
+                _ => {
+                    found.insert(flight, path);
+                }
+            }
+        }
+    }
+    if settings.logs.is_empty() {
+        errors.push(doc.error("logs", "no logs are named").help("for example: logs = [\"logs/*.mcap\"]"));
+    }
+    errors.or(found.into_iter().map(|(flight, path)| FlightLog { flight, path }).collect())
+}
+
+/// The logs that one pattern stands for, simulated ones included.
+fn matches(doc: &Doc, key: &str, folder: &Path, pattern: &str, to_simulate: &[(String, PathBuf)]) -> Result<Vec<PathBuf>, Error> {
+    let full = folder.join(pattern);
+    let text = full.to_string_lossy().into_owned();
+    let is_pattern = pattern.contains(['*', '?', '[']);
+    let bad = |e: &dyn std::fmt::Display| doc.error(key, format!("\"{pattern}\" cannot be looked up: {e}"));
+    // The folder itself may contain characters that mean something in a pattern.
+    let escaped = format!("{}{}", folder_pattern(folder), pattern);
+    let compiled = glob::Pattern::new(&escaped).map_err(|e| bad(&e))?;
+    let mut paths: Vec<PathBuf> = if is_pattern {
+        glob::glob(&escaped).map_err(|e| bad(&e))?.collect::<Result<_, _>>().map_err(|e| bad(&e))?
+    } else if full.is_file() {
+        vec![full.clone()]
+    } else {
+        Vec::new()
+    };
+    let simulated = to_simulate.iter().map(|(_, path)| path).filter(|p| if is_pattern { compiled.matches_path(p) } else { **p == full });
+    paths.extend(simulated.cloned());
+    paths.sort();
+    paths.dedup();
+    if paths.is_empty() {
+        let what = if is_pattern { format!("no log matches {text}") } else { format!("there is no log {text}") };
+        return Err(doc.error(key, what).help("paths are relative to the folder of the pipeline file; `koehler import` and `koehler simulate` make logs"));
+    }
+    Ok(paths)
+}
+
+fn folder_pattern(folder: &Path) -> String {
+    let text = glob::Pattern::escape(&folder.to_string_lossy());
+    if text.is_empty() || text.ends_with('/') { text } else { format!("{text}/") }
+}

@@ -1,0 +1,192 @@
+//! Names in the pipeline file and in models come in; what they stand for, with agreeing units, or the mistakes, go out.
+
+use crate::config::{Doc, list, nearest};
+use crate::error::{Error, Errors};
+use crate::model::{Model, Quantity};
+use crate::stage::estimate::{Driver, Scored, Settings};
+use crate::stage::{Channels, derive};
+use crate::table::schema;
+use crate::units::Unit;
+use indexmap::IndexMap;
+
+/// Everything a model can be driven by or compared with, by name.
+#[derive(Debug, Clone, Default)]
+pub struct Columns(IndexMap<String, Column>);
+
+#[derive(Debug, Clone)]
+struct Column {
+    /// SI unit.
+    unit: String,
+    /// Unit of the signal of the channel map with this name; a reconstructed column may have taken its place in the samples.
+    signal: Option<String>,
+}
+
+impl Columns {
+    /// The signals of the channel map.
+    pub fn of_signals(channels: &Channels) -> Columns {
+        let column = |name: &String| Column { unit: channels.unit(name), signal: Some(channels.unit(name)) };
+        Columns(channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect())
+    }
+
+    /// With the columns of the reconstructed flight path.
+    pub fn with_flight_path(mut self) -> Columns {
+        for column in schema("flightpath").iter().flat_map(|s| &s.columns).filter(|c| !["flight", "t_s"].contains(&c.name.as_str())) {
+            self.put(&column.name, &column.unit);
+        }
+        self
+    }
+
+    /// With the outputs of the model of `[derive]`.
+    pub fn with_derived(mut self, derive: &derive::Config) -> Columns {
+        for output in derive.model.iter().flat_map(|m| &m.outputs) {
+            self.put(&output.name, &output.unit);
+        }
+        self
+    }
+
+    fn put(&mut self, name: &str, unit: &str) {
+        let signal = self.0.get(name).and_then(|c| c.signal.clone());
+        self.0.insert(name.to_string(), Column { unit: unit.to_string(), signal });
+    }
+
+    /// SI units by name.
+    pub fn units(&self) -> IndexMap<String, String> {
+        self.0.iter().map(|(name, column)| (name.clone(), column.unit.clone())).collect()
+    }
+
+    fn names(&self) -> Vec<&str> {
+        self.0.keys().map(String::as_str).collect()
+    }
+
+    /// The unit of a column; files an error where there is none of this name.
+    pub fn look_up(&self, name: &str, kind: &str, doc: &Doc, key: &str, errors: &mut Errors) -> Option<String> {
+        if let Some(column) = self.0.get(name) {
+            return Some(column.unit.clone());
+        }
+        errors.push(unknown(doc, key, kind, name, &self.names()));
+        None
+    }
+}
+
+/// `pipeline.toml:14:9: there is no column "alfa"`, with the nearest name.
+pub fn unknown<S: AsRef<str>>(doc: &Doc, key: &str, kind: &str, name: &str, known: &[S]) -> Error {
+    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+    let all = if known.is_empty() { "there are none".to_string() } else { format!("there are {}", list(&known)) };
+    let help = match nearest(name, known.iter().copied()) {
+        Some(near) => format!("did you mean \"{near}\"? {all}"),
+        None => all,
+    };
+    doc.error(key, format!("there is no {kind} \"{name}\"")).help(help)
+}
+
+fn agree(a: &str, b: &str) -> bool {
+    match (Unit::parse(a), Unit::parse(b)) {
+        (Ok(a), Ok(b)) => a.dim == b.dim,
+        _ => false,
+    }
+}
+
+/// Checks that the keys of a mapping are names of the model.
+fn keys_are_known(map: &IndexMap<String, String>, known: &[Quantity], kind: &str, doc: &Doc, key: &str, errors: &mut Errors) {
+    let names: Vec<&str> = known.iter().map(|q| q.name.as_str()).collect();
+    for name in map.keys().filter(|name| !names.contains(&name.as_str())) {
+        errors.push(unknown(doc, &format!("{key}.{name}"), kind, name, &names));
+    }
+}
+
+/// The column for one input of a model, by the mapping or by its own name.
+fn driver(input: &Quantity, map: &IndexMap<String, String>, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Option<String> {
+    let mapped = map.get(&input.name);
+    let name = mapped.unwrap_or(&input.name);
+    let at = if mapped.is_some() { format!("{key}.{}", input.name) } else { key.to_string() };
+    let Some(column) = columns.0.get(name) else {
+        let mut error = unknown(doc, &at, "signal or column", name, &columns.names());
+        if mapped.is_none() {
+            error.what = format!("input \"{}\" of the model has no column of this name, and none is mapped to it", input.name);
+        }
+        errors.push(error);
+        return None;
+    };
+    if !agree(&column.unit, &input.unit) {
+        let what = format!("input \"{}\" of the model is in {}, column \"{name}\" in {}", input.name, input.unit, column.unit);
+        errors.push(doc.error(&at, what).help("map another column to it, or correct the unit in the model or the channel map"));
+    }
+    Some(name.clone())
+}
+
+/// The columns that drive a model, in the order of its inputs.
+pub fn drivers(model: &Model, map: &IndexMap<String, String>, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Vec<String> {
+    keys_are_known(map, &model.inputs, "input of the model", doc, key, errors);
+    model.inputs.iter().filter_map(|input| driver(input, map, columns, doc, key, errors)).collect()
+}
+
+/// What drives the model of an estimate, in the order of its inputs.
+pub fn inputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Vec<Driver> {
+    let (of_inputs, of_held) = (format!("{key}.inputs"), format!("{key}.held"));
+    keys_are_known(&settings.inputs, &model.inputs, "input of the model", doc, &of_inputs, errors);
+    keys_are_known(&settings.held, &model.inputs, "input of the model", doc, &of_held, errors);
+    for name in settings.held.keys().filter(|name| settings.inputs.contains_key(*name)) {
+        errors.push(doc.error(&format!("{of_held}.{name}"), format!("input \"{name}\" is both in `inputs` and in `held`")));
+    }
+    if !settings.held.is_empty() && settings.input.is_none() {
+        let what = "there is no quiet time before a whole record, so nothing can be held at its mean";
+        errors.push(doc.error(&of_held, what).help("give the estimate an `input`, so that it uses maneuvers"));
+    }
+    let one = |input: &Quantity| match settings.held.contains_key(&input.name) {
+        true => driver(input, &settings.held, columns, doc, &of_held, errors).map(Driver::Held),
+        false => driver(input, &settings.inputs, columns, doc, &of_inputs, errors).map(Driver::Column),
+    };
+    model.inputs.iter().filter_map(one).collect()
+}
+
+/// What measures the outputs of a model that are scored.
+pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Vec<Scored> {
+    let (of_outputs, of_unscored) = (format!("{key}.outputs"), format!("{key}.unscored"));
+    keys_are_known(&settings.outputs, &model.outputs, "output of the model", doc, &of_outputs, errors);
+    let names: Vec<&str> = model.outputs.iter().map(|q| q.name.as_str()).collect();
+    for (i, name) in settings.unscored.iter().enumerate().filter(|(_, name)| !names.contains(&name.as_str())) {
+        errors.push(unknown(doc, &format!("{of_unscored}.{i}"), "output of the model", name, &names));
+    }
+    let mut all = Vec::new();
+    for (output, quantity) in model.outputs.iter().enumerate().filter(|(_, q)| !settings.unscored.contains(&q.name)) {
+        let mapped = settings.outputs.get(&quantity.name);
+        let measured = mapped.unwrap_or(&quantity.name).clone();
+        let at = if mapped.is_some() { format!("{of_outputs}.{}", quantity.name) } else { of_outputs.clone() };
+        let Some(column) = columns.0.get(&measured) else {
+            let mut error = unknown(doc, &at, "signal or column", &measured, &columns.names());
+            if mapped.is_none() {
+                error.what = format!("output \"{}\" of the model has no signal of this name, and none is mapped to it", quantity.name);
+                error.help = Some("map a signal to it in `outputs`, or list it in `unscored`".into());
+            }
+            errors.push(error);
+            continue;
+        };
+        let unit = column.signal.as_ref().unwrap_or(&column.unit);
+        if !agree(unit, &quantity.unit) {
+            errors.push(doc.error(&at, format!("output \"{}\" of the model is in {}, \"{measured}\" in {unit}", quantity.name, quantity.unit)));
+        }
+        all.push(Scored { output, measured, is_signal: column.signal.is_some() });
+    }
+    if all.is_empty() {
+        errors.push(doc.error(key, "no output of the model is scored"));
+    }
+    all
+}
+
+/// Checks the names in the settings of the estimator.
+pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: &mut Errors) {
+    let method = &settings.method;
+    let parameters: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
+    let states: Vec<&str> = model.states.iter().map(|s| s.quantity.name.as_str()).collect();
+    let mut check = |list: &str, names: &[String], known: &[&str], kind: &str| {
+        for (i, name) in names.iter().enumerate().filter(|(_, name)| !known.contains(&name.as_str())) {
+            errors.push(unknown(doc, &format!("{key}.method.{list}.{i}"), kind, name, known));
+        }
+    };
+    check("free", method.free.as_deref().unwrap_or_default(), &parameters, "parameter of the model");
+    check("fixed", &method.fixed, &parameters, "parameter of the model");
+    check("initial", &method.initial, &states, "state of the model");
+    for name in method.starts.keys().filter(|name| !parameters.contains(&name.as_str())) {
+        errors.push(unknown(doc, &format!("{key}.method.starts.{name}"), "parameter of the model", name, &parameters));
+    }
+}

@@ -1,0 +1,344 @@
+//! The run: a plan and an output folder come in; stale units are run in order of stages, in parallel over flights; tables go out.
+
+use super::assess::{Assessment, Content, Contents, State, assess, contents_after, units};
+use super::plan::Plan;
+use super::record::{Record, hash_bytes};
+use super::store::Store;
+use crate::error::{Error, Errors, Result};
+use crate::stage::{Inputs, NOTES, Note, Output, Part, Per, STAGES, STAGES_TABLE, Severity, Stage, Unit};
+use crate::table::Table;
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex};
+
+/// What a watcher of a run hears. Flights run in parallel, so units of one stage interleave.
+pub enum Event<'a> {
+    /// A stage begins with so many units to run; so many more are fresh.
+    Stage { stage: &'a Stage, to_run: usize, fresh: usize },
+    /// So many steps of so many inside a unit are done.
+    Step { unit: &'a Unit, done: usize, of: usize },
+    /// A unit is done, well or not.
+    Unit { unit: &'a Unit, ok: bool },
+    /// A stage ends.
+    End { stage: &'a Stage },
+}
+
+/// Called with every event, from any thread.
+pub type Watch<'a> = &'a (dyn Fn(Event) + Sync);
+
+/// What became of one stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageResult {
+    pub name: &'static str,
+    pub ran: usize,
+    pub fresh: usize,
+    pub failed: usize,
+    pub blocked: usize,
+}
+
+/// What became of a run.
+#[derive(Debug, Default)]
+pub struct RunResult {
+    pub stages: Vec<StageResult>,
+    /// Everything worth knowing, in order of stages and flights.
+    pub notes: Vec<Note>,
+    /// Why units failed.
+    pub errors: Errors,
+    /// The tables' files, relative to the output folder.
+    pub files: Vec<String>,
+    /// The units removed because their flight, estimate or fit is no longer part of the campaign.
+    pub removed: Vec<String>,
+}
+
+impl RunResult {
+    /// Whether everything asked for is there.
+    pub fn complete(&self) -> bool {
+        self.errors.is_empty() && self.notes.iter().all(|n| n.severity != Severity::Missing)
+    }
+
+    /// Whether every stage was fresh.
+    pub fn nothing_done(&self) -> bool {
+        self.removed.is_empty() && self.stages.iter().all(|s| s.ran == 0 && s.failed == 0)
+    }
+}
+
+/// The state of a run while it goes through the stages.
+struct Run<'a> {
+    plan: &'a Plan,
+    store: &'a Store,
+    watch: Watch<'a>,
+    contents: Contents,
+    /// Tables of this run, by path: later stages need not read them back.
+    tables: Mutex<BTreeMap<String, Arc<Table>>>,
+    /// Records of the units that succeeded.
+    records: Vec<Record>,
+    result: RunResult,
+}
+
+/// What became of one unit.
+enum Outcome {
+    Fresh(Record),
+    Ran(Record),
+    Failed(Errors),
+    Blocked,
+}
+
+/// Runs what is not fresh. The caller holds the folder's lock.
+///
+/// # Errors
+/// The output folder cannot be read or written. What fails inside a stage does not stop the others and is in the result.
+pub fn run(plan: &Plan, store: &Store, watch: Watch) -> Result<RunResult> {
+    let mut run =
+        Run { plan, store, watch, contents: Contents::new(), tables: Mutex::default(), records: Vec::new(), result: RunResult::default() };
+    run.remove_what_is_gone()?;
+    for stage in STAGES {
+        if stage.per == Per::Campaign {
+            run.file_own_tables()?;
+        }
+        run.stage(stage)?;
+    }
+    run.sweep()?;
+    store.put_memo()?;
+    run.result.files = run.contents.into_keys().collect();
+    Ok(run.result)
+}
+
+impl Run<'_> {
+    fn stage(&mut self, stage: &'static Stage) -> Result<()> {
+        let (plan, store, contents) = (self.plan, self.store, &self.contents);
+        let assessments: Vec<Assessment> =
+            units(plan, stage).into_par_iter().map(|unit| assess(plan, store, contents, stage, unit)).collect::<Result<_>>()?;
+        if assessments.is_empty() {
+            return Ok(());
+        }
+        let fresh = assessments.iter().filter(|a| a.state == State::Fresh).count();
+        let blocked = assessments.iter().filter(|a| matches!(a.state, State::Blocked(_))).count();
+        (self.watch)(Event::Stage { stage, to_run: assessments.len() - fresh - blocked, fresh });
+        let outcomes: Vec<(Unit, Outcome)> = assessments
+            .into_par_iter()
+            .map(|a| {
+                let unit = a.unit.clone();
+                self.unit(stage, a).map(|outcome| (unit, outcome))
+            })
+            .collect::<Result<_>>()?;
+        (self.watch)(Event::End { stage });
+        let mut of_stage = StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
+        for (unit, outcome) in outcomes {
+            self.take(stage, &unit, outcome, &mut of_stage);
+        }
+        self.result.stages.push(of_stage);
+        Ok(())
+    }
+
+    /// Files what became of a unit in the run's result.
+    fn take(&mut self, stage: &Stage, unit: &Unit, outcome: Outcome, counts: &mut StageResult) {
+        match outcome {
+            Outcome::Fresh(record) => {
+                counts.fresh += 1;
+                self.keep(record);
+            }
+            Outcome::Ran(record) => {
+                counts.ran += 1;
+                self.keep(record);
+            }
+            Outcome::Failed(errors) => {
+                counts.failed += 1;
+                self.result.notes.extend(errors.0.iter().map(|e| failure_note(stage, unit, e)));
+                self.result.errors.0.extend(errors.0);
+            }
+            Outcome::Blocked => counts.blocked += 1,
+        }
+    }
+
+    fn keep(&mut self, record: Record) {
+        self.contents.extend(record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))));
+        self.result.notes.extend(record.notes.iter().cloned());
+        self.records.push(record);
+    }
+
+    fn unit(&self, stage: &Stage, a: Assessment) -> Result<Outcome> {
+        match (a.state, a.record) {
+            (State::Fresh, Some(record)) => Ok(Outcome::Fresh(record)),
+            (State::Blocked(_), record) => {
+                record.iter().try_for_each(|record| self.store.forget(record))?;
+                Ok(Outcome::Blocked)
+            }
+            (_, earlier) => {
+                let made = self.inputs_and_run(stage, &a.unit);
+                (self.watch)(Event::Unit { unit: &a.unit, ok: made.is_ok() });
+                let mut record = Record {
+                    stage: stage.name.to_string(),
+                    unit: a.unit.name.clone(),
+                    key: a.ingredients.key(stage.name, &a.unit.name),
+                    ingredients: a.ingredients.0,
+                    outputs: BTreeMap::new(),
+                    notes: Vec::new(),
+                    error: None,
+                };
+                let outcome = match made {
+                    Ok(output) => {
+                        self.file(&a.unit, output, &mut record)?;
+                        Outcome::Ran(record.clone())
+                    }
+                    Err(errors) => {
+                        record.error = Some(errors.to_string());
+                        Outcome::Failed(errors)
+                    }
+                };
+                let gone = earlier.iter().flat_map(|e| e.outputs.keys()).filter(|path| !record.outputs.contains_key(*path));
+                gone.into_iter().try_for_each(|path| self.store.remove(path))?;
+                self.store.put_record(&record)?;
+                Ok(outcome)
+            }
+        }
+    }
+
+    fn inputs_and_run(&self, stage: &Stage, unit: &Unit) -> std::result::Result<Output, Errors> {
+        let campaign = &self.plan.campaign;
+        let mut tables = BTreeMap::new();
+        for read in (stage.reads)(campaign, unit) {
+            let path = read.part.path(read.table);
+            if self.contents.contains_key(&path) {
+                let table = self.table(read.table, &read.part)?;
+                tables.insert((read.table, read.part), table);
+            }
+        }
+        let progress = |done: usize, of: usize| (self.watch)(Event::Step { unit, done, of });
+        let log = if stage.reads_log { Some(self.plan.log(&unit.name)?) } else { None };
+        let inputs = Inputs { tables, log: log.map(|log| log.path.as_path()), progress: &progress };
+        (stage.run)(campaign, unit, &inputs)
+    }
+
+    /// A table of this run, or read back from its file.
+    fn table(&self, name: &'static str, part: &Part) -> Result<Arc<Table>> {
+        let path = part.path(name);
+        if let Some(table) = self.tables.lock().unwrap_or_else(|p| p.into_inner()).get(&path) {
+            return Ok(table.clone());
+        }
+        let table = Arc::new(self.store.table(name, part)?);
+        self.tables.lock().unwrap_or_else(|p| p.into_inner()).insert(path, table.clone());
+        Ok(table)
+    }
+
+    /// Writes a unit's outputs and enters them in its record.
+    fn file(&self, unit: &Unit, output: Output, record: &mut Record) -> Result<()> {
+        for (name, table) in output.tables {
+            let path = unit.part().path(name);
+            record.outputs.insert(path.clone(), self.store.put(&path, &table.to_parquet()?)?);
+            self.tables.lock().unwrap_or_else(|p| p.into_inner()).insert(path, Arc::new(table));
+        }
+        for (path, bytes) in output.files {
+            let hash = self.store.put(&path, &bytes)?;
+            record.outputs.insert(path, hash);
+        }
+        record.notes = output.notes;
+        Ok(())
+    }
+
+    /// Writes the pipeline's own tables, notes and provenance so far, so that the report can show them.
+    fn file_own_tables(&mut self) -> Result<()> {
+        for table in own_tables(&self.result.notes, &self.records)? {
+            let path = Part::Number(0).path(table.name());
+            let hash = self.store.put(&path, &table.to_parquet()?)?;
+            self.contents.insert(path.clone(), Content::Hash(hash));
+            self.tables.lock().unwrap_or_else(|p| p.into_inner()).insert(path, Arc::new(table));
+        }
+        Ok(())
+    }
+
+    /// Removes the outputs of flights, estimates, fits and stages that are no longer part of the campaign.
+    fn remove_what_is_gone(&mut self) -> Result<()> {
+        for record in gone(self.plan, self.store) {
+            self.store.forget(&record)?;
+            self.result.removed.push(format!("{} of {}", record.stage, record.unit));
+        }
+        Ok(())
+    }
+
+    fn sweep(&self) -> Result<()> {
+        let tables: BTreeSet<&str> = STAGES.iter().flat_map(|s| s.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+        let known: BTreeSet<String> = self.contents.keys().cloned().collect();
+        self.store.sweep(&tables, &known)
+    }
+}
+
+/// Records of units that are no longer part of the campaign.
+pub fn gone(plan: &Plan, store: &Store) -> Vec<Record> {
+    let wanted: BTreeSet<(String, String)> =
+        STAGES.iter().flat_map(|s| units(plan, s).into_iter().map(|u| (s.name.to_string(), u.name))).collect();
+    store.records().into_iter().filter(|r| !wanted.contains(&(r.stage.clone(), r.unit.clone()))).collect()
+}
+
+/// The state of every unit, without running anything.
+///
+/// # Errors
+/// A log or an output file is there and cannot be read.
+pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Assessment>)>> {
+    let mut contents = Contents::new();
+    let mut all = Vec::new();
+    let mut fresh = Some((Vec::new(), Vec::new()));
+    for stage in STAGES {
+        if stage.per == Per::Campaign {
+            match &fresh {
+                Some((notes, records)) => {
+                    for table in own_tables(notes, records)? {
+                        contents.insert(Part::Number(0).path(table.name()), Content::Hash(hash_bytes(&table.to_parquet()?)));
+                    }
+                }
+                None => contents.extend([NOTES, STAGES_TABLE].map(|table| (Part::Number(0).path(table), Content::Changing("an earlier stage".into())))),
+            }
+        }
+        let known = &contents;
+        let of_stage: Vec<Assessment> =
+            units(plan, stage).into_par_iter().map(|unit| assess(plan, store, known, stage, unit)).collect::<Result<_>>()?;
+        for a in &of_stage {
+            contents_after(stage, a, &mut contents);
+            match (&mut fresh, &a.state, &a.record) {
+                (Some((notes, records)), State::Fresh, Some(record)) => {
+                    notes.extend(record.notes.iter().cloned());
+                    records.push(record.clone());
+                }
+                (_, State::Blocked(_), _) => {}
+                _ => fresh = None,
+            }
+        }
+        all.push((stage, of_stage));
+    }
+    Ok(all)
+}
+
+/// The tables that the pipeline itself writes: notes, and where the other tables come from.
+fn own_tables(notes: &[Note], records: &[Record]) -> Result<[Table; 2]> {
+    let rows: Vec<(&Record, &String, &String)> =
+        records.iter().flat_map(|r| r.ingredients.iter().map(move |(name, hash)| (r, name, hash))).collect();
+    let stages = Table::build(STAGES_TABLE)
+        .strings("stage", rows.iter().map(|(r, _, _)| &r.stage))
+        .strings("unit", rows.iter().map(|(r, _, _)| &r.unit))
+        .strings("key", rows.iter().map(|(r, _, _)| &r.key))
+        .strings("code", rows.iter().map(|_| env!("KOEHLER_CODE")))
+        .strings("ingredient", rows.iter().map(|(_, name, _)| name))
+        .strings("hash", rows.iter().map(|(_, _, hash)| hash))
+        .finish()?;
+    Ok([crate::stage::notes_table(notes)?, stages])
+}
+
+fn failure_note(stage: &Stage, unit: &Unit, error: &Error) -> Note {
+    Note {
+        flight: if unit.per == Per::Flight { unit.name.clone() } else { String::new() },
+        stage: stage.name.to_string(),
+        severity: Severity::Missing,
+        subject: unit.name.clone(),
+        count: 1,
+        text: without_folder(error).to_string(),
+    }
+}
+
+/// The error with the name of its file alone: tables do not depend on where a campaign lies.
+fn without_folder(error: &Error) -> Error {
+    let mut error = error.clone();
+    if let Some(place) = &mut error.place {
+        let name = std::path::Path::new(&place.file).file_name().map(|n| n.to_string_lossy().into_owned());
+        place.file = name.unwrap_or_else(|| place.file.clone());
+    }
+    error
+}

@@ -1,0 +1,40 @@
+//! The pipeline file `pipeline.toml`: what is done with a campaign's logs, stage by stage.
+
+use crate::stage;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What is done with a campaign's logs, stage by stage. Paths are relative to this file.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// One line that says what the campaign is about; the title of the report.
+    pub title: String,
+    /// Constants of the aircraft (areas, arms, inertias), for the models that declare them.
+    #[serde(default)]
+    pub aircraft: Option<String>,
+    /// The channel map: which topic and field of a log is which signal.
+    pub channels: String,
+    /// The logs: paths or patterns such as "logs/*.mcap". The flight's id is the file's name without its ending.
+    pub logs: Vec<String>,
+    /// A campaign file that simulates the logs that are not there yet.
+    #[serde(default)]
+    pub simulate: Option<String>,
+    /// Flight-path reconstruction; left out, there is none.
+    #[serde(default)]
+    pub reconstruct: Option<stage::reconstruct::Settings>,
+    /// The uniform grid and the signals derived on it.
+    pub derive: stage::derive::Settings,
+    /// Maneuvers searched for; left out, there are none.
+    #[serde(default)]
+    pub segment: Option<stage::segment::Settings>,
+    /// Estimates: one model each, over the maneuvers of one input.
+    #[serde(default)]
+    pub estimate: Vec<stage::estimate::Settings>,
+    /// Straight lines through the estimates.
+    #[serde(default)]
+    pub fit: Vec<stage::fit::Settings>,
+    /// The report; left out, there is none.
+    #[serde(default)]
+    pub report: Option<stage::report::Settings>,
+}

@@ -1,0 +1,46 @@
+//! The simulated campaign behind a pipeline file, and which of its flights have no log yet.
+
+use super::plan::FlightLog;
+use crate::error::Errors;
+use crate::simulate::{Campaign, Flown};
+use std::path::{Path, PathBuf};
+
+/// A checked campaign file and the flights wanted of it.
+#[derive(Debug)]
+pub struct Simulation {
+    campaign: Campaign,
+    /// Flights whose logs are asked for and that are not there.
+    pub missing: Vec<String>,
+}
+
+impl Simulation {
+    /// Reads and checks a campaign file with the model and the constants it names.
+    ///
+    /// # Errors
+    /// Every mistake in any of them.
+    pub fn read(path: &Path) -> Result<Simulation, Errors> {
+        let campaign = Campaign::load(path)?;
+        let missing = campaign.missing().into_iter().map(str::to_string).collect();
+        Ok(Simulation { campaign, missing })
+    }
+
+    /// The log of every flight of the campaign.
+    pub fn logs(&self) -> Vec<(String, PathBuf)> {
+        self.campaign.flights().into_iter().map(|id| (id.to_string(), self.campaign.log_path(id))).collect()
+    }
+
+    /// With only those missing flights that a pipeline asks for; none where all of them are there.
+    pub fn for_missing(mut self, wanted: &[FlightLog]) -> Option<Simulation> {
+        self.missing.retain(|id| wanted.iter().any(|log| log.flight == *id));
+        (!self.missing.is_empty()).then_some(self)
+    }
+
+    /// Simulates the missing flights, or all, in parallel; `done` hears of each one.
+    ///
+    /// # Errors
+    /// A flight cannot be trimmed or flown, or a file cannot be written: every one of them.
+    pub fn fly(&self, all: bool, done: &(dyn Fn(&Flown) + Sync)) -> Result<Vec<Flown>, Errors> {
+        let ids: Vec<&str> = if all { self.campaign.flights() } else { self.missing.iter().map(String::as_str).collect() };
+        self.campaign.fly_all(&ids, done)
+    }
+}

@@ -1,0 +1,250 @@
+//! The output folder: records, tables and pages go in atomically, and come out as bytes; one run at a time.
+
+use super::memo::Memo;
+use super::record::{Record, hash_bytes};
+use crate::error::{Error, Result};
+use crate::stage::Part;
+use crate::table::{Table, read_part, write_atomic};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::ops::Deref;
+use std::path::{Component, Path, PathBuf};
+
+/// The folder below the output folder that holds records, memory and lock.
+const HOUSEKEEPING: &str = ".koehler";
+
+/// An output folder.
+#[derive(Debug)]
+pub struct Store {
+    root: PathBuf,
+    pub memo: Memo,
+}
+
+/// Held while a run writes into an output folder.
+#[derive(Debug)]
+pub struct Lock {
+    _file: File,
+}
+
+impl Store {
+    /// The output folder at `root`, which need not exist yet: nothing is written by opening it.
+    pub fn open(root: &Path) -> Store {
+        Store { root: root.to_path_buf(), memo: Memo::read(&root.join(HOUSEKEEPING).join("memo.json")) }
+    }
+
+    pub fn path(&self, relative: &str) -> PathBuf {
+        self.root.join(relative)
+    }
+
+    /// Takes the folder for this run.
+    ///
+    /// # Errors
+    /// Another run holds it, or the folder cannot be made.
+    pub fn lock(&self) -> Result<Lock> {
+        let path = self.root.join(HOUSEKEEPING).join("lock");
+        make_parent(&path)?;
+        let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(|e| cannot("open", &path, &e))?;
+        match file.try_lock() {
+            Ok(()) => Ok(Lock { _file: file }),
+            Err(std::fs::TryLockError::WouldBlock) => Err(Error::new(format!("another run is writing into {}", self.root.display()))
+                .help("wait for it to end, or give this run its own folder with --out")),
+            Err(std::fs::TryLockError::Error(e)) => Err(cannot("lock", &path, &e)),
+        }
+    }
+
+    fn record_path(&self, stage: &str, unit: &str) -> PathBuf {
+        self.root.join(HOUSEKEEPING).join(stage).join(format!("{unit}.json"))
+    }
+
+    /// The record of the last run of a stage for a unit; an unreadable one counts as absent.
+    pub fn record(&self, stage: &str, unit: &str) -> Option<Record> {
+        let bytes = std::fs::read(self.record_path(stage, unit)).ok()?;
+        serde_json::from_slice(&bytes).ok()
+    }
+
+    /// Every record in the folder, by stage and unit.
+    pub fn records(&self) -> Vec<Record> {
+        let mut all = Vec::new();
+        for stage in entries(&self.root.join(HOUSEKEEPING)).into_iter().filter(|p| p.is_dir()) {
+            for path in entries(&stage) {
+                if let Some(record) = std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()) {
+                    all.push(record);
+                }
+            }
+        }
+        all
+    }
+
+    /// Files a record. It is written after the outputs it names, so that a run that is stopped leaves nothing half-made that
+    /// would pass for fresh.
+    pub fn put_record(&self, record: &Record) -> Result<()> {
+        let text = serde_json::to_string_pretty(record).map_err(|e| Error::new(format!("cannot write a record: {e}")))?;
+        write_atomic(&self.record_path(&record.stage, &record.unit), text.as_bytes())
+    }
+
+    /// Removes a record and every output it names.
+    pub fn forget(&self, record: &Record) -> Result<()> {
+        for output in record.outputs.keys() {
+            self.remove(output)?;
+        }
+        remove_file(&self.record_path(&record.stage, &record.unit))
+    }
+
+    /// Writes an output file and returns the hash of its bytes. A file that holds these bytes already is left alone.
+    pub fn put(&self, relative: &str, bytes: &[u8]) -> Result<String> {
+        let path = self.path(relative);
+        let hash = hash_bytes(bytes);
+        if self.memo.hash(&path)? != Some(hash.clone()) {
+            write_atomic(&path, bytes)?;
+        }
+        Ok(hash)
+    }
+
+    /// Reads a part of a table back.
+    ///
+    /// # Errors
+    /// The file is not there, or is no part of this table.
+    pub fn table(&self, name: &str, part: &Part) -> Result<Table> {
+        match part {
+            Part::Flight(id) => read_part(&self.root, name, Some(id), 0),
+            Part::Number(i) => read_part(&self.root, name, None, *i),
+        }
+    }
+
+    /// Removes an output file, and its folder where that is empty now.
+    pub fn remove(&self, relative: &str) -> Result<()> {
+        if !Path::new(relative).components().all(|c| matches!(c, Component::Normal(_))) {
+            return Ok(());
+        }
+        let path = self.path(relative);
+        remove_file(&path)?;
+        let mut folder = path.parent();
+        while let Some(f) = folder.filter(|f| *f != self.root && f.starts_with(&self.root)) {
+            if std::fs::remove_dir(f).is_err() {
+                break;
+            }
+            folder = f.parent();
+        }
+        Ok(())
+    }
+
+    /// Removes the part files of the named tables that no record knows: leftovers of a run that was stopped.
+    pub fn sweep(&self, tables: &BTreeSet<&str>, known: &BTreeSet<String>) -> Result<()> {
+        for table in tables {
+            let mut parts = Vec::new();
+            for path in entries(&self.root.join(table)) {
+                if path.is_dir() { parts.extend(entries(&path)) } else { parts.push(path) }
+            }
+            for path in parts {
+                let Ok(relative) = path.strip_prefix(&self.root) else { continue };
+                let relative = relative.to_string_lossy().replace('\\', "/");
+                let is_part = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with("part-"));
+                if is_part && relative.ends_with(".parquet") && !known.contains(&relative) {
+                    self.remove(&relative)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the memory of content hashes.
+    pub fn put_memo(&self) -> Result<()> {
+        write_atomic(&self.root.join(HOUSEKEEPING).join("memo.json"), &self.memo.bytes())
+    }
+}
+
+/// The bytes of a file, mapped; an empty file is empty bytes.
+pub enum Bytes {
+    Mapped(memmap2::Mmap),
+    Empty,
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        match self {
+            Bytes::Mapped(map) => map,
+            Bytes::Empty => &[],
+        }
+    }
+}
+
+/// Maps a file for reading.
+///
+/// # Errors
+/// The file is not there or cannot be read.
+pub fn map(path: &Path) -> Result<Bytes> {
+    let file = File::open(path).map_err(|e| cannot("read", path, &e))?;
+    let meta = file.metadata().map_err(|e| cannot("read", path, &e))?;
+    if !meta.is_file() {
+        return Err(Error::new(format!("{} is not a file", path.display())));
+    }
+    if meta.len() == 0 {
+        return Ok(Bytes::Empty);
+    }
+    // SAFETY: the map is only read. Another program that cuts the file short meanwhile can stop this one, as with any mapped log.
+    unsafe { memmap2::Mmap::map(&file) }.map(Bytes::Mapped).map_err(|e| cannot("read", path, &e))
+}
+
+fn make_parent(path: &Path) -> Result<PathBuf> {
+    let folder = path.parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf);
+    std::fs::create_dir_all(&folder).map_err(|e| cannot("make the folder", &folder, &e))?;
+    Ok(folder)
+}
+
+fn remove_file(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(cannot("remove", path, &e)),
+        _ => Ok(()),
+    }
+}
+
+/// The entries of a folder in order of name; none where there is no such folder.
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let mut all: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
+    all.sort();
+    all
+}
+
+fn cannot(what: &str, path: &Path, e: &std::io::Error) -> Error {
+    Error::new(format!("cannot {what} {}: {e}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_run_is_refused_while_the_first_one_writes() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let store = Store::open(dir.path());
+        let first = store.lock().expect("free");
+        assert!(store.lock().is_err());
+        drop(first);
+        assert!(store.lock().is_ok());
+    }
+
+    #[test]
+    fn leftovers_go_and_other_files_stay() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let store = Store::open(dir.path());
+        store.put("signals/flight=a/part-0.parquet", b"kept").expect("written");
+        store.put("signals/flight=b/part-0.parquet", b"left over").expect("written");
+        store.put("signals/readme.txt", b"somebody's").expect("written");
+        let known = BTreeSet::from(["signals/flight=a/part-0.parquet".to_string()]);
+        store.sweep(&BTreeSet::from(["signals"]), &known).expect("swept");
+        assert!(store.path("signals/flight=a/part-0.parquet").exists());
+        assert!(!store.path("signals/flight=b").exists());
+        assert!(store.path("signals/readme.txt").exists());
+    }
+
+    #[test]
+    fn nothing_outside_the_folder_is_removed() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let outside = dir.path().join("precious.txt");
+        std::fs::write(&outside, b"keep").expect("written");
+        let store = Store::open(&dir.path().join("out"));
+        store.remove("../precious.txt").expect("ignored");
+        assert!(outside.exists());
+    }
+}

@@ -1,0 +1,65 @@
+//! The checked configuration of a campaign: what the stages run on. The pipeline makes it from the files a person wrote.
+
+use super::{derive, estimate, fit, reconstruct, report, segment};
+use crate::config::Doc;
+use crate::log::ChannelMap;
+use crate::units::Unit;
+
+/// The checked configuration of a campaign: names resolved, models compiled, units agreed.
+#[derive(Debug)]
+pub struct Campaign {
+    pub title: String,
+    /// Flight ids in alphabetical order.
+    pub flights: Vec<String>,
+    pub channels: Channels,
+    pub reconstruct: Option<reconstruct::Config>,
+    pub derive: derive::Config,
+    pub segment: Option<segment::Config>,
+    pub estimates: Vec<estimate::Config>,
+    pub fits: Vec<fit::Config>,
+    pub report: Option<report::Settings>,
+}
+
+/// The channel map and where its entries stand.
+#[derive(Debug, Clone)]
+pub struct Channels {
+    pub map: ChannelMap,
+    pub doc: Doc,
+}
+
+impl Channels {
+    /// SI unit of a signal's values: empty where there is no such signal.
+    pub fn unit(&self, signal: &str) -> String {
+        self.map.signal.get(signal).map(|s| si(&s.unit)).unwrap_or_default()
+    }
+
+    /// What a signal is, in the words of the channel map.
+    pub fn doc(&self, signal: &str) -> &str {
+        self.map.signal.get(signal).map_or("", |s| &s.doc)
+    }
+}
+
+/// The SI unit that values of `unit` are converted to, as text: `deg/s` becomes `rad/s`, `kt` becomes `m/s`.
+fn si(unit: &str) -> String {
+    let is_si = |text: &str| Unit::parse(text).is_ok_and(|u| u.is_si());
+    // The dimension alone would lose the radian.
+    let radians = unit.replace("deg", "rad");
+    match Unit::parse(unit) {
+        _ if is_si(unit) => unit.to_string(),
+        _ if is_si(&radians) => radians,
+        Ok(parsed) => parsed.dim.to_string(),
+        Err(_) => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_of_logs_become_si() {
+        for (unit, expected) in [("deg", "rad"), ("deg/s", "rad/s"), ("kt", "m/s"), ("m/s^2", "m/s^2"), ("degC", "K")] {
+            assert_eq!(si(unit), expected);
+        }
+    }
+}

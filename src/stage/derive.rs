@@ -1,0 +1,178 @@
+//! Signals, the flight path and a model without states come in; everything a model may ask for, on one uniform grid, goes out.
+
+use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
+use crate::dynamics::{Directions, Plan, Record};
+use crate::error::{Errors, Result};
+use crate::signal::resample::{Grid, linear};
+use crate::model::Model;
+use crate::table::Table;
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+pub const STAGE: Stage = Stage {
+    name: "derive",
+    about: "put signals on one grid",
+    per: Per::Flight,
+    wanted: |_| true,
+    writes: &["samples"],
+    reads,
+    reads_log: false,
+    slice,
+    run,
+};
+
+/// The uniform grid and the signals derived on it.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Rate of the grid, Hz.
+    pub rate_hz: f64,
+    /// A gap of a signal longer than this many of its usual spacings is masked, not bridged.
+    #[serde(default = "default_gap")]
+    pub max_gap: f64,
+    /// A model file without states: its outputs become columns of the samples table.
+    #[serde(default)]
+    pub model: Option<String>,
+    /// Columns for the inputs of that model, where the names differ: `input of the model = "column"`.
+    #[serde(default)]
+    pub inputs: IndexMap<String, String>,
+}
+
+fn default_gap() -> f64 {
+    5.0
+}
+
+fn slice(campaign: &Campaign, _: &Unit) -> Value {
+    campaign.derive.slice(&campaign.channels)
+}
+
+fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
+    let tables: &[&'static str] = if campaign.reconstruct.is_some() { &["signals", "flightpath"] } else { &["signals"] };
+    Read::flight(tables, &unit.name)
+}
+
+/// The checked settings of this stage.
+#[derive(Debug)]
+pub struct Config {
+    pub settings: Settings,
+    pub model: Option<Model>,
+    /// The column for each input of the model.
+    pub inputs: Vec<String>,
+}
+
+impl Config {
+    fn slice(&self, channels: &super::Channels) -> Value {
+        // Units and meanings go along as metadata of the columns.
+        let columns: IndexMap<&String, (String, &str)> =
+            channels.map.signal.keys().map(|name| (name, (channels.unit(name), channels.doc(name)))).collect();
+        let mut slice = slice_of(&self.settings);
+        if let Some(entries) = slice.as_object_mut() {
+            entries.insert("model".into(), self.model.as_ref().map(super::said).unwrap_or_default());
+            entries.insert("signals".into(), slice_of(&columns));
+        }
+        slice
+    }
+}
+
+/// A column of the samples table.
+struct Column {
+    unit: String,
+    doc: String,
+    values: Vec<f64>,
+}
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+    let config = &campaign.derive;
+    let signals = inputs.of("signals", &unit.name)?;
+    let path = inputs.flight("flightpath", &unit.name);
+    let series = super::series(signals)?;
+    let dt = 1.0 / config.settings.rate_hz;
+    let first = series.values().filter_map(|(t, _)| t.first()).copied().fold(f64::INFINITY, f64::min);
+    let last = series.values().filter_map(|(t, _)| t.last()).copied().fold(f64::NEG_INFINITY, f64::max);
+    // Grid points are whole multiples of dt: the same times whatever the first sample's is.
+    let grid = Grid::covering(libm::ceil(first / dt - 1e-6) * dt, last, dt);
+    let mut columns: IndexMap<String, Column> = IndexMap::new();
+    for (name, (t, values)) in &series {
+        let values = linear(t, values, &grid, config.settings.max_gap * spacing(t));
+        columns.insert(name.to_string(), Column { unit: campaign.channels.unit(name), doc: campaign.channels.doc(name).to_string(), values });
+    }
+    if let Some(path) = path {
+        add_flight_path(path, &grid, config.settings.max_gap, &mut columns)?;
+    }
+    if let Some(model) = &config.model {
+        add_model(model, &config.inputs, &grid, &mut columns)?;
+    }
+    let notes = masked(&unit.name, &columns);
+    let mut table = Table::build("samples").repeat("flight", &unit.name).f64("t_s", grid.times());
+    for (name, column) in columns {
+        table = table.dynamic(&name, &column.unit, &column.doc, column.values);
+    }
+    Ok(Output { tables: vec![("samples", table.finish()?)], files: Vec::new(), notes })
+}
+
+/// Adds the reconstructed columns; one with the name of a signal takes its place, as the better knowledge of the same thing.
+fn add_flight_path(path: &Table, grid: &Grid, max_gap: f64, columns: &mut IndexMap<String, Column>) -> Result<()> {
+    let t = path.f64("t_s")?;
+    for column in path.columns().iter().filter(|c| !["flight", "t_s"].contains(&c.name.as_str())) {
+        let values = linear(t, path.f64(&column.name)?, grid, max_gap * spacing(t));
+        columns.insert(column.name.clone(), Column { unit: column.unit.clone(), doc: column.doc.clone(), values });
+    }
+    Ok(())
+}
+
+/// Adds the outputs of the model, wherever all its inputs have values.
+fn add_model(model: &Model, inputs: &[String], grid: &Grid, columns: &mut IndexMap<String, Column>) -> Result<()> {
+    let plan = Plan::new(model, Directions::default())?;
+    let parameters = model.parameter_starts();
+    let (n, nu, ny) = (grid.n, inputs.len(), model.outputs.len());
+    let driving: Vec<&[f64]> = inputs.iter().filter_map(|name| columns.get(name)).map(|c| c.values.as_slice()).collect();
+    let known = |k: usize| driving.iter().all(|column| column[k].is_finite());
+    let mut outputs = vec![vec![f64::NAN; n]; ny];
+    let mut begin = 0;
+    while begin < n {
+        let end = (begin..n).find(|k| known(*k) != known(begin)).unwrap_or(n);
+        if known(begin) && driving.len() == nu {
+            let values = (begin..end).flat_map(|k| driving.iter().map(move |column| column[k])).collect();
+            let record = Record { t0: grid.time(begin), dt: grid.dt, n: end - begin, inputs: values, ..Default::default() };
+            let run = plan.run(&parameters, &[], &record, false);
+            for (k, row) in run.y.chunks_exact(ny.max(1)).enumerate() {
+                row.iter().zip(&mut outputs).for_each(|(value, output)| output[begin + k] = *value);
+            }
+        }
+        begin = end;
+    }
+    for (quantity, values) in model.outputs.iter().zip(outputs) {
+        columns.insert(quantity.name.clone(), Column { unit: quantity.unit.clone(), doc: quantity.doc.clone(), values });
+    }
+    Ok(())
+}
+
+/// The usual spacing of ascending times, s: the median.
+fn spacing(t: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// One note per column that has gaps between its first and its last value.
+fn masked(flight: &str, columns: &IndexMap<String, Column>) -> Vec<Note> {
+    let mut notes = Vec::new();
+    for (name, column) in columns {
+        let first = column.values.iter().position(|v| v.is_finite()).unwrap_or(0);
+        let last = column.values.iter().rposition(|v| v.is_finite()).map_or(0, |i| i + 1);
+        let count = column.values.get(first..last).unwrap_or_default().iter().filter(|v| !v.is_finite()).count();
+        if count > 0 {
+            notes.push(Note {
+                flight: flight.to_string(),
+                stage: STAGE.name.to_string(),
+                severity: Severity::Warning,
+                subject: name.clone(),
+                count: count as u64,
+                text: format!("{name}: {count} of {} grid points lie in gaps and are masked", last - first),
+            });
+        }
+    }
+    notes
+}

@@ -1,0 +1,244 @@
+//! Maneuvers, samples and signals of all flights come in; maximum-likelihood estimates of one model, with responses, go out.
+
+mod records;
+mod settings;
+mod tables;
+
+use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, series, slice_of};
+use crate::dynamics::Record;
+use crate::error::{Errors, Result};
+use crate::estimate::{self, Estimation};
+use crate::model::Model;
+use crate::table::Table;
+use rayon::prelude::*;
+use records::{Grid, Measured, Source, Window, record};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+pub use settings::{Group, Settings};
+
+pub const STAGE: Stage = Stage {
+    name: "estimate",
+    about: "estimate models",
+    per: Per::Estimate,
+    wanted: |_| true,
+    writes: &["estimates", "correlations", "iterations", "residuals", "responses"],
+    reads,
+    reads_log: false,
+    slice,
+    run,
+};
+
+/// The checked settings of one estimate.
+#[derive(Debug)]
+pub struct Config {
+    pub settings: Settings,
+    pub model: Model,
+    /// Column of the samples table, or of the conditions, for each input of the model.
+    pub inputs: Vec<Driver>,
+    /// What measures the outputs that are scored.
+    pub outputs: Vec<Scored>,
+}
+
+/// What drives one input of the model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Driver {
+    Column(String),
+    /// Held at the mean of this column before the maneuver.
+    Held(String),
+}
+
+/// One output that is scored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scored {
+    /// Index into the model's outputs.
+    pub output: usize,
+    /// Signal of the channel map, scored at its own time stamps, or column of the samples table.
+    pub measured: String,
+    pub is_signal: bool,
+}
+
+impl Config {
+    pub fn name(&self) -> String {
+        self.settings.name()
+    }
+
+    /// Columns of the samples table that drive the model.
+    pub fn columns(&self) -> Vec<String> {
+        self.inputs.iter().filter_map(|d| if let Driver::Column(name) = d { Some(name.clone()) } else { None }).collect()
+    }
+}
+
+fn slice(campaign: &Campaign, unit: &Unit) -> Value {
+    let Some(config) = campaign.estimates.get(unit.index) else { return Value::Null };
+    let mut slice = slice_of(&config.settings);
+    if let Some(entries) = slice.as_object_mut() {
+        // The model counts by what it says, not by the name of its file.
+        entries.remove("model");
+        entries.insert("name".into(), json!(config.name()));
+        entries.insert("model".into(), super::said(&config.model));
+    }
+    slice
+}
+
+fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
+    let whole_flights = campaign.estimates.get(unit.index).is_some_and(|e| e.settings.input.is_none());
+    let tables: &[&'static str] = if whole_flights { &["signals", "samples"] } else { &["signals", "samples", "segments", "conditions"] };
+    Read::flights(tables, campaign)
+}
+
+/// One maneuver ready for the estimator.
+struct Ready {
+    flight: String,
+    segment: String,
+    record: Record,
+}
+
+/// The records that are estimated together.
+struct Batch {
+    group: String,
+    segments: Vec<String>,
+    records: Vec<Record>,
+}
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+    let Some(config) = campaign.estimates.get(unit.index) else { return Ok(Output::default()) };
+    let mut notes = Vec::new();
+    let mut ready = Vec::new();
+    for flight in &campaign.flights {
+        ready.extend(flight_records(config, flight, inputs, &mut notes)?);
+    }
+    if ready.is_empty() {
+        let text = format!("no maneuver to estimate {} from", config.name());
+        notes.push(note(config, "", Severity::Missing, config.name(), 1, text));
+    }
+    let batches = batches(config.settings.group, ready);
+    let done = AtomicUsize::new(0);
+    let estimations: Vec<Estimation> = batches
+        .par_iter()
+        .map(|batch| {
+            let estimation = estimate::estimate(&config.model, &batch.records, &config.settings.method);
+            (inputs.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, batches.len());
+            estimation
+        })
+        .collect::<std::result::Result<_, _>>()?;
+    for (batch, estimation) in batches.iter().zip(&estimations) {
+        notes.extend(outcome_notes(config, batch, estimation));
+    }
+    if !estimations.is_empty() && estimations.iter().all(|e| e.stop != estimate::Stop::Converged) {
+        let text = format!("no estimate of {} converged", config.name());
+        notes.push(note(config, "", Severity::Missing, config.name(), estimations.len(), text));
+    }
+    let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();
+    Ok(Output { tables: tables::all(&config.name(), &results)?, files: Vec::new(), notes })
+}
+
+/// The records of one flight's maneuvers; what cannot be used is noted.
+fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Vec<Note>) -> Result<Vec<Ready>> {
+    let (Some(samples), Some(signals)) = (inputs.flight("samples", flight), inputs.flight("signals", flight)) else {
+        return Ok(Vec::new());
+    };
+    let signals = series(signals)?;
+    let t = samples.f64("t_s")?;
+    let &[t0, t1, ..] = t else { return Ok(Vec::new()) };
+    let column = |name: &str| samples.f64(name).ok();
+    let grid = Grid { t0, dt: t1 - t0, n: t.len(), column: &column };
+    let mut measured = Vec::new();
+    for scored in &config.outputs {
+        let (t, z) = match signals.get(scored.measured.as_str()).filter(|_| scored.is_signal) {
+            Some(series) => *series,
+            None => (t, samples.f64(&scored.measured)?),
+        };
+        measured.push(Measured { output: scored.output, t, z });
+    }
+    let mut ready = Vec::new();
+    for (segment, window) in windows(config, flight, inputs, t)? {
+        let held = held(inputs.flight("conditions", flight), &segment)?;
+        let sources: Vec<Source> = config.inputs.iter().map(|driver| source(driver, &held)).collect();
+        match record(&grid, &sources, &measured, window) {
+            Ok(record) => {
+                let record = Record { substeps: config.settings.substeps, ..record };
+                let masked: usize = record.channels.iter().map(|c| c.z.iter().filter(|z| !z.is_finite()).count()).sum();
+                if masked > 0 {
+                    let text = format!("{masked} masked samples of the outputs are not scored in {segment}");
+                    notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
+                }
+                ready.push(Ready { flight: flight.to_string(), segment, record });
+            }
+            Err(why) => notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}"))),
+        }
+    }
+    Ok(ready)
+}
+
+fn source(driver: &Driver, held: &BTreeMap<&str, f64>) -> Source {
+    match driver {
+        Driver::Column(name) => Source::Column(name.clone()),
+        Driver::Held(name) => Source::Held(held.get(name.as_str()).copied().unwrap_or(f64::NAN)),
+    }
+}
+
+/// The stretches of a flight that are used: the included maneuvers of the input, or the whole record.
+fn windows(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Result<Vec<(String, Window)>> {
+    let settings = &config.settings;
+    let Some(input) = &settings.input else {
+        let (from, to) = (t.first().copied().unwrap_or(0.0), t.last().copied().unwrap_or(0.0));
+        return Ok(vec![(flight.to_string(), Window { from, to, preroll: 0.0 })]);
+    };
+    let Some(segments) = inputs.flight("segments", flight) else { return Ok(Vec::new()) };
+    let (names, kinds, found_in) = (segments.strings("segment")?, segments.strings("kind")?, segments.strings("input")?);
+    let (starts, ends, included) = (segments.f64("t_start_s")?, segments.f64("t_end_s")?, segments.bools("included")?);
+    let wanted = |i: &usize| {
+        included[*i] && found_in[*i] == input && (settings.kinds.is_empty() || settings.kinds.iter().any(|kind| kind == kinds[*i]))
+    };
+    let window = |i: usize| Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll: settings.preroll_s };
+    Ok((0..names.len()).filter(wanted).map(|i| (names[i].to_string(), window(i))).collect())
+}
+
+/// The conditions of one maneuver, by signal.
+fn held<'a>(conditions: Option<&'a Table>, segment: &str) -> Result<BTreeMap<&'a str, f64>> {
+    let Some(conditions) = conditions else { return Ok(BTreeMap::new()) };
+    let (segments, signals) = (conditions.strings("segment")?, conditions.strings("signal")?);
+    let values = conditions.f64("value")?;
+    Ok((0..values.len()).filter(|i| segments[*i] == segment).map(|i| (signals[i], values[i])).collect())
+}
+
+/// Groups the records, in order of flights and maneuvers.
+fn batches(group: Group, ready: Vec<Ready>) -> Vec<Batch> {
+    let mut batches: Vec<Batch> = Vec::new();
+    for r in ready {
+        let name = match group {
+            Group::Segment => r.segment.clone(),
+            Group::Flight => r.flight,
+            Group::All => "all".to_string(),
+        };
+        match batches.last_mut().filter(|b| b.group == name) {
+            Some(batch) => {
+                batch.segments.push(r.segment);
+                batch.records.push(r.record);
+            }
+            None => batches.push(Batch { group: name, segments: vec![r.segment], records: vec![r.record] }),
+        }
+    }
+    batches
+}
+
+/// What to say about one estimation that did not end well, or whose parameters the data hardly separate.
+fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let mut notes = Vec::new();
+    if estimation.stop != estimate::Stop::Converged {
+        let text = format!("{}: the estimate of {} ended with \"{}\"", batch.group, config.name(), estimation.stop);
+        notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, text));
+    }
+    for combination in &estimation.verdict.combinations {
+        notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, format!("{}: {combination}", batch.group)));
+    }
+    notes
+}
+
+fn note(config: &Config, flight: &str, severity: Severity, subject: String, count: usize, text: String) -> Note {
+    let text = if text.contains(&config.name()) { text } else { format!("{}: {text}", config.name()) };
+    Note { flight: flight.to_string(), stage: STAGE.name.to_string(), severity, subject, count: count as u64, text }
+}
+

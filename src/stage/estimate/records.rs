@@ -1,0 +1,148 @@
+//! One maneuver as a model sees it: the samples' grid and the signals come in, a record of inputs and measured outputs goes out.
+
+use crate::dynamics::{Channel, Record};
+
+/// Columns of the samples table of one flight.
+pub struct Grid<'a> {
+    pub t0: f64,
+    pub dt: f64,
+    pub n: usize,
+    /// Looks up a column.
+    pub column: &'a dyn Fn(&str) -> Option<&'a [f64]>,
+}
+
+/// Where the values of one input of the model come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    Column(String),
+    /// Held at this value.
+    Held(f64),
+}
+
+/// What measures one output of the model.
+pub struct Measured<'a> {
+    /// Index into the model's outputs.
+    pub output: usize,
+    pub t: &'a [f64],
+    pub z: &'a [f64],
+}
+
+/// A stretch of flight, s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    pub from: f64,
+    pub to: f64,
+    /// Time before `from` that only feeds delays.
+    pub preroll: f64,
+}
+
+/// Why there is no record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Unusable {
+    /// The window holds fewer than two samples of the grid.
+    Outside,
+    /// There is no such column.
+    NoColumn(String),
+    /// This input is masked at so many samples of the window.
+    Masked { input: String, samples: usize },
+}
+
+impl std::fmt::Display for Unusable {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            Unusable::Outside => write!(f, "the samples of the flight do not cover it"),
+            Unusable::NoColumn(name) => write!(f, "the samples of the flight have no column `{name}`"),
+            Unusable::Masked { input, samples } => write!(f, "input `{input}` has no value at {samples} samples of it"),
+        }
+    }
+}
+
+/// Builds the record of one window: inputs on the grid, outputs at their own time stamps. The window is cut to what the flight has.
+///
+/// # Errors
+/// An input has no value somewhere in the window: a model cannot be driven by what is not there.
+pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Window) -> Result<Record, Unusable> {
+    // A grid point counts as inside when it is by a millionth of a step: the window's ends are sums of rounded numbers.
+    let index = |t: f64| (t - grid.t0) / grid.dt;
+    let clip = |k: f64| k.clamp(0.0, grid.n as f64) as usize;
+    let first = clip((index(window.from - window.preroll) - 1e-6).ceil());
+    let begin = clip((index(window.from) - 1e-6).ceil());
+    let end = clip((index(window.to) + 1e-6).floor() + 1.0);
+    if end < begin + 2 {
+        return Err(Unusable::Outside);
+    }
+    let n = end - first;
+    let nu = inputs.len();
+    let mut values = vec![0.0; n * nu];
+    for (j, source) in inputs.iter().enumerate() {
+        match source {
+            Source::Held(value) => (0..n).for_each(|k| values[k * nu + j] = *value),
+            Source::Column(name) => {
+                let column = (grid.column)(name).and_then(|c| c.get(first..end)).ok_or_else(|| Unusable::NoColumn(name.clone()))?;
+                let samples = column.iter().filter(|v| !v.is_finite()).count();
+                if samples > 0 {
+                    return Err(Unusable::Masked { input: name.clone(), samples });
+                }
+                column.iter().enumerate().for_each(|(k, v)| values[k * nu + j] = *v);
+            }
+        }
+    }
+    let (from, to) = (grid.t0 + begin as f64 * grid.dt, grid.t0 + (end - 1) as f64 * grid.dt);
+    let channels = measured.iter().map(|m| channel(m, from, to, grid.dt)).collect();
+    Ok(Record { t0: grid.t0 + first as f64 * grid.dt, dt: grid.dt, n, inputs: values, start: begin - first, channels, ..Default::default() })
+}
+
+fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {
+    let begin = m.t.partition_point(|t| *t < from - 1e-6 * dt);
+    let end = m.t.partition_point(|t| *t <= to + 1e-6 * dt).max(begin);
+    let t = m.t[begin..end].iter().map(|t| t.clamp(from, to)).collect();
+    Channel { output: m.output, t, z: m.z.get(begin..end).unwrap_or_default().to_vec() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid<'a>(column: &'a dyn Fn(&str) -> Option<&'a [f64]>) -> Grid<'a> {
+        Grid { t0: 10.0, dt: 0.1, n: 101, column }
+    }
+
+    #[test]
+    fn a_window_takes_its_grid_points_and_the_samples_between_them() {
+        let u: Vec<f64> = (0..101).map(f64::from).collect();
+        let column = |name: &str| (name == "u").then_some(&u[..]);
+        let t: Vec<f64> = (0..400).map(|i| 9.987 + 0.03 * f64::from(i)).collect();
+        let m = [Measured { output: 2, t: &t, z: &t }];
+        let inputs = [Source::Held(7.0), Source::Column("u".into())];
+        let r = record(&grid(&column), &inputs, &m, Window { from: 12.0, to: 13.0, preroll: 0.5 }).expect("covered");
+        assert_eq!((r.n, r.start), (16, 5));
+        assert!((r.t0 - 11.5).abs() < 1e-12);
+        assert_eq!(&r.inputs[..4], &[7.0, 15.0, 7.0, 16.0]);
+        let c = &r.channels[0];
+        assert_eq!(c.output, 2);
+        assert!(c.t.iter().all(|t| (12.0..=13.0).contains(t)));
+        assert_eq!(c.t.len(), 33);
+    }
+
+    #[test]
+    fn a_window_beyond_the_flight_is_cut_and_one_outside_is_refused() {
+        let u = vec![0.0; 101];
+        let column = |_: &str| Some(&u[..]);
+        let inputs = [Source::Column("u".into())];
+        let r = record(&grid(&column), &inputs, &[], Window { from: 19.0, to: 30.0, preroll: 0.0 }).expect("covered");
+        assert_eq!(r.n, 11);
+        let none = record(&grid(&column), &inputs, &[], Window { from: 30.0, to: 40.0, preroll: 0.0 });
+        assert_eq!(none, Err(Unusable::Outside));
+    }
+
+    #[test]
+    fn a_masked_input_is_refused_and_counted() {
+        let mut u = vec![0.0; 101];
+        u[50] = f64::NAN;
+        u[51] = f64::NAN;
+        let column = |_: &str| Some(&u[..]);
+        let inputs = [Source::Column("u".into())];
+        let masked = record(&grid(&column), &inputs, &[], Window { from: 14.0, to: 16.0, preroll: 0.0 });
+        assert_eq!(masked, Err(Unusable::Masked { input: "u".into(), samples: 2 }));
+    }
+}

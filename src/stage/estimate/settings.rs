@@ -1,0 +1,85 @@
+//! The `[[estimate]]` sections of the pipeline file.
+
+use crate::estimate;
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// One model estimated over maneuvers: one estimate per maneuver, per flight, or one for all.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Name in the tables (column `model`); the model file's name without its endings unless given.
+    #[serde(default)]
+    pub name: Option<String>,
+    /// The model file, relative to the pipeline file.
+    pub model: String,
+    /// Name of the `[[segment.input]]` whose maneuvers are used; left out, each flight's whole record is used as one segment.
+    #[serde(default)]
+    pub input: Option<String>,
+    /// Kinds of maneuvers used ("3211", "2211", "211", "doublet", "step", "multistep"); empty for all kinds.
+    #[serde(default)]
+    pub kinds: Vec<String>,
+    /// What is estimated together.
+    #[serde(default)]
+    pub group: Group,
+    /// Time before the first step that belongs to the segment, s.
+    #[serde(default = "default_pre")]
+    pub pre_s: f64,
+    /// Time after the last step that belongs to the segment, s.
+    #[serde(default = "default_post")]
+    pub post_s: f64,
+    /// Time before that which only feeds delays in the model, s.
+    #[serde(default)]
+    pub preroll_s: f64,
+    /// Integration steps per step of the grid; 0 lets the model's fastest mode decide.
+    #[serde(default)]
+    pub substeps: usize,
+    /// Columns of the samples table for the model's inputs, where the names differ: `input of the model = "column"`.
+    #[serde(default)]
+    pub inputs: IndexMap<String, String>,
+    /// Inputs of the model that are held over a maneuver at the mean of a column in the quiet time before it:
+    /// `alpha_ref = "alpha"`.
+    #[serde(default)]
+    pub held: IndexMap<String, String>,
+    /// Signals or columns that measure the model's outputs, where the names differ: `output of the model = "signal"`. A signal is
+    /// scored at its own time stamps, a column (of what was reconstructed or derived) on the grid.
+    #[serde(default)]
+    pub outputs: IndexMap<String, String>,
+    /// Outputs of the model that are not scored.
+    #[serde(default)]
+    pub unscored: Vec<String>,
+    /// How the estimation is run.
+    #[serde(default)]
+    pub method: estimate::Settings,
+}
+
+/// What is estimated together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Group {
+    /// One estimate per maneuver.
+    #[default]
+    Segment,
+    /// One estimate per flight.
+    Flight,
+    /// One estimate over all maneuvers.
+    All,
+}
+
+fn default_pre() -> f64 {
+    1.0
+}
+
+fn default_post() -> f64 {
+    2.0
+}
+
+impl Settings {
+    /// Name in the tables.
+    pub fn name(&self) -> String {
+        let file = self.model.rsplit('/').next().unwrap_or(&self.model);
+        let stem = file.strip_suffix(".model.toml").or(file.strip_suffix(".toml")).unwrap_or(file);
+        self.name.clone().unwrap_or_else(|| stem.to_string())
+    }
+}

@@ -1,0 +1,147 @@
+//! Finished estimations come in, their tables go out.
+
+use super::Batch;
+use crate::error::Result;
+use crate::estimate::{Estimation, Trace};
+use crate::math::ar::{self, Ar};
+use crate::table::Table;
+
+type Done<'a> = (&'a Batch, &'a Estimation);
+
+/// The tables of one model's estimations.
+pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
+    Ok(vec![
+        ("estimates", estimates(model, done)?),
+        ("correlations", correlations(model, done)?),
+        ("iterations", iterations(model, done)?),
+        ("residuals", residuals(model, done)?),
+        ("responses", responses(model, done)?),
+    ])
+}
+
+/// A segment's id, for a quantity of one segment.
+fn segment(batch: &Batch, index: Option<usize>) -> Option<&str> {
+    index.and_then(|i| batch.segments.get(i)).map(String::as_str)
+}
+
+fn estimates(model: &str, done: &[Done]) -> Result<Table> {
+    let mut rows: Vec<_> = done.iter().flat_map(|(b, e)| e.rows.iter().map(move |row| (b, e, row))).collect();
+    rows.sort_by_key(|(b, _, r)| (&b.group, &r.name, segment(b, r.segment)));
+    Table::build("estimates")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|(b, _, _)| &b.group))
+        .opt_strings("segment", rows.iter().map(|(b, _, r)| segment(b, r.segment)))
+        .strings("parameter", rows.iter().map(|(_, _, r)| &r.name))
+        .strings("unit", rows.iter().map(|(_, _, r)| &r.unit))
+        .f64("value", rows.iter().map(|(_, _, r)| r.value).collect::<Vec<_>>())
+        .f64("sd", rows.iter().map(|(_, _, r)| r.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64("sd_crlb", rows.iter().map(|(_, _, r)| r.sd_crlb.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64("start", rows.iter().map(|(_, _, r)| r.start).collect::<Vec<_>>())
+        .strings("stop", rows.iter().map(|(_, e, _)| e.stop.as_str()))
+        .finish()
+}
+
+fn correlations(model: &str, done: &[Done]) -> Result<Table> {
+    let rows: Vec<_> = done
+        .iter()
+        .flat_map(|(b, e)| e.correlations.iter().filter_map(move |c| Some((b, e.rows.get(c.a)?, e.rows.get(c.b)?, c.value))))
+        .filter(|(_, _, _, value)| value.is_finite())
+        .collect();
+    Table::build("correlations")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|(b, ..)| &b.group))
+        .strings("parameter", rows.iter().map(|(_, one, ..)| &one.name))
+        .opt_strings("segment", rows.iter().map(|(b, one, ..)| segment(b, one.segment)))
+        .strings("other", rows.iter().map(|(_, _, other, _)| &other.name))
+        .opt_strings("other_segment", rows.iter().map(|(b, _, other, _)| segment(b, other.segment)))
+        .f64("value", rows.iter().map(|(.., value)| *value).collect::<Vec<_>>())
+        .finish()
+}
+
+fn iterations(model: &str, done: &[Done]) -> Result<Table> {
+    let rows: Vec<_> = done.iter().flat_map(|(b, e)| e.iterations.iter().map(move |i| (b, i))).collect();
+    let step = |i: &crate::estimate::Iteration| if i.iteration == 0 { f64::NAN } else { i.step };
+    Table::build("iterations")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|(b, _)| &b.group))
+        .i64("iteration", rows.iter().map(|(_, i)| i.iteration as i64).collect::<Vec<_>>())
+        .f64("cost", rows.iter().map(|(_, i)| i.cost).collect::<Vec<_>>())
+        .i64("halvings", rows.iter().map(|(_, i)| i.halvings as i64).collect::<Vec<_>>())
+        .f64("step", rows.iter().map(|(_, i)| step(i)).collect::<Vec<_>>())
+        .finish()
+}
+
+/// What is left of one output in one segment.
+struct Left<'a> {
+    batch: &'a Batch,
+    segment: usize,
+    trace: &'a Trace,
+    estimation: &'a Estimation,
+}
+
+impl Left<'_> {
+    fn values(&self) -> Vec<f64> {
+        let both = self.trace.measured.iter().zip(&self.trace.modelled);
+        both.map(|(z, y)| z - y).filter(|e| e.is_finite()).collect()
+    }
+}
+
+/// By group, segment and output.
+fn traces<'a>(done: &'a [Done<'a>]) -> Vec<Left<'a>> {
+    let mut all: Vec<Left> = Vec::new();
+    for (batch, estimation) in done {
+        for (segment, traces) in estimation.responses.iter().enumerate() {
+            all.extend(traces.iter().map(|trace| Left { batch, segment, trace, estimation }));
+        }
+    }
+    all.sort_by_key(|l| (&l.batch.group, segment(l.batch, Some(l.segment)), &l.trace.name));
+    all
+}
+
+fn residuals(model: &str, done: &[Done]) -> Result<Table> {
+    let rows = traces(done);
+    let values: Vec<Vec<f64>> = rows.iter().map(Left::values).collect();
+    let mean = |v: &Vec<f64>| v.iter().sum::<f64>() / v.len() as f64;
+    let sd = |v: &Vec<f64>| {
+        let m = mean(v);
+        (v.iter().map(|e| (e - m) * (e - m)).sum::<f64>() / (v.len() as f64 - 1.0)).sqrt()
+    };
+    let ar: Vec<Option<&[f64]>> = rows
+        .iter()
+        .map(|l| l.estimation.outputs.iter().find(|o| o.name == l.trace.name).map(|o| o.ar.as_slice()))
+        .collect();
+    Table::build("residuals")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|l| &l.batch.group))
+        .opt_strings("segment", rows.iter().map(|l| segment(l.batch, Some(l.segment))))
+        .strings("output", rows.iter().map(|l| &l.trace.name))
+        .strings("unit", rows.iter().map(|l| &l.trace.unit))
+        .i64("n", values.iter().map(|v| v.len() as i64).collect::<Vec<_>>())
+        .f64("mean", values.iter().map(mean).collect::<Vec<_>>())
+        .f64("sd", values.iter().map(sd).collect::<Vec<_>>())
+        .opt_i64("ar_order", ar.iter().map(|a| a.map(|a| a.len() as i64)).collect::<Vec<_>>())
+        .f64("colour", ar.iter().map(|a| a.map_or(f64::NAN, colour)).collect::<Vec<_>>())
+        .finish()
+}
+
+/// Variance at frequency zero over the variance of an autoregressive process: `1 / (1 - sum a)^2 / c(0)` for unit driving noise.
+fn colour(coefficients: &[f64]) -> f64 {
+    let model = Ar { coefficients: coefficients.to_vec(), variance: 1.0, order: coefficients.len() };
+    let left = 1.0 - coefficients.iter().sum::<f64>();
+    1.0 / (left * left) / ar::autocovariance(&model, 0)[0]
+}
+
+fn responses(model: &str, done: &[Done]) -> Result<Table> {
+    let rows = traces(done);
+    let each = |of: fn(&Trace) -> &Vec<f64>| rows.iter().flat_map(|l| of(l.trace).iter().copied()).collect::<Vec<f64>>();
+    let text = |of: fn(&Left) -> String| rows.iter().flat_map(|l| vec![of(l); l.trace.t.len()]).collect::<Vec<String>>();
+    Table::build("responses")
+        .repeat("model", model)
+        .strings("group", text(|l| l.batch.group.clone()))
+        .strings("segment", text(|l| l.batch.segments.get(l.segment).cloned().unwrap_or_default()))
+        .strings("output", text(|l| l.trace.name.clone()))
+        .f64("t_s", each(|t| &t.t))
+        .f64("measured", each(|t| &t.measured))
+        .f64("modelled", each(|t| &t.modelled))
+        .finish()
+}

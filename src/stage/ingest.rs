@@ -1,0 +1,88 @@
+//! A flight's log and the channel map come in; its signals in SI, an account of every channel, and notes go out.
+
+use super::{Campaign, Inputs, Note, Output, Per, Severity, Stage, Unit, slice_of};
+use crate::error::{Error, Errors, Result};
+use crate::log::{self, FlightLog};
+use crate::table::Table;
+use serde_json::Value;
+
+pub const STAGE: Stage = Stage {
+    name: "ingest",
+    about: "read the logs",
+    per: Per::Flight,
+    wanted: |_| true,
+    writes: &["signals", "channels"],
+    reads: |_, _| Vec::new(),
+    reads_log: true,
+    slice,
+    run,
+};
+
+fn slice(campaign: &Campaign, _: &Unit) -> Value {
+    slice_of(&campaign.channels.map)
+}
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+    let channels = &campaign.channels;
+    let log = inputs.log.ok_or_else(|| Error::new(format!("flight {} has no log", unit.name)))?;
+    let flight = log::read_flight(log, &channels.map, &channels.doc)?;
+    let tables = vec![("signals", signals(&unit.name, &flight)?), ("channels", accounts(campaign, &unit.name, &flight)?)];
+    let notes = flight.notes.iter().map(|n| note(&unit.name, n)).collect();
+    Ok(Output { tables, files: Vec::new(), notes })
+}
+
+fn note(flight: &str, n: &log::Note) -> Note {
+    let severity = match n.severity {
+        log::Severity::Info => Severity::Info,
+        log::Severity::Warning => Severity::Warning,
+    };
+    Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity,
+        subject: n.subject.clone(),
+        count: n.count,
+        text: n.text.clone(),
+    }
+}
+
+/// The long table of all signals, by signal and time.
+fn signals(id: &str, flight: &FlightLog) -> Result<Table> {
+    let mut order: Vec<&String> = flight.signals.keys().collect();
+    order.sort();
+    let (mut names, mut t, mut values) = (Vec::new(), Vec::new(), Vec::new());
+    for name in order {
+        let series = &flight.signals[name].series;
+        names.extend(std::iter::repeat_n(name.as_str(), series.t_s.len()));
+        t.extend_from_slice(&series.t_s);
+        values.extend_from_slice(&series.value);
+    }
+    Table::build("signals").repeat("flight", id).strings("signal", names).f64("t_s", t).f64("value", values).finish()
+}
+
+fn accounts(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> {
+    let mut order: Vec<&String> = flight.signals.keys().collect();
+    order.sort();
+    let accounts: Vec<_> = order.iter().map(|name| &flight.signals[*name].account).collect();
+    let count = |of: fn(&log::Account) -> u64| accounts.iter().map(|a| of(a) as i64).collect::<Vec<i64>>();
+    let number = |of: fn(&log::Account) -> f64| accounts.iter().map(|a| of(a)).collect::<Vec<f64>>();
+    Table::build("channels")
+        .repeat("flight", id)
+        .strings("signal", &order)
+        .strings("topic", accounts.iter().map(|a| &a.topic))
+        .strings("field", accounts.iter().map(|a| &a.field))
+        .strings("unit", order.iter().map(|name| campaign.channels.unit(name)))
+        .i64("count", count(|a| a.count))
+        .f64("rate_hz", number(|a| if a.count > 1 { a.rate_hz } else { f64::NAN }))
+        .i64("dropped_duplicate", count(|a| a.dropped_duplicate))
+        .i64("reordered", count(|a| a.reordered))
+        .i64("dropped_out_of_order", count(|_| 0))
+        .i64("dropped_nan", count(|a| a.dropped_nan))
+        .i64("dropped_unreadable", count(|a| a.dropped_unreadable))
+        .f64("longest_gap_s", number(|a| if a.count > 1 { a.longest_gap_s } else { f64::NAN }))
+        .f64("t_first_s", number(|a| a.t_first_s))
+        .f64("t_last_s", number(|a| a.t_last_s))
+        .f64("min", number(|a| a.min))
+        .f64("max", number(|a| a.max))
+        .finish()
+}

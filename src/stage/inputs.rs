@@ -1,0 +1,89 @@
+//! What a unit of a stage reads: tables by name and part, the log's bytes.
+
+use crate::error::{Error, Result};
+use crate::table::Table;
+use indexmap::IndexMap;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A part of a table: one file of the dataset.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Part {
+    /// `<table>/flight=<id>/part-0.parquet`
+    Flight(String),
+    /// `<table>/part-<number>.parquet`
+    Number(usize),
+}
+
+impl Part {
+    /// The part's file, relative to the output folder.
+    pub fn path(&self, table: &str) -> String {
+        match self {
+            Part::Flight(id) => format!("{table}/flight={id}/part-0.parquet"),
+            Part::Number(i) => format!("{table}/part-{i}.parquet"),
+        }
+    }
+
+    /// The part in words.
+    pub fn words(&self, table: &str) -> String {
+        match self {
+            Part::Flight(id) => format!("{table} of {id}"),
+            Part::Number(0) => table.to_string(),
+            Part::Number(i) => format!("{table}, part {i}"),
+        }
+    }
+}
+
+/// What a unit of a stage is given.
+pub struct Inputs<'a> {
+    /// Tables by name and part, as far as they exist.
+    pub tables: BTreeMap<(&'static str, Part), Arc<Table>>,
+    /// The flight's log, for a stage that reads it.
+    pub log: Option<&'a Path>,
+    /// Reports work done to whoever watches: so many steps done of so many.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+}
+
+impl Inputs<'_> {
+    /// This flight's part of a table.
+    ///
+    /// # Errors
+    /// It is not among the unit's inputs.
+    pub fn of(&self, table: &'static str, flight: &str) -> Result<&Table> {
+        self.get(table, Part::Flight(flight.to_string()))
+            .ok_or_else(|| Error::new(format!("there is no table `{table}` of flight {flight}")).help("run the pipeline again"))
+    }
+
+    /// This flight's part of a table, if there is one.
+    pub fn flight(&self, table: &'static str, flight: &str) -> Option<&Table> {
+        self.get(table, Part::Flight(flight.to_string()))
+    }
+
+    /// One part of a table, if there is one.
+    pub fn get(&self, table: &'static str, part: Part) -> Option<&Table> {
+        self.tables.get(&(table, part)).map(|t| &**t)
+    }
+
+    /// All parts of a table that exist, in order.
+    pub fn all(&self, table: &'static str) -> Vec<&Table> {
+        self.tables.iter().filter(|((name, _), _)| *name == table).map(|(_, t)| &**t).collect()
+    }
+}
+
+/// The signals of the long table, by name: times and values.
+///
+/// # Errors
+/// The table lacks a column.
+pub fn series(signals: &Table) -> Result<IndexMap<&str, (&[f64], &[f64])>> {
+    let names = signals.strings("signal")?;
+    let (t, values) = (signals.f64("t_s")?, signals.f64("value")?);
+    let mut all = IndexMap::new();
+    let mut begin = 0;
+    for run in names.chunk_by(|a, b| a == b) {
+        let end = begin + run.len();
+        all.insert(run[0], (&t[begin..end], &values[begin..end]));
+        begin = end;
+    }
+    Ok(all)
+}

@@ -1,0 +1,75 @@
+//! All tables come in, the pages that a person reads go out.
+
+use super::{Campaign, Inputs, NOTES, Output, Per, Read, STAGES_TABLE, Stage, Unit};
+use crate::error::Errors;
+use crate::report::{self, ReportInput, TABLES};
+use crate::table::{Table, schema};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+pub const STAGE: Stage = Stage {
+    name: "report",
+    about: "write the report",
+    per: Per::Campaign,
+    wanted: |campaign| campaign.report.is_some(),
+    writes: &[],
+    reads,
+    reads_log: false,
+    slice,
+    run,
+};
+
+/// The report `report/index.html` in the output folder.
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// A line under the title.
+    pub subtitle: String,
+}
+
+fn slice(campaign: &Campaign, _: &Unit) -> Value {
+    let subtitle = campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default();
+    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign) })
+}
+
+fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
+    let mut all = Vec::new();
+    for table in TABLES {
+        let per_flight = schema(table).is_ok_and(|s| s.per_flight);
+        all.extend(match table {
+            NOTES | STAGES_TABLE => Read::parts(&[table], 1),
+            _ if per_flight => Read::flights(&[table], campaign),
+            _ => Read::parts(&[table], campaign.estimates.len().max(campaign.fits.len())),
+        });
+    }
+    all
+}
+
+/// Columns of the samples table that drive each model.
+fn inputs_of_models(campaign: &Campaign) -> BTreeMap<String, Vec<String>> {
+    campaign.estimates.iter().map(|e| (e.name(), e.columns())).collect()
+}
+
+fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+    let mut tables = BTreeMap::new();
+    for name in TABLES {
+        let parts: Vec<Table> = inputs.all(name).into_iter().cloned().collect();
+        if !parts.is_empty() {
+            tables.insert(name.to_string(), Table::concat(name, &parts)?);
+        }
+    }
+    let input = ReportInput {
+        title: campaign.title.clone(),
+        subtitle: campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default(),
+        tables,
+        inputs: inputs_of_models(campaign),
+        provenance: vec![
+            ("program".to_string(), format!("koehler {}", env!("CARGO_PKG_VERSION"))),
+            ("sources".to_string(), env!("KOEHLER_CODE").to_string()),
+        ],
+    };
+    let page = report::page(&input)?;
+    Ok(Output { tables: Vec::new(), files: vec![("report/index.html".to_string(), page.into_bytes())], notes: Vec::new() })
+}

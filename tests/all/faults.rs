@@ -1,0 +1,128 @@
+//! Bad input: one clear message or a counted note, results for the rest, a non-zero exit when anything asked for is missing.
+
+use crate::campaign::{Campaign, write_log};
+
+#[test]
+fn mistakes_of_all_files_are_reported_at_once_and_before_any_log_is_read() {
+    let c = Campaign::new();
+    c.edit("pipeline.toml", "rate_hz = 50.0", "rate_hz = -1.0");
+    c.edit("pipeline.toml", "against = \"V\"", "against = \"Mach\"");
+    c.edit("channels.toml", "unit = \"m/s\"", "unit = \"furlong\"");
+    c.edit("lag.model.toml", "(K*u - x)/T", "(K*uu - x)/T");
+    c.edit("lag.model.toml", "x + y_0", "x + T");
+    // A log that cannot be read would be an error of its own, were it read.
+    std::fs::write(c.path("logs/flight-1.mcap"), b"no log").expect("written");
+    let run = c.run().ended(2);
+    for wanted in ["pipeline.toml:7:11", "channels.toml:", "furlong", "lag.model.toml:", "uu"] {
+        assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
+    }
+    assert!(!run.err.contains("no log"), "{}", run.err);
+    assert!(!c.path("out").exists());
+}
+
+#[test]
+fn a_missing_file_is_named_where_it_is_asked_for() {
+    let c = Campaign::new();
+    c.edit("pipeline.toml", "lag.model.toml", "lead.model.toml");
+    c.edit("pipeline.toml", "logs/*.mcap", "logs/flight-9.mcap");
+    let run = c.run().ended(2);
+    assert!(run.err.contains("lead.model.toml") && run.err.contains("flight-9.mcap"), "{}", run.err);
+    let none = c.koehler("check", &[]).ended(2);
+    assert!(none.err.contains("pipeline.toml:"), "{}", none.err);
+}
+
+#[test]
+fn a_unit_error_in_a_model_has_line_and_column() {
+    let c = Campaign::new();
+    c.edit("lag.model.toml", "x + y_0", "x + T");
+    let run = c.koehler("check", &[]).ended(2);
+    assert!(run.err.contains("lag.model.toml:16:"), "{}", run.err);
+}
+
+#[test]
+fn a_column_in_another_unit_is_refused() {
+    let c = Campaign::new();
+    c.edit("channels.toml", "field = \"command\"\nunit = \"deg\"", "field = \"command\"\nunit = \"m\"");
+    let run = c.koehler("check", &[]).ended(2);
+    assert!(run.err.contains("\"u\""), "{}", run.err);
+}
+
+/// The other flights have results, the exit code is 1, and the message says what is wrong.
+fn partial(c: &Campaign, wanted: &[&str]) {
+    let run = c.run().ended(1);
+    for text in wanted {
+        assert!(run.err.contains(text) || run.out.contains(text), "{text} is not in\n{}\n{}", run.err, run.out);
+    }
+    let estimates = koehler::table::read_dataset(&c.path("out"), "estimates").expect("estimates");
+    assert!(estimates.rows() > 0);
+    let notes = koehler::table::read_dataset(&c.path("out"), "notes").expect("notes");
+    assert!(notes.strings("severity").expect("column").contains(&"missing"));
+    // The second run remembers what is missing.
+    c.run().ended(1);
+}
+
+#[test]
+fn an_empty_log_and_a_log_that_is_none_stop_only_their_flights() {
+    let c = Campaign::new();
+    std::fs::write(c.path("logs/flight-1.mcap"), b"").expect("written");
+    partial(&c, &["flight-1.mcap"]);
+    std::fs::write(c.path("logs/flight-1.mcap"), b"this is a text file").expect("written");
+    partial(&c, &["flight-1.mcap"]);
+    assert!(!c.path("out/signals/flight=flight-1").exists());
+}
+
+#[test]
+fn a_log_cut_short_gives_what_is_intact_and_a_note() {
+    let c = Campaign::new();
+    let path = c.path("logs/flight-2.mcap");
+    let bytes = std::fs::read(&path).expect("readable");
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
+    let run = c.run();
+    assert!(run.code < 2, "{}\n{}", run.out, run.err);
+    let notes = koehler::table::read_dataset(&c.path("out"), "notes").expect("notes");
+    let flights = notes.strings("flight").expect("column");
+    assert!(flights.contains(&"flight-2"), "{}\n{}", run.out, run.err);
+}
+
+#[test]
+fn a_topic_or_field_that_is_not_there_is_named() {
+    let c = Campaign::new();
+    c.fly("flight-4", 5, 2);
+    // Flight 5 is from another recorder.
+    let mut writer = koehler::log::LogWriter::create(&c.path("logs/flight-5.mcap")).expect("created");
+    let topic = writer.add_topic("/sensors", &[koehler::log::FieldSpec::new("angel", "deg", "")]).expect("topic");
+    writer.write(topic, 1, 1, &[0.0]).expect("written");
+    writer.finish().expect("finished");
+    partial(&c, &["channels.toml", "/sensors"]);
+
+    let c = Campaign::new();
+    c.edit("channels.toml", "field = \"angle\"", "field = \"angel\"");
+    let run = c.run().ended(1);
+    assert!(run.err.contains("channels.toml:9") && run.err.contains("angle"), "{}", run.err);
+}
+
+#[test]
+fn a_burst_of_nan_is_counted_and_the_rest_is_used() {
+    let c = Campaign::new();
+    write_log(&c.path("logs/flight-2.mcap"), 1, 4, |t| (26.0..26.5).contains(&t));
+    c.run().ended(0);
+    let channels = koehler::table::read_part(&c.path("out"), "channels", Some("flight-2"), 0).expect("channels");
+    let row = channels.strings("signal").expect("column").iter().position(|s| *s == "y").expect("a row");
+    assert_eq!(channels.i64("dropped_nan").expect("column")[row], 20);
+    let fits = koehler::table::read_dataset(&c.path("out"), "fits").expect("fits");
+    assert_eq!(fits.i64("n").expect("column"), [12, 12]);
+}
+
+#[test]
+fn a_flight_without_a_maneuver_is_noted_and_the_others_are_estimated() {
+    let c = Campaign::new();
+    c.fly("flight-2", 1, 0);
+    partial(&c, &["no maneuver"]);
+}
+
+#[test]
+fn usage_errors_have_their_own_exit_code() {
+    let c = Campaign::new();
+    c.koehler("runn", &[]).ended(2);
+    c.koehler("run", &["--jobs", "many"]).ended(2);
+}

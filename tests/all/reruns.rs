@@ -1,0 +1,147 @@
+//! What is run again, and what comes out: nothing without a reason, everything with one, and the same bytes always.
+
+use crate::campaign::{Campaign, INTERCEPT, LAG, SLOPE};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+/// The Parquet files below a folder, with their bytes.
+fn tables(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(f) = folders.pop() {
+        for entry in std::fs::read_dir(&f).expect("a folder").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "parquet" || e == "html") {
+                let name = path.strip_prefix(folder).expect("below").to_string_lossy().into_owned();
+                all.insert(name, std::fs::read(&path).expect("readable"));
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn the_truth_comes_out_at_the_end() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let fits = koehler::table::read_dataset(&c.path("out"), "fits").expect("fits");
+    let row = |name: &str| fits.strings("parameter").expect("column").iter().position(|p| *p == name).expect("a row");
+    let of = |column: &str, name: &str| fits.f64(column).expect("column")[row(name)];
+    assert_eq!(fits.i64("n").expect("column")[row("K")], 12);
+    for (name, slope, intercept) in [("K", SLOPE, INTERCEPT), ("T", 0.0, LAG)] {
+        // The line at the middle of the speeds, and its slope, within 4 standard deviations and 1%.
+        let off = (of("slope", name) - slope).abs();
+        assert!(off < 4.0 * of("slope_sd", name) && off * 50.0 < 0.02, "{name}: slope {}", of("slope", name));
+        let value = of("intercept", name) + 86.0 * of("slope", name);
+        assert!((value - intercept - 86.0 * slope).abs() < 0.01, "{name}: {value}");
+    }
+    assert!(c.path("out/report/index.html").is_file());
+}
+
+#[test]
+fn a_second_run_does_nothing_and_says_so() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let before = tables(&c.path("out"));
+    let begin = Instant::now();
+    let second = c.run().ended(0);
+    assert!(begin.elapsed().as_secs_f64() < 1.0, "took {:?}", begin.elapsed());
+    assert!(second.out.contains("nothing to do"), "{}", second.out);
+    assert!(c.koehler("status", &[]).ended(0).out.contains("everything is fresh"));
+    assert_eq!(before, tables(&c.path("out")));
+}
+
+#[test]
+fn one_thread_and_many_write_the_same_bytes() {
+    let c = Campaign::new();
+    c.koehler("run", &["--out", "one", "--jobs", "1"]).ended(0);
+    c.koehler("run", &["--out", "many", "--jobs", "7"]).ended(0);
+    let (one, many) = (tables(&c.path("one")), tables(&c.path("many")));
+    assert!(one.len() > 10);
+    assert_eq!(one.keys().collect::<Vec<_>>(), many.keys().collect::<Vec<_>>());
+    for (name, bytes) in &one {
+        assert!(many[name] == *bytes, "{name} differs");
+    }
+}
+
+#[test]
+fn a_setting_reruns_what_depends_on_it_and_nothing_else() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    c.edit("pipeline.toml", "against = \"V\"", "against = \"V\"\nlevel = 0.9");
+    let status = c.koehler("run", &["--dry-run"]).ended(0);
+    assert!(status.out.contains("stale: setting `level` changed"), "{}", status.out);
+    let run = c.run().ended(0);
+    assert_eq!(run.stage("estimate"), (0, 1));
+    assert_eq!(run.stage("fit"), (1, 0));
+
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\npost_s = 1.5");
+    let run = c.run().ended(0);
+    assert_eq!(run.stage("ingest"), (0, 3));
+    assert_eq!(run.stage("segment"), (0, 3));
+    assert_eq!(run.stage("estimate"), (1, 0));
+    assert_eq!(run.stage("fit"), (1, 0));
+
+    // A comment and an order of lines are no settings.
+    c.edit("pipeline.toml", "[report]", "# nothing\n[report]");
+    assert!(c.run().ended(0).out.contains("nothing to do"));
+}
+
+#[test]
+fn a_model_counts_by_what_it_says() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    c.edit("lag.model.toml", "start = 0.3", "start = 0.31");
+    let run = c.run().ended(0);
+    assert_eq!(run.stage("segment"), (0, 3));
+    assert_eq!(run.stage("estimate"), (1, 0));
+}
+
+#[test]
+fn a_new_a_changed_and_a_removed_flight_are_noticed() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    c.fly("flight-4", 9, 2);
+    let run = c.run().ended(0);
+    assert_eq!(run.stage("ingest"), (1, 3));
+
+    c.fly("flight-2", 17, 4);
+    let status = c.koehler("status", &[]).ended(0);
+    assert!(status.out.contains("stale: log changed"), "{}", status.out);
+    assert_eq!(c.run().ended(0).stage("ingest"), (1, 3));
+
+    std::fs::remove_file(c.path("logs/flight-3.mcap")).expect("removed");
+    let run = c.run().ended(0);
+    assert_eq!(run.stage("ingest"), (0, 3));
+    assert!(!c.path("out/signals/flight=flight-3").exists());
+    let segments = koehler::table::read_dataset(&c.path("out"), "segments").expect("segments");
+    assert_eq!(segments.rows(), 10);
+}
+
+#[test]
+fn a_deleted_or_modified_table_is_made_again() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let before = tables(&c.path("out"));
+    std::fs::remove_file(c.path("out/samples/flight=flight-1/part-0.parquet")).expect("removed");
+    std::fs::write(c.path("out/fits/part-0.parquet"), b"scribble").expect("written");
+    let status = c.koehler("status", &[]).ended(0);
+    assert!(status.out.contains("is gone") && status.out.contains("changed by something else"), "{}", status.out);
+    let run = c.run().ended(0);
+    assert_eq!(run.stage("derive"), (1, 2));
+    // The samples are the same bytes again: nothing that reads them is run.
+    assert_eq!(run.stage("estimate"), (0, 1));
+    assert_eq!(run.stage("fit"), (1, 0));
+    assert_eq!(before, tables(&c.path("out")));
+}
+
+#[test]
+fn a_dry_run_writes_nothing() {
+    let c = Campaign::new();
+    let dry = c.koehler("run", &["--dry-run"]).ended(0);
+    assert!(dry.out.contains("missing: never run"), "{}", dry.out);
+    assert!(!c.path("out").exists());
+}
