@@ -65,7 +65,10 @@ fn check_starts(model: &Model, parameters: &[f64], free: &[bool], errors: &mut E
         if !start.is_finite() {
             errors.push(Error::new(format!("parameter \"{name}\" of model {} starts at {start}, not at a number", model.name)));
         } else if free[i] && !(p.min..=p.max).contains(&start) {
-            let what = format!("parameter \"{name}\" of model {} starts at {start}, outside its bounds {} to {}", model.name, p.min, p.max);
+            let what = format!(
+                "parameter \"{name}\" of model {} starts at {start}, outside its bounds {} to {}",
+                model.name, p.min, p.max
+            );
             errors.push(Error::new(what).help("move the start inside the bounds, or widen them in the model file"));
         }
     }

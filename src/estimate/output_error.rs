@@ -38,9 +38,8 @@ pub fn estimate(model: &Model, records: &[Record], settings: &Settings) -> Resul
         response.finite.then(|| blocks(&records[s], &outputs, response))
     };
     let solution = solve(&layout, &evaluate, settings);
-    let responses = (0..records.len())
-        .map(|s| traces(model, &records[s], respond(s, &layout.local(s, &solution.fit.theta), false)))
-        .collect();
+    let responses =
+        (0..records.len()).map(|s| traces(model, &records[s], respond(s, &layout.local(s, &solution.fit.theta), false))).collect();
     Ok(name(model, &chosen, &layout, &outputs, solution, responses))
 }
 
@@ -74,8 +73,7 @@ fn layout(
 ) -> Layout {
     let nc = chosen.shared.len();
     let own = chosen.own.len() + chosen.initial.len();
-    let parts =
-        (0..records.len()).map(|s| Part { shared: (0..nc).collect(), offset: nc + s * own, own }).collect();
+    let parts = (0..records.len()).map(|s| Part { shared: (0..nc).collect(), offset: nc + s * own, own }).collect();
     // Start, lower, upper, prior sd of each unknown.
     let parameter = |p: usize| {
         let q = &model.parameters[p];

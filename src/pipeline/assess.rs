@@ -110,7 +110,9 @@ fn compare(store: &Store, stage: &Stage, unit: &Unit, now: &Ingredients, record:
     Ok(match (why.is_empty(), waits.is_empty()) {
         (false, _) => State::Stale(why),
         (true, false) => State::Waits(waits),
-        (true, true) if now.key(stage.name, &unit.name) != record.key => State::Stale(vec!["its record does not match its key".into()]),
+        (true, true) if now.key(stage.name, &unit.name) != record.key => {
+            State::Stale(vec!["its record does not match its key".into()])
+        }
         (true, true) => State::Fresh,
     })
 }

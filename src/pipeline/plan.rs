@@ -174,7 +174,11 @@ impl Reader {
             Some(file) => {
                 let model = self.model("derive.model", &file.clone(), aircraft)?;
                 if !model.states.is_empty() {
-                    self.push("derive.model", "the model of [derive] has states".to_string(), "only a model without states can be evaluated sample by sample");
+                    self.push(
+                        "derive.model",
+                        "the model of [derive] has states".to_string(),
+                        "only a model without states can be evaluated sample by sample",
+                    );
                 }
                 Some(model)
             }
@@ -213,7 +217,13 @@ impl Reader {
         checked
     }
 
-    fn estimate(&mut self, key: &str, settings: estimate::Settings, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Option<estimate::Config> {
+    fn estimate(
+        &mut self,
+        key: &str,
+        settings: estimate::Settings,
+        aircraft: Option<&Constants>,
+        columns: Option<&Columns>,
+    ) -> Option<estimate::Config> {
         if let Some(input) = &settings.input {
             let inputs: Vec<&str> = self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
             if !inputs.contains(&input.as_str()) {
@@ -252,7 +262,13 @@ impl Reader {
         checked
     }
 
-    fn fit(&mut self, key: &str, settings: fit::Settings, estimates: &[Option<estimate::Config>], columns: Option<&Columns>) -> Option<fit::Config> {
+    fn fit(
+        &mut self,
+        key: &str,
+        settings: fit::Settings,
+        estimates: &[Option<estimate::Config>],
+        columns: Option<&Columns>,
+    ) -> Option<fit::Config> {
         let names: Vec<String> = self.settings.estimate.iter().map(estimate::Settings::name).collect();
         let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
             let error = names::unknown(&self.doc, &format!("{key}.estimate"), "[[estimate]]", &settings.estimate, &names);
@@ -260,7 +276,11 @@ impl Reader {
             return None;
         };
         if !(settings.level > 0.0 && settings.level < 1.0) {
-            self.push(&format!("{key}.level"), format!("a confidence level is between 0 and 1, not {}", settings.level), "95% is 0.95");
+            self.push(
+                &format!("{key}.level"),
+                format!("a confidence level is between 0 and 1, not {}", settings.level),
+                "95% is 0.95",
+            );
         }
         let unit_x = columns?.look_up(&settings.against, "column", &self.doc, &format!("{key}.against"), &mut self.errors);
         let estimate = estimates.get(index)?.as_ref()?;
@@ -288,7 +308,8 @@ impl Reader {
 
     /// Checks that a name is new and safe in a file's name.
     fn new_name(&mut self, key: &str, name: &str, names: &mut Vec<String>) {
-        let clean = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c)) && !name.starts_with('.');
+        let clean =
+            !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c)) && !name.starts_with('.');
         if !clean {
             self.push(&format!("{key}.name"), format!("\"{name}\" is no name"), "use letters, digits, '.', '_' and '-'");
         }

@@ -88,8 +88,15 @@ enum Outcome {
 /// # Errors
 /// The output folder cannot be read or written. What fails inside a stage does not stop the others and is in the result.
 pub fn run(plan: &Plan, store: &Store, watch: Watch) -> Result<RunResult> {
-    let mut run =
-        Run { plan, store, watch, contents: Contents::new(), tables: Mutex::default(), records: Vec::new(), result: RunResult::default() };
+    let mut run = Run {
+        plan,
+        store,
+        watch,
+        contents: Contents::new(),
+        tables: Mutex::default(),
+        records: Vec::new(),
+        result: RunResult::default(),
+    };
     run.remove_what_is_gone()?;
     for stage in STAGES {
         if stage.per == Per::Campaign {
@@ -285,7 +292,9 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
                         contents.insert(Part::Number(0).path(table.name()), Content::Hash(hash_bytes(&table.to_parquet()?)));
                     }
                 }
-                None => contents.extend([NOTES, STAGES_TABLE].map(|table| (Part::Number(0).path(table), Content::Changing("an earlier stage".into())))),
+                None => contents.extend(
+                    [NOTES, STAGES_TABLE].map(|table| (Part::Number(0).path(table), Content::Changing("an earlier stage".into()))),
+                ),
             }
         }
         let known = &contents;

@@ -46,8 +46,10 @@ impl Store {
         let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(|e| cannot("open", &path, &e))?;
         match file.try_lock() {
             Ok(()) => Ok(Lock { _file: file }),
-            Err(std::fs::TryLockError::WouldBlock) => Err(Error::new(format!("another run is writing into {}", self.root.display()))
-                .help("wait for it to end, or give this run its own folder with --out")),
+            Err(std::fs::TryLockError::WouldBlock) => {
+                Err(Error::new(format!("another run is writing into {}", self.root.display()))
+                    .help("wait for it to end, or give this run its own folder with --out"))
+            }
             Err(std::fs::TryLockError::Error(e)) => Err(cannot("lock", &path, &e)),
         }
     }

@@ -125,10 +125,8 @@ pub fn check(model: &Model, settings: &Settings) -> Result<(), Errors> {
         }
     }
     if settings.overlap_s * 2.0 > settings.window_s {
-        errors.push(Error::new(format!(
-            "overlap_s = {} is more than half of window_s = {}",
-            settings.overlap_s, settings.window_s
-        )));
+        errors
+            .push(Error::new(format!("overlap_s = {} is more than half of window_s = {}", settings.overlap_s, settings.window_s)));
     }
     errors.or(())
 }
@@ -166,7 +164,8 @@ pub fn reconstruct<'a>(
     if measured.is_empty() {
         let known: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
         errors.push(
-            Error::new("no output of the kinematic model is measured").help(format!("it can be compared with {}", known.join(", "))),
+            Error::new("no output of the kinematic model is measured")
+                .help(format!("it can be compared with {}", known.join(", "))),
         );
     }
     errors.or(())?;
@@ -177,7 +176,8 @@ pub fn reconstruct<'a>(
     }
     let columns = input_columns(model, &driving, &grid, settings);
     let windows = windows::cut(&columns, &grid, settings.window_s, settings.overlap_s);
-    let solved: Vec<Result<Solved, String>> = windows.par_iter().map(|w| solve(model, &columns, &measured, &grid, w, settings)).collect();
+    let solved: Vec<Result<Solved, String>> =
+        windows.par_iter().map(|w| solve(model, &columns, &measured, &grid, w, settings)).collect();
     Ok(assemble(model, &grid, &windows, solved, notes, settings))
 }
 

@@ -106,7 +106,9 @@ impl Campaign {
         let (_, flight) = self.flight(id)?;
         let signals = self.model.inputs.iter().map(|input| {
             let signal = plan.signal(&self.settings, &self.shapes, flight, &input.name);
-            signal.ok_or_else(|| Error::new(format!("nothing drives the truth model's input \"{}\"", input.name)).help("name it in [drive]"))
+            signal.ok_or_else(|| {
+                Error::new(format!("nothing drives the truth model's input \"{}\"", input.name)).help("name it in [drive]")
+            })
         });
         fly(&self.model, &plan, signals.collect::<Result<Vec<_>>>()?)
     }

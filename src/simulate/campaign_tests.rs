@@ -115,10 +115,16 @@ fn the_log_on_disk_holds_the_recording() {
             let value: serde_json::Value = serde_json::from_slice(&message.data).unwrap();
             let log = &recording.topics[0];
             assert_eq!(message.log_time - message.publish_time, 10_000_000);
-            assert_eq!((message.publish_time, value["x"].as_f64(), value["y"].as_f64()), (log.publish_ns[state], Some(log.rows[2 * state]), Some(log.rows[2 * state + 1])));
+            assert_eq!(
+                (message.publish_time, value["x"].as_f64(), value["y"].as_f64()),
+                (log.publish_ns[state], Some(log.rows[2 * state]), Some(log.rows[2 * state + 1]))
+            );
             let t = (message.publish_time - 1_000_000_000_000_000_000) as f64 * 1e-9;
             let k = (t * 100.0) as usize;
-            let (low, high) = (truth.signals["x"].values[k].min(truth.signals["x"].values[k + 1]), truth.signals["x"].values[k].max(truth.signals["x"].values[k + 1]));
+            let (low, high) = (
+                truth.signals["x"].values[k].min(truth.signals["x"].values[k + 1]),
+                truth.signals["x"].values[k].max(truth.signals["x"].values[k + 1]),
+            );
             assert!((low - 1e-12..=high + 1e-12).contains(&value["x"].as_f64().unwrap().to_radians()));
             state += 1;
         }
@@ -181,10 +187,17 @@ fn a_flight_that_diverges_says_where_and_spares_the_others() {
     let folder = folder();
     let unstable = MODEL.replace("rate = \"K*x\"", "rate = \"K*x + 200*K*y*select(abs(u) - sigma, 1, 0)\"");
     std::fs::write(folder.path().join("toy.model.toml"), unstable).unwrap();
-    std::fs::write(folder.path().join("campaign.toml"), CAMPAIGN.replace("[flights.rough]", "[flights.level]\naltitude_ft = 0\nspeeds_kt = [100]\n\n[flights.rough]")).unwrap();
+    std::fs::write(
+        folder.path().join("campaign.toml"),
+        CAMPAIGN.replace("[flights.rough]", "[flights.level]\naltitude_ft = 0\nspeeds_kt = [100]\n\n[flights.rough]"),
+    )
+    .unwrap();
     let campaign = load(&folder);
     let errors = campaign.fly_all(&["calm", "level"], &|_| ()).unwrap_err();
     assert_eq!(errors.0.len(), 1);
-    assert!(errors.0[0].what.starts_with("calm: the motion diverges at ") && errors.0[0].what.contains("after \"step\" at 6.0 s"), "{errors}");
+    assert!(
+        errors.0[0].what.starts_with("calm: the motion diverges at ") && errors.0[0].what.contains("after \"step\" at 6.0 s"),
+        "{errors}"
+    );
     assert_eq!(campaign.missing(), ["calm", "rough"]);
 }

@@ -101,7 +101,11 @@ impl Checker<'_> {
         for (path, name, unit) in roles.chain(noise).chain(constant) {
             self.input(&path, name, unit);
             if !driven.insert(name.clone()) {
-                self.push(&path, format!("the input \"{name}\" is already driven by another key of [drive]"), "name every input once");
+                self.push(
+                    &path,
+                    format!("the input \"{name}\" is already driven by another key of [drive]"),
+                    "name every input once",
+                );
             }
         }
         for (name, maneuver) in &self.settings.maneuvers {
@@ -113,7 +117,11 @@ impl Checker<'_> {
         driven.extend(self.settings.maneuvers.values().map(|m| m.input.clone()));
         let left: Vec<&String> = self.truth.iter().flat_map(|t| t.inputs.keys()).filter(|name| !driven.contains(*name)).collect();
         if !left.is_empty() {
-            self.push("drive", format!("nothing drives these inputs of the truth model: {}", list(&left)), "give each a value in [drive.constant], or a role");
+            self.push(
+                "drive",
+                format!("nothing drives these inputs of the truth model: {}", list(&left)),
+                "give each a value in [drive.constant], or a role",
+            );
         }
     }
 
@@ -125,7 +133,9 @@ impl Checker<'_> {
                 Ok(shape) => {
                     shapes.insert(name.clone(), shape);
                 }
-                Err(mistakes) => mistakes.into_iter().for_each(|(key, what)| self.push(&format!("maneuvers.{name}.{key}"), what, "")),
+                Err(mistakes) => {
+                    mistakes.into_iter().for_each(|(key, what)| self.push(&format!("maneuvers.{name}.{key}"), what, ""))
+                }
             }
         }
         shapes
@@ -155,7 +165,9 @@ impl Checker<'_> {
         }
         match (flight.speeds_kt.is_empty(), flight.points.is_empty()) {
             (true, true) => self.push(&path, "the flight has no test point", "give `speeds_kt` with `at_each`, or `points`"),
-            (false, false) => self.push(&format!("{path}.points"), "the flight has both `speeds_kt` and `points`", "keep one of them"),
+            (false, false) => {
+                self.push(&format!("{path}.points"), "the flight has both `speeds_kt` and `points`", "keep one of them")
+            }
             _ => {}
         }
         if flight.speeds_kt.is_empty() && !flight.at_each.is_empty() {
@@ -164,7 +176,11 @@ impl Checker<'_> {
         self.references(&path, flight);
         let plan = Plan::new(self.settings, shapes, id, flight);
         if plan.duration() > LONGEST_S {
-            self.push(&path, format!("the flight would last {:.0} h", plan.duration() / 3600.0), "look at its speeds, altitudes, rates and times");
+            self.push(
+                &path,
+                format!("the flight would last {:.0} h", plan.duration() / 3600.0),
+                "look at its speeds, altitudes, rates and times",
+            );
         }
         self.overlaps(&path, &plan);
     }
@@ -173,7 +189,9 @@ impl Checker<'_> {
     fn references(&mut self, path: &str, flight: &Flight) {
         let each = flight.at_each.iter().enumerate().map(|(i, name)| (format!("{path}.at_each.{i}"), name));
         let points = flight.points.iter().enumerate();
-        let points = points.flat_map(|(i, p)| p.maneuvers.iter().enumerate().map(move |(k, name)| (format!("{path}.points.{i}.maneuvers.{k}"), name)));
+        let points = points.flat_map(|(i, p)| {
+            p.maneuvers.iter().enumerate().map(move |(k, name)| (format!("{path}.points.{i}.maneuvers.{k}"), name))
+        });
         let events = flight.events.iter().enumerate().map(|(i, e)| (format!("{path}.events.{i}.maneuver"), &e.maneuver));
         let settings = self.settings;
         for (place, name) in each.chain(points).chain(events) {
@@ -185,7 +203,11 @@ impl Checker<'_> {
             self.unknown(&format!("{path}.constant.{name}"), name, "input in [drive.constant]", settings.drive.constant.keys());
         }
         if flight.turbulence != 0.0 && settings.drive.noise.is_empty() && settings.drive.turbulence.is_none() {
-            self.push(&format!("{path}.turbulence"), "no input of the truth model receives turbulence", "name `noise` and `turbulence` in [drive]");
+            self.push(
+                &format!("{path}.turbulence"),
+                "no input of the truth model receives turbulence",
+                "name `noise` and `turbulence` in [drive]",
+            );
         }
     }
 
@@ -193,7 +215,11 @@ impl Checker<'_> {
     fn overlaps(&mut self, path: &str, plan: &Plan) {
         for (i, m) in plan.maneuvers.iter().enumerate() {
             if m.hold_s[0] < 0.0 {
-                self.push(path, format!("the maneuver \"{}\" at {:.1} s begins before the flight", m.maneuver, m.t_start_s), "fly it later");
+                self.push(
+                    path,
+                    format!("the maneuver \"{}\" at {:.1} s begins before the flight", m.maneuver, m.t_start_s),
+                    "fly it later",
+                );
             }
             // Test points follow each other without a gap where `recover_s` is 0: only a real overlap counts.
             if let Some(next) = plan.maneuvers.get(i + 1).filter(|next| next.hold_s[0] < m.hold_s[1] - 1e-6) {
@@ -230,14 +256,22 @@ impl Checker<'_> {
             }
             let Some(truth) = self.truth else { continue };
             let Some(unit) = truth.unit(&sensor.truth) else {
-                self.unknown(&format!("{path}.truth"), &sensor.truth, "truth-model output or input", truth.outputs.keys().chain(truth.inputs.keys()));
+                self.unknown(
+                    &format!("{path}.truth"),
+                    &sensor.truth,
+                    "truth-model output or input",
+                    truth.outputs.keys().chain(truth.inputs.keys()),
+                );
                 continue;
             };
             match Unit::parse(&sensor.unit) {
                 Err(what) => self.push(&format!("{path}.unit"), what, ""),
                 Ok(_) if same_kind(unit, &sensor.unit) => {}
                 Ok(_) => {
-                    let what = format!("\"{}\" has unit \"{unit}\" in the truth model, which cannot be recorded in \"{}\"", sensor.truth, sensor.unit);
+                    let what = format!(
+                        "\"{}\" has unit \"{unit}\" in the truth model, which cannot be recorded in \"{}\"",
+                        sensor.truth, sensor.unit
+                    );
                     self.push(&format!("{path}.unit"), what, "");
                 }
             }
@@ -335,7 +369,9 @@ cmd = { truth = "aileron", unit = "V" }
 
     #[test]
     fn maneuvers_that_overlap_or_begin_too_early_are_refused() {
-        let with = |events: &str| mistakes(&GOOD.replace("at_each = [\"lateral\"]", &format!("at_each = [\"lateral\"]\nevents = [{events}]")));
+        let with = |events: &str| {
+            mistakes(&GOOD.replace("at_each = [\"lateral\"]", &format!("at_each = [\"lateral\"]\nevents = [{events}]")))
+        };
         assert_eq!(with("{ at_s = 20, maneuver = \"lateral\" }"), Vec::<String>::new());
         let early = with("{ at_s = 1, maneuver = \"lateral\" }");
         assert!(early.len() == 1 && early[0].contains("begins before the flight"), "{early:?}");
@@ -347,7 +383,10 @@ cmd = { truth = "aileron", unit = "V" }
     fn an_input_is_driven_once_and_in_its_own_unit() {
         let twice = mistakes(&GOOD.replace("hold = \"hold\"", "hold = \"V_cmd\""));
         assert!(twice.iter().any(|e| e.contains("what it is given here has \"-\"")), "{twice:?}");
-        assert!(twice.iter().any(|e| e.contains("already driven")) && twice.iter().any(|e| e.contains("nothing drives")), "{twice:?}");
+        assert!(
+            twice.iter().any(|e| e.contains("already driven")) && twice.iter().any(|e| e.contains("nothing drives")),
+            "{twice:?}"
+        );
         let both = mistakes(&GOOD.replace("constant = { wind = 0.0 }", "constant = { wind = 0.0, aileron = 0.0 }"));
         assert!(both.len() == 1 && both[0].contains("driven by [drive] and by this maneuver"), "{both:?}");
     }

@@ -33,7 +33,10 @@ impl Shape {
     pub fn of(maneuver: &Maneuver) -> Result<Shape, Vec<Mistake>> {
         let mut mistakes = Vec::new();
         if !maneuver.amplitude.is_finite() || maneuver.amplitude <= 0.0 {
-            mistakes.push(("amplitude", format!("the amplitude must be greater than 0, not {}; the sign is `polarity`", maneuver.amplitude)));
+            mistakes.push((
+                "amplitude",
+                format!("the amplitude must be greater than 0, not {}; the sign is `polarity`", maneuver.amplitude),
+            ));
         }
         if maneuver.polarity.abs() != 1 {
             mistakes.push(("polarity", format!("the polarity must be 1 or -1, not {}", maneuver.polarity)));
@@ -42,7 +45,9 @@ impl Shape {
             ("multisine", _) => multisine(maneuver, &mut mistakes),
             (_, Some(digits)) => multistep(maneuver, &digits, &mut mistakes),
             (other, None) => {
-                let what = format!("\"{other}\" is no kind of maneuver: digits such as \"3211\", \"doublet\", \"step\" or \"multisine\" are");
+                let what = format!(
+                    "\"{other}\" is no kind of maneuver: digits such as \"3211\", \"doublet\", \"step\" or \"multisine\" are"
+                );
                 mistakes.push(("kind", what));
                 None
             }
@@ -196,7 +201,9 @@ mod tests {
     #[test]
     fn multisteps_have_the_durations_and_integrals_of_their_digits() {
         // 3-2+1-1 = +1 unit, 2-2+1-1 = 0, 2-1+1 = 2, 1-1 = 0, 1.
-        for (kind, duration, integral) in [("3211", 3.5, 1.0), ("2211", 3.0, 0.0), ("211", 2.0, 2.0), ("doublet", 1.0, 0.0), ("step", 0.5, 1.0)] {
+        for (kind, duration, integral) in
+            [("3211", 3.5, 1.0), ("2211", 3.0, 0.0), ("211", 2.0, 2.0), ("doublet", 1.0, 0.0), ("step", 0.5, 1.0)]
+        {
             let shape = Shape::of(&maneuver(kind)).unwrap();
             assert_eq!(shape.duration(), duration, "{kind}");
             let area: f64 = sampled(&shape, 0.005).iter().sum::<f64>() * 0.005;
@@ -208,7 +215,9 @@ mod tests {
     fn a_3211_has_its_levels_in_turn_and_changes_exactly_at_grid_points() {
         let shape = Shape::of(&maneuver("3211")).unwrap();
         let dt = 1.0 / 200.0;
-        for (k, expected) in [(0, -2.0), (299, -2.0), (300, 2.0), (499, 2.0), (500, -2.0), (600, 2.0), (699, 2.0), (700, 0.0), (900, 0.0)] {
+        for (k, expected) in
+            [(0, -2.0), (299, -2.0), (300, 2.0), (499, 2.0), (500, -2.0), (600, 2.0), (699, 2.0), (700, 0.0), (900, 0.0)]
+        {
             assert_eq!(shape.value(k as f64 * dt), expected, "{k}");
         }
         assert_eq!(shape.value(-dt), 0.0);
@@ -225,7 +234,8 @@ mod tests {
 
     #[test]
     fn a_multisine_fills_its_band_begins_at_zero_and_reaches_its_amplitude() {
-        let m = Maneuver { unit_time_s: None, duration_s: Some(10.0), band_hz: Some([0.2, 1.5]), polarity: 1, ..maneuver("multisine") };
+        let m =
+            Maneuver { unit_time_s: None, duration_s: Some(10.0), band_hz: Some([0.2, 1.5]), polarity: 1, ..maneuver("multisine") };
         let shape = Shape::of(&m).unwrap();
         let values = sampled(&shape, 0.001);
         assert!(values[0].abs() < 1e-9 && values[10_000].abs() < 1e-9);
@@ -233,7 +243,9 @@ mod tests {
         assert!((largest - 2.0).abs() < 0.01, "{largest}");
         // All 14 harmonics have the same power, others none; a relative peak factor (Morelli) below 1.3 is what Schroeder phases give.
         let power = |k: f64| {
-            let part = |f: fn(f64) -> f64| values[1..].iter().enumerate().map(|(i, x)| x * f(TAU * k * (i + 1) as f64 / 10_000.0)).sum::<f64>() / 5000.0;
+            let part = |f: fn(f64) -> f64| {
+                values[1..].iter().enumerate().map(|(i, x)| x * f(TAU * k * (i + 1) as f64 / 10_000.0)).sum::<f64>() / 5000.0
+            };
             part(f64::sin).hypot(part(f64::cos))
         };
         assert!((power(2.0) - power(15.0)).abs() < 1e-9 && power(2.0) > 0.2 && power(1.0) < 1e-9 && power(16.0) < 1e-9);
@@ -249,7 +261,10 @@ mod tests {
         assert_eq!(keys(&Maneuver { edge_s: 1.0, ..maneuver("3211") }), ["edge_s"]);
         assert_eq!(keys(&maneuver("32x1")), ["kind"]);
         assert_eq!(keys(&maneuver("3201")), ["kind"]);
-        assert_eq!(keys(&Maneuver { band_hz: Some([2.0, 1.0]), unit_time_s: None, duration_s: Some(5.0), ..maneuver("multisine") }), ["band_hz"]);
+        assert_eq!(
+            keys(&Maneuver { band_hz: Some([2.0, 1.0]), unit_time_s: None, duration_s: Some(5.0), ..maneuver("multisine") }),
+            ["band_hz"]
+        );
         assert_eq!(keys(&Maneuver { unit_time_s: Some(1.0), ..maneuver("multisine") }), ["duration_s", "kind", "band_hz"]);
     }
 }

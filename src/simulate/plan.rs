@@ -278,7 +278,10 @@ constant = { wind = 3.0 }
         let at = |name: &str, t: f64| signal("one", name)[(t * 100.0).round() as usize];
         assert_eq!([at("hold", 29.99), at("hold", 30.0), at("hold", 42.99), at("hold", 43.0)], [0.0, 1.0, 1.0, 0.0]);
         assert_eq!([at("aileron", 31.99), at("aileron", 32.0), at("aileron", 35.0), at("aileron", 39.0)], [0.0, 2.5, -2.5, 0.0]);
-        assert_eq!([at("elevator", 54.99), at("elevator", 55.0), at("elevator", 56.0), at("elevator", 57.0)], [0.0, -1.5, 1.5, 0.0]);
+        assert_eq!(
+            [at("elevator", 54.99), at("elevator", 55.0), at("elevator", 56.0), at("elevator", 57.0)],
+            [0.0, -1.5, 1.5, 0.0]
+        );
         let h = 17_000.0 * FOOT;
         assert_eq!(at("h_cmd", 100.0), h);
         for (t, kt) in [(0.0, 160.0), (61.0, 160.0), (71.0, 155.0), (81.0, 150.0), (140.0, 150.0)] {
@@ -290,7 +293,8 @@ constant = { wind = 3.0 }
     #[test]
     fn points_and_events_make_a_flight_of_their_own() {
         let plan = plan("two").2;
-        let names: Vec<(&str, f64, f64)> = plan.maneuvers.iter().map(|m| (m.maneuver.as_str(), m.t_start_s, m.altitude_ft)).collect();
+        let names: Vec<(&str, f64, f64)> =
+            plan.maneuvers.iter().map(|m| (m.maneuver.as_str(), m.t_start_s, m.altitude_ft)).collect();
         // 30 settle, 10 s for 150 ft at 15 ft/s, 30 settle, 2 hold.
         assert_eq!(names, [("longitudinal", 10.0, 17_000.0), ("lateral", 72.0, 17_150.0)]);
         assert_eq!((signal("two", "wind")[100], signal("two", "sigma")[100]), (3.0, 1.5));

@@ -55,7 +55,8 @@ pub struct SensorError {
 /// Signals that the truth does not have, and units that cannot be read, are passed over: the check of the campaign file reports them.
 pub fn record(settings: &Settings, truth: &Truth, seed: u64, start_ns: u64) -> Recording {
     let mut errors = Vec::new();
-    let topics = settings.topics.iter().map(|(name, topic)| record_topic(name, topic, truth, seed, start_ns, &mut errors)).collect();
+    let topics =
+        settings.topics.iter().map(|(name, topic)| record_topic(name, topic, truth, seed, start_ns, &mut errors)).collect();
     Recording { flight: truth.flight.clone(), topics, errors }
 }
 
@@ -64,7 +65,11 @@ fn record_topic(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u
     let mut fields = Vec::new();
     let mut columns: Vec<Vec<f64>> = Vec::new();
     if let Some(field) = &topic.time_field {
-        fields.push(FieldLog { name: field.clone(), unit: "s".into(), doc: "time of the sample, seconds since 1970-01-01 UTC".into() });
+        fields.push(FieldLog {
+            name: field.clone(),
+            unit: "s".into(),
+            doc: "time of the sample, seconds since 1970-01-01 UTC".into(),
+        });
         columns.push(times.iter().map(|t| start_ns as f64 * 1e-9 + t).collect());
     }
     for (field, sensor) in &topic.fields {
@@ -131,7 +136,15 @@ fn arrivals(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u64, 
 }
 
 /// A sensor's values at `times`, in the log's unit, from the true signal (SI, on a grid from 0 with spacing `dt`).
-fn measure(sensor: &Sensor, error: &SensorError, unit: &Unit, signal: &[f64], dt: f64, times: &[f64], noise: &mut Stream) -> Vec<f64> {
+fn measure(
+    sensor: &Sensor,
+    error: &SensorError,
+    unit: &Unit,
+    signal: &[f64],
+    dt: f64,
+    times: &[f64],
+    noise: &mut Stream,
+) -> Vec<f64> {
     let lagged = if sensor.lag_s > 0.0 { Some(lag(signal, dt, sensor.lag_s)) } else { None };
     let signal = lagged.as_deref().unwrap_or(signal);
     let value = |t: &f64| {

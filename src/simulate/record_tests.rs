@@ -8,7 +8,11 @@ const START: u64 = 1_000_000_000_000_000_000;
 
 fn truth(seconds: f64, signals: &[(&str, &str, fn(f64) -> f64)]) -> Truth {
     let n = (seconds / DT).round() as usize + 1;
-    let signal = |unit: &str, f: fn(f64) -> f64| Signal { unit: unit.into(), doc: String::new(), values: (0..n).map(|k| f(k as f64 * DT)).collect() };
+    let signal = |unit: &str, f: fn(f64) -> f64| Signal {
+        unit: unit.into(),
+        doc: String::new(),
+        values: (0..n).map(|k| f(k as f64 * DT)).collect(),
+    };
     Truth {
         flight: "flight-01".into(),
         dt: DT,
@@ -130,7 +134,10 @@ fn jittered_stamps_are_right_and_have_their_deviation() {
 fn messages_get_lost_repeated_and_late_as_often_as_asked() {
     let mut t = topic(100.0, &[("x", sensor("a", "-"))]);
     (t.lost, t.repeated, t.latency_s, t.latency_jitter_s) = (0.1, 0.05, 0.02, 0.01);
-    t.gaps = vec![Gap { flight: "flight-01".into(), from_s: 30.0, to_s: 40.0 }, Gap { flight: "other".into(), from_s: 50.0, to_s: 60.0 }];
+    t.gaps = vec![
+        Gap { flight: "flight-01".into(), from_s: 30.0, to_s: 40.0 },
+        Gap { flight: "other".into(), from_s: 50.0, to_s: 60.0 },
+    ];
     let truth = truth(200.0, &[("a", "-", |t| t)]);
     let log = &record(&settings(&[("/t", t)]), &truth, 7, START).topics[0];
     // 19000 samples outside the gap, 90% come through, 5% of these twice.

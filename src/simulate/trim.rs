@@ -193,9 +193,17 @@ fn singular(model: &Model, steady: &Steady, jacobian: &[f64], n: usize) -> Error
 }
 
 fn stuck(model: &Model, steady: &Steady, residual: &[f64]) -> Error {
-    let left: Vec<String> = model.trim.zero.iter().zip(residual).filter(|(_, r)| **r != 0.0).map(|((name, _), r)| format!("{name} = {r:.3e}")).collect();
+    let left: Vec<String> = model
+        .trim
+        .zero
+        .iter()
+        .zip(residual)
+        .filter(|(_, r)| **r != 0.0)
+        .map(|((name, _), r)| format!("{name} = {r:.3e}"))
+        .collect();
     let what = format!("{}: no steady condition was found; what should vanish is {}", model.name, left.join(", "));
-    Error::new(what).help(format!("{}; give start values nearer to it, or look at the model's limits", state_of_search(model, steady)))
+    Error::new(what)
+        .help(format!("{}; give start values nearer to it, or look at the model's limits", state_of_search(model, steady)))
 }
 
 #[cfg(test)]

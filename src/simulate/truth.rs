@@ -83,6 +83,8 @@ fn diverged(plan: &Plan, outputs: &[f64], ny: usize) -> Error {
     let k = outputs.iter().position(|y| !y.is_finite()).map_or(plan.n, |i| i / ny.max(1));
     let t = k as f64 * plan.dt;
     let last = plan.maneuvers.iter().rfind(|m| m.t_start_s <= t);
-    let after = last.map_or("before the first maneuver".to_string(), |m| format!("after \"{}\" at {:.1} s", m.maneuver, m.t_start_s));
-    Error::new(format!("the motion diverges at {t:.2} s, {after}")).help("look at the truth model's stability, its limits, and the amplitude of the input")
+    let after =
+        last.map_or("before the first maneuver".to_string(), |m| format!("after \"{}\" at {:.1} s", m.maneuver, m.t_start_s));
+    Error::new(format!("the motion diverges at {t:.2} s, {after}"))
+        .help("look at the truth model's stability, its limits, and the amplitude of the input")
 }

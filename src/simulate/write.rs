@@ -49,7 +49,9 @@ struct TrueManeuver<'a> {
 pub fn write_truth(truth: &Truth, recording: &Recording, path: &Path) -> Result<()> {
     let maneuvers = truth.maneuvers.iter().map(|placed| TrueManeuver { placed, at_start: truth.at(placed.t_start_s) }).collect();
     let content = TruthFile { flight: &truth.flight, maneuvers, sensors: &recording.errors };
-    let failed = |e: &dyn std::fmt::Display| Error::new(format!("cannot write {}: {e}", path.display())).help("check the folder and its free space");
+    let failed = |e: &dyn std::fmt::Display| {
+        Error::new(format!("cannot write {}: {e}", path.display())).help("check the folder and its free space")
+    };
     let text = serde_json::to_string_pretty(&content).map_err(|e| failed(&e))?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(|e| failed(&e))?;

@@ -3,8 +3,8 @@
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
 use crate::dynamics::{Directions, Plan, Record};
 use crate::error::{Errors, Result};
-use crate::signal::resample::{Grid, linear};
 use crate::model::Model;
+use crate::signal::resample::{Grid, linear};
 use crate::table::Table;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -96,7 +96,10 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let mut columns: IndexMap<String, Column> = IndexMap::new();
     for (name, (t, values)) in &series {
         let values = linear(t, values, &grid, config.settings.max_gap * spacing(t));
-        columns.insert(name.to_string(), Column { unit: campaign.channels.unit(name), doc: campaign.channels.doc(name).to_string(), values });
+        columns.insert(
+            name.to_string(),
+            Column { unit: campaign.channels.unit(name), doc: campaign.channels.doc(name).to_string(), values },
+        );
     }
     if let Some(path) = path {
         add_flight_path(path, &grid, config.settings.max_gap, &mut columns)?;

@@ -16,8 +16,8 @@ pub mod segment;
 use crate::error::{Errors, Result};
 use crate::model::Model;
 use crate::table::Table;
-use serde::{Deserialize, Serialize};
 use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 pub use campaign::{Campaign, Channels};
@@ -104,7 +104,8 @@ impl Read {
 
     /// Numbered parts `0..n` of these tables, without those that failed.
     pub fn parts(tables: &[&'static str], n: usize) -> Vec<Read> {
-        let of = |table: &&'static str| -> Vec<Read> { (0..n).map(|i| Read { table, part: Part::Number(i), optional: true }).collect() };
+        let of =
+            |table: &&'static str| -> Vec<Read> { (0..n).map(|i| Read { table, part: Part::Number(i), optional: true }).collect() };
         tables.iter().flat_map(of).collect()
     }
 }
@@ -156,7 +157,8 @@ impl Severity {
 }
 
 /// The stages in the order in which they run.
-pub const STAGES: &[Stage] = &[ingest::STAGE, reconstruct::STAGE, derive::STAGE, segment::STAGE, estimate::STAGE, fit::STAGE, report::STAGE];
+pub const STAGES: &[Stage] =
+    &[ingest::STAGE, reconstruct::STAGE, derive::STAGE, segment::STAGE, estimate::STAGE, fit::STAGE, report::STAGE];
 
 /// The table that the pipeline itself writes from the notes of all stages, before the report.
 pub const NOTES: &str = "notes";

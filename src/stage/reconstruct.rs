@@ -1,16 +1,16 @@
 //! Signals of a flight come in; the flight path, and the sensor errors it needed, go out.
 
-use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, said, series, slice_of};
-use crate::config::{Doc, nearest};
-use crate::error::{Error, Errors, Result};
-use crate::model::{Constants, Model, Quantity};
+use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
+use crate::config::Doc;
+use crate::error::Errors;
+use crate::model::{Constants, Model};
 use crate::reconstruct::{self, FlightPath};
-use crate::table::{Table, schema};
-use crate::units::Unit as PhysicalUnit;
+use crate::table::Table;
+use crate::units;
 use indexmap::IndexMap;
-use serde_json::{Value, json};
-
-pub use crate::reconstruct::Settings;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 pub const STAGE: Stage = Stage {
     name: "reconstruct",
@@ -24,8 +24,15 @@ pub const STAGE: Stage = Stage {
     run,
 };
 
-/// The fragment with the kinematic equations.
-const KINEMATICS: &str = "kinematics";
+/// Flight-path reconstruction.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// The embedded kinematic model that is used; by default "kinematics".
+    pub fragment: Option<String>,
+    /// How the path is found.
+    pub method: reconstruct::Settings,
+}
 
 /// The checked settings of this stage.
 #[derive(Debug)]
@@ -35,111 +42,101 @@ pub struct Config {
 }
 
 impl Config {
-    /// Checks the settings against the kinematic model and the signals, given with their SI units.
+    /// Checks the settings against the aircraft's constants and the units of the signals.
     ///
     /// # Errors
-    /// Constants that the aircraft file lacks, names that are not of the model, inputs without a signal, units that do not agree.
-    pub fn new(settings: Settings, constants: &Constants, signals: &IndexMap<String, String>, doc: &Doc) -> std::result::Result<Config, Errors> {
-        let model = Model::embedded(KINEMATICS, constants)?;
-        let place = |e: Error| Error { place: e.place.or_else(|| Some(doc.place("reconstruct"))), ..e };
-        let checked = reconstruct::check(&model, &settings).map_err(|errors| Errors(errors.0.into_iter().map(place).collect()));
+    /// Every mistake: of the model, of names, of units.
+    pub fn new(settings: Settings, constants: &Constants, signals: &IndexMap<String, String>, doc: &Doc) -> Result<Config, Errors> {
+        let name = settings.fragment.as_deref().unwrap_or("kinematics");
+        let model = Model::embedded(name, constants)?;
         let mut errors = Errors::default();
-        errors.take(checked);
+        errors.take(reconstruct::check(&model, &settings.method));
+        let signal = |quantity: &str| settings.method.signals.get(quantity).map_or(quantity.to_string(), String::clone);
         for input in &model.inputs {
-            agree(input, &settings, signals, doc, true, &mut errors);
+            let name = signal(&input.name);
+            match signals.get(&name) {
+                None => errors.push(
+                    doc.error("reconstruct", format!("the kinematic model needs the signal \"{name}\" ({})", input.doc))
+                        .help("map it in the channel map, or name another one under [reconstruct.method.signals]"),
+                ),
+                Some(unit) => same(&mut errors, doc, &name, unit, &input.unit),
+            }
         }
+        let mut measured = 0;
         for output in &model.outputs {
-            agree(output, &settings, signals, doc, false, &mut errors);
+            let name = signal(&output.name);
+            if let Some(unit) = signals.get(&name) {
+                same(&mut errors, doc, &name, unit, &output.unit);
+                measured += 1;
+            }
         }
-        let names = model.outputs.iter().map(|o| settings.signals.get(&o.name).unwrap_or(&o.name));
-        if !names.into_iter().any(|name| signals.contains_key(name)) {
+        if measured == 0 {
             let known: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
-            let what = "no signal of the channel map measures an output of the kinematic model";
-            errors.push(doc.error("reconstruct", what).help(format!("it can be compared with {}", known.join(", "))));
+            errors.push(
+                doc.error("reconstruct", "no signal can be compared with the kinematic model")
+                    .help(format!("it can be compared with {}", known.join(", "))),
+            );
+        }
+        for error in &mut errors.0 {
+            error.place.get_or_insert_with(|| doc.place("reconstruct"));
         }
         errors.or(Config { settings, model })
     }
 }
 
-/// Checks that the signal of one quantity of the model is there, where it must be, and in the same unit.
-fn agree(quantity: &Quantity, settings: &Settings, signals: &IndexMap<String, String>, doc: &Doc, needed: bool, errors: &mut Errors) {
-    let mapped = settings.signals.get(&quantity.name);
-    let name = mapped.unwrap_or(&quantity.name);
-    let key = if mapped.is_some() { format!("reconstruct.signals.{}", quantity.name) } else { "reconstruct".to_string() };
-    match signals.get(name) {
-        Some(unit) => {
-            let dim = |text: &str| PhysicalUnit::parse(text).ok().map(|u| u.dim);
-            if dim(unit) != dim(&quantity.unit) {
-                errors.push(doc.error(&key, format!("signal \"{name}\" is in {unit}, the kinematic model needs {}", quantity.unit)));
-            }
-        }
-        None if needed || mapped.is_some() => {
-            let near = nearest(name, signals.keys().map(String::as_str)).map(|n| format!("did you mean \"{n}\"? ")).unwrap_or_default();
-            let what = format!("the kinematic model needs the signal \"{name}\" ({}), and the channel map has none", quantity.doc);
-            errors.push(doc.error(&key, what).help(format!("{near}map it in the channel map, or name another under [reconstruct.signals]")));
-        }
-        None => {}
+/// Files an error where a signal's dimension is not the model's.
+fn same(errors: &mut Errors, doc: &Doc, name: &str, unit: &str, wanted: &str) {
+    if let (Ok(has), Ok(wants)) = (units::Unit::parse(unit), units::Unit::parse(wanted))
+        && has.dim != wants.dim
+    {
+        errors.push(doc.error("reconstruct", format!("signal \"{name}\" is in {unit}, the kinematic model wants {wanted}")));
     }
 }
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
-    let Some(config) = &campaign.reconstruct else { return Value::Null };
-    let mut slice = slice_of(&config.settings);
-    if let Some(entries) = slice.as_object_mut() {
-        entries.insert("model".into(), said(&config.model));
-    } else {
-        slice = json!({ "settings": slice, "model": said(&config.model) });
-    }
-    slice
+    let of = |config: &Config| serde_json::json!({ "settings": slice_of(&config.settings), "model": super::said(&config.model) });
+    campaign.reconstruct.as_ref().map(of).unwrap_or_default()
 }
 
-fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
     let Some(config) = &campaign.reconstruct else { return Ok(Output::default()) };
-    let signals = series(inputs.of("signals", &unit.name)?)?;
-    let path = reconstruct::reconstruct(&config.model, |name| signals.get(name).copied(), &config.settings)?;
-    let flightpath = flightpath(&unit.name, &config.model, &path)?;
-    let notes = notes(&unit.name, &path, flightpath.rows());
-    Ok(Output { tables: vec![("flightpath", flightpath), ("biases", biases(&unit.name, &path)?)], files: Vec::new(), notes })
+    let signals = super::series(inputs.of("signals", &unit.name)?)?;
+    let path = reconstruct::reconstruct(&config.model, |name| signals.get(name).copied(), &config.settings.method)?;
+    let notes = path.notes.iter().map(|text| Note {
+        flight: unit.name.clone(),
+        stage: STAGE.name.to_string(),
+        severity: Severity::Warning,
+        subject: "flightpath".to_string(),
+        count: 1,
+        text: text.clone(),
+    });
+    let notes = notes.collect();
+    let tables = vec![("flightpath", flightpath(&unit.name, &config.model, &path)?), ("biases", biases(&unit.name, &path)?)];
+    Ok(Output { tables, files: Vec::new(), notes })
 }
 
-/// The path where there is one; times without a path have no row.
-fn flightpath(flight: &str, model: &Model, path: &FlightPath) -> Result<Table> {
-    let rows: Vec<usize> = (0..path.t.len()).filter(|k| path.outputs.iter().all(|column| column[*k].is_finite())).collect();
-    let pick = |column: &[f64]| rows.iter().map(|k| column[*k]).collect::<Vec<f64>>();
+/// The columns of the flight path that the kinematic model has as outputs, where there is a path.
+fn flightpath(flight: &str, model: &Model, path: &FlightPath) -> crate::error::Result<Table> {
+    let kept: Vec<usize> = (0..path.t.len()).filter(|&k| path.outputs.iter().all(|column| column[k].is_finite())).collect();
+    let pick = |values: &[f64]| -> Vec<f64> { kept.iter().map(|&k| values[k]).collect() };
     let mut table = Table::build("flightpath").repeat("flight", flight).f64("t_s", pick(&path.t));
-    for column in schema("flightpath")?.columns.iter().filter(|c| !["flight", "t_s"].contains(&c.name.as_str())) {
-        if let Some(values) = model.output(&column.name).and_then(|i| path.outputs.get(i)) {
-            table = table.f64(&column.name, pick(values));
-        } else if rows.is_empty() {
-            table = table.f64(&column.name, Vec::new());
-        }
+    for column in crate::table::schema("flightpath")?.columns.iter().filter(|c| !["flight", "t_s"].contains(&c.name.as_str())) {
+        let values = model.output(&column.name).and_then(|k| path.outputs.get(k));
+        table = table.f64(&column.name, values.map_or_else(|| vec![f64::NAN; kept.len()], |v| pick(v)));
     }
     table.finish()
 }
 
-fn biases(flight: &str, path: &FlightPath) -> Result<Table> {
-    let mut all: Vec<_> = path.biases.iter().collect();
-    all.sort_by_key(|b| (b.window, &b.parameter));
+fn biases(flight: &str, path: &FlightPath) -> crate::error::Result<Table> {
+    let rows = &path.biases;
     Table::build("biases")
         .repeat("flight", flight)
-        .i64("window", all.iter().map(|b| b.window as i64).collect::<Vec<_>>())
-        .f64("t_start_s", all.iter().map(|b| b.t_start_s).collect::<Vec<_>>())
-        .f64("t_end_s", all.iter().map(|b| b.t_end_s).collect::<Vec<_>>())
-        .strings("parameter", all.iter().map(|b| &b.parameter))
-        .strings("unit", all.iter().map(|b| &b.unit))
-        .f64("value", all.iter().map(|b| b.value).collect::<Vec<_>>())
-        .f64("sd", all.iter().map(|b| b.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .i64("window", rows.iter().map(|b| b.window as i64).collect::<Vec<_>>())
+        .f64("t_start_s", rows.iter().map(|b| b.t_start_s).collect::<Vec<_>>())
+        .f64("t_end_s", rows.iter().map(|b| b.t_end_s).collect::<Vec<_>>())
+        .strings("parameter", rows.iter().map(|b| &b.parameter))
+        .strings("unit", rows.iter().map(|b| &b.unit))
+        .f64("value", rows.iter().map(|b| b.value).collect::<Vec<_>>())
+        .f64("sd", rows.iter().map(|b| b.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .finish()
-}
-
-fn notes(flight: &str, path: &FlightPath, rows: usize) -> Vec<Note> {
-    let note = |severity: Severity, text: String| {
-        let (flight, stage, subject) = (flight.to_string(), STAGE.name.to_string(), "flightpath".to_string());
-        Note { flight, stage, severity, subject, count: 1, text }
-    };
-    let mut notes: Vec<Note> = path.notes.iter().map(|text| note(Severity::Warning, text.clone())).collect();
-    if rows == 0 {
-        notes.push(note(Severity::Missing, "no flight path could be reconstructed".to_string()));
-    }
-    notes
 }

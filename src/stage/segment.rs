@@ -113,8 +113,12 @@ fn note(flight: &str, input: &InputSettings, maneuvers: &[Maneuver]) -> Option<N
     let used = maneuvers.iter().filter(|m| m.included).count();
     let (severity, count, text) = match (used, maneuvers.len()) {
         (0, 0) if input.optional => return None,
-        (0, n) if !input.optional => (Severity::Missing, 1, format!("no maneuver in `{}`; {n} were excluded by hand", input.signal)),
-        (used, n) if used < n => (Severity::Info, n - used, format!("{} of {n} maneuvers in `{}` excluded by hand", n - used, input.signal)),
+        (0, n) if !input.optional => {
+            (Severity::Missing, 1, format!("no maneuver in `{}`; {n} were excluded by hand", input.signal))
+        }
+        (used, n) if used < n => {
+            (Severity::Info, n - used, format!("{} of {n} maneuvers in `{}` excluded by hand", n - used, input.signal))
+        }
         _ => return None,
     };
     let text = text.replace("; 0 were excluded by hand", "");

@@ -146,7 +146,11 @@ impl Outcome {
 
     /// The run and fresh counts of a stage in the summary.
     pub fn stage(&self, name: &str) -> (usize, usize) {
-        let line = self.out.lines().find(|l| l.split_whitespace().next() == Some(name)).unwrap_or_else(|| panic!("no {name} in {}", self.out));
+        let line = self
+            .out
+            .lines()
+            .find(|l| l.split_whitespace().next() == Some(name))
+            .unwrap_or_else(|| panic!("no {name} in {}", self.out));
         let mut counts = line.split_whitespace().skip(1).map(|c| c.parse().unwrap_or(0));
         (counts.next().expect("a count"), counts.next().expect("a count"))
     }

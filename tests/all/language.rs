@@ -27,7 +27,8 @@ fn record(model: &Model, inputs: &[(String, String)], duration: f64) -> Record {
         let text = &inputs.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("no value for input {name}")).1;
         if text == "t" { t } else { text.parse().unwrap() }
     };
-    let rows = (0..n).flat_map(|k| model.inputs.iter().map(move |i| (i.name.clone(), k as f64 * dt))).map(|(i, t)| value(&i, t)).collect();
+    let rows =
+        (0..n).flat_map(|k| model.inputs.iter().map(move |i| (i.name.clone(), k as f64 * dt))).map(|(i, t)| value(&i, t)).collect();
     Record { dt, n, inputs: rows, ..Default::default() }
 }
 
@@ -46,7 +47,11 @@ fn every_example_gives_the_number_it_says() {
         let at = (time / record.dt).round() as usize;
         let got = grid.y[at * model.outputs.len() + model.output(&output).unwrap()];
         // as exact as the number of digits on the page
-        assert!((got - wanted).abs() <= 2e-6 * wanted.abs().max(1e-3), "{}: {output}({time}) is {got}, the page says {wanted}", model.title);
+        assert!(
+            (got - wanted).abs() <= 2e-6 * wanted.abs().max(1e-3),
+            "{}: {output}({time}) is {got}, the page says {wanted}",
+            model.title
+        );
     }
 }
 
@@ -57,7 +62,8 @@ fn every_example_has_exact_sensitivities() {
         let (inputs, _, _, _) = check_line(&text);
         // away from the switches that the numbers on the page sit on, and with delays well inside the record
         let record = record(&model, &inputs, 0.43);
-        let directions = Directions { parameters: (0..model.parameters.len()).collect(), starts: (0..model.states.len()).collect() };
+        let directions =
+            Directions { parameters: (0..model.parameters.len()).collect(), starts: (0..model.states.len()).collect() };
         let plan = Plan::new(&model, directions).unwrap();
         // a little off the round numbers, so that no switch falls on a grid point
         let p: Vec<f64> = model.parameter_starts().iter().map(|v| v * 1.0037).collect();
@@ -67,7 +73,11 @@ fn every_example_has_exact_sensitivities() {
         for d in 0..nd {
             let run = |step: f64| {
                 let (mut p, mut x0) = (p.clone(), x0.clone());
-                if d < p.len() { p[d] += step } else { x0[d - p.len()] += step }
+                if d < p.len() {
+                    p[d] += step
+                } else {
+                    x0[d - p.len()] += step
+                }
                 plan.run(&p, &x0, &record, false).y
             };
             let h = 1e-5 * if d < p.len() { p[d] } else { x0[d - p.len()] }.abs().max(1e-2);

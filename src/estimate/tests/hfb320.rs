@@ -75,14 +75,27 @@ fn truth_hfb320_case_a() {
     }
     // Exact derivatives, after 5 iterations.
     let exact = [
-        0.1177578, -0.05174587, 0.2348461, -0.204704, 0.3635435, 3.212316, 0.1344113, -0.01390299, -1.002411, -27.05712, -1.437067,
+        0.1177578,
+        -0.05174587,
+        0.2348461,
+        -0.204704,
+        0.3635435,
+        3.212316,
+        0.1344113,
+        -0.01390299,
+        -1.002411,
+        -27.05712,
+        -1.437067,
     ];
-    let sd = [
-        3.227e-3, 2.800e-3, 6.385e-3, 1.962e-2, 1.724e-2, 3.941e-2, 5.114e-3, 4.724e-3, 8.670e-3, 0.6812, 1.743e-2,
-    ];
+    let sd = [3.227e-3, 2.800e-3, 6.385e-3, 1.962e-2, 1.724e-2, 3.941e-2, 5.114e-3, 4.724e-3, 8.670e-3, 0.6812, 1.743e-2];
     for ((name, value), sd) in NAMES.iter().zip(exact).zip(sd) {
         let row = row(&e, name);
-        println!("{name:5} {:13.7} ({value:13.7})  crlb {:.4e} ({sd:.4e})  sd {:.4e}", row.value, row.sd_crlb.unwrap(), row.sd.unwrap());
+        println!(
+            "{name:5} {:13.7} ({value:13.7})  crlb {:.4e} ({sd:.4e})  sd {:.4e}",
+            row.value,
+            row.sd_crlb.unwrap(),
+            row.sd.unwrap()
+        );
         close(name, row.value, value, 1e-6);
         close(name, row.sd_crlb.unwrap(), sd, 0.02);
         // The residuals are coloured: honest standard deviations are 2.4 to 5 times the bounds.
@@ -98,7 +111,17 @@ fn truth_hfb320_case_b() {
     assert_eq!(e.stop, Stop::Converged);
     close("det R", e.det_r, 3.016139e-24, 1e-6);
     for (name, value) in NAMES.iter().zip([
-        0.1177764, -0.05177297, 0.2349530, -0.2045004, 0.3634104, 3.211696, 0.1343955, -0.01389699, -1.002318, -27.06302, -1.437190,
+        0.1177764,
+        -0.05177297,
+        0.2349530,
+        -0.2045004,
+        0.3634104,
+        3.211696,
+        0.1343955,
+        -0.01389699,
+        -1.002318,
+        -27.06302,
+        -1.437190,
     ]) {
         close(name, row(&e, name).value, value, 2e-4);
     }
@@ -107,11 +130,8 @@ fn truth_hfb320_case_b() {
 #[test]
 fn truth_hfb320_column_c() {
     let Some((model, record)) = hfb320() else { return };
-    let settings = Settings {
-        initial: ["V", "alpha", "theta", "q"].map(String::from).to_vec(),
-        tolerance: 1e-10,
-        ..Settings::default()
-    };
+    let settings =
+        Settings { initial: ["V", "alpha", "theta", "q"].map(String::from).to_vec(), tolerance: 1e-10, ..Settings::default() };
     let e = estimate(&model, std::slice::from_ref(&record), &settings).unwrap();
     assert_eq!((e.stop, e.rows.len()), (Stop::Converged, 15));
     close("det R", e.det_r, 2.339015e-24, 1e-5);
@@ -130,7 +150,12 @@ fn truth_hfb320_column_c() {
     ];
     for (name, (value, sd)) in NAMES.iter().zip(published) {
         let row = row(&e, name);
-        println!("{name:5} {:13.7} ({value:13.7})  crlb {:.4e} ({sd:.4e})  sd {:.4e}", row.value, row.sd_crlb.unwrap(), row.sd.unwrap());
+        println!(
+            "{name:5} {:13.7} ({value:13.7})  crlb {:.4e} ({sd:.4e})  sd {:.4e}",
+            row.value,
+            row.sd_crlb.unwrap(),
+            row.sd.unwrap()
+        );
         // To 3 digits of its standard deviation, and to 4 of its own.
         assert!((row.value - value).abs() < 1e-3 * sd.max(0.1 * value.abs()), "{name}: {} for {value}", row.value);
         close(name, row.sd_crlb.unwrap(), sd, 0.02);

@@ -64,13 +64,16 @@ fn matches(doc: &Doc, key: &str, folder: &Path, pattern: &str, to_simulate: &[(S
     } else {
         Vec::new()
     };
-    let simulated = to_simulate.iter().map(|(_, path)| path).filter(|p| if is_pattern { compiled.matches_path(p) } else { **p == full });
+    let simulated =
+        to_simulate.iter().map(|(_, path)| path).filter(|p| if is_pattern { compiled.matches_path(p) } else { **p == full });
     paths.extend(simulated.cloned());
     paths.sort();
     paths.dedup();
     if paths.is_empty() {
         let what = if is_pattern { format!("no log matches {text}") } else { format!("there is no log {text}") };
-        return Err(doc.error(key, what).help("paths are relative to the folder of the pipeline file; `koehler import` and `koehler simulate` make logs"));
+        return Err(doc
+            .error(key, what)
+            .help("paths are relative to the folder of the pipeline file; `koehler import` and `koehler simulate` make logs"));
     }
     Ok(paths)
 }

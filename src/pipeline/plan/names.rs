@@ -30,7 +30,8 @@ impl Columns {
 
     /// With the columns of the reconstructed flight path.
     pub fn with_flight_path(mut self) -> Columns {
-        for column in schema("flightpath").iter().flat_map(|s| &s.columns).filter(|c| !["flight", "t_s"].contains(&c.name.as_str())) {
+        for column in schema("flightpath").iter().flat_map(|s| &s.columns).filter(|c| !["flight", "t_s"].contains(&c.name.as_str()))
+        {
             self.put(&column.name, &column.unit);
         }
         self
@@ -95,7 +96,14 @@ fn keys_are_known(map: &IndexMap<String, String>, known: &[Quantity], kind: &str
 }
 
 /// The column for one input of a model, by the mapping or by its own name.
-fn driver(input: &Quantity, map: &IndexMap<String, String>, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Option<String> {
+fn driver(
+    input: &Quantity,
+    map: &IndexMap<String, String>,
+    columns: &Columns,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) -> Option<String> {
     let mapped = map.get(&input.name);
     let name = mapped.unwrap_or(&input.name);
     let at = if mapped.is_some() { format!("{key}.{}", input.name) } else { key.to_string() };
@@ -115,7 +123,14 @@ fn driver(input: &Quantity, map: &IndexMap<String, String>, columns: &Columns, d
 }
 
 /// The columns that drive a model, in the order of its inputs.
-pub fn drivers(model: &Model, map: &IndexMap<String, String>, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Vec<String> {
+pub fn drivers(
+    model: &Model,
+    map: &IndexMap<String, String>,
+    columns: &Columns,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) -> Vec<String> {
     keys_are_known(map, &model.inputs, "input of the model", doc, key, errors);
     model.inputs.iter().filter_map(|input| driver(input, map, columns, doc, key, errors)).collect()
 }
@@ -155,7 +170,8 @@ pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc,
         let Some(column) = columns.0.get(&measured) else {
             let mut error = unknown(doc, &at, "signal or column", &measured, &columns.names());
             if mapped.is_none() {
-                error.what = format!("output \"{}\" of the model has no signal of this name, and none is mapped to it", quantity.name);
+                error.what =
+                    format!("output \"{}\" of the model has no signal of this name, and none is mapped to it", quantity.name);
                 error.help = Some("map a signal to it in `outputs`, or list it in `unscored`".into());
             }
             errors.push(error);
@@ -163,7 +179,10 @@ pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc,
         };
         let unit = column.signal.as_ref().unwrap_or(&column.unit);
         if !agree(unit, &quantity.unit) {
-            errors.push(doc.error(&at, format!("output \"{}\" of the model is in {}, \"{measured}\" in {unit}", quantity.name, quantity.unit)));
+            errors.push(doc.error(
+                &at,
+                format!("output \"{}\" of the model is in {}, \"{measured}\" in {unit}", quantity.name, quantity.unit),
+            ));
         }
         all.push(Scored { output, measured, is_signal: column.signal.is_some() });
     }

@@ -84,7 +84,8 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let whole_flights = campaign.estimates.get(unit.index).is_some_and(|e| e.settings.input.is_none());
-    let tables: &[&'static str] = if whole_flights { &["signals", "samples"] } else { &["signals", "samples", "segments", "conditions"] };
+    let tables: &[&'static str] =
+        if whole_flights { &["signals", "samples"] } else { &["signals", "samples", "segments", "conditions"] };
     Read::flights(tables, campaign)
 }
 
@@ -166,7 +167,9 @@ fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Ve
                 }
                 ready.push(Ready { flight: flight.to_string(), segment, record });
             }
-            Err(why) => notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}"))),
+            Err(why) => {
+                notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}")))
+            }
         }
     }
     Ok(ready)
@@ -241,4 +244,3 @@ fn note(config: &Config, flight: &str, severity: Severity, subject: String, coun
     let text = if text.contains(&config.name()) { text } else { format!("{}: {text}", config.name()) };
     Note { flight: flight.to_string(), stage: STAGE.name.to_string(), severity, subject, count: count as u64, text }
 }
-

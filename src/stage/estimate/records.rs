@@ -89,7 +89,15 @@ pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Win
     }
     let (from, to) = (grid.t0 + begin as f64 * grid.dt, grid.t0 + (end - 1) as f64 * grid.dt);
     let channels = measured.iter().map(|m| channel(m, from, to, grid.dt)).collect();
-    Ok(Record { t0: grid.t0 + first as f64 * grid.dt, dt: grid.dt, n, inputs: values, start: begin - first, channels, ..Default::default() })
+    Ok(Record {
+        t0: grid.t0 + first as f64 * grid.dt,
+        dt: grid.dt,
+        n,
+        inputs: values,
+        start: begin - first,
+        channels,
+        ..Default::default()
+    })
 }
 
 fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {

@@ -106,10 +106,8 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         let m = mean(v);
         (v.iter().map(|e| (e - m) * (e - m)).sum::<f64>() / (v.len() as f64 - 1.0)).sqrt()
     };
-    let ar: Vec<Option<&[f64]>> = rows
-        .iter()
-        .map(|l| l.estimation.outputs.iter().find(|o| o.name == l.trace.name).map(|o| o.ar.as_slice()))
-        .collect();
+    let ar: Vec<Option<&[f64]>> =
+        rows.iter().map(|l| l.estimation.outputs.iter().find(|o| o.name == l.trace.name).map(|o| o.ar.as_slice())).collect();
     Table::build("residuals")
         .repeat("model", model)
         .strings("group", rows.iter().map(|l| &l.batch.group))
