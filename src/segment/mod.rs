@@ -105,20 +105,8 @@ impl Maneuver {
 ///
 /// NaN samples are skipped; times that do not ascend are skipped as well.
 pub fn find(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Maneuver> {
-    let Some(work) = scan::Work::new(t, u, settings) else { return vec![] };
-    let mut candidates: Vec<Maneuver> = vec![];
-    for sequence in scan::sequences(&work, settings) {
-        let whole = measure::maneuver(&work, &sequence, settings);
-        // A recovery input right behind (or a twitch before) a maneuver hides its pattern: look at the parts, too.
-        if whole.as_ref().is_none_or(|m| m.kind == Kind::Multistep) {
-            for first in 0..sequence.len() {
-                for last in first + 1..=sequence.len() {
-                    candidates.extend(measure::maneuver(&work, &sequence[first..last], settings));
-                }
-            }
-        }
-        candidates.extend(whole);
-    }
+    let pieces = scan::Work::pieces(t, u, settings);
+    let mut candidates: Vec<Maneuver> = pieces.iter().flat_map(|work| candidates(work, settings)).collect();
     candidates.retain(|m| m.score >= settings.min_score && m.amplitude >= settings.min_amplitude);
     let kept = best_without_overlap(candidates);
     let several: Vec<f64> = kept.iter().filter(|m| m.steps.len() > 1).map(|m| m.amplitude).collect();
@@ -126,6 +114,24 @@ pub fn find(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Maneuver> {
     let typical = if several.is_empty() { largest } else { crate::math::median(&several) };
     let least = settings.relative_amplitude * typical;
     kept.into_iter().filter(|m| m.amplitude >= least).collect()
+}
+
+/// All that might be a maneuver in one piece; candidates may overlap.
+fn candidates(work: &scan::Work, settings: &Settings) -> Vec<Maneuver> {
+    let mut candidates: Vec<Maneuver> = vec![];
+    for sequence in scan::sequences(work, settings) {
+        let whole = measure::maneuver(work, &sequence, settings);
+        // A recovery input right behind (or a twitch before) a maneuver hides its pattern: look at the parts, too.
+        if whole.as_ref().is_none_or(|m| m.kind == Kind::Multistep) {
+            for first in 0..sequence.len() {
+                for last in first + 1..=sequence.len() {
+                    candidates.extend(measure::maneuver(work, &sequence[first..last], settings));
+                }
+            }
+        }
+        candidates.extend(whole);
+    }
+    candidates
 }
 
 /// Of overlapping candidates the one that explains most; more steps weigh more, since chance seldom makes them.

@@ -5,7 +5,7 @@ use crate::math::{mad_sd, median, quantile};
 use crate::signal::resample::{Grid, linear};
 use crate::signal::robust::median_filter;
 
-/// The signal on a uniform grid, lightly smoothed; NaN in gaps.
+/// The signal on a uniform grid, lightly smoothed; one piece between gaps.
 pub(super) struct Work {
     pub t0: f64,
     /// Spacing, s.
@@ -21,26 +21,33 @@ pub(super) struct Excursion {
 }
 
 impl Work {
-    /// `None` where there are too few samples to hold a maneuver.
-    pub fn new(t: &[f64], u: &[f64], settings: &Settings) -> Option<Work> {
+    /// The pieces between gaps; none where there are too few samples to hold a maneuver.
+    pub fn pieces(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Work> {
         let (t, u) = clean(t, u);
-        let spacings: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-        let dt = median(&spacings);
         if t.len() < 5 || !(settings.min_step_s > 0.0) {
-            return None;
+            return vec![];
         }
+        let dt = median(&t.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>());
+        let gap = settings.max_gap_s.max(2.5 * dt);
+        let mut cuts = vec![0];
+        cuts.extend((1..t.len()).filter(|&i| t[i] - t[i - 1] > gap));
+        cuts.push(t.len());
+        let long_enough = cuts.windows(2).filter(|c| c[1] - c[0] >= 5);
+        long_enough.map(|c| Work::new(&t[c[0]..c[1]], &u[c[0]..c[1]], dt, gap, settings)).collect()
+    }
+
+    fn new(t: &[f64], u: &[f64], dt: f64, gap: f64, settings: &Settings) -> Work {
         let finest = settings.min_step_s / 8.0;
         let h = dt.max(finest);
         let grid = Grid::covering(t[0], t[t.len() - 1], h);
-        let gap = settings.max_gap_s.max(2.5 * dt);
-        let raw = if dt > 0.67 * finest { linear(&t, &u, &grid, gap) } else { cell_means(&t, &u, &grid, gap) };
+        let raw = if dt > 0.67 * finest { linear(t, u, &grid, gap) } else { cell_means(t, u, &grid, gap) };
         let window = 2 * (settings.min_step_s / (4.0 * h) + 1e-6) as usize + 1;
-        Some(Work { t0: t[0], h, v: median_filter(&raw, window) })
+        Work { t0: t[0], h, v: median_filter(&raw, window) }
     }
 
     /// Number of grid points in `seconds`.
     pub fn count(&self, seconds: f64) -> usize {
-        (seconds / self.h).round().max(0.0) as usize
+        (seconds / self.h).round().clamp(0.0, 1e9) as usize
     }
 
     pub fn time(&self, index: f64) -> f64 {

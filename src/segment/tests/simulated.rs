@@ -226,6 +226,13 @@ fn gaps_and_nonsense_are_survived() {
     (0..u.len()).filter(|&i| t[i] > 11.0 && t[i] < 12.0).for_each(|i| u[i] = f64::NAN);
     assert!(find(&t, &u, &s).iter().all(|m| m.kind != Kind::K3211 && (m.t_start > 12.0 || m.t_end < 11.0)));
     assert_eq!(find(&t, &vec![f64::NAN; t.len()], &s), []);
+    // a clock that jumps by decades costs neither memory nor what was flown before and after
+    let (mut times, mut values) = record(&[f], 30.0, 0.02, &Disturbance { noise: 0.02, ..Disturbance::default() });
+    times.extend(times.clone().iter().map(|t| t + 1.7e9));
+    values.extend(values.clone());
+    assert_eq!(find(&times, &values, &s).iter().map(|m| m.kind).collect::<Vec<_>>(), [Kind::K3211, Kind::K3211]);
+    let wild = Settings { max_step_s: 1e300, quiet_s: 1e300, max_gap_s: -1.0, threshold: f64::NAN, ..s };
+    assert_eq!(find(&t, &u, &wild), []);
 }
 
 #[test]
