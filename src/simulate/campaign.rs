@@ -167,3 +167,7 @@ fn interface(model: &Model) -> Interface {
 #[cfg(test)]
 #[path = "campaign_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "citation_tests.rs"]
+mod citation_tests;

@@ -90,7 +90,7 @@ fn a_flight_is_what_its_equations_say() {
         assert!((at("y", t) - 0.5 * (0.2 * s - 0.5 * x)).abs() < 2e-6, "{t}");
     }
     let knot = 1852.0 / 3600.0;
-    assert!((at("V", 0.0) - 100.0 * knot).abs() < 1e-9 && (at("V", 15.0) - 100.0 * knot).abs() < 1e-9);
+    assert!((at("V", 0.0) - 100.0 * knot).abs() < 1e-9 && (at("V", 11.9) - 100.0 * knot).abs() < 1e-9);
     // 12 s, then 1 kt/s: a ramp through a lag stays T times the slope behind.
     assert!((at("V", 20.0) - (108.0 - 0.5) * knot).abs() < 1e-3);
 }
@@ -115,10 +115,11 @@ fn the_log_on_disk_holds_the_recording() {
             let value: serde_json::Value = serde_json::from_slice(&message.data).unwrap();
             let log = &recording.topics[0];
             assert_eq!(message.log_time - message.publish_time, 10_000_000);
-            assert_eq!(
-                (message.publish_time, value["x"].as_f64(), value["y"].as_f64()),
-                (log.publish_ns[state], Some(log.rows[2 * state]), Some(log.rows[2 * state + 1]))
-            );
+            assert_eq!(message.publish_time, log.publish_ns[state]);
+            for (field, expected) in ["x", "y"].iter().zip(&log.rows[2 * state..]) {
+                // The JSON reader used here may miss the last digit.
+                assert!((value[field].as_f64().unwrap() - expected).abs() <= 1e-15 * expected.abs());
+            }
             let t = (message.publish_time - 1_000_000_000_000_000_000) as f64 * 1e-9;
             let k = (t * 100.0) as usize;
             let (low, high) = (
@@ -185,7 +186,7 @@ fn every_mistake_is_reported_before_anything_is_flown() {
 #[test]
 fn a_flight_that_diverges_says_where_and_spares_the_others() {
     let folder = folder();
-    let unstable = MODEL.replace("rate = \"K*x\"", "rate = \"K*x + 200*K*y*select(abs(u) - sigma, 1, 0)\"");
+    let unstable = MODEL.replace("rate = \"K*x\"", "rate = \"K*x + 600*K*y*select(abs(u) - sigma, 1, 0)\"");
     std::fs::write(folder.path().join("toy.model.toml"), unstable).unwrap();
     std::fs::write(
         folder.path().join("campaign.toml"),
