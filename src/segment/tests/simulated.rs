@@ -177,7 +177,7 @@ fn a_leveller_alone_gives_no_maneuvers() {
 fn smooth_corrections_without_noise_give_no_maneuvers() {
     let t: Vec<f64> = (0..20_000).map(|i| i as f64 * 0.02).collect();
     for period in [6.0, 15.0, 40.0] {
-        let u: Vec<f64> = t.iter().map(|t| (t * 6.283 / period).sin() + 0.01 * t).collect();
+        let u: Vec<f64> = t.iter().map(|t| (t * std::f64::consts::TAU / period).sin() + 0.01 * t).collect();
         assert_eq!(find(&t, &u, &Settings::default()), [], "period {period}");
     }
     let ramps: Vec<f64> = t.iter().map(|t| ((t / 30.0) % 2.0 - 1.0).abs()).collect();
