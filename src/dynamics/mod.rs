@@ -35,7 +35,7 @@ pub use record::{Channel, Record};
 pub struct Grid {
     /// Number of points.
     pub n: usize,
-    /// Values `[n][outputs]`.
+    /// Values `[n][outputs of the plan]`.
     pub y: Vec<f64>,
     /// Sensitivities `[n][outputs][directions]`; empty unless asked for.
     pub dy: Vec<f64>,

@@ -29,9 +29,10 @@ impl Directions {
 #[derive(Debug, Clone)]
 pub struct Plan {
     pub directions: Directions,
+    /// The outputs of the model that are computed: the columns of a grid, in this order.
+    pub outputs: Vec<usize>,
     pub(super) layout: Layout,
     pub(super) tables: Tables,
-    pub(super) outputs: usize,
     pub(super) rates: Program,
     pub(super) output_values: Program,
     pub(super) delay_values: Program,
@@ -46,11 +47,19 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Lowers a model for the given free directions.
+    /// Lowers a model for the given free directions, with all its outputs.
     ///
     /// # Errors
     /// Start values that depend on each other.
     pub fn new(model: &Model, directions: Directions) -> Result<Plan> {
+        Plan::of_outputs(model, directions, (0..model.outputs.len()).collect())
+    }
+
+    /// The same with the given outputs only (indices): what is not scored need not be computed.
+    ///
+    /// # Errors
+    /// As `new`.
+    pub fn of_outputs(model: &Model, directions: Directions, outputs: Vec<usize>) -> Result<Plan> {
         let starts = model.starts(&directions.starts, &directions.parameters)?;
         let begin = starts.given.iter().map(|&i| {
             let name = &model.states[i].quantity.name;
@@ -61,15 +70,15 @@ impl Plan {
         Ok(Plan {
             layout: model.layout,
             tables: model.tables.clone(),
-            outputs: model.outputs.len(),
             rates: model.rates_program(),
-            output_values: model.outputs_program(),
+            output_values: model.outputs_program(&outputs),
             delay_values: model.delays_program(),
             limits: model.limits_program(),
             limited: (0..model.states.len()).filter(|&i| model.states[i].min.is_some() || model.states[i].max.is_some()).collect(),
             delays: model.delays.clone(),
             uses_input_rates: leaves.iter().any(|l| matches!(l, crate::model::graph::Leaf::InputRate(_))),
-            linear: model.linearize(&directions.parameters),
+            linear: model.linearize(&directions.parameters, &outputs),
+            outputs,
             begin: begin.collect(),
             starts,
             directions,
@@ -122,19 +131,20 @@ impl Plan {
     /// Runs a record and reads the predictions at the samples of its channels.
     pub fn respond(&self, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Response {
         let grid = self.run(parameters, given, record, sensitivities);
-        let (ny, nd) = (self.outputs, self.directions.len());
+        let (ny, nd) = (self.outputs.len(), self.directions.len());
         let mut out = Response { finite: grid.finite, ..Default::default() };
         for channel in &record.channels {
+            let column = self.outputs.iter().position(|&k| k == channel.output);
             let mut y = Vec::with_capacity(channel.t.len());
             let mut dy = vec![0.0; if sensitivities { channel.t.len() * nd } else { 0 }];
             for (s, &t) in channel.t.iter().enumerate() {
-                let Some(w) = record.weights(t) else {
+                let (Some(w), Some(column)) = (record.weights(t), column) else {
                     y.push(f64::NAN);
                     continue;
                 };
                 let mut value = 0.0;
                 for k in 0..w.len {
-                    let row = (w.first + k) * ny + channel.output;
+                    let row = (w.first + k) * ny + column;
                     value += w.w[k] * grid.y[row];
                     if sensitivities {
                         for (d, g) in dy[s * nd..(s + 1) * nd].iter_mut().zip(&grid.dy[row * nd..(row + 1) * nd]) {

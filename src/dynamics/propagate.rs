@@ -184,7 +184,7 @@ impl Chunk {
 
 /// Runs `record` from its start point to its end.
 pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Grid {
-    let (nx, nu, ny) = (plan.layout.states, plan.layout.inputs, plan.outputs);
+    let (nx, nu, ny) = (plan.layout.states, plan.layout.inputs, plan.outputs.len());
     let n = record.n.saturating_sub(record.start);
     let nd = plan.directions.len();
     let mut grid = Grid { n, y: vec![f64::NAN; n * ny], finite: true, ..Default::default() };

@@ -89,7 +89,7 @@ impl<'p> Tangent<'p> {
             lanes,
             s,
             limits,
-            rows: Vec::with_capacity(points * plan.outputs * nd),
+            rows: Vec::with_capacity(points * plan.outputs.len() * nd),
             s_history: Vec::new(),
             k_history: Vec::new(),
             entries: Buffers::default(),
@@ -207,7 +207,7 @@ impl<'p> Tangent<'p> {
 
     /// Appends the output sensitivities of a grid point.
     fn output_rows(&mut self, jacobian: &[f64], work: &mut Work) {
-        let (ny, nd) = (self.plan.outputs, self.plan.directions.len());
+        let (ny, nd) = (self.plan.outputs.len(), self.plan.directions.len());
         work.row.clear();
         work.row.resize(ny * self.lanes, 0.0);
         accumulate(&self.plan.linear.outputs, jacobian, self.lanes, &self.s, &work.delayed, &mut work.row);

@@ -25,9 +25,9 @@ pub fn estimate(model: &Model, records: &[Record], settings: &Settings) -> Resul
     let chosen = choose(model, settings)?;
     let starts = chosen.initial.clone();
     let parameters = chosen.shared.iter().chain(&chosen.own).copied().collect();
-    let plan = Plan::new(model, Directions { parameters, starts })?;
-    let given = given_starts(model, &plan, records, &chosen)?;
     let outputs = scored(model, records);
+    let plan = Plan::of_outputs(model, Directions { parameters, starts }, outputs.clone())?;
+    let given = given_starts(model, &plan, records, &chosen)?;
     let layout = layout(model, &plan, records, settings, &chosen, &given, &outputs);
     let respond = |s: usize, local: &[f64], sensitivities: bool| -> Response {
         let (parameters, starts) = place(&chosen, &plan, &given[s], local);

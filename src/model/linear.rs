@@ -32,7 +32,7 @@ pub struct Linear {
     /// Rates and their Jacobian entries.
     pub rates: Sparse,
     pub rates_program: Program,
-    /// Outputs (first) and their Jacobian entries.
+    /// Jacobian entries of the outputs; rows count the chosen outputs.
     pub outputs: Sparse,
     pub outputs_program: Program,
     /// Delay times (first) and their Jacobian entries.
@@ -60,9 +60,13 @@ impl Model {
         Program::lower(&self.graph, &self.rates, &self.layout)
     }
 
-    /// Values of the outputs.
-    pub fn outputs_program(&self) -> Program {
-        Program::lower(&self.graph, &self.output_nodes, &self.layout)
+    /// Values of the chosen outputs (indices).
+    pub fn outputs_program(&self, outputs: &[usize]) -> Program {
+        Program::lower(&self.graph, &self.chosen(outputs), &self.layout)
+    }
+
+    fn chosen(&self, outputs: &[usize]) -> Vec<Node> {
+        outputs.iter().filter_map(|&k| self.output_nodes.get(k)).copied().collect()
     }
 
     /// Values of the delay times.
@@ -79,14 +83,14 @@ impl Model {
         Program::lower(&graph, &nodes, &self.layout)
     }
 
-    /// The programs of the sensitivities with respect to `free` parameters (indices).
-    pub fn linearize(&self, free: &[usize]) -> Linear {
+    /// The programs of the sensitivities of the chosen outputs with respect to `free` parameters (indices).
+    pub fn linearize(&self, free: &[usize], outputs: &[usize]) -> Linear {
         let mut g = self.graph.clone();
         let taus: Vec<Node> = self.delays.iter().map(|d| d.tau).collect();
         let (rates, nodes) = self.sparse(&mut g, &self.rates, free, 0);
         let rates_program = Program::lower(&g, &nodes, &self.layout);
-        let (outputs, nodes) = self.sparse(&mut g, &self.output_nodes, free, self.output_nodes.len());
-        let outputs_program = Program::lower(&g, &[&self.output_nodes[..], &nodes].concat(), &self.layout);
+        let (outputs, nodes) = self.sparse(&mut g, &self.chosen(outputs), free, 0);
+        let outputs_program = Program::lower(&g, &nodes, &self.layout);
         let (delays, nodes) = self.sparse(&mut g, &taus, free, taus.len());
         let delays_program = Program::lower(&g, &[&taus[..], &nodes].concat(), &self.layout);
         let (mut limits, mut nodes) = (Vec::new(), Vec::new());
