@@ -178,7 +178,25 @@ impl Program {
     }
 }
 
+/// Runs a list with the widest vectors this machine has. The same operations in the same order on every machine (nothing is fused), so
+/// the width changes no bit.
 fn execute<const W: usize>(list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
+    #[cfg(target_arch = "x86_64")]
+    if W >= 4 && std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the feature was just found on this machine.
+        return unsafe { execute_avx2(list, file, tables) };
+    }
+    execute_plain(list, file, tables)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn execute_avx2<const W: usize>(list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
+    execute_plain(list, file, tables)
+}
+
+#[inline(always)]
+fn execute_plain<const W: usize>(list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
     for i in list {
         let (a, b) = (file[i.a as usize], file[i.b as usize]);
         let mut out = [0.0; W];

@@ -112,7 +112,7 @@ impl Campaign {
 
     /// `koehler VERB pipeline.toml ARGS` in the campaign's folder.
     pub fn koehler(&self, verb: &str, args: &[&str]) -> Outcome {
-        let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_koehler"));
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
         let output = command.current_dir(self.folder.path()).arg(verb).arg("pipeline.toml").args(args).output().expect("started");
         Outcome::of(output)
     }
