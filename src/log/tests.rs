@@ -199,7 +199,8 @@ fn no_flipped_byte_anywhere_panics_or_changes_a_value() {
     for at in 0..bytes.len() {
         let mut damaged = bytes.clone();
         damaged[at] ^= 0x41;
-        let broken = folder.path().join("b.mcap");
+        // A new file each time: rewriting one makes some file systems wait for the disk.
+        let broken = folder.path().join(format!("{at}.mcap"));
         std::fs::write(&broken, &damaged).unwrap();
         // Either an error, or what is read is right.
         if let Ok(flight) = read(&broken, &one_signal("log")) {
@@ -208,6 +209,7 @@ fn no_flipped_byte_anywhere_panics_or_changes_a_value() {
             let zero = value_of((flight.start_ns as i64 - START as i64) as f64 / 1e9);
             assert!(s.t_s.iter().zip(&s.value).all(|(t, x)| value_of(*t) + zero == *x), "byte {at}");
         }
+        std::fs::remove_file(&broken).unwrap();
     }
 }
 
