@@ -193,21 +193,23 @@ fn a_flipped_byte_costs_one_chunk_and_a_note() {
 fn no_flipped_byte_anywhere_panics_or_changes_a_value() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
-    raw(&path, "json", &regular(300), 2000);
+    raw(&path, "json", &regular(120), 1000);
     let bytes = std::fs::read(&path).unwrap();
     let value_of = |t: f64| libm::round(t * 100.0);
     for at in 0..bytes.len() {
         let mut damaged = bytes.clone();
         damaged[at] ^= 0x41;
-        let broken = folder.path().join("b.mcap");
+        // A new file each time: rewriting one makes some file systems wait for the disk.
+        let broken = folder.path().join(format!("{at}.mcap"));
         std::fs::write(&broken, &damaged).unwrap();
         // Either an error, or what is read is right.
         if let Ok(flight) = read(&broken, &one_signal("log")) {
             let s = &flight.signals["x"].series;
-            assert!(s.value.len() > 100, "byte {at}: {}", s.value.len());
+            assert!(s.value.len() > 70, "byte {at}: {}", s.value.len());
             let zero = value_of((flight.start_ns as i64 - START as i64) as f64 / 1e9);
             assert!(s.t_s.iter().zip(&s.value).all(|(t, x)| value_of(*t) + zero == *x), "byte {at}");
         }
+        std::fs::remove_file(&broken).unwrap();
     }
 }
 

@@ -5,9 +5,9 @@ use super::record::{Recording, SensorError};
 use super::truth::Truth;
 use crate::error::{Error, Result};
 use crate::log::{FieldSpec, LogWriter, Stream};
+use crate::table;
 use indexmap::IndexMap;
 use serde::Serialize;
-use std::io::Write;
 use std::path::Path;
 
 /// Writes the log of one flight.
@@ -34,7 +34,7 @@ struct TruthFile<'a> {
     sensors: &'a [SensorError],
 }
 
-/// A maneuver and every true signal (SI) at its first step.
+/// A maneuver and every true signal (SI) just before its first step.
 #[derive(Serialize)]
 struct TrueManeuver<'a> {
     #[serde(flatten)]
@@ -42,21 +42,14 @@ struct TrueManeuver<'a> {
     at_start: IndexMap<&'a str, f64>,
 }
 
-/// Writes what is true in one flight: maneuvers with their times, all true signals at each one's first step, sensor errors.
+/// Writes what is true in one flight: maneuvers with their times, all true signals just before each one's first step, sensor errors.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_truth(truth: &Truth, recording: &Recording, path: &Path) -> Result<()> {
-    let maneuvers = truth.maneuvers.iter().map(|placed| TrueManeuver { placed, at_start: truth.at(placed.t_start_s) }).collect();
+    let maneuvers =
+        truth.maneuvers.iter().map(|placed| TrueManeuver { placed, at_start: truth.at(placed.t_start_s - truth.dt) }).collect();
     let content = TruthFile { flight: &truth.flight, maneuvers, sensors: &recording.errors };
-    let failed = |e: &dyn std::fmt::Display| {
-        Error::new(format!("cannot write {}: {e}", path.display())).help("check the folder and its free space")
-    };
-    let text = serde_json::to_string_pretty(&content).map_err(|e| failed(&e))?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(|e| failed(&e))?;
-    let mut file = tempfile::Builder::new().prefix(".koehler-").tempfile_in(folder).map_err(|e| failed(&e))?;
-    file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(|e| failed(&e))?;
-    file.persist(path).map_err(|e| failed(&e))?;
-    Ok(())
+    let text = serde_json::to_string_pretty(&content).map_err(|e| Error::new(format!("cannot write {}: {e}", path.display())))?;
+    table::write_atomic(path, text.as_bytes())
 }

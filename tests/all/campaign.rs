@@ -52,7 +52,7 @@ channels = "channels.toml"
 logs = ["logs/*.mcap"]
 
 [derive]
-rate_hz = 50.0
+rate_hz = 100.0
 
 [[segment.input]]
 name = "drive"

@@ -5,7 +5,7 @@ use crate::campaign::{Campaign, write_log};
 #[test]
 fn mistakes_of_all_files_are_reported_at_once_and_before_any_log_is_read() {
     let c = Campaign::new();
-    c.edit("pipeline.toml", "rate_hz = 50.0", "rate_hz = -1.0");
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = -1.0");
     c.edit("pipeline.toml", "against = \"V\"", "against = \"Mach\"");
     c.edit("channels.toml", "unit = \"m/s\"", "unit = \"furlong\"");
     c.edit("lag.model.toml", "(K*u - x)/T", "(K*uu - x)/T");

@@ -32,11 +32,12 @@ fn the_truth_comes_out_at_the_end() {
     let of = |column: &str, name: &str| fits.f64(column).expect("column")[row(name)];
     assert_eq!(fits.i64("n").expect("column")[row("K")], 12);
     for (name, slope, intercept) in [("K", SLOPE, INTERCEPT), ("T", 0.0, LAG)] {
-        // The line at the middle of the speeds, and its slope, within 4 standard deviations and 1%.
-        let off = (of("slope", name) - slope).abs();
-        assert!(off < 4.0 * of("slope_sd", name) && off * 50.0 < 0.02, "{name}: slope {}", of("slope", name));
-        let value = of("intercept", name) + 86.0 * of("slope", name);
-        assert!((value - intercept - 86.0 * slope).abs() < 0.01, "{name}: {value}");
+        // A step between two samples of the drive is 5 ms uncertain: 2% of the values is what this plumbing can promise.
+        let (low, high) = (60.0, 113.0);
+        for v in [low, high] {
+            let (value, truth) = (of("intercept", name) + v * of("slope", name), intercept + v * slope);
+            assert!((value - truth).abs() < 0.02 * truth, "{name} at {v}: {value} for {truth}");
+        }
     }
     assert!(c.path("out/report/index.html").is_file());
 }
