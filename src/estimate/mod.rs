@@ -11,6 +11,7 @@
 //! | `gauss` | the iteration: step, bounds, halving, stopping |
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
+//! | `filter` | products with the covariance matrix of an autoregressive process |
 //! | `solution` | the four together: estimates and covariances by parameter index |
 //! | `choice` | settings against the model: what is free, where it starts |
 //! | `output_error` | a compiled model over records, as such a problem |
@@ -19,6 +20,7 @@
 mod arrow;
 mod choice;
 mod colour;
+mod filter;
 mod gauss;
 mod output_error;
 mod problem;

@@ -3,6 +3,7 @@
 mod coverage;
 mod hfb320;
 mod linear_algebra;
+mod named;
 mod points;
 
 use super::problem::{Block, Layout};

@@ -1,0 +1,79 @@
+//! An autoregressive model in; products with its covariance matrix, in time linear in the number of samples, out.
+
+use crate::math::ar::{self, Ar};
+
+/// The factors `Sigma = A^-1 D A^-T` of an autoregressive process that starts stationary: row `i` of `A` is the predictor of the
+/// order `min(i, p)`, `D` holds the prediction variances.
+pub struct Filter {
+    /// `predictors[q]`: coefficients of the predictor of order q, `0..=p`.
+    predictors: Vec<Vec<f64>>,
+    /// Prediction variance of each order.
+    variances: Vec<f64>,
+}
+
+/// The filters of all noise classes; `None` when a model is not stationary.
+pub fn filters(models: &[Ar]) -> Option<Vec<Filter>> {
+    models.iter().map(Filter::new).collect()
+}
+
+impl Filter {
+    /// `None` when the model is not stationary.
+    pub fn new(model: &Ar) -> Option<Filter> {
+        let mut predictors = vec![Vec::new()];
+        predictors.extend(ar::step_down(&model.coefficients)?);
+        let mut variances = vec![model.variance];
+        for a in predictors.iter().skip(1).rev() {
+            let last = a.last().copied().unwrap_or(0.0);
+            let above = variances[variances.len() - 1];
+            variances.push(above / (1.0 - last * last));
+        }
+        variances.reverse();
+        Some(Filter { predictors, variances })
+    }
+
+    fn order(&self, i: usize) -> usize {
+        i.min(self.predictors.len() - 1)
+    }
+
+    /// `A^-T g` for rows `[sample][nd]`.
+    pub fn backward(&self, g: &[f64], nd: usize) -> Vec<f64> {
+        let mut v = g.to_vec();
+        let n = if nd == 0 { 0 } else { g.len() / nd };
+        for i in (0..n).rev() {
+            // Sample i predicts nothing any more: hand its value to the samples it is predicted from.
+            let (before, at) = v.split_at_mut(i * nd);
+            for (j, a) in self.predictors[self.order(i)].iter().enumerate() {
+                let to = &mut before[(i - 1 - j) * nd..(i - j) * nd];
+                to.iter_mut().zip(&at[..nd]).for_each(|(to, v)| *to += a * v);
+            }
+        }
+        v
+    }
+
+    /// `A^-1 D v` in place for rows `[sample][nd]`.
+    pub fn forward(&self, v: &mut [f64], nd: usize) {
+        let n = if nd == 0 { 0 } else { v.len() / nd };
+        for i in 0..n {
+            let order = self.order(i);
+            let (before, at) = v.split_at_mut(i * nd);
+            at[..nd].iter_mut().for_each(|x| *x *= self.variances[order]);
+            for (j, a) in self.predictors[order].iter().enumerate() {
+                let from = &before[(i - 1 - j) * nd..(i - j) * nd];
+                at[..nd].iter_mut().zip(from).for_each(|(at, from)| *at += a * from);
+            }
+        }
+    }
+
+    /// Adds `w v' D v` to the lower triangle of `q` `[nd][nd]`.
+    pub fn add_spread(&self, v: &[f64], nd: usize, w: f64, q: &mut [f64]) {
+        let n = if nd == 0 { 0 } else { v.len() / nd };
+        for i in 0..n {
+            let row = &v[i * nd..(i + 1) * nd];
+            let weight = w * self.variances[self.order(i)];
+            for (a, x) in row.iter().enumerate() {
+                let scaled = weight * x;
+                q[a * nd..a * nd + a + 1].iter_mut().zip(row).for_each(|(q, y)| *q += scaled * y);
+            }
+        }
+    }
+}
