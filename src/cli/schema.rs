@@ -13,6 +13,8 @@ fn schemas() -> Vec<(&'static str, String)> {
         ("channels", schema_text::<log::ChannelMap>("Channel map")),
         ("campaign", schema_text::<simulate::Settings>("Simulated campaign")),
         ("model", schema_text::<model::file::ModelFile>("Model file")),
+        ("aircraft", schema_text::<model::Constants>("Constants of the aircraft")),
+        ("import", schema_text::<log::import::Import>("Import of text columns")),
     ]
 }
 
@@ -42,5 +44,25 @@ pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
             chosen.iter().for_each(|(_, text)| say(text));
             Ok(End::Complete)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::schemas;
+
+    /// Editors check configuration files against `schemas/config/`; `UPDATE_SCHEMAS=1 cargo test committed_schemas` rewrites them.
+    #[test]
+    fn the_committed_schemas_are_those_of_the_settings() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas/config");
+        for (name, text) in schemas() {
+            let path = folder.join(format!("{name}.schema.json"));
+            if std::env::var_os("UPDATE_SCHEMAS").is_some() {
+                crate::table::write_atomic(&path, text.as_bytes()).unwrap();
+            }
+            let committed = std::fs::read_to_string(&path).unwrap_or_default();
+            assert!(committed == text, "{} is behind the settings: UPDATE_SCHEMAS=1 cargo test committed_schemas", path.display());
+        }
+        assert_eq!(std::fs::read_dir(folder).unwrap().count(), schemas().len());
     }
 }

@@ -1,13 +1,13 @@
 //! Estimates per maneuver and the trimmed conditions come in; straight lines through them, bands and the points go out.
 
 use super::{Campaign, Inputs, Note, Output, Part, Per, Read, Severity, Stage, Unit, slice_of};
+use crate::config::list;
 use crate::error::{Errors, Result};
 use crate::fit::{self, Band, LineFit, Unfit};
-use crate::table::Table;
+use crate::table::{Table, campaign};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::collections::BTreeMap;
 
 pub const STAGE: Stage = Stage {
     name: "fit",
@@ -89,95 +89,55 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     all
 }
 
-/// One estimate with its abscissa.
-struct Point<'a> {
-    flight: &'a str,
-    segment: &'a str,
-    x: f64,
-    value: f64,
-    sd: f64,
-}
-
 /// A line through the points of one parameter.
 struct Line<'a> {
     parameter: &'a str,
     unit: &'a str,
-    points: Vec<Point<'a>>,
+    points: Table,
     fit: std::result::Result<LineFit, Unfit>,
     bands: Vec<Band>,
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = campaign.fits.get(unit.index) else { return Ok(Output::default()) };
-    let abscissas = abscissas(inputs, &config.settings.against)?;
+    let settings = &config.settings;
     let Some(estimates) = inputs.get("estimates", Part::Number(config.estimate)) else { return Ok(Output::default()) };
+    let (segments, conditions) = (inputs.all("segments"), inputs.all("conditions"));
     let mut lines = Vec::new();
     let mut notes = Vec::new();
-    for (parameter, unit) in config.settings.parameters.iter().zip(&config.units) {
-        let (points, left_out) = points(estimates, parameter, &abscissas)?;
-        let line = line(config, parameter, unit, points);
-        notes.extend(note(config, &line, left_out));
+    for (parameter, unit) in settings.parameters.iter().zip(&config.units) {
+        let wanted = campaign::Line { model: &settings.estimate, parameter, against: &settings.against };
+        let found = campaign::points(&[estimates], &segments, &conditions, wanted)?;
+        let line = line(config, parameter, unit, found.table)?;
+        notes.extend(note(config, &line, &found.left_out));
         lines.push(line);
     }
-    let tables = vec![("fits", fits(config, &lines)?), ("bands", bands(config, &lines)?), ("points", point_table(config, &lines)?)];
+    let points = Table::concat("points", &lines.iter().map(|l| &l.points).collect::<Vec<_>>())?;
+    let tables = vec![("fits", fits(config, &lines)?), ("bands", bands(config, &lines)?), ("points", points)];
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
-/// The mean of the abscissa's column before each maneuver, with its flight, by segment.
-fn abscissas<'a>(inputs: &'a Inputs, against: &str) -> Result<BTreeMap<&'a str, (&'a str, f64)>> {
-    let mut all = BTreeMap::new();
-    for conditions in inputs.all("conditions") {
-        let columns = (conditions.strings("flight")?, conditions.strings("segment")?, conditions.strings("signal")?);
-        let values = conditions.f64("value")?;
-        for (i, value) in values.iter().enumerate() {
-            if columns.2[i] == against {
-                all.insert(columns.1[i], (columns.0[i], *value));
-            }
-        }
-    }
-    Ok(all)
-}
-
-/// The usable estimates of one parameter, by flight and segment, and how many had to be left out.
-fn points<'a>(estimates: &Table, parameter: &str, abscissas: &BTreeMap<&'a str, (&'a str, f64)>) -> Result<(Vec<Point<'a>>, u64)> {
-    let (parameters, groups) = (estimates.strings("parameter")?, estimates.strings("group")?);
-    let (values, sds) = (estimates.f64("value")?, estimates.f64("sd")?);
-    let mut points = Vec::new();
-    let mut left_out = 0;
-    for i in (0..estimates.rows()).filter(|i| parameters[*i] == parameter) {
-        let (value, sd) = (values[i], sds[i]);
-        match abscissas.get_key_value(groups[i]) {
-            Some((segment, (flight, x))) if x.is_finite() && value.is_finite() && sd > 0.0 && sd.is_finite() => {
-                points.push(Point { flight, segment, x: *x, value, sd });
-            }
-            _ => left_out += 1,
-        }
-    }
-    points.sort_by_key(|p| (p.flight, p.segment));
-    Ok((points, left_out))
-}
-
-fn line<'a>(config: &Config, parameter: &'a str, unit: &'a str, points: Vec<Point<'a>>) -> Line<'a> {
-    let column = |of: fn(&Point) -> f64| points.iter().map(of).collect::<Vec<f64>>();
-    let x = column(|p| p.x);
-    let fit = fit::line(&x, &column(|p| p.value), &column(|p| p.sd), &config.settings.method);
-    let (low, high) = range(&x);
+fn line<'a>(config: &Config, parameter: &'a str, unit: &'a str, points: Table) -> Result<Line<'a>> {
+    let x = points.f64("x")?;
+    let fit = fit::line(x, points.f64("value")?, points.f64("sd")?, &config.settings.method);
+    let (low, high) = range(x);
     let last = config.settings.points.saturating_sub(1).max(1) as f64;
     let xs: Vec<f64> = (0..config.settings.points).map(|i| low + (high - low) * i as f64 / last).collect();
     let bands = fit.as_ref().map(|fit| fit::bands(fit, &xs, config.settings.level)).unwrap_or_default();
-    Line { parameter, unit, points, fit, bands }
+    Ok(Line { parameter, unit, points, fit, bands })
 }
 
 fn range(x: &[f64]) -> (f64, f64) {
     (x.iter().copied().fold(f64::NAN, f64::min), x.iter().copied().fold(f64::NAN, f64::max))
 }
 
-fn note(config: &Config, line: &Line, left_out: u64) -> Option<Note> {
+fn note(config: &Config, line: &Line, left_out: &[(String, String)]) -> Option<Note> {
     let of = format!("{} of {}", line.parameter, config.settings.estimate);
-    let (severity, count, text) = match (&line.fit, left_out) {
-        (Err(why), _) => (Severity::Missing, 1, format!("{of}: no line against {}: {why}", config.settings.against)),
-        (Ok(_), 0) => return None,
-        (Ok(_), n) => (Severity::Warning, n, format!("{of}: {n} estimates without a standard deviation are not in the line")),
+    let reasons: Vec<String> = left_out.iter().map(|(segment, why)| format!("{segment}: {why}")).collect();
+    let (severity, count, text) = match &line.fit {
+        Err(why) => (Severity::Missing, 1, format!("{of}: no line against {}: {why}", config.settings.against)),
+        Ok(_) if left_out.is_empty() => return None,
+        Ok(_) => (Severity::Warning, left_out.len() as u64, format!("{of}: not in the line are {}", list(&reasons))),
     };
     let stage = STAGE.name.to_string();
     Some(Note { flight: String::new(), stage, severity, subject: line.parameter.to_string(), count, text })
@@ -186,7 +146,7 @@ fn note(config: &Config, line: &Line, left_out: u64) -> Option<Note> {
 fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
     let settings = &config.settings;
     let number = |of: fn(&LineFit) -> f64| lines.iter().map(|l| l.fit.as_ref().map_or(f64::NAN, of)).collect::<Vec<f64>>();
-    let ranges: Vec<(f64, f64)> = lines.iter().map(|l| range(&l.points.iter().map(|p| p.x).collect::<Vec<_>>())).collect();
+    let ranges = lines.iter().map(|l| Ok(range(l.points.f64("x")?))).collect::<Result<Vec<_>>>()?;
     Table::build("fits")
         .repeat("model", &settings.estimate)
         .strings("parameter", lines.iter().map(|l| l.parameter))
@@ -198,7 +158,7 @@ fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
         .f64("slope_sd", number(|f| f.slope_sd))
         .f64("intercept_sd", number(|f| f.intercept_sd))
         .f64("covariance", number(|f| f.covariance))
-        .i64("n", lines.iter().map(|l| l.points.len() as i64).collect::<Vec<_>>())
+        .i64("n", lines.iter().map(|l| l.points.rows() as i64).collect::<Vec<_>>())
         .f64("scatter_sd", number(|f| f.tau))
         .f64("chi2", number(|f| f.reduced_chi_square * f.dof))
         .f64("x_min", ranges.iter().map(|r| r.0).collect::<Vec<_>>())
@@ -223,22 +183,5 @@ fn bands(config: &Config, lines: &[Line]) -> Result<Table> {
         .f64("simultaneous_upper", column(|b| b.simultaneous.1))
         .f64("prediction_lower", column(|b| b.prediction.0))
         .f64("prediction_upper", column(|b| b.prediction.1))
-        .finish()
-}
-
-fn point_table(config: &Config, lines: &[Line]) -> Result<Table> {
-    let rows: Vec<(&Line, &Point)> = lines.iter().flat_map(|l| l.points.iter().map(move |p| (l, p))).collect();
-    let column = |of: fn(&Point) -> f64| rows.iter().map(|(_, p)| of(p)).collect::<Vec<f64>>();
-    Table::build("points")
-        .repeat("model", &config.settings.estimate)
-        .strings("parameter", rows.iter().map(|(l, _)| l.parameter))
-        .repeat("against", &config.settings.against)
-        .strings("unit", rows.iter().map(|(l, _)| l.unit))
-        .repeat("unit_x", &config.unit_x)
-        .strings("flight", rows.iter().map(|(_, p)| p.flight))
-        .strings("segment", rows.iter().map(|(_, p)| p.segment))
-        .f64("x", column(|p| p.x))
-        .f64("value", column(|p| p.value))
-        .f64("sd", column(|p| p.sd))
         .finish()
 }

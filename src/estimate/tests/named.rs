@@ -35,7 +35,15 @@ fn records(model: &Model, segments: usize) -> Vec<Record> {
     let plan = Plan::new(model, Directions { parameters: vec![], starts: vec![0] }).unwrap();
     (0..segments)
         .map(|s| {
-            let input = |k: usize| if (50..200).contains(&k) { 1.0 } else if (200..300).contains(&k) { -1.0 } else { 0.0 };
+            let input = |k: usize| {
+                if (50..200).contains(&k) {
+                    1.0
+                } else if (200..300).contains(&k) {
+                    -1.0
+                } else {
+                    0.0
+                }
+            };
             let n = 400 + 50 * s;
             let stamps = |dt: f64, n: usize| (0..n).map(|k| 10.0 + k as f64 * dt).collect::<Vec<f64>>();
             let channel = |output: usize, t: Vec<f64>| Channel { output, z: vec![f64::NAN; t.len()], t };
