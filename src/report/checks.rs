@@ -37,6 +37,7 @@ pub struct Facts<'a> {
     pub fits: Option<&'a Columns>,
     pub channels: Option<&'a Columns>,
     pub notes: Option<&'a Columns>,
+    pub responses: Option<&'a Columns>,
     pub matches: &'a [Match],
 }
 
@@ -44,7 +45,7 @@ pub struct Facts<'a> {
 pub fn tiles(facts: Facts) -> Vec<Tile> {
     let tile = |value: String, label: &str, level| Tile { value, label: label.into(), level };
     let found = facts.segments.map_or(0, Columns::rows);
-    let used = facts.segments.map_or(0, |s| (0..s.rows()).filter(|&row| flights::included(s, row)).count());
+    let used = facts.responses.map_or(0, |r| r.rows_by(["segment"]).len());
     let (all, good) = estimates::counts(facts.estimates);
     let lines = facts.fits.map_or(0, Columns::rows);
     let remarks = facts.notes.map_or(0, Columns::rows);
@@ -52,7 +53,7 @@ pub fn tiles(facts: Facts) -> Vec<Tile> {
     vec![
         tile(facts.flights.len().to_string(), "flights", None),
         tile(found.to_string(), "maneuvers found", (found == 0).then_some(Level::Bad)),
-        tile(used.to_string(), "maneuvers used", (used == 0).then_some(Level::Bad)),
+        tile(used.to_string(), "maneuvers estimated", (used == 0).then_some(Level::Bad)),
         tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad)),
         tile(lines.to_string(), "fitted lines", None),
         tile(remarks.to_string(), "notes", noted),

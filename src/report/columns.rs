@@ -14,6 +14,11 @@ pub struct Columns {
     units: BTreeMap<String, String>,
 }
 
+/// A unit as a page shows it: "-" is none.
+fn no_dash(unit: &str) -> &str {
+    if unit == "-" { "" } else { unit }
+}
+
 /// The values of one column.
 #[derive(Debug, Clone)]
 enum Column {
@@ -35,8 +40,8 @@ impl Columns {
                 Kind::Bool => table.bools(name).map(Column::Flag),
                 Kind::String => table.strings(name).map(|v| Column::Text(v.into_iter().map(String::from).collect())),
             };
-            // "-" and "SI" say that there is no unit, or that another column names it.
-            let unit = if ["-", "SI"].contains(&column.unit.as_str()) { "" } else { &column.unit };
+            // "SI" says that another column names the unit.
+            let unit = if column.unit == "SI" { "" } else { no_dash(&column.unit) };
             values.ok().map(|values| (name.to_string(), unit.to_string(), values))
         };
         Columns::from_columns(table.columns().iter().filter_map(column))
@@ -75,6 +80,11 @@ impl Columns {
     /// The whole number column; empty when there is none.
     pub fn column(&self, name: &str) -> &[f64] {
         self.numbers.get(name).map_or(&[], |v| v.as_slice())
+    }
+
+    /// The unit that a cell names, "" where there is none.
+    pub fn unit_in(&self, name: &str, row: usize) -> String {
+        no_dash(&self.text(name, row)).to_string()
     }
 
     /// The text in a cell; "" when there is none. Whole numbers read as text too (a segment may be numbered).

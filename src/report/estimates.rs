@@ -35,12 +35,17 @@ pub fn estimates(table: Option<&Columns>) -> Estimates {
     // One estimate per maneuver is one group per maneuver: those belong into one table per model.
     let mut tables = Vec::new();
     for ([model], rows) in table.groups(["model"]) {
-        let parameters = names(table, &rows);
+        let parameters: Vec<String> = names(table, &rows).into_iter().filter(|name| !is_initial(name)).collect();
         let runs = runs(table, &model);
         let grid = if parameters.len() <= WIDE && runs.len() > 1 { across(table, &parameters, &runs) } else { down(table, &runs) };
         tables.push(Table { heading: model, grid });
     }
     Estimates { missing: None, tables }
+}
+
+/// Whether a parameter is the initial value of a state, as `x(0)`.
+fn is_initial(name: &str) -> bool {
+    name.ends_with("(0)")
 }
 
 /// Parameter names in order of first appearance.
@@ -87,7 +92,7 @@ fn runs(table: &Columns, model: &str) -> Vec<Run> {
 fn across(table: &Columns, parameters: &[String], runs: &[Run]) -> Grid {
     let unit = |name: &String| {
         let row = runs.iter().flat_map(|run| &run.rows).find(|&&r| table.text("parameter", r) == *name);
-        row.map_or(String::new(), |&r| table.text("unit", r))
+        row.map_or(String::new(), |&r| table.unit_in("unit", r))
     };
     let mut columns: Vec<String> = vec!["maneuver".into()];
     columns.extend(parameters.iter().map(|name| format!("#{name}|{}", unit(name))));
@@ -109,7 +114,8 @@ fn across(table: &Columns, parameters: &[String], runs: &[Run]) -> Grid {
 
 fn down(table: &Columns, runs: &[Run]) -> Grid {
     let mut grid = Grid::new(["maneuver", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#start", "stop"]);
-    for (run, row) in runs.iter().flat_map(|run| run.rows.iter().map(move |&row| (run, row))) {
+    let listed = |row: &usize| !is_initial(&table.text("parameter", *row));
+    for (run, row) in runs.iter().flat_map(|run| run.rows.iter().copied().filter(listed).map(move |row| (run, row))) {
         let (sd, bound) = (table.number("sd", row), table.number("sd_crlb", row));
         let (value, sd_text) = with_sd(table.number("value", row), sd);
         let mut cells = vec![Cell::new(&run.name)];
@@ -199,7 +205,8 @@ pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
 pub fn separation(correlations: Option<&Columns>) -> Option<(Level, String)> {
     let table = correlations?;
     let name = |row: usize| format!("{} and {}", table.text("parameter", row), table.text("other", row));
-    let close = |row: &usize| table.number("value", *row).abs() > CLOSE;
+    let nuisance = |row: usize| is_initial(&table.text("parameter", row)) && is_initial(&table.text("other", row));
+    let close = |row: &usize| table.number("value", *row).abs() > CLOSE && !nuisance(*row);
     let mut pairs: Vec<String> = (0..table.rows()).filter(close).map(name).collect();
     pairs.sort();
     pairs.dedup();

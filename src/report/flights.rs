@@ -49,6 +49,7 @@ pub fn overview(
     flightpath: Option<&Columns>,
     samples: Option<&Columns>,
     segments: Option<&Columns>,
+    searched: &BTreeMap<String, String>,
     ids: &[String],
 ) -> (Overview, Vec<Flight>) {
     let tables: Vec<&Columns> = [flightpath, samples].into_iter().flatten().filter(|t| t.rows() > 0).collect();
@@ -61,7 +62,7 @@ pub fn overview(
     let mut flight = |id: &String| {
         let mut traces = Vec::new();
         let segments = segments.map_or(Vec::new(), |s| marks(s, id));
-        let mut inputs: Vec<String> = segments.iter().map(|(_, input)| input.clone()).collect();
+        let mut inputs: Vec<String> = segments.iter().map(|(_, input)| searched.get(input).unwrap_or(input).clone()).collect();
         inputs.sort();
         inputs.dedup();
         let wanted = OVERVIEW.iter().map(|names| names.to_vec()).chain(inputs.iter().map(|name| vec![name.as_str()]));

@@ -101,7 +101,7 @@ fn plot(index: usize, fits: &Columns, row: usize, bands: Option<&Columns>, point
     let rows_of = |table: &Columns, names: &[&str]| -> Vec<usize> {
         (0..table.rows()).filter(|&r| names.iter().zip(&key).all(|(name, wanted)| table.text(name, r) == *wanted)).collect()
     };
-    let (factor, x_unit) = display_unit(&fits.text("unit_x", row));
+    let (factor, x_unit) = display_unit(&fits.unit_in("unit_x", row));
     let band = bands.and_then(|table| {
         let rows = rows_of(table, &KEY);
         (!rows.is_empty()).then(|| Band {
@@ -114,7 +114,7 @@ fn plot(index: usize, fits: &Columns, row: usize, bands: Option<&Columns>, point
     });
     let points = points.map_or(Vec::new(), |table| points_of(table, &rows_of(table, &KEY), factor));
     let [_, parameter, against] = key;
-    LinePlot { index, parameter, unit: fits.text("unit", row), against, x_unit, band, points }
+    LinePlot { index, parameter, unit: fits.unit_in("unit", row), against, x_unit, band, points }
 }
 
 fn limits(table: &Columns, rows: &[usize], name: &str) -> Option<Limits> {

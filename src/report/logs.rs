@@ -29,20 +29,25 @@ pub fn channels(table: Option<&Columns>) -> Grid {
         let mut cells: Vec<Cell> = ["flight", "signal"].map(|name| Cell::new(table.text(name, row))).into();
         cells.extend([
             Cell::new(format!("{} {}", table.text("topic", row), table.text("field", row))),
-            table.text("unit", row).into(),
+            table.unit_in("unit", row).into(),
             plain(table.number("count", row), 0).into(),
             plain(table.number("rate_hz", row), 1).into(),
             Cell::new(plain(table.number("longest_gap_s", row), 3)).level_if(long_gap(table, row), Level::Warn),
         ]);
         cells.extend(present.iter().map(|(name, _)| {
             let n = table.number(name, row);
-            Cell::new(plain(n, 0)).level_if(n > 0.0, Level::Warn)
+            Cell::new(plain(n, 0)).level_if(many_dropped(table, name, row), Level::Warn)
         }));
         cells.extend(["t_first_s", "t_last_s"].map(|name| Cell::new(plain(table.number(name, row), 1))));
         cells.extend(["min", "max"].map(|name| Cell::new(number(table.number(name, row), 4))));
         grid.push(cells);
     }
     grid.or_missing("The account of channels is empty.")
+}
+
+/// Whether what was dropped is more than one sample in a thousand; what was put in order again is not lost.
+fn many_dropped(table: &Columns, name: &str, row: usize) -> bool {
+    name != "reordered" && table.number(name, row) > 1e-3 * table.number("count", row)
 }
 
 fn long_gap(table: &Columns, row: usize) -> bool {
@@ -53,49 +58,56 @@ fn long_gap(table: &Columns, row: usize) -> bool {
 pub fn losses(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table.filter(|t| t.rows() > 0)?;
     let total = |name: &str| table.column(name).iter().filter(|v| v.is_finite()).sum::<f64>();
-    let lost: Vec<String> =
-        DROPPED.iter().filter(|(name, _)| total(name) > 0.0).map(|(name, words)| format!("{} {words}", total(name))).collect();
-    let gap = |row: &usize| long_gap(table, *row);
-    let gaps: Vec<String> =
-        (0..table.rows()).filter(gap).map(|r| format!("{} {}", table.text("flight", r), table.text("signal", r))).collect();
-    if lost.is_empty() && gaps.is_empty() {
-        return Some((
-            Level::Good,
-            format!("No sample of the {} was dropped, and none has a long gap.", count(table.rows(), "channel")),
-        ));
-    }
+    let lost = DROPPED.iter().filter(|(name, _)| total(name) > 0.0);
+    let lost: Vec<String> = lost.map(|(name, words)| format!("{} {words}", plain(total(name), 0))).collect();
+    let gaps: Vec<String> = (0..table.rows())
+        .filter(|&row| long_gap(table, row))
+        .map(|row| format!("{} {}", table.text("flight", row), table.text("signal", row)))
+        .collect();
+    let many = (0..table.rows()).any(|row| DROPPED.iter().any(|(name, _)| many_dropped(table, name, row)));
     let mut sentences = Vec::new();
     if !lost.is_empty() {
         sentences.push(format!("Samples not taken as they came: {} (of {}).", lost.join(", "), plain(total("count"), 0)));
     }
-    if !gaps.is_empty() {
-        sentences.push(format!("Gaps longer than {LONG_GAP} sample periods in {}.", few(&gaps)));
-    }
-    Some((Level::Warn, sentences.join(" ")))
+    sentences.push(match gaps.as_slice() {
+        [] => format!("No gap in the {} is longer than {LONG_GAP} sample periods.", count(table.rows(), "channel")),
+        gaps => format!("Gaps longer than {LONG_GAP} sample periods in {}.", few(gaps)),
+    });
+    let level = if many || !gaps.is_empty() { Level::Warn } else { Level::Good };
+    Some((level, sentences.join(" ")))
 }
 
-/// Sensor biases per flight and window.
+/// Sensor biases, summed up over the windows of a flight: a spread far above the sd says that a bias drifts.
 pub fn biases(table: Option<&Columns>) -> Grid {
     let Some(table) = table else {
         return Grid::missing("No biases: the reconstruct stage has not run, or this campaign has none.");
     };
-    let mut grid = Grid::new(["flight", "window", "#from|s", "#to|s", "parameter", "#value", "#sd", "unit", "#value / sd"]);
-    for row in 0..table.rows() {
-        let (value, sd) = (table.number("value", row), table.number("sd", row));
-        let (text, sd_text) = with_sd(value, sd);
-        let mut cells: Vec<Cell> = ["flight", "window"].map(|name| Cell::new(table.text(name, row))).into();
-        cells.extend(["t_start_s", "t_end_s"].map(|name| Cell::new(plain(table.number(name, row), 1))));
-        cells.extend([
-            table.text("parameter", row).into(),
-            text.into(),
-            sd_text.unwrap_or("none".into()).into(),
-            table.text("unit", row).into(),
-            plain(value.abs() / sd, 1).into(),
-        ]);
+    let columns =
+        ["flight", "parameter", "unit", "#windows", "#mean", "#sd of one window", "#spread of windows", "#smallest", "#largest"];
+    let mut grid = Grid::new(columns);
+    for ([flight, parameter, unit], rows) in table.groups(["flight", "parameter", "unit"]) {
+        let values = sorted(rows.iter().map(|&row| table.number("value", row)));
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let spread = (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n - 1.0)).sqrt();
+        let sds = sorted(rows.iter().map(|&row| table.number("sd", row)));
+        let sd = sds.get(sds.len() / 2).copied().unwrap_or(f64::NAN);
+        let ends = [values.first(), values.last()].map(|v| Cell::new(number(v.copied().unwrap_or(f64::NAN), 3)));
+        let mut cells: Vec<Cell> = [flight, parameter, unit].map(Cell::new).into();
+        cells.extend([rows.len().to_string().into(), with_sd(mean, sd).0.into(), number(sd, 2).into(), number(spread, 2).into()]);
+        cells.extend(ends);
         grid.push(cells);
     }
-    grid.note = Some("SI units, angles in rad: value is subtracted from the measured channel.".into());
+    let note = "SI units, angles in rad: the value is subtracted from the measured channel. Sd: median over the windows. Each window is in \
+                the table `biases`.";
+    grid.note = Some(note.into());
     grid.or_missing("No bias was estimated.")
+}
+
+fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    values
 }
 
 /// Counted notes of every stage.

@@ -179,7 +179,8 @@ impl Lookup<'_> {
     fn output(&self, key: &Key, name: String, rows: &[usize]) -> Output {
         let [t, measured, modelled] = ["t_s", "measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
         let keep = thin(t.len(), &[&measured, &modelled], self.limit);
-        let (factor, unit) = display_unit(&self.residual(key, &name).map_or(String::new(), |(table, row)| table.text("unit", row)));
+        let (factor, unit) =
+            display_unit(&self.residual(key, &name).map_or(String::new(), |(table, row)| table.unit_in("unit", row)));
         let drawn = |v: &[f64]| shorts(pick(v, &keep), factor);
         Output { name, unit, t: times(&pick(&t, &keep)), measured: drawn(&measured), modelled: drawn(&modelled) }
     }
@@ -228,7 +229,7 @@ impl Lookup<'_> {
         let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
         let misfit = rms / variation;
         let residual = self.residual(key, output);
-        let unit = residual.map_or(String::new(), |(table, row)| table.text("unit", row));
+        let unit = residual.map_or(String::new(), |(table, row)| table.unit_in("unit", row));
         let [model, group, segment] = key;
         let cells = vec![
             model.as_str().into(),

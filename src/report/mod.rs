@@ -31,6 +31,8 @@ pub struct ReportInput {
     pub tables: BTreeMap<String, Table>,
     /// Columns of `samples` that drive each model, drawn below its outputs; without an entry the segment's own input is drawn.
     pub inputs: BTreeMap<String, Vec<String>>,
+    /// Column of `samples` in which each input of `segments` was searched; without an entry it has the input's own name.
+    pub searched: BTreeMap<String, String>,
     /// Name and value of everything that says where the numbers come from: program version, code hash, configuration hashes.
     pub provenance: Vec<(String, String)>,
 }
@@ -149,7 +151,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         inputs: &input.inputs,
     };
     let (maneuvers, histories, matches) = maneuvers::maneuvers(&sources);
-    let (overview, flights) = flights::overview(get("flightpath"), get("samples"), get("segments"), &ids);
+    let (overview, flights) = flights::overview(get("flightpath"), get("samples"), get("segments"), &input.searched, &ids);
     let facts = checks::Facts {
         flights: &ids,
         segments: get("segments"),
@@ -158,6 +160,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         fits: get("fits"),
         channels: get("channels"),
         notes: get("notes"),
+        responses: get("responses"),
         matches: &matches,
     };
     let data = json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights })?;

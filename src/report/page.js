@@ -69,8 +69,8 @@
     const gap = 32, top = 16, bottom = 46;
     const heights = rows.map((r) => r.height);
     const total = heights.reduce((a, h) => a + h, 0) + gap * (rows.length - 1);
-    const l = layout({ height: total + top + bottom, shapes: shapes, annotations: annotations.slice(), hovermode: "x", showlegend: true,
-      margin: { l: 56, r: 14, t: top + 16, b: bottom }, legend: { orientation: "h", x: 0.5, xanchor: "center", y: 1, yanchor: "bottom", font: { size: 11.5 } } });
+    const l = layout({ height: total + top + bottom + 16 + (annotations.length ? 12 : 0), shapes: shapes, annotations: annotations.slice(), hovermode: "x", showlegend: true,
+      margin: { l: 56, r: 14, t: top + 16 + (annotations.length ? 12 : 0), b: bottom }, legend: { orientation: "h", x: 0.5, xanchor: "center", y: 1, yanchor: "bottom", font: { size: 11.5 } } });
     const traces = [], t = theme();
     let from = total;
     rows.forEach((r, i) => {
@@ -82,7 +82,7 @@
       r.traces.forEach((trace) => traces.push(Object.assign({ xaxis: "x", yaxis: "y" + n, type: "scatter", mode: "lines" }, trace)));
     });
     l.xaxis = axis(xTitle, { anchor: "y" + (rows.length > 1 ? rows.length : ""), zeroline: false });
-    element.style.height = (total + top + bottom + 16) + "px";
+    element.style.height = l.height + "px";
     Plotly.react(element, traces, l, config);
   }
   function shade(from, to, ok) {
@@ -141,7 +141,7 @@
     const t = theme();
     const rows = f.traces.map((s) => ({ title: withUnit(s.name, s.unit), height: 110, traces: [{ x: s.t, y: s.value, name: escape(s.name), showlegend: false, line: { color: t.measured, width: 1.1 } }] }));
     if (rows.length === 0) { Plotly.purge(element); element.textContent = "No time history for this flight."; return; }
-    const marks = f.segments.map((s) => ({ x: (s.start + s.end) / 2, y: 1, xref: "x", yref: "paper", yanchor: "bottom", showarrow: false, text: escape(s.mark), hovertext: escape(s.label), font: { size: 10.5, color: t.soft } }));
+    const marks = f.segments.map((s) => ({ x: (s.start + s.end) / 2, y: 1, xref: "x", yref: "paper", yanchor: "bottom", yshift: 14, showarrow: false, text: escape(s.mark), hovertext: escape(s.label), font: { size: 10.5, color: t.soft } }));
     stack(element, rows, "time [s]", f.segments.map((s) => shade(s.start, s.end, s.included)), marks);
   }
   if (byId("flight-select")) fill(byId("flight-select"), data.overview.map((f) => f.flight), (i) => { flight = i; drawFlight(); });

@@ -31,7 +31,7 @@ pub struct Settings {
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
     let subtitle = campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default();
-    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign) })
+    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign), "searched": searched(campaign) })
 }
 
 fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
@@ -52,6 +52,12 @@ fn inputs_of_models(campaign: &Campaign) -> BTreeMap<String, Vec<String>> {
     campaign.estimates.iter().map(|e| (e.name(), e.columns())).collect()
 }
 
+/// The signal in which each input of the segments is searched.
+fn searched(campaign: &Campaign) -> BTreeMap<String, String> {
+    let inputs = campaign.segment.iter().flat_map(|s| &s.settings.input);
+    inputs.map(|i| (i.name().to_string(), i.signal.clone())).collect()
+}
+
 fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let mut tables = BTreeMap::new();
     for name in TABLES {
@@ -65,6 +71,7 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
         subtitle: campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default(),
         tables,
         inputs: inputs_of_models(campaign),
+        searched: searched(campaign),
         provenance: vec![
             ("program".to_string(), format!("koehler {}", env!("CARGO_PKG_VERSION"))),
             ("sources".to_string(), env!("KOEHLER_CODE").to_string()),
