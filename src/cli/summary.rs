@@ -7,8 +7,8 @@ use crate::stage::{Note, Part, Severity};
 use crate::table::Table;
 use std::path::Path;
 
-/// Notes of one kind shown before the rest is only counted.
-const NOTES_SHOWN: usize = 8;
+/// Groups of notes shown before the rest is left to the table.
+const GROUPS_SHOWN: usize = 10;
 
 /// Prints stages, flights, estimates, lines, notes, and where the report is.
 ///
@@ -128,12 +128,16 @@ fn notes(notes: &[Note]) {
             continue;
         }
         say(&format!("\n{heading}:"));
-        for note in all.iter().take(NOTES_SHOWN) {
-            let flight = if note.flight.is_empty() { String::new() } else { format!("{}: ", note.flight) };
-            say(&format!("  {}: {flight}{}", note.stage, note.text.replace('\n', " ")));
+        // Many notes of one stage about one flight tend to say the same thing of several signals: the first one stands for them.
+        let groups: Vec<&[&Note]> = all.chunk_by(|a, b| (&a.stage, &a.flight) == (&b.stage, &b.flight)).collect();
+        for group in groups.iter().take(GROUPS_SHOWN) {
+            let flight = if group[0].flight.is_empty() { String::new() } else { format!("{}: ", group[0].flight) };
+            let more = if group.len() > 1 { format!(" (and {} more of this kind)", group.len() - 1) } else { String::new() };
+            say(&format!("  {}: {flight}{}{more}", group[0].stage, group[0].text.replace('\n', " ")));
         }
-        if all.len() > NOTES_SHOWN {
-            say(&format!("  and {} more in the table `notes`", all.len() - NOTES_SHOWN));
+        let hidden: usize = groups.iter().skip(GROUPS_SHOWN).map(|g| g.len()).sum();
+        if hidden > 0 || groups.len() < all.len() {
+            say("  all of them are in the table `notes`");
         }
     }
 }

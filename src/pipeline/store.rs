@@ -13,6 +13,9 @@ use std::path::{Component, Path, PathBuf};
 /// The folder below the output folder that holds records, memory and lock.
 const HOUSEKEEPING: &str = ".koehler";
 
+/// How the names of files begin that are being written (`table::write_atomic`).
+const UNFINISHED: &str = ".unfinished-";
+
 /// An output folder.
 #[derive(Debug)]
 pub struct Store {
@@ -130,7 +133,7 @@ impl Store {
         Ok(())
     }
 
-    /// Removes the part files of the named tables that no record knows: leftovers of a run that was stopped.
+    /// Removes the part files of the named tables that no record knows, and unfinished files: leftovers of a run that was stopped.
     pub fn sweep(&self, tables: &BTreeSet<&str>, known: &BTreeSet<String>) -> Result<()> {
         for table in tables {
             let mut parts = Vec::new();
@@ -140,8 +143,9 @@ impl Store {
             for path in parts {
                 let Ok(relative) = path.strip_prefix(&self.root) else { continue };
                 let relative = relative.to_string_lossy().replace('\\', "/");
-                let is_part = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with("part-"));
-                if is_part && relative.ends_with(".parquet") && !known.contains(&relative) {
+                let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+                let is_part = name.starts_with("part-") && name.ends_with(".parquet");
+                if (is_part && !known.contains(&relative)) || name.starts_with(UNFINISHED) {
                     self.remove(&relative)?;
                 }
             }
@@ -232,10 +236,12 @@ mod tests {
         let store = Store::open(dir.path());
         store.put("signals/flight=a/part-0.parquet", b"kept").expect("written");
         store.put("signals/flight=b/part-0.parquet", b"left over").expect("written");
+        store.put("signals/flight=a/.unfinished-1", b"half").expect("written");
         store.put("signals/readme.txt", b"somebody's").expect("written");
         let known = BTreeSet::from(["signals/flight=a/part-0.parquet".to_string()]);
         store.sweep(&BTreeSet::from(["signals"]), &known).expect("swept");
         assert!(store.path("signals/flight=a/part-0.parquet").exists());
+        assert!(!store.path("signals/flight=a/.unfinished-1").exists());
         assert!(!store.path("signals/flight=b").exists());
         assert!(store.path("signals/readme.txt").exists());
     }

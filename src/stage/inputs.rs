@@ -71,11 +71,14 @@ impl Inputs<'_> {
     }
 }
 
+/// Times and values of a signal.
+pub type Series<'a> = (&'a [f64], &'a [f64]);
+
 /// The signals of the long table, by name: times and values.
 ///
 /// # Errors
 /// The table lacks a column.
-pub fn series(signals: &Table) -> Result<IndexMap<&str, (&[f64], &[f64])>> {
+pub fn series(signals: &Table) -> Result<IndexMap<&str, Series<'_>>> {
     let names = signals.strings("signal")?;
     let (t, values) = (signals.f64("t_s")?, signals.f64("value")?);
     let mut all = IndexMap::new();

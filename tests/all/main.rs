@@ -4,6 +4,7 @@ mod campaign;
 mod coverage;
 mod faults;
 mod floors;
+mod hfb320;
 mod language;
 mod models;
 mod reruns;

@@ -140,6 +140,29 @@ fn a_deleted_or_modified_table_is_made_again() {
 }
 
 #[test]
+fn a_run_that_is_killed_leaves_nothing_that_passes_for_fresh() {
+    let c = Campaign::new();
+    c.koehler("run", &["--out", "whole"]).ended(0);
+    let whole = tables(&c.path("whole"));
+    for wait_ms in [30, 90, 150, 250, 400] {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
+        let command = command.current_dir(c.folder.path()).args(["run", "pipeline.toml", "--out", "killed"]);
+        let mut child = command.stdout(std::process::Stdio::null()).spawn().expect("started");
+        std::thread::sleep(std::time::Duration::from_millis(wait_ms));
+        child.kill().expect("killed");
+        child.wait().expect("ended");
+        // What is there is whole: every table file can be read.
+        if c.path("killed").exists() {
+            for table in ["signals", "samples", "segments", "estimates", "fits"] {
+                koehler::table::read_dataset(&c.path("killed"), table).expect("whole files");
+            }
+        }
+    }
+    c.koehler("run", &["--out", "killed"]).ended(0);
+    assert!(tables(&c.path("killed")) == whole);
+}
+
+#[test]
 fn a_dry_run_writes_nothing() {
     let c = Campaign::new();
     let dry = c.koehler("run", &["--dry-run"]).ended(0);

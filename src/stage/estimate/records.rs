@@ -57,17 +57,19 @@ impl std::fmt::Display for Unusable {
     }
 }
 
+/// What lies outside a window by less than this share of a grid step counts as inside: times in logs are rounded, some to five digits.
+const SLACK: f64 = 1e-3;
+
 /// Builds the record of one window: inputs on the grid, outputs at their own time stamps. The window is cut to what the flight has.
 ///
 /// # Errors
 /// An input has no value somewhere in the window: a model cannot be driven by what is not there.
 pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Window) -> Result<Record, Unusable> {
-    // A grid point counts as inside when it is by a millionth of a step: the window's ends are sums of rounded numbers.
     let index = |t: f64| (t - grid.t0) / grid.dt;
     let clip = |k: f64| k.clamp(0.0, grid.n as f64) as usize;
-    let first = clip((index(window.from - window.preroll) - 1e-6).ceil());
-    let begin = clip((index(window.from) - 1e-6).ceil());
-    let end = clip((index(window.to) + 1e-6).floor() + 1.0);
+    let first = clip((index(window.from - window.preroll) - SLACK).ceil());
+    let begin = clip((index(window.from) - SLACK).ceil());
+    let end = clip((index(window.to) + SLACK).floor() + 1.0);
     if end < begin + 2 {
         return Err(Unusable::Outside);
     }
@@ -101,8 +103,8 @@ pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Win
 }
 
 fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {
-    let begin = m.t.partition_point(|t| *t < from - 1e-6 * dt);
-    let end = m.t.partition_point(|t| *t <= to + 1e-6 * dt).max(begin);
+    let begin = m.t.partition_point(|t| *t < from - SLACK * dt);
+    let end = m.t.partition_point(|t| *t <= to + SLACK * dt).max(begin);
     let t = m.t[begin..end].iter().map(|t| t.clamp(from, to)).collect();
     Channel { output: m.output, t, z: m.z.get(begin..end).unwrap_or_default().to_vec() }
 }
