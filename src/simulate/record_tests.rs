@@ -6,7 +6,10 @@ use indexmap::IndexMap;
 const DT: f64 = 0.005;
 const START: u64 = 1_000_000_000_000_000_000;
 
-fn truth(seconds: f64, signals: &[(&str, &str, fn(f64) -> f64)]) -> Truth {
+/// Name, unit and value over time of a true signal.
+type Wave<'a> = (&'a str, &'a str, fn(f64) -> f64);
+
+fn truth(seconds: f64, signals: &[Wave]) -> Truth {
     let n = (seconds / DT).round() as usize + 1;
     let signal = |unit: &str, f: fn(f64) -> f64| Signal {
         unit: unit.into(),
