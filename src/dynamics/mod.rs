@@ -3,7 +3,8 @@
 //! # How a trajectory and its sensitivities are computed
 //!
 //! 1. *Values*: classic Runge-Kutta of fourth order on the record's grid, with as many equal sub-steps as the fastest mode asks for
-//!    (`|lambda| h <= 0.5`, lambda from the compiled Jacobian). Inputs are linear between grid points (mid-step is the mean).
+//!    (`|lambda| h <= 0.5`, lambda from the compiled Jacobian). Inputs are linear between grid points (mid-step is the mean),
+//!    or cubic where the record says so.
 //!    Every stage's arguments are kept.
 //! 2. *Jacobians*: the non-zero entries of A = df/dx, B = df/dp and of the outputs' C, D at all stages of a chunk, evaluated over
 //!    lanes of eight points. No sequence here, so the lanes are always full.
@@ -28,7 +29,7 @@ mod stiffness;
 mod tangent;
 
 pub use plan::{Directions, Plan};
-pub use record::{Channel, Record};
+pub use record::{Channel, Interpolation, Record};
 
 /// Outputs on the record's grid from its start point on.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -4,7 +4,7 @@ use super::history::{self, Past};
 use super::plan::Plan;
 use super::stiffness::Stiffness;
 use super::tangent::Tangent;
-use super::{Grid, Record};
+use super::{Grid, Interpolation, Record};
 use crate::model::linear::Starts;
 use crate::model::{Delayed, Layout, Program, Tables};
 
@@ -298,7 +298,11 @@ impl Run<'_> {
         let next = (k + 1).min(self.record.n - 1);
         let between = |from: &[f64], j: usize| {
             let (a, b) = (from[k * nu + j], from[next * nu + j]);
-            if c == 0.0 { a } else { a + c * (b - a) }
+            match self.record.interpolation {
+                _ if c == 0.0 => a,
+                Interpolation::Linear => a + c * (b - a),
+                Interpolation::Cubic => history::input(from, nu, j, self.record.dt, k as f64 + c).0,
+            }
         };
         for j in 0..nu {
             point[l.input() + j] = between(&self.record.inputs, j);

@@ -11,6 +11,17 @@ pub struct Channel {
     pub z: Vec<f64>,
 }
 
+/// How inputs run between two grid points.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Interpolation {
+    /// Straight: the value at mid-step is the mean of both ends.
+    #[default]
+    Linear,
+    /// A smooth cubic through the neighbours: better for measured signals that are smooth, wrong for steps.
+    Cubic,
+}
+
 /// Inputs on a uniform grid and what was measured meanwhile.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Record {
@@ -26,6 +37,8 @@ pub struct Record {
     pub start: usize,
     /// The channels scored, in the order of the model's outputs; outputs that are not measured are absent.
     pub channels: Vec<Channel>,
+    /// How inputs run between grid points.
+    pub interpolation: Interpolation,
     /// Integration steps per grid step; 0 lets the model's Jacobian decide along the way.
     pub substeps: usize,
 }

@@ -3,7 +3,7 @@
 use super::choice::{Chosen, choose};
 use super::problem::{Block, Layout, Part};
 use super::result::name;
-use super::solution::solve;
+use super::solution::{Solution, solve};
 use super::{Estimation, Settings, Trace};
 use crate::dynamics::{Directions, Plan, Record, Response};
 use crate::error::Errors;
@@ -29,18 +29,54 @@ pub fn estimate(model: &Model, records: &[Record], settings: &Settings) -> Resul
     let plan = Plan::of_outputs(model, Directions { parameters, starts }, outputs.clone())?;
     let given = given_starts(model, &plan, records, &chosen)?;
     let layout = layout(model, &plan, records, settings, &chosen, &given, &outputs);
-    let respond = |s: usize, local: &[f64], sensitivities: bool| -> Response {
+    let (solution, records) = solve_with_steps(&plan, &chosen, &given, &layout, &outputs, records, settings);
+    let respond = |s: usize, local: &[f64]| -> Response {
         let (parameters, starts) = place(&chosen, &plan, &given[s], local);
-        plan.respond(&parameters, &starts, &records[s], sensitivities)
+        plan.respond(&parameters, &starts, &records[s], false)
     };
-    let evaluate = |s: usize, local: &[f64]| -> Option<Vec<Block>> {
-        let response = respond(s, local, true);
-        response.finite.then(|| blocks(&records[s], &outputs, response))
-    };
-    let solution = solve(&layout, &evaluate, settings);
     let responses =
-        (0..records.len()).map(|s| traces(model, &records[s], respond(s, &layout.local(s, &solution.fit.theta), false))).collect();
+        (0..records.len()).map(|s| traces(model, &records[s], respond(s, &layout.local(s, &solution.fit.theta)))).collect();
     Ok(name(model, &chosen, &layout, &outputs, solution, responses))
+}
+
+/// Solves with integration steps that stay the same during an iteration (a cost that changed its steps on the way would have jumps). They
+/// are chosen at the start; where the solution turns out to be stiffer, the estimation is repeated with the steps that it asks for.
+#[allow(clippy::type_complexity)]
+fn solve_with_steps(
+    plan: &Plan,
+    chosen: &Chosen,
+    given: &[Vec<f64>],
+    layout: &Layout,
+    outputs: &[usize],
+    records: &[Record],
+    settings: &Settings,
+) -> (Solution, Vec<Record>) {
+    let mut fixed = records.to_vec();
+    let mut needed = layout.start.clone();
+    loop {
+        let mut changed = false;
+        for (s, record) in fixed.iter_mut().enumerate().filter(|(s, _)| records[*s].substeps == 0) {
+            let (parameters, starts) = place(chosen, plan, &given[s], &layout.local(s, &needed));
+            let steps = plan.substeps(&parameters, &starts, record);
+            changed |= steps > record.substeps;
+            record.substeps = record.substeps.max(steps);
+        }
+        let evaluate = |s: usize, local: &[f64]| -> Option<Vec<Block>> {
+            let (parameters, starts) = place(chosen, plan, &given[s], local);
+            let response = plan.respond(&parameters, &starts, &fixed[s], true);
+            response.finite.then(|| blocks(&fixed[s], outputs, response))
+        };
+        let solution = solve(layout, &evaluate, settings);
+        let steps = |s: usize| {
+            let (parameters, starts) = place(chosen, plan, &given[s], &layout.local(s, &solution.fit.theta));
+            plan.substeps(&parameters, &starts, &fixed[s])
+        };
+        let stiffer = (0..fixed.len()).any(|s| records[s].substeps == 0 && steps(s) > fixed[s].substeps);
+        if !stiffer || !changed {
+            return (solution, fixed);
+        }
+        needed = solution.fit.theta;
+    }
 }
 
 /// Start values of the states that need one from outside, per record.

@@ -294,7 +294,7 @@ fn record(columns: &[Vec<f64>], measured: &[(usize, Vec<f64>, Vec<f64>)], grid: 
             (b > a).then(|| Channel { output: *output, t: t[a..b].to_vec(), z: z[a..b].to_vec() })
         })
         .collect();
-    Record { t0, dt: grid.dt, n, inputs, start: 0, channels, substeps: 1 }
+    Record { t0, dt: grid.dt, n, inputs, start: 0, channels, substeps: 1, ..Default::default() }
 }
 
 /// The record with every `every`-th grid point; each input is the mean of its neighbourhood with triangular weights, so that noise is

@@ -30,7 +30,7 @@ fn data() -> Option<PathBuf> {
 }
 
 fn koehler(folder: &Path, data: &Path, args: &[&str]) {
-    let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_koehler"));
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
     let output = command.current_dir(folder).env("KOEHLER_DATA", data).args(args).output().expect("started");
     assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
 }

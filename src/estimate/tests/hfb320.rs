@@ -44,6 +44,7 @@ fn hfb320() -> Option<(Model, Record)> {
         start: 0,
         channels,
         substeps: 1,
+        ..Default::default()
     };
     Some((model, record))
 }

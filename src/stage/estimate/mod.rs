@@ -159,7 +159,7 @@ fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Ve
         let sources: Vec<Source> = config.inputs.iter().map(|driver| source(driver, &held)).collect();
         match record(&grid, &sources, &measured, window) {
             Ok(record) => {
-                let record = Record { substeps: config.settings.substeps, ..record };
+                let record = Record { substeps: config.settings.substeps, interpolation: config.settings.interpolation, ..record };
                 let masked: usize = record.channels.iter().map(|c| c.z.iter().filter(|z| !z.is_finite()).count()).sum();
                 if masked > 0 {
                     let text = format!("{masked} masked samples of the outputs are not scored in {segment}");

@@ -1,5 +1,6 @@
 //! The `[[estimate]]` sections of the pipeline file.
 
+use crate::dynamics::Interpolation;
 use crate::estimate;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -35,6 +36,9 @@ pub struct Settings {
     /// Integration steps per step of the grid; 0 lets the model's fastest mode decide.
     #[serde(default)]
     pub substeps: usize,
+    /// How the inputs run between the points of the grid: "linear" (mid-step is the mean), or "cubic" for smooth measured signals.
+    #[serde(default)]
+    pub interpolation: Interpolation,
     /// Columns of the samples table for the model's inputs, where the names differ: `input of the model = "column"`.
     #[serde(default)]
     pub inputs: IndexMap<String, String>,
