@@ -38,7 +38,7 @@ impl Filter {
     /// `A^-T g` for rows `[sample][nd]`.
     pub fn backward(&self, g: &[f64], nd: usize) -> Vec<f64> {
         let mut v = g.to_vec();
-        let n = if nd == 0 { 0 } else { g.len() / nd };
+        let n = g.len().checked_div(nd).unwrap_or(0);
         for i in (0..n).rev() {
             // Sample i predicts nothing any more: hand its value to the samples it is predicted from.
             let (before, at) = v.split_at_mut(i * nd);
@@ -52,7 +52,7 @@ impl Filter {
 
     /// `A^-1 D v` in place for rows `[sample][nd]`.
     pub fn forward(&self, v: &mut [f64], nd: usize) {
-        let n = if nd == 0 { 0 } else { v.len() / nd };
+        let n = v.len().checked_div(nd).unwrap_or(0);
         for i in 0..n {
             let order = self.order(i);
             let (before, at) = v.split_at_mut(i * nd);
@@ -66,7 +66,7 @@ impl Filter {
 
     /// Adds `w v' D v` to the lower triangle of `q` `[nd][nd]`.
     pub fn add_spread(&self, v: &[f64], nd: usize, w: f64, q: &mut [f64]) {
-        let n = if nd == 0 { 0 } else { v.len() / nd };
+        let n = v.len().checked_div(nd).unwrap_or(0);
         for i in 0..n {
             let row = &v[i * nd..(i + 1) * nd];
             let weight = w * self.variances[self.order(i)];

@@ -246,7 +246,7 @@ mod tests {
     fn units_are_read_and_converted() {
         for (text, value, si, dim) in [
             ("deg", 180.0, std::f64::consts::PI, "-"),
-            ("kt", 100.0, 51.444444444444443, "m/s"),
+            ("kt", 100.0, 51.44444444444444, "m/s"),
             ("ft/min", 100.0, 0.508, "m/s"),
             ("degC", 15.0, 288.15, "K"),
             ("N m s/rad", 1.0, 1.0, "kg m^2/s"),

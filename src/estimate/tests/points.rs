@@ -28,7 +28,11 @@ fn one_straight_line_is_ordinary_least_squares() {
     let t: Vec<f64> = (0..50).map(|k| k as f64 * 0.1).collect();
     let z: Vec<f64> = t.iter().map(|t| 2.0 - 0.5 * t + 0.3 * normal(&mut rng)).collect();
     let layout = Layout::plain(2, &[0], 1, vec![0.0, 0.0]);
-    let s = solve(&layout, &|_: usize, p: &[f64]| Some(lines(&[z.clone()], &[t.clone()], p)), &Settings::default());
+    let s = solve(
+        &layout,
+        &|_: usize, p: &[f64]| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)),
+        &Settings::default(),
+    );
     assert_eq!(s.fit.stop, Stop::Converged);
     let n = t.len() as f64;
     let (mt, mz) = (t.iter().sum::<f64>() / n, z.iter().sum::<f64>() / n);
@@ -219,7 +223,7 @@ fn bounded(start: [f64; 2], upper: f64) -> Solution {
     let z: Vec<f64> = t.iter().map(|t| 2.0 + t + 0.1 * normal(&mut rng)).collect();
     let mut layout = Layout::plain(2, &[0], 1, start.to_vec());
     layout.upper[1] = upper;
-    solve(&layout, &|_: usize, p: &[f64]| Some(lines(&[z.clone()], &[t.clone()], p)), &Settings::default())
+    solve(&layout, &|_: usize, p: &[f64]| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)), &Settings::default())
 }
 
 #[test]
@@ -259,7 +263,7 @@ fn the_absorbed_degrees_of_freedom_return() {
     let layout = Layout::plain(2, &[0], 1, vec![0.0, 0.0]);
     let s = solve(
         &layout,
-        &|_: usize, p: &[f64]| Some(lines(&[z.clone()], &[t.clone()], p)),
+        &|_: usize, p: &[f64]| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)),
         &Settings { max_ar_order: 0, ..Settings::default() },
     );
     for (sd, crlb) in sds(s.covariance.as_ref().unwrap()).iter().zip(sds(s.crlb.as_ref().unwrap())) {
