@@ -52,3 +52,17 @@ fn an_elevator_input_of_the_citation_gives_no_roll() {
     let m = &truth.maneuvers[0];
     assert_eq!(truth.at(m.t_start_s)["C_h_delta_true"], truth.at(m.t_end_s)["C_h_delta_true"]);
 }
+
+#[test]
+fn the_citation_rides_through_turbulence() {
+    let truth = flight(160.0, "\"lateral\", \"longitudinal\"", "settle_s = 20, end_s = 60", 1.0);
+    // A vertical gust of 1 m/s is 0.0094 rad of alpha at 106.5 m/s; the aircraft gives way to the slow part of it.
+    let alpha = &truth.signals["alpha_vane"].values;
+    let mean = alpha.iter().sum::<f64>() / alpha.len() as f64;
+    let sd = (alpha.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / alpha.len() as f64).sqrt();
+    assert!((0.002..0.03).contains(&sd), "{sd}");
+    for (name, low, high) in [("phi", -0.8, 0.8), ("true_airspeed", 95.0, 118.0), ("theta", -0.1, 0.25)] {
+        let (least, most) = range(&truth, name);
+        assert!(least > low && most < high, "{name} goes from {least} to {most}");
+    }
+}
