@@ -99,9 +99,10 @@ fn truth_hfb320_case_a() {
         );
         close(name, row.value, value, 1e-6);
         close(name, row.sd_crlb.unwrap(), sd, 0.02);
-        // The residuals are coloured: honest standard deviations are 2.4 to 5 times the bounds.
+        // The residuals are coloured: honest standard deviations are 2.4 to 5 times the bounds before, up to 6.5 times after what the
+        // fit absorbed of the slow attitude residual (correlation 0.97 over 1.5 s) is put back.
         let ratio = row.sd.unwrap() / row.sd_crlb.unwrap();
-        assert!((2.0..6.0).contains(&ratio), "{name}: {ratio}");
+        assert!((2.2..7.0).contains(&ratio), "{name}: {ratio}");
     }
 }
 
