@@ -51,7 +51,7 @@ pub fn tiles(facts: Facts) -> Vec<Tile> {
     let remarks = facts.notes.map_or(0, Columns::rows);
     let noted = facts.notes.and_then(|n| logs::remarks(Some(n))).map(|(level, _)| level).filter(|l| *l != Level::Good);
     vec![
-        tile(facts.flights.len().to_string(), "flights", None),
+        tile(facts.flights.len().to_string(), if facts.flights.len() == 1 { "flight" } else { "flights" }, None),
         tile(found.to_string(), "maneuvers found", (found == 0).then_some(Level::Bad)),
         tile(used.to_string(), "maneuvers estimated", (used == 0).then_some(Level::Bad)),
         tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad)),

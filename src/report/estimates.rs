@@ -1,7 +1,7 @@
 //! `estimates` and `correlations` in, the tables of estimates and what the checks say about them out.
 
 use super::columns::Columns;
-use super::format::{count, number, with_sd};
+use super::format::{count, every, number, with_sd};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
 use serde::Serialize;
@@ -173,7 +173,7 @@ pub fn convergence(table: Option<&Columns>) -> Option<(Level, String)> {
         return None;
     }
     if good == all {
-        return Some((Level::Good, format!("Every one of the {} converged.", count(all, "estimation"))));
+        return Some((Level::Good, format!("{} converged.", every(all, "estimation"))));
     }
     let groups = table.groups(["model", "group"]);
     let failed = groups.iter().filter(|(_, rows)| !rows.iter().all(|&r| converged(table, r)));

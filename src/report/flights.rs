@@ -1,7 +1,7 @@
 //! `flightpath`, `samples` and `segments` in, the overview of every flight with its maneuvers and the table of maneuvers out.
 
 use super::columns::Columns;
-use super::format::{count, display_unit, number, plain, shorts, thin};
+use super::format::{count, display_unit, every, number, plain, shorts, thin};
 use super::grid::{Cell, Grid, Level, Row};
 use super::maneuvers::times;
 use serde::Serialize;
@@ -147,7 +147,7 @@ pub fn summary(segments: Option<&Columns>, flights: &[String]) -> Option<(Level,
     let used = |flight: &&String| (0..segments.rows()).any(|r| segments.text("flight", r) == **flight && included(segments, r));
     let without: Vec<&str> = flights.iter().filter(|f| !used(f)).map(String::as_str).collect();
     Some(if without.is_empty() {
-        (Level::Good, format!("Every one of the {} has a maneuver that is used.", count(flights.len(), "flight")))
+        (Level::Good, format!("{} has a maneuver that is used.", every(flights.len(), "flight")))
     } else {
         (Level::Bad, format!("{} without a maneuver that is used: {}.", count(without.len(), "flight"), without.join(", ")))
     })

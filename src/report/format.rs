@@ -103,6 +103,11 @@ pub fn count(n: usize, what: &str) -> String {
     if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
 }
 
+/// "The flight", "Every one of the 3 flights".
+pub fn every(n: usize, what: &str) -> String {
+    if n == 1 { format!("The {what}") } else { format!("Every one of the {n} {what}s") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -19,7 +19,8 @@ const LONG_GAP: f64 = 10.0;
 /// The account of channels: rates, gaps, what was dropped.
 pub fn channels(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No account of channels: the ingest stage has not run.") };
-    let present: Vec<(&str, &str)> = DROPPED.into_iter().filter(|(name, _)| table.has(name)).collect();
+    let any = |name: &str| table.column(name).iter().any(|n| *n > 0.0);
+    let (present, absent): (Vec<_>, Vec<_>) = DROPPED.into_iter().partition(|(name, _)| any(name));
     let mut columns: Vec<String> =
         ["flight", "signal", "~topic and field", "unit", "#samples", "#rate|Hz", "#longest gap|s"].map(String::from).into();
     columns.extend(present.iter().map(|(_, words)| format!("#{words}")));
@@ -41,6 +42,10 @@ pub fn channels(table: Option<&Columns>) -> Grid {
         cells.extend(["t_first_s", "t_last_s"].map(|name| Cell::new(plain(table.number(name, row), 1))));
         cells.extend(["min", "max"].map(|name| Cell::new(number(table.number(name, row), 4))));
         grid.push(cells);
+    }
+    if !absent.is_empty() {
+        let words: Vec<&str> = absent.iter().map(|(_, words)| *words).collect();
+        grid.note = Some(format!("No sample was {}.", words.join(", ")));
     }
     grid.or_missing("The account of channels is empty.")
 }
@@ -99,7 +104,7 @@ pub fn biases(table: Option<&Columns>) -> Grid {
         grid.push(cells);
     }
     let note = "SI units, angles in rad: the value is subtracted from the measured channel. Sd: median over the windows. Each window is in \
-                the table `biases`.";
+                the table biases.";
     grid.note = Some(note.into());
     grid.or_missing("No bias was estimated.")
 }
@@ -113,7 +118,7 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
 /// Counted notes of every stage.
 pub fn notes(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No table of notes.") };
-    let mut grid = Grid::new(["flight", "stage", "severity", "~subject", "#count", "~note"]);
+    let mut grid = Grid::new(["flight", "stage", "severity", "subject", "#count", "~note"]);
     for row in 0..table.rows() {
         let mut cells: Vec<Cell> = ["flight", "stage", "severity", "subject"].map(|name| Cell::new(table.text(name, row))).into();
         cells.extend([Cell::new(plain(table.number("count", row), 0)), table.text("text", row).into()]);

@@ -240,7 +240,7 @@ fn stages(table: Option<&Columns>) -> Option<Grid> {
         cells.push(rows.len().to_string().into());
         grid.push(cells);
     }
-    grid.note = Some("A key is a hash over inputs, settings and program; the table `stages` lists what each covers.".into());
+    grid.note = Some("A key is a hash over inputs, settings and program; the table stages lists what each covers.".into());
     Some(grid)
 }
 
