@@ -1,6 +1,7 @@
 //! A pipeline file and all files it names come in; a checked campaign, or every mistake in any of them at once, goes out.
 
 mod logs;
+mod loose;
 mod names;
 
 use super::settings::Settings;
@@ -33,7 +34,10 @@ impl Plan {
     /// # Errors
     /// Every mistake in any of the files.
     pub fn read(pipeline: &Path) -> std::result::Result<Plan, Errors> {
-        let (settings, doc) = config::load::<Settings>(pipeline)?;
+        let (settings, doc) = config::load::<Settings>(pipeline).map_err(|mut errors| {
+            errors.0.extend(loose::mistakes(pipeline).0);
+            errors
+        })?;
         let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
         Reader { settings, doc, folder, errors: Errors::default() }.plan()
     }

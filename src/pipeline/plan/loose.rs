@@ -1,0 +1,42 @@
+//! A pipeline file that does not fit its schema, in; the mistakes of the files it names all the same, out: so that a person sees them
+//! in one go.
+
+use crate::config;
+use crate::error::Errors;
+use crate::log::ChannelMap;
+use crate::model::{Constants, Model};
+use crate::simulate;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// Checks every file that can be recognised in `pipeline`, as far as that goes without the pipeline file itself.
+pub fn mistakes(pipeline: &Path) -> Errors {
+    let mut errors = Errors::default();
+    let Some(table) = config::read_text(pipeline).ok().and_then(|text| text.parse::<Table>().ok()) else { return errors };
+    let folder = pipeline.parent().unwrap_or_else(|| Path::new(""));
+    // a file that is not there is for the pipeline file's own check
+    let file = |name: Option<&Value>| name.and_then(Value::as_str).map(|name| folder.join(name)).filter(|path| path.is_file());
+    let constants = match file(table.get("aircraft")) {
+        Some(path) => errors.take(config::load::<Constants>(&path)).map(|(constants, _)| constants),
+        None => Some(Constants::default()),
+    };
+    if let Some(path) = file(table.get("channels"))
+        && let Some((map, doc)) = errors.take(config::load::<ChannelMap>(&path))
+    {
+        errors.take(map.check(&doc));
+    }
+    if let Some(path) = file(table.get("simulate")) {
+        errors.take(simulate::Campaign::load(&path));
+    }
+    let derived = table.get("derive").and_then(|derive| derive.get("model"));
+    let estimated = table.get("estimate").and_then(Value::as_array).into_iter().flatten().map(|estimate| estimate.get("model"));
+    let mut models: Vec<_> = std::iter::once(derived).chain(estimated).filter_map(file).collect();
+    models.sort();
+    models.dedup();
+    if let Some(constants) = &constants {
+        models.iter().for_each(|path| {
+            errors.take(Model::load(path, constants));
+        });
+    }
+    errors
+}
