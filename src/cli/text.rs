@@ -33,7 +33,7 @@ unchanged is not run again. A run can be stopped at any time: files are written 
 
 Examples:
   koehler run pipelines/citation/pipeline.toml
-  koehler run pipelines/citation/pipeline.toml --out /tmp/trial --jobs 4
+  koehler run pipelines/citation/pipeline.toml --out trial --jobs 4
   koehler run pipelines/citation/pipeline.toml --dry-run
 
 Exit codes: 0 everything is there, 1 something asked for is missing, 2 configuration or usage error.";

@@ -1,11 +1,13 @@
 //! The model language: a text file in, a compiled model out (`docs/model-language.md` is the reference).
 //!
-//! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names, checks units
-//! and builds one shared expression graph (`graph`); `linear` asks the graph for exact derivatives and lowers values and Jacobians to
+//! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
+//! checks units and builds (`expression`) one shared graph (`graph`); `linear` asks the graph for exact derivatives and lowers values and Jacobians to
 //! flat lists of operations (`program`) that run over lanes. Nothing here knows about time steps: that is `dynamics`.
 
 pub mod compile;
+mod declare;
 pub mod expr;
+mod expression;
 pub mod file;
 pub mod fragments;
 mod functions;
@@ -13,6 +15,7 @@ pub mod graph;
 pub mod linear;
 pub mod program;
 pub mod tables;
+mod walk;
 
 use std::path::Path;
 

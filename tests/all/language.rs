@@ -141,3 +141,38 @@ fn all_mistakes_of_a_model_come_at_once() {
     let text = message(&format!("{HEAD}[equations]\na = \"V + rho\"\nb = \"unknown_name*2\"\nc = \"sin(\""));
     assert_eq!(text.lines().filter(|l| l.starts_with("m.model.toml:")).count(), 3, "{text}");
 }
+
+#[test]
+fn damaged_models_end_in_messages_never_in_a_panic() {
+    use rand::{RngExt, SeedableRng};
+    let mut random = rand_pcg::Pcg64::seed_from_u64(3211);
+    let pieces = ["(", ")", "^", "0", "delay(", "rate(", "\"", "]", "{ ", "-", "lag(x, T)", "1e999", "\n", "[states]\n", "unit", "€"];
+    let (mut refused, mut runs) = (0, 0);
+    for text in examples() {
+        for _ in 0..200 {
+            let mut damaged: Vec<char> = text.chars().collect();
+            for _ in 0..random.random_range(1..4) {
+                let at = random.random_range(0..damaged.len());
+                let end = (at + random.random_range(0..8)).min(damaged.len());
+                damaged.splice(at..end, pieces[random.random_range(0..pieces.len())].chars());
+            }
+            let damaged: String = damaged.into_iter().collect();
+            match Model::parse("damaged", &damaged, &Constants::default()) {
+                Err(errors) => refused += usize::from(!errors.is_empty()),
+                // what still compiles also runs
+                Ok(model) => {
+                    let n = 20;
+                    let record = Record { dt: 0.01, n, inputs: vec![0.5; n * model.inputs.len()], ..Default::default() };
+                    let directions = Directions { parameters: (0..model.parameters.len()).collect(), starts: vec![] };
+                    if let Ok(plan) = Plan::new(&model, directions) {
+                        let given = vec![0.1; plan.given().len()];
+                        plan.run(&model.parameter_starts(), &given, &record, true);
+                        runs += 1;
+                    }
+                }
+            }
+        }
+    }
+    println!("{refused} refused, {runs} ran");
+    assert!(refused > 500 && runs > 100);
+}

@@ -1,0 +1,203 @@
+//! Expressions to nodes of the graph: operators, names, and what delays, lags and rates add to the model.
+
+use super::compile::{At, Compiler, SECOND, Symbol, Typed};
+use super::expr::{Expr, Kind, Operator};
+use super::functions;
+use super::graph::{Graph, Leaf, Node};
+use super::{Delay, Delayed, Quantity, StartKind, State};
+use crate::config;
+use crate::error::Error;
+use crate::units::Dim;
+
+impl Compiler<'_> {
+    /// An expression as a node with its dimension; mistakes are filed and give `None`.
+    pub(super) fn build(&mut self, e: &Expr, at: &At) -> Option<Typed> {
+        match &e.kind {
+            Kind::Number(x) => {
+                let dim = if *x == 0.0 { None } else { Some(Dim::NONE) };
+                Some(Typed { node: self.model.graph.c(*x), dim })
+            }
+            Kind::Name(name) => self.name(name, e.at, at),
+            Kind::Negative(inner) => {
+                let a = self.build(inner, at)?;
+                Some(Typed { node: self.model.graph.neg(a.node), dim: a.dim })
+            }
+            Kind::Binary(op, left, right) => {
+                let (a, b) = (self.build(left, at), self.build(right, at));
+                self.binary(*op, a?, b?, left, right, at)
+            }
+            Kind::Call(name, arguments) => functions::call(self, name, arguments, e.at, at),
+        }
+    }
+
+    fn binary(&mut self, op: Operator, a: Typed, b: Typed, left: &Expr, right: &Expr, at: &At) -> Option<Typed> {
+        let unitless = |t: Typed| t.dim.unwrap_or(Dim::NONE);
+        match op {
+            Operator::Add | Operator::Sub => {
+                let dim = self.same_unit(a, b, right.at, at, if op == Operator::Add { "added to" } else { "subtracted from" })?;
+                let g = &mut self.model.graph;
+                let node = if op == Operator::Add { g.add(a.node, b.node) } else { g.sub(a.node, b.node) };
+                Some(Typed { node, dim })
+            }
+            Operator::Mul => {
+                let node = self.model.graph.mul(a.node, b.node);
+                Some(Typed { node, dim: Some(unitless(a).times(unitless(b))) })
+            }
+            Operator::Div => {
+                if self.model.graph.constant(b.node) == Some(0.0) {
+                    self.error(at, right.at, "division by zero");
+                    return None;
+                }
+                let node = self.model.graph.div(a.node, b.node);
+                Some(Typed { node, dim: Some(unitless(a).over(unitless(b))) })
+            }
+            Operator::Pow => {
+                if b.dim.is_some_and(|d| d != Dim::NONE) {
+                    self.error(at, right.at, format!("an exponent has no unit, this one is in {}", unitless(b)));
+                    return None;
+                }
+                let Some(exponent) = self.model.graph.constant(b.node) else {
+                    self.error_help(at, right.at, "the exponent must be constant", "write exp(b*log(a)) for a varying exponent");
+                    return None;
+                };
+                let Some(dim) = unitless(a).power(exponent) else {
+                    self.error(at, left.at, format!("{} cannot be raised to the power {exponent}", unitless(a)));
+                    return None;
+                };
+                Some(Typed { node: self.model.graph.pow(a.node, exponent), dim: Some(dim) })
+            }
+        }
+    }
+
+    /// The common dimension of two operands that must agree (a literal 0 agrees with anything).
+    pub(super) fn same_unit(&mut self, a: Typed, b: Typed, offset: usize, at: &At, verb: &str) -> Option<Option<Dim>> {
+        match (a.dim, b.dim) {
+            (Some(x), Some(y)) if x != y => {
+                self.error(at, offset, format!("{y} cannot be {verb} {x}"));
+                None
+            }
+            (x, y) => Some(x.or(y)),
+        }
+    }
+
+    pub(super) fn unknown(&mut self, name: &str, at: &At, offset: usize) {
+        let known: Vec<String> = self.symbols.keys().cloned().collect();
+        let what = format!("unknown name \"{name}\"");
+        match config::nearest(name, known.iter().map(String::as_str)) {
+            Some(near) => self.error_help(at, offset, what, format!("did you mean \"{near}\"?")),
+            None => self.error_help(
+                at,
+                offset,
+                what,
+                "every name is declared in [inputs], [constants], [parameters], [equations] or [states]",
+            ),
+        }
+    }
+
+    fn name(&mut self, name: &str, offset: usize, at: &At) -> Option<Typed> {
+        match name {
+            "pi" => return Some(Typed { node: self.model.graph.c(std::f64::consts::PI), dim: Some(Dim::NONE) }),
+            "t" => return Some(Typed { node: self.model.graph.leaf(Leaf::Time), dim: Some(SECOND) }),
+            _ => {}
+        }
+        let Some((symbol, declared)) = self.symbols.get(name).cloned() else {
+            self.unknown(name, at, offset);
+            return None;
+        };
+        let dim = self.dims.get(name).copied();
+        let node = match symbol {
+            Symbol::Input(i) => self.model.graph.leaf(Leaf::Input(i)),
+            Symbol::Parameter(i) => self.model.graph.leaf(Leaf::Parameter(i)),
+            Symbol::State(i) => self.model.graph.leaf(Leaf::State(i)),
+            Symbol::Constant(i) => {
+                let value = self.model.constants[i].value;
+                if value.is_nan() {
+                    let unit = self.model.constants[i].quantity.unit.clone();
+                    let what = format!("constant \"{name}\" has no value");
+                    let place = self.sources[declared.source].doc.key_place(&declared.key);
+                    let error = Error::at(place, what).help(format!(
+                        "add to the aircraft file: {name} = {{ value = ..., unit = \"{unit}\", sd = ..., source = \"...\" }}"
+                    ));
+                    if !self.errors.0.contains(&error) {
+                        self.errors.push(error);
+                    }
+                    return None;
+                }
+                self.model.graph.c(value)
+            }
+            Symbol::Equation(place) => return self.equation(name, &place),
+        };
+        Some(Typed { node, dim })
+    }
+
+    /// What `delay` may be taken of.
+    pub(super) fn delayable(&self, name: &str) -> Option<(Delayed, Option<Dim>)> {
+        match self.symbols.get(name)?.0 {
+            Symbol::Input(i) => Some((Delayed::Input(i), self.dims.get(name).copied())),
+            Symbol::State(i) => Some((Delayed::State(i), self.dims.get(name).copied())),
+            _ => None,
+        }
+    }
+
+    pub(super) fn delay(&mut self, of: Delayed, tau: Node) -> Node {
+        let known = self.model.delays.iter().position(|d| d.of == of && d.tau == tau);
+        let k = known.unwrap_or_else(|| {
+            self.model.delays.push(Delay { of, tau });
+            self.model.delays.len() - 1
+        });
+        self.model.graph.leaf(Leaf::Delayed(k))
+    }
+
+    /// The hidden state of `lag(x, T)`, one for equal arguments.
+    pub(super) fn lag(&mut self, x: Typed, time: Node) -> Node {
+        let name = format!("lag({},{})", x.node, time);
+        if let Some(i) = self.model.states.iter().position(|s| s.quantity.name == name) {
+            return self.model.graph.leaf(Leaf::State(i));
+        }
+        let i = self.model.states.len();
+        let dim = x.dim.unwrap_or(Dim::NONE);
+        let g = &mut self.model.graph;
+        let leaf = g.leaf(Leaf::State(i));
+        let gap = g.sub(x.node, leaf);
+        let rate = g.div(gap, time);
+        let quantity = Quantity { name: name.clone(), unit: dim.to_string(), doc: "state of a lag()".into() };
+        self.model.states.push(State { quantity, start: StartKind::Expression(x.node), min: None, max: None, hidden: true });
+        self.rates.push(Some(rate));
+        self.dims.insert(name, dim);
+        leaf
+    }
+
+    /// d/dt of a node along the trajectory: rates of states and inputs by the chain rule.
+    pub(super) fn total_rate(&mut self, node: Node, offset: usize, at: &At) -> Option<Node> {
+        let mut total = self.model.graph.c(0.0);
+        for leaf in self.leaves(node) {
+            let rate = match leaf {
+                Leaf::State(i) => self.state_rate(i)?.node,
+                Leaf::Input(i) => self.model.graph.leaf(Leaf::InputRate(i)),
+                Leaf::Time => self.model.graph.c(1.0),
+                Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
+                Leaf::Delayed(_) | Leaf::InputRate(_) => {
+                    self.error(at, offset, "rate() of a delayed value or of a rate is not available");
+                    return None;
+                }
+            };
+            let g = &mut self.model.graph;
+            let slope = g.derivative(node, leaf);
+            let term = g.mul(slope, rate);
+            total = g.add(total, term);
+        }
+        Some(total)
+    }
+
+    pub(super) fn leaves(&self, node: Node) -> Vec<Leaf> {
+        self.model.graph.leaves(&[node])
+    }
+
+    pub(super) fn graph(&mut self) -> &mut Graph {
+        &mut self.model.graph
+    }
+
+    pub(super) fn report(&mut self, at: &At, offset: usize, what: String) {
+        self.error(at, offset, what);
+    }
+}
