@@ -143,10 +143,10 @@ impl Reader {
 
     fn simulation(&mut self) -> Option<Simulation> {
         let name = self.settings.simulate.clone()?;
-        if !self.names_a_file("simulate", &name) {
+        let path = self.path(&name);
+        if Simulation::is_over(&path) || !self.names_a_file("simulate", &name) {
             return None;
         }
-        let path = self.path(&name);
         self.errors.take(Simulation::read(&path))
     }
 

@@ -98,11 +98,12 @@ pub fn run(plan: &Plan, store: &Store, watch: Watch) -> Result<RunResult> {
         result: RunResult::default(),
     };
     run.remove_what_is_gone()?;
-    for stage in STAGES {
+    for (i, stage) in STAGES.iter().enumerate() {
         if stage.per == Per::Campaign {
             run.file_own_tables()?;
         }
         run.stage(stage)?;
+        run.drop_tables(&STAGES[i + 1..]);
     }
     run.sweep()?;
     store.put_memo()?;
@@ -111,6 +112,16 @@ pub fn run(plan: &Plan, store: &Store, watch: Watch) -> Result<RunResult> {
 }
 
 impl Run<'_> {
+    /// Forgets the tables that no later stage reads: signals are most of the memory.
+    fn drop_tables(&mut self, later: &[Stage]) {
+        let reads = |stage: &Stage| -> BTreeSet<String> {
+            let of = |unit: Unit| (stage.reads)(&self.plan.campaign, &unit).into_iter().map(|r| r.part.path(r.table));
+            units(self.plan, stage).into_iter().flat_map(of).collect()
+        };
+        let wanted: BTreeSet<String> = later.iter().flat_map(reads).collect();
+        self.tables.lock().unwrap_or_else(|p| p.into_inner()).retain(|path, _| wanted.contains(path));
+    }
+
     fn stage(&mut self, stage: &'static Stage) -> Result<()> {
         let (plan, store, contents) = (self.plan, self.store, &self.contents);
         let assessments: Vec<Assessment> =

@@ -17,7 +17,8 @@ pub struct Settings {
     pub channels: String,
     /// The logs: paths or patterns such as "logs/*.mcap". The flight's id is the file's name without its ending.
     pub logs: Vec<String>,
-    /// A campaign file that simulates the logs that are not there yet.
+    /// A campaign file that simulates the logs that are not there yet. Logs that are there are data: after a change of the campaign file,
+    /// `koehler simulate --force` makes them anew.
     #[serde(default)]
     pub simulate: Option<String>,
     /// Flight-path reconstruction; left out, there is none.

@@ -1,8 +1,9 @@
 //! The simulated campaign behind a pipeline file, and which of its flights have no log yet.
 
 use super::plan::FlightLog;
+use crate::config;
 use crate::error::Errors;
-use crate::simulate::{Campaign, Flown};
+use crate::simulate::{Campaign, Flown, Settings};
 use std::path::{Path, PathBuf};
 
 /// A checked campaign file and the flights wanted of it.
@@ -22,6 +23,15 @@ impl Simulation {
         let campaign = Campaign::load(path)?;
         let missing = campaign.missing().into_iter().map(str::to_string).collect();
         Ok(Simulation { campaign, missing })
+    }
+
+    /// Whether all logs of a campaign are there and the truth they were simulated from is not: there is nothing left to simulate, and
+    /// an analysis needs nothing but logs.
+    pub fn is_over(path: &Path) -> bool {
+        let Ok((settings, _)) = config::load::<Settings>(path) else { return false };
+        let folder = path.parent().unwrap_or_else(|| Path::new(""));
+        let log = |id: &String| folder.join(&settings.logs).join(format!("{id}.mcap"));
+        !folder.join(&settings.truth).is_file() && settings.flights.keys().all(|id| log(id).is_file())
     }
 
     /// The log of every flight of the campaign.

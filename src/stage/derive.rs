@@ -23,7 +23,10 @@ pub const STAGE: Stage = Stage {
     run,
 };
 
-/// The uniform grid and the signals derived on it.
+/// The uniform grid and the signals derived on it: the columns of the samples table.
+///
+/// They are all signals of the channel map, the reconstructed flight path, and the outputs of the model. Where two have one name, the
+/// later one in this order takes the place of the earlier: it is the better knowledge of the same thing.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
