@@ -142,7 +142,7 @@ impl Context<'_> {
     fn notes(&self, name: &str, a: &Account, log_ns: &[i64], stamps: &[Option<i64>]) -> Vec<Note> {
         let from = format!("{} {}", a.topic, a.field);
         let of = format!("of {} messages", a.messages);
-        let mut notes = Vec::new();
+        let (mut notes, mut few) = (Vec::new(), Vec::new());
         let mut say = |count: u64, text: String| {
             if count > 0 {
                 notes.push(Note::warning(name, count, format!("{from}: {text}")));
@@ -150,12 +150,19 @@ impl Context<'_> {
         };
         say(a.dropped_unreadable, format!("{} {of} unreadable", a.dropped_unreadable));
         say(a.dropped_nan, format!("{} {of} hold NaN, dropped", a.dropped_nan));
-        say(a.dropped_duplicate, format!("{} {of} repeat a time stamp, dropped", a.dropped_duplicate));
+        let repeated = format!("{} {of} repeat a time stamp, dropped", a.dropped_duplicate);
+        if a.dropped_duplicate.saturating_mul(1000) >= a.messages {
+            say(a.dropped_duplicate, repeated);
+        } else if a.dropped_duplicate > 0 {
+            // a recorder that now and then writes a message twice loses nothing
+            few.push(Note::info(name, a.dropped_duplicate, format!("{from}: {repeated}")));
+        }
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
         say(
             a.gaps,
             format!("{} gaps, the longest {:.3} s at a usual spacing of {:.4} s", a.gaps, a.longest_gap_s, 1.0 / a.rate_hz),
         );
+        notes.append(&mut few);
         if a.reordered > 0 {
             notes.push(Note::info(name, a.reordered, format!("{from}: {} {of} out of order, sorted", a.reordered)));
         }

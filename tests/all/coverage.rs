@@ -147,3 +147,57 @@ fn recovery_coverage_of_the_citation_campaign() {
     assert!((0.93..=0.97).contains(&pooled_lines), "all lines pooled: {pooled_lines}");
     assert!((0.92..=0.97).contains(&pooled_points), "all maneuvers pooled: {pooled_points}");
 }
+
+/// All files below a folder with their bytes, without the pipeline's own records.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let (mut out, mut open) = (BTreeMap::new(), vec![folder.to_path_buf()]);
+    while let Some(dir) = open.pop() {
+        for entry in std::fs::read_dir(dir).expect("a folder").flatten() {
+            let path = entry.path();
+            if entry.file_name() == ".koehler" {
+                continue;
+            } else if path.is_dir() {
+                open.push(path);
+            } else {
+                out.insert(path.strip_prefix(folder).expect("below").to_path_buf(), std::fs::read(&path).expect("readable"));
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn recovery_coverage_needs_no_truth_file() {
+    if std::env::var("KOEHLER_SLOW").as_deref() != Ok("1") {
+        println!("skipped: set KOEHLER_SLOW=1 (half a minute in release mode)");
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for entry in std::fs::read_dir(campaign_folder()).expect("the campaign").flatten().filter(|e| e.path().is_file()) {
+        std::fs::copy(entry.path(), folder.path().join(entry.file_name())).expect("copied");
+    }
+    let pipeline = folder.path().join("pipeline.toml");
+    let analyse = |out: &str| {
+        let plan = Plan::read(&pipeline).unwrap_or_else(|e| panic!("{e}"));
+        if let Some(simulation) = &plan.simulation {
+            simulation.fly(false, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        }
+        let out = folder.path().join(out);
+        let result = run(&plan, &Store::open(&out), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        assert!(result.complete(), "{}", result.errors);
+        contents(&out)
+    };
+    let with = analyse("with");
+    let truth = folder.path().join("truth");
+    assert!(truth.is_dir(), "the simulation left no truth to delete");
+    std::fs::remove_dir_all(truth).expect("deleted");
+    for name in ["truth", "aerodynamics", "controls", "leveller"] {
+        std::fs::remove_file(folder.path().join(format!("{name}.model.toml"))).expect("deleted");
+    }
+    let without = analyse("without");
+    assert!(with.len() > 20);
+    assert!(with.keys().eq(without.keys()));
+    for (path, bytes) in &with {
+        assert!(*bytes == without[path], "{} differs without the truth files", path.display());
+    }
+}

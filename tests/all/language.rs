@@ -146,7 +146,8 @@ fn all_mistakes_of_a_model_come_at_once() {
 fn damaged_models_end_in_messages_never_in_a_panic() {
     use rand::{RngExt, SeedableRng};
     let mut random = rand_pcg::Pcg64::seed_from_u64(3211);
-    let pieces = ["(", ")", "^", "0", "delay(", "rate(", "\"", "]", "{ ", "-", "lag(x, T)", "1e999", "\n", "[states]\n", "unit", "€"];
+    let pieces =
+        ["(", ")", "^", "0", "delay(", "rate(", "\"", "]", "{ ", "-", "lag(x, T)", "1e999", "\n", "[states]\n", "unit", "€"];
     let (mut refused, mut runs) = (0, 0);
     for text in examples() {
         for _ in 0..200 {

@@ -7,4 +7,5 @@ mod floors;
 mod hfb320;
 mod language;
 mod models;
+mod pages;
 mod reruns;
