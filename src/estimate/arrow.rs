@@ -12,10 +12,24 @@ use crate::math::dense::{self, multiply};
 pub struct Own {
     /// Number of the segment's own parameters.
     pub n: usize,
+    /// The shared parameters that the segment sees: the columns of `sc`, ascending or not, each once.
+    pub columns: Vec<usize>,
     /// `[n][n]`, symmetric.
     pub ss: Vec<f64>,
-    /// `[n][shared]`.
+    /// `[n][columns]`.
     pub sc: Vec<f64>,
+}
+
+impl Own {
+    /// Nothing in it.
+    pub fn empty(n: usize, columns: &[usize]) -> Own {
+        Own { n, columns: columns.to_vec(), ss: vec![0.0; n * n], sc: vec![0.0; n * columns.len()] }
+    }
+
+    /// Row `i` of `sc`.
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.sc[i * self.columns.len()..(i + 1) * self.columns.len()]
+    }
 }
 
 /// A symmetric arrow matrix.
@@ -39,9 +53,10 @@ pub struct Factor {
 #[derive(Debug, Clone)]
 struct Eliminated {
     n: usize,
+    columns: Vec<usize>,
     /// `M_ss^-1`.
     inverse: Vec<f64>,
-    /// `T_s`, `[n][shared]`.
+    /// `T_s`, `[n][columns]`.
     t: Vec<f64>,
 }
 
@@ -65,9 +80,9 @@ impl Arrow {
         let mut own = Vec::with_capacity(self.own.len());
         for s in &self.own {
             let inverse = invert(&s.ss, &diagonal(&s.ss, s.n))?;
-            let t = multiply(&inverse, &s.sc, s.n, s.n, nc);
-            subtract_transposed(&mut schur, &s.sc, &t, s.n, nc);
-            own.push(Eliminated { n: s.n, inverse, t });
+            let t = multiply(&inverse, &s.sc, s.n, s.n, s.columns.len());
+            subtract_transposed(&mut schur, &s.sc, &t, s.n, &s.columns, nc);
+            own.push(Eliminated { n: s.n, columns: s.columns.clone(), inverse, t });
         }
         let v = invert(&schur, &diagonal(&self.cc, nc))?;
         Some(Factor { shared: nc, v, own })
@@ -78,8 +93,8 @@ impl Arrow {
         let mut schur = self.cc.clone();
         for s in &self.own {
             let inverse = invert(&s.ss, &diagonal(&s.ss, s.n))?;
-            let t = multiply(&inverse, &s.sc, s.n, s.n, self.shared);
-            subtract_transposed(&mut schur, &s.sc, &t, s.n, self.shared);
+            let t = multiply(&inverse, &s.sc, s.n, s.n, s.columns.len());
+            subtract_transposed(&mut schur, &s.sc, &t, s.n, &s.columns, self.shared);
         }
         Some(schur)
     }
@@ -89,7 +104,7 @@ impl Arrow {
     pub fn follow(&self, s: usize, x: &[f64]) -> Vec<f64> {
         let own = &self.own[s];
         let Some(inverse) = invert(&own.ss, &diagonal(&own.ss, own.n)) else { return Vec::new() };
-        let force = multiply(&own.sc, x, own.n, self.shared, 1);
+        let force = multiply(&own.sc, &pick(x, &own.columns), own.n, own.columns.len(), 1);
         multiply(&inverse, &force, own.n, own.n, 1).iter().map(|v| -v).collect()
     }
 
@@ -103,6 +118,12 @@ impl Arrow {
         }
     }
 
+    /// The whole diagonal.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let own = self.own.iter().flat_map(|own| diagonal(&own.ss, own.n));
+        diagonal(&self.cc, self.shared).into_iter().chain(own).collect()
+    }
+
     /// `d' M d`.
     pub fn quadratic(&self, d: &[f64]) -> f64 {
         let nc = self.shared;
@@ -112,9 +133,10 @@ impl Arrow {
         }
         let mut offset = nc;
         for own in &self.own {
+            let seen = pick(d, &own.columns);
             for i in 0..own.n {
                 let with_own = dot(&own.ss[i * own.n..(i + 1) * own.n], &d[offset..offset + own.n]);
-                sum += d[offset + i] * (with_own + 2.0 * dot(&own.sc[i * nc..(i + 1) * nc], &d[..nc]));
+                sum += d[offset + i] * (with_own + 2.0 * dot(own.row(i), &seen));
             }
             offset += own.n;
         }
@@ -140,18 +162,22 @@ impl Arrow {
             }
             self.cc[index * nc + index] = 1.0;
             for own in &mut self.own {
-                for i in 0..own.n {
-                    rhs[offset + i] -= own.sc[i * nc + index] * value;
-                    own.sc[i * nc + index] = 0.0;
+                let nl = own.columns.len();
+                if let Some(column) = own.columns.iter().position(|&c| c == index) {
+                    for i in 0..own.n {
+                        rhs[offset + i] -= own.sc[i * nl + column] * value;
+                        own.sc[i * nl + column] = 0.0;
+                    }
                 }
                 offset += own.n;
             }
         } else if let Some((s, k)) = self.place(index) {
             offset = index - k;
             let own = &mut self.own[s];
-            for (i, r) in rhs[..nc].iter_mut().enumerate() {
-                *r -= own.sc[k * nc + i] * value;
-                own.sc[k * nc + i] = 0.0;
+            let nl = own.columns.len();
+            for (i, &column) in own.columns.iter().enumerate() {
+                rhs[column] -= own.sc[k * nl + i] * value;
+                own.sc[k * nl + i] = 0.0;
             }
             for i in 0..own.n {
                 rhs[offset + i] -= own.ss[i * own.n + k] * value;
@@ -183,10 +209,8 @@ impl Factor {
         let mut reduced = rhs[..nc].to_vec();
         let mut offset = nc;
         for own in &self.own {
-            for i in 0..own.n {
-                for (c, r) in reduced.iter_mut().enumerate() {
-                    *r -= own.t[i * nc + c] * rhs[offset + i];
-                }
+            for (t, r) in own.rows().zip(&rhs[offset..]) {
+                own.columns.iter().zip(t).for_each(|(&c, t)| reduced[c] -= t * r);
             }
             offset += own.n;
         }
@@ -194,9 +218,8 @@ impl Factor {
         offset = nc;
         for own in &self.own {
             let mut part = multiply(&own.inverse, &rhs[offset..offset + own.n], own.n, own.n, 1);
-            for (i, p) in part.iter_mut().enumerate() {
-                *p -= dot(&own.t[i * nc..(i + 1) * nc], &d[..nc]);
-            }
+            let seen = pick(&d, &own.columns);
+            part.iter_mut().zip(own.rows()).for_each(|(p, t)| *p -= dot(t, &seen));
             d.extend_from_slice(&part);
             offset += own.n;
         }
@@ -211,15 +234,15 @@ impl Factor {
     pub fn sandwich(&self, q: &Arrow) -> Arrow {
         let nc = self.shared;
         let mut qh = q.cc.clone();
-        // Covariance of g_s with h, `[n][nc]`: Q_sc - Q_ss T_s.
+        // Covariance of g_s with h, `[n][columns]` (nothing elsewhere): Q_sc - Q_ss T_s.
         let mut with_h = Vec::with_capacity(self.own.len());
         for (e, qs) in self.own.iter().zip(&q.own) {
-            let qt = multiply(&qs.ss, &e.t, e.n, e.n, nc);
+            let qt = multiply(&qs.ss, &e.t, e.n, e.n, e.columns.len());
             let mut k = qs.sc.clone();
             k.iter_mut().zip(&qt).for_each(|(k, qt)| *k -= qt);
             // var(h) = Q_cc - sum_s (T_s' (Q_sc - Q_ss T_s) + Q_cs T_s)
-            subtract_transposed(&mut qh, &e.t, &k, e.n, nc);
-            subtract_transposed(&mut qh, &qs.sc, &e.t, e.n, nc);
+            subtract_transposed(&mut qh, &e.t, &k, e.n, &e.columns, nc);
+            subtract_transposed(&mut qh, &qs.sc, &e.t, e.n, &e.columns, nc);
             with_h.push(k);
         }
         let vq = multiply(&self.v, &qh, nc, nc, nc);
@@ -229,24 +252,43 @@ impl Factor {
         Arrow { shared: nc, cc, own }
     }
 
+    /// Only the columns that the segment sees are formed: everything needed stays among them.
     fn sandwich_own(&self, e: &Eliminated, qs: &Own, k: &[f64], cc: &[f64]) -> Own {
-        let (n, nc) = (e.n, self.shared);
+        let (n, nl) = (e.n, e.columns.len());
         // Covariance of M_ss^-1 g_s with d_c.
-        let ik = multiply(&e.inverse, k, n, n, nc);
-        let a = multiply(&ik, &self.v, n, nc, nc);
-        let tp = multiply(&e.t, cc, n, nc, nc);
+        let ik = multiply(&e.inverse, k, n, n, nl);
+        let a = multiply(&ik, &square(&self.v, self.shared, &e.columns), n, nl, nl);
+        let tp = multiply(&e.t, &square(cc, self.shared, &e.columns), n, nl, nl);
         let sc: Vec<f64> = a.iter().zip(&tp).map(|(a, tp)| a - tp).collect();
         let iq = multiply(&e.inverse, &qs.ss, n, n, n);
         let mut ss = multiply(&iq, &e.inverse, n, n, n);
         for i in 0..n {
             for j in 0..n {
-                let (ti, tj) = (&e.t[i * nc..(i + 1) * nc], &e.t[j * nc..(j + 1) * nc]);
-                ss[i * n + j] -= dot(&a[i * nc..(i + 1) * nc], tj) + dot(&sc[j * nc..(j + 1) * nc], ti);
+                let (ti, tj) = (&e.t[i * nl..(i + 1) * nl], &e.t[j * nl..(j + 1) * nl]);
+                ss[i * n + j] -= dot(&a[i * nl..(i + 1) * nl], tj) + dot(&sc[j * nl..(j + 1) * nl], ti);
             }
         }
         symmetrise(&mut ss, n);
-        Own { n, ss, sc }
+        Own { n, columns: e.columns.clone(), ss, sc }
     }
+}
+
+impl Eliminated {
+    /// The rows of `t`.
+    fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        let nl = self.columns.len();
+        (0..self.n).map(move |i| &self.t[i * nl..(i + 1) * nl])
+    }
+}
+
+/// Components `columns` of a vector.
+fn pick(x: &[f64], columns: &[usize]) -> Vec<f64> {
+    columns.iter().map(|&c| x[c]).collect()
+}
+
+/// Rows and columns `columns` of a square matrix of size `n`.
+fn square(matrix: &[f64], n: usize, columns: &[usize]) -> Vec<f64> {
+    columns.iter().flat_map(|&i| columns.iter().map(move |&j| matrix[i * n + j])).collect()
 }
 
 pub fn diagonal(matrix: &[f64], n: usize) -> Vec<f64> {
@@ -257,14 +299,14 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// `c -= a' b` with `a`, `b` `[n][m]`.
-fn subtract_transposed(c: &mut [f64], a: &[f64], b: &[f64], n: usize, m: usize) {
+/// `c -= a' b` with `a`, `b` `[n][columns]`, into rows and columns `columns` of `c` of size `nc`.
+fn subtract_transposed(c: &mut [f64], a: &[f64], b: &[f64], n: usize, columns: &[usize], nc: usize) {
+    let m = columns.len();
     for k in 0..n {
-        for i in 0..m {
-            let aki = a[k * m + i];
-            for j in 0..m {
-                c[i * m + j] -= aki * b[k * m + j];
-            }
+        let bk = &b[k * m..(k + 1) * m];
+        for (aki, &i) in a[k * m..(k + 1) * m].iter().zip(columns) {
+            let row = &mut c[i * nc..(i + 1) * nc];
+            columns.iter().zip(bk).for_each(|(&j, b)| row[j] -= aki * b);
         }
     }
 }

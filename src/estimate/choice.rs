@@ -1,13 +1,14 @@
-//! A model and settings in; which parameters and initial states are free, and all start values, out.
+//! A model and settings in; which parameters and initial states are free, where their values hold and where they start, out.
 
 use super::Settings;
+use super::segment::{CAMPAIGN, SEGMENT, Segment};
 use crate::error::{Error, Errors};
 use crate::model::{Model, Scope};
 
 /// What is estimated, by index into the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chosen {
-    /// Free parameters with one value for all segments, in the model's order.
+    /// Free parameters with one value for all segments, or one per group of them, in the model's order.
     pub shared: Vec<usize>,
     /// Free parameters with one value per segment, in the model's order.
     pub own: Vec<usize>,
@@ -15,13 +16,25 @@ pub struct Chosen {
     pub initial: Vec<usize>,
     /// Start values of all parameters, free or not.
     pub parameters: Vec<f64>,
+    /// Where one value of each parameter holds, as the settings and the model say.
+    pub scopes: Vec<Scope>,
 }
 
-/// Reads the settings against the model.
+impl Chosen {
+    /// Columns by which free parameters differ.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        self.shared.iter().filter_map(|&p| match &self.scopes[p] {
+            Scope::Column(column) => Some(column.as_str()),
+            _ => None,
+        })
+    }
+}
+
+/// Reads the settings against the model and the labels of the segments.
 ///
 /// # Errors
-/// Unknown names, and free parameters that start outside their bounds or at no number: all at once.
-pub fn choose(model: &Model, settings: &Settings) -> Result<Chosen, Errors> {
+/// Unknown names, columns that no segment has, and free parameters that start outside their bounds or at no number: all at once.
+pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Chosen, Errors> {
     let mut errors = Errors::default();
     let names: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
     let mut find = |setting: &str, name: &str| {
@@ -43,6 +56,12 @@ pub fn choose(model: &Model, settings: &Settings) -> Result<Chosen, Errors> {
             parameters[i] = *value;
         }
     }
+    let mut scopes: Vec<Scope> = model.parameters.iter().map(|p| p.scope.clone()).collect();
+    for (name, per) in &settings.per {
+        if let Some(i) = find("per", name) {
+            scopes[i] = Scope::parse(per);
+        }
+    }
     let states: Vec<&str> = model.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.name.as_str()).collect();
     let mut initial = Vec::new();
     for name in &settings.initial {
@@ -54,9 +73,41 @@ pub fn choose(model: &Model, settings: &Settings) -> Result<Chosen, Errors> {
     initial.sort_unstable();
     initial.dedup();
     check_starts(model, &parameters, &free, &mut errors);
-    let of = |scope: Scope| (0..names.len()).filter(|&i| free[i] && model.parameters[i].scope == scope).collect();
-    let (shared, own) = (of(Scope::Campaign), of(Scope::Segment));
-    errors.or(Chosen { shared, own, initial, parameters })
+    check_outputs(model, settings, &mut errors);
+    let (own, shared) = (0..names.len()).filter(|&i| free[i]).partition(|&i| scopes[i] == Scope::Segment);
+    let chosen = Chosen { shared, own, initial, parameters, scopes };
+    for &p in &chosen.shared {
+        if let Scope::Column(column) = &chosen.scopes[p] {
+            check_column(&format!("parameter \"{}\" of model {}", names[p], model.name), column, segments, &mut errors);
+        }
+    }
+    if ![CAMPAIGN, SEGMENT].contains(&settings.noise_per.as_str()) {
+        check_column("the noise", &settings.noise_per, segments, &mut errors);
+    }
+    errors.or(chosen)
+}
+
+fn check_column(what: &str, column: &str, segments: &[Segment], errors: &mut Errors) {
+    if segments.is_empty() || segments.iter().any(|s| s.labels.contains_key(column)) {
+        return;
+    }
+    let mut known: Vec<&str> = vec![CAMPAIGN, SEGMENT];
+    known.extend(segments.iter().flat_map(|s| s.labels.keys().map(String::as_str)));
+    known.sort_unstable();
+    known.dedup();
+    let error = Error::new(format!("{what} is per \"{column}\", but no segment has a label of that name"));
+    errors.push(error.help(format!("there are {}", known.join(", "))));
+}
+
+fn check_outputs(model: &Model, settings: &Settings, errors: &mut Errors) {
+    let names: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
+    for (name, sd) in &settings.floor {
+        if model.output(name).is_none() {
+            errors.push(unknown("floor", name, "output", model, &names));
+        } else if !(*sd >= 0.0 && sd.is_finite()) {
+            errors.push(Error::new(format!("floor: the standard deviation of \"{name}\" is at least zero, not {sd}")));
+        }
+    }
 }
 
 fn check_starts(model: &Model, parameters: &[f64], free: &[bool], errors: &mut Errors) {
@@ -74,7 +125,7 @@ fn check_starts(model: &Model, parameters: &[f64], free: &[bool], errors: &mut E
     }
 }
 
-fn unknown(setting: &str, name: &str, kind: &str, model: &Model, known: &[&str]) -> Error {
+pub fn unknown(setting: &str, name: &str, kind: &str, model: &Model, known: &[&str]) -> Error {
     let near = known.iter().copied().max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
     let error = Error::new(format!("{setting}: model {} has no {kind} \"{name}\"", model.name));
     match near {

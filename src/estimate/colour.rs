@@ -8,10 +8,19 @@
 //! above, and the model is fitted to that; since `s` and `P` depend on the model, this is repeated.
 //!
 //! Samples count as equally spaced: with uneven time stamps, lag means number of samples. A masked sample keeps its place.
+//!
+//! Each output has a model of its own (in each group of segments with an `R` of its own). Where `R` is full, noise of different outputs
+//! is taken to be correlated through innovations of the same instant only: with `A_i` the whitening filter of output `i`,
+//! `Sigma_ij = A_i^-1 D_i^1/2 c_ij P_ij D_j^1/2 A_j^-T`, where `P_ij` marks pairs of the same instant. The numbers `c_ij` are such that
+//! samples of the same instant have the correlation that `R` says (exactly so for outputs of the same rate): `R`'s correlation over the
+//! likeness of both colours, made smaller together where the matrix `c` would not be positive definite. So correlation at the
+//! same instant counts fully, and correlation between different instants as far as it follows from it and the colours; a delay between
+//! the noise of two outputs is not modelled.
 
 use super::arrow::{Arrow, Factor, Own};
-use super::filter::{Filter, filters};
-use super::problem::{Block, Layout};
+use super::noise::Covariance;
+use super::problem::{Block, Evaluate, Layout};
+use super::sigma::Sigma;
 use super::{OrderCriterion, Settings};
 use crate::math::ar::{self, Ar};
 use rayon::prelude::*;
@@ -30,7 +39,7 @@ pub struct Colour {
     pub crlb: Arrow,
     /// Blocks of the covariance on the border and of every segment with itself and the border.
     pub covariance: Arrow,
-    /// Per noise class, in the unit of its residuals.
+    /// Per group of segments and output (`group * outputs + output`), in the unit of its residuals.
     pub models: Vec<Ar>,
 }
 
@@ -42,10 +51,7 @@ pub struct Source<'a, F> {
     kept: Vec<Option<Vec<Block>>>,
 }
 
-impl<'a, F> Source<'a, F>
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
+impl<'a, F: Evaluate> Source<'a, F> {
     pub fn new(layout: &'a Layout, evaluate: &'a F, theta: &'a [f64]) -> Self {
         let mut source = Source { layout, evaluate, theta, kept: Vec::new() };
         let mut size = 0;
@@ -63,7 +69,7 @@ where
 
     /// Blocks whose masked samples have sensitivities of zero, which add nothing to any sum; their residuals stay NaN.
     fn fresh(&self, s: usize) -> Option<Vec<Block>> {
-        let mut blocks = (self.evaluate)(s, &self.layout.local(s, self.theta))?;
+        let mut blocks = (self.evaluate)(s, &self.layout.local(s, self.theta), true)?;
         let nd = self.layout.parts[s].directions();
         for block in &mut blocks {
             empty_masked(&block.e, &mut block.g, nd);
@@ -91,34 +97,33 @@ where
 }
 
 /// Covariance of the estimates when the residuals have the colour they show. `matrix` is the normal matrix with priors, parameters
-/// on a bound (`held`) pinned; `r` the variances it was weighted with; `count` the scored samples per class.
-pub fn coloured<F>(
+/// on a bound (`held`) pinned; `noise` the `R` of every group it was weighted with.
+pub fn coloured<F: Evaluate>(
     source: &Source<F>,
     matrix: &Arrow,
     held: &[bool],
-    r: &[f64],
-    count: &[usize],
+    noise: &[Covariance],
     settings: &Settings,
-) -> Option<Colour>
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
+) -> Option<Colour> {
     let factor = matrix.factor()?;
     let mut inverse = factor.sandwich(matrix);
     clear(&mut inverse, held);
     let lags = settings.max_ar_order;
-    let raw = products(source, r.len(), lags)?;
-    let mut models = fit(&raw.sums, &raw, count, settings);
-    let mut covariance = spread(source, &factor, held, r, &models)?;
+    let count: Vec<usize> = noise.iter().flat_map(|r| r.count.iter().copied()).collect();
+    let raw = products(source, count.len(), lags)?;
+    let mut models = fit(&raw.sums, &raw, &count, settings);
+    let mut sigma = Sigma::new(source.layout, noise, &models)?;
+    let mut covariance = spread(source, &factor, held, &sigma)?;
     for _ in 0..ROUNDS {
-        let absorbed = absorbed(source, &inverse, &covariance, r, &models, lags)?;
+        let absorbed = absorbed(source, &inverse, &covariance, &sigma, lags)?;
         let total: Vec<Vec<f64>> = raw.sums.iter().zip(&absorbed).map(|(a, b)| add(a, b)).collect();
-        let next = fit(&total, &raw, count, settings);
+        let next = fit(&total, &raw, &count, settings);
         if next.iter().zip(&models).all(|(a, b)| same(a, b)) {
             break;
         }
         models = next;
-        covariance = spread(source, &factor, held, r, &models)?;
+        sigma = Sigma::new(source.layout, noise, &models)?;
+        covariance = spread(source, &factor, held, &sigma)?;
     }
     Some(Colour { crlb: inverse, covariance, models })
 }
@@ -143,16 +148,13 @@ struct Products {
     pairs: Vec<Vec<f64>>,
 }
 
-fn products<F>(source: &Source<F>, classes: usize, lags: usize) -> Option<Products>
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
+fn products<F: Evaluate>(source: &Source<F>, classes: usize, lags: usize) -> Option<Products> {
     let mut all = Products { sums: vec![vec![0.0; lags + 1]; classes], pairs: vec![vec![0.0; lags + 1]; classes] };
     source.each(
-        |_, blocks| {
+        |s, blocks| {
             let one = |b: &Block| {
                 let pairs = |k| b.e.iter().zip(b.e.iter().skip(k)).map(|(x, y)| x * y).filter(|v: &f64| !v.is_nan());
-                (b.class, lagged(lags, |k| pairs(k).sum()), lagged(lags, |k| pairs(k).count() as f64))
+                (Sigma::class(source.layout, s, b), lagged(lags, |k| pairs(k).sum()), lagged(lags, |k| pairs(k).count() as f64))
             };
             blocks.iter().map(one).collect::<Vec<_>>()
         },
@@ -191,27 +193,21 @@ fn fit(sums: &[Vec<f64>], raw: &Products, count: &[usize], settings: &Settings) 
 }
 
 /// Covariance `M^-1 Q M^-1` with `Q = sum G' R^-1 Sigma R^-1 G`, plus the information of the priors.
-fn spread<F>(source: &Source<F>, factor: &Factor, held: &[bool], r: &[f64], models: &[Ar]) -> Option<Arrow>
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
+fn spread<F: Evaluate>(source: &Source<F>, factor: &Factor, held: &[bool], sigma: &Sigma) -> Option<Arrow> {
     let layout = source.layout;
     let nc = layout.shared;
-    let filters = filters(models)?;
     let mut q = Arrow { shared: nc, cc: vec![0.0; nc * nc], own: Vec::with_capacity(layout.parts.len()) };
+    let mut known = true;
     source.each(
-        |s, blocks| {
-            let nd = layout.parts[s].directions();
-            let mut q = vec![0.0; nd * nd];
-            for block in blocks {
-                let filter = &filters[block.class];
-                let v = filter.backward(&block.g, nd);
-                filter.add_spread(&v, nd, 1.0 / (r[block.class] * r[block.class]), &mut q);
-            }
-            q
+        |s, blocks| sigma.spread(s, blocks),
+        |s, local| match local {
+            Some(local) => add_local(&mut q, layout, s, &local),
+            None => known = false,
         },
-        |s, local| add_local(&mut q, layout, s, &local),
     )?;
+    if !known {
+        return None;
+    }
     for i in 0..layout.start.len() {
         q.add_diagonal(i, layout.prior_weight(i));
     }
@@ -224,13 +220,13 @@ fn add_local(q: &mut Arrow, layout: &Layout, s: usize, local: &[f64]) {
     let (part, nc) = (&layout.parts[s], layout.shared);
     let (nl, nd, n) = (part.shared.len(), part.directions(), part.own);
     let at = |i: usize, j: usize| local[i.max(j) * nd + i.min(j)];
-    let mut own = Own { n, ss: vec![0.0; n * n], sc: vec![0.0; n * nc] };
+    let mut own = Own::empty(n, &part.shared);
     for (i, &gi) in part.shared.iter().enumerate() {
         for (j, &gj) in part.shared.iter().enumerate() {
             q.cc[gi * nc + gj] += at(i, j);
         }
         for k in 0..n {
-            own.sc[k * nc + gi] += at(nl + k, i);
+            own.sc[k * nl + i] += at(nl + k, i);
         }
     }
     for i in 0..n {
@@ -252,8 +248,8 @@ fn local(matrix: &Arrow, layout: &Layout, s: usize) -> Vec<f64> {
             out[i * nd + j] = matrix.cc[gi * nc + gj];
         }
         for k in 0..own.n {
-            out[(nl + k) * nd + i] = own.sc[k * nc + gi];
-            out[i * nd + nl + k] = own.sc[k * nc + gi];
+            out[(nl + k) * nd + i] = own.sc[k * nl + i];
+            out[i * nd + nl + k] = own.sc[k * nl + i];
         }
     }
     for i in 0..own.n {
@@ -265,40 +261,38 @@ fn local(matrix: &Arrow, layout: &Layout, s: usize) -> Vec<f64> {
 }
 
 /// What the fit absorbed of the sums of products, per class and lag.
-fn absorbed<F>(
+fn absorbed<F: Evaluate>(
     source: &Source<F>,
     inverse: &Arrow,
     covariance: &Arrow,
-    r: &[f64],
-    models: &[Ar],
+    sigma: &Sigma,
     lags: usize,
-) -> Option<Vec<Vec<f64>>>
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
-    let filters = filters(models)?;
-    let mut all = vec![vec![0.0; lags + 1]; r.len()];
+) -> Option<Vec<Vec<f64>>> {
+    let layout = source.layout;
+    let mut all = vec![vec![0.0; lags + 1]; layout.noise.groups * layout.noise.outputs];
+    let mut known = true;
     source.each(
         |s, blocks| {
-            let nd = source.layout.parts[s].directions();
-            let (m, p) = (local(inverse, source.layout, s), local(covariance, source.layout, s));
-            blocks.iter().map(|b| (b.class, absorbed_block(b, nd, &m, &p, &filters[b.class], r[b.class], lags))).collect::<Vec<_>>()
+            let (m, p) = (local(inverse, layout, s), local(covariance, layout, s));
+            let rows = sigma.rows(s, blocks)?;
+            let one = |(b, rows)| (Sigma::class(layout, s, b), absorbed_block(b, layout.parts[s].directions(), &m, &p, rows, lags));
+            Some(blocks.iter().zip(rows).map(one).collect::<Vec<_>>())
         },
         |_, parts| {
-            for (class, sums) in parts {
+            known &= parts.is_some();
+            for (class, sums) in parts.into_iter().flatten() {
                 all[class] = add(&all[class], &sums);
             }
         },
     )?;
-    Some(all)
+    known.then_some(all)
 }
 
-fn absorbed_block(block: &Block, nd: usize, m: &[f64], p: &[f64], filter: &Filter, r: f64, lags: usize) -> Vec<f64> {
+/// `s` are the block's rows of `Sigma R^-1 G`.
+fn absorbed_block(block: &Block, nd: usize, m: &[f64], p: &[f64], mut s: Vec<f64>, lags: usize) -> Vec<f64> {
     let n = block.e.len();
     let u = rows_times(&block.g, m, nd);
     let v = rows_times(&block.g, p, nd);
-    let mut s = filter.backward(&block.g, nd);
-    filter.forward(&mut s, nd);
     empty_masked(&block.e, &mut s, nd);
     let row = |a: &[f64], b: &[f64], i: usize, j: usize| -> f64 {
         a[i * nd..(i + 1) * nd].iter().zip(&b[j * nd..(j + 1) * nd]).map(|(x, y)| x * y).sum()
@@ -306,7 +300,7 @@ fn absorbed_block(block: &Block, nd: usize, m: &[f64], p: &[f64], filter: &Filte
     lagged(lags, |k| {
         (0..n.saturating_sub(k))
             .filter(|&i| i + k < n)
-            .map(|i| (row(&u, &s, i, i + k) + row(&u, &s, i + k, i)) / r - row(&v, &block.g, i, i + k))
+            .map(|i| row(&u, &s, i, i + k) + row(&u, &s, i + k, i) - row(&v, &block.g, i, i + k))
             .sum()
     })
 }
@@ -337,19 +331,17 @@ pub mod tests_only {
     //! What the tests compare with full matrices.
     use super::*;
 
-    pub fn spread_and_absorbed<F>(
+    pub fn spread_and_absorbed<F: Evaluate>(
         source: &Source<F>,
         matrix: &Arrow,
-        r: &[f64],
+        noise: &[Covariance],
         models: &[Ar],
         lags: usize,
-    ) -> Option<(Arrow, Vec<Vec<f64>>)>
-    where
-        F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-    {
+    ) -> Option<(Arrow, Vec<Vec<f64>>)> {
         let factor = matrix.factor()?;
-        let covariance = spread(source, &factor, &[], r, models)?;
-        let absorbed = absorbed(source, &factor.sandwich(matrix), &covariance, r, models, lags)?;
+        let sigma = Sigma::new(source.layout, noise, models)?;
+        let covariance = spread(source, &factor, &[], &sigma)?;
+        let absorbed = absorbed(source, &factor.sandwich(matrix), &covariance, &sigma, lags)?;
         Some((covariance, absorbed))
     }
 }

@@ -50,30 +50,43 @@ impl Filter {
         v
     }
 
-    /// `A^-1 D v` in place for rows `[sample][nd]`.
+    /// Variance of the innovation of sample `i`: element `i` of `D`.
+    pub fn variance(&self, i: usize) -> f64 {
+        self.variances[self.order(i)]
+    }
+
+    /// `A^-1 v` in place for rows `[sample][nd]`.
     pub fn forward(&self, v: &mut [f64], nd: usize) {
         let n = v.len().checked_div(nd).unwrap_or(0);
         for i in 0..n {
-            let order = self.order(i);
             let (before, at) = v.split_at_mut(i * nd);
-            at[..nd].iter_mut().for_each(|x| *x *= self.variances[order]);
-            for (j, a) in self.predictors[order].iter().enumerate() {
+            for (j, a) in self.predictors[self.order(i)].iter().enumerate() {
                 let from = &before[(i - 1 - j) * nd..(i - j) * nd];
                 at[..nd].iter_mut().zip(from).for_each(|(at, from)| *at += a * from);
             }
         }
     }
 
-    /// Adds `w v' D v` to the lower triangle of `q` `[nd][nd]`.
-    pub fn add_spread(&self, v: &[f64], nd: usize, w: f64, q: &mut [f64]) {
-        let n = v.len().checked_div(nd).unwrap_or(0);
-        for i in 0..n {
-            let row = &v[i * nd..(i + 1) * nd];
-            let weight = w * self.variances[self.order(i)];
-            for (a, x) in row.iter().enumerate() {
-                let scaled = weight * x;
-                q[a * nd..a * nd + a + 1].iter_mut().zip(row).for_each(|(q, y)| *q += scaled * y);
-            }
+    /// Sum of products of the responses of two processes to an impulse, `sum_k psi(k) phi(k)`, over that of each with itself:
+    /// 1 for processes of the same colour.
+    pub fn likeness(&self, other: &Filter) -> f64 {
+        let (a, b) = (self.impulse(), other.impulse());
+        let sum = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+        sum(&a, &b) / (sum(&a, &a) * sum(&b, &b)).sqrt()
+    }
+
+    /// The stationary process's response to an impulse, until nothing is left of it.
+    fn impulse(&self) -> Vec<f64> {
+        let last = self.predictors.last().map(Vec::as_slice).unwrap_or_default();
+        let mut psi = vec![1.0];
+        let left = |psi: &[f64]| psi.iter().rev().take(last.len()).any(|v: &f64| v.abs() > LEFT);
+        while psi.len() < LONGEST && left(&psi) {
+            psi.push(last.iter().zip(psi.iter().rev()).map(|(a, v)| a * v).sum());
         }
+        psi
     }
 }
+
+/// When an impulse is forgotten, and the number of samples after which it is given up.
+const LEFT: f64 = 1e-9;
+const LONGEST: usize = 1 << 14;

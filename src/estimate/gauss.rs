@@ -1,14 +1,17 @@
 //! The Gauss-Newton iteration: a problem over segments in; the maximum-likelihood point, its normal matrix and history out.
 
 use super::arrow::{Arrow, Factor};
-use super::problem::{Block, Layout, Totals, pass};
-use super::{Iteration, Stop};
+use super::noise::{Covariance, Scatter};
+use super::problem::{Evaluate, Layout, Totals, pass, scatter, weighed};
+use super::{Iteration, StepControl, Stop};
 
-/// When to stop (`Settings` documents the fields).
+/// When to stop and how to step (`Settings` documents the fields).
 #[derive(Debug, Clone, Copy)]
 pub struct Rule {
+    pub control: StepControl,
     pub tolerance: f64,
     pub step_tolerance: f64,
+    pub gradient_tolerance: f64,
     pub max_iterations: usize,
     pub max_halvings: usize,
 }
@@ -19,11 +22,10 @@ pub struct Fit {
     pub theta: Vec<f64>,
     pub stop: Stop,
     pub iterations: Vec<Iteration>,
-    /// Variance per noise class at `theta` (1 for a class without samples).
-    pub r: Vec<f64>,
+    /// `R` per group of segments at `theta`; none where the model was not finite.
+    pub noise: Vec<Covariance>,
+    /// `ln|R|`; of several groups the mean, weighted with their samples.
     pub ln_det: f64,
-    /// Scored samples per class.
-    pub count: Vec<usize>,
     /// The normal matrix at `theta` with priors; none where the model was not finite or there was no data.
     pub matrix: Option<Arrow>,
     /// Parameters that sit on a bound and would leave it if they could.
@@ -32,87 +34,152 @@ pub struct Fit {
 
 /// A step of this length, in standard deviations, is nothing: if no part of it improves the likelihood, rounding is the reason.
 const NOTHING: f64 = 1e-3;
+/// First damping of Levenberg and Marquardt, as a share of the diagonal; with more than `DAMPED` a small change proves nothing.
+const DAMPING: f64 = 1e-3;
+const DAMPED: f64 = 1e-2;
+
+/// What decides whether a step is taken.
+struct Trial {
+    theta: Vec<f64>,
+    noise: Vec<Covariance>,
+    ln_det: f64,
+    cost: f64,
+    /// The sums per output, where one pass yields them together with the residuals.
+    totals: Option<Totals>,
+}
 
 /// All that is known at one parameter vector.
 struct Point {
     theta: Vec<f64>,
-    totals: Totals,
-    r: Vec<f64>,
+    noise: Vec<Covariance>,
     ln_det: f64,
     cost: f64,
+    /// Normal matrix and gradient (downhill), priors included.
+    matrix: Arrow,
+    gradient: Vec<f64>,
 }
 
-impl Point {
-    fn at<F>(layout: &Layout, evaluate: &F, theta: Vec<f64>) -> Option<Point>
-    where
-        F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-    {
-        let totals = pass(layout, evaluate, &theta)?;
-        let mut r = vec![1.0; layout.classes];
-        let (mut cost, mut ln_det) = (0.0, 0.0);
-        for (j, r) in r.iter_mut().enumerate() {
-            if totals.count[j] > 0 {
-                let n = totals.count[j] as f64;
-                let mean = totals.square[j] / n;
-                *r = mean.max(layout.floor[j]);
-                ln_det += libm::log(*r);
-                // attas (A4) at the best R: N/2 ln R; on the floor the sum of squares counts as well.
-                cost += 0.5 * n * (libm::log(*r) + mean / *r - 1.0);
-            }
-        }
+impl Trial {
+    fn at<F: Evaluate>(layout: &Layout, evaluate: &F, theta: Vec<f64>) -> Option<Trial> {
+        let (groups, totals) = if layout.noise.is_simple() {
+            pass(layout, evaluate, &theta).map(|(groups, totals)| (groups, Some(totals)))?
+        } else {
+            (scatter(layout, evaluate, &theta)?, None)
+        };
+        let noise: Vec<Covariance> = groups.iter().map(|s: &Scatter| s.covariance(&layout.noise)).collect::<Option<_>>()?;
+        let mut cost: f64 = noise.iter().map(|r| r.cost).sum();
         for i in 0..theta.len() {
             let d = (theta[i] - layout.start[i]) / layout.prior_sd[i];
             cost += 0.5 * d * d;
         }
-        cost.is_finite().then_some(Point { theta, totals, r, ln_det, cost })
+        let ln_det = mean_ln_det(&noise);
+        cost.is_finite().then_some(Trial { theta, noise, ln_det, cost, totals })
     }
 
-    /// Normal matrix and gradient, priors included.
-    fn normal(&self, layout: &Layout) -> (Arrow, Vec<f64>) {
-        let (mut matrix, mut gradient) = self.totals.weigh(layout, &self.r);
-        for i in 0..self.theta.len() {
+    /// With the normal equations; `None` where a sensitivity is not finite.
+    fn complete<F: Evaluate>(self, layout: &Layout, evaluate: &F) -> Option<Point> {
+        let Trial { theta, noise, ln_det, cost, totals } = self;
+        let (mut matrix, mut gradient) = match (totals, &noise[..]) {
+            (Some(totals), [r]) => {
+                let weights: Vec<f64> = r.variances().iter().map(|r| 1.0 / r).collect();
+                totals.weigh(layout, &weights)
+            }
+            _ => weighed(layout, evaluate, &theta, &noise)?.weigh(layout, &[1.0]),
+        };
+        for i in 0..theta.len() {
             let weight = layout.prior_weight(i);
             if weight > 0.0 {
                 matrix.add_diagonal(i, weight);
-                gradient[i] += weight * (layout.start[i] - self.theta[i]);
+                gradient[i] += weight * (layout.start[i] - theta[i]);
             }
         }
-        (matrix, gradient)
+        Some(Point { theta, noise, ln_det, cost, matrix, gradient })
     }
 }
 
+fn mean_ln_det(noise: &[Covariance]) -> f64 {
+    let [first, rest @ ..] = noise else { return 0.0 };
+    if rest.is_empty() {
+        return first.ln_det;
+    }
+    let samples = |r: &Covariance| r.count.iter().sum::<usize>() as f64;
+    noise.iter().map(|r| samples(r) * r.ln_det).sum::<f64>() / noise.iter().map(samples).sum::<f64>().max(1.0)
+}
+
+impl Point {
+    fn at<F: Evaluate>(layout: &Layout, evaluate: &F, theta: Vec<f64>) -> Option<Point> {
+        Trial::at(layout, evaluate, theta)?.complete(layout, evaluate)
+    }
+
+    /// Parameters on a bound that the gradient pushes against it.
+    fn held(&self, layout: &Layout) -> Vec<bool> {
+        let at = |i: usize| {
+            let (x, g) = (self.theta[i], self.gradient[i]);
+            (x <= layout.lower[i] && g <= 0.0) || (x >= layout.upper[i] && g >= 0.0)
+        };
+        (0..self.theta.len()).map(at).collect()
+    }
+
+    /// The steepest slope over the free parameters, each measured by its own information: `max |g_i| / sqrt(M_ii)`.
+    fn slope(&self, layout: &Layout) -> f64 {
+        let held = self.held(layout);
+        let diagonal = self.matrix.diagonal();
+        let each = (0..held.len()).filter(|&i| !held[i] && diagonal[i] > 0.0);
+        each.map(|i| self.gradient[i].abs() / diagonal[i].sqrt()).fold(0.0, f64::max)
+    }
+}
+
+/// A step that was taken.
+struct Taken {
+    point: Point,
+    /// Trial points refused before.
+    refused: usize,
+    damping: f64,
+    /// `sqrt(d' M d)` of the step itself.
+    length: f64,
+}
+
 /// Minimises `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) from `layout.start`.
-pub fn minimise<F>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
-    let theta = layout.start.clone();
-    let Some(mut point) = Point::at(layout, evaluate, theta) else {
+pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit {
+    let Some(mut point) = Point::at(layout, evaluate, layout.start.clone()) else {
         return failed(layout, Stop::NotFinite);
     };
-    if layout.start.is_empty() || point.totals.count.iter().all(|&n| n == 0) {
+    if layout.start.is_empty() || point.noise.iter().all(|r| r.count.iter().all(|&n| n == 0)) {
         return ended(layout, point, Vec::new(), Stop::NoData);
     }
-    let mut history = vec![line(0, &point, 0.0, 0)];
+    let mut history = vec![line(0, layout, &point)];
     let mut stop = Stop::IterationLimit;
+    let mut damping = Damping { value: DAMPING, growth: 2.0 };
     for iteration in 1..=rule.max_iterations {
-        let (matrix, gradient) = point.normal(layout);
-        let Some(step) = bounded_step(layout, &point.theta, &matrix, &gradient) else {
+        let whole = bounded_step(layout, &point.theta, &point.matrix, &point.gradient);
+        if whole.is_none() && rule.control == StepControl::Halving {
             stop = Stop::Singular;
             break;
+        }
+        let length = whole.as_ref().map(|step| point.matrix.quadratic(step).max(0.0).sqrt());
+        let taken = match (rule.control, &whole) {
+            (StepControl::Halving, Some(step)) => halve(layout, evaluate, &point, step, rule.max_halvings),
+            _ => damp(layout, evaluate, &point, &mut damping, rule.max_halvings),
         };
-        let length = matrix.quadratic(&step).max(0.0).sqrt();
-        let Some((next, halvings)) = search(layout, evaluate, &point, &step, rule.max_halvings) else {
-            stop = if length <= rule.step_tolerance.max(NOTHING) { Stop::Converged } else { Stop::NoImprovement };
+        let Some(taken) = taken else {
+            stop = match length {
+                None => Stop::Singular,
+                Some(length) if length <= rule.step_tolerance.max(NOTHING) => Stop::Converged,
+                Some(_) => Stop::NoImprovement,
+            };
             break;
         };
-        let change = libm::expm1(next.ln_det - point.ln_det).abs();
-        point = next;
-        history.push(line(iteration, &point, length, halvings));
+        // Where only damping makes a step finite, its own length counts; whether the data determine it is judged at the end.
+        let length = length.unwrap_or(taken.length);
+        let change = libm::expm1(taken.point.ln_det - point.ln_det).abs();
+        point = taken.point;
+        let now = Iteration { change, step: length, halvings: taken.refused, damping: taken.damping, ..line(iteration, layout, &point) };
+        history.push(now);
         let small = rule.step_tolerance == 0.0 || length <= rule.step_tolerance;
+        let flat = rule.gradient_tolerance == 0.0 || now.gradient <= rule.gradient_tolerance;
         // A step cut short changes little without being near the optimum, unless only rounding cut it.
-        let whole = halvings == 0 || length <= NOTHING;
-        if change < rule.tolerance && small && whole {
+        let free = taken.refused == 0 && taken.damping <= DAMPED || length <= NOTHING;
+        if change < rule.tolerance && small && flat && free {
             stop = Stop::Converged;
             break;
         }
@@ -120,18 +187,50 @@ where
     ended(layout, point, history, stop)
 }
 
+/// The point at `theta + length * step` inside the bounds, if it is finite and not worse.
+fn try_step<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], length: f64) -> Option<Point> {
+    let theta = (0..step.len()).map(|i| (point.theta[i] + length * step[i]).clamp(layout.lower[i], layout.upper[i])).collect();
+    Trial::at(layout, evaluate, theta).filter(|trial| trial.cost <= point.cost)?.complete(layout, evaluate)
+}
+
 /// The longest of `step`, `step/2`, `step/4` ... that is finite and does not raise the cost.
-fn search<F>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], max_halvings: usize) -> Option<(Point, usize)>
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
+fn halve<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], max_halvings: usize) -> Option<Taken> {
     let mut length = 1.0;
-    for halvings in 0..=max_halvings {
-        let trial = (0..step.len()).map(|i| (point.theta[i] + length * step[i]).clamp(layout.lower[i], layout.upper[i])).collect();
-        match Point::at(layout, evaluate, trial) {
-            Some(next) if next.cost <= point.cost => return Some((next, halvings)),
-            _ => length *= 0.5,
+    for refused in 0..=max_halvings {
+        if let Some(next) = try_step(layout, evaluate, point, step, length) {
+            let whole = point.matrix.quadratic(step).max(0.0).sqrt();
+            return Some(Taken { point: next, refused, damping: 0.0, length: length * whole });
         }
+        length *= 0.5;
+    }
+    None
+}
+
+/// The damping of Levenberg and Marquardt: a share of the diagonal of the normal matrix added to it (Marquardt's scaling).
+struct Damping {
+    value: f64,
+    growth: f64,
+}
+
+/// A step of `(M + damping diag M) d = g`, damped more until it does not raise the cost. The damping for the next iteration follows
+/// from the gain compared with what the quadratic model promised (Nielsen's rule: Madsen, Nielsen & Tingleff, Eq. 3.14).
+fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut Damping, max_refused: usize) -> Option<Taken> {
+    let diagonal = point.matrix.diagonal();
+    for refused in 0..=max_refused {
+        let used = damping.value;
+        let mut matrix = point.matrix.clone();
+        diagonal.iter().enumerate().for_each(|(i, d)| matrix.add_diagonal(i, used * d));
+        let step = bounded_step(layout, &point.theta, &matrix, &point.gradient)?;
+        if let Some(next) = try_step(layout, evaluate, point, &step, 1.0) {
+            let slope: f64 = step.iter().zip(&point.gradient).map(|(d, g)| d * g).sum();
+            let square = point.matrix.quadratic(&step).max(0.0);
+            let promised = slope - 0.5 * square;
+            let gain = if promised > 0.0 { (point.cost - next.cost) / promised } else { 0.5 };
+            let factor = 1.0 - (2.0 * gain - 1.0).powi(3);
+            *damping = Damping { value: used * factor.clamp(1.0 / 3.0, 2.0), growth: 2.0 };
+            return Some(Taken { point: next, refused, damping: used, length: square.sqrt() });
+        }
+        *damping = Damping { value: used * damping.growth, growth: 2.0 * damping.growth };
     }
     None
 }
@@ -171,8 +270,17 @@ fn pinned(matrix: &Arrow, rhs: &mut [f64], pins: &[Option<f64>]) -> Option<Facto
     matrix.factor()
 }
 
-fn line(iteration: usize, point: &Point, step: f64, halvings: usize) -> Iteration {
-    Iteration { iteration, cost: point.cost, det_r: libm::exp(point.ln_det), step, halvings }
+fn line(iteration: usize, layout: &Layout, point: &Point) -> Iteration {
+    Iteration {
+        iteration,
+        cost: point.cost,
+        det_r: libm::exp(point.ln_det),
+        change: 0.0,
+        step: 0.0,
+        gradient: point.slope(layout),
+        halvings: 0,
+        damping: 0.0,
+    }
 }
 
 fn failed(layout: &Layout, stop: Stop) -> Fit {
@@ -180,23 +288,15 @@ fn failed(layout: &Layout, stop: Stop) -> Fit {
         theta: layout.start.clone(),
         stop,
         iterations: Vec::new(),
-        r: vec![f64::NAN; layout.classes],
+        noise: Vec::new(),
         ln_det: f64::NAN,
-        count: vec![0; layout.classes],
         matrix: None,
         held: vec![false; layout.start.len()],
     }
 }
 
 fn ended(layout: &Layout, point: Point, iterations: Vec<Iteration>, stop: Stop) -> Fit {
-    let (matrix, gradient) = point.normal(layout);
-    let held = (0..point.theta.len())
-        .map(|i| {
-            let (x, g) = (point.theta[i], gradient[i]);
-            (x <= layout.lower[i] && g <= 0.0) || (x >= layout.upper[i] && g >= 0.0)
-        })
-        .collect();
-    let matrix = (stop != Stop::NoData).then_some(matrix);
-    let Point { theta, totals, r, ln_det, .. } = point;
-    Fit { theta, stop, iterations, r, ln_det, count: totals.count, matrix, held }
+    let held = point.held(layout);
+    let Point { theta, noise, ln_det, matrix, .. } = point;
+    Fit { theta, stop, iterations, noise, ln_det, matrix: (stop != Stop::NoData).then_some(matrix), held }
 }

@@ -1,37 +1,47 @@
 //! Maximum-likelihood output error: a model and records in; estimates with honest standard deviations, responses and a stop reason out.
 //!
-//! The cost is `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) with `R` diagonal and re-estimated from the residuals `e = z - y`
-//! of all segments together, every output scored at its own time stamps. Gauss-Newton steps are accepted on the concentrated
-//! likelihood (`R` at its optimum for the trial point), never on the cost at a fixed `R`.
+//! The cost is `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) with `R` re-estimated from the residuals `e = z - y` of all segments
+//! together (or per group of segments), diagonal or full, every output scored at its own time stamps. Steps of Gauss and Newton, or of
+//! Levenberg and Marquardt, are accepted on the concentrated likelihood (`R` at its optimum for the trial point), never on the cost at
+//! a fixed `R`.
 //!
 //! | file | what it does |
 //! |---|---|
+//! | `segment` | records with labels; groups of segments; which samples belong together |
 //! | `problem` | parameters in two parts, shared and per segment; what a segment hands over; the pass over all segments |
+//! | `noise` | `R` per group of segments, with floor and missing samples, and the cost at it |
 //! | `arrow` | the normal equations, every segment's own block eliminated first |
-//! | `gauss` | the iteration: step, bounds, halving, stopping |
+//! | `gauss` | the iteration: step, bounds, halving or damping, stopping |
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
+//! | `sigma` | products of a segment's sensitivities with the covariance of coloured noise |
 //! | `filter` | products with the covariance matrix of an autoregressive process |
 //! | `solution` | the four together: estimates and covariances by parameter index |
 //! | `choice` | settings against the model: what is free, where it starts |
-//! | `output_error` | a compiled model over records, as such a problem |
+//! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
+//! | `case` | that problem for the segments used |
 //! | `result` | names put to the solution |
 
 mod arrow;
+mod case;
 mod choice;
 mod colour;
 mod filter;
 mod gauss;
+mod noise;
 mod output_error;
 mod problem;
 mod rank;
 mod result;
+mod segment;
+mod sigma;
 mod solution;
 #[cfg(test)]
 mod tests;
 
-pub use output_error::estimate;
-pub use rank::{Combination, Verdict};
+pub use output_error::{estimate, estimate_segments};
+pub use rank::{Combination, Term, Verdict};
+pub use segment::Segment;
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -49,14 +59,29 @@ pub struct Settings {
     pub starts: IndexMap<String, f64>,
     /// States whose initial value is estimated, one value per segment; all others begin where the model says.
     pub initial: Vec<String>,
+    /// Where one value of a parameter holds, instead of what the model file says: `per = { C_m_0 = "flap", dz_q = "flight" }`, with
+    /// "campaign", "segment", or a column that describes segments.
+    pub per: IndexMap<String, String>,
+    /// Whether the noise of different outputs is independent, or correlated at the same instant.
+    pub noise: NoiseKind,
+    /// What the noise is estimated over: one covariance for all segments ("campaign"), one each ("segment"), or one for all that are
+    /// alike in a column, such as "flight" (calm and turbulent air do not mix).
+    pub noise_per: String,
+    /// Smallest standard deviation that the noise of an output may be given, SI: `floor = { q = 1e-5 }`.
+    pub floor: IndexMap<String, f64>,
+    /// How steps are kept from going too far.
+    pub step_control: StepControl,
     /// Stop when the relative change of det R in one iteration is below this (and the step is small, see `step_tolerance`).
     pub tolerance: f64,
     /// Stop only when, besides, no combination of parameters moved by more than this many of its standard deviations;
     /// 0 asks for nothing beyond `tolerance`.
     pub step_tolerance: f64,
+    /// Stop only when, besides, no free parameter's gradient is larger than this share of the square root of its information (the
+    /// slope of the likelihood per standard deviation that the parameter would have alone); 0 asks for nothing.
+    pub gradient_tolerance: f64,
     /// Iterations after which the estimation ends as "iteration limit".
     pub max_iterations: usize,
-    /// Halvings of one step after which the estimation ends as "no improvement".
+    /// Refusals of one step (each halves it, or raises its damping) after which the estimation ends as "no improvement".
     pub max_halvings: usize,
     /// Use the priors (`sd`) of the model's parameters.
     pub priors: bool,
@@ -64,6 +89,30 @@ pub struct Settings {
     pub max_ar_order: usize,
     /// How that order is chosen.
     pub ar_order: OrderCriterion,
+}
+
+/// Whether outputs share noise.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum NoiseKind {
+    /// Every output has a variance; noise of different outputs is independent.
+    #[default]
+    Diagonal,
+    /// Samples of the same instant have a full covariance matrix; with masked samples or outputs of different rates its likelihood's
+    /// maximum is found from the pairs that are there.
+    Full,
+}
+
+/// How steps are kept from going too far. Both ways take a step only if it does not raise the concentrated cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StepControl {
+    /// The Gauss-Newton step, halved until it is good.
+    #[default]
+    Halving,
+    /// Damped by a share of the information of every parameter, which follows from the gain of the last step: shorter and turned to
+    /// the steepest descent. Helps where starts are poor or parameters hardly separable.
+    LevenbergMarquardt,
 }
 
 /// How the order of the residuals' autoregressive model is chosen.
@@ -84,8 +133,14 @@ impl Default for Settings {
             fixed: Vec::new(),
             starts: IndexMap::new(),
             initial: Vec::new(),
+            per: IndexMap::new(),
+            noise: NoiseKind::default(),
+            noise_per: "campaign".to_string(),
+            floor: IndexMap::new(),
+            step_control: StepControl::default(),
             tolerance: 1e-6,
             step_tolerance: 0.01,
+            gradient_tolerance: 0.01,
             max_iterations: 50,
             max_halvings: 20,
             priors: true,
@@ -132,6 +187,27 @@ impl std::fmt::Display for Stop {
     }
 }
 
+/// What a group of segments has in common.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Label {
+    pub column: String,
+    pub value: String,
+}
+
+impl std::fmt::Display for Label {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(f, "{} {}", self.column, self.value)
+    }
+}
+
+/// A segment that was not used, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Index of the record.
+    pub segment: usize,
+    pub why: String,
+}
+
 /// One estimated parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
@@ -139,8 +215,10 @@ pub struct Row {
     pub name: String,
     /// SI unit.
     pub unit: String,
-    /// The segment (index of the record) it belongs to; none for a value common to all.
+    /// The segment (index of the record) it belongs to; none for a value common to all, or to a group.
     pub segment: Option<usize>,
+    /// The group of segments it belongs to; none for a value common to all, or of one segment.
+    pub group: Option<Label>,
     /// Estimate; where the iteration did not converge, the best point reached.
     pub value: f64,
     /// Standard deviation that allows for coloured residuals; none unless converged, or on a bound.
@@ -169,26 +247,38 @@ pub struct Correlation {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
     pub iteration: usize,
-    /// Negative log-likelihood without its constants: `sum_j N_j/2 ln R_jj`, and half the squared deviations from priors.
+    /// Negative log-likelihood without its constants (`sum_j N_j/2 ln R_jj` where `R` is diagonal), and half the squared deviations
+    /// from priors.
     pub cost: f64,
+    /// Determinant of `R`; of several groups of segments the geometric mean, weighted with their samples.
     pub det_r: f64,
+    /// Relative change of `det_r`; 0 for the start.
+    pub change: f64,
     /// Length of the full Gauss-Newton step that led here, in standard deviations: `sqrt(d' M d)`; 0 for the start.
     pub step: f64,
-    /// How often that step was halved.
+    /// Steepest slope here over the parameters that are free to move: `max |g_i| / sqrt(M_ii)`.
+    pub gradient: f64,
+    /// Trial points refused before this one (halvings of the step, or raises of the damping).
     pub halvings: usize,
+    /// Share of the information's diagonal added to it (Levenberg-Marquardt); 0 without damping.
+    pub damping: f64,
 }
 
-/// What is known of one output's residuals over all segments.
+/// What is known of one output's residuals over all segments that share an `R`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutputScatter {
     pub name: String,
     pub unit: String,
-    /// Variance `R_jj = sum e^2 / N_j`, unit squared.
+    /// The group of segments; 0 where all share one `R`.
+    pub group: usize,
+    /// Variance `R_jj` (`sum e^2 / N_j` unless it is on its floor, or fitted together with others), unit squared.
     pub r: f64,
     /// Samples scored, N_j.
     pub count: usize,
     /// Samples masked (not a number), not scored.
     pub masked: usize,
+    /// Correlation of the noise with that of each output in the list; empty where outputs count as independent.
+    pub correlation: Vec<f64>,
     /// Coefficients `a_1..a_p` of the residuals' autoregressive model `r_k = a_1 r_{k-1} + ... + w_k`; empty for white.
     pub ar: Vec<f64>,
 }
@@ -211,15 +301,28 @@ pub struct Trace {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimation {
     pub stop: Stop,
-    /// Common parameters first, in the model's order; then, segment by segment, its parameters and initial states.
+    /// Parameters common to all segments or a group of them first, in the model's order; then, segment by segment, its parameters and
+    /// initial states. Segments left out have none.
     pub rows: Vec<Row>,
     pub correlations: Vec<Correlation>,
     pub iterations: Vec<Iteration>,
-    /// Product of the `R_jj`.
+    /// Determinant of `R`; of several groups of segments the geometric mean, weighted with their samples.
     pub det_r: f64,
-    /// The scored outputs, in the model's order.
+    /// The scored outputs, in the model's order, for every group of segments with an `R` of its own.
     pub outputs: Vec<OutputScatter>,
-    /// `responses[segment]`: the traces of the record's channels, at the values of `rows`.
+    /// Group of every segment; none for one left out.
+    pub noise_groups: Vec<Option<usize>>,
+    /// `responses[segment]`: the traces of the record's channels, at the values of `rows`; empty for a segment left out.
     pub responses: Vec<Vec<Trace>>,
     pub verdict: Verdict,
+    /// Segments that could not be used, ascending.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl Estimation {
+    /// What is known of an output's residuals in the group of a segment.
+    pub fn scatter(&self, segment: usize, output: &str) -> Option<&OutputScatter> {
+        let group = self.noise_groups.get(segment).copied().flatten()?;
+        self.outputs.iter().find(|o| o.group == group && o.name == output)
+    }
 }

@@ -1,6 +1,11 @@
 //! The least-squares problem over segments: a parameter vector in; residual sums and normal equations, added in segment order, out.
+//!
+//! With one diagonal `R` one pass is enough: sums are kept per output and weighed once all residuals are known. Otherwise `R` comes first
+//! (a pass without sensitivities), and every segment then weighs its own rows, so that a segment costs the same however many groups
+//! there are.
 
 use super::arrow::{Arrow, Own};
+use super::noise::{Covariance, Scatter, Structure};
 use rayon::prelude::*;
 
 /// Segments evaluated at a time. Fixed, so that memory is bounded and sums never depend on the number of threads.
@@ -15,6 +20,11 @@ pub struct Part {
     pub offset: usize,
     /// Number of its own parameters; they follow the shared ones in the segment's directions.
     pub own: usize,
+    /// The group of segments whose `R` it shares.
+    pub group: usize,
+    /// Where outputs may be correlated: the number of the instant of every sample of every block, ascending; samples of the same
+    /// number belong together.
+    pub instants: Vec<Vec<u32>>,
 }
 
 impl Part {
@@ -35,21 +45,18 @@ pub struct Layout {
     pub upper: Vec<f64>,
     /// Standard deviation of a prior centred at the start; infinite without one.
     pub prior_sd: Vec<f64>,
-    /// Number of noise classes: residuals of one class share one variance (and one colour).
-    pub classes: usize,
-    /// Smallest variance a class may be given, so that data without noise do not divide by zero.
-    pub floor: Vec<f64>,
+    pub noise: Structure,
 }
 
 impl Layout {
-    /// Every segment sees all `shared` parameters and has `own[s]` of its own; unbounded, no priors.
+    /// Every segment sees all `shared` parameters and has `own[s]` of its own; unbounded, no priors, one diagonal `R`.
     #[cfg(test)]
-    pub fn plain(shared: usize, own: &[usize], classes: usize, start: Vec<f64>) -> Layout {
+    pub fn plain(shared: usize, own: &[usize], outputs: usize, start: Vec<f64>) -> Layout {
         let mut offset = shared;
         let parts = own
             .iter()
             .map(|&own| {
-                let part = Part { shared: (0..shared).collect(), offset, own };
+                let part = Part { shared: (0..shared).collect(), offset, own, group: 0, instants: Vec::new() };
                 offset += own;
                 part
             })
@@ -62,8 +69,7 @@ impl Layout {
             lower: vec![f64::NEG_INFINITY; n],
             upper: vec![f64::INFINITY; n],
             prior_sd: vec![f64::INFINITY; n],
-            classes,
-            floor: vec![1e-30; classes],
+            noise: Structure { outputs, groups: 1, full: false, floor: vec![1e-30; outputs] },
         }
     }
 
@@ -85,17 +91,24 @@ impl Layout {
 /// Residuals of one channel of one segment, and the sensitivities of its prediction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
-    pub class: usize,
+    /// Which of the scored outputs.
+    pub output: usize,
     /// Residuals `z - y`, one per sample; NaN marks a masked sample.
     pub e: Vec<f64>,
-    /// `dy/dtheta`, `[sample][direction]` row by row.
+    /// `dy/dtheta`, `[sample][direction]` row by row; empty where no sensitivities were asked for.
     pub g: Vec<f64>,
 }
 
-/// Sums over one or all segments of one noise class.
-#[derive(Debug, Clone, PartialEq, Default)]
+/// `Fn(segment, local parameters, sensitivities)`: the blocks of one segment (shared parameters it sees, then its own; the same blocks in
+/// the same order at every parameter vector), or `None` where its model is not finite.
+pub trait Evaluate: Fn(usize, &[f64], bool) -> Option<Vec<Block>> + Sync {}
+impl<F: Fn(usize, &[f64], bool) -> Option<Vec<Block>> + Sync> Evaluate for F {}
+
+/// Sums over one segment of rows of equal weight.
+#[derive(Debug, Clone, PartialEq)]
 struct Sums {
-    class: usize,
+    /// The output, or 0 where the rows have been weighed already.
+    kind: usize,
     count: usize,
     /// Sum of e^2.
     square: f64,
@@ -105,72 +118,191 @@ struct Sums {
     gradient: Vec<f64>,
 }
 
-/// What remains of all segments once they are added: enough for any weights.
+/// What remains of all segments once they are added: enough for any weights of the kinds of rows.
 #[derive(Debug, Clone)]
 pub struct Totals {
-    /// Scored samples per class.
-    pub count: Vec<usize>,
-    /// Sum of squared residuals per class.
-    pub square: Vec<f64>,
     shared: usize,
-    /// Per class `[shared][shared]` and `[shared]`.
+    /// Per kind `[shared][shared]` and `[shared]`.
     gram: Vec<Vec<f64>>,
     gradient: Vec<Vec<f64>>,
-    /// Per segment and class: the rows of its own parameters.
+    /// Per segment and kind: the rows of its own parameters.
     own: Vec<Vec<OwnSums>>,
 }
 
 #[derive(Debug, Clone)]
 struct OwnSums {
-    class: usize,
-    ss: Vec<f64>,
-    sc: Vec<f64>,
+    kind: usize,
+    sums: Own,
     gradient: Vec<f64>,
 }
 
-/// One pass over all segments at `theta`; `None` where any segment is not finite. `evaluate(segment, local parameters)` gives the
-/// blocks of one segment (shared parameters it sees, then its own), or `None` where its model is not finite.
-pub fn pass<F>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<Totals>
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
-    let nc = layout.shared;
-    let mut totals = Totals {
-        count: vec![0; layout.classes],
-        square: vec![0.0; layout.classes],
-        shared: nc,
-        gram: vec![vec![0.0; nc * nc]; layout.classes],
-        gradient: vec![vec![0.0; nc]; layout.classes],
-        own: Vec::with_capacity(layout.parts.len()),
-    };
+/// Calls `one(segment, blocks)` for all segments and `take` in segment order; `None` where any segment is not finite.
+pub fn each<F: Evaluate, T: Send>(
+    layout: &Layout,
+    evaluate: &F,
+    theta: &[f64],
+    sensitivities: bool,
+    one: impl Fn(usize, Vec<Block>) -> Option<T> + Sync,
+    mut take: impl FnMut(usize, T),
+) -> Option<()> {
     for from in (0..layout.parts.len()).step_by(CHUNK) {
         let to = (from + CHUNK).min(layout.parts.len());
-        let chunk: Vec<Option<Vec<Sums>>> = (from..to)
+        let chunk: Vec<Option<T>> = (from..to)
             .into_par_iter()
-            .map(|s| {
-                let blocks = evaluate(s, &layout.local(s, theta))?;
-                let nd = layout.parts[s].directions();
-                let sums: Option<Vec<Sums>> = blocks.iter().map(|b| sum_block(b, nd)).collect();
-                sums
-            })
+            .map(|s| one(s, evaluate(s, &layout.local(s, theta), sensitivities)?))
             .collect();
-        for (s, sums) in (from..to).zip(chunk) {
-            let own = sums?.iter().map(|sum| totals.add(&layout.parts[s], sum)).collect();
-            totals.own.push(own);
+        for (s, value) in (from..to).zip(chunk) {
+            take(s, value?);
         }
     }
+    Some(())
+}
+
+/// Residuals of all segments at `theta`, per group; `None` where any segment is not finite.
+pub fn scatter<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<Vec<Scatter>> {
+    let mut groups = vec![Scatter::default(); layout.noise.groups];
+    let one = |s: usize, blocks: Vec<Block>| Some(scatter_of(layout, s, &blocks)).filter(Scatter::is_finite);
+    each(layout, evaluate, theta, false, one, |s, scatter| groups[layout.parts[s].group].merge(&scatter))?;
+    Some(groups)
+}
+
+/// One pass for one diagonal `R`: residuals, and sums per output.
+pub fn pass<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<(Vec<Scatter>, Totals)> {
+    let mut scatter = Scatter::default();
+    let mut totals = Totals::new(layout.shared, layout.noise.outputs);
+    each(
+        layout,
+        evaluate,
+        theta,
+        true,
+        |s, blocks| blocks.iter().map(|b| sum_block(b, layout.parts[s].directions())).collect::<Option<Vec<Sums>>>(),
+        |s, sums| {
+            sums.iter().for_each(|sum| scatter.add_alone(sum.kind, sum.count, sum.square));
+            totals.add(&layout.parts[s], &sums);
+        },
+    )?;
+    Some((vec![scatter], totals))
+}
+
+/// Sums of rows weighed with known `R` (per group): one kind, of weight 1.
+pub fn weighed<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64], r: &[Covariance]) -> Option<Totals> {
+    let mut totals = Totals::new(layout.shared, 1);
+    each(
+        layout,
+        evaluate,
+        theta,
+        true,
+        |s, blocks| {
+            let nd = layout.parts[s].directions();
+            sum_block(&whiten(layout, s, &blocks, &r[layout.parts[s].group])?, nd)
+        },
+        |s, sum| totals.add(&layout.parts[s], &[sum]),
+    )?;
     Some(totals)
 }
 
+/// Which samples count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Samples {
+    /// Those that are not masked.
+    Scored,
+    All,
+}
+
+/// Block and sample of everything measured at one instant, outputs ascending, handed to `f` instant by instant. With `R` diagonal every
+/// sample is an instant.
+pub fn at_instants(layout: &Layout, s: usize, blocks: &[Block], samples: Samples, mut f: impl FnMut(&[(usize, usize)])) {
+    let instants = &layout.parts[s].instants;
+    let counts = |b: usize, k: usize| samples == Samples::All || !blocks[b].e[k].is_nan();
+    if !layout.noise.full {
+        for (b, block) in blocks.iter().enumerate() {
+            (0..block.e.len()).filter(|&k| counts(b, k)).for_each(|k| f(&[(b, k)]));
+        }
+        return;
+    }
+    let mut order: Vec<usize> = (0..blocks.len()).collect();
+    order.sort_by_key(|&b| blocks[b].output);
+    let mut next = vec![0; blocks.len()];
+    let mut present = Vec::new();
+    while let Some(now) = (0..blocks.len()).filter_map(|b| instants[b].get(next[b])).min().copied() {
+        present.clear();
+        for &b in &order {
+            if instants[b].get(next[b]) == Some(&now) {
+                if counts(b, next[b]) {
+                    present.push((b, next[b]));
+                }
+                next[b] += 1;
+            }
+        }
+        if !present.is_empty() {
+            f(&present);
+        }
+    }
+}
+
+fn scatter_of(layout: &Layout, s: usize, blocks: &[Block]) -> Scatter {
+    let mut scatter = Scatter::default();
+    if layout.noise.full {
+        let (mut outputs, mut e) = (Vec::new(), Vec::new());
+        at_instants(layout, s, blocks, Samples::Scored, |present| {
+            outputs.clear();
+            outputs.extend(present.iter().map(|&(b, _)| blocks[b].output));
+            e.clear();
+            e.extend(present.iter().map(|&(b, k)| blocks[b].e[k]));
+            scatter.add_together(&outputs, &e);
+        });
+    } else {
+        for block in blocks {
+            let scored = block.e.iter().filter(|e| !e.is_nan());
+            scatter.add_alone(block.output, scored.clone().count(), scored.map(|e| e * e).sum());
+        }
+    }
+    scatter
+}
+
+/// All rows of a segment, made of covariance one: `C^-1 G_m`, `C^-1 e_m` with `R_m = C C'`, instant by instant.
+fn whiten(layout: &Layout, s: usize, blocks: &[Block], r: &Covariance) -> Option<Block> {
+    let nd = layout.parts[s].directions();
+    let mut white = Block { output: 0, e: Vec::new(), g: Vec::new() };
+    let (mut known, mut outputs) = (true, Vec::new());
+    at_instants(layout, s, blocks, Samples::Scored, |present| {
+        outputs.clear();
+        outputs.extend(present.iter().map(|&(b, _)| blocks[b].output));
+        let Some(weight) = r.weight(&outputs) else {
+            known = false;
+            return;
+        };
+        let m = outputs.len();
+        for i in 0..m {
+            let at = white.g.len();
+            white.g.resize(at + nd, 0.0);
+            let mut e = 0.0;
+            for (&(b, k), w) in present.iter().zip(&weight.root[i * m..i * m + i + 1]) {
+                e += w * blocks[b].e[k];
+                add_scaled(&mut white.g[at..], *w, &blocks[b].g[k * nd..(k + 1) * nd]);
+            }
+            white.e.push(e);
+        }
+    });
+    known.then_some(white)
+}
+
 impl Totals {
-    /// Adds the shared part of a segment's sums and hands back the rest.
-    fn add(&mut self, part: &Part, sum: &Sums) -> OwnSums {
+    fn new(shared: usize, kinds: usize) -> Totals {
+        Totals { shared, gram: vec![vec![0.0; shared * shared]; kinds], gradient: vec![vec![0.0; shared]; kinds], own: Vec::new() }
+    }
+
+    /// Adds a segment's sums: the shared part to the others', the rest by itself.
+    fn add(&mut self, part: &Part, sums: &[Sums]) {
+        let own = sums.iter().map(|sum| self.split(part, sum)).collect();
+        self.own.push(own);
+    }
+
+    fn split(&mut self, part: &Part, sum: &Sums) -> OwnSums {
         let (nl, nd, nc) = (part.shared.len(), part.directions(), self.shared);
-        self.count[sum.class] += sum.count;
-        self.square[sum.class] += sum.square;
-        let gram = &mut self.gram[sum.class];
+        let gram = &mut self.gram[sum.kind];
         for (i, &gi) in part.shared.iter().enumerate() {
-            self.gradient[sum.class][gi] += sum.gradient[i];
+            self.gradient[sum.kind][gi] += sum.gradient[i];
             for (j, &gj) in part.shared[..=i].iter().enumerate() {
                 let value = sum.gram[i * nd + j];
                 gram[gi * nc + gj] += value;
@@ -179,40 +311,33 @@ impl Totals {
                 }
             }
         }
-        let mut own = OwnSums {
-            class: sum.class,
-            ss: vec![0.0; part.own * part.own],
-            sc: vec![0.0; part.own * nc],
-            gradient: sum.gradient[nl..].to_vec(),
-        };
+        let mut own = Own::empty(part.own, &part.shared);
         for i in 0..part.own {
             let row = &sum.gram[(nl + i) * nd..(nl + i + 1) * nd];
-            for (j, &gj) in part.shared.iter().enumerate() {
-                own.sc[i * nc + gj] += row[j];
-            }
+            own.sc[i * nl..(i + 1) * nl].copy_from_slice(&row[..nl]);
             for j in 0..=i {
                 own.ss[i * part.own + j] = row[nl + j];
                 own.ss[j * part.own + i] = row[nl + j];
             }
         }
-        own
+        OwnSums { kind: sum.kind, sums: own, gradient: sum.gradient[nl..].to_vec() }
     }
 
-    /// The normal matrix `M = sum G' R^-1 G` and gradient `G' R^-1 e` for the given variances per class.
-    pub fn weigh(&self, layout: &Layout, r: &[f64]) -> (Arrow, Vec<f64>) {
+    /// The normal matrix `M = sum G' R^-1 G` and gradient `G' R^-1 e` for the given weights of the kinds.
+    pub fn weigh(&self, layout: &Layout, weights: &[f64]) -> (Arrow, Vec<f64>) {
         let nc = self.shared;
         let mut matrix = Arrow { shared: nc, cc: vec![0.0; nc * nc], own: Vec::with_capacity(self.own.len()) };
         let mut gradient = vec![0.0; layout.start.len()];
-        for (class, &r) in r.iter().enumerate() {
-            add_scaled(&mut matrix.cc, 1.0 / r, &self.gram[class]);
-            add_scaled(&mut gradient[..nc], 1.0 / r, &self.gradient[class]);
+        for (kind, &w) in weights.iter().enumerate() {
+            add_scaled(&mut matrix.cc, w, &self.gram[kind]);
+            add_scaled(&mut gradient[..nc], w, &self.gradient[kind]);
         }
         for (part, sums) in layout.parts.iter().zip(&self.own) {
-            let mut own = Own { n: part.own, ss: vec![0.0; part.own * part.own], sc: vec![0.0; part.own * nc] };
+            let mut own = Own::empty(part.own, &part.shared);
             for sum in sums {
-                let w = 1.0 / r[sum.class];
-                add_scaled(&mut own.ss, w, &sum.ss);
-                add_scaled(&mut own.sc, w, &sum.sc);
+                let w = weights[sum.kind];
+                add_scaled(&mut own.ss, w, &sum.sums.ss);
+                add_scaled(&mut own.sc, w, &sum.sums.sc);
                 add_scaled(&mut gradient[part.offset..part.offset + part.own], w, &sum.gradient);
             }
             matrix.own.push(own);
@@ -229,7 +354,7 @@ fn add_scaled(to: &mut [f64], w: f64, from: &[f64]) {
 
 /// Sums of one block, or `None` where a scored sample has a value or a sensitivity that is not finite.
 fn sum_block(block: &Block, nd: usize) -> Option<Sums> {
-    let mut sums = Sums { class: block.class, count: 0, square: 0.0, gram: vec![0.0; nd * nd], gradient: vec![0.0; nd] };
+    let mut sums = Sums { kind: block.output, count: 0, square: 0.0, gram: vec![0.0; nd * nd], gradient: vec![0.0; nd] };
     let mut rows: [&[f64]; 4] = [&[]; 4];
     let mut pending = 0;
     for (k, &e) in block.e.iter().enumerate() {

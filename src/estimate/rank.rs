@@ -1,5 +1,6 @@
 //! A normal matrix in; its condition and the combinations of parameters that the data cannot separate out.
 
+use super::Label;
 use super::arrow::{Arrow, diagonal};
 use crate::math::dense::symmetric_eigen;
 
@@ -20,21 +21,42 @@ pub struct Verdict {
 pub struct Combination {
     /// Share of information left: 0 when the combination has no effect at all.
     pub information: f64,
-    /// Name, segment (none for a common parameter) and the change of each, in its own unit.
-    pub terms: Vec<(String, Option<usize>, f64)>,
+    pub terms: Vec<Term>,
+}
+
+/// A parameter's part in a combination.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Term {
+    pub name: String,
+    /// The segment or the group of segments it belongs to; neither for a value common to all.
+    pub segment: Option<usize>,
+    pub group: Option<Label>,
+    /// In its own unit.
+    pub change: f64,
+}
+
+impl std::fmt::Display for Term {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match (&self.group, self.segment) {
+            (Some(group), _) => write!(f, "{} of {group}", self.name),
+            (None, Some(s)) => write!(f, "{} of segment {s}", self.name),
+            (None, None) => f.write_str(&self.name),
+        }
+    }
 }
 
 impl std::fmt::Display for Combination {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let names: Vec<String> = self
-            .terms
-            .iter()
-            .map(|(name, segment, _)| segment.map_or_else(|| name.clone(), |s| format!("{name} of segment {s}")))
-            .collect();
-        match names.as_slice() {
-            [one] => write!(f, "{one} has no effect on the measured outputs"),
-            _ => write!(f, "{} cannot be told apart", names.join(", ")),
-        }
+        let names: Vec<String> = self.terms.iter().map(Term::to_string).collect();
+        f.write_str(&weak_words(&names))
+    }
+}
+
+/// What is wrong with parameters that only together, or not at all, have an effect.
+pub fn weak_words<S: std::borrow::Borrow<str>>(names: &[S]) -> String {
+    match names {
+        [one] => format!("{} has no effect on the measured outputs", one.borrow()),
+        _ => format!("{} cannot be told apart", names.join(", ")),
     }
 }
 
@@ -48,7 +70,7 @@ pub struct Weak {
 /// Below this share of information a combination is reported, below `NONE` it counts as undetermined.
 const WEAK: f64 = 1e-6;
 /// Squares and sums of some thousand products, each good to 1e-16, leave about this.
-const NONE: f64 = 1e-12;
+pub const NONE: f64 = 1e-12;
 /// Components smaller than this share of the largest do not belong to a combination.
 const PART: f64 = 0.05;
 

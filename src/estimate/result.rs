@@ -1,65 +1,54 @@
 //! A solution by parameter index in; the estimation with names, units and correlations out.
 
 use super::arrow::Arrow;
-use super::choice::Chosen;
+use super::case::Case;
 use super::problem::Layout;
-use super::rank::{Combination, Verdict, Weak};
+use super::rank::{Combination, Term, Verdict, Weak};
 use super::solution::Solution;
-use super::{Correlation, Estimation, OutputScatter, Row, Trace};
+use super::{Correlation, Estimation, LeftOut, OutputScatter, Row, Trace};
 use crate::model::Model;
 
-/// Puts names to a solution. `outputs` are the model's outputs of the noise classes.
-pub fn name(
-    model: &Model,
-    chosen: &Chosen,
-    layout: &Layout,
-    outputs: &[usize],
-    solution: Solution,
-    responses: Vec<Vec<Trace>>,
-) -> Estimation {
-    let rows = rows(model, chosen, layout, &solution);
+/// Puts names to a solution over the segments `used`, of `segments` in all.
+pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solution: Solution, left_out: Vec<LeftOut>) -> Estimation {
+    let rows = rows(case, used, &solution);
     let combinations = solution.weak.iter().map(|weak| combination(&rows, weak)).collect();
+    let (mut responses, mut noise_groups) = (vec![Vec::new(); segments], vec![None; segments]);
+    for (at, &s) in used.iter().enumerate() {
+        responses[s] = case.traces(at, &solution.fit.theta);
+        noise_groups[s] = Some(case.layout.parts[at].group);
+    }
     Estimation {
         stop: solution.fit.stop,
-        correlations: correlations(layout, &solution),
+        correlations: correlations(&case.layout, &solution),
         det_r: libm::exp(solution.fit.ln_det),
-        outputs: scatter(model, outputs, &solution, &responses),
+        outputs: scatter(model, case, &solution, &responses, &noise_groups),
+        noise_groups,
         responses,
         verdict: Verdict { condition: solution.condition, singular: solution.singular, combinations },
         iterations: solution.fit.iterations,
         rows,
+        left_out,
     }
 }
 
-fn rows(model: &Model, chosen: &Chosen, layout: &Layout, solution: &Solution) -> Vec<Row> {
+fn rows(case: &Case, used: &[usize], solution: &Solution) -> Vec<Row> {
     let (sd, crlb) = (deviations(solution.covariance.as_ref()), deviations(solution.crlb.as_ref()));
     let known = |sd: &[f64], i: usize| if solution.fit.held[i] { None } else { sd.get(i).copied() };
-    let row = |(i, (name, unit, segment)): (usize, (String, String, Option<usize>))| Row {
-        name,
-        unit,
-        segment,
-        value: solution.fit.theta[i],
-        sd: known(&sd, i),
-        sd_crlb: known(&crlb, i),
-        start: layout.start[i],
-        at_bound: solution.fit.held[i],
+    let row = |i: usize| {
+        let unknown = &case.unknowns[i];
+        Row {
+            name: unknown.name.clone(),
+            unit: unknown.unit.clone(),
+            segment: unknown.segment.map(|at| used[at]),
+            group: unknown.group.clone(),
+            value: solution.fit.theta[i],
+            sd: known(&sd, i),
+            sd_crlb: known(&crlb, i),
+            start: case.layout.start[i],
+            at_bound: solution.fit.held[i],
+        }
     };
-    names(model, chosen, layout.parts.len()).into_iter().enumerate().map(row).collect()
-}
-
-/// Name, unit and segment of every unknown, in the order of the parameter vector.
-fn names(model: &Model, chosen: &Chosen, segments: usize) -> Vec<(String, String, Option<usize>)> {
-    let parameter = |p: usize, segment: Option<usize>| {
-        let q = &model.parameters[p].quantity;
-        (q.name.clone(), q.unit.clone(), segment)
-    };
-    let mut names: Vec<_> = chosen.shared.iter().map(|&p| parameter(p, None)).collect();
-    for s in 0..segments {
-        names.extend(chosen.own.iter().map(|&p| parameter(p, Some(s))));
-        let initial = chosen.initial.iter().map(|&i| &model.states[i].quantity);
-        names.extend(initial.map(|q| (format!("{}(0)", q.name), q.unit.clone(), Some(s))));
-    }
-    names
+    (0..case.unknowns.len()).map(row).collect()
 }
 
 /// Standard deviations in the order of the parameter vector; empty without a covariance.
@@ -84,7 +73,7 @@ fn correlations(layout: &Layout, solution: &Solution) -> Vec<Correlation> {
     }
     for ((part, own), bound) in layout.parts.iter().zip(&c.own).zip(&m.own) {
         for i in 0..own.n {
-            (0..nc).for_each(|a| push(a, part.offset + i, own.sc[i * nc + a], bound.sc[i * nc + a]));
+            own.columns.iter().enumerate().for_each(|(k, &a)| push(a, part.offset + i, own.row(i)[k], bound.row(i)[k]));
             for j in i + 1..own.n {
                 push(part.offset + i, part.offset + j, own.ss[i * own.n + j], bound.ss[i * own.n + j]);
             }
@@ -94,23 +83,37 @@ fn correlations(layout: &Layout, solution: &Solution) -> Vec<Correlation> {
 }
 
 fn combination(rows: &[Row], weak: &Weak) -> Combination {
-    let term = |&(i, change): &(usize, f64)| rows.get(i).map(|row| (row.name.clone(), row.segment, change));
+    let term = |&(i, change): &(usize, f64)| {
+        rows.get(i).map(|row| Term { name: row.name.clone(), segment: row.segment, group: row.group.clone(), change })
+    };
     Combination { information: weak.information, terms: weak.terms.iter().filter_map(term).collect() }
 }
 
-fn scatter(model: &Model, outputs: &[usize], solution: &Solution, responses: &[Vec<Trace>]) -> Vec<OutputScatter> {
-    let one = |(class, &output): (usize, &usize)| {
-        let traces = responses.iter().flatten().filter(|t| t.output == output);
-        let all: usize = traces.map(|t| t.t.len()).sum();
-        let count = solution.fit.count[class];
-        OutputScatter {
-            name: model.outputs[output].name.clone(),
-            unit: model.outputs[output].unit.clone(),
-            r: solution.fit.r[class],
-            count,
-            masked: all - count,
-            ar: solution.colour.get(class).map(|ar| ar.coefficients.clone()).unwrap_or_default(),
+fn scatter(
+    model: &Model,
+    case: &Case,
+    solution: &Solution,
+    responses: &[Vec<Trace>],
+    groups: &[Option<usize>],
+) -> Vec<OutputScatter> {
+    let n = case.outputs.len();
+    let mut all = Vec::new();
+    for (group, r) in solution.fit.noise.iter().enumerate() {
+        for (j, &output) in case.outputs.iter().enumerate() {
+            let mine = groups.iter().zip(responses).filter(|(g, _)| **g == Some(group)).flat_map(|(_, traces)| traces);
+            let samples: usize = mine.filter(|t| t.output == output).map(|t| t.t.len()).sum();
+            let colour = solution.colour.get(group * n + j);
+            all.push(OutputScatter {
+                name: model.outputs[output].name.clone(),
+                unit: model.outputs[output].unit.clone(),
+                group,
+                r: r.variances()[j],
+                count: r.count[j],
+                masked: samples - r.count[j],
+                correlation: if case.layout.noise.full { (0..n).map(|i| r.correlation(j, i)).collect() } else { Vec::new() },
+                ar: colour.map(|ar| ar.coefficients.clone()).unwrap_or_default(),
+            });
         }
-    };
-    outputs.iter().enumerate().map(one).collect()
+    }
+    all
 }

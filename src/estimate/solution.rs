@@ -3,7 +3,7 @@
 use super::arrow::Arrow;
 use super::colour::{Source, coloured};
 use super::gauss::{Fit, Rule, minimise};
-use super::problem::{Block, Layout};
+use super::problem::{Evaluate, Layout};
 use super::rank::{Weak, judge};
 use super::{Settings, Stop};
 use crate::math::ar::Ar;
@@ -16,7 +16,7 @@ pub struct Solution {
     pub crlb: Option<Arrow>,
     /// The same with coloured residuals allowed for; none unless converged.
     pub covariance: Option<Arrow>,
-    /// Colour per noise class; empty unless converged.
+    /// Colour per group of segments and output (`group * outputs + output`); empty unless converged.
     pub colour: Vec<Ar>,
     pub condition: f64,
     pub singular: bool,
@@ -24,13 +24,12 @@ pub struct Solution {
 }
 
 /// Estimates and judges. Not converged or singular: no covariance.
-pub fn solve<F>(layout: &Layout, evaluate: &F, settings: &Settings) -> Solution
-where
-    F: Fn(usize, &[f64]) -> Option<Vec<Block>> + Sync,
-{
+pub fn solve<F: Evaluate>(layout: &Layout, evaluate: &F, settings: &Settings) -> Solution {
     let rule = Rule {
+        control: settings.step_control,
         tolerance: settings.tolerance,
         step_tolerance: settings.step_tolerance,
+        gradient_tolerance: settings.gradient_tolerance,
         max_iterations: settings.max_iterations,
         max_halvings: settings.max_halvings,
     };
@@ -58,7 +57,7 @@ where
     if solution.fit.stop == Stop::Converged {
         let fit = &solution.fit;
         let source = Source::new(layout, evaluate, &fit.theta);
-        let colour = coloured(&source, &matrix, &fit.held, &fit.r, &fit.count, settings);
+        let colour = coloured(&source, &matrix, &fit.held, &fit.noise, settings);
         if let Some(colour) = colour {
             solution.crlb = Some(colour.crlb);
             solution.covariance = Some(colour.covariance);

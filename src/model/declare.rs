@@ -1,7 +1,7 @@
 //! The names that a model's sources declare: inputs, constants, parameters, equations, states, tables.
 
 use super::compile::{At, Compiler, Symbol, TableInfo};
-use super::file::{Constant, Input, Per, Values};
+use super::file::{Constant, Input, Values};
 use super::functions;
 use super::tables::Table;
 use super::{Assumed, Constants, Parameter, Quantity, Scope, StartKind, State};
@@ -57,7 +57,10 @@ impl Compiler<'_> {
                     self.error(&here, 0, format!("\"{name}\" starts at {} outside its bounds {min} .. {max}", p.start));
                 }
                 let quantity = Quantity { name: name.clone(), unit: p.unit.clone(), doc: p.doc.clone() };
-                let scope = if p.per == Per::Segment { Scope::Segment } else { Scope::Campaign };
+                if p.per.trim().is_empty() {
+                    self.error(&here, 0, format!("\"{name}\": per is campaign, segment, or a column of the segments, not empty"));
+                }
+                let scope = Scope::parse(&p.per);
                 if self.add_symbol(name, Symbol::Parameter(self.model.parameters.len()), here) {
                     self.dims.insert(name.clone(), dim);
                     let prior_sd = p.sd.unwrap_or(f64::INFINITY);

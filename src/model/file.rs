@@ -89,9 +89,10 @@ pub struct ParameterEntry {
     pub min: Option<f64>,
     /// Upper bound.
     pub max: Option<f64>,
-    /// Where one value holds.
-    #[serde(default)]
-    pub per: Per,
+    /// Where one value holds: "campaign" (one value for all segments), "segment" (one for each), or a column that describes
+    /// segments, such as "flight" (one for all segments that are alike there).
+    #[serde(default = "campaign")]
+    pub per: String,
     /// Held at `start` unless an estimation frees it.
     #[serde(default)]
     pub fixed: bool,
@@ -102,14 +103,8 @@ pub struct ParameterEntry {
     pub doc: String,
 }
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Per {
-    /// One value for all segments.
-    #[default]
-    Campaign,
-    /// One value for each segment.
-    Segment,
+fn campaign() -> String {
+    "campaign".to_string()
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]

@@ -39,12 +39,33 @@ pub struct Quantity {
 }
 
 /// Where one value of a parameter holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Scope {
     /// One value for all segments of an estimation.
     Campaign,
     /// One value per segment.
     Segment,
+    /// One value for all segments that are alike in this column of the segments.
+    Column(String),
+}
+
+impl Scope {
+    /// `campaign`, `segment`, or the name of a column.
+    pub fn parse(text: &str) -> Scope {
+        match text {
+            "campaign" => Scope::Campaign,
+            "segment" => Scope::Segment,
+            column => Scope::Column(column.to_string()),
+        }
+    }
+
+    pub fn name(&self) -> &str {
+        match self {
+            Scope::Campaign => "campaign",
+            Scope::Segment => "segment",
+            Scope::Column(column) => column,
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]

@@ -53,7 +53,7 @@ const NAMES: [&str; 11] = ["CD0", "CDV", "CDa", "CL0", "CLV", "CLa", "Cm0", "CmV
 
 /// The rule behind the reference values: stop at a relative change of det R below 1e-4.
 fn rule() -> Settings {
-    Settings { tolerance: 1e-4, step_tolerance: 0.0, ..Settings::default() }
+    Settings { tolerance: 1e-4, step_tolerance: 0.0, gradient_tolerance: 0.0, ..Settings::default() }
 }
 
 fn row<'a>(e: &'a Estimation, name: &str) -> &'a crate::estimate::Row {

@@ -3,6 +3,7 @@
 use super::{Toy, normal, rng};
 use crate::estimate::arrow::{Arrow, Own};
 use crate::estimate::colour::{Source, tests_only};
+use crate::estimate::noise::Covariance;
 use crate::estimate::problem::Layout;
 use crate::math::ar::{Ar, autocovariance};
 use crate::math::dense::{cholesky, cholesky_inverse, multiply, transpose};
@@ -12,7 +13,7 @@ fn random_arrow(seed: u64, nc: usize, own: &[usize]) -> Arrow {
     let mut rng = rng(seed);
     let mut arrow = Arrow { shared: nc, cc: vec![0.0; nc * nc], own: vec![] };
     for &n in own {
-        let mut block = Own { n, ss: vec![0.0; n * n], sc: vec![0.0; n * nc] };
+        let mut block = Own::empty(n, &(0..nc).collect::<Vec<_>>());
         for _ in 0..3 * (n + nc) {
             let c: Vec<f64> = (0..nc).map(|_| normal(&mut rng)).collect();
             let s: Vec<f64> = (0..n).map(|_| normal(&mut rng)).collect();
@@ -130,13 +131,13 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
     [4, 5, 17].into_iter().for_each(|k| toy.z[0][k] = f64::NAN);
     let layout: Layout = toy.layout();
     let theta = [0.93, 0.11, 0.02, 0.13];
-    let evaluate = |s: usize, p: &[f64]| toy.evaluate(s, p);
+    let evaluate = |s: usize, p: &[f64], _: bool| toy.evaluate(s, p);
     let model = Ar { coefficients: vec![0.6, 0.25], variance: 0.01, order: 2 };
     let (r, lags, np) = (0.02, 6, 4);
     // Rows of the observed samples.
     let mut rows: Vec<(usize, usize, Vec<f64>)> = vec![];
     for s in 0..2 {
-        let block = &evaluate(s, &layout.local(s, &theta)).unwrap()[0];
+        let block = &evaluate(s, &layout.local(s, &theta), true).unwrap()[0];
         for k in (0..block.e.len()).filter(|&k| !block.e[k].is_nan()) {
             let mut g = vec![0.0; np];
             g[..2].copy_from_slice(&block.g[3 * k..3 * k + 2]);
@@ -162,10 +163,10 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
     let rest: Vec<f64> = (0..n * n).map(|k| f64::from(u8::from(k / n == k % n)) - h[k]).collect();
     let left = multiply(&multiply(&rest, &sigma, n, n, n), &transpose(&rest, n, n), n, n, n);
 
-    let totals = crate::estimate::problem::pass(&layout, &evaluate, &theta).unwrap();
-    let (matrix, _) = totals.weigh(&layout, &[r]);
+    let (_, totals) = crate::estimate::problem::pass(&layout, &evaluate, &theta).unwrap();
+    let (matrix, _) = totals.weigh(&layout, &[1.0 / r]);
     let source = Source::new(&layout, &evaluate, &theta);
-    let (covariance, absorbed) = tests_only::spread_and_absorbed(&source, &matrix, &[r], &[model], lags).unwrap();
+    let (covariance, absorbed) = tests_only::spread_and_absorbed(&source, &matrix, &[Covariance::diagonal(&[r], &[n])], &[model], lags).unwrap();
     let want = blocks(&p, np, &covariance);
     close(&covariance.cc, &want.cc);
     for (g, w) in covariance.own.iter().zip(&want.own) {

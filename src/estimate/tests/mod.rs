@@ -88,11 +88,11 @@ impl Toy {
         if y.iter().any(|y| !y.is_finite()) {
             return None;
         }
-        Some(vec![Block { class: 0, e: self.z[s].iter().zip(&y).map(|(z, y)| z - y).collect(), g }])
+        Some(vec![Block { output: 0, e: self.z[s].iter().zip(&y).map(|(z, y)| z - y).collect(), g }])
     }
 
     fn solve(&self, settings: &Settings) -> Solution {
-        solve(&self.layout(), &|s: usize, p: &[f64]| self.evaluate(s, p), settings)
+        solve(&self.layout(), &|s: usize, p: &[f64], _: bool| self.evaluate(s, p), settings)
     }
 }
 

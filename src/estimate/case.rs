@@ -1,0 +1,237 @@
+//! A model and the segments used in; the least-squares problem over them, its layout and its solution, out.
+
+use super::choice::Chosen;
+use super::noise::Structure;
+use super::problem::{Block, Layout, Part};
+use super::segment::{CAMPAIGN, Grouping, Segment, instants};
+use super::solution::{Solution, solve};
+use super::{Label, NoiseKind, Settings, Trace};
+use crate::dynamics::{Directions, Plan, Record, Response};
+use crate::error::Result;
+use crate::model::{Model, Scope};
+
+/// A variance is never taken smaller than this share of the mean square of the measurements; the second where outputs may be
+/// correlated, since a combination of outputs can vanish altogether.
+const FLOOR: f64 = 1e-20;
+const FLOOR_FULL: f64 = 1e-13;
+
+/// One unknown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unknown {
+    pub name: String,
+    pub unit: String,
+    /// Place among the segments used.
+    pub segment: Option<usize>,
+    pub group: Option<Label>,
+}
+
+/// The segments that are used together.
+pub struct Case<'a> {
+    model: &'a Model,
+    chosen: &'a Chosen,
+    plan: &'a Plan,
+    records: Vec<Record>,
+    /// Which of them ask for integration steps by the model's fastest mode.
+    automatic: Vec<bool>,
+    /// Start values of the states that need one from outside, per segment.
+    given: Vec<Vec<f64>>,
+    /// Scored outputs of the model.
+    pub outputs: Vec<usize>,
+    pub layout: Layout,
+    /// In the order of the parameter vector.
+    pub unknowns: Vec<Unknown>,
+}
+
+impl<'a> Case<'a> {
+    /// `given`: start values of the states that the plan wants from outside, per segment.
+    pub fn new(
+        model: &'a Model,
+        chosen: &'a Chosen,
+        plan: &'a Plan,
+        segments: &[&Segment],
+        given: Vec<Vec<f64>>,
+        settings: &Settings,
+    ) -> Case<'a> {
+        let records: Vec<Record> = segments.iter().map(|s| s.record.clone()).collect();
+        let automatic = records.iter().map(|r| r.substeps == 0).collect();
+        let outputs = plan.outputs.clone();
+        let (layout, unknowns) = layout(model, plan, segments, settings, chosen, &given);
+        Case { model, chosen, plan, records, automatic, given, outputs, layout, unknowns }
+    }
+
+    /// Solves with integration steps that stay the same during an iteration (a cost that changed its steps on the way would have jumps).
+    /// They are chosen at the start; where the solution turns out to be stiffer, the estimation is repeated with the steps that it asks
+    /// for.
+    pub fn solve(&mut self, settings: &Settings) -> Solution {
+        let mut needed = self.layout.start.clone();
+        loop {
+            let mut changed = false;
+            for s in (0..self.records.len()).filter(|&s| self.automatic[s]).collect::<Vec<_>>() {
+                let steps = self.substeps(s, &needed);
+                changed |= steps > self.records[s].substeps;
+                self.records[s].substeps = self.records[s].substeps.max(steps);
+            }
+            let evaluate = |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
+            let solution = solve(&self.layout, &evaluate, settings);
+            let stiffer = |s: usize| self.automatic[s] && self.substeps(s, &solution.fit.theta) > self.records[s].substeps;
+            if !changed || !(0..self.records.len()).any(stiffer) {
+                return solution;
+            }
+            needed = solution.fit.theta;
+        }
+    }
+
+    fn substeps(&self, s: usize, theta: &[f64]) -> usize {
+        let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
+        self.plan.substeps(&parameters, &starts, &self.records[s])
+    }
+
+    /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked. `None` where the model is not finite.
+    pub fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
+        let (parameters, starts) = self.place(s, local);
+        let response = self.plan.respond(&parameters, &starts, &self.records[s], sensitivities);
+        if !response.finite {
+            return None;
+        }
+        let mut sensitivities = response.dy.into_iter();
+        let channels = self.records[s].channels.iter().zip(response.y);
+        let block = |(channel, y): (&crate::dynamics::Channel, Vec<f64>)| {
+            let output = self.outputs.iter().position(|&o| o == channel.output)?;
+            let e = channel.z.iter().zip(y).map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN }).collect();
+            Some(Block { output, e, g: sensitivities.next().unwrap_or_default() })
+        };
+        channels.map(block).collect()
+    }
+
+    /// Measured and modelled values of segment `s`.
+    pub fn traces(&self, s: usize, theta: &[f64]) -> Vec<Trace> {
+        let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
+        let response: Response = self.plan.respond(&parameters, &starts, &self.records[s], false);
+        let channels = self.records[s].channels.iter().zip(response.y);
+        let trace = |(channel, modelled): (&crate::dynamics::Channel, Vec<f64>)| {
+            let quantity = self.model.outputs.get(channel.output)?;
+            Some(Trace {
+                output: channel.output,
+                name: quantity.name.clone(),
+                unit: quantity.unit.clone(),
+                t: channel.t.clone(),
+                measured: channel.z.clone(),
+                modelled,
+            })
+        };
+        channels.filter_map(trace).collect()
+    }
+
+    /// A segment's directions back in the model: all parameters, and the start values from outside.
+    fn place(&self, s: usize, local: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let chosen = self.chosen;
+        let mut parameters = chosen.parameters.clone();
+        let mut starts = self.given[s].clone();
+        let mut values = local.iter().copied();
+        for (&p, value) in chosen.shared.iter().chain(&chosen.own).zip(&mut values) {
+            parameters[p] = value;
+        }
+        for (state, start) in self.plan.given().iter().zip(&mut starts) {
+            if chosen.initial.contains(state) {
+                *start = values.next().unwrap_or(*start);
+            }
+        }
+        (parameters, starts)
+    }
+
+    /// Segments without which the parameters of a combination (indices) would not be: those of its groups and its own ones.
+    pub fn segments_of(&self, parameters: impl Iterator<Item = usize>) -> Vec<usize> {
+        let mut found = Vec::new();
+        for i in parameters {
+            let sees = |part: &Part| part.shared.contains(&i) || (part.offset..part.offset + part.own).contains(&i);
+            found.extend((0..self.layout.parts.len()).filter(|&s| sees(&self.layout.parts[s])));
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+}
+
+/// The directions of a plan: as `Case` wants them.
+pub fn plan(model: &Model, chosen: &Chosen, segments: &[Segment]) -> Result<Plan> {
+    let parameters = chosen.shared.iter().chain(&chosen.own).copied().collect();
+    let outputs = scored(model, segments);
+    Plan::of_outputs(model, Directions { parameters, starts: chosen.initial.clone() }, outputs)
+}
+
+/// Model outputs measured in any record, ascending.
+fn scored(model: &Model, segments: &[Segment]) -> Vec<usize> {
+    let measured = |o: usize| segments.iter().any(|s| s.record.channels.iter().any(|c| c.output == o));
+    (0..model.outputs.len()).filter(|&o| measured(o)).collect()
+}
+
+fn layout(
+    model: &Model,
+    plan: &Plan,
+    segments: &[&Segment],
+    settings: &Settings,
+    chosen: &Chosen,
+    given: &[Vec<f64>],
+) -> (Layout, Vec<Unknown>) {
+    // Start, lower, upper, prior sd of each unknown.
+    let bounds = |p: usize| {
+        let q = &model.parameters[p];
+        [chosen.parameters[p], q.min, q.max, if settings.priors { q.prior_sd } else { f64::INFINITY }]
+    };
+    let unknown = |p: usize, segment: Option<usize>, group: Option<Label>| {
+        let q = &model.parameters[p].quantity;
+        Unknown { name: q.name.clone(), unit: q.unit.clone(), segment, group }
+    };
+    let (mut values, mut unknowns) = (Vec::new(), Vec::new());
+    let mut seen: Vec<Vec<usize>> = vec![Vec::new(); segments.len()];
+    for &p in &chosen.shared {
+        let column = match &chosen.scopes[p] {
+            Scope::Column(column) => column,
+            _ => CAMPAIGN,
+        };
+        let grouping = Grouping::by(column, segments);
+        seen.iter_mut().zip(&grouping.of).for_each(|(seen, group)| seen.push(values.len() + group));
+        // A campaign's value is there even without segments.
+        let names = if column == CAMPAIGN { vec![None] } else { grouping.values.into_iter().map(Some).collect() };
+        for value in names {
+            values.push(bounds(p));
+            unknowns.push(unknown(p, None, value.map(|value| Label { column: column.to_string(), value })));
+        }
+    }
+    let shared = values.len();
+    let noise = Grouping::by(&settings.noise_per, segments);
+    let full = settings.noise == NoiseKind::Full;
+    let mut parts = Vec::with_capacity(segments.len());
+    for (s, given) in given.iter().enumerate() {
+        let offset = values.len();
+        values.extend(chosen.own.iter().map(|&p| bounds(p)));
+        unknowns.extend(chosen.own.iter().map(|&p| unknown(p, Some(s), None)));
+        for (state, value) in plan.given().iter().zip(given).filter(|(state, _)| chosen.initial.contains(state)) {
+            let q = &model.states[*state].quantity;
+            values.push([*value, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
+            unknowns.push(Unknown { name: format!("{}(0)", q.name), unit: q.unit.clone(), segment: Some(s), group: None });
+        }
+        let instants = if full { instants(&segments[s].record) } else { Vec::new() };
+        let shared = std::mem::take(&mut seen[s]);
+        parts.push(Part { shared, offset, own: values.len() - offset, group: noise.of[s], instants });
+    }
+    let floor = plan.outputs.iter().map(|&o| floor(model, segments, o, settings)).collect();
+    let noise = Structure { outputs: plan.outputs.len(), groups: noise.values.len().max(1), full, floor };
+    let column = |k: usize| values.iter().map(|u| u[k]).collect();
+    (Layout { shared, parts, start: column(0), lower: column(1), upper: column(2), prior_sd: column(3), noise }, unknowns)
+}
+
+/// The smallest variance of an output: what the settings say, and not less than rounding errors make.
+fn floor(model: &Model, segments: &[&Segment], output: usize, settings: &Settings) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for channel in segments.iter().flat_map(|s| &s.record.channels).filter(|c| c.output == output) {
+        for z in channel.z.iter().filter(|z| z.is_finite()) {
+            sum += z * z;
+            n += 1.0;
+        }
+    }
+    let share = if settings.noise == NoiseKind::Full { FLOOR_FULL } else { FLOOR };
+    let least = if sum > 0.0 { share * sum / n } else { share };
+    let sd = settings.floor.get(&model.outputs[output].name).copied().unwrap_or(0.0);
+    least.max(sd * sd)
+}
