@@ -173,7 +173,8 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit 
         let length = length.unwrap_or(taken.length);
         let change = libm::expm1(taken.point.ln_det - point.ln_det).abs();
         point = taken.point;
-        let now = Iteration { change, step: length, halvings: taken.refused, damping: taken.damping, ..line(iteration, layout, &point) };
+        let now =
+            Iteration { change, step: length, halvings: taken.refused, damping: taken.damping, ..line(iteration, layout, &point) };
         history.push(now);
         let small = rule.step_tolerance == 0.0 || length <= rule.step_tolerance;
         let flat = rule.gradient_tolerance == 0.0 || now.gradient <= rule.gradient_tolerance;

@@ -147,10 +147,8 @@ pub fn each<F: Evaluate, T: Send>(
 ) -> Option<()> {
     for from in (0..layout.parts.len()).step_by(CHUNK) {
         let to = (from + CHUNK).min(layout.parts.len());
-        let chunk: Vec<Option<T>> = (from..to)
-            .into_par_iter()
-            .map(|s| one(s, evaluate(s, &layout.local(s, theta), sensitivities)?))
-            .collect();
+        let chunk: Vec<Option<T>> =
+            (from..to).into_par_iter().map(|s| one(s, evaluate(s, &layout.local(s, theta), sensitivities)?)).collect();
         for (s, value) in (from..to).zip(chunk) {
             take(s, value?);
         }

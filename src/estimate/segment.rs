@@ -87,7 +87,8 @@ mod tests {
     #[test]
     fn samples_of_one_time_share_an_instant() {
         let channel = |output, t: &[f64]| Channel { output, t: t.to_vec(), z: vec![0.0; t.len()] };
-        let channels = vec![channel(0, &[0.0, 0.1, 0.2]), channel(1, &[0.0, 0.2]), channel(2, &[0.05, 0.100_000_1]), channel(1, &[0.2])];
+        let channels =
+            vec![channel(0, &[0.0, 0.1, 0.2]), channel(1, &[0.0, 0.2]), channel(2, &[0.05, 0.100_000_1]), channel(1, &[0.2])];
         let record = Record { dt: 0.1, channels, ..Record::default() };
         assert_eq!(instants(&record), [vec![0, 2, 3], vec![0, 3], vec![1, 2], vec![4]]);
     }

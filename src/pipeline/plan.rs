@@ -250,6 +250,7 @@ impl Reader {
         let before = self.errors.0.len();
         let inputs = names::inputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         let outputs = names::outputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
+        names::levels(&settings, columns, &self.doc, key, &mut self.errors);
         names::method(&model, &settings, &self.doc, key, &mut self.errors);
         (self.errors.0.len() == before).then_some(estimate::Config { settings, model, inputs, outputs })
     }

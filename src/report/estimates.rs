@@ -60,7 +60,13 @@ fn names(table: &Columns, rows: &[usize]) -> Vec<String> {
     names
 }
 
-/// One estimate of all parameters, or of those of one segment of it: its name and its rows.
+/// The segment or the group of segments of a row, as `flap 15`; empty for one value for all.
+fn place(table: &Columns, row: usize) -> String {
+    let (segment, of) = (table.text("segment", row), table.text("of", row));
+    if segment.is_empty() && !of.is_empty() { format!("{} {of}", table.text("per", row)) } else { segment }
+}
+
+/// One estimate of all parameters, or of those of one segment (or group of them) of it: its name and its rows.
 struct Run {
     name: String,
     rows: Vec<usize>,
@@ -71,7 +77,7 @@ fn runs(table: &Columns, model: &str) -> Vec<Run> {
     let mut runs = Vec::new();
     for ([_, group], rows) in table.groups(["model", "group"]).into_iter().filter(|([m, _], _)| m == model) {
         let mut segments: Vec<String> = Vec::new();
-        for segment in rows.iter().map(|&row| table.text("segment", row)) {
+        for segment in rows.iter().map(|&row| place(table, row)) {
             if !segments.contains(&segment) {
                 segments.push(segment);
             }
@@ -82,7 +88,7 @@ fn runs(table: &Columns, model: &str) -> Vec<Run> {
             continue;
         }
         for segment in segments {
-            let rows = rows.iter().copied().filter(|&row| table.text("segment", row) == segment).collect();
+            let rows = rows.iter().copied().filter(|&row| place(table, row) == segment).collect();
             runs.push(Run { name: name(&group, &segment), rows });
         }
     }

@@ -254,6 +254,8 @@ mod campaign_level {
             .strings("group", rows.iter().map(|r| r.0))
             .opt_strings("segment", rows.iter().map(|r| r.1))
             .repeat("parameter", "C")
+            .repeat("per", "segment")
+            .opt_strings("of", rows.iter().map(|r| r.1))
             .repeat("unit", "1/rad")
             .f64("value", rows.iter().map(|r| r.2).collect::<Vec<_>>())
             .f64("sd", rows.iter().map(|r| r.3).collect::<Vec<_>>())

@@ -166,7 +166,8 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
     let (_, totals) = crate::estimate::problem::pass(&layout, &evaluate, &theta).unwrap();
     let (matrix, _) = totals.weigh(&layout, &[1.0 / r]);
     let source = Source::new(&layout, &evaluate, &theta);
-    let (covariance, absorbed) = tests_only::spread_and_absorbed(&source, &matrix, &[Covariance::diagonal(&[r], &[n])], &[model], lags).unwrap();
+    let (covariance, absorbed) =
+        tests_only::spread_and_absorbed(&source, &matrix, &[Covariance::diagonal(&[r], &[n])], &[model], lags).unwrap();
     let want = blocks(&p, np, &covariance);
     close(&covariance.cc, &want.cc);
     for (g, w) in covariance.own.iter().zip(&want.own) {

@@ -1,6 +1,7 @@
 //! Tests of the numerical core on problems with known answers.
 
 mod coverage;
+mod groups;
 mod hfb320;
 mod linear_algebra;
 mod named;

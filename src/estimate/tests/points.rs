@@ -228,7 +228,11 @@ fn bounded(start: [f64; 2], upper: f64) -> Solution {
     let z: Vec<f64> = t.iter().map(|t| 2.0 + t + 0.1 * normal(&mut rng)).collect();
     let mut layout = Layout::plain(2, &[0], 1, start.to_vec());
     layout.upper[1] = upper;
-    solve(&layout, &|_: usize, p: &[f64], _: bool| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)), &Settings::default())
+    solve(
+        &layout,
+        &|_: usize, p: &[f64], _: bool| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)),
+        &Settings::default(),
+    )
 }
 
 #[test]
@@ -251,8 +255,9 @@ fn a_prior_weighs_in_with_its_information() {
     let z: Vec<f64> = (0..2000).map(|_| 3.0 + normal(&mut rng)).collect();
     let mut layout = Layout::plain(1, &[0], 1, vec![2.0]);
     layout.prior_sd[0] = 0.02;
-    let evaluate =
-        |_: usize, p: &[f64], _: bool| Some(vec![Block { output: 0, e: z.iter().map(|z| z - p[0]).collect(), g: vec![1.0; z.len()] }]);
+    let evaluate = |_: usize, p: &[f64], _: bool| {
+        Some(vec![Block { output: 0, e: z.iter().map(|z| z - p[0]).collect(), g: vec![1.0; z.len()] }])
+    };
     let s = solve(&layout, &evaluate, &Settings { tolerance: 1e-12, step_tolerance: 1e-9, ..Settings::default() });
     let (mean, data, prior) = (z.iter().sum::<f64>() / 2000.0, 2000.0 / r(&s)[0], 1.0 / (0.02 * 0.02));
     close(s.fit.theta[0], (data * mean + prior * 2.0) / (data + prior), 1e-6);

@@ -154,6 +154,21 @@ pub fn inputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc, 
     model.inputs.iter().filter_map(one).collect()
 }
 
+/// Checks the conditions that segments are labelled with.
+pub fn levels(settings: &Settings, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) {
+    for (name, levels) in &settings.levels {
+        let key = format!("{key}.levels.{name}");
+        columns.look_up(name, "signal or column", doc, &key, errors);
+        if levels.is_empty() || levels.iter().any(|v| !v.is_finite()) {
+            errors.push(doc.error(&key, "the levels of a condition are at least one finite number"));
+        }
+        if settings.input.is_none() {
+            let what = "there is no quiet time before a whole record, so it has no conditions";
+            errors.push(doc.error(&key, what).help("give the estimate an `input`, so that it uses maneuvers"));
+        }
+    }
+}
+
 /// What measures the outputs of a model that are scored.
 pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Vec<Scored> {
     let (of_outputs, of_unscored) = (format!("{key}.outputs"), format!("{key}.unscored"));
@@ -205,7 +220,35 @@ pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: 
     check("free", method.free.as_deref().unwrap_or_default(), &parameters, "parameter of the model");
     check("fixed", &method.fixed, &parameters, "parameter of the model");
     check("initial", &method.initial, &states, "state of the model");
-    for name in method.starts.keys().filter(|name| !parameters.contains(&name.as_str())) {
-        errors.push(unknown(doc, &format!("{key}.method.starts.{name}"), "parameter of the model", name, &parameters));
+    let outputs: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
+    let mut check = |list: &str, names: Vec<&String>, known: &[&str], kind: &str| {
+        for name in names.into_iter().filter(|name| !known.contains(&name.as_str())) {
+            errors.push(unknown(doc, &format!("{key}.method.{list}.{name}"), kind, name, known));
+        }
+    };
+    check("starts", method.starts.keys().collect(), &parameters, "parameter of the model");
+    check("per", method.per.keys().collect(), &parameters, "parameter of the model");
+    check("floor", method.floor.keys().collect(), &outputs, "output of the model");
+    columns_are_known(model, settings, doc, key, errors);
+}
+
+/// Checks the columns that parameters or the noise are `per`.
+fn columns_are_known(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: &mut Errors) {
+    let known = settings.columns();
+    let method = &settings.method;
+    for (name, per) in method.per.iter().filter(|(_, per)| !known.contains(&per.as_str())) {
+        errors.push(unknown(doc, &format!("{key}.method.per.{name}"), "column of the segments", per, &known));
+    }
+    if !known.contains(&method.noise_per.as_str()) {
+        errors.push(unknown(doc, &format!("{key}.method.noise_per"), "column of the segments", &method.noise_per, &known));
+    }
+    for parameter in model.parameters.iter().filter(|p| !method.per.contains_key(&p.quantity.name)) {
+        let per = parameter.scope.name();
+        if !known.contains(&per) {
+            let mut error = unknown(doc, &format!("{key}.model"), "column of the segments", per, &known);
+            error.what =
+                format!("parameter \"{}\" of the model is per \"{per}\", which segments do not have", parameter.quantity.name);
+            errors.push(error);
+        }
     }
 }

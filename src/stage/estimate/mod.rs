@@ -7,9 +7,10 @@ mod tables;
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, series, slice_of};
 use crate::dynamics::Record;
 use crate::error::{Errors, Result};
-use crate::estimate::{self, Estimation};
+use crate::estimate::{self, Estimation, Segment};
 use crate::model::Model;
 use crate::table::Table;
+use indexmap::IndexMap;
 use rayon::prelude::*;
 use records::{Grid, Measured, Source, Window, record};
 use serde_json::{Value, json};
@@ -93,14 +94,22 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 struct Ready {
     flight: String,
     segment: String,
-    record: Record,
+    labelled: Segment,
 }
 
-/// The records that are estimated together.
+/// The maneuvers that are estimated together.
 struct Batch {
     group: String,
+    /// Segment ids.
     segments: Vec<String>,
-    records: Vec<Record>,
+    labelled: Vec<Segment>,
+}
+
+/// A stretch of flight and what is known of it.
+struct Stretch {
+    segment: String,
+    window: Window,
+    labels: IndexMap<String, String>,
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
@@ -119,7 +128,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let estimations: Vec<Estimation> = batches
         .par_iter()
         .map(|batch| {
-            let estimation = estimate::estimate(&config.model, &batch.records, &config.settings.method);
+            let estimation = estimate::estimate_segments(&config.model, &batch.labelled, &config.settings.method);
             (inputs.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, batches.len());
             estimation
         })
@@ -154,8 +163,9 @@ fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Ve
         measured.push(Measured { output: scored.output, t, z });
     }
     let mut ready = Vec::new();
-    for (segment, window) in windows(config, flight, inputs, t)? {
+    for Stretch { segment, window, mut labels } in stretches(config, flight, inputs, t)? {
         let held = held(inputs.flight("conditions", flight), &segment)?;
+        labels.extend(config.settings.levels.iter().filter_map(|(name, levels)| level(name, levels, &held)));
         let sources: Vec<Source> = config.inputs.iter().map(|driver| source(driver, &held)).collect();
         match record(&grid, &sources, &measured, window) {
             Ok(record) => {
@@ -165,7 +175,7 @@ fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Ve
                     let text = format!("{masked} masked samples of the outputs are not scored in {segment}");
                     notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
                 }
-                ready.push(Ready { flight: flight.to_string(), segment, record });
+                ready.push(Ready { flight: flight.to_string(), segment, labelled: Segment { record, labels } });
             }
             Err(why) => {
                 notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}")))
@@ -183,20 +193,38 @@ fn source(driver: &Driver, held: &BTreeMap<&str, f64>) -> Source {
 }
 
 /// The stretches of a flight that are used: the included maneuvers of the input, or the whole record.
-fn windows(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Result<Vec<(String, Window)>> {
+fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Result<Vec<Stretch>> {
     let settings = &config.settings;
+    let of_flight = || IndexMap::from([("flight".to_string(), flight.to_string())]);
     let Some(input) = &settings.input else {
         let (from, to) = (t.first().copied().unwrap_or(0.0), t.last().copied().unwrap_or(0.0));
-        return Ok(vec![(flight.to_string(), Window { from, to, preroll: 0.0 })]);
+        let window = Window { from, to, preroll: 0.0 };
+        return Ok(vec![Stretch { segment: flight.to_string(), window, labels: of_flight() }]);
     };
     let Some(segments) = inputs.flight("segments", flight) else { return Ok(Vec::new()) };
     let (names, kinds, found_in) = (segments.strings("segment")?, segments.strings("kind")?, segments.strings("input")?);
     let (starts, ends, included) = (segments.f64("t_start_s")?, segments.f64("t_end_s")?, segments.bools("included")?);
+    let polarity = segments.i64("polarity")?;
     let wanted = |i: &usize| {
         included[*i] && found_in[*i] == input && (settings.kinds.is_empty() || settings.kinds.iter().any(|kind| kind == kinds[*i]))
     };
-    let window = |i: usize| Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll: settings.preroll_s };
-    Ok((0..names.len()).filter(wanted).map(|i| (names[i].to_string(), window(i))).collect())
+    let stretch = |i: usize| {
+        let values = [kinds[i].to_string(), found_in[i].to_string(), polarity[i].to_string()];
+        let labels = settings::LABELS.iter().map(ToString::to_string).zip(values);
+        Stretch {
+            segment: names[i].to_string(),
+            window: Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll: settings.preroll_s },
+            labels: of_flight().into_iter().chain(labels).collect(),
+        }
+    };
+    Ok((0..names.len()).filter(wanted).map(stretch).collect())
+}
+
+/// The level nearest to a condition, as a label; none where the condition has no value.
+fn level(name: &str, levels: &[f64], held: &BTreeMap<&str, f64>) -> Option<(String, String)> {
+    let value = held.get(name).copied().filter(|v| v.is_finite())?;
+    let nearest = levels.iter().min_by(|a, b| (*a - value).abs().total_cmp(&(*b - value).abs()))?;
+    Some((name.to_string(), nearest.to_string()))
 }
 
 /// The conditions of one maneuver, by signal.
@@ -219,9 +247,9 @@ fn batches(group: Group, ready: Vec<Ready>) -> Vec<Batch> {
         match batches.last_mut().filter(|b| b.group == name) {
             Some(batch) => {
                 batch.segments.push(r.segment);
-                batch.records.push(r.record);
+                batch.labelled.push(r.labelled);
             }
-            None => batches.push(Batch { group: name, segments: vec![r.segment], records: vec![r.record] }),
+            None => batches.push(Batch { group: name, segments: vec![r.segment], labelled: vec![r.labelled] }),
         }
     }
     batches
@@ -233,6 +261,11 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
     if estimation.stop != estimate::Stop::Converged {
         let text = format!("{}: the estimate of {} ended with \"{}\"", batch.group, config.name(), estimation.stop);
         notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, text));
+    }
+    for left in &estimation.left_out {
+        let segment = batch.segments.get(left.segment).cloned().unwrap_or_default();
+        let text = format!("{segment} is left out of the estimate of {}: {}", config.name(), left.why);
+        notes.push(note(config, "", Severity::Missing, segment, 1, text));
     }
     for combination in &estimation.verdict.combinations {
         notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, format!("{}: {combination}", batch.group)));

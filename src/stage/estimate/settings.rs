@@ -50,6 +50,10 @@ pub struct Settings {
     /// scored at its own time stamps, a column (of what was reconstructed or derived) on the grid.
     #[serde(default)]
     pub outputs: IndexMap<String, String>,
+    /// Conditions that take a few values only, and those values (SI): `flap = [0.0, 0.262]`. A maneuver is labelled with the nearest one
+    /// to the mean of that column in the quiet time before it, and parameters can be `per = "flap"`.
+    #[serde(default)]
+    pub levels: IndexMap<String, Vec<f64>>,
     /// Outputs of the model that are not scored.
     #[serde(default)]
     pub unscored: Vec<String>,
@@ -79,7 +83,20 @@ fn default_post() -> f64 {
     2.0
 }
 
+/// Columns of the segments table that parameters can be `per`, besides `flight`.
+pub const LABELS: &[&str] = &["kind", "input", "polarity"];
+
 impl Settings {
+    /// What parameters can be `per`.
+    pub fn columns(&self) -> Vec<&str> {
+        let mut known = vec!["campaign", "segment", "flight"];
+        if self.input.is_some() {
+            known.extend(LABELS);
+        }
+        known.extend(self.levels.keys().map(String::as_str));
+        known
+    }
+
     /// Name in the tables.
     pub fn name(&self) -> String {
         let file = self.model.rsplit('/').next().unwrap_or(&self.model);

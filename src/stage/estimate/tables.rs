@@ -2,7 +2,7 @@
 
 use super::Batch;
 use crate::error::Result;
-use crate::estimate::{Estimation, Trace};
+use crate::estimate::{Estimation, Iteration, Row, Trace};
 use crate::math::ar::{self, Ar};
 use crate::table::Table;
 
@@ -24,14 +24,25 @@ fn segment(batch: &Batch, index: Option<usize>) -> Option<&str> {
     index.and_then(|i| batch.segments.get(i)).map(String::as_str)
 }
 
+/// Where one value holds, and which segment or group of segments this one belongs to.
+fn per(batch: &Batch, row: &Row) -> (String, Option<String>) {
+    match (&row.group, segment(batch, row.segment)) {
+        (Some(label), _) => (label.column.clone(), Some(label.value.clone())),
+        (None, Some(segment)) => ("segment".to_string(), Some(segment.to_string())),
+        (None, None) => ("campaign".to_string(), None),
+    }
+}
+
 fn estimates(model: &str, done: &[Done]) -> Result<Table> {
     let mut rows: Vec<_> = done.iter().flat_map(|(b, e)| e.rows.iter().map(move |row| (b, e, row))).collect();
-    rows.sort_by_key(|(b, _, r)| (&b.group, &r.name, segment(b, r.segment)));
+    rows.sort_by_key(|(b, _, r)| (&b.group, &r.name, segment(b, r.segment), per(b, r).1));
     Table::build("estimates")
         .repeat("model", model)
         .strings("group", rows.iter().map(|(b, _, _)| &b.group))
         .opt_strings("segment", rows.iter().map(|(b, _, r)| segment(b, r.segment)))
         .strings("parameter", rows.iter().map(|(_, _, r)| &r.name))
+        .strings("per", rows.iter().map(|(b, _, r)| per(b, r).0))
+        .opt_strings("of", rows.iter().map(|(b, _, r)| per(b, r).1))
         .strings("unit", rows.iter().map(|(_, _, r)| &r.unit))
         .f64("value", rows.iter().map(|(_, _, r)| r.value).collect::<Vec<_>>())
         .f64("sd", rows.iter().map(|(_, _, r)| r.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
@@ -52,22 +63,29 @@ fn correlations(model: &str, done: &[Done]) -> Result<Table> {
         .strings("group", rows.iter().map(|(b, ..)| &b.group))
         .strings("parameter", rows.iter().map(|(_, one, ..)| &one.name))
         .opt_strings("segment", rows.iter().map(|(b, one, ..)| segment(b, one.segment)))
+        .opt_strings("of", rows.iter().map(|(b, one, ..)| per(b, one).1))
         .strings("other", rows.iter().map(|(_, _, other, _)| &other.name))
         .opt_strings("other_segment", rows.iter().map(|(b, _, other, _)| segment(b, other.segment)))
+        .opt_strings("other_of", rows.iter().map(|(b, _, other, _)| per(b, other).1))
         .f64("value", rows.iter().map(|(.., value)| *value).collect::<Vec<_>>())
         .finish()
 }
 
 fn iterations(model: &str, done: &[Done]) -> Result<Table> {
     let rows: Vec<_> = done.iter().flat_map(|(b, e)| e.iterations.iter().map(move |i| (b, i))).collect();
-    let step = |i: &crate::estimate::Iteration| if i.iteration == 0 { f64::NAN } else { i.step };
+    let of = |value: fn(&Iteration) -> f64| rows.iter().map(|(_, i)| value(i)).collect::<Vec<f64>>();
+    let after_start = |value: f64, i: &Iteration| if i.iteration == 0 { f64::NAN } else { value };
     Table::build("iterations")
         .repeat("model", model)
         .strings("group", rows.iter().map(|(b, _)| &b.group))
         .i64("iteration", rows.iter().map(|(_, i)| i.iteration as i64).collect::<Vec<_>>())
-        .f64("cost", rows.iter().map(|(_, i)| i.cost).collect::<Vec<_>>())
+        .f64("cost", of(|i| i.cost))
+        .f64("det_r", of(|i| i.det_r))
+        .f64("change", rows.iter().map(|(_, i)| after_start(i.change, i)).collect::<Vec<_>>())
+        .f64("step", rows.iter().map(|(_, i)| after_start(i.step, i)).collect::<Vec<_>>())
+        .f64("gradient", of(|i| i.gradient))
         .i64("halvings", rows.iter().map(|(_, i)| i.halvings as i64).collect::<Vec<_>>())
-        .f64("step", rows.iter().map(|(_, i)| step(i)).collect::<Vec<_>>())
+        .f64("damping", of(|i| i.damping))
         .finish()
 }
 
@@ -107,7 +125,7 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         (v.iter().map(|e| (e - m) * (e - m)).sum::<f64>() / (v.len() as f64 - 1.0)).sqrt()
     };
     let ar: Vec<Option<&[f64]>> =
-        rows.iter().map(|l| l.estimation.outputs.iter().find(|o| o.name == l.trace.name).map(|o| o.ar.as_slice())).collect();
+        rows.iter().map(|l| l.estimation.scatter(l.segment, &l.trace.name).map(|o| o.ar.as_slice())).collect();
     Table::build("residuals")
         .repeat("model", model)
         .strings("group", rows.iter().map(|l| &l.batch.group))
