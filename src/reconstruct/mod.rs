@@ -14,6 +14,7 @@
 //!
 //! What this version does not do: drifting biases, wind as a state, covariance along the path.
 
+pub mod smoother;
 mod windows;
 
 use indexmap::IndexMap;

@@ -1,0 +1,89 @@
+//! What a flight's signals show of their own noise in; the noise levels a smoother runs with, and their improvement by maximum likelihood, out.
+
+use super::backward::Sums;
+use super::flight::{Flight, spacing};
+use super::kinematics::Kinematics;
+use indexmap::IndexMap;
+
+/// Noise of everything, as the filter uses it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Levels {
+    /// Variance of one sample per channel; infinite: the channel is not used.
+    pub r: Vec<f64>,
+    /// Spectral density per input, unit^2 s.
+    pub density: Vec<f64>,
+    /// Variance that a state or a parameter gains per second.
+    pub walk: Vec<f64>,
+    /// Standard deviations of states and parameters at the start.
+    pub start_sd: Vec<f64>,
+}
+
+/// Least share of the first guess that a measurement's standard deviation may fall to.
+const LEAST: f64 = 0.3;
+/// Most that one iteration changes a variance, as a factor.
+const STRIDE: f64 = 30.0;
+
+impl Levels {
+    /// Levels from the signals themselves; `walks` gives densities (unit per square root of a second) by name of state or parameter.
+    pub fn guess(kinematics: &Kinematics, flight: &Flight, walks: &IndexMap<String, f64>) -> Levels {
+        let model = kinematics.model;
+        let names = model.states.iter().map(|s| &s.quantity).chain(kinematics.free.iter().map(|&i| &model.parameters[i].quantity));
+        let walk = names.clone().map(|q| walks.get(&q.name).map_or(0.0, |w| w * w)).collect();
+        let prior = |i: usize| kinematics.free.get(i).map(|&p| model.parameters[p].prior_sd).filter(|sd| sd.is_finite());
+        let nx = kinematics.states();
+        let start_sd =
+            names.enumerate().map(|(i, q)| i.checked_sub(nx).and_then(prior).unwrap_or_else(|| unknown(&q.unit, i < nx))).collect();
+        let density = |i: usize| {
+            let input = &flight.inputs[i];
+            input.sd * input.sd * flight.clocks[input.clock].spacing
+        };
+        Levels {
+            r: flight.channels.iter().map(|c| (c.sd * c.sd).max(1e-24)).collect(),
+            density: (0..flight.inputs.len()).map(density).collect(),
+            walk,
+            start_sd,
+        }
+    }
+
+    /// One step of maximum likelihood: a variance times `sum u^2 / sum D`, the ratio of what its adjoints are to what they should be
+    /// (score of de Jong's disturbance smoother: at the maximum each ratio is 1). `walks`: the states whose walk is estimated.
+    /// Gives the largest relative change of a standard deviation.
+    pub fn improve(&mut self, first: &Levels, sums: &Sums, walks: &[usize]) -> f64 {
+        let mut change = 0.0f64;
+        let mut scale = |value: &mut f64, [actual, expected]: [f64; 2], least: f64| {
+            if value.is_finite() && *value > 0.0 && expected > 0.0 && actual.is_finite() {
+                let next = (*value * (actual / expected).clamp(1.0 / STRIDE, STRIDE)).max(least);
+                change = change.max(((next / *value).sqrt() - 1.0).abs());
+                *value = next;
+            }
+        };
+        for (j, r) in self.r.iter_mut().enumerate() {
+            scale(r, sums.channels[j], LEAST * LEAST * first.r[j]);
+        }
+        for &i in walks {
+            // a walk below a thousandth of its first guess is no walk: it stops there
+            scale(&mut self.walk[i], sums.walks[i], 1e-6 * first.walk[i]);
+        }
+        change
+    }
+}
+
+/// Standard deviation of something of which nothing is known.
+fn unknown(unit: &str, state: bool) -> f64 {
+    match (unit, state) {
+        ("rad", true) => 1.0,
+        ("m/s", true) => 30.0,
+        ("m", true) => 5000.0,
+        ("m/s^2", false) => 0.5,
+        ("rad/s", false) => 0.02,
+        ("rad", false) => 0.1,
+        ("-", false) => 0.2,
+        ("m/s", false) => 15.0,
+        _ => 100.0,
+    }
+}
+
+/// Usual spacing of a channel's samples, s.
+pub fn channel_spacing(flight: &Flight, channel: usize) -> f64 {
+    flight.packets.iter().find(|p| p.channels.contains(&channel)).map_or(0.0, |p| spacing(&p.t))
+}
