@@ -66,8 +66,17 @@ pub(super) struct Compiler<'a> {
     pub model: Model,
 }
 
+/// What becomes of constants with an sd.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Uncertain {
+    /// Numbers like all others.
+    Folded,
+    /// Fixed parameters, so that there are derivatives with respect to them.
+    Open,
+}
+
 /// Compiles gathered sources (fragments first, the model itself last) with the aircraft's constants.
-pub fn compile(name: &str, sources: &[Source], constants: &Constants) -> Result<Model, Errors> {
+pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain: Uncertain) -> Result<Model, Errors> {
     let mut c = Compiler {
         sources,
         symbols: IndexMap::new(),
@@ -85,6 +94,9 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants) -> Result<
         c.model.source = last.file.source.clone();
     }
     c.declare(constants);
+    if uncertain == Uncertain::Open {
+        c.open_constants();
+    }
     c.tables();
     c.states();
     c.outputs();

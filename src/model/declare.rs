@@ -128,6 +128,22 @@ impl Compiler<'_> {
         }
     }
 
+    /// Makes fixed parameters of the constants that have an sd.
+    pub(super) fn open_constants(&mut self) {
+        for i in 0..self.model.constants.len() {
+            let Assumed { quantity, value, sd } = self.model.constants[i].clone();
+            if !(sd > 0.0 && value.is_finite()) {
+                continue;
+            }
+            if let Some((symbol, _)) = self.symbols.get_mut(&quantity.name) {
+                *symbol = Symbol::Parameter(self.model.parameters.len());
+            }
+            let (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
+            let scope = Scope::Campaign;
+            self.model.parameters.push(Parameter { quantity, start: value, min, max, scope, fixed: true, prior_sd: f64::INFINITY });
+        }
+    }
+
     pub(super) fn tables(&mut self) {
         let sources = self.sources;
         for (s, source) in sources.iter().enumerate() {

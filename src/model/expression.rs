@@ -56,6 +56,9 @@ impl Compiler<'_> {
                     self.error(at, right.at, format!("an exponent has no unit, this one is in {}", unitless(b)));
                     return None;
                 }
+                if let Some(power) = self.power_of_opened(a, b) {
+                    return Some(power);
+                }
                 let Some(exponent) = self.model.graph.constant(b.node) else {
                     self.error_help(at, right.at, "the exponent must be constant", "write exp(b*log(a)) for a varying exponent");
                     return None;
@@ -67,6 +70,30 @@ impl Compiler<'_> {
                 Some(Typed { node: self.model.graph.pow(a.node, exponent), dim: Some(dim) })
             }
         }
+    }
+
+    /// `a^b` where `b` is made of constants that have been opened (see `Model::opened`): `exp(b log a)`, with the dimension that the
+    /// constants' values give.
+    fn power_of_opened(&mut self, a: Typed, b: Typed) -> Option<Typed> {
+        let values = |leaf: Leaf| match leaf {
+            Leaf::Parameter(p) => {
+                let p = &self.model.parameters[p];
+                self.model.constants.iter().find(|c| c.quantity.name == p.quantity.name).map(|c| c.value)
+            }
+            _ => None,
+        };
+        let leaves = self.model.graph.leaves(&[b.node]);
+        if leaves.is_empty() {
+            return None;
+        }
+        let known: Vec<(Leaf, f64)> = leaves.iter().map(|&l| values(l).map(|v| (l, v))).collect::<Option<_>>()?;
+        let g = &mut self.model.graph;
+        let known = known.into_iter().map(|(leaf, value)| (leaf, g.c(value))).collect();
+        let folded = g.substitute(b.node, &known);
+        let dim = a.dim.unwrap_or(Dim::NONE).power(g.constant(folded)?)?;
+        let log = g.unary(super::graph::Op::Log, a.node);
+        let product = g.mul(b.node, log);
+        Some(Typed { node: g.unary(super::graph::Op::Exp, product), dim: Some(dim) })
     }
 
     /// The common dimension of two operands that must agree (a literal 0 agrees with anything).

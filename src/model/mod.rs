@@ -18,6 +18,7 @@ pub mod tables;
 mod walk;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -172,6 +173,16 @@ pub struct Model {
     pub equations: IndexMap<String, Node>,
     /// The resolved text, fragments included: what a cache key hashes (together with `constants`).
     pub text: String,
+    /// What it was compiled from.
+    recipe: Option<Arc<Recipe>>,
+}
+
+/// What a model is compiled from.
+#[derive(Debug)]
+pub struct Recipe {
+    name: String,
+    sources: Vec<fragments::Source>,
+    constants: Constants,
 }
 
 impl Model {
@@ -185,7 +196,7 @@ impl Model {
         let name = name.strip_suffix(".model.toml").or(name.strip_suffix(".toml")).unwrap_or(&name).to_string();
         let folder = path.parent().unwrap_or(Path::new("."));
         let sources = fragments::gather(&path.to_string_lossy(), &text, Folder::At(folder))?;
-        compile::compile(&name, &sources, constants)
+        Model::compiled(Recipe { name, sources, constants: constants.clone() })
     }
 
     /// Compiles model text that is not in a file; it can use embedded fragments only.
@@ -194,7 +205,23 @@ impl Model {
     /// As `load`.
     pub fn parse(name: &str, text: &str, constants: &Constants) -> Result<Model, Errors> {
         let sources = fragments::gather(name, text, Folder::None)?;
-        compile::compile(name, &sources, constants)
+        Model::compiled(Recipe { name: name.to_string(), sources, constants: constants.clone() })
+    }
+
+    fn compiled(recipe: Recipe) -> Result<Model, Errors> {
+        let model = compile::compile(&recipe.name, &recipe.sources, &recipe.constants, compile::Uncertain::Folded)?;
+        Ok(Model { recipe: Some(Arc::new(recipe)), ..model })
+    }
+
+    /// The same model with every constant of non-zero sd as a fixed parameter of the same name, behind its own parameters: what it takes
+    /// to differentiate with respect to a constant. Constants are folded in the model itself, which keeps it fast.
+    ///
+    /// # Errors
+    /// None that compiling the model itself would not have found.
+    pub fn opened(&self) -> Result<Model, Errors> {
+        let Some(recipe) = &self.recipe else { return Ok(self.clone()) };
+        let model = compile::compile(&recipe.name, &recipe.sources, &recipe.constants, compile::Uncertain::Open)?;
+        Ok(Model { name: self.name.clone(), recipe: Some(recipe.clone()), ..model })
     }
 
     /// An embedded fragment as a model of its own.

@@ -196,3 +196,57 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
         }
     }
 }
+
+#[test]
+fn opened_constants_are_the_same_model_with_derivatives() {
+    let mut opened_constants = 0;
+    for (path, constants) in shipped().into_iter().filter(|(p, _)| !is_part(p)) {
+        let name = path.to_string_lossy().into_owned();
+        let model = Model::load(&path, &constants).unwrap();
+        let opened = model.opened().unwrap();
+        let uncertain: Vec<_> = model.constants.iter().filter(|c| c.sd > 0.0).collect();
+        let behind: Vec<&str> = opened.parameters[model.parameters.len()..].iter().map(|p| p.quantity.name.as_str()).collect();
+        assert_eq!(behind, uncertain.iter().map(|c| c.quantity.name.as_str()).collect::<Vec<_>>(), "{name}");
+        check(&opened, &name);
+        // The opened model at other constants is the model compiled with them.
+        let rows = |m: &Model| m.rates.iter().chain(&m.output_nodes).copied().collect::<Vec<Node>>();
+        let mut at = point(&opened);
+        let mut shifted = constants.clone();
+        for (k, c) in uncertain.iter().enumerate() {
+            let value = c.value + 0.3 * c.sd;
+            at[opened.layout.parameter() + model.parameters.len() + k] = value;
+            let (unit, source) = (c.quantity.unit.clone(), String::new());
+            shifted.0.insert(c.quantity.name.clone(), koehler::model::Given { value, unit, sd: c.sd, source });
+        }
+        let folded = Model::load(&path, &shifted).unwrap();
+        let of_folded = values(&folded, &Program::lower(&folded.graph, &rows(&folded), &folded.layout), &at[..folded.layout.len()]);
+        let of_opened = values(&opened, &Program::lower(&opened.graph, &rows(&opened), &opened.layout), &at);
+        for (a, b) in of_folded.iter().zip(&of_opened) {
+            assert!((a - b).abs() <= 1e-9 * (a.abs() + 1.0), "{name}: {a} {b}");
+        }
+        opened_constants += uncertain.len();
+    }
+    assert!(opened_constants > 30, "{opened_constants}");
+}
+
+#[test]
+fn an_opened_constant_may_stand_in_an_exponent() {
+    let text = r#"
+title = "A power"
+[constants]
+n = { value = 1.5, unit = "-", sd = 0.1 }
+[inputs]
+u = "-"
+[outputs]
+y = { unit = "-", value = "u^(n + 1)" }
+"#;
+    let opened = Model::parse("power", text, &Constants::default()).unwrap().opened().unwrap();
+    let mut graph = opened.graph.clone();
+    let slope = graph.derivative(opened.output_nodes[0], Leaf::Parameter(0));
+    let mut at = vec![0.0; opened.layout.len()];
+    at[opened.layout.input()] = 2.0;
+    at[opened.layout.parameter()] = 1.5;
+    let program = Program::lower(&graph, &[opened.output_nodes[0], slope], &opened.layout);
+    let [y, dy] = values(&opened, &program, &at)[..] else { panic!("two values") };
+    assert!((y - 2f64.powf(2.5)).abs() < 1e-12 && (dy - 2f64.powf(2.5) * 2f64.ln()).abs() < 1e-12, "{y} {dy}");
+}
