@@ -22,7 +22,7 @@ use super::noise::Covariance;
 use super::problem::{Block, Evaluate, Layout};
 use super::sigma::Sigma;
 use super::{OrderCriterion, Settings};
-use crate::math::ar::{self, Ar};
+use crate::math::ar::{self, Ar, Order};
 use rayon::prelude::*;
 
 /// Blocks are kept while they need fewer numbers than this (256 MB); those of later segments are evaluated again when needed.
@@ -183,11 +183,12 @@ fn fit(sums: &[Vec<f64>], raw: &Products, count: &[usize], settings: &Settings) 
         .map(|j| {
             let lags = sums[j].iter().zip(&raw.pairs[j]).take_while(|(_, pairs)| **pairs > 0.0);
             let c: Vec<f64> = lags.map(|(sum, pairs)| sum / pairs).collect();
-            let penalty = match settings.ar_order {
-                OrderCriterion::Aic => 2.0,
-                OrderCriterion::Bic => libm::log(count[j] as f64),
+            let by = match settings.ar_order {
+                OrderCriterion::White => Order::White,
+                OrderCriterion::Aic => Order::Penalty(2.0),
+                OrderCriterion::Bic => Order::Penalty(libm::log(count[j] as f64)),
             };
-            ar::fit_penalised(&c, count[j], settings.max_ar_order, penalty)
+            ar::fit_by(&c, count[j], settings.max_ar_order, by)
         })
         .collect()
 }

@@ -115,14 +115,18 @@ pub enum StepControl {
     LevenbergMarquardt,
 }
 
-/// How the order of the residuals' autoregressive model is chosen.
+/// How the order of the residuals' autoregressive model is chosen. Slow noise of a small part of the white noise's size widens
+/// intervals a lot and is easily missed: the figures are the coverage of intervals said to be 95%, measured over 500 simulated
+/// campaigns with white noise and a third of it with correlation 0.97 between samples (`estimate::tests::coverage`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OrderCriterion {
-    /// Least `N ln(variance) + 2 p`. Finds slow noise of a small part of the white noise's size, which widens intervals a lot:
-    /// in simulations with a third of it (correlation 0.97 between samples) intervals said to be 95% cover 92 to 94%, by BIC 82 to 89%.
+    /// The order of `bic`, raised until the residuals it leaves pass as white: the sum of squares of the partial autocorrelations of all
+    /// higher orders is below its median for white noise. Covers 94 to 95%.
+    White,
+    /// Least `N ln(variance) + 2 p`. Covers 93 to 94%.
     Aic,
-    /// Least `N ln(variance) + p ln N`.
+    /// Least `N ln(variance) + p ln N`. Covers 83 to 87%.
     Bic,
 }
 
@@ -145,7 +149,7 @@ impl Default for Settings {
             max_halvings: 20,
             priors: true,
             max_ar_order: 24,
-            ar_order: OrderCriterion::Aic,
+            ar_order: OrderCriterion::White,
         }
     }
 }

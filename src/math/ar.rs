@@ -2,6 +2,8 @@
 //!
 //! The model is `r[i] = a_1 r[i-1] + ... + a_p r[i-p] + e[i]`, with white `e` of variance `variance`.
 
+use super::distribution::chi2_cdf;
+
 /// An autoregressive model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ar {
@@ -33,19 +35,30 @@ pub fn sample_autocovariance(r: &[f64], lags: usize) -> Vec<f64> {
 /// A recursion that ceases to be stationary (an autocovariance that is not positive semidefinite) ends the search at the order
 /// reached. A lag 0 that is not positive gives order 0 with that variance.
 pub fn fit(autocovariance: &[f64], n: usize, max_order: usize) -> Ar {
-    fit_penalised(autocovariance, n, max_order, libm::log(n as f64))
+    fit_by(autocovariance, n, max_order, Order::Penalty(libm::log(n as f64)))
 }
 
-/// As `fit`, with the least `n ln(variance) + p penalty`: `ln n` is BIC, 2 is AIC.
-pub fn fit_penalised(autocovariance: &[f64], n: usize, max_order: usize, penalty: f64) -> Ar {
+/// How the order is chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Order {
+    /// Least `n ln(variance) + p penalty`: `ln n` is BIC, 2 is AIC.
+    Penalty(f64),
+    /// The order of BIC, raised until what is left looks white: the partial autocorrelations `phi_k` of all higher orders, of variance
+    /// `1/n` each in white noise, have a sum of squares below its median (the portmanteau test of Monti, Biometrika 81, 1994,
+    /// without its small-sample factor: `n sum phi_k^2` against chi-square).
+    White,
+}
+
+/// As `fit`, with the order chosen by `order`.
+pub fn fit_by(autocovariance: &[f64], n: usize, max_order: usize, order: Order) -> Ar {
     let Some(&c0) = autocovariance.first() else { return Ar { coefficients: vec![], variance: 0.0, order: 0 } };
-    let mut best = Ar { coefficients: vec![], variance: c0, order: 0 };
+    let mut all = vec![Ar { coefficients: vec![], variance: c0, order: 0 }];
     if !(c0 > 0.0 && c0.is_finite()) {
-        return best;
+        return all.remove(0);
     }
-    let mut least = n as f64 * libm::log(c0);
     let mut a: Vec<f64> = vec![];
     let mut variance = c0;
+    let mut reflections = vec![];
     // Levinson-Durbin recursion (Brockwell & Davis, Proposition 5.2.1)
     for p in 1..=max_order.min(autocovariance.len() - 1).min(n.saturating_sub(2)) {
         let predicted: f64 = a.iter().enumerate().map(|(j, aj)| aj * autocovariance[p - 1 - j]).sum();
@@ -53,15 +66,28 @@ pub fn fit_penalised(autocovariance: &[f64], n: usize, max_order: usize, penalty
         if !(reflection.abs() < 1.0) {
             break;
         }
+        reflections.push(reflection);
         a = step_up(&a, reflection);
         variance *= 1.0 - reflection * reflection;
-        let criterion = n as f64 * libm::log(variance) + p as f64 * penalty;
-        if criterion < least {
-            least = criterion;
-            best = Ar { coefficients: a.clone(), variance, order: p };
-        }
+        all.push(Ar { coefficients: a.clone(), variance, order: p });
     }
-    best
+    let least = |criterion: &dyn Fn(&Ar) -> f64| {
+        (0..all.len()).fold(0, |best, p| if criterion(&all[p]) < criterion(&all[best]) { p } else { best })
+    };
+    let nf = n as f64;
+    let best = match order {
+        Order::Penalty(penalty) => least(&|m| nf * libm::log(m.variance) + m.order as f64 * penalty),
+        Order::White => {
+            let bic = least(&|m| nf * libm::log(m.variance) + m.order as f64 * libm::log(nf));
+            let passes = |p: usize| {
+                let rest = reflections.get(p..).unwrap_or_default();
+                let q: f64 = nf * rest.iter().map(|r| r * r).sum::<f64>();
+                rest.is_empty() || chi2_cdf(q, rest.len() as f64) < 0.5
+            };
+            (bic..all.len()).find(|&p| passes(p)).unwrap_or(all.len() - 1)
+        }
+    };
+    all.swap_remove(best)
 }
 
 /// The exact autocovariance of the process at lags `0..=lags`, from the Yule-Walker equations.
@@ -144,6 +170,21 @@ mod tests {
         assert_eq!(model.order, 2);
         assert!((model.coefficients[0] - 1.2).abs() < 0.02 && (model.coefficients[1] + 0.6).abs() < 0.02);
         assert_eq!(fit(&sample_autocovariance(&simulate(&[], 5_000, 3), 20), 5_000, 20).order, 0);
+    }
+
+    #[test]
+    fn the_order_is_raised_until_the_rest_is_white() {
+        // A third of slow noise under white noise: BIC stops early, and the level at frequency zero is far too low.
+        let (white, slow) = (simulate(&[], 1_000, 5), simulate(&[0.97], 1_000, 6));
+        let r: Vec<f64> = white.iter().zip(&slow).map(|(w, s)| w + s * 0.081).collect();
+        let c = sample_autocovariance(&r, 24);
+        let level = |m: &Ar| m.variance / square(1.0 - m.coefficients.iter().sum::<f64>());
+        let (bic, raised) = (fit(&c, r.len(), 24), fit_by(&c, r.len(), 24, Order::White));
+        assert!(raised.order > bic.order && level(&raised) > 1.5 * level(&bic), "{bic:?} {raised:?}");
+        // A process of known order is not made longer than it needs.
+        let ar2 = sample_autocovariance(&simulate(&[1.2, -0.6], 20_000, 2), 24);
+        let model = fit_by(&ar2, 20_000, 24, Order::White);
+        assert!((model.coefficients[0] - 1.2).abs() < 0.03 && (model.coefficients[1] + 0.6).abs() < 0.03, "{model:?}");
     }
 
     #[test]
