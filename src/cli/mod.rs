@@ -85,7 +85,7 @@ enum Verb {
 struct PipelineArgs {
     /// The pipeline file
     pipeline: PathBuf,
-    /// Output folder [default: out/ beside the pipeline file]
+    /// Output folder [default: out/ beside pipeline.toml, out/NAME/ beside NAME.toml]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -138,7 +138,10 @@ fn dispatch(verb: Verb) -> Result<End, Errors> {
         Verb::Check { pipeline } => run::check(&pipeline),
         Verb::Inspect { log } => shown(&log::inspect::run(&log)?),
         Verb::Init { logs, out } => shown(&log::starter::run(&logs, &out)?),
-        Verb::Import { description, out } => shown(&log::import::run(&description, out.as_deref())?.to_string()),
+        Verb::Import { description, out } => {
+            let done: Vec<String> = log::import::run(&description, out.as_deref())?.iter().map(|one| one.to_string()).collect();
+            shown(&done.join("\n"))
+        }
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),
         Verb::Schema { file, out } => schema::schema(file.as_deref(), out.as_deref()),
     }

@@ -87,6 +87,9 @@ fn lines(stage: &str, a: &Assessment) -> Vec<String> {
     }
 }
 
+/// `out/` beside `pipeline.toml`; pipelines of other names beside it keep their results apart, in `out/<name>/`.
 fn out_folder(args: &PipelineArgs) -> PathBuf {
-    args.out.clone().unwrap_or_else(|| args.pipeline.parent().unwrap_or_else(|| Path::new("")).join("out"))
+    let out = args.pipeline.parent().unwrap_or_else(|| Path::new("")).join("out");
+    let name = args.pipeline.file_stem().filter(|name| *name != "pipeline");
+    args.out.clone().unwrap_or_else(|| name.map_or_else(|| out.clone(), |name| out.join(name)))
 }

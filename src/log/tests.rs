@@ -423,7 +423,7 @@ name = "/air"
 fields = [{ column = "V", name = "tas", unit = "kt", doc = "True airspeed" }, { column = 2, name = "alpha", unit = "deg" }]
 "#;
     std::fs::write(at("import.toml"), description).unwrap();
-    let done = import::run(&at("import.toml"), None).unwrap();
+    let done = import::run(&at("import.toml"), None).unwrap().remove(0);
     assert_eq!((done.rows, done.topics, done.fields), (3, 1, 2));
     let map = "[signal.V]\ntopic = \"/air\"\nfield = \"tas\"\nunit = \"m/s\"\n[signal.alpha]\ntopic = \"/air\"\nfield = \"alpha\"\nunit = \"deg\"\n";
     let flight = read(&done.output, map).unwrap();
@@ -451,7 +451,7 @@ fn truth_the_hfb320_record_is_imported_unchanged() {
     let text = std::fs::read_to_string(pipeline.join("import.toml")).unwrap();
     let description = folder.path().join("import.toml");
     std::fs::write(&description, text.replace("data/hfb320_1_10.asc", &input.to_string_lossy())).unwrap();
-    let done = import::run(&description, None).unwrap();
+    let done = import::run(&description, None).unwrap().remove(0);
     assert_eq!((done.rows, done.fields), (601, 19));
     let channels = std::fs::read_to_string(pipeline.join("channels.toml")).unwrap();
     let flight = read(&done.output, &channels).unwrap();

@@ -1,7 +1,7 @@
 //! The published HFB-320 record through import, segmentation and estimation: do the pipelines' numbers agree with the book's?
 
+use crate::flightdata::{copy, data, koehler};
 use koehler::table::{Table, read_dataset};
-use std::path::{Path, PathBuf};
 
 /// Case A (start values fixed, 5 iterations) with exact derivatives, and column C (start values free), in the model's order.
 const PUBLISHED: [(&str, f64, f64); 11] = [
@@ -18,23 +18,6 @@ const PUBLISHED: [(&str, f64, f64); 11] = [
     ("Cmde", -1.437067, -1.450267),
 ];
 
-/// The folder of the public data, where there is one; a printed reason where not.
-fn data() -> Option<PathBuf> {
-    let named = std::env::var_os("KOEHLER_DATA").map(PathBuf::from);
-    let above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("shared/data"));
-    let found = named.into_iter().chain(above).find(|folder| folder.join("hfb320/hfb320_1_10.asc").is_file());
-    if found.is_none() {
-        eprintln!("skipped: no hfb320/hfb320_1_10.asc in $KOEHLER_DATA or in shared/data above the project");
-    }
-    found
-}
-
-fn koehler(folder: &Path, data: &Path, args: &[&str]) {
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
-    let output = command.current_dir(folder).env("KOEHLER_DATA", data).args(args).output().expect("started");
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-}
-
 fn values<'t>(estimates: &'t Table, model: &str, parameter: &str) -> (f64, f64, &'t str) {
     let (models, parameters) = (estimates.strings("model").expect("column"), estimates.strings("parameter").expect("column"));
     let row = (0..estimates.rows()).find(|i| models[*i] == model && parameters[*i] == parameter).expect("a row");
@@ -44,13 +27,8 @@ fn values<'t>(estimates: &'t Table, model: &str, parameter: &str) -> (f64, f64, 
 
 #[test]
 fn truth_hfb320_from_text_columns_to_estimates() {
-    let Some(data) = data() else { return };
-    let data = data.canonicalize().expect("a path");
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for file in ["import.toml", "channels.toml", "pipeline.toml", "hfb320.model.toml"] {
-        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/hfb320").join(file);
-        std::fs::copy(from, folder.path().join(file)).expect("copied");
-    }
+    let Some(data) = data("hfb320/hfb320_1_10.asc") else { return };
+    let folder = copy("hfb320");
     koehler(folder.path(), &data, &["import", "import.toml"]);
     koehler(folder.path(), &data, &["run", "pipeline.toml"]);
 

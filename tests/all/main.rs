@@ -1,11 +1,14 @@
 //! One integration-test binary: linking is the hidden cost of many. Each module asks one kind of question.
 
+mod attas;
 mod campaign;
 mod coverage;
 mod faults;
+mod flightdata;
 mod floors;
 mod hfb320;
 mod language;
 mod models;
 mod pages;
+mod recovery;
 mod reruns;

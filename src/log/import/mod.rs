@@ -1,4 +1,7 @@
-//! Columns of text and a description of them in; an MCAP log out.
+//! Columns of text or of a MAT file and a description of them in; an MCAP log out.
+
+mod mat;
+mod text;
 
 use super::write::{FieldSpec, LogWriter, Stream, TopicId};
 use crate::config::{self, Doc};
@@ -8,13 +11,20 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Describes a text file with one row per time and one column per quantity, and the log that becomes of it.
+/// Describes a text file, or a matrix of a MATLAB 5 MAT file, with one row per time and one column per quantity, and the log that
+/// becomes of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Import {
-    /// Where the text file may be, relative to this file; `$NAME` at the start stands for an environment variable. The first file
+    /// Several files of the same layout: each name takes the place of `{name}` in `input`, `output` and `variable`.
+    #[serde(default)]
+    pub names: Vec<String>,
+    /// Where the file may be, relative to this file; `$NAME` at the start stands for an environment variable. The first file
     /// that exists is read.
     pub input: Vec<String>,
+    /// The matrix to read from a MAT file; not needed where it is the only one.
+    #[serde(default)]
+    pub variable: Option<String>,
     /// The log to write, relative to this file.
     pub output: String,
     /// Where the data come from and how to get them; part of the message when no input is found.
@@ -107,24 +117,52 @@ impl std::fmt::Display for Imported {
     }
 }
 
-/// Imports what the description at `description` describes; `output` replaces the description's own.
+/// One file to import.
+struct Source {
+    name: Option<String>,
+    path: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl Source {
+    fn named(&self, text: &str) -> String {
+        named(self.name.as_deref(), text)
+    }
+}
+
+fn named(name: Option<&str>, text: &str) -> String {
+    name.map_or_else(|| text.to_string(), |name| text.replace("{name}", name))
+}
+
+/// Imports what the description at `description` describes; `output` replaces the description's own (of a single file).
 ///
 /// # Errors
 /// Mistakes in the description; no input found (the message says where it was looked for); rows that are no numbers.
-pub fn run(description: &Path, output: Option<&Path>) -> Result<Imported, Errors> {
+pub fn run(description: &Path, output: Option<&Path>) -> Result<Vec<Imported>, Errors> {
     let (settings, doc) = config::load::<Import>(description)?;
-    check(&settings, &doc)?;
+    check(&settings, &doc, output.is_some())?;
     let folder = description.parent().unwrap_or(Path::new(""));
-    let input = find_input(&settings, &doc, folder)?;
-    let text = config::read_text(&input)?;
-    let output = output.map_or_else(|| folder.join(&settings.output), Path::to_path_buf);
-    let rows = convert(&settings, &doc, &input.to_string_lossy(), &text, &output)?;
-    let fields = settings.topic.iter().map(|t| t.fields.len()).sum();
-    Ok(Imported { input, output, rows, topics: settings.topic.len(), fields })
+    let names: Vec<Option<&str>> =
+        if settings.names.is_empty() { vec![None] } else { settings.names.iter().map(|n| Some(n.as_str())).collect() };
+    let mut errors = Errors::default();
+    let sources: Vec<Source> = names.iter().filter_map(|name| errors.take(find(&settings, &doc, folder, *name))).collect();
+    errors.or(())?;
+    let one = |source: Source| {
+        let output = output.map_or_else(|| folder.join(source.named(&settings.output)), Path::to_path_buf);
+        let rows = convert(&settings, &doc, &source, &output)?;
+        let fields = settings.topic.iter().map(|t| t.fields.len()).sum();
+        Ok(Imported { input: source.path, output, rows, topics: settings.topic.len(), fields })
+    };
+    sources.into_iter().map(one).collect()
 }
 
-fn check(settings: &Import, doc: &Doc) -> Result<(), Errors> {
+fn check(settings: &Import, doc: &Doc, one_output: bool) -> Result<(), Errors> {
     let mut errors = Errors::default();
+    if settings.names.len() > 1 && (one_output || !settings.output.contains("{name}")) {
+        errors.push(
+            doc.error("output", "several files are imported into one log").help("put {name} into `output`, and give no --out"),
+        );
+    }
     match Unit::parse(&settings.time.unit) {
         Ok(unit) if unit.dim == Unit::parse("s").map(|s| s.dim).unwrap_or_default() => {}
         Ok(_) => errors.push(doc.error("time.unit", format!("\"{}\" is no unit of time", settings.time.unit))),
@@ -149,11 +187,11 @@ fn check(settings: &Import, doc: &Doc) -> Result<(), Errors> {
     errors.or(())
 }
 
-fn find_input(settings: &Import, doc: &Doc, folder: &Path) -> Result<PathBuf, Errors> {
+fn find(settings: &Import, doc: &Doc, folder: &Path, name: Option<&str>) -> Result<Source, Errors> {
     let mut looked = Vec::new();
-    for candidate in &settings.input {
+    for candidate in settings.input.iter().map(|input| named(name, input)) {
         let path = match candidate.strip_prefix('$') {
-            None => folder.join(candidate),
+            None => folder.join(&candidate),
             Some(rest) => {
                 let (name, tail) = rest.split_once('/').unwrap_or((rest, ""));
                 match std::env::var_os(name) {
@@ -166,7 +204,8 @@ fn find_input(settings: &Import, doc: &Doc, folder: &Path) -> Result<PathBuf, Er
             }
         };
         if path.is_file() {
-            return Ok(path);
+            let bytes = std::fs::read(&path).map_err(|e| Error::at(Place::file(path.to_string_lossy()), e.to_string()))?;
+            return Ok(Source { name: name.map(str::to_string), path, bytes });
         }
         looked.push(path.display().to_string());
     }
@@ -175,21 +214,26 @@ fn find_input(settings: &Import, doc: &Doc, folder: &Path) -> Result<PathBuf, Er
 }
 
 /// Reads the rows and writes the log; the number of rows.
-fn convert(settings: &Import, doc: &Doc, file: &str, text: &str, output: &Path) -> Result<usize, Errors> {
-    let header = settings.header_lines.checked_sub(1).and_then(|n| text.lines().nth(n)).map(|l| settings.separator.split(l));
-    let header: Vec<&str> = header.unwrap_or_default();
-    let mut errors = Errors::default();
-    let mut index = |column: &Column, key: String| errors.take(resolve(column, &header).map_err(|e| doc.error(&key, e)));
-    let time = index(&settings.time.column, "time.column".into());
-    let mut columns: Vec<Vec<usize>> = Vec::new();
-    for (i, topic) in settings.topic.iter().enumerate() {
-        let of = topic.fields.iter().enumerate();
-        columns.push(of.filter_map(|(k, f)| index(&f.column, format!("topic.{i}.fields.{k}.column"))).collect());
+fn convert(settings: &Import, doc: &Doc, source: &Source, output: &Path) -> Result<usize, Errors> {
+    let file: &str = &source.path.to_string_lossy();
+    let rows = if mat::is_mat(&source.bytes) {
+        let variable = settings.variable.as_ref().map(|v| source.named(v));
+        let matrix = mat::read(&source.bytes, variable.as_deref()).map_err(|e| Error::at(Place::file(file), e))?;
+        matrix_rows(settings, file, &matrix, &wanted(settings, doc, &[])?)?
+    } else {
+        let text = std::str::from_utf8(&source.bytes).map_err(|e| {
+            Error::at(Place::file(file), format!("neither text nor a MATLAB 5 MAT file: byte {} is no text", e.valid_up_to()))
+        })?;
+        text::read(settings, file, text, &wanted(settings, doc, &text::header(settings, text))?)?
+    };
+    if rows.stamp.is_empty() {
+        return Err(Error::at(Place::file(file), "the file holds no row of data").into());
     }
-    errors.or(())?;
-    let Some(time) = time else { return Err(doc.error("time.column", "no such column").into()) };
-    let rows = read_rows(settings, file, text, time, &columns)?;
+    write(settings, &rows, output)?;
+    Ok(rows.stamp.len())
+}
 
+fn write(settings: &Import, rows: &Rows, output: &Path) -> Result<(), Error> {
     let mut log = LogWriter::create(output)?;
     let add = |t: &Topic| {
         let fields: Vec<FieldSpec> = t.fields.iter().map(|f| FieldSpec::new(&f.name, &f.unit, &f.doc)).collect();
@@ -202,21 +246,72 @@ fn convert(settings: &Import, doc: &Doc, file: &str, text: &str, output: &Path) 
         .map(|(&topic, values)| Stream { topic, log_time_ns: &rows.received, publish_time_ns: &rows.stamp, rows: values })
         .collect();
     log.write_streams(&streams)?;
-    log.finish()?;
-    Ok(rows.stamp.len())
+    log.finish()
+}
+
+/// The wanted columns of a matrix.
+fn matrix_rows(settings: &Import, file: &str, matrix: &mat::Matrix, wanted: &Wanted) -> Result<Rows, Errors> {
+    let most = wanted.topics.iter().flatten().chain([&wanted.time]).max().copied().unwrap_or(0);
+    if most >= matrix.columns {
+        let what = format!("column {} is wanted, matrix {} has {}", most + 1, matrix.name, matrix.columns);
+        return Err(Error::at(Place::file(file), what).into());
+    }
+    let mut rows = Rows::new(wanted);
+    let mut errors = Errors::default();
+    for row in settings.header_lines..matrix.rows {
+        let value = |column: usize| matrix.values[column * matrix.rows + row];
+        let time = stamp(settings, value(wanted.time));
+        let time = time.map_err(|e| Error::at(Place::file(file), format!("row {} of matrix {}: {e}", row + 1, matrix.name)));
+        if let Some(time) = errors.take(time) {
+            rows.push_time(time);
+        }
+        for (of, out) in wanted.topics.iter().zip(&mut rows.values) {
+            out.extend(of.iter().map(|&i| value(i)));
+        }
+    }
+    errors.or(rows)
+}
+
+/// The stamp of a time in the file, ns.
+fn stamp(settings: &Import, t: f64) -> Result<u64, String> {
+    let unit = Unit::parse(&settings.time.unit)?;
+    let ns = libm::round((unit.to_si(t) + settings.time.start_s) * 1e9);
+    let fits = (0.0..9e18).contains(&ns);
+    if fits { Ok(ns as u64) } else { Err("the time is negative, not a number or too large".into()) }
+}
+
+/// Positions of the columns that are read.
+struct Wanted {
+    time: usize,
+    /// Per topic, its fields.
+    topics: Vec<Vec<usize>>,
+}
+
+fn wanted(settings: &Import, doc: &Doc, header: &[&str]) -> Result<Wanted, Errors> {
+    let mut errors = Errors::default();
+    let mut index = |column: &Column, key: String| errors.take(resolve(column, header).map_err(|e| doc.error(&key, e)));
+    let time = index(&settings.time.column, "time.column".into()).unwrap_or(0);
+    let mut topics: Vec<Vec<usize>> = Vec::new();
+    for (i, topic) in settings.topic.iter().enumerate() {
+        let of = topic.fields.iter().enumerate();
+        topics.push(of.filter_map(|(k, f)| index(&f.column, format!("topic.{i}.fields.{k}.column"))).collect());
+    }
+    errors.or(Wanted { time, topics })
 }
 
 fn resolve(column: &Column, header: &[&str]) -> Result<usize, String> {
     match column {
         Column::Number(0) => Err("columns count from 1".into()),
         Column::Number(n) => Ok(n - 1),
+        Column::Name(name) if header.is_empty() => Err(format!("there is no header to find column \"{name}\" in: give its number")),
         Column::Name(name) => header
             .iter()
-            .position(|h| h.trim_matches('"') == name)
+            .position(|h| h == name)
             .ok_or_else(|| format!("there is no column \"{name}\"; the header has {}", super::words::nearest_first(name, header))),
     }
 }
 
+/// What is read of one file.
 #[derive(Default)]
 struct Rows {
     stamp: Vec<u64>,
@@ -226,56 +321,13 @@ struct Rows {
     values: Vec<Vec<f64>>,
 }
 
-fn read_rows(settings: &Import, file: &str, text: &str, time: usize, columns: &[Vec<usize>]) -> Result<Rows, Errors> {
-    const SHOWN: usize = 10;
-    let unit = Unit::parse(&settings.time.unit).map_err(Error::new)?;
-    let mut rows = Rows { values: vec![Vec::new(); columns.len()], ..Rows::default() };
-    let mut errors = Errors::default();
-    for (number, line) in text.lines().enumerate().skip(settings.header_lines).filter(|(_, l)| !l.trim().is_empty()) {
-        let cells = settings.separator.split(line);
-        let at = |cell: &str| {
-            let column = line[..cell.as_ptr() as usize - line.as_ptr() as usize].chars().count() + 1;
-            Place { file: file.to_string(), line: number + 1, column }
-        };
-        let value = |i: usize| match cells.get(i) {
-            None => Err(Error::at(at(&line[line.len()..]), format!("column {} is wanted, the row has {}", i + 1, cells.len()))),
-            Some(cell) => parse(cell).ok_or_else(|| Error::at(at(cell), format!("column {}: \"{cell}\" is no number", i + 1))),
-        };
-        let stamp = value(time).and_then(|t| {
-            let ns = libm::round((unit.to_si(t) + settings.time.start_s) * 1e9);
-            let fits = (0.0..9e18).contains(&ns);
-            if fits { Ok(ns as u64) } else { Err(Error::at(at(cells[time]), "the time is negative, not a number or too large")) }
-        });
-        if let Some(stamp) = errors.take(stamp) {
-            rows.received.push(rows.received.last().copied().unwrap_or(0).max(stamp));
-            rows.stamp.push(stamp);
-        }
-        for (of, out) in columns.iter().zip(&mut rows.values) {
-            out.extend(of.iter().filter_map(|&i| errors.take(value(i))));
-        }
-        if errors.0.len() >= SHOWN {
-            break;
-        }
+impl Rows {
+    fn new(wanted: &Wanted) -> Rows {
+        Rows { values: vec![Vec::new(); wanted.topics.len()], ..Rows::default() }
     }
-    if rows.stamp.is_empty() && errors.is_empty() {
-        errors.push(Error::at(Place::file(file), "the file holds no row of data"));
-    }
-    errors.or(rows)
-}
 
-/// A number, or NaN where the cell is empty or says so.
-fn parse(cell: &str) -> Option<f64> {
-    if cell.is_empty() { Some(f64::NAN) } else { fast_float2::parse::<f64, _>(cell).ok() }
-}
-
-impl Separator {
-    fn split(self, line: &str) -> Vec<&str> {
-        let by = |c: char| line.split(c).map(str::trim).collect();
-        match self {
-            Separator::Whitespace => line.split_whitespace().collect(),
-            Separator::Comma => by(','),
-            Separator::Semicolon => by(';'),
-            Separator::Tab => by('\t'),
-        }
+    fn push_time(&mut self, stamp: u64) {
+        self.received.push(self.received.last().copied().unwrap_or(0).max(stamp));
+        self.stamp.push(stamp);
     }
 }
