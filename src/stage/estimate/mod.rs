@@ -198,8 +198,8 @@ fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Resul
     let of_flight = || IndexMap::from([("flight".to_string(), flight.to_string())]);
     let Some(input) = &settings.input else {
         let (from, to) = (t.first().copied().unwrap_or(0.0), t.last().copied().unwrap_or(0.0));
-        let window = Window { from, to, preroll: 0.0 };
-        return Ok(vec![Stretch { segment: flight.to_string(), window, labels: of_flight() }]);
+        let stretch = |(segment, window)| Stretch { segment, window, labels: of_flight() };
+        return Ok(pieces(flight, from, to, settings.window_s).into_iter().map(stretch).collect());
     };
     let Some(segments) = inputs.flight("segments", flight) else { return Ok(Vec::new()) };
     let (names, kinds, found_in) = (segments.strings("segment")?, segments.strings("kind")?, segments.strings("input")?);
@@ -225,6 +225,14 @@ fn level(name: &str, levels: &[f64], held: &BTreeMap<&str, f64>) -> Option<(Stri
     let value = held.get(name).copied().filter(|v| v.is_finite())?;
     let nearest = levels.iter().min_by(|a, b| (*a - value).abs().total_cmp(&(*b - value).abs()))?;
     Some((name.to_string(), nearest.to_string()))
+}
+
+/// A whole flight, or its equal pieces of at most `longest` seconds.
+fn pieces(flight: &str, from: f64, to: f64, longest: f64) -> Vec<(String, Window)> {
+    let n = if longest > 0.0 { ((to - from) / longest).ceil().max(1.0) as usize } else { 1 };
+    let at = |i: usize| from + (to - from) * i as f64 / n as f64;
+    let name = |i: usize| if n == 1 { flight.to_string() } else { format!("{flight}-{:03}", i + 1) };
+    (0..n).map(|i| (name(i), Window { from: at(i), to: at(i + 1), preroll: 0.0 })).collect()
 }
 
 /// The conditions of one maneuver, by signal.
@@ -276,4 +284,20 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
 fn note(config: &Config, flight: &str, severity: Severity, subject: String, count: usize, text: String) -> Note {
     let text = if text.contains(&config.name()) { text } else { format!("{}: {text}", config.name()) };
     Note { flight: flight.to_string(), stage: STAGE.name.to_string(), severity, subject, count: count as u64, text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_is_cut_into_equal_stretches_that_cover_it() {
+        let whole = pieces("f", 2.0, 45.0, 0.0);
+        assert_eq!((whole.len(), whole[0].0.as_str(), whole[0].1.from, whole[0].1.to), (1, "f", 2.0, 45.0));
+        let cut = pieces("f", 2.0, 45.0, 20.0);
+        assert_eq!(cut.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["f-001", "f-002", "f-003"]);
+        assert_eq!((cut[0].1.from, cut[2].1.to), (2.0, 45.0));
+        assert!(cut.windows(2).all(|w| w[0].1.to == w[1].1.from));
+        assert!(cut.iter().all(|(_, w)| (w.to - w.from - 43.0 / 3.0).abs() < 1e-12));
+    }
 }

@@ -18,6 +18,10 @@ pub struct Settings {
     /// Name of the `[[segment.input]]` whose maneuvers are used; left out, each flight's whole record is used as one segment.
     #[serde(default)]
     pub input: Option<String>,
+    /// Without `input`: the record is cut into equal segments of at most this length, s (0: one segment). What disturbs a model, such as
+    /// noise of the signals that drive it, adds up over a long segment.
+    #[serde(default)]
+    pub window_s: f64,
     /// Kinds of maneuvers used ("3211", "2211", "211", "doublet", "step", "multistep"); empty for all kinds.
     #[serde(default)]
     pub kinds: Vec<String>,
