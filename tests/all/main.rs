@@ -6,6 +6,7 @@ mod coverage;
 mod faults;
 mod flightdata;
 mod floors;
+mod fragments;
 mod hfb320;
 mod language;
 mod models;
