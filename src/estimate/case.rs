@@ -13,7 +13,7 @@ use crate::model::{Model, Scope};
 /// A variance is never taken smaller than this share of the mean square of the measurements; the second where outputs may be
 /// correlated, since a combination of outputs can vanish altogether.
 const FLOOR: f64 = 1e-20;
-const FLOOR_FULL: f64 = 1e-13;
+const FLOOR_FULL: f64 = 1e-12;
 
 /// One unknown.
 #[derive(Debug, Clone, PartialEq)]

@@ -201,7 +201,7 @@ fn raise(a: &mut [f64], floor: &[f64]) {
     let eigen = dense::symmetric_eigen(&scaled, n);
     for i in 0..n {
         for j in 0..n {
-            let product = |e: usize| eigen.values[e].max(1.0) * eigen.vectors[i * n + e] * eigen.vectors[j * n + e];
+            let product = |e: usize| eigen.values[e].max(1.0) * eigen.vectors[e * n + i] * eigen.vectors[e * n + j];
             a[i * n + j] = root[i] * root[j] * (0..n).map(product).sum::<f64>();
         }
     }

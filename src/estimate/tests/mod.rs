@@ -5,6 +5,7 @@ mod groups;
 mod hfb320;
 mod linear_algebra;
 mod named;
+mod noise;
 mod points;
 
 use super::problem::{Block, Layout};
