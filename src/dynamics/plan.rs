@@ -95,6 +95,14 @@ impl Plan {
     /// # Errors
     /// A state starts "measured" and the record has no finite sample of its output.
     pub fn first_values(&self, model: &Model, parameters: &[f64], record: &Record) -> Result<Vec<f64>> {
+        self.first_values_of(model, parameters, record, record)
+    }
+
+    /// The same with the first measured values of another record.
+    ///
+    /// # Errors
+    /// As `first_values`.
+    pub fn first_values_of(&self, model: &Model, parameters: &[f64], record: &Record, first: &Record) -> Result<Vec<f64>> {
         let mut values = Vec::with_capacity(self.begin.len());
         let free: Vec<usize> = Vec::new();
         let natural = model.starts(&[], &free)?;
@@ -103,7 +111,7 @@ impl Plan {
             .iter()
             .map(|&i| {
                 let name = &model.states[i].quantity.name;
-                model.output(name).and_then(|o| record.first_measured(o)).ok_or_else(|| {
+                model.output(name).and_then(|o| first.first_measured(o)).ok_or_else(|| {
                     Error::new(format!(
                         "state \"{name}\" starts at its first measured value, but there is no measured output \"{name}\""
                     ))

@@ -3,6 +3,7 @@
 use super::Settings;
 use super::segment::{CAMPAIGN, SEGMENT, Segment};
 use crate::error::{Error, Errors};
+use crate::model::extend::{input_shift, output_shift};
 use crate::model::{Model, Scope};
 
 /// What is estimated, by index into the model.
@@ -49,6 +50,9 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
         None => model.parameters.iter().map(|p| !p.fixed).collect(),
     };
     settings.free.iter().flatten().filter_map(|name| find("free", name)).for_each(|i| free[i] = true);
+    let shifts = &settings.shifts;
+    let shifted = shifts.outputs.iter().map(|o| output_shift(o)).chain(shifts.inputs.iter().map(|i| input_shift(i)));
+    shifted.filter_map(|name| model.parameter(&name)).for_each(|i| free[i] = true);
     settings.fixed.iter().filter_map(|name| find("fixed", name)).for_each(|i| free[i] = false);
     let mut parameters = model.parameter_starts();
     for (name, value) in &settings.starts {

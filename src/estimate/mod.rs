@@ -18,6 +18,7 @@
 //! | `filter` | products with the covariance matrix of an autoregressive process |
 //! | `solution` | the four together: estimates and covariances by parameter index |
 //! | `choice` | settings against the model: what is free, where it starts |
+//! | `prepare` | the model with shifts and feedback that the settings ask for, and records that feed it |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
 //! | `case` | that problem for the segments used |
 //! | `result` | names put to the solution |
@@ -30,6 +31,7 @@ mod filter;
 mod gauss;
 mod noise;
 mod output_error;
+mod prepare;
 mod problem;
 mod rank;
 mod result;
@@ -40,6 +42,7 @@ mod solution;
 mod tests;
 
 pub use output_error::{estimate, estimate_segments};
+pub use prepare::extended;
 pub use rank::{Combination, Term, Verdict};
 pub use segment::Segment;
 
@@ -59,6 +62,14 @@ pub struct Settings {
     pub starts: IndexMap<String, f64>,
     /// States whose initial value is estimated, one value per segment; all others begin where the model says.
     pub initial: Vec<String>,
+    /// Where states begin that start "measured": each segment at its own first sample, or all at those of the first segment.
+    pub initial_from: InitialFrom,
+    /// Zero shifts of sensors that are estimated besides the model's parameters, sensor by sensor.
+    pub shifts: Shifts,
+    /// Stabilised output error, for aircraft that are unstable: gains (1/s) by which states are led back to what was measured of them,
+    /// `stabilise = { alpha = 4.0, q = 4.0 }`. The measured noise then drives the model: estimates are biased by it, the more the
+    /// larger the gains and the noise; take the smallest that keep the response from running away.
+    pub stabilise: IndexMap<String, f64>,
     /// Where one value of a parameter holds, instead of what the model file says: `per = { C_m_0 = "flap", dz_q = "flight" }`, with
     /// "campaign", "segment", or a column that describes segments.
     pub per: IndexMap<String, String>,
@@ -89,6 +100,36 @@ pub struct Settings {
     pub max_ar_order: usize,
     /// How that order is chosen.
     pub ar_order: OrderCriterion,
+}
+
+/// Where states begin that start "measured".
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum InitialFrom {
+    /// Each segment at its own first measured value.
+    #[default]
+    Own,
+    /// All segments at the first measured value of the first one (some published results were found so).
+    First,
+}
+
+/// Sensors whose zero shift is estimated: the output `alpha` gets a parameter `dz_alpha` (measured = modelled + shift), the input
+/// `delta_e` a parameter `du_delta_e` (the model is driven by measured - shift). They start at zero.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Shifts {
+    /// Outputs of the model.
+    pub outputs: Vec<String>,
+    /// Inputs of the model.
+    pub inputs: Vec<String>,
+    /// Where one value holds: "segment", "campaign", or a column that describes segments; `per` of the method overrides it for one.
+    pub per: String,
+}
+
+impl Default for Shifts {
+    fn default() -> Self {
+        Shifts { outputs: Vec::new(), inputs: Vec::new(), per: "segment".to_string() }
+    }
 }
 
 /// Whether outputs share noise.
@@ -137,6 +178,9 @@ impl Default for Settings {
             fixed: Vec::new(),
             starts: IndexMap::new(),
             initial: Vec::new(),
+            initial_from: InitialFrom::default(),
+            shifts: Shifts::default(),
+            stabilise: IndexMap::new(),
             per: IndexMap::new(),
             noise: NoiseKind::default(),
             noise_per: "campaign".to_string(),
@@ -209,6 +253,15 @@ impl std::fmt::Display for Label {
 pub struct LeftOut {
     /// Index of the record.
     pub segment: usize,
+    pub why: String,
+}
+
+/// A measured output of a segment that says little or nothing, and why. It is scored all the same, as far as it has samples.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Doubtful {
+    /// Index of the record.
+    pub segment: usize,
+    pub output: String,
     pub why: String,
 }
 
@@ -321,6 +374,8 @@ pub struct Estimation {
     pub verdict: Verdict,
     /// Segments that could not be used, ascending.
     pub left_out: Vec<LeftOut>,
+    /// Measured outputs without a sample that is not masked, or that never change, segment by segment.
+    pub doubtful: Vec<Doubtful>,
 }
 
 impl Estimation {

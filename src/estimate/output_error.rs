@@ -2,12 +2,12 @@
 
 use super::case::{Case, plan};
 use super::choice::{Chosen, choose};
-use super::problem::Block;
+use super::prepare::prepare;
 use super::rank::{NONE, weak_words};
 use super::result::name;
 use super::segment::Segment;
 use super::solution::Solution;
-use super::{Estimation, LeftOut, Settings, Stop};
+use super::{Doubtful, Estimation, InitialFrom, LeftOut, Settings, Stop};
 use crate::dynamics::{Channel, Plan, Record};
 use crate::error::{Error, Errors};
 use crate::model::{Model, StartKind};
@@ -35,13 +35,15 @@ pub fn estimate(model: &Model, records: &[Record], settings: &Settings) -> Resul
 /// Names that the model does not have, labels that no segment has, starts that are not finite or outside their bounds, a measured start
 /// without a measured output: all at once. What the data do is never an error: see `Estimation::stop`.
 pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Estimation, Errors> {
+    let (model, segments) = prepare(model, segments, settings)?;
+    let (model, segments) = (&*model, &*segments);
     let chosen = choose(model, segments, settings)?;
     let plan = plan(model, &chosen, segments)?;
-    let given = starts(model, &plan, segments, &chosen)?;
+    let given = starts(model, &plan, segments, &chosen, settings)?;
     let mut left_out: Vec<LeftOut> = Vec::new();
     let mut used: Vec<usize> = Vec::new();
     for s in 0..segments.len() {
-        match unusable(&chosen, &segments[s], &given[s]) {
+        match unusable(model, &chosen, &segments[s], &given[s]) {
             Some(why) => left_out.push(LeftOut { segment: s, why }),
             None => used.push(s),
         }
@@ -59,7 +61,8 @@ pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Setting
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
-            return Ok(name(model, &case, &used, segments.len(), solution, left_out));
+            let named = name(model, &case, &used, segments.len(), solution);
+            return Ok(Estimation { left_out, doubtful: doubtful(model, segments), ..named });
         }
         left_out.extend(useless.iter().map(|(at, why)| LeftOut { segment: used[*at], why: why.clone() }));
         used.retain(|s| left_out.iter().all(|left| left.segment != *s));
@@ -70,7 +73,13 @@ pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Setting
 ///
 /// # Errors
 /// A state starts "measured", and its output is measured nowhere.
-fn starts(model: &Model, plan: &Plan, segments: &[Segment], chosen: &Chosen) -> Result<Vec<Result<Vec<f64>, String>>, Errors> {
+fn starts(
+    model: &Model,
+    plan: &Plan,
+    segments: &[Segment],
+    chosen: &Chosen,
+    settings: &Settings,
+) -> Result<Vec<Result<Vec<f64>, String>>, Errors> {
     let mut errors = Errors::default();
     let measured = |name: &str| {
         let output = model.output(name);
@@ -84,21 +93,50 @@ fn starts(model: &Model, plan: &Plan, segments: &[Segment], chosen: &Chosen) -> 
         }
     }
     errors.or(())?;
-    let values = |s: &Segment| plan.first_values(model, &chosen.parameters, &s.record).map_err(|e| e.what);
+    let values = |s: &Segment| {
+        let first = match settings.initial_from {
+            InitialFrom::Own => s,
+            InitialFrom::First => segments.first().unwrap_or(s),
+        };
+        plan.first_values_of(model, &chosen.parameters, &s.record, &first.record).map_err(|e| e.what)
+    };
     Ok(segments.iter().map(values).collect())
 }
 
 /// Why a segment cannot take part, as far as its data and labels tell.
-fn unusable(chosen: &Chosen, segment: &Segment, given: &Result<Vec<f64>, String>) -> Option<String> {
+fn unusable(model: &Model, chosen: &Chosen, segment: &Segment, given: &Result<Vec<f64>, String>) -> Option<String> {
     let record = &segment.record;
     let scored = |c: &Channel| c.t.iter().zip(&c.z).any(|(t, z)| z.is_finite() && record.weights(*t).is_some());
     if !record.channels.iter().any(scored) {
         return Some("it has no measured sample that is not masked".into());
     }
+    let nu = model.inputs.len();
+    for (i, input) in model.inputs.iter().enumerate() {
+        let missing = (0..record.n).filter(|k| record.inputs.get(k * nu + i).is_none_or(|u| !u.is_finite())).count();
+        if missing > 0 {
+            return Some(format!("input {} has no value at {missing} of its samples", input.name));
+        }
+    }
     if let Some(column) = chosen.columns().find(|column| !segment.labels.contains_key(*column)) {
         return Some(format!("it has no \"{column}\", by which parameters differ"));
     }
     given.as_ref().err().cloned()
+}
+
+/// Measured outputs that say little.
+fn doubtful(model: &Model, segments: &[Segment]) -> Vec<Doubtful> {
+    let mut found = Vec::new();
+    for (segment, channel) in segments.iter().enumerate().flat_map(|(s, seg)| seg.record.channels.iter().map(move |c| (s, c))) {
+        let mut finite = channel.z.iter().filter(|z| z.is_finite());
+        let why = match finite.next() {
+            None => "it has no sample that is not masked",
+            Some(first) if channel.z.len() > 1 && finite.all(|z| z == first) => "all its samples have the same value",
+            Some(_) => continue,
+        };
+        let output = model.outputs.get(channel.output).map(|o| o.name.clone()).unwrap_or_default();
+        found.push(Doubtful { segment, output, why: why.to_string() });
+    }
+    found
 }
 
 /// Segments (places among those used) that keep the others from being estimated, and why: of a model that is not finite at the start,
@@ -130,7 +168,7 @@ fn useless(case: &Case, solution: &Solution) -> Vec<(usize, String)> {
 fn is_finite(case: &Case, s: usize) -> bool {
     let blocks = case.evaluate(s, &case.layout.local(s, &case.layout.start), true);
     blocks.is_some_and(|blocks| {
-        let scored = |b: &Block| b.e.iter().filter(|e| !e.is_nan()).all(|e| e.is_finite());
-        blocks.iter().all(|b| scored(b) && b.g.iter().all(|g| g.is_finite()))
+        let finite = |v: &f64| (v * v).is_finite();
+        blocks.iter().all(|b| b.e.iter().filter(|e| !e.is_nan()).all(finite) && b.g.iter().all(finite))
     })
 }

@@ -5,11 +5,11 @@ use super::case::Case;
 use super::problem::Layout;
 use super::rank::{Combination, Term, Verdict, Weak};
 use super::solution::Solution;
-use super::{Correlation, Estimation, LeftOut, OutputScatter, Row, Trace};
+use super::{Correlation, Estimation, OutputScatter, Row, Trace};
 use crate::model::Model;
 
-/// Puts names to a solution over the segments `used`, of `segments` in all.
-pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solution: Solution, left_out: Vec<LeftOut>) -> Estimation {
+/// Puts names to a solution over the segments `used`, of `segments` in all; what is wrong with segments is not known here.
+pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solution: Solution) -> Estimation {
     let rows = rows(case, used, &solution);
     let combinations = solution.weak.iter().map(|weak| combination(&rows, weak)).collect();
     let (mut responses, mut noise_groups) = (vec![Vec::new(); segments], vec![None; segments]);
@@ -27,7 +27,8 @@ pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solutio
         verdict: Verdict { condition: solution.condition, singular: solution.singular, combinations },
         iterations: solution.fit.iterations,
         rows,
-        left_out,
+        left_out: Vec::new(),
+        doubtful: Vec::new(),
     }
 }
 

@@ -2,12 +2,13 @@
 //!
 //! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
 //! checks units and builds (`expression`) one shared graph (`graph`); `linear` asks the graph for exact derivatives and lowers values and Jacobians to
-//! flat lists of operations (`program`) that run over lanes. Nothing here knows about time steps: that is `dynamics`.
+//! flat lists of operations (`program`) that run over lanes; `extend` adds zero shifts and feedback to a compiled model. Nothing here knows about time steps: that is `dynamics`.
 
 pub mod compile;
 mod declare;
 pub mod expr;
 mod expression;
+pub mod extend;
 pub mod file;
 pub mod fragments;
 mod functions;

@@ -251,7 +251,12 @@ impl Reader {
         let inputs = names::inputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         let outputs = names::outputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         names::levels(&settings, columns, &self.doc, key, &mut self.errors);
-        names::method(&model, &settings, &self.doc, key, &mut self.errors);
+        match crate::estimate::extended(&model, &settings.method) {
+            Ok(extended) => names::method(&extended, &settings, &self.doc, key, &mut self.errors),
+            Err(errors) => {
+                self.errors.0.extend(errors.0.into_iter().map(|e| names::placed(&self.doc, &format!("{key}.method"), e)))
+            }
+        }
         (self.errors.0.len() == before).then_some(estimate::Config { settings, model, inputs, outputs })
     }
 

@@ -7,6 +7,7 @@ mod linear_algebra;
 mod named;
 mod noise;
 mod points;
+mod shifts;
 
 use super::problem::{Block, Layout};
 use super::{Settings, solution::Solution, solution::solve};

@@ -207,7 +207,16 @@ pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc,
     all
 }
 
-/// Checks the names in the settings of the estimator.
+/// A mistake without a place, as one of this key.
+pub fn placed(doc: &Doc, key: &str, error: Error) -> Error {
+    let here = doc.error(key, error.what);
+    match error.help {
+        Some(help) => here.help(help),
+        None => here,
+    }
+}
+
+/// Checks the names in the settings of the estimator, against the model with the shifts that they ask for.
 pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: &mut Errors) {
     let method = &settings.method;
     let parameters: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();

@@ -275,6 +275,11 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         let text = format!("{segment} is left out of the estimate of {}: {}", config.name(), left.why);
         notes.push(note(config, "", Severity::Missing, segment, 1, text));
     }
+    for doubtful in &estimation.doubtful {
+        let segment = batch.segments.get(doubtful.segment).cloned().unwrap_or_default();
+        let text = format!("output {} of {segment}: {}", doubtful.output, doubtful.why);
+        notes.push(note(config, "", Severity::Warning, segment, 1, text));
+    }
     for combination in &estimation.verdict.combinations {
         notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, format!("{}: {combination}", batch.group)));
     }

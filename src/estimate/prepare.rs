@@ -1,0 +1,96 @@
+//! A model, segments and settings in; the model with the shifts and the feedback that the settings ask for, and segments that feed it, out.
+
+use super::Settings;
+use super::segment::Segment;
+use crate::dynamics::Record;
+use crate::error::Errors;
+use crate::model::{Model, Scope};
+use std::borrow::Cow;
+
+/// The model that is estimated: with zero shifts and feedback as the settings say.
+///
+/// # Errors
+/// Names that the model does not have: all at once.
+pub fn extended<'a>(model: &'a Model, settings: &Settings) -> Result<Cow<'a, Model>, Errors> {
+    extend(model, settings).map(|(model, _)| model)
+}
+
+/// The same, and the outputs whose measurements are further inputs.
+fn extend<'a>(model: &'a Model, settings: &Settings) -> Result<(Cow<'a, Model>, Vec<usize>), Errors> {
+    let mut model = Cow::Borrowed(model);
+    let shifts = &settings.shifts;
+    if !(shifts.outputs.is_empty() && shifts.inputs.is_empty()) {
+        model = Cow::Owned(model.with_shifts(&shifts.outputs, &shifts.inputs, &Scope::parse(&shifts.per))?);
+    }
+    if settings.stabilise.is_empty() {
+        return Ok((model, Vec::new()));
+    }
+    let (stabilised, carried) = model.stabilised(&settings.stabilise)?;
+    Ok((Cow::Owned(stabilised), carried))
+}
+
+/// Model and segments as they are estimated.
+///
+/// # Errors
+/// As `extended`.
+pub fn prepare<'a>(
+    model: &'a Model,
+    segments: &'a [Segment],
+    settings: &Settings,
+) -> Result<(Cow<'a, Model>, Cow<'a, [Segment]>), Errors> {
+    let nu = model.inputs.len();
+    let (model, carried) = extend(model, settings)?;
+    if carried.is_empty() {
+        return Ok((model, Cow::Borrowed(segments)));
+    }
+    let fed = |s: &Segment| Segment { record: fed(&s.record, nu, &carried), labels: s.labels.clone() };
+    Ok((model, segments.iter().map(fed).collect()))
+}
+
+/// A record with `nu` inputs, and behind them what was measured of `outputs`, on its grid.
+fn fed(record: &Record, nu: usize, outputs: &[usize]) -> Record {
+    let columns: Vec<Vec<f64>> = outputs.iter().map(|&o| on_grid(record, o)).collect();
+    let mut inputs = Vec::with_capacity(record.n * (nu + outputs.len()));
+    for k in 0..record.n {
+        inputs.extend((0..nu).map(|i| record.inputs.get(k * nu + i).copied().unwrap_or(f64::NAN)));
+        inputs.extend(columns.iter().map(|column| column[k]));
+    }
+    Record { inputs, ..record.clone() }
+}
+
+/// What was measured of an output, at the points of the grid: straight lines between the samples that are not masked, held before the first
+/// and after the last; NaN where there is none.
+fn on_grid(record: &Record, output: usize) -> Vec<f64> {
+    let channel = record.channels.iter().find(|c| c.output == output);
+    let samples = channel.iter().flat_map(|c| c.t.iter().copied().zip(c.z.iter().copied()));
+    let samples: Vec<(f64, f64)> = samples.filter(|(_, z)| z.is_finite()).collect();
+    let at = |k: usize| {
+        let t = record.t0 + k as f64 * record.dt;
+        let after = samples.partition_point(|s| s.0 <= t);
+        match (after.checked_sub(1).and_then(|i| samples.get(i)), samples.get(after)) {
+            (Some(a), Some(b)) => a.1 + (t - a.0) / (b.0 - a.0) * (b.1 - a.1),
+            (Some(a), None) => a.1,
+            (None, Some(b)) => b.1,
+            (None, None) => f64::NAN,
+        }
+    };
+    (0..record.n).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::Channel;
+
+    #[test]
+    fn measurements_between_samples_are_straight_and_masked_ones_are_bridged() {
+        let channel = Channel { output: 3, t: vec![10.1, 10.3, 10.4, 10.5], z: vec![1.0, f64::NAN, 4.0, 4.5] };
+        let record = Record { t0: 10.0, dt: 0.1, n: 7, inputs: vec![7.0; 7], channels: vec![channel], ..Record::default() };
+        let fed = fed(&record, 1, &[3, 4]);
+        let column = |i: usize| (0..7).map(|k| fed.inputs[3 * k + i]).collect::<Vec<f64>>();
+        assert_eq!(column(0), [7.0; 7]);
+        let want = [1.0, 1.0, 2.0, 3.0, 4.0, 4.5, 4.5];
+        assert!(column(1).iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-9), "{:?}", column(1));
+        assert!(column(2).iter().all(|v| v.is_nan()));
+    }
+}
