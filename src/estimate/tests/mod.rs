@@ -2,6 +2,7 @@
 
 mod coverage;
 mod groups;
+mod hazards;
 mod hfb320;
 mod linear_algebra;
 mod named;
