@@ -228,10 +228,10 @@ impl Compiler<'_> {
             let Some(bound) = limit.as_ref().and_then(|v| self.limit(v, &key(field), state_dim, field)) else { continue };
             let g = &mut self.model.graph;
             let zero = g.c(0.0);
-            // beyond the stop the rate cannot lead further out
-            let (beyond, back) =
-                if field == "min" { (g.sub(bound, x), g.max(node, zero)) } else { (g.sub(x, bound), g.min(node, zero)) };
-            node = g.select(beyond, back, node);
+            // on the stop and beyond it the rate cannot lead further out
+            let (inside, back) =
+                if field == "min" { (g.sub(x, bound), g.max(node, zero)) } else { (g.sub(bound, x), g.min(node, zero)) };
+            node = g.select(inside, node, back);
         }
         self.rates[i] = Some(node);
         Some(Typed { node, dim: Some(dim) })

@@ -3,7 +3,7 @@
 use super::{Settings, Toy, normal, rng, sds, toy_response};
 use crate::estimate::problem::{Block, Layout};
 use crate::estimate::solution::{Solution, solve};
-use crate::estimate::{OrderCriterion, Stop};
+use crate::estimate::{OrderCriterion, StepControl, Stop};
 
 /// Straight lines `y = c + m t`: rows `[1, t]`, one class per line.
 fn lines(z: &[Vec<f64>], t: &[Vec<f64>], p: &[f64]) -> Vec<Block> {
@@ -168,7 +168,7 @@ fn a_parameter_without_effect_is_named() {
 }
 
 /// `y = ln(p) t`: the full step from far above jumps below zero, where the model is not finite.
-fn logarithm(start: f64, truth: f64) -> Solution {
+fn logarithm(start: f64, truth: f64, step_control: StepControl) -> Solution {
     let t: Vec<f64> = (1..40).map(f64::from).collect();
     let mut rng = rng(6);
     let z: Vec<f64> = t.iter().map(|t| truth.ln() * t + 0.01 * normal(&mut rng)).collect();
@@ -178,18 +178,32 @@ fn logarithm(start: f64, truth: f64) -> Solution {
             vec![Block { output: 0, e, g: t.iter().map(|t| t / p[0]).collect() }]
         })
     };
-    solve(&Layout::plain(1, &[0], 1, vec![start]), &evaluate, &Settings::default())
+    solve(&Layout::plain(1, &[0], 1, vec![start]), &evaluate, &Settings { step_control, ..Settings::default() })
 }
 
 #[test]
 fn a_model_that_is_not_finite_is_met_by_shorter_steps() {
-    let s = logarithm(8.0, 1.5);
-    assert_eq!(s.fit.stop, Stop::Converged);
-    assert!(s.fit.iterations[1].halvings > 0);
-    close(s.fit.theta[0], 1.5, 1e-3);
-    let at_start = logarithm(-1.0, 1.5);
-    assert_eq!(at_start.fit.stop, Stop::NotFinite);
-    assert!(at_start.covariance.is_none());
+    for control in [StepControl::Halving, StepControl::LevenbergMarquardt] {
+        let s = logarithm(8.0, 1.5, control);
+        assert_eq!(s.fit.stop, Stop::Converged);
+        assert!(s.fit.iterations[1].halvings > 0);
+        close(s.fit.theta[0], 1.5, 1e-3);
+        let at_start = logarithm(-1.0, 1.5, control);
+        assert_eq!(at_start.fit.stop, Stop::NotFinite);
+        assert!(at_start.covariance.is_none());
+    }
+}
+
+/// A gradient that is asked to be small is small at the end, though change and step ask for nothing.
+#[test]
+fn the_gradient_alone_can_decide() {
+    let toy = Toy::simulate(12, 2, 300, 0.1, 0.0);
+    for (gradient_tolerance, most) in [(1e-2, 1e-2), (1e-8, 1e-8)] {
+        let s = toy.solve(&Settings { tolerance: 10.0, step_tolerance: 0.0, gradient_tolerance, ..Settings::default() });
+        let last = s.fit.iterations.last().unwrap().gradient;
+        assert_eq!(s.fit.stop, Stop::Converged);
+        assert!(last <= most && s.fit.iterations[0].gradient > 1.0, "{:?}", s.fit.iterations);
+    }
 }
 
 #[test]
@@ -222,7 +236,7 @@ fn data_without_noise_converge() {
 }
 
 /// A line whose slope may not exceed `upper`.
-fn bounded(start: [f64; 2], upper: f64) -> Solution {
+fn bounded(start: [f64; 2], upper: f64, step_control: StepControl) -> Solution {
     let mut rng = rng(8);
     let t: Vec<f64> = (0..50).map(|k| k as f64 * 0.1).collect();
     let z: Vec<f64> = t.iter().map(|t| 2.0 + t + 0.1 * normal(&mut rng)).collect();
@@ -231,22 +245,24 @@ fn bounded(start: [f64; 2], upper: f64) -> Solution {
     solve(
         &layout,
         &|_: usize, p: &[f64], _: bool| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)),
-        &Settings::default(),
+        &Settings { step_control, ..Settings::default() },
     )
 }
 
 #[test]
 fn a_bound_holds_and_lets_go() {
-    let s = bounded([0.0, 0.0], 0.5);
-    assert_eq!(s.fit.stop, Stop::Converged);
-    assert_eq!((s.fit.theta[1], s.fit.held.clone()), (0.5, vec![false, true]));
-    // Given the slope, the intercept is the mean of the rest: 2 + (1 - 0.5) mean(t).
-    assert!((s.fit.theta[0] - (2.0 + 0.5 * 2.45)).abs() < 0.05);
-    assert_eq!(sds(s.covariance.as_ref().unwrap())[1], 0.0);
-    assert!(sds(s.covariance.as_ref().unwrap())[0] > 0.0);
-    let free = bounded([-9.0, 1.5], 1.5);
-    assert_eq!((free.fit.stop, free.fit.held.clone()), (Stop::Converged, vec![false, false]));
-    assert!((free.fit.theta[1] - 1.0).abs() < 0.05);
+    for control in [StepControl::Halving, StepControl::LevenbergMarquardt] {
+        let s = bounded([0.0, 0.0], 0.5, control);
+        assert_eq!(s.fit.stop, Stop::Converged);
+        assert_eq!((s.fit.theta[1], s.fit.held.clone()), (0.5, vec![false, true]));
+        // Given the slope, the intercept is the mean of the rest: 2 + (1 - 0.5) mean(t).
+        assert!((s.fit.theta[0] - (2.0 + 0.5 * 2.45)).abs() < 0.05);
+        assert_eq!(sds(s.covariance.as_ref().unwrap())[1], 0.0);
+        assert!(sds(s.covariance.as_ref().unwrap())[0] > 0.0);
+        let free = bounded([-9.0, 1.5], 1.5, control);
+        assert_eq!((free.fit.stop, free.fit.held.clone()), (Stop::Converged, vec![false, false]));
+        assert!((free.fit.theta[1] - 1.0).abs() < 0.05);
+    }
 }
 
 #[test]
