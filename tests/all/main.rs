@@ -13,3 +13,4 @@ mod models;
 mod pages;
 mod recovery;
 mod reruns;
+mod structure;
