@@ -118,6 +118,15 @@ impl Arrow {
         }
     }
 
+    /// Element `index` of the diagonal.
+    pub fn variance(&self, index: usize) -> Option<f64> {
+        if index < self.shared {
+            return self.cc.get(index * self.shared + index).copied();
+        }
+        let (s, k) = self.place(index)?;
+        self.own[s].ss.get(k * self.own[s].n + k).copied()
+    }
+
     /// The whole diagonal.
     pub fn diagonal(&self) -> Vec<f64> {
         let own = self.own.iter().flat_map(|own| diagonal(&own.ss, own.n));

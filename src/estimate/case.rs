@@ -3,6 +3,7 @@
 use super::choice::Chosen;
 use super::noise::Structure;
 use super::problem::{Block, Layout, Part};
+use super::profile::{Profile, profiles};
 use super::segment::{CAMPAIGN, Grouping, Segment, instants};
 use super::solution::{Solution, solve};
 use super::{Label, NoiseKind, Settings, Trace};
@@ -27,8 +28,8 @@ pub struct Unknown {
 
 /// The segments that are used together.
 pub struct Case<'a> {
-    model: &'a Model,
-    chosen: &'a Chosen,
+    pub model: &'a Model,
+    pub chosen: &'a Chosen,
     plan: &'a Plan,
     records: Vec<Record>,
     /// Which of them ask for integration steps by the model's fastest mode.
@@ -79,6 +80,20 @@ impl<'a> Case<'a> {
             }
             needed = solution.fit.theta;
         }
+    }
+
+    /// The profiles that the settings ask for.
+    pub fn profiles(&self, solution: &Solution, settings: &Settings) -> Vec<Profile> {
+        let asked = |i: &usize| settings.profile.contains(&self.unknowns[*i].name);
+        let which: Vec<usize> = (0..self.unknowns.len()).filter(asked).collect();
+        let evaluate = |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
+        profiles(&self.layout, &evaluate, solution, &which, settings)
+    }
+
+    /// With the integration steps of another case of the same segments.
+    pub fn with_steps_of(mut self, other: &Case) -> Case<'a> {
+        self.records.iter_mut().zip(&other.records).for_each(|(mine, other)| mine.substeps = other.substeps);
+        self
     }
 
     fn substeps(&self, s: usize, theta: &[f64]) -> usize {
@@ -218,7 +233,8 @@ fn layout(
     let floor = plan.outputs.iter().map(|&o| floor(model, segments, o, settings)).collect();
     let noise = Structure { outputs: plan.outputs.len(), groups: noise.values.len().max(1), full, floor };
     let column = |k: usize| values.iter().map(|u| u[k]).collect();
-    (Layout { shared, parts, start: column(0), lower: column(1), upper: column(2), prior_sd: column(3), noise }, unknowns)
+    let (start, centre): (Vec<f64>, Vec<f64>) = (column(0), column(0));
+    (Layout { shared, parts, start, lower: column(1), upper: column(2), centre, prior_sd: column(3), noise }, unknowns)
 }
 
 /// The smallest variance of an output: what the settings say, and not less than rounding errors make.

@@ -78,6 +78,7 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
     initial.dedup();
     check_starts(model, &parameters, &free, &mut errors);
     check_outputs(model, settings, &mut errors);
+    check_profile(model, settings, &free, &initial, &mut errors);
     let (own, shared) = (0..names.len()).filter(|&i| free[i]).partition(|&i| scopes[i] == Scope::Segment);
     let chosen = Chosen { shared, own, initial, parameters, scopes };
     for &p in &chosen.shared {
@@ -111,6 +112,19 @@ fn check_outputs(model: &Model, settings: &Settings, errors: &mut Errors) {
         } else if !(*sd >= 0.0 && sd.is_finite()) {
             errors.push(Error::new(format!("floor: the standard deviation of \"{name}\" is at least zero, not {sd}")));
         }
+    }
+}
+
+fn check_profile(model: &Model, settings: &Settings, free: &[bool], initial: &[usize], errors: &mut Errors) {
+    let parameters = model.parameters.iter().zip(free).filter(|(_, free)| **free).map(|(p, _)| p.quantity.name.clone());
+    let names: Vec<String> = parameters.chain(initial.iter().map(|&i| format!("{}(0)", model.states[i].quantity.name))).collect();
+    let known: Vec<&str> = names.iter().map(String::as_str).collect();
+    for name in settings.profile.iter().filter(|name| !names.contains(name)) {
+        errors.push(unknown("profile", name, "estimated parameter", model, &known));
+    }
+    let level = settings.profile_level;
+    if !(level > 0.0 && level < 1.0) {
+        errors.push(Error::new(format!("profile_level lies between 0 and 1, it is {level}")));
     }
 }
 

@@ -3,7 +3,7 @@
 use super::arrow::{Arrow, Factor};
 use super::noise::{Covariance, Scatter};
 use super::problem::{Evaluate, Layout, Totals, pass, scatter, weighed};
-use super::{Iteration, StepControl, Stop};
+use super::{Iteration, Settings, StepControl, Stop};
 
 /// When to stop and how to step (`Settings` documents the fields).
 #[derive(Debug, Clone, Copy)]
@@ -14,6 +14,19 @@ pub struct Rule {
     pub gradient_tolerance: f64,
     pub max_iterations: usize,
     pub max_halvings: usize,
+}
+
+impl Rule {
+    pub fn of(settings: &Settings) -> Rule {
+        Rule {
+            control: settings.step_control,
+            tolerance: settings.tolerance,
+            step_tolerance: settings.step_tolerance,
+            gradient_tolerance: settings.gradient_tolerance,
+            max_iterations: settings.max_iterations,
+            max_halvings: settings.max_halvings,
+        }
+    }
 }
 
 /// Where the iteration ended.
@@ -69,7 +82,7 @@ impl Trial {
         let noise: Vec<Covariance> = groups.iter().map(|s: &Scatter| s.covariance(&layout.noise)).collect::<Option<_>>()?;
         let mut cost: f64 = noise.iter().map(|r| r.cost).sum();
         for i in 0..theta.len() {
-            let d = (theta[i] - layout.start[i]) / layout.prior_sd[i];
+            let d = (theta[i] - layout.centre[i]) / layout.prior_sd[i];
             cost += 0.5 * d * d;
         }
         let ln_det = mean_ln_det(&noise);
@@ -90,7 +103,7 @@ impl Trial {
             let weight = layout.prior_weight(i);
             if weight > 0.0 {
                 matrix.add_diagonal(i, weight);
-                gradient[i] += weight * (layout.start[i] - theta[i]);
+                gradient[i] += weight * (layout.centre[i] - theta[i]);
             }
         }
         Some(Point { theta, noise, ln_det, cost, matrix, gradient })
@@ -137,6 +150,11 @@ struct Taken {
     damping: f64,
     /// `sqrt(d' M d)` of the step itself.
     length: f64,
+}
+
+/// The normal matrix at `theta` with priors, weighted with the `R` of the residuals there; `None` where the model is not finite.
+pub fn normal_matrix<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<Arrow> {
+    Point::at(layout, evaluate, theta.to_vec()).map(|point| point.matrix)
 }
 
 /// Minimises `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) from `layout.start`.
@@ -240,7 +258,9 @@ fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut
 /// (an active set, found afresh in every iteration, so that a parameter leaves its bound when the data pull it off).
 /// `None` where the matrix is singular.
 fn bounded_step(layout: &Layout, theta: &[f64], matrix: &Arrow, gradient: &[f64]) -> Option<Vec<f64>> {
-    let mut pins: Vec<Option<f64>> = vec![None; theta.len()];
+    // Where both bounds are one value there is nothing to solve for, nor need the data determine anything.
+    let prescribed = |i: usize| (layout.lower[i] == layout.upper[i]).then(|| layout.lower[i] - theta[i]);
+    let mut pins: Vec<Option<f64>> = (0..theta.len()).map(prescribed).collect();
     loop {
         let mut rhs = gradient.to_vec();
         let step = pinned(matrix, &mut rhs, &pins)?.solve(&rhs);

@@ -17,6 +17,8 @@
 //! | `sigma` | products of a segment's sensitivities with the covariance of coloured noise |
 //! | `filter` | products with the covariance matrix of an autoregressive process |
 //! | `solution` | the four together: estimates and covariances by parameter index |
+//! | `budget` | how the constants that a model assumes move the estimates |
+//! | `profile` | intervals from the likelihood's profile |
 //! | `choice` | settings against the model: what is free, where it starts |
 //! | `prepare` | the model with shifts and feedback that the settings ask for, and records that feed it |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
@@ -24,6 +26,7 @@
 //! | `result` | names put to the solution |
 
 mod arrow;
+mod budget;
 mod case;
 mod choice;
 mod colour;
@@ -33,6 +36,7 @@ mod noise;
 mod output_error;
 mod prepare;
 mod problem;
+mod profile;
 mod rank;
 mod result;
 mod segment;
@@ -41,8 +45,10 @@ mod solution;
 #[cfg(test)]
 mod tests;
 
+pub use budget::Influence;
 pub use output_error::{estimate, estimate_segments};
 pub use prepare::extended;
+pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::Segment;
 
@@ -100,6 +106,12 @@ pub struct Settings {
     pub max_ar_order: usize,
     /// How that order is chosen.
     pub ar_order: OrderCriterion,
+    /// Parameters whose interval is read from the likelihood's profile (all other parameters estimated again at each value): for
+    /// those that enter so nonlinearly that `value +- 1.96 sd` would mislead, such as delays and thresholds. `"alpha(0)"` is the
+    /// initial value of state `alpha`. Costs some ten estimations each.
+    pub profile: Vec<String>,
+    /// Level of these intervals, between 0 and 1.
+    pub profile_level: f64,
 }
 
 /// Where states begin that start "measured".
@@ -194,6 +206,8 @@ impl Default for Settings {
             priors: true,
             max_ar_order: 24,
             ar_order: OrderCriterion::White,
+            profile: Vec::new(),
+            profile_level: 0.95,
         }
     }
 }
@@ -282,6 +296,11 @@ pub struct Row {
     pub sd: Option<f64>,
     /// Cramer-Rao bound: the standard deviation if the residuals were white; none like `sd`.
     pub sd_crlb: Option<f64>,
+    /// `sd` with the sd of the constants that the model assumes (`Estimation::budget`); none like `sd`.
+    pub sd_total: Option<f64>,
+    /// Ends of the interval from the likelihood's profile; none unless asked for, or open on that side.
+    pub lower: Option<f64>,
+    pub upper: Option<f64>,
     /// Where the iteration started.
     pub start: f64,
     /// The estimate sits on a bound of the model file; the other parameters' `sd` hold for it fixed there.
@@ -372,6 +391,10 @@ pub struct Estimation {
     /// `responses[segment]`: the traces of the record's channels, at the values of `rows`; empty for a segment left out.
     pub responses: Vec<Vec<Trace>>,
     pub verdict: Verdict,
+    /// How the assumed constants move the estimates (in the order of `rows`).
+    pub budget: Vec<Influence>,
+    /// The profiles asked for, by row.
+    pub profiles: Vec<Profile>,
     /// Segments that could not be used, ascending.
     pub left_out: Vec<LeftOut>,
     /// Measured outputs without a sample that is not masked, or that never change, segment by segment.

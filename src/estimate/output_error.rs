@@ -1,10 +1,11 @@
 //! A compiled model over segments in; its maximum-likelihood estimate, with segments that cannot be used left out and named, out.
 
+use super::budget::influences;
 use super::case::{Case, plan};
 use super::choice::{Chosen, choose};
 use super::prepare::prepare;
 use super::rank::{NONE, weak_words};
-use super::result::name;
+use super::result::{Further, name};
 use super::segment::Segment;
 use super::solution::Solution;
 use super::{Doubtful, Estimation, InitialFrom, LeftOut, Settings, Stop};
@@ -35,7 +36,8 @@ pub fn estimate(model: &Model, records: &[Record], settings: &Settings) -> Resul
 /// Names that the model does not have, labels that no segment has, starts that are not finite or outside their bounds, a measured start
 /// without a measured output: all at once. What the data do is never an error: see `Estimation::stop`.
 pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Estimation, Errors> {
-    let (model, segments) = prepare(model, segments, settings)?;
+    let base = model;
+    let (model, segments) = prepare(base, segments, settings)?;
     let (model, segments) = (&*model, &*segments);
     let chosen = choose(model, segments, settings)?;
     let plan = plan(model, &chosen, segments)?;
@@ -61,7 +63,10 @@ pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Setting
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
-            let named = name(model, &case, &used, segments.len(), solution);
+            let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
+            let budget = influences(base, &these, values, &case, &solution, settings)?;
+            let further = Further { budget, profiles: case.profiles(&solution, settings) };
+            let named = name(model, &case, &used, segments.len(), solution, further);
             return Ok(Estimation { left_out, doubtful: doubtful(model, segments), ..named });
         }
         left_out.extend(useless.iter().map(|(at, why)| LeftOut { segment: used[*at], why: why.clone() }));

@@ -40,10 +40,12 @@ pub struct Layout {
     /// Number of shared parameters.
     pub shared: usize,
     pub parts: Vec<Part>,
+    /// Where the iteration begins.
     pub start: Vec<f64>,
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
-    /// Standard deviation of a prior centred at the start; infinite without one.
+    /// Centre and standard deviation of a prior; infinite without one.
+    pub centre: Vec<f64>,
     pub prior_sd: Vec<f64>,
     pub noise: Structure,
 }
@@ -65,6 +67,7 @@ impl Layout {
         Layout {
             shared,
             parts,
+            centre: start.clone(),
             start,
             lower: vec![f64::NEG_INFINITY; n],
             upper: vec![f64::INFINITY; n],

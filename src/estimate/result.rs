@@ -1,16 +1,24 @@
 //! A solution by parameter index in; the estimation with names, units and correlations out.
 
 use super::arrow::Arrow;
+use super::budget::Influence;
 use super::case::Case;
 use super::problem::Layout;
+use super::profile::Profile;
 use super::rank::{Combination, Term, Verdict, Weak};
 use super::solution::Solution;
 use super::{Correlation, Estimation, OutputScatter, Row, Trace};
 use crate::model::Model;
 
+/// What is known of the uncertainty beyond the covariances.
+pub struct Further {
+    pub budget: Vec<Influence>,
+    pub profiles: Vec<Profile>,
+}
+
 /// Puts names to a solution over the segments `used`, of `segments` in all; what is wrong with segments is not known here.
-pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solution: Solution) -> Estimation {
-    let rows = rows(case, used, &solution);
+pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solution: Solution, further: Further) -> Estimation {
+    let rows = rows(case, used, &solution, &further);
     let combinations = solution.weak.iter().map(|weak| combination(&rows, weak)).collect();
     let (mut responses, mut noise_groups) = (vec![Vec::new(); segments], vec![None; segments]);
     for (at, &s) in used.iter().enumerate() {
@@ -27,15 +35,18 @@ pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solutio
         verdict: Verdict { condition: solution.condition, singular: solution.singular, combinations },
         iterations: solution.fit.iterations,
         rows,
+        budget: further.budget,
+        profiles: further.profiles,
         left_out: Vec::new(),
         doubtful: Vec::new(),
     }
 }
 
-fn rows(case: &Case, used: &[usize], solution: &Solution) -> Vec<Row> {
-    let (sd, crlb) = (deviations(solution.covariance.as_ref()), deviations(solution.crlb.as_ref()));
-    let known = |sd: &[f64], i: usize| if solution.fit.held[i] { None } else { sd.get(i).copied() };
+fn rows(case: &Case, used: &[usize], solution: &Solution, further: &Further) -> Vec<Row> {
     let row = |i: usize| {
+        let (sd, sd_crlb) = solution.deviation(i).unzip();
+        let assumed: f64 = further.budget.iter().map(|b| b.slopes[i] * b.constant.sd).map(|d| d * d).sum();
+        let profile = further.profiles.iter().find(|p| p.row == i);
         let unknown = &case.unknowns[i];
         Row {
             name: unknown.name.clone(),
@@ -43,8 +54,11 @@ fn rows(case: &Case, used: &[usize], solution: &Solution) -> Vec<Row> {
             segment: unknown.segment.map(|at| used[at]),
             group: unknown.group.clone(),
             value: solution.fit.theta[i],
-            sd: known(&sd, i),
-            sd_crlb: known(&crlb, i),
+            sd,
+            sd_crlb,
+            sd_total: sd.map(|sd| (sd * sd + assumed).sqrt()),
+            lower: profile.and_then(|p| p.lower),
+            upper: profile.and_then(|p| p.upper),
             start: case.layout.start[i],
             at_bound: solution.fit.held[i],
         }

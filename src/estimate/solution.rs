@@ -23,17 +23,19 @@ pub struct Solution {
     pub weak: Vec<Weak>,
 }
 
+impl Solution {
+    /// `sd` and the Cramer-Rao bound of parameter `i`; none without a covariance, or on a bound.
+    pub fn deviation(&self, i: usize) -> Option<(f64, f64)> {
+        if self.fit.held.get(i).copied().unwrap_or(true) {
+            return None;
+        }
+        Some((self.covariance.as_ref()?.variance(i)?.sqrt(), self.crlb.as_ref()?.variance(i)?.sqrt()))
+    }
+}
+
 /// Estimates and judges. Not converged or singular: no covariance.
 pub fn solve<F: Evaluate>(layout: &Layout, evaluate: &F, settings: &Settings) -> Solution {
-    let rule = Rule {
-        control: settings.step_control,
-        tolerance: settings.tolerance,
-        step_tolerance: settings.step_tolerance,
-        gradient_tolerance: settings.gradient_tolerance,
-        max_iterations: settings.max_iterations,
-        max_halvings: settings.max_halvings,
-    };
-    let mut fit = minimise(layout, evaluate, &rule);
+    let mut fit = minimise(layout, evaluate, &Rule::of(settings));
     let none = |fit| Solution {
         fit,
         crlb: None,

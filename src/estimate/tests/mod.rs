@@ -4,6 +4,7 @@ mod coverage;
 mod groups;
 mod hazards;
 mod hfb320;
+mod honest;
 mod linear_algebra;
 mod named;
 mod noise;
