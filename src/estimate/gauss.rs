@@ -57,8 +57,16 @@ struct Trial {
     noise: Vec<Covariance>,
     ln_det: f64,
     cost: f64,
-    /// The sums per output, where one pass yields them together with the residuals.
+    /// The sums per output, where one pass yielded them together with the residuals.
     totals: Option<Totals>,
+}
+
+/// Whether a trial point is likely to be taken: then one pass for residuals and sensitivities together is best, where there can be one;
+/// a point that is likely to be refused is tried without sensitivities.
+#[derive(Clone, Copy, PartialEq)]
+enum Chance {
+    Good,
+    Poor,
 }
 
 /// All that is known at one parameter vector.
@@ -73,8 +81,8 @@ struct Point {
 }
 
 impl Trial {
-    fn at<F: Evaluate>(layout: &Layout, evaluate: &F, theta: Vec<f64>) -> Option<Trial> {
-        let (groups, totals) = if layout.noise.is_simple() {
+    fn at<F: Evaluate>(layout: &Layout, evaluate: &F, theta: Vec<f64>, chance: Chance) -> Option<Trial> {
+        let (groups, totals) = if layout.noise.is_simple() && chance == Chance::Good {
             pass(layout, evaluate, &theta).map(|(groups, totals)| (groups, Some(totals)))?
         } else {
             (scatter(layout, evaluate, &theta)?, None)
@@ -121,7 +129,7 @@ fn mean_ln_det(noise: &[Covariance]) -> f64 {
 
 impl Point {
     fn at<F: Evaluate>(layout: &Layout, evaluate: &F, theta: Vec<f64>) -> Option<Point> {
-        Trial::at(layout, evaluate, theta)?.complete(layout, evaluate)
+        Trial::at(layout, evaluate, theta, Chance::Good)?.complete(layout, evaluate)
     }
 
     /// Parameters on a bound that the gradient pushes against it.
@@ -207,16 +215,17 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit 
 }
 
 /// The point at `theta + length * step` inside the bounds, if it is finite and not worse.
-fn try_step<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], length: f64) -> Option<Point> {
+fn try_step<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], length: f64, refused: usize) -> Option<Point> {
+    let chance = if refused == 0 { Chance::Good } else { Chance::Poor };
     let theta = (0..step.len()).map(|i| (point.theta[i] + length * step[i]).clamp(layout.lower[i], layout.upper[i])).collect();
-    Trial::at(layout, evaluate, theta).filter(|trial| trial.cost <= point.cost)?.complete(layout, evaluate)
+    Trial::at(layout, evaluate, theta, chance).filter(|trial| trial.cost <= point.cost)?.complete(layout, evaluate)
 }
 
 /// The longest of `step`, `step/2`, `step/4` ... that is finite and does not raise the cost.
 fn halve<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], max_halvings: usize) -> Option<Taken> {
     let mut length = 1.0;
     for refused in 0..=max_halvings {
-        if let Some(next) = try_step(layout, evaluate, point, step, length) {
+        if let Some(next) = try_step(layout, evaluate, point, step, length, refused) {
             let whole = point.matrix.quadratic(step).max(0.0).sqrt();
             return Some(Taken { point: next, refused, damping: 0.0, length: length * whole });
         }
@@ -240,7 +249,7 @@ fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut
         let mut matrix = point.matrix.clone();
         diagonal.iter().enumerate().for_each(|(i, d)| matrix.add_diagonal(i, used * d));
         let step = bounded_step(layout, &point.theta, &matrix, &point.gradient)?;
-        if let Some(next) = try_step(layout, evaluate, point, &step, 1.0) {
+        if let Some(next) = try_step(layout, evaluate, point, &step, 1.0, refused) {
             let slope: f64 = step.iter().zip(&point.gradient).map(|(d, g)| d * g).sum();
             let square = point.matrix.quadratic(&step).max(0.0);
             let promised = slope - 0.5 * square;

@@ -66,8 +66,8 @@ fn what_differs_between_flights_is_told_apart_in_the_tables() {
     let iterations = read_dataset(&out, "iterations").expect("iterations");
     let models = iterations.strings("model").expect("column");
     let last = |model: &str, name: &str| {
-        let rows = (0..iterations.rows()).filter(|&i| models[i] == model);
-        iterations.f64(name).expect("column")[rows.last().expect("a row")]
+        let mut rows = (0..iterations.rows()).filter(|&i| models[i] == model);
+        iterations.f64(name).expect("column")[rows.next_back().expect("a row")]
     };
     assert!(last("apart", "damping") > 0.0 && last("plain", "damping") == 0.0);
     for model in ["apart", "plain"] {

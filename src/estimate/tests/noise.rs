@@ -383,21 +383,15 @@ fn white_correlated_noise_has_the_bound_for_its_covariance() {
     sds(&covariance).iter().zip(sds(&bound)).for_each(|(a, b)| close(*a, b, 1e-9));
 }
 
-/// 95% intervals cover the truth where outputs share noise: with `R` full the bound is right and smaller than with `R` diagonal, whose
-/// own bound is wrong.
-#[test]
-fn recovery_with_shared_noise() {
-    let trials = 400;
-    let (mut hits, mut lengths) = ([[0; 2]; 2], [0.0; 2]);
+/// Two lines of opposite slope about a common mean, over 95% intervals in `trials` draws: hits per parameter, and the mean sd of
+/// the slope, with `R` diagonal and full. Noise: a part common to both outputs and one of opposite sign, of correlation `rho` in time.
+fn coverage(trials: u64, n: usize, rho: f64, max_ar_order: usize) -> ([[f64; 2]; 2], [f64; 2]) {
+    let (mut hits, mut lengths) = ([[0.0; 2]; 2], [0.0; 2]);
     for seed in 0..trials {
         let mut rng = rng(1000 + seed);
-        let n = 150;
-        let z: Vec<Vec<f64>> = {
-            let noise: Vec<(f64, f64)> = (0..n).map(|_| (normal(&mut rng), normal(&mut rng))).collect();
-            let line =
-                |j: usize, w: f64| (0..n).map(|k| 1.0 + 0.3 * (j as f64 - 0.5) * time(k) + noise[k].0 + w * noise[k].1).collect();
-            vec![line(0, 0.3), line(1, -0.3)]
-        };
+        let [common, opposite] = [1.0, 0.3].map(|sd| super::noise(&mut rng, n, sd, rho));
+        let line = |w: f64| (0..n).map(|k| 1.0 + 0.3 * w * time(k) + common[k] + 2.0 * w * opposite[k]).collect::<Vec<f64>>();
+        let z = [line(-0.5), line(0.5)];
         for (which, full) in [false, true].into_iter().enumerate() {
             let mut layout = Layout::plain(2, &[0], 2, vec![0.0, 0.0]);
             layout.noise.full = full;
@@ -411,18 +405,56 @@ fn recovery_with_shared_noise() {
                 };
                 Some(vec![block(0), block(1)])
             };
-            let s = solve(&layout, &evaluate, &Settings { max_ar_order: 2, ..Settings::default() });
+            let s = solve(&layout, &evaluate, &Settings { max_ar_order, ..Settings::default() });
             assert_eq!(s.fit.stop, Stop::Converged);
             let sd = sds(s.covariance.as_ref().unwrap());
             for (i, truth) in [1.0, 0.3].iter().enumerate() {
-                hits[which][i] += usize::from((s.fit.theta[i] - truth).abs() <= 1.96 * sd[i]);
+                hits[which][i] += f64::from(u8::from((s.fit.theta[i] - truth).abs() <= 1.96 * sd[i])) / trials as f64;
             }
-            lengths[which] += sd[1];
+            lengths[which] += sd[1] / trials as f64;
         }
     }
-    let share = |h: usize| h as f64 / trials as f64;
-    println!("covered: diagonal {:.3?}, full {:.3?}; mean sd of the slope {:.3?}", hits[0].map(share), hits[1].map(share), lengths);
-    assert!(hits[1].iter().all(|&h| (0.925..=0.975).contains(&share(h))), "{hits:?}");
-    // Noise common to both lines hides in the mean, not in the difference: diagonal R trusts the mean too much.
-    assert!(share(hits[0][0]) < 0.9 && lengths[1] < 0.5 * lengths[0], "{hits:?} {lengths:?}");
+    println!("rho {rho}: covered: diagonal {:.3?}, full {:.3?}; mean sd of the slope {lengths:.4?}", hits[0], hits[1]);
+    (hits, lengths)
+}
+
+/// With `R` full the sd is right and smaller than with `R` diagonal, whose own is wrong: noise common to both lines hides in the mean, not
+/// in the difference.
+#[test]
+fn recovery_with_shared_noise() {
+    let (hits, lengths) = coverage(400, 150, 0.0, 2);
+    assert!(hits[1].iter().all(|h| (0.925..=0.975).contains(h)), "{hits:?}");
+    assert!(hits[0][0] < 0.9 && lengths[1] < 0.5 * lengths[0], "{hits:?} {lengths:?}");
+}
+
+/// The same with noise that is coloured as well.
+#[test]
+fn recovery_with_shared_coloured_noise() {
+    let (hits, lengths) = coverage(400, 400, 0.8, 6);
+    assert!((0.92..=0.97).contains(&(0.5 * (hits[1][0] + hits[1][1]))), "{hits:?}");
+    assert!(hits[1].iter().all(|h| (0.91..=0.98).contains(h)), "{hits:?}");
+    assert!(hits[0][0] < 0.9 && lengths[1] < 0.5 * lengths[0], "{hits:?} {lengths:?}");
+}
+
+/// Innovations that could not be correlated as `R` and the colours ask are correlated as far as they can be: the covariance of the
+/// estimates stays a covariance.
+#[test]
+fn very_different_colours_leave_a_covariance() {
+    let lines = Lines::new(28, &[60, 45]);
+    let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
+    let theta = [0.25, 0.9, 1.1];
+    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
+    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
+    let models: Vec<Ar> = [0.98, -0.9, 0.5]
+        .iter()
+        .zip(r.variances())
+        .map(|(a, v)| Ar { coefficients: vec![*a], variance: v * (1.0 - a * a), order: 1 })
+        .collect();
+    let source = Source::new(&lines.layout, &evaluate, &theta);
+    let (covariance, _) = tests_only::spread_and_absorbed(&source, &matrix, std::slice::from_ref(&r), &models, 2).unwrap();
+    let own = &covariance.own;
+    assert!(covariance.cc[0] > 0.0);
+    for own in own {
+        assert!(own.ss[0] * covariance.cc[0] > own.sc[0] * own.sc[0], "{covariance:?}");
+    }
 }
