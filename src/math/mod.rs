@@ -1,8 +1,10 @@
-//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of distributions, autoregressive models.
+//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of distributions, autoregressive models, vectors of
+//! the width the machine has.
 
 pub mod ar;
 pub mod dense;
 pub mod distribution;
+pub mod simd;
 
 /// The median of finite values (the mean of the middle two of an even number); NaN for none.
 pub fn median(values: &[f64]) -> f64 {

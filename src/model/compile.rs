@@ -105,6 +105,7 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain:
     let Compiler { mut model, errors, rates, sources, .. } = c;
     errors.or(())?;
     model.rates = rates.into_iter().flatten().collect();
+    model.fuse();
     model.layout = super::program::Layout {
         states: model.states.len(),
         inputs: model.inputs.len(),

@@ -1,9 +1,11 @@
-//! The expression graph of a model: shared nodes, folded constants, exact symbolic derivatives.
+//! The expression graph of a model: shared nodes, folded constants, factors that do not change along a trajectory gathered.
 //!
 //! Nodes are hash-consed (the same operation on the same operands exists once) and built bottom-up, so a node's operands always have
 //! smaller numbers. Derivatives are nodes of the same graph, which is what makes common terms of a function and its Jacobian shared.
 
 use std::collections::HashMap;
+
+use super::arithmetic::apply;
 
 /// Index of a node.
 pub type Node = u32;
@@ -30,7 +32,14 @@ pub enum Op {
     Mul,
     Div,
     Neg,
+    /// a b + c, rounded once.
+    Fma,
+    /// a b - c, rounded once.
+    Fms,
+    /// c - a b, rounded once.
+    Fnma,
     Sqrt,
+    /// Sine and cosine of one argument become one instruction with two results when a program is lowered.
     Sin,
     Cos,
     Tan,
@@ -79,7 +88,7 @@ pub struct Graph {
     keys: Vec<Key>,
     depends: Vec<u8>,
     index: HashMap<Key, Node>,
-    derivatives: HashMap<(Node, Leaf), Node>,
+    pub(super) derivatives: HashMap<(Node, Leaf), Node>,
 }
 
 /// A node as an evaluator sees it.
@@ -166,10 +175,13 @@ impl Graph {
     }
 
     pub fn neg(&mut self, a: Node) -> Node {
-        if let View::Op(Op::Neg, inner, ..) = self.view(a) {
-            return inner;
+        match self.view(a) {
+            View::Op(Op::Neg, inner, ..) => inner,
+            View::Op(Op::Sub, p, q, _) => self.sub(q, p),
+            View::Op(Op::Fms, p, q, r) => self.op(Op::Fnma, p, q, r),
+            View::Op(Op::Fnma, p, q, r) => self.op(Op::Fms, p, q, r),
+            _ => self.op(Op::Neg, a, a, a),
         }
-        self.op(Op::Neg, a, a, a)
     }
 
     pub fn add(&mut self, a: Node, b: Node) -> Node {
@@ -214,8 +226,74 @@ impl Graph {
                 _ => {}
             }
         }
+        for (x, y) in [(a, b), (b, a)] {
+            if let View::Op(Op::Neg, inner, ..) = self.view(x) {
+                let product = self.mul(inner, y);
+                return self.neg(product);
+            }
+            // factors that do not change along a trajectory are multiplied first, once for all its points
+            if self.fixed(x)
+                && let View::Op(Op::Mul, p, q, _) = self.view(y)
+                && !self.fixed(y)
+            {
+                for (p, q) in [(p, q), (q, p)] {
+                    if self.fixed(p) {
+                        let factor = self.mul(x, p);
+                        return self.mul(factor, q);
+                    }
+                }
+            }
+        }
         let (a, b) = (a.min(b), a.max(b));
         self.op(Op::Mul, a, b, b)
+    }
+
+    /// Constants, parameters, and what is made of them alone.
+    fn fixed(&self, n: Node) -> bool {
+        self.depends(n) & depends::TRAJECTORY == 0
+    }
+
+    /// a b + c as one operation.
+    pub fn fma(&mut self, a: Node, b: Node, c: Node) -> Node {
+        self.fused(Op::Fma, a, b, c)
+    }
+
+    /// One of the three fused operations, simplified.
+    pub fn fused(&mut self, op: Op, a: Node, b: Node, c: Node) -> Node {
+        let simple = |x: Option<f64>| matches!(x, Some(0.0 | 1.0 | -1.0));
+        if simple(self.constant(a)) || simple(self.constant(b)) || self.is(c, 0.0) {
+            let product = self.mul(a, b);
+            return match op {
+                Op::Fms => self.sub(product, c),
+                Op::Fnma => self.sub(c, product),
+                _ => self.add(product, c),
+            };
+        }
+        for (x, y) in [(a, b), (b, a)] {
+            if let View::Op(Op::Neg, inner, ..) = self.view(x) {
+                return match op {
+                    Op::Fma => self.fused(Op::Fnma, inner, y, c),
+                    Op::Fnma => self.fused(Op::Fma, inner, y, c),
+                    // -(x y) - c
+                    _ => {
+                        let sum = self.fused(Op::Fma, inner, y, c);
+                        self.neg(sum)
+                    }
+                };
+            }
+        }
+        if let View::Op(Op::Neg, inner, ..) = self.view(c) {
+            return match op {
+                Op::Fma => self.fused(Op::Fms, a, b, inner),
+                Op::Fms => self.fused(Op::Fma, a, b, inner),
+                _ => {
+                    let sum = self.fused(Op::Fma, a, b, inner);
+                    self.neg(sum)
+                }
+            };
+        }
+        let (a, b) = (a.min(b), a.max(b));
+        self.op(op, a, b, c)
     }
 
     pub fn div(&mut self, a: Node, b: Node) -> Node {
@@ -225,15 +303,13 @@ impl Graph {
         if self.is(b, 1.0) {
             return a;
         }
-        // a constant divisor becomes a factor where that is exact
-        if let Some(y) = self.constant(b)
-            && y != 0.0
-            && y.to_bits() & 0x000f_ffff_ffff_ffff == 0
-        {
-            let r = self.c(1.0 / y);
-            return self.mul(a, r);
+        if self.is(a, 1.0) || (self.constant(a).is_some() && self.constant(b).is_some()) {
+            return self.op(Op::Div, a, b, b);
         }
-        self.op(Op::Div, a, b, b)
+        // one reciprocal serves all that is divided by b, and what does not change along a trajectory is not divided by again
+        let one = self.c(1.0);
+        let r = self.div(one, b);
+        self.mul(a, r)
     }
 
     /// a to the constant power e; small whole powers by multiplication.
@@ -288,192 +364,5 @@ impl Graph {
             }
             None => self.op(Op::Select, c, a, b),
         }
-    }
-
-    /// d(n)/d(leaf), a node. Derivatives of switches are those of the active branch.
-    pub fn derivative(&mut self, n: Node, leaf: Leaf) -> Node {
-        if let Some(&d) = self.derivatives.get(&(n, leaf)) {
-            return d;
-        }
-        // operands first, without recursion over the depth of the graph: nodes are in topological order
-        let mut needed = vec![n];
-        let mut seen = std::collections::BTreeSet::new();
-        while let Some(m) = needed.pop() {
-            if self.derivatives.contains_key(&(m, leaf)) || !seen.insert(m) {
-                continue;
-            }
-            if let View::Op(_, a, b, c) = self.view(m) {
-                needed.extend([a, b, c]);
-            }
-        }
-        for m in seen {
-            let d = self.derive(m, leaf);
-            self.derivatives.insert((m, leaf), d);
-        }
-        self.derivatives[&(n, leaf)]
-    }
-
-    /// The derivative of one node, given those of its operands.
-    fn derive(&mut self, n: Node, leaf: Leaf) -> Node {
-        let (op, a, b, c) = match self.view(n) {
-            View::Const(_) => return self.c(0.0),
-            View::Leaf(l) => return self.c(if l == leaf { 1.0 } else { 0.0 }),
-            View::Op(op, a, b, c) => (op, a, b, c),
-        };
-        let of = |g: &Graph, m: Node| g.derivatives[&(m, leaf)];
-        let (da, db, dc) = (of(self, a), of(self, b), of(self, c));
-        let zero = self.c(0.0);
-        if da == zero && db == zero && dc == zero {
-            return zero;
-        }
-        match op {
-            Op::Add => self.add(da, db),
-            Op::Sub => self.sub(da, db),
-            Op::Neg => self.neg(da),
-            Op::Mul => {
-                let (x, y) = (self.mul(da, b), self.mul(a, db));
-                self.add(x, y)
-            }
-            // (a/b)' = (a' - (a/b) b')/b
-            Op::Div => {
-                let x = self.mul(n, db);
-                let y = self.sub(da, x);
-                self.div(y, b)
-            }
-            Op::Sqrt => {
-                let half = self.c(0.5);
-                let x = self.mul(half, da);
-                self.div(x, n)
-            }
-            Op::Sin => {
-                let x = self.unary(Op::Cos, a);
-                self.mul(x, da)
-            }
-            Op::Cos => {
-                let x = self.unary(Op::Sin, a);
-                let x = self.mul(x, da);
-                self.neg(x)
-            }
-            Op::Tan | Op::Tanh => {
-                let one = self.c(1.0);
-                let x = self.mul(n, n);
-                let x = if op == Op::Tan { self.add(one, x) } else { self.sub(one, x) };
-                self.mul(x, da)
-            }
-            Op::Asin | Op::Acos => {
-                let one = self.c(1.0);
-                let x = self.mul(a, a);
-                let x = self.sub(one, x);
-                let x = self.unary(Op::Sqrt, x);
-                let d = self.div(da, x);
-                if op == Op::Asin { d } else { self.neg(d) }
-            }
-            Op::Atan => {
-                let one = self.c(1.0);
-                let x = self.mul(a, a);
-                let x = self.add(one, x);
-                self.div(da, x)
-            }
-            // atan2(a, b): (a' b - a b')/(a^2 + b^2)
-            Op::Atan2 => {
-                let (x, y) = (self.mul(da, b), self.mul(a, db));
-                let up = self.sub(x, y);
-                let (x, y) = (self.mul(a, a), self.mul(b, b));
-                let down = self.add(x, y);
-                self.div(up, down)
-            }
-            Op::Exp => self.mul(n, da),
-            Op::Log => self.div(da, a),
-            Op::Abs => {
-                let s = self.unary(Op::Sign, a);
-                self.mul(s, da)
-            }
-            Op::Sign => zero,
-            Op::Pow => {
-                let e = self.constant(b).unwrap_or(f64::NAN);
-                let x = self.pow(a, e - 1.0);
-                let k = self.c(e);
-                let x = self.mul(k, x);
-                self.mul(x, da)
-            }
-            Op::Min => {
-                let first = self.sub(b, a);
-                self.select(first, da, db)
-            }
-            Op::Max => {
-                let first = self.sub(a, b);
-                self.select(first, da, db)
-            }
-            Op::Select => self.select(a, db, dc),
-            Op::Table => {
-                let slope = self.op(Op::TableSlope, a, b, c);
-                self.mul(slope, da)
-            }
-            Op::Table2 => {
-                let (sx, sy) = (self.op(Op::Table2SlopeX, a, b, c), self.op(Op::Table2SlopeY, a, b, c));
-                let (x, y) = (self.mul(sx, da), self.mul(sy, db));
-                self.add(x, y)
-            }
-            // slopes of piecewise linear tables: constant between break points
-            Op::TableSlope => zero,
-            // z = z0 + x.. + x y..: the mixed second derivative is dropped nowhere in first-order use
-            Op::Table2SlopeX | Op::Table2SlopeY => zero,
-        }
-    }
-}
-
-/// One operation on numbers: the reference every evaluator follows. Tables are not numbers and are handled by the evaluator.
-#[inline]
-pub fn apply(op: Op, a: f64, b: f64, c: f64) -> f64 {
-    match op {
-        Op::Add => a + b,
-        Op::Sub => a - b,
-        Op::Mul => a * b,
-        Op::Div => a / b,
-        Op::Neg => -a,
-        Op::Sqrt => a.sqrt(),
-        Op::Sin => libm::sin(a),
-        Op::Cos => libm::cos(a),
-        Op::Tan => libm::tan(a),
-        Op::Asin => libm::asin(a),
-        Op::Acos => libm::acos(a),
-        Op::Atan => libm::atan(a),
-        Op::Atan2 => libm::atan2(a, b),
-        Op::Exp => libm::exp(a),
-        Op::Log => libm::log(a),
-        Op::Tanh => libm::tanh(a),
-        Op::Abs => a.abs(),
-        Op::Sign => {
-            if a > 0.0 {
-                1.0
-            } else if a < 0.0 {
-                -1.0
-            } else {
-                0.0
-            }
-        }
-        Op::Pow => libm::pow(a, b),
-        Op::Min => {
-            if b > a {
-                a
-            } else {
-                b
-            }
-        }
-        Op::Max => {
-            if a > b {
-                a
-            } else {
-                b
-            }
-        }
-        Op::Select => {
-            if a > 0.0 {
-                b
-            } else {
-                c
-            }
-        }
-        Op::Table | Op::TableSlope | Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY => f64::NAN,
     }
 }

@@ -1,18 +1,24 @@
 //! The model language: a text file in, a compiled model out (`docs/model-language.md` is the reference).
 //!
 //! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
-//! checks units and builds (`expression`) one shared graph (`graph`); `linear` asks the graph for exact derivatives and lowers values and Jacobians to
-//! flat lists of operations (`program`) that run over lanes; `extend` adds zero shifts and feedback to a compiled model. Nothing here knows about time steps: that is `dynamics`.
+//! checks units and builds (`expression`) one shared graph (`graph`), in which `fuse` joins products and sums. `linear` asks for exact
+//! derivatives (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which `interpret` runs over lanes;
+//! `arithmetic` says to the bit what one operation is; `extend` adds zero shifts and feedback to a compiled model. Nothing here knows
+//! about time steps: that is `dynamics`.
 
+mod arithmetic;
 pub mod compile;
 mod declare;
+mod derivative;
 pub mod expr;
 mod expression;
 pub mod extend;
 pub mod file;
 pub mod fragments;
 mod functions;
+mod fuse;
 pub mod graph;
+mod interpret;
 pub mod linear;
 pub mod program;
 pub mod tables;

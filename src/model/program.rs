@@ -1,11 +1,15 @@
-//! A flat list of operations from a graph, and the interpreter that runs it over lanes of `W` independent evaluations.
+//! A flat list of operations from a graph.
 //!
 //! Registers are `[f64; W]`: lane i of every register belongs to evaluation i (another segment, another time point). All lanes do the
 //! same operations in the same order, so a result does not depend on `W`. Operations that depend on parameters alone are a prologue,
-//! run once for many evaluations of the body.
+//! run once for many evaluations of the body. `interpret` runs a list, `native` makes machine code of it.
 
-use super::graph::{Graph, Leaf, Node, Op, View, apply, depends};
+use std::collections::HashMap;
+
+use super::graph::{Graph, Leaf, Node, Op, View, depends};
+use super::interpret::execute;
 use super::tables::Tables;
+use crate::math::simd::Width;
 
 /// Where the leaves of every program of a model stand in the register file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -56,82 +60,116 @@ impl Layout {
     }
 }
 
+/// What an instruction does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Code {
+    Op(Op),
+    /// Sine of `a` to `to`, cosine to `b`.
+    SinCos,
+}
+
+/// `to = code(a, b, c)`: numbers of registers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Instruction {
-    op: Op,
-    to: u32,
-    a: u32,
-    b: u32,
-    c: u32,
+pub struct Instruction {
+    pub code: Code,
+    pub to: u32,
+    pub a: u32,
+    pub b: u32,
+    pub c: u32,
 }
 
 /// A compiled list of operations with its outputs.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Program {
+    /// All register numbers of the instructions are below this: what the interpreter's unchecked access relies on.
     registers: usize,
     constants: Vec<(u32, f64)>,
     prologue: Vec<Instruction>,
     body: Vec<Instruction>,
     outputs: Vec<u32>,
+    /// Whether an output changes along a trajectory.
+    moving: Vec<bool>,
+    /// Vectors the interpreter uses.
+    width: Width,
 }
 
 impl Program {
-    /// Lowers the nodes `outputs` of `graph`. Registers of temporaries are reused, so the register file stays in cache.
+    /// Lowers the nodes `outputs` of `graph`, depth first. Registers of temporaries are reused, so the register file stays in cache.
     pub fn lower(graph: &Graph, outputs: &[Node], layout: &Layout) -> Program {
-        let mut wanted = vec![false; graph.len()];
-        let mut stack: Vec<Node> = outputs.to_vec();
-        while let Some(n) = stack.pop() {
-            if std::mem::replace(&mut wanted[n as usize], true) {
-                continue;
-            }
-            if let View::Op(_, a, b, c) = graph.view(n) {
-                stack.extend([a, b, c]);
-            }
-        }
+        let order = ordered(graph, outputs);
         let in_body = |n: Node| graph.depends(n) & depends::TRAJECTORY != 0;
-        // the last operation of the body that reads a node
-        let mut last = vec![0u32; graph.len()];
-        for n in (0..graph.len() as Node).filter(|&n| wanted[n as usize] && in_body(n)) {
+        // where in the order a node is read last
+        let mut last = vec![0usize; graph.len()];
+        for (at, &n) in order.iter().enumerate() {
             if let View::Op(_, a, b, c) = graph.view(n) {
                 for m in [a, b, c] {
-                    last[m as usize] = n;
+                    last[m as usize] = at;
                 }
             }
         }
         for &n in outputs {
-            last[n as usize] = u32::MAX;
+            last[n as usize] = usize::MAX;
         }
-        let mut program = Program { registers: layout.len(), ..Default::default() };
-        let mut slot = vec![u32::MAX; graph.len()];
+        let partners = partners(graph, &order);
+        let mut program = Program {
+            registers: layout.len(),
+            constants: Vec::new(),
+            prologue: Vec::new(),
+            body: Vec::new(),
+            outputs: Vec::new(),
+            moving: outputs.iter().map(|&n| in_body(n)).collect(),
+            width: Width::detect(),
+        };
+        const NONE: u32 = u32::MAX;
+        let mut slot = vec![NONE; graph.len()];
         let mut free: Vec<u32> = Vec::new();
-        for n in (0..graph.len() as Node).filter(|&n| wanted[n as usize]) {
-            match graph.view(n) {
-                View::Leaf(leaf) => slot[n as usize] = layout.slot(leaf) as u32,
+        for (at, &n) in order.iter().enumerate() {
+            let (op, a, b, c) = match graph.view(n) {
+                View::Leaf(leaf) => {
+                    slot[n as usize] = layout.slot(leaf) as u32;
+                    continue;
+                }
                 View::Const(x) => {
                     slot[n as usize] = program.new_register();
                     program.constants.push((slot[n as usize], x));
+                    continue;
                 }
-                View::Op(op, a, b, c) => {
-                    let [sa, sb, sc] = [a, b, c].map(|m| slot[m as usize]);
-                    if !in_body(n) {
-                        let to = program.new_register();
-                        program.prologue.push(Instruction { op, to, a: sa, b: sb, c: sc });
-                        slot[n as usize] = to;
-                        continue;
+                View::Op(op, a, b, c) => (op, a, b, c),
+            };
+            let body = in_body(n);
+            // a value without further readers leaves its register, and perhaps the result takes it
+            if body {
+                for (i, &m) in [a, b, c].iter().enumerate() {
+                    let again = [a, b, c][..i].contains(&m);
+                    if !again && last[m as usize] == at && in_body(m) && matches!(graph.view(m), View::Op(..)) {
+                        free.push(slot[m as usize]);
                     }
-                    let mut released = Vec::new();
-                    for m in [a, b, c] {
-                        let temporary = matches!(graph.view(m), View::Op(..)) && in_body(m);
-                        if temporary && last[m as usize] == n && !released.contains(&slot[m as usize]) {
-                            released.push(slot[m as usize]);
-                        }
-                    }
-                    free.extend(released);
-                    let to = free.pop().unwrap_or_else(|| program.new_register());
-                    program.body.push(Instruction { op, to, a: sa, b: sb, c: sc });
-                    slot[n as usize] = to;
                 }
             }
+            if slot[n as usize] != NONE {
+                continue; // came with its partner
+            }
+            let [sa, mut sb, sc] = [a, b, c].map(|m| slot[m as usize]);
+            let mut take = |program: &mut Program| match free.pop() {
+                Some(register) if body => register,
+                other => {
+                    free.extend(other);
+                    program.new_register()
+                }
+            };
+            let mut to = take(&mut program);
+            slot[n as usize] = to;
+            let mut code = Code::Op(op);
+            if let Some(&partner) = partners.get(&n) {
+                sb = take(&mut program);
+                slot[partner as usize] = sb;
+                code = Code::SinCos;
+                if op == Op::Cos {
+                    (to, sb) = (sb, to);
+                }
+            }
+            let list = if body { &mut program.body } else { &mut program.prologue };
+            list.push(Instruction { code, to, a: sa, b: sb, c: sc });
         }
         program.outputs = outputs.iter().map(|&n| slot[n as usize]).collect();
         program
@@ -156,19 +194,51 @@ impl Program {
         self.outputs.len()
     }
 
+    /// The register of output k.
+    pub fn register(&self, k: usize) -> usize {
+        self.outputs[k] as usize
+    }
+
+    /// Whether output k changes along a trajectory; if not, it is there after `prepare`.
+    pub fn moves(&self, k: usize) -> bool {
+        self.moving[k]
+    }
+
     /// Operations per evaluation (without the prologue).
     pub fn operations(&self) -> usize {
         self.body.len()
     }
 
+    /// The operations of one evaluation.
+    pub fn body(&self) -> &[Instruction] {
+        &self.body
+    }
+
+    /// The same program run with other vectors than the widest (which changes no bit).
+    pub fn with_width(mut self, width: Width) -> Program {
+        if Width::available().contains(&width) {
+            self.width = width;
+        }
+        self
+    }
+
     /// Runs what depends on parameters and start values alone. Call after setting those, before `run`.
     pub fn prepare<const W: usize>(&self, file: &mut [[f64; W]], tables: &Tables) {
-        execute(&self.prologue, file, tables);
+        self.execute(&self.prologue, file, tables);
     }
 
     /// Runs the body. Call after setting states, inputs, delayed values and time.
+    #[inline]
     pub fn run<const W: usize>(&self, file: &mut [[f64; W]], tables: &Tables) {
-        execute(&self.body, file, tables);
+        self.execute(&self.body, file, tables);
+    }
+
+    #[inline]
+    fn execute<const W: usize>(&self, list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
+        assert!(file.len() >= self.registers, "a register file of another program");
+        // SAFETY: the file holds all registers the lists name (they were numbered by `lower`, no other code makes instructions), and
+        // the width is one of this machine's.
+        unsafe { execute(self.width, list, file.as_mut_ptr(), tables) }
     }
 
     /// Output k of the last run.
@@ -178,67 +248,45 @@ impl Program {
     }
 }
 
-/// Runs a list with the widest vectors this machine has. The same operations in the same order on every machine (nothing is fused), so
-/// the width changes no bit.
-fn execute<const W: usize>(list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
-    #[cfg(target_arch = "x86_64")]
-    if W >= 4 && std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the feature was just found on this machine.
-        return unsafe { execute_avx2(list, file, tables) };
-    }
-    execute_plain(list, file, tables)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn execute_avx2<const W: usize>(list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
-    execute_plain(list, file, tables)
-}
-
-#[inline(always)]
-fn execute_plain<const W: usize>(list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
-    for i in list {
-        let (a, b) = (file[i.a as usize], file[i.b as usize]);
-        let mut out = [0.0; W];
-        macro_rules! lanes {
-            ($f:expr) => {
-                for l in 0..W {
-                    out[l] = $f(a[l], b[l]);
+/// The nodes that `outputs` need, operands before what reads them, depth first.
+fn ordered(graph: &Graph, outputs: &[Node]) -> Vec<Node> {
+    let mut order = Vec::new();
+    // 0 not met, 1 waiting for its operands, 2 done
+    let mut state = vec![0u8; graph.len()];
+    let mut stack: Vec<Node> = Vec::new();
+    for &root in outputs {
+        stack.push(root);
+        while let Some(&n) = stack.last() {
+            let seen = state[n as usize];
+            if seen == 0 {
+                state[n as usize] = 1;
+                if let View::Op(_, a, b, c) = graph.view(n) {
+                    stack.extend([c, b, a].into_iter().filter(|&m| state[m as usize] == 0));
                 }
-            };
-        }
-        match i.op {
-            Op::Add => lanes!(|x: f64, y: f64| x + y),
-            Op::Sub => lanes!(|x: f64, y: f64| x - y),
-            Op::Mul => lanes!(|x: f64, y: f64| x * y),
-            Op::Div => lanes!(|x: f64, y: f64| x / y),
-            Op::Neg => lanes!(|x: f64, _: f64| -x),
-            Op::Sqrt => lanes!(|x: f64, _: f64| x.sqrt()),
-            Op::Select => {
-                let c = file[i.c as usize];
-                for l in 0..W {
-                    out[l] = if a[l] > 0.0 { b[l] } else { c[l] };
-                }
+                continue;
             }
-            Op::Table | Op::TableSlope => {
-                for l in 0..W {
-                    out[l] = tables.one(b[l], a[l], i.op == Op::TableSlope);
-                }
-            }
-            Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY => {
-                let c = file[i.c as usize];
-                let part = [Op::Table2, Op::Table2SlopeX, Op::Table2SlopeY].iter().position(|&o| o == i.op).unwrap_or(0);
-                for l in 0..W {
-                    out[l] = tables.two(c[l], a[l], b[l])[part];
-                }
-            }
-            op => {
-                let c = file[i.c as usize];
-                for l in 0..W {
-                    out[l] = apply(op, a[l], b[l], c[l]);
-                }
+            stack.pop();
+            if seen == 1 {
+                state[n as usize] = 2;
+                order.push(n);
             }
         }
-        file[i.to as usize] = out;
     }
+    order
+}
+
+/// Sines and cosines that share their argument, each pointing at the other.
+fn partners(graph: &Graph, order: &[Node]) -> HashMap<Node, Node> {
+    let mut open: HashMap<Node, Node> = HashMap::new();
+    let mut pairs = HashMap::new();
+    for &n in order {
+        if let View::Op(Op::Sin | Op::Cos, a, ..) = graph.view(n) {
+            if let Some(&other) = open.get(&a) {
+                pairs.insert(n, other);
+                pairs.insert(other, n);
+            }
+            open.insert(a, n);
+        }
+    }
+    pairs
 }

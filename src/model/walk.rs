@@ -48,13 +48,14 @@ impl Graph {
         map[&node]
     }
 
-    fn rebuild(&mut self, op: Op, a: Node, b: Node, c: Node) -> Node {
+    pub(super) fn rebuild(&mut self, op: Op, a: Node, b: Node, c: Node) -> Node {
         match op {
             Op::Add => self.add(a, b),
             Op::Sub => self.sub(a, b),
             Op::Mul => self.mul(a, b),
             Op::Div => self.div(a, b),
             Op::Neg => self.neg(a),
+            Op::Fma | Op::Fms | Op::Fnma => self.fused(op, a, b, c),
             Op::Select => self.select(a, b, c),
             op => self.op(op, a, b, c),
         }

@@ -1,0 +1,122 @@
+//! The estimations that are timed: models, records and settings.
+
+use koehler::dynamics::{Channel, Directions, Plan, Record};
+use koehler::estimate::{Settings, Stop, estimate};
+use koehler::model::{Constants, Model};
+use std::path::{Path, PathBuf};
+
+pub struct Work {
+    pub model: Model,
+    pub records: Vec<Record>,
+    pub settings: Settings,
+}
+
+impl Work {
+    /// An estimation of exactly `iterations` full Gauss-Newton steps.
+    pub fn estimate(&self, iterations: usize) {
+        let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
+        let e = estimate(&self.model, &self.records, &settings).expect("settings that fit the model");
+        assert_eq!(e.stop, Stop::IterationLimit, "the timed iterations must all take place");
+        assert_eq!(e.iterations.len(), iterations + 1);
+        assert!(e.iterations.iter().all(|i| i.halvings == 0), "a halved step is two passes");
+    }
+
+    /// Grid points of all segments.
+    pub fn samples(&self) -> usize {
+        self.records.iter().map(|r| r.n).sum()
+    }
+}
+
+/// `KOEHLER_DATA`, or `shared/data` in this directory or one above it.
+fn data() -> Option<PathBuf> {
+    if let Ok(given) = std::env::var("KOEHLER_DATA") {
+        return Some(PathBuf::from(given));
+    }
+    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|p| p.join("shared/data")).find(|p| p.is_dir())
+}
+
+/// The HFB-320 record as so many equal segments; with more than one their initial states are free. `None`, said aloud, without the data.
+pub fn hfb320(copies: usize) -> Option<Work> {
+    let Some(path) = data().map(|d| d.join("hfb320/hfb320_1_10.asc")).filter(|p| p.is_file()) else {
+        println!("HFB-320: no hfb320/hfb320_1_10.asc in KOEHLER_DATA or ../shared/data, not timed");
+        return None;
+    };
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/hfb320/hfb320.model.toml");
+    let model = Model::load(&file, &Constants::default()).expect("the model");
+    let text = std::fs::read_to_string(path).expect("the data");
+    let numbers = |line: &str| line.split_whitespace().map(|w| w.parse().expect("a number")).collect::<Vec<f64>>();
+    let rows: Vec<Vec<f64>> = text.lines().map(numbers).filter(|r| !r.is_empty()).collect();
+    let dt = 0.1;
+    let inputs: Vec<usize> = model.inputs.iter().map(|i| if i.name == "de" { 1 } else { 3 }).collect();
+    let columns = [("V", 4), ("alpha", 5), ("theta", 6), ("q", 7), ("qdot", 8), ("ax", 9), ("az", 10)];
+    let mut channels: Vec<Channel> = columns
+        .iter()
+        .map(|(name, c)| Channel {
+            output: model.output(name).expect("an output"),
+            t: (0..rows.len()).map(|k| k as f64 * dt).collect(),
+            z: rows.iter().map(|r| r[*c]).collect(),
+        })
+        .collect();
+    channels.sort_by_key(|c| c.output);
+    let inputs = rows.iter().flat_map(|r| inputs.iter().map(|&c| r[c])).collect();
+    let record = Record { dt, n: rows.len(), inputs, channels, substeps: 1, ..Default::default() };
+    let initial = if copies > 1 { ["V", "alpha", "theta", "q"].map(String::from).to_vec() } else { Vec::new() };
+    let settings = Settings { initial, tolerance: 0.0, ..Settings::default() };
+    Some(Work { model, records: vec![record; copies], settings })
+}
+
+/// A simulated campaign: every segment has its own inputs, length and noise, and its initial states are free.
+pub fn six_dof(segments: usize) -> Work {
+    let model = Model::parse("six_dof", include_str!("../six_dof.model.toml"), &Constants::default()).expect("the model");
+    let names: Vec<String> = model.states.iter().map(|s| s.quantity.name.clone()).collect();
+    let all = Directions { parameters: Vec::new(), starts: (0..names.len()).collect() };
+    let plan = Plan::new(&model, all).expect("a plan");
+    let dt = 0.02;
+    let records = (0..segments).map(|s| {
+        let n = 190 + 10 * (s % 3);
+        let inputs = (0..n).flat_map(|k| controls(s, k as f64 * dt)).collect();
+        let mut record = Record { dt, n, inputs, substeps: 1, ..Default::default() };
+        let truth: Vec<f64> = model.parameters.iter().enumerate().map(|(i, p)| p.start * (1.0 + 0.02 * hash(i, 7))).collect();
+        let starts = plan.first_values(&model, &truth, &record).expect("starts");
+        let grid = plan.run(&truth, &starts, &record, false);
+        assert!(grid.finite);
+        let ny = model.outputs.len();
+        record.channels = (0..ny)
+            .map(|output| {
+                let sd = 1e-3 * (0..n).map(|k| grid.y[k * ny + output].abs()).fold(0.0, f64::max) + 1e-4;
+                let z = (0..n)
+                    .map(|k| grid.y[k * ny + output] + sd * (hash(k, 31 * s + output) + hash(k, 31 * s + output + 1_000_003)));
+                Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: z.collect() }
+            })
+            .collect();
+        record
+    });
+    let records = records.collect();
+    let settings = Settings { initial: names, tolerance: 0.0, ..Settings::default() };
+    Work { model, records, settings }
+}
+
+/// Steps on all controls, at other times in every segment.
+fn controls(segment: usize, t: f64) -> [f64; 4] {
+    let pulse = |from: f64, unit: f64| match (t - from) / unit {
+        x if !(0.0..7.0).contains(&x) => 0.0,
+        x if x < 3.0 || (5.0..6.0).contains(&x) => 1.0,
+        _ => -1.0,
+    };
+    let shift = 0.2 * hash(segment, 3);
+    [
+        -0.005 + 0.02 * pulse(0.3 + shift, 0.15),
+        0.03 * pulse(1.3 + shift, 0.2),
+        0.03 * pulse(2.0 - shift, 0.2),
+        6000.0 + 400.0 * pulse(0.2, 0.4 + 0.1 * shift),
+    ]
+}
+
+/// A number in -1..1 that looks random and is always the same.
+fn hash(a: usize, b: usize) -> f64 {
+    let mut x = (a as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (b as u64).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    for _ in 0..3 {
+        x = (x ^ (x >> 31)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    }
+    (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}

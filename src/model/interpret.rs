@@ -1,0 +1,117 @@
+//! The interpreter: a list of operations run over lanes of `W` independent evaluations, with the vectors this machine has.
+
+use super::arithmetic::{REACH, apply, sin_cos_near};
+use super::graph::Op;
+use super::program::{Code, Instruction};
+use super::tables::Tables;
+use crate::math::simd::Width;
+
+/// Runs `list` on the registers at `file`.
+///
+/// # Safety
+/// `file` points to more registers than any instruction names; the machine has `width`.
+#[inline]
+pub unsafe fn execute<const W: usize>(width: Width, list: &[Instruction], file: *mut [f64; W], tables: &Tables) {
+    // SAFETY: handed on.
+    unsafe {
+        match width {
+            #[cfg(target_arch = "x86_64")]
+            Width::Avx512 if W >= 8 => avx512(list, file, tables),
+            #[cfg(target_arch = "x86_64")]
+            Width::Avx512 | Width::Avx2 => avx2(list, file, tables),
+            _ => plain(list, file, tables),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,avx2,fma,bmi2")]
+unsafe fn avx512<const W: usize>(list: &[Instruction], file: *mut [f64; W], tables: &Tables) {
+    // SAFETY: handed on.
+    unsafe { plain(list, file, tables) }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi2")]
+unsafe fn avx2<const W: usize>(list: &[Instruction], file: *mut [f64; W], tables: &Tables) {
+    // SAFETY: handed on.
+    unsafe { plain(list, file, tables) }
+}
+
+/// # Safety
+/// As `execute`.
+#[inline(always)]
+unsafe fn plain<const W: usize>(list: &[Instruction], file: *mut [f64; W], tables: &Tables) {
+    for i in list {
+        // SAFETY: all register numbers are inside the file.
+        let get = |register: u32| unsafe { &*file.add(register as usize) };
+        let mut out = [0.0; W];
+        macro_rules! lanes {
+            (|$a:ident| $e:expr) => {{
+                let a = get(i.a);
+                for l in 0..W {
+                    let $a = a[l];
+                    out[l] = $e;
+                }
+            }};
+            (|$a:ident, $b:ident| $e:expr) => {{
+                let (a, b) = (get(i.a), get(i.b));
+                for l in 0..W {
+                    let ($a, $b) = (a[l], b[l]);
+                    out[l] = $e;
+                }
+            }};
+            (|$a:ident, $b:ident, $c:ident| $e:expr) => {{
+                let (a, b, c) = (get(i.a), get(i.b), get(i.c));
+                for l in 0..W {
+                    let ($a, $b, $c) = (a[l], b[l], c[l]);
+                    out[l] = $e;
+                }
+            }};
+        }
+        match i.code {
+            Code::Op(Op::Add) => lanes!(|a, b| a + b),
+            Code::Op(Op::Sub) => lanes!(|a, b| a - b),
+            Code::Op(Op::Mul) => lanes!(|a, b| a * b),
+            Code::Op(Op::Fma) => lanes!(|a, b, c| a.mul_add(b, c)),
+            Code::Op(Op::Fms) => lanes!(|a, b, c| a.mul_add(b, -c)),
+            Code::Op(Op::Fnma) => lanes!(|a, b, c| (-a).mul_add(b, c)),
+            Code::Op(Op::Div) => lanes!(|a, b| a / b),
+            Code::Op(Op::Neg) => lanes!(|a| -a),
+            Code::Op(Op::Sqrt) => lanes!(|a| a.sqrt()),
+            Code::Op(Op::Select) => lanes!(|a, b, c| if a > 0.0 { b } else { c }),
+            Code::Op(Op::Min) => lanes!(|a, b| if b > a { a } else { b }),
+            Code::Op(Op::Max) => lanes!(|a, b| if a > b { a } else { b }),
+            Code::SinCos => {
+                let mut cos = [0.0; W];
+                sin_cos_lanes(get(i.a), &mut out, &mut cos);
+                // SAFETY: as above; nothing borrowed from the file is alive.
+                unsafe { *file.add(i.b as usize) = cos };
+            }
+            Code::Op(Op::Sin) => sin_cos_lanes(get(i.a), &mut out, &mut [0.0; W]),
+            Code::Op(Op::Cos) => sin_cos_lanes(get(i.a), &mut [0.0; W], &mut out),
+            Code::Op(op @ (Op::Table | Op::TableSlope)) => lanes!(|a, b| tables.one(b, a, op == Op::TableSlope)),
+            Code::Op(op @ (Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY)) => {
+                let part = usize::from(op == Op::Table2SlopeX) + 2 * usize::from(op == Op::Table2SlopeY);
+                lanes!(|a, b, c| tables.two(c, a, b)[part]);
+            }
+            Code::Op(op) => lanes!(|a, b, c| apply(op, a, b, c)),
+        }
+        // SAFETY: as above.
+        unsafe { *file.add(i.to as usize) = out };
+    }
+}
+
+#[inline(always)]
+fn sin_cos_lanes<const W: usize>(x: &[f64; W], sin: &mut [f64; W], cos: &mut [f64; W]) {
+    let mut near = true;
+    for l in 0..W {
+        (sin[l], cos[l]) = sin_cos_near(x[l]);
+        near &= x[l].abs() <= REACH;
+    }
+    if !near {
+        for l in (0..W).filter(|&l| !(x[l].abs() <= REACH)) {
+            (sin[l], cos[l]) = (libm::sin(x[l]), libm::cos(x[l]));
+        }
+    }
+}
