@@ -19,6 +19,7 @@
 //! | `solution` | the four together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
+//! | `repeats` | scatter of repeated estimates against their standard deviations |
 //! | `choice` | settings against the model: what is free, where it starts |
 //! | `prepare` | the model with shifts and feedback that the settings ask for, and records that feed it |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
@@ -38,6 +39,7 @@ mod prepare;
 mod problem;
 mod profile;
 mod rank;
+pub mod repeats;
 mod result;
 mod segment;
 mod sigma;
@@ -402,6 +404,11 @@ pub struct Estimation {
 }
 
 impl Estimation {
+    /// The profile of one of the rows, if it was asked for.
+    pub fn profile(&self, row: &Row) -> Option<&Profile> {
+        self.profiles.iter().find(|p| self.rows.get(p.row) == Some(row))
+    }
+
     /// What is known of an output's residuals in the group of a segment.
     pub fn scatter(&self, segment: usize, output: &str) -> Option<&OutputScatter> {
         let group = self.noise_groups.get(segment).copied().flatten()?;

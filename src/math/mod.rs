@@ -5,6 +5,7 @@ pub mod ar;
 pub mod dense;
 pub mod distribution;
 pub mod simd;
+pub mod whiteness;
 
 /// The median of finite values (the mean of the middle two of an even number); NaN for none.
 pub fn median(values: &[f64]) -> f64 {

@@ -97,7 +97,13 @@ fn histories(all: &[Maneuver], noise: &mut impl Rng) -> (Table, Table) {
     }
     let [t, measured, modelled] = rows;
     let responses = Table::build("responses").repeat("model", "elevator").strings("group", &names).strings("segment", &names);
-    let responses = responses.repeat("output", "delta_e").f64("t_s", t).f64("measured", measured).f64("modelled", modelled);
+    let residual: Vec<f64> = measured.iter().zip(&modelled).map(|(z, y)| z - y).collect();
+    let responses = responses
+        .repeat("output", "delta_e")
+        .f64("t_s", t)
+        .f64("residual", residual)
+        .f64("measured", measured)
+        .f64("modelled", modelled);
     let mut columns = samples.into_iter();
     let mut build = Table::build("samples").strings("flight", flights).f64("t_s", columns.next().unwrap_or_default());
     for ((name, unit), values) in [("V", "m/s"), ("h", "m"), ("alpha", "rad"), ("servo_torque", "N m")].into_iter().zip(columns) {
@@ -123,6 +129,9 @@ fn results(all: &[Maneuver], noise: &mut impl Rng) -> [Table; 4] {
         let table = table.repeat("parameter", name).repeat("per", "segment").strings("of", segments()).repeat("unit", unit);
         let table = table.f64("value", values.clone()).f64("sd", known(1.0));
         let table = table.f64("sd_crlb", known(0.37)).f64("start", vec![0.9 * intercept; used.len()]);
+        let (lower, upper) = (vec![f64::NAN; used.len()], vec![f64::NAN; used.len()]);
+        let table = table.f64("sd_total", known(1.3)).f64("lower", lower).f64("upper", upper);
+        let table = table.opt_strings("interval", used.iter().map(|_| None::<&str>)).bools("at_bound", vec![false; used.len()]);
         let stop = (0..used.len()).map(|i| if failed(i) { "singular" } else { "converged" });
         estimates.push(table.strings("stop", stop).finish().expect("estimates"));
         let table = Table::build("points").repeat("model", "elevator").repeat("parameter", name).repeat("against", "alpha");
@@ -238,6 +247,8 @@ fn residuals(all: &[Maneuver]) -> Table {
     let table = Table::build("residuals").repeat("model", "elevator").strings("group", all.iter().map(|m| &m.segment));
     let table = table.strings("segment", all.iter().map(|m| &m.segment)).repeat("output", "delta_e").repeat("unit", "rad");
     let table = table.i64("n", vec![1100; n]).f64("mean", vec![0.0; n]).f64("sd", vec![2e-4; n]).i64("ar_order", vec![2; n]);
+    let table =
+        table.f64("rms", vec![2e-4; n]).f64("theil", vec![0.02; n]).f64("white_p", vec![1e-5; n]).f64("outside", vec![0.4; n]);
     table.f64("colour", vec![7.3; n]).finish().expect("residuals")
 }
 

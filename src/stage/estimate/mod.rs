@@ -3,6 +3,7 @@
 mod records;
 mod settings;
 mod tables;
+mod uncertainty;
 
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, series, slice_of};
 use crate::dynamics::Record;
@@ -24,7 +25,7 @@ pub const STAGE: Stage = Stage {
     about: "estimate models",
     per: Per::Estimate,
     wanted: |_| true,
-    writes: &["estimates", "correlations", "iterations", "residuals", "responses"],
+    writes: &["estimates", "correlations", "separability", "budget", "profiles", "repeats", "iterations", "residuals", "responses"],
     reads,
     reads_log: false,
     slice,

@@ -1,18 +1,23 @@
 //! Finished estimations come in, their tables go out.
 
-use super::Batch;
+use super::{Batch, uncertainty};
 use crate::error::Result;
-use crate::estimate::{Estimation, Iteration, Row, Trace};
+use crate::estimate::{Estimation, Iteration, Profile, Row, Trace};
 use crate::math::ar::{self, Ar};
+use crate::math::whiteness::{Whiteness, theil, whiteness};
 use crate::table::Table;
 
-type Done<'a> = (&'a Batch, &'a Estimation);
+pub(super) type Done<'a> = (&'a Batch, &'a Estimation);
 
 /// The tables of one model's estimations.
 pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
     Ok(vec![
         ("estimates", estimates(model, done)?),
         ("correlations", correlations(model, done)?),
+        ("separability", uncertainty::separability(model, done)?),
+        ("budget", uncertainty::budget(model, done)?),
+        ("profiles", uncertainty::profiles(model, done)?),
+        ("repeats", uncertainty::repeats(model, done)?),
         ("iterations", iterations(model, done)?),
         ("residuals", residuals(model, done)?),
         ("responses", responses(model, done)?),
@@ -20,12 +25,12 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
 }
 
 /// A segment's id, for a quantity of one segment.
-fn segment(batch: &Batch, index: Option<usize>) -> Option<&str> {
+pub(super) fn segment(batch: &Batch, index: Option<usize>) -> Option<&str> {
     index.and_then(|i| batch.segments.get(i)).map(String::as_str)
 }
 
 /// Where one value holds, and which segment or group of segments this one belongs to.
-fn per(batch: &Batch, row: &Row) -> (String, Option<String>) {
+pub(super) fn per(batch: &Batch, row: &Row) -> (String, Option<String>) {
     match (&row.group, segment(batch, row.segment)) {
         (Some(label), _) => (label.column.clone(), Some(label.value.clone())),
         (None, Some(segment)) => ("segment".to_string(), Some(segment.to_string())),
@@ -47,7 +52,12 @@ fn estimates(model: &str, done: &[Done]) -> Result<Table> {
         .f64("value", rows.iter().map(|(_, _, r)| r.value).collect::<Vec<_>>())
         .f64("sd", rows.iter().map(|(_, _, r)| r.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .f64("sd_crlb", rows.iter().map(|(_, _, r)| r.sd_crlb.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64("sd_total", rows.iter().map(|(_, _, r)| r.sd_total.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64("lower", rows.iter().map(|(_, _, r)| r.lower.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64("upper", rows.iter().map(|(_, _, r)| r.upper.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .opt_strings("interval", rows.iter().map(|(_, e, r)| e.profile(r).map(Profile::words)))
         .f64("start", rows.iter().map(|(_, _, r)| r.start).collect::<Vec<_>>())
+        .bools("at_bound", rows.iter().map(|(_, _, r)| r.at_bound).collect::<Vec<_>>())
         .strings("stop", rows.iter().map(|(_, e, _)| e.stop.as_str()))
         .finish()
 }
@@ -55,8 +65,8 @@ fn estimates(model: &str, done: &[Done]) -> Result<Table> {
 fn correlations(model: &str, done: &[Done]) -> Result<Table> {
     let rows: Vec<_> = done
         .iter()
-        .flat_map(|(b, e)| e.correlations.iter().filter_map(move |c| Some((b, e.rows.get(c.a)?, e.rows.get(c.b)?, c.value))))
-        .filter(|(_, _, _, value)| value.is_finite())
+        .flat_map(|(b, e)| e.correlations.iter().filter_map(move |c| Some((b, e.rows.get(c.a)?, e.rows.get(c.b)?, *c))))
+        .filter(|(_, _, _, c)| c.value.is_finite())
         .collect();
     Table::build("correlations")
         .repeat("model", model)
@@ -67,7 +77,8 @@ fn correlations(model: &str, done: &[Done]) -> Result<Table> {
         .strings("other", rows.iter().map(|(_, _, other, _)| &other.name))
         .opt_strings("other_segment", rows.iter().map(|(b, _, other, _)| segment(b, other.segment)))
         .opt_strings("other_of", rows.iter().map(|(b, _, other, _)| per(b, other).1))
-        .f64("value", rows.iter().map(|(.., value)| *value).collect::<Vec<_>>())
+        .f64("value", rows.iter().map(|(.., c)| c.value).collect::<Vec<_>>())
+        .f64("value_crlb", rows.iter().map(|(.., c)| c.crlb).collect::<Vec<_>>())
         .finish()
 }
 
@@ -102,6 +113,12 @@ impl Left<'_> {
         let both = self.trace.measured.iter().zip(&self.trace.modelled);
         both.map(|(z, y)| z - y).filter(|e| e.is_finite()).collect()
     }
+
+    fn whiteness(&self) -> Whiteness {
+        let both = self.trace.measured.iter().zip(&self.trace.modelled);
+        let e: Vec<f64> = both.map(|(z, y)| z - y).map(|e| if e.is_finite() { e } else { f64::NAN }).collect();
+        whiteness(&e)
+    }
 }
 
 /// By group, segment and output.
@@ -124,6 +141,8 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         let m = mean(v);
         (v.iter().map(|e| (e - m) * (e - m)).sum::<f64>() / (v.len() as f64 - 1.0)).sqrt()
     };
+    let rms = |v: &Vec<f64>| (v.iter().map(|e| e * e).sum::<f64>() / v.len() as f64).sqrt();
+    let white: Vec<Whiteness> = rows.iter().map(Left::whiteness).collect();
     let ar: Vec<Option<&[f64]>> =
         rows.iter().map(|l| l.estimation.scatter(l.segment, &l.trace.name).map(|o| o.ar.as_slice())).collect();
     Table::build("residuals")
@@ -135,6 +154,10 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         .i64("n", values.iter().map(|v| v.len() as i64).collect::<Vec<_>>())
         .f64("mean", values.iter().map(mean).collect::<Vec<_>>())
         .f64("sd", values.iter().map(sd).collect::<Vec<_>>())
+        .f64("rms", values.iter().map(rms).collect::<Vec<_>>())
+        .f64("theil", rows.iter().map(|l| theil(&l.trace.measured, &l.trace.modelled)).collect::<Vec<_>>())
+        .f64("white_p", white.iter().map(|w| w.p).collect::<Vec<_>>())
+        .f64("outside", white.iter().map(|w| w.outside).collect::<Vec<_>>())
         .opt_i64("ar_order", ar.iter().map(|a| a.map(|a| a.len() as i64)).collect::<Vec<_>>())
         .f64("colour", ar.iter().map(|a| a.map_or(f64::NAN, colour)).collect::<Vec<_>>())
         .finish()
@@ -159,5 +182,9 @@ fn responses(model: &str, done: &[Done]) -> Result<Table> {
         .f64("t_s", each(|t| &t.t))
         .f64("measured", each(|t| &t.measured))
         .f64("modelled", each(|t| &t.modelled))
+        .f64(
+            "residual",
+            rows.iter().flat_map(|l| l.trace.measured.iter().zip(&l.trace.modelled).map(|(z, y)| z - y)).collect::<Vec<_>>(),
+        )
         .finish()
 }

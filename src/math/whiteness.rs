@@ -1,0 +1,87 @@
+//! Residuals in; how far they are from white noise, and how well two signals match, out.
+
+use super::ar::sample_autocovariance;
+use super::distribution::chi2_cdf;
+
+/// Answers to "is it white?"
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Whiteness {
+    /// Probability of a Ljung-Box statistic as large as this one in white noise; NaN where there is nothing to tell.
+    pub p: f64,
+    /// Share of the autocorrelations outside +-1.96/sqrt(n), within which 95% of them lie in white noise.
+    pub outside: f64,
+    /// Lags looked at.
+    pub lags: usize,
+}
+
+/// Judges residuals (NaN where masked) about their mean by their first autocorrelations: 20 of them, or a fifth of the samples.
+pub fn whiteness(e: &[f64]) -> Whiteness {
+    let n = e.iter().filter(|v| !v.is_nan()).count();
+    let lags = 20.min(n / 5);
+    let mean = e.iter().filter(|v| !v.is_nan()).sum::<f64>() / n as f64;
+    let centred: Vec<f64> = e.iter().map(|v| v - mean).collect();
+    let c = sample_autocovariance(&centred, lags);
+    let scale = c.first().copied().unwrap_or(0.0);
+    if lags == 0 || !(scale > 0.0) {
+        return Whiteness { p: f64::NAN, outside: f64::NAN, lags };
+    }
+    let nf = n as f64;
+    let rho: Vec<f64> = c.iter().skip(1).map(|c| c / scale).collect();
+    // Ljung & Box, Biometrika 65 (1978)
+    let q: f64 = rho.iter().enumerate().map(|(k, r)| r * r / (nf - 1.0 - k as f64)).sum::<f64>() * nf * (nf + 2.0);
+    let outside = rho.iter().filter(|r| r.abs() > 1.96 / nf.sqrt()).count() as f64 / lags as f64;
+    Whiteness { p: 1.0 - chi2_cdf(q, lags as f64), outside, lags }
+}
+
+/// Theil's inequality coefficient of two signals, `rms(a - b) / (rms(a) + rms(b))`: 0 where they are equal, 1 where they have nothing in
+/// common. Samples without both values are left out.
+pub fn theil(a: &[f64], b: &[f64]) -> f64 {
+    let (mut d, mut sa, mut sb) = (0.0, 0.0, 0.0);
+    for (x, y) in a.iter().zip(b).filter(|(x, y)| x.is_finite() && y.is_finite()) {
+        d += (x - y) * (x - y);
+        sa += x * x;
+        sb += y * y;
+    }
+    d.sqrt() / (sa.sqrt() + sb.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    fn series(seed: u64, n: usize, rho: f64) -> Vec<f64> {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+        let mut x = 0.0;
+        let mut next = || {
+            let e: f64 = StandardNormal.sample(&mut rng);
+            x = rho * x + e;
+            5.0 + x
+        };
+        (0..n).map(|_| next()).collect()
+    }
+
+    #[test]
+    fn white_noise_is_refused_one_time_in_twenty_and_coloured_noise_always() {
+        let white: Vec<Whiteness> = (0..400).map(|seed| whiteness(&series(seed, 300, 0.0))).collect();
+        let refused = white.iter().filter(|w| w.p < 0.05).count();
+        assert!((8..=34).contains(&refused), "{refused} of 400");
+        let outside = white.iter().map(|w| w.outside).sum::<f64>() / 400.0;
+        assert!((outside - 0.05).abs() < 0.015, "{outside}");
+        assert!((0..50).all(|seed| whiteness(&series(seed, 300, 0.5)).p < 1e-6));
+    }
+
+    #[test]
+    fn too_few_samples_and_a_constant_tell_nothing() {
+        assert!(whiteness(&[1.0, 2.0, f64::NAN]).p.is_nan() && whiteness(&[]).p.is_nan());
+        assert!(whiteness(&[3.0; 50]).p.is_nan());
+    }
+
+    #[test]
+    fn theil_is_nought_for_equal_and_one_for_opposite_signals() {
+        let a = series(1, 100, 0.5);
+        let opposite: Vec<f64> = a.iter().map(|v| -v).collect();
+        assert_eq!((theil(&a, &a), theil(&a, &opposite)), (0.0, 1.0));
+    }
+}

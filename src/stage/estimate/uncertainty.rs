@@ -1,0 +1,242 @@
+//! Finished estimations come in; the tables of what their uncertainty is made of, and whether it can be believed, go out.
+
+use super::Batch;
+use super::tables::{Done, per, segment};
+use crate::error::Result;
+use crate::estimate::repeats::{Repeats, compare};
+use crate::estimate::{Combination, Estimation, Influence, Point, Profile, Row};
+use crate::table::Table;
+
+/// One line of `separability`.
+struct Finding<'a> {
+    batch: &'a Batch,
+    number: i64,
+    verdict: &'static str,
+    information: f64,
+    condition: f64,
+    /// The row of the term and its change.
+    term: Option<(&'a Row, f64)>,
+    text: String,
+}
+
+/// Below this share of information nothing is left of it but rounding.
+const NOTHING: f64 = 1e-12;
+
+pub fn separability(model: &str, done: &[Done]) -> Result<Table> {
+    let rows: Vec<Finding> = done.iter().flat_map(|(batch, e)| findings(batch, e)).collect();
+    let term = |of: fn(&Batch, &Row) -> Option<String>| rows.iter().map(move |f| f.term.and_then(|(row, _)| of(f.batch, row)));
+    Table::build("separability")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|f| &f.batch.group))
+        .i64("number", rows.iter().map(|f| f.number).collect::<Vec<_>>())
+        .strings("verdict", rows.iter().map(|f| f.verdict))
+        .f64("information", rows.iter().map(|f| f.information).collect::<Vec<_>>())
+        .f64("condition", rows.iter().map(|f| f.condition).collect::<Vec<_>>())
+        .opt_strings("parameter", term(|_, row| Some(row.name.clone())))
+        .opt_strings("segment", term(|batch, row| segment(batch, row.segment).map(str::to_string)))
+        .opt_strings("of", term(|batch, row| per(batch, row).1))
+        .opt_strings("unit", term(|_, row| Some(row.unit.clone())))
+        .f64("change", rows.iter().map(|f| f.term.map_or(f64::NAN, |(_, change)| change)).collect::<Vec<_>>())
+        .strings("text", rows.iter().map(|f| &f.text))
+        .finish()
+}
+
+fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
+    let condition = if e.verdict.condition.is_finite() { e.verdict.condition } else { f64::NAN };
+    let (verdict, text) = if e.verdict.singular {
+        ("not separable", "these data do not determine all parameters".to_string())
+    } else if e.verdict.condition.is_nan() {
+        ("unknown", "there is nothing to judge by".to_string())
+    } else {
+        ("separable", format!("these data determine all parameters; condition {condition:.1e}"))
+    };
+    let whole = Finding { batch, number: 0, verdict, information: f64::NAN, condition, term: None, text };
+    let mut all = vec![whole];
+    for combination in &e.verdict.combinations {
+        let number = all.last().map_or(0, |f| f.number) + 1;
+        let (verdict, text) = words(combination);
+        for term in &combination.terms {
+            let of = |r: &&Row| r.name == term.name && r.segment == term.segment && r.group == term.group;
+            let term = e.rows.iter().find(of).map(|row| (row, term.change));
+            let (information, text) = (combination.information, text.clone());
+            all.push(Finding { batch, number, verdict, information, condition: f64::NAN, term, text });
+        }
+    }
+    for row in e.rows.iter().filter(|r| r.at_bound) {
+        let number = all.last().map_or(0, |f| f.number) + 1;
+        let text = format!("{} sits on its bound {}; the other estimates hold for it fixed there", row.name, row.value);
+        let term = Some((row, f64::NAN));
+        all.push(Finding { batch, number, verdict: "at a bound", information: f64::NAN, condition: f64::NAN, term, text });
+    }
+    all
+}
+
+fn words(combination: &Combination) -> (&'static str, String) {
+    match (combination.terms.len(), combination.information <= NOTHING) {
+        (0 | 1, true) => ("no effect", combination.to_string()),
+        (_, true) => ("not separable", combination.to_string()),
+        (_, false) => {
+            let names: Vec<String> = combination.terms.iter().map(ToString::to_string).collect();
+            ("hardly separable", format!("{}: hardly determined by these data", names.join(", ")))
+        }
+    }
+}
+
+/// One contribution; without an influence that of the noise.
+struct Share<'a> {
+    batch: &'a Batch,
+    row: &'a Row,
+    influence: Option<(&'a Influence, f64)>,
+    contribution: f64,
+    share: f64,
+}
+
+pub fn budget(model: &str, done: &[Done]) -> Result<Table> {
+    let mut rows: Vec<Share> = done.iter().flat_map(|(batch, e)| shares(batch, e)).collect();
+    let key = |s: &Share| {
+        (s.batch.group.clone(), s.row.name.clone(), segment(s.batch, s.row.segment).map(str::to_string), per(s.batch, s.row).1)
+    };
+    rows.sort_by(|a, b| key(a).cmp(&key(b)).then(b.share.total_cmp(&a.share)));
+    let constant = |of: fn(&Influence) -> &str| rows.iter().map(move |s| s.influence.map(|(i, _)| of(i)));
+    let number = |of: fn(&Influence, f64) -> f64| {
+        rows.iter().map(|s| s.influence.map_or(f64::NAN, |(i, slope)| of(i, slope))).collect::<Vec<_>>()
+    };
+    Table::build("budget")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|s| &s.batch.group))
+        .opt_strings("segment", rows.iter().map(|s| segment(s.batch, s.row.segment)))
+        .opt_strings("of", rows.iter().map(|s| per(s.batch, s.row).1))
+        .strings("parameter", rows.iter().map(|s| &s.row.name))
+        .strings("unit", rows.iter().map(|s| &s.row.unit))
+        .opt_strings("constant", constant(|i| &i.constant.quantity.name))
+        .opt_strings("constant_unit", constant(|i| &i.constant.quantity.unit))
+        .f64("constant_value", number(|i, _| i.constant.value))
+        .f64("constant_sd", number(|i, _| i.constant.sd))
+        .f64("sensitivity", number(|_, slope| slope))
+        .f64("contribution", rows.iter().map(|s| s.contribution).collect::<Vec<_>>())
+        .f64("share", rows.iter().map(|s| s.share).collect::<Vec<_>>())
+        .finish()
+}
+
+fn shares<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Share<'a>> {
+    if e.budget.is_empty() {
+        return Vec::new();
+    }
+    let mut all = Vec::new();
+    for (i, row) in e.rows.iter().enumerate() {
+        let (Some(sd), Some(total)) = (row.sd, row.sd_total) else { continue };
+        let mut put = |influence: Option<(&'a Influence, f64)>, contribution: f64| {
+            let share = contribution * contribution / (total * total);
+            all.push(Share { batch, row, influence, contribution, share });
+        };
+        put(None, sd);
+        for influence in &e.budget {
+            let slope = influence.slopes.get(i).copied().unwrap_or(0.0);
+            if slope != 0.0 {
+                put(Some((influence, slope)), (slope * influence.constant.sd).abs());
+            }
+        }
+    }
+    all
+}
+
+pub fn profiles(model: &str, done: &[Done]) -> Result<Table> {
+    let mut all: Vec<(&Batch, &Row, &Profile)> = Vec::new();
+    for (batch, e) in done {
+        all.extend(e.profiles.iter().filter_map(|p| Some((*batch, e.rows.get(p.row)?, p))));
+    }
+    all.sort_by_key(|(b, r, _)| (&b.group, &r.name, segment(b, r.segment), per(b, r).1));
+    let rows: Vec<(&Batch, &Row, &Profile, &Point)> =
+        all.iter().flat_map(|(b, r, p)| p.points.iter().map(move |point| (*b, *r, *p, point))).collect();
+    Table::build("profiles")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|(b, ..)| &b.group))
+        .opt_strings("segment", rows.iter().map(|(b, r, ..)| segment(b, r.segment)))
+        .opt_strings("of", rows.iter().map(|(b, r, ..)| per(b, r).1))
+        .strings("parameter", rows.iter().map(|(_, r, ..)| &r.name))
+        .strings("unit", rows.iter().map(|(_, r, ..)| &r.unit))
+        .f64("value", rows.iter().map(|(.., point)| point.value).collect::<Vec<_>>())
+        .f64("rise", rows.iter().map(|(.., point)| point.rise).collect::<Vec<_>>())
+        .f64("limit", rows.iter().map(|(_, _, p, _)| p.limit).collect::<Vec<_>>())
+        .f64("level", rows.iter().map(|(_, _, p, _)| p.level).collect::<Vec<_>>())
+        .finish()
+}
+
+/// One maneuver's estimate of one parameter.
+struct One<'a> {
+    row: &'a Row,
+    flight: Option<&'a str>,
+    input: Option<&'a str>,
+    kind: Option<&'a str>,
+}
+
+/// Maneuvers that are compared.
+struct Set<'a> {
+    row: &'a Row,
+    set: &'static str,
+    flight: Option<&'a str>,
+    input: Option<&'a str>,
+    kind: Option<&'a str>,
+    found: Repeats,
+}
+
+pub fn repeats(model: &str, done: &[Done]) -> Result<Table> {
+    let all: Vec<One> = done.iter().flat_map(|(batch, e)| ones(batch, e)).collect();
+    let mut names: Vec<&str> = all.iter().map(|one| one.row.name.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let mut rows: Vec<Set> = Vec::new();
+    for name in names {
+        let mine: Vec<&One> = all.iter().filter(|one| one.row.name == name).collect();
+        rows.extend(sets("flight and kind", &mine, |one| (one.flight, one.kind)));
+        rows.extend(sets("kind", &mine, |one| (None, one.kind)));
+        rows.extend(sets("all", &mine, |_| (None, None)));
+    }
+    let number = |of: fn(&Repeats) -> f64| rows.iter().map(|s| of(&s.found)).collect::<Vec<f64>>();
+    Table::build("repeats")
+        .repeat("model", model)
+        .strings("parameter", rows.iter().map(|s| &s.row.name))
+        .strings("unit", rows.iter().map(|s| &s.row.unit))
+        .strings("set", rows.iter().map(|s| s.set))
+        .opt_strings("flight", rows.iter().map(|s| s.flight))
+        .opt_strings("input", rows.iter().map(|s| s.input))
+        .opt_strings("kind", rows.iter().map(|s| s.kind))
+        .i64("n", rows.iter().map(|s| s.found.n as i64).collect::<Vec<_>>())
+        .f64("mean", number(|f| f.mean))
+        .f64("scatter_sd", number(|f| f.scatter))
+        .f64("rms_sd", number(|f| f.claimed))
+        .f64("ratio", number(|f| f.scatter / f.claimed))
+        .f64("chi2", number(|f| f.chi2))
+        .f64("p", number(|f| f.p))
+        .finish()
+}
+
+/// The estimates that belong to one maneuver and have an sd; initial values are no repeats of each other.
+fn ones<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<One<'a>> {
+    let alone = batch.labelled.len() == 1;
+    let one = |row: &'a Row| {
+        let labelled = batch.labelled.get(row.segment.or(alone.then_some(0))?)?;
+        let label = |name: &str| labelled.labels.get(name).map(String::as_str);
+        let wanted = row.sd.is_some() && !row.name.ends_with("(0)");
+        wanted.then(|| One { row, flight: label("flight"), input: label("input"), kind: label("kind") })
+    };
+    e.rows.iter().filter_map(one).collect()
+}
+
+/// The sets of at least two estimates that are alike in `key`, in the order in which they come.
+fn sets<'a>(set: &'static str, ones: &[&One<'a>], key: impl Fn(&One<'a>) -> (Option<&'a str>, Option<&'a str>)) -> Vec<Set<'a>> {
+    let mut keys: Vec<(Option<&str>, Option<&str>)> = Vec::new();
+    for one in ones {
+        if !keys.contains(&key(one)) {
+            keys.push(key(one));
+        }
+    }
+    let of = |&(flight, kind): &(Option<&'a str>, Option<&'a str>)| {
+        let mine: Vec<&&One> = ones.iter().filter(|one| key(one) == (flight, kind)).collect();
+        let values: Vec<f64> = mine.iter().map(|one| one.row.value).collect();
+        let sds: Vec<f64> = mine.iter().filter_map(|one| one.row.sd).collect();
+        let first = mine.first()?;
+        Some(Set { row: first.row, set, flight, input: first.input, kind, found: compare(&values, &sds)? })
+    };
+    keys.iter().filter_map(of).collect()
+}
