@@ -1,12 +1,14 @@
 //! A model and the segments used in; the least-squares problem over them, its layout and its solution, out.
 
 use super::choice::Chosen;
+use super::gauss::cost;
 use super::noise::Structure;
 use super::problem::{Block, Layout, Part};
 use super::profile::{Profile, profiles};
+use super::regression::{Regression, regress};
 use super::segment::{CAMPAIGN, Grouping, Segment, instants};
 use super::solution::{Solution, solve};
-use super::{Label, NoiseKind, Settings, Trace};
+use super::{Label, NoiseKind, Settings, StartFrom, Trace};
 use crate::dynamics::{Directions, Plan, Record, Response};
 use crate::error::Result;
 use crate::model::{Model, Scope};
@@ -31,7 +33,7 @@ pub struct Case<'a> {
     pub model: &'a Model,
     pub chosen: &'a Chosen,
     plan: &'a Plan,
-    records: Vec<Record>,
+    pub records: Vec<Record>,
     /// Which of them ask for integration steps by the model's fastest mode.
     automatic: Vec<bool>,
     /// Start values of the states that need one from outside, per segment.
@@ -80,6 +82,24 @@ impl<'a> Case<'a> {
             }
             needed = solution.fit.theta;
         }
+    }
+
+    /// Starts from the result of a regression on the equations, if the settings ask for it and it fits better.
+    ///
+    /// # Errors
+    /// A grid that cannot be smoothed.
+    pub fn start_by_regression(&mut self, settings: &Settings) -> Result<Option<Regression>> {
+        if settings.start == StartFrom::Model {
+            return Ok(None);
+        }
+        let (mut regression, theta) = regress(self, settings)?;
+        let evaluate = |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
+        let [given, found] = [&self.layout.start, &theta].map(|theta| cost(&self.layout, &evaluate, theta));
+        regression.taken = found.is_some_and(|found| given.is_none_or(|given| found <= given));
+        if regression.taken {
+            self.layout.start = theta;
+        }
+        Ok(Some(regression))
     }
 
     /// The profiles that the settings ask for.
@@ -138,7 +158,7 @@ impl<'a> Case<'a> {
     }
 
     /// A segment's directions back in the model: all parameters, and the start values from outside.
-    fn place(&self, s: usize, local: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    pub fn place(&self, s: usize, local: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let chosen = self.chosen;
         let mut parameters = chosen.parameters.clone();
         let mut starts = self.given[s].clone();

@@ -160,6 +160,11 @@ struct Taken {
     length: f64,
 }
 
+/// The cost at `theta`; `None` where the model is not finite.
+pub fn cost<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<f64> {
+    Trial::at(layout, evaluate, theta.to_vec(), Chance::Poor).map(|trial| trial.cost)
+}
+
 /// The normal matrix at `theta` with priors, weighted with the `R` of the residuals there; `None` where the model is not finite.
 pub fn normal_matrix<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<Arrow> {
     Point::at(layout, evaluate, theta.to_vec()).map(|point| point.matrix)

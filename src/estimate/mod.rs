@@ -20,6 +20,7 @@
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
 //! | `repeats` | scatter of repeated estimates against their standard deviations |
+//! | `regression` | starting values by regression on the rate and output equations |
 //! | `choice` | settings against the model: what is free, where it starts |
 //! | `prepare` | the model with shifts and feedback that the settings ask for, and records that feed it |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
@@ -39,6 +40,7 @@ mod prepare;
 mod problem;
 mod profile;
 mod rank;
+pub mod regression;
 pub mod repeats;
 mod result;
 mod segment;
@@ -68,6 +70,10 @@ pub struct Settings {
     pub fixed: Vec<String>,
     /// Start values that replace those of the model (the value itself for a parameter that is held).
     pub starts: IndexMap<String, f64>,
+    /// Where parameters start that no entry of `starts` speaks of.
+    pub start: StartFrom,
+    /// Window of the smoothing for `start = "equation error"`, s (at least five points of the grid).
+    pub smoothing_s: f64,
     /// States whose initial value is estimated, one value per segment; all others begin where the model says.
     pub initial: Vec<String>,
     /// Where states begin that start "measured": each segment at its own first sample, or all at those of the first segment.
@@ -146,6 +152,19 @@ impl Default for Shifts {
     }
 }
 
+/// Where the iteration starts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+pub enum StartFrom {
+    /// The starts of the model file (and `starts`).
+    #[default]
+    #[serde(rename = "model")]
+    Model,
+    /// The result of a regression on the rate equations of measured states and on measured outputs, where it fits better than the model's
+    /// starts; parameters that it does not reach keep those.
+    #[serde(rename = "equation error")]
+    EquationError,
+}
+
 /// Whether outputs share noise.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -191,6 +210,8 @@ impl Default for Settings {
             free: None,
             fixed: Vec::new(),
             starts: IndexMap::new(),
+            start: StartFrom::default(),
+            smoothing_s: 0.5,
             initial: Vec::new(),
             initial_from: InitialFrom::default(),
             shifts: Shifts::default(),
@@ -395,6 +416,8 @@ pub struct Estimation {
     pub verdict: Verdict,
     /// How the assumed constants move the estimates (in the order of `rows`).
     pub budget: Vec<Influence>,
+    /// The regression that gave the starts, if it was asked for.
+    pub regression: Option<regression::Regression>,
     /// The profiles asked for, by row.
     pub profiles: Vec<Profile>,
     /// Segments that could not be used, ascending.

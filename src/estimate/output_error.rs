@@ -59,13 +59,14 @@ pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Setting
         let these: Vec<&Segment> = used.iter().map(|&s| &segments[s]).collect();
         let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
         let mut case = Case::new(model, &chosen, &plan, &these, values, settings);
+        let regression = case.start_by_regression(settings)?;
         let solution = case.solve(settings);
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
             let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
             let budget = influences(base, &these, values, &case, &solution, settings)?;
-            let further = Further { budget, profiles: case.profiles(&solution, settings) };
+            let further = Further { budget, profiles: case.profiles(&solution, settings), regression };
             let named = name(model, &case, &used, segments.len(), solution, further);
             return Ok(Estimation { left_out, doubtful: doubtful(model, segments), ..named });
         }

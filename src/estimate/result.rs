@@ -6,6 +6,7 @@ use super::case::Case;
 use super::problem::Layout;
 use super::profile::Profile;
 use super::rank::{Combination, Term, Verdict, Weak};
+use super::regression::Regression;
 use super::solution::Solution;
 use super::{Correlation, Estimation, OutputScatter, Row, Trace};
 use crate::model::Model;
@@ -14,6 +15,7 @@ use crate::model::Model;
 pub struct Further {
     pub budget: Vec<Influence>,
     pub profiles: Vec<Profile>,
+    pub regression: Option<Regression>,
 }
 
 /// Puts names to a solution over the segments `used`, of `segments` in all; what is wrong with segments is not known here.
@@ -37,6 +39,7 @@ pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solutio
         rows,
         budget: further.budget,
         profiles: further.profiles,
+        regression: further.regression,
         left_out: Vec::new(),
         doubtful: Vec::new(),
     }

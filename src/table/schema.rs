@@ -24,6 +24,8 @@ const FILES: &[(&str, &str)] = &[
     ("budget", include_str!("../../schemas/tables/budget.json")),
     ("profiles", include_str!("../../schemas/tables/profiles.json")),
     ("repeats", include_str!("../../schemas/tables/repeats.json")),
+    ("regressions", include_str!("../../schemas/tables/regressions.json")),
+    ("equations", include_str!("../../schemas/tables/equations.json")),
     ("iterations", include_str!("../../schemas/tables/iterations.json")),
     ("responses", include_str!("../../schemas/tables/responses.json")),
     ("residuals", include_str!("../../schemas/tables/residuals.json")),

@@ -182,3 +182,28 @@ fn truth_hfb320_ten_copies_first_iteration() {
     close("det R at the start", e.iterations[0].det_r, 1.146164e-18, 1e-6);
     close("det R after one iteration", e.iterations[1].det_r, 2.329670e-23, 1e-6);
 }
+
+#[test]
+fn truth_hfb320_from_wrong_starts_by_equation_error() {
+    let Some((model, record)) = hfb320() else { return };
+    let exact = estimate(&model, std::slice::from_ref(&record), &Settings::default()).unwrap();
+    // Two or three times too large, and every other one with the wrong sign.
+    let start = |(i, row): (usize, &crate::estimate::Row)| (row.name.clone(), row.value * if i % 2 == 0 { 2.0 } else { -3.0 });
+    let starts = exact.rows.iter().enumerate().map(start).collect();
+    let settings = Settings { starts, start: crate::estimate::StartFrom::EquationError, ..Settings::default() };
+    let e = estimate(&model, &[record], &settings).unwrap();
+    let regression = e.regression.as_ref().unwrap();
+    for (row, found) in e.rows.iter().zip(&regression.rows) {
+        let sd = found.sd.unwrap_or(f64::NAN);
+        println!(
+            "{:5} wrong {:9.4} regression {:9.4} +- {sd:.4} output error {:9.4}",
+            row.name, found.start, found.value, row.value
+        );
+    }
+    regression.equations.iter().for_each(|equation| println!("{equation:?}"));
+    assert!(regression.taken && e.stop == Stop::Converged, "{}", e.stop);
+    for (row, want) in e.rows.iter().zip(&exact.rows) {
+        let off = (row.value - want.value).abs();
+        assert!(off < 0.05 * want.sd_crlb.unwrap(), "{}: {} {}", row.name, row.value, want.value);
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::{noise, normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
-use crate::estimate::{End, Estimation, Settings, Stop, estimate};
+use crate::estimate::{End, Estimation, Settings, StartFrom, Stop, estimate};
 use crate::model::{Constants, Given, Model};
 use rayon::prelude::*;
 
@@ -283,4 +283,50 @@ fn recovery_coverage_of_a_profiled_delay() {
         / trials as f64;
     println!("95% profile interval of a delay covers {hits:.3}");
     assert!((0.91..=0.98).contains(&hits), "{hits}");
+}
+
+/// The short period without its vane, whose starts are wrong in sign and size, with a parameter that only a hidden lag knows.
+const WRONG: &str = r#"
+title = "Short period with wrong starts"
+[inputs]
+de = "rad"
+[parameters]
+Z_a = { unit = "1/s", start = 0.5 }
+M_a = { unit = "1/s^2", start = 12.0 }
+M_q = { unit = "1/s", start = 3.0 }
+M_d = { unit = "1/s^2", start = 20.0, max = 30.0 }
+T = { unit = "s", start = 0.15, min = 0.02 }
+[states]
+alpha = { unit = "rad", rate = "q + Z_a*alpha", start = 0.0 }
+q = { unit = "rad/s", rate = "M_a*alpha + M_q*q + M_d*de", start = 0.0 }
+[outputs]
+alpha = { unit = "rad", value = "alpha" }
+q = { unit = "rad/s", value = "q" }
+late = { unit = "rad", value = "lag(alpha, T)" }
+az = { unit = "rad/s", value = "Z_a*alpha" }
+"#;
+
+#[test]
+fn recovery_regression_finds_the_parameters_of_noise_free_data_from_wrong_signs() {
+    let model = Model::parse("wrong", WRONG, &Constants::default()).unwrap();
+    let truth = [-0.6, -8.0, -3.0, -12.0, 0.2];
+    let record = record(&model, &truth, &[1e-9, 1e-9, 1e-9, 1e-9], 1, |k| vec![step(k)]);
+    let settings = Settings { start: StartFrom::EquationError, ..Settings::default() };
+    let e = estimate(&model, &[record], &settings).unwrap();
+    let r = e.regression.as_ref().unwrap();
+    for (row, truth) in r.rows.iter().zip(truth).take(4) {
+        println!("{} {:?}", e.rows[row.row].name, row);
+        // What is left is the trapezoidal rule and the smoothing of the states at steps of the input.
+        assert!(row.outcome == "estimated" && (row.value / truth - 1.0).abs() < 0.03, "{row:?}");
+    }
+    assert_eq!((r.rows[4].outcome, r.rows[4].value, r.rows[4].sd), ("in none of these equations", 0.15, None));
+    let outcomes: Vec<(&str, &str)> = r.equations.iter().map(|e| (e.name.as_str(), e.outcome.as_str())).collect();
+    assert_eq!(outcomes[0], ("rate of alpha", "used"));
+    assert!(outcomes.contains(&("alpha", "the state itself: its rate is used")));
+    assert!(outcomes.iter().any(|(name, why)| *name == "late" && why.contains("not measured")), "{outcomes:?}");
+    assert!(r.equations.iter().filter(|e| e.outcome == "used").all(|e| e.r2 > 0.99 && e.n > 150));
+    assert!(r.taken && e.stop == Stop::Converged);
+    for (row, truth) in e.rows.iter().zip(truth) {
+        assert!((row.value / truth - 1.0).abs() < 1e-5, "{row:?}");
+    }
 }

@@ -18,6 +18,8 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("budget", uncertainty::budget(model, done)?),
         ("profiles", uncertainty::profiles(model, done)?),
         ("repeats", uncertainty::repeats(model, done)?),
+        ("regressions", uncertainty::regressions(model, done)?),
+        ("equations", uncertainty::equations(model, done)?),
         ("iterations", iterations(model, done)?),
         ("residuals", residuals(model, done)?),
         ("responses", responses(model, done)?),
