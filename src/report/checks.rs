@@ -5,7 +5,7 @@ use super::format::{count, number};
 use super::grid::Level;
 use super::lines::EXCESS;
 use super::maneuvers::{self, Match};
-use super::{estimates, flights, lines, logs};
+use super::{estimates, flights, lines, logs, uncertainty};
 use serde::Serialize;
 
 /// One number of the header.
@@ -34,6 +34,7 @@ pub struct Facts<'a> {
     pub segments: Option<&'a Columns>,
     pub estimates: Option<&'a Columns>,
     pub correlations: Option<&'a Columns>,
+    pub repeats: Option<&'a Columns>,
     pub fits: Option<&'a Columns>,
     pub channels: Option<&'a Columns>,
     pub notes: Option<&'a Columns>,
@@ -70,6 +71,7 @@ pub fn checks(facts: Facts) -> Vec<Check> {
         (maneuvers::summary(facts.matches), "maneuvers"),
         (estimates::colour(facts.estimates), "estimates"),
         (estimates::separation(facts.correlations), "estimates"),
+        (uncertainty::honesty(facts.repeats), "uncertainty"),
         (scatter(facts.fits), "fits"),
         (few_points(facts.fits), "fits"),
         (logs::remarks(facts.notes), "notes"),

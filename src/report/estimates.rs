@@ -119,7 +119,7 @@ fn across(table: &Columns, parameters: &[String], runs: &[Run]) -> Grid {
 }
 
 fn down(table: &Columns, runs: &[Run]) -> Grid {
-    let mut grid = Grid::new(["maneuver", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#start", "stop"]);
+    let mut grid = Grid::new(["maneuver", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#sd_total", "#start", "stop"]);
     let listed = |row: &usize| !is_initial(&table.text("parameter", *row));
     for (run, row) in runs.iter().flat_map(|run| run.rows.iter().copied().filter(listed).map(move |row| (run, row))) {
         let (sd, bound) = (table.number("sd", row), table.number("sd_crlb", row));
@@ -131,6 +131,7 @@ fn down(table: &Columns, runs: &[Run]) -> Grid {
             sd_text.unwrap_or("none".into()).into(),
             number(bound, 2).into(),
             number(sd / bound, 2).into(),
+            number(table.number("sd_total", row), 2).into(),
             number(table.number("start", row), 4).into(),
             stop(table, row),
         ]);
@@ -144,7 +145,9 @@ fn value(table: &Columns, row: usize) -> Cell {
     let (value, sd) = with_sd(table.number("value", row), table.number("sd", row));
     let bound = table.number("sd_crlb", row);
     let text = sd.map_or(value.clone(), |sd| format!("{value} ± {sd}"));
-    if bound.is_finite() { Cell::new(text).sub(format!("CR {}", number(bound, 2))) } else { Cell::new(text) }
+    let total = table.number("sd_total", row);
+    let more = if total > 1.005 * table.number("sd", row) { format!(", total {}", number(total, 2)) } else { String::new() };
+    if bound.is_finite() { Cell::new(text).sub(format!("CR {}{more}", number(bound, 2))) } else { Cell::new(text) }
 }
 
 fn stop(table: &Columns, row: usize) -> Cell {

@@ -12,6 +12,7 @@ mod grid;
 mod lines;
 mod logs;
 mod maneuvers;
+mod uncertainty;
 
 use crate::error::{Error, Result};
 use crate::table::Table;
@@ -63,6 +64,7 @@ struct Data<'a> {
     lines: Vec<lines::LinePlot>,
     maneuvers: Vec<maneuvers::Maneuver>,
     overview: Vec<flights::Flight>,
+    profiles: Vec<uncertainty::ProfilePlot>,
 }
 
 /// What the template is filled with.
@@ -78,6 +80,7 @@ struct Page<'a> {
     fits: Grid,
     maneuvers: maneuvers::Maneuvers,
     estimates: estimates::Estimates,
+    uncertainty: uncertainty::Uncertainty,
     overview: flights::Overview,
     segments: Grid,
     channels: Grid,
@@ -99,10 +102,14 @@ struct Heading {
 }
 
 /// The tables a page is made from.
-pub const TABLES: [&str; 14] = [
+pub const TABLES: [&str; 18] = [
     "segments",
     "estimates",
     "correlations",
+    "separability",
+    "budget",
+    "profiles",
+    "repeats",
     "responses",
     "residuals",
     "fits",
@@ -116,12 +123,13 @@ pub const TABLES: [&str; 14] = [
     "stages",
 ];
 
-const CONTENTS: [(&str, &str); 10] = [
+const CONTENTS: [(&str, &str); 11] = [
     ("checks", "Can these results be trusted?"),
     ("lines", "Coefficients versus angle of attack"),
     ("fits", "Fitted lines"),
     ("maneuvers", "Measured and modelled"),
     ("estimates", "Estimates"),
+    ("uncertainty", "What the uncertainties are made of"),
     ("flights", "Flights and maneuvers"),
     ("channels", "Channels"),
     ("biases", "Sensor biases"),
@@ -152,18 +160,20 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
     };
     let (maneuvers, histories, matches) = maneuvers::maneuvers(&sources);
     let (overview, flights) = flights::overview(get("flightpath"), get("samples"), get("segments"), &input.searched, &ids);
+    let (uncertainty, profiles) = uncertainty::uncertainty(get);
     let facts = checks::Facts {
         flights: &ids,
         segments: get("segments"),
         estimates: get("estimates"),
         correlations: get("correlations"),
+        repeats: get("repeats"),
         fits: get("fits"),
         channels: get("channels"),
         notes: get("notes"),
         responses: get("responses"),
         matches: &matches,
     };
-    let data = json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights })?;
+    let data = json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights, profiles })?;
     render(&Page {
         title: &input.title,
         subtitle: &input.subtitle,
@@ -175,6 +185,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         fits: lines::table(get("fits")),
         maneuvers,
         estimates: estimates::estimates(get("estimates")),
+        uncertainty,
         overview,
         segments: flights::segments(get("segments")),
         channels: logs::channels(get("channels")),

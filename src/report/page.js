@@ -64,6 +64,18 @@
   const drawLines = () => data.lines.forEach(drawLine);
   ["show-pointwise", "show-simultaneous", "show-prediction"].forEach((id) => { if (byId(id)) byId(id).addEventListener("change", drawLines); });
 
+  // ---- likelihood profiles ----
+  function drawProfile(plot) {
+    const element = byId("profile-" + plot.index);
+    if (!element) return;
+    const t = theme(), ends = [plot.value[0], plot.value[plot.value.length - 1]];
+    Plotly.react(element, [
+      { x: plot.value, y: plot.rise, mode: "lines+markers", line: { color: t.ink, width: 1.4, shape: "spline" }, marker: { color: t.measured, size: 6 }, hovertemplate: "%{x:.5g}: %{y:.3g}<extra></extra>" },
+      { x: ends, y: [plot.limit, plot.limit], mode: "lines", line: { color: t.model, width: 1.2, dash: "5px,2px" }, hoverinfo: "skip" },
+    ], layout({ xaxis: axis(withUnit(plot.parameter, plot.unit)), yaxis: axis("twice the rise of the cost") }), config);
+  }
+  const drawProfiles = () => data.profiles.forEach(drawProfile);
+
   // ---- stacked time histories: rows of {title, height, traces} share one time axis ----
   function stack(element, rows, xTitle, shapes, annotations) {
     const gap = 32, top = 16, bottom = 46;
@@ -148,6 +160,7 @@
 
   function drawAll() {
     drawLines();
+    drawProfiles();
     drawManeuver();
     drawFlight();
   }

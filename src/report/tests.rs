@@ -252,6 +252,59 @@ fn residuals(all: &[Maneuver]) -> Table {
     table.f64("colour", vec![7.3; n]).finish().expect("residuals")
 }
 
+/// A budget, the scatter of repeats, one verdict and one profile.
+fn uncertainties() -> [Table; 4] {
+    let budget = Table::build("budget").repeat("model", "elevator").strings("group", ["s1", "s1"]).strings("segment", ["s1", "s1"]);
+    let budget = budget.strings("of", ["s1", "s1"]).repeat("parameter", "C_h_delta").repeat("unit", "1/rad");
+    let budget = budget.opt_strings("constant", [Some("K_te"), None]).opt_strings("constant_unit", [Some("N m/A"), None]);
+    let budget =
+        budget.f64("constant_value", [5.0, f64::NAN]).f64("constant_sd", [0.05, f64::NAN]).f64("sensitivity", [-0.06, f64::NAN]);
+    let budget = budget.f64("contribution", [3e-3, 2e-3]).f64("share", [0.692, 0.308]).finish().expect("budget");
+    let verdict = Table::build("separability").repeat("model", "elevator").strings("group", ["s1", "s2"]).i64("number", [0, 1]);
+    let verdict = verdict
+        .strings("verdict", ["separable", "no effect"])
+        .f64("information", [f64::NAN, 0.0])
+        .f64("condition", [30.0, f64::NAN]);
+    let verdict = verdict
+        .opt_strings("parameter", [None, Some("tau")])
+        .opt_strings("segment", [None::<&str>; 2])
+        .opt_strings("of", [None::<&str>; 2]);
+    let verdict = verdict.opt_strings("unit", [None, Some("s")]).f64("change", [f64::NAN, 1.0]);
+    let verdict = verdict.strings("text", ["fine", "tau has no effect on the measured outputs"]).finish().expect("separability");
+    let repeats = Table::build("repeats")
+        .repeat("model", "elevator")
+        .strings("parameter", ["C_h_delta", "C_h_delta"])
+        .repeat("unit", "1/rad");
+    let repeats = repeats.strings("set", ["flight and kind", "kind"]).opt_strings("flight", [Some("flight-1"), None]);
+    let repeats = repeats.opt_strings("input", [None::<&str>; 2]).opt_strings("kind", [Some("3211"); 2]).i64("n", [2, 4]);
+    let repeats =
+        repeats.f64("mean", [-0.33, -0.34]).f64("scatter_sd", [0.01, 0.03]).f64("rms_sd", [0.01, 0.01]).f64("ratio", [1.0, 3.0]);
+    let repeats = repeats.f64("chi2", [1.0, 27.0]).f64("p", [0.3, 6e-6]).finish().expect("repeats");
+    let x: Vec<f64> = (0..9).map(|i| 0.1 + 0.005 * f64::from(i)).collect();
+    let rise: Vec<f64> = x.iter().map(|x| 1e4 * (x - 0.12) * (x - 0.12)).collect();
+    let profile = Table::build("profiles")
+        .strings("model", vec!["elevator"; 9])
+        .repeat("group", "s1")
+        .opt_strings("segment", [None::<&str>; 9]);
+    let profile = profile
+        .opt_strings("of", [None::<&str>; 9])
+        .repeat("parameter", "tau")
+        .repeat("unit", "s")
+        .f64("value", x)
+        .f64("rise", rise);
+    let profile = profile.f64("limit", vec![3.84; 9]).f64("level", vec![0.95; 9]).finish().expect("profiles");
+    [budget, verdict, repeats, profile]
+}
+
+#[test]
+fn uncertainties_are_told_in_words() {
+    let page = page(&frame(campaign())).expect("a page");
+    for text in ["K_te 69.2 %", "no effect", "tau has no effect on the measured outputs", "id=\"profile-0\"", "&lt; 0.0001"] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(page.contains("Repeated maneuvers of one flight scatter as their standard deviations say"));
+}
+
 fn campaign() -> Tables {
     let mut noise = rand_pcg::Pcg64::seed_from_u64(7);
     let all = maneuvers();
@@ -265,6 +318,7 @@ fn campaign() -> Tables {
         biases(),
         notes(),
     ]);
+    let tables = tables.chain(uncertainties());
     tables.map(|table| (table.name().to_string(), table)).collect()
 }
 

@@ -166,7 +166,7 @@ pub fn profiles(model: &str, done: &[Done]) -> Result<Table> {
 pub fn regressions(model: &str, done: &[Done]) -> Result<Table> {
     let mut rows: Vec<(&Batch, &Row, &Regression, &Regressed)> = Vec::new();
     for (batch, e) in done {
-        for regression in &e.regression {
+        if let Some(regression) = &e.regression {
             rows.extend(regression.rows.iter().filter_map(|r| Some((*batch, e.rows.get(r.row)?, regression, r))));
         }
     }

@@ -1,0 +1,210 @@
+//! `budget`, `separability`, `repeats`, `profiles` and `estimates` in, what a reader should know of the uncertainties out.
+
+use super::columns::Columns;
+use super::estimates::few;
+use super::format::{number, shorts};
+use super::grid::{Cell, Grid, Level};
+use super::maneuvers::name;
+use serde::Serialize;
+
+/// The section of the page.
+#[derive(Debug, Serialize)]
+pub struct Uncertainty {
+    pub budget: Grid,
+    pub separability: Grid,
+    pub repeats: Grid,
+    pub profiles: Vec<Caption>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct Caption {
+    pub index: usize,
+    pub text: String,
+}
+
+/// What the plot of one profile is drawn from (JSON).
+#[derive(Debug, Serialize)]
+pub struct ProfilePlot {
+    pub index: usize,
+    pub parameter: String,
+    pub unit: String,
+    pub value: Vec<Option<f64>>,
+    pub rise: Vec<Option<f64>>,
+    pub limit: f64,
+}
+
+/// Contributors shown per parameter.
+const SHOWN: usize = 3;
+/// A probability below this is remarked.
+const RARE: f64 = 0.05;
+
+/// The section and its plots.
+pub fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, Vec<ProfilePlot>) {
+    let (profiles, plots) = profiles(get("profiles"), get("estimates"));
+    (
+        Uncertainty {
+            budget: budget(get("budget")),
+            separability: separability(get("separability")),
+            repeats: repeats(get("repeats")),
+            profiles,
+        },
+        plots,
+    )
+}
+
+/// Per model and parameter (mean over its estimates, since a constant's share hardly changes from one to the next) who contributes most.
+fn budget(table: Option<&Columns>) -> Grid {
+    let none = "No assumed constant with a standard deviation moves these estimates (or none was given one).";
+    let Some(table) = table.filter(|t| t.rows() > 0) else { return Grid::missing(none) };
+    let mut grid = Grid::new(["model", "parameter", "#noise", "~largest assumed constants", "#sd_total / sd"]);
+    for ([model, parameter], rows) in table.groups(["model", "parameter"]) {
+        if parameter.ends_with("(0)") {
+            continue;
+        }
+        let mut shares: Vec<(String, f64)> = Vec::new();
+        let mut estimates = 0.0;
+        for &row in &rows {
+            let constant = table.text("constant", row);
+            estimates += if constant.is_empty() { 1.0 } else { 0.0 };
+            match shares.iter_mut().find(|(name, _)| *name == constant) {
+                Some(share) => share.1 += table.number("share", row),
+                None => shares.push((constant, table.number("share", row))),
+            }
+        }
+        shares.iter_mut().for_each(|share| share.1 /= f64::max(estimates, 1.0));
+        let noise = shares.iter().find(|s| s.0.is_empty()).map_or(0.0, |s| s.1);
+        shares.retain(|s| !s.0.is_empty());
+        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let largest: Vec<String> =
+            shares.iter().take(SHOWN).map(|(name, share)| format!("{} {name} {}", bar(*share), percent(*share))).collect();
+        let ratio = 1.0 / noise.sqrt();
+        grid.push(vec![
+            model.into(),
+            parameter.into(),
+            Cell::new(percent(noise)),
+            Cell::new(largest.join("   ")),
+            Cell::new(number(ratio, 2)).level_if(ratio > 2.0, Level::Warn),
+        ]);
+    }
+    grid.note = Some(
+        "Shares of the square of sd_total, mean over the estimates. An error of a constant is the same in all maneuvers: more flights do \
+         not reduce it, and the scatter of repeats does not show it."
+            .into(),
+    );
+    grid.or_missing(none)
+}
+
+/// A share as a bar of up to ten blocks.
+fn bar(share: f64) -> String {
+    "█".repeat(((10.0 * share).round().clamp(0.0, 10.0) as usize).max(1))
+}
+
+fn percent(share: f64) -> String {
+    let value = 100.0 * share;
+    if value > 0.0 && value < 0.1 { "< 0.1 %".into() } else { format!("{value:.1} %") }
+}
+
+/// Verdicts that are not simply "separable".
+fn separability(table: Option<&Columns>) -> Grid {
+    let Some(table) = table.filter(|t| t.rows() > 0) else { return Grid::missing("Nothing was estimated.") };
+    let mut grid = Grid::new(["model", "maneuvers", "verdict", "~what it says", "#condition"]);
+    let mut good = 0;
+    for ([model, group, _, verdict], rows) in table.groups(["model", "group", "number", "verdict"]) {
+        let Some(&row) = rows.first() else { continue };
+        if verdict == "separable" {
+            good += 1;
+            continue;
+        }
+        let level = if verdict == "at a bound" || verdict == "hardly separable" { Level::Warn } else { Level::Bad };
+        let condition = table.number("condition", row);
+        let shown = if condition.is_finite() { format!("{condition:.1e}") } else { String::new() };
+        grid.push(vec![
+            model.into(),
+            name(&group, "").into(),
+            Cell::new(verdict).level(level),
+            table.text("text", row).into(),
+            shown.into(),
+        ]);
+    }
+    grid.note = Some(format!("In {good} estimations the data determine all parameters."));
+    grid.or_missing(&format!("In all {good} estimations the data determine all parameters."))
+}
+
+/// The scatter of repeats, all flights together where there are several.
+fn repeats(table: Option<&Columns>) -> Grid {
+    let none = "No two maneuvers were estimated each by itself, so there is nothing to compare.";
+    let Some(table) = table.filter(|t| t.rows() > 0) else { return Grid::missing(none) };
+    let mut grid = Grid::new(["model", "parameter", "unit", "kind", "#n", "#mean", "#scatter", "#rms sd", "#ratio", "#p"]);
+    for row in (0..table.rows()).filter(|&row| table.text("set", row) != "flight and kind") {
+        let mut cells: Vec<Cell> = ["model", "parameter", "unit"].map(|c| Cell::new(table.text(c, row))).to_vec();
+        let kind = table.text("kind", row);
+        cells.push(Cell::new(if kind.is_empty() { "all".to_string() } else { kind }));
+        cells.push(number(table.number("n", row), 4).trim_end_matches(".0").to_string().into());
+        cells.extend(
+            [("mean", 4), ("scatter_sd", 2), ("rms_sd", 2), ("ratio", 2)]
+                .map(|(c, digits)| Cell::new(number(table.number(c, row), digits))),
+        );
+        let p = table.number("p", row);
+        cells.push(Cell::new(if p < 1e-4 { "< 0.0001".to_string() } else { number(p, 2) }).level_if(p < RARE, Level::Warn));
+        grid.push(cells);
+    }
+    grid.note = Some(
+        "A ratio near 1 says that the standard deviations are honest. A small p says that they are too small, or that the parameter \
+         differs between the maneuvers, for example with the angle of attack: then the fitted lines above are the answer."
+            .into(),
+    );
+    grid.or_missing(none)
+}
+
+fn profiles(table: Option<&Columns>, estimates: Option<&Columns>) -> (Vec<Caption>, Vec<ProfilePlot>) {
+    let (mut captions, mut plots) = (Vec::new(), Vec::new());
+    let Some(table) = table.filter(|t| t.rows() > 0) else { return (captions, plots) };
+    for ([model, group, segment, parameter], rows) in table.groups(["model", "group", "segment", "parameter"]) {
+        let Some(&first) = rows.first() else { continue };
+        let index = plots.len();
+        let column = |name: &str| shorts(rows.iter().map(|&r| table.number(name, r)), 1.0);
+        let unit = table.unit_in("unit", first);
+        let key = [&model, &group, &segment, &parameter];
+        let same =
+            |t: &Columns, row: usize| ["model", "group", "segment", "parameter"].iter().zip(key).all(|(c, k)| t.text(c, row) == *k);
+        let interval =
+            estimates.and_then(|t| (0..t.rows()).find(|&row| same(t, row)).map(|row| interval(t, row))).unwrap_or_default();
+        captions.push(Caption { index, text: format!("{parameter} of {} ({model}): {interval}", name(&group, &segment)) });
+        plots.push(ProfilePlot {
+            index,
+            parameter,
+            unit,
+            value: column("value"),
+            rise: column("rise"),
+            limit: table.number("limit", first),
+        });
+    }
+    (captions, plots)
+}
+
+fn interval(estimates: &Columns, row: usize) -> String {
+    let end = |name: &str| Some(estimates.number(name, row)).filter(|v| v.is_finite()).map_or("open".to_string(), |v| number(v, 4));
+    let words = estimates.text("interval", row);
+    let value = number(estimates.number("value", row), 4);
+    let open = if words == "closed" { String::new() } else { format!(" ({words})") };
+    format!("{value}, interval {} to {}{open}", end("lower"), end("upper"))
+}
+
+/// The sentence of the checks about the scatter of repeats.
+pub fn honesty(table: Option<&Columns>) -> Option<(Level, String)> {
+    let table = table.filter(|t| t.rows() > 0)?;
+    let rows: Vec<usize> = (0..table.rows()).filter(|&row| table.text("set", row) == "flight and kind").collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let rare: Vec<String> = rows
+        .iter()
+        .filter(|&&row| table.number("p", row) < RARE / rows.len() as f64)
+        .map(|&row| format!("{} in {}", table.text("parameter", row), table.text("flight", row)))
+        .collect();
+    Some(if rare.is_empty() {
+        (Level::Good, "Repeated maneuvers of one flight scatter as their standard deviations say.".into())
+    } else {
+        (Level::Warn, format!("Repeated maneuvers of one flight scatter more than their standard deviations say: {}.", few(&rare)))
+    })
+}
