@@ -18,6 +18,10 @@
 //! Hermite interpolation; sensitivities of the history go along. Within an unfinished step (delay shorter than the step) the history
 //! is extrapolated along its slope.
 //!
+//! A state with a stop is put on it wherever it would be beyond it: in the arguments of every stage, and at the end of every sub-step. Its
+//! sensitivity there is that of the stop. So values change continuously when contacts come and go with a parameter, and what other
+//! states see of it is never beyond the stop.
+//!
 //! Measured outputs keep their own time stamps: a prediction between grid points is the cubic through the four nearest grid values,
 //! a fixed linear map, so values and sensitivities stay exactly consistent; on a grid point it is the value itself.
 

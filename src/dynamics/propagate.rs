@@ -16,6 +16,8 @@ const CHUNK: usize = 32;
 pub(super) const STIFF: f64 = 0.5;
 /// More sub-steps than this would not end: the trajectory is given up as not finite.
 pub(super) const MOST_SUBSTEPS: usize = 256;
+/// A state on its stop, which it would leave outwards.
+pub(super) const RESTS: u8 = 3;
 /// Grid steps between two looks at the Jacobian where sub-steps are chosen along the way.
 const LOOK: usize = 64;
 
@@ -169,6 +171,9 @@ pub(super) struct Chunk {
     pub(super) substeps: Vec<usize>,
     /// Per sub-step and limited state: 0 free, 1 held at its minimum, 2 at its maximum.
     pub(super) held: Vec<u8>,
+    /// Per stage and limited state, likewise: its stage value was put on its minimum or maximum. Of a first stage: 3 where it rests on
+    /// a stop, so that the slope of its history is zero.
+    pub(super) clipped: Vec<u8>,
 }
 
 impl Chunk {
@@ -179,6 +184,7 @@ impl Chunk {
         self.point_pasts.clear();
         self.substeps.clear();
         self.held.clear();
+        self.clipped.clear();
     }
 }
 
@@ -399,17 +405,42 @@ impl Run<'_> {
                     self.f_history[end - nx + i] = f;
                 }
             }
+            if stage == 0 {
+                self.rests(x, rates, chunk);
+            }
+            if stage < 3 {
+                self.clip(&mut stage_x, &mut chunk.clipped);
+            }
         }
         for i in 0..nx {
             x[i] += h / 6.0 * sum[i];
         }
+        self.clip(x, &mut chunk.held);
+        (self.stage, self.sum) = (stage_x, sum);
+    }
+
+    /// Puts states that are beyond a stop on it, and says which.
+    fn clip(&self, x: &mut [f64], how: &mut Vec<u8>) {
         for &i in &self.plan.limited {
             let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
-            let held = u8::from(x[i] < low) + 2 * u8::from(x[i] > high);
-            chunk.held.push(held);
-            x[i] = [x[i], low, high][usize::from(held.min(2))];
+            let beyond = u8::from(x[i] < low) + 2 * u8::from(x[i] > high);
+            how.push(beyond);
+            x[i] = [x[i], low, high][usize::from(beyond.min(2))];
         }
-        (self.stage, self.sum) = (stage_x, sum);
+    }
+
+    /// Notes which states rest on a stop at the start of a sub-step: their history has no slope there.
+    fn rests(&mut self, x: &[f64], rates: &Single, chunk: &mut Chunk) {
+        let nx = x.len();
+        for &i in &self.plan.limited {
+            let (low, high, f) = (self.bounds[2 * i], self.bounds[2 * i + 1], rates.get(i));
+            let rests = x[i] >= high && f > 0.0 || x[i] <= low && f < 0.0;
+            chunk.clipped.push(if rests { RESTS } else { 0 });
+            if rests && self.keeps_history() {
+                let end = self.f_history.len();
+                self.f_history[end - nx + i] = 0.0;
+            }
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::history::Past;
 use super::plan::Plan;
-use super::propagate::{AHEAD, Chunk, Many, Run, WEIGHT};
+use super::propagate::{AHEAD, Chunk, Many, RESTS, Run, WEIGHT};
 use crate::model::Delayed;
 use crate::model::linear::Sparse;
 
@@ -128,17 +128,15 @@ impl<'p> Tangent<'p> {
                     let jacobian = &entries.rates[stage * per_stage..(stage + 1) * per_stage];
                     let taus = &entries.delays[stage * per_delay..(stage + 1) * per_delay];
                     let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
-                    self.stage(run, at, h, jacobian, pasts, taus, &mut work);
+                    let clipped = &chunk.clipped[stage * plan.limited.len()..(stage + 1) * plan.limited.len()];
+                    self.stage(run, at, h, jacobian, pasts, taus, clipped, &mut work);
                     stage += 1;
                 }
                 add(&mut self.s, h / 6.0, &work.sum);
                 let limited = plan.limited.len();
-                for (&i, &held) in plan.limited.iter().zip(&chunk.held[substep * limited..]) {
-                    if held > 0 {
-                        let from = (2 * i + usize::from(held.min(2)) - 1) * self.lanes;
-                        self.s[i * self.lanes..(i + 1) * self.lanes].copy_from_slice(&self.limits[from..from + self.lanes]);
-                    }
-                }
+                let mut state = std::mem::take(&mut self.s);
+                self.put_on_stops(&chunk.held[substep * limited..(substep + 1) * limited], &mut state);
+                self.s = state;
                 substep += 1;
             }
         }
@@ -147,12 +145,23 @@ impl<'p> Tangent<'p> {
 
     /// One Runge-Kutta stage of the sensitivities.
     #[allow(clippy::too_many_arguments)]
-    fn stage(&mut self, run: &Run, at: usize, h: f64, jacobian: &[f64], pasts: &[Past], taus: &[f64], work: &mut Work) {
+    fn stage(
+        &mut self,
+        run: &Run,
+        at: usize,
+        h: f64,
+        jacobian: &[f64],
+        pasts: &[Past],
+        taus: &[f64],
+        clipped: &[u8],
+        work: &mut Work,
+    ) {
         if at == 0 {
             work.stage.clone_from(&self.s);
             work.sum.clear();
             work.sum.resize(self.s.len(), 0.0);
         }
+        self.put_on_stops(clipped, &mut work.stage);
         self.delayed(run, pasts, taus, &work.stage, &mut work.delayed);
         work.k.clear();
         work.k.resize(self.s.len(), 0.0);
@@ -163,6 +172,18 @@ impl<'p> Tangent<'p> {
         if at == 0 && run.keeps_history() {
             let end = self.k_history.len();
             self.k_history[end - work.k.len()..].copy_from_slice(&work.k);
+            for (&i, _) in self.plan.limited.iter().zip(clipped).filter(|(_, how)| **how == RESTS) {
+                let row = end - work.k.len() + i * self.lanes;
+                self.k_history[row..row + self.lanes].fill(0.0);
+            }
+        }
+    }
+
+    /// The sensitivity of a state that was put on a stop is that of the stop.
+    fn put_on_stops(&self, how: &[u8], s: &mut [f64]) {
+        for (&i, &how) in self.plan.limited.iter().zip(how).filter(|(_, how)| (1..RESTS).contains(*how)) {
+            let from = (2 * i + usize::from(how) - 1) * self.lanes;
+            s[i * self.lanes..(i + 1) * self.lanes].copy_from_slice(&self.limits[from..from + self.lanes]);
         }
     }
 

@@ -21,6 +21,7 @@
 //! | `profile` | intervals from the likelihood's profile |
 //! | `repeats` | scatter of repeated estimates against their standard deviations |
 //! | `regression` | starting values by regression on the rate and output equations |
+//! | `settings` | how an estimation is run |
 //! | `choice` | settings against the model: what is free, where it starts |
 //! | `prepare` | the model with shifts and feedback that the settings ask for, and records that feed it |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
@@ -44,6 +45,7 @@ pub mod regression;
 pub mod repeats;
 mod result;
 mod segment;
+mod settings;
 mod sigma;
 mod solution;
 #[cfg(test)]
@@ -55,185 +57,7 @@ pub use prepare::extended;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::Segment;
-
-use indexmap::IndexMap;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-/// How an estimation is run. Every field has a default; names are those of the model file.
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// Parameters to estimate. Without it: every parameter of the model that is not `fixed` there.
-    pub free: Option<Vec<String>>,
-    /// Parameters held at their start although the model (or `free`) would free them.
-    pub fixed: Vec<String>,
-    /// Start values that replace those of the model (the value itself for a parameter that is held).
-    pub starts: IndexMap<String, f64>,
-    /// Where parameters start that no entry of `starts` speaks of.
-    pub start: StartFrom,
-    /// Window of the smoothing for `start = "equation error"`, s (at least five points of the grid).
-    pub smoothing_s: f64,
-    /// States whose initial value is estimated, one value per segment; all others begin where the model says.
-    pub initial: Vec<String>,
-    /// Where states begin that start "measured": each segment at its own first sample, or all at those of the first segment.
-    pub initial_from: InitialFrom,
-    /// Zero shifts of sensors that are estimated besides the model's parameters, sensor by sensor.
-    pub shifts: Shifts,
-    /// Stabilised output error, for aircraft that are unstable: gains (1/s) by which states are led back to what was measured of them,
-    /// `stabilise = { alpha = 4.0, q = 4.0 }`. The measured noise then drives the model: estimates are biased by it, the more the
-    /// larger the gains and the noise; take the smallest that keep the response from running away.
-    pub stabilise: IndexMap<String, f64>,
-    /// Where one value of a parameter holds, instead of what the model file says: `per = { C_m_0 = "flap", dz_q = "flight" }`, with
-    /// "campaign", "segment", or a column that describes segments.
-    pub per: IndexMap<String, String>,
-    /// Whether the noise of different outputs is independent, or correlated at the same instant.
-    pub noise: NoiseKind,
-    /// What the noise is estimated over: one covariance for all segments ("campaign"), one each ("segment"), or one for all that are
-    /// alike in a column, such as "flight" (calm and turbulent air do not mix).
-    pub noise_per: String,
-    /// Smallest standard deviation that the noise of an output may be given, SI: `floor = { q = 1e-5 }`.
-    pub floor: IndexMap<String, f64>,
-    /// How steps are kept from going too far.
-    pub step_control: StepControl,
-    /// Stop when the relative change of det R in one iteration is below this (and the step is small, see `step_tolerance`).
-    pub tolerance: f64,
-    /// Stop only when, besides, no combination of parameters moved by more than this many of its standard deviations;
-    /// 0 asks for nothing beyond `tolerance`.
-    pub step_tolerance: f64,
-    /// Stop only when, besides, no free parameter's gradient is larger than this share of the square root of its information (the
-    /// slope of the likelihood per standard deviation that the parameter would have alone); 0 asks for nothing.
-    pub gradient_tolerance: f64,
-    /// Iterations after which the estimation ends as "iteration limit".
-    pub max_iterations: usize,
-    /// Refusals of one step (each halves it, or raises its damping) after which the estimation ends as "no improvement".
-    pub max_halvings: usize,
-    /// Use the priors (`sd`) of the model's parameters.
-    pub priors: bool,
-    /// Highest order of the autoregressive model of the residuals of one output.
-    pub max_ar_order: usize,
-    /// How that order is chosen.
-    pub ar_order: OrderCriterion,
-    /// Parameters whose interval is read from the likelihood's profile (all other parameters estimated again at each value): for
-    /// those that enter so nonlinearly that `value +- 1.96 sd` would mislead, such as delays and thresholds. `"alpha(0)"` is the
-    /// initial value of state `alpha`. Costs some ten estimations each.
-    pub profile: Vec<String>,
-    /// Level of these intervals, between 0 and 1.
-    pub profile_level: f64,
-}
-
-/// Where states begin that start "measured".
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum InitialFrom {
-    /// Each segment at its own first measured value.
-    #[default]
-    Own,
-    /// All segments at the first measured value of the first one (some published results were found so).
-    First,
-}
-
-/// Sensors whose zero shift is estimated: the output `alpha` gets a parameter `dz_alpha` (measured = modelled + shift), the input
-/// `delta_e` a parameter `du_delta_e` (the model is driven by measured - shift). They start at zero.
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Shifts {
-    /// Outputs of the model.
-    pub outputs: Vec<String>,
-    /// Inputs of the model.
-    pub inputs: Vec<String>,
-    /// Where one value holds: "segment", "campaign", or a column that describes segments; `per` of the method overrides it for one.
-    pub per: String,
-}
-
-impl Default for Shifts {
-    fn default() -> Self {
-        Shifts { outputs: Vec::new(), inputs: Vec::new(), per: "segment".to_string() }
-    }
-}
-
-/// Where the iteration starts.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-pub enum StartFrom {
-    /// The starts of the model file (and `starts`).
-    #[default]
-    #[serde(rename = "model")]
-    Model,
-    /// The result of a regression on the rate equations of measured states and on measured outputs, where it fits better than the model's
-    /// starts; parameters that it does not reach keep those.
-    #[serde(rename = "equation error")]
-    EquationError,
-}
-
-/// Whether outputs share noise.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum NoiseKind {
-    /// Every output has a variance; noise of different outputs is independent.
-    #[default]
-    Diagonal,
-    /// Samples of the same instant have a full covariance matrix; with masked samples or outputs of different rates its likelihood's
-    /// maximum is found from the pairs that are there.
-    Full,
-}
-
-/// How steps are kept from going too far. Both ways take a step only if it does not raise the concentrated cost.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum StepControl {
-    /// The Gauss-Newton step, halved until it is good.
-    #[default]
-    Halving,
-    /// Damped by a share of the information of every parameter, which follows from the gain of the last step: shorter and turned to
-    /// the steepest descent. Helps where starts are poor or parameters hardly separable.
-    LevenbergMarquardt,
-}
-
-/// How the order of the residuals' autoregressive model is chosen. Slow noise of a small part of the white noise's size widens
-/// intervals a lot and is easily missed: the figures are the coverage of intervals said to be 95%, measured over 500 simulated
-/// campaigns with white noise and a third of it with correlation 0.97 between samples (`estimate::tests::coverage`).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum OrderCriterion {
-    /// The order of `bic`, raised until the residuals it leaves pass as white: the sum of squares of the partial autocorrelations of all
-    /// higher orders is below its median for white noise. Covers 94 to 95%.
-    White,
-    /// Least `N ln(variance) + 2 p`. Covers 93 to 94%.
-    Aic,
-    /// Least `N ln(variance) + p ln N`. Covers 83 to 87%.
-    Bic,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            free: None,
-            fixed: Vec::new(),
-            starts: IndexMap::new(),
-            start: StartFrom::default(),
-            smoothing_s: 0.5,
-            initial: Vec::new(),
-            initial_from: InitialFrom::default(),
-            shifts: Shifts::default(),
-            stabilise: IndexMap::new(),
-            per: IndexMap::new(),
-            noise: NoiseKind::default(),
-            noise_per: "campaign".to_string(),
-            floor: IndexMap::new(),
-            step_control: StepControl::default(),
-            tolerance: 1e-6,
-            step_tolerance: 0.01,
-            gradient_tolerance: 0.01,
-            max_iterations: 50,
-            max_halvings: 20,
-            priors: true,
-            max_ar_order: 24,
-            ar_order: OrderCriterion::White,
-            profile: Vec::new(),
-            profile_level: 0.95,
-        }
-    }
-}
+pub use settings::{InitialFrom, NoiseKind, OrderCriterion, Settings, Shifts, StartFrom, StepControl};
 
 /// Why the iteration ended. Only `Converged` comes with standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -59,7 +59,10 @@ pub(super) struct Compiler<'a> {
     status: HashMap<String, Status>,
     path: Vec<String>,
     pub(super) dims: BTreeMap<String, Dim>,
+    /// As `rate()` reads them: zero where a state rests on its stop.
     pub(super) rates: Vec<Option<Node>>,
+    /// Of the states with stops, as they would be without: the integration itself holds them there.
+    unstopped: BTreeMap<usize, Node>,
     pub(super) state_at: Vec<At>,
     pub tables: IndexMap<String, TableInfo>,
     pub errors: Errors,
@@ -84,6 +87,7 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain:
         path: Vec::new(),
         dims: BTreeMap::new(),
         rates: Vec::new(),
+        unstopped: BTreeMap::new(),
         state_at: Vec::new(),
         tables: IndexMap::new(),
         errors: Errors::default(),
@@ -102,9 +106,10 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain:
     c.outputs();
     c.trim();
     c.unused_equations();
-    let Compiler { mut model, errors, rates, sources, .. } = c;
+    let Compiler { mut model, errors, rates, unstopped, sources, .. } = c;
     errors.or(())?;
-    model.rates = rates.into_iter().flatten().collect();
+    let rates = rates.into_iter().enumerate();
+    model.rates = rates.filter_map(|(i, rate)| unstopped.get(&i).copied().or(rate)).collect();
     model.fuse();
     model.layout = super::program::Layout {
         states: model.states.len(),
@@ -227,6 +232,7 @@ impl Compiler<'_> {
         let x = self.model.graph.leaf(Leaf::State(i));
         for (field, limit) in [("min", &entry.min), ("max", &entry.max)] {
             let Some(bound) = limit.as_ref().and_then(|v| self.limit(v, &key(field), state_dim, field)) else { continue };
+            self.unstopped.entry(i).or_insert(node);
             let g = &mut self.model.graph;
             let zero = g.c(0.0);
             // on the stop and beyond it the rate cannot lead further out

@@ -107,6 +107,39 @@ fn groups_that_share_nothing_are_separate_estimates() {
     }
 }
 
+/// Segments of another rate, another length, and with only one of the outputs.
+#[test]
+fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
+    let model = model();
+    let plan = Plan::new(&model, Directions::default()).unwrap();
+    let mut all = segments(&model, 13, 4, |_| [0.01; 2]);
+    let mut rng = rng(14);
+    for (s, dt, n, output) in [(1, 0.05, 90, 0), (2, 0.01, 450, 1)] {
+        let (flap, flight, gain, shift) = label(s);
+        let inputs = (0..n).map(|k| [0.0, 1.0, -1.0, 0.0][(k * 3 / n).min(3)]).collect();
+        let channel = Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![] };
+        let mut record = Record { dt, n, inputs, channels: vec![channel], substeps: 1, ..Record::default() };
+        let y = plan.respond(&[0.3, gain, shift, 0.0], &[], &record, false).y;
+        record.channels[0].z = y[0].iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
+        let labels = [("flap", flap), ("flight", flight)].map(|(a, b)| (a.to_string(), b.to_string())).into();
+        all[s] = Segment { record, labels };
+    }
+    for noise in [NoiseKind::Diagonal, NoiseKind::Full] {
+        for noise_per in ["campaign", "segment"] {
+            let settings = Settings { noise, noise_per: noise_per.into(), ..Settings::default() };
+            let e = estimate_segments(&model, &all, &settings).unwrap();
+            assert_eq!((e.stop, e.left_out.len()), (Stop::Converged, 0));
+            within(find(&e, "T", ""), 0.3);
+            within(find(&e, "K", "0"), 1.2);
+            within(find(&e, "K", "15"), 1.5);
+            within(find(&e, "y_0", "f1"), 0.1);
+            assert!(e.outputs.iter().all(|o| o.count == 0 || (o.r.sqrt() - 0.01).abs() < 0.002), "{:?}", e.outputs);
+            let x = e.scatter(1, "x").unwrap();
+            assert_eq!(x.count, if noise_per == "segment" { 90 } else { 690 });
+        }
+    }
+}
+
 #[test]
 fn noise_per_flight_weighs_the_calm_one_more() {
     let model = model();
