@@ -13,8 +13,17 @@ macro_rules! embedded {
 }
 
 /// The embedded fragments: one line each.
-pub const EMBEDDED: &[(&str, &str)] =
-    embedded!["air_data", "atmosphere", "downwash", "dryden", "kinematics", "rigid_body_6dof", "sensors", "tail_flow"];
+pub const EMBEDDED: &[(&str, &str)] = embedded![
+    "air_data",
+    "atmosphere",
+    "downwash",
+    "dryden",
+    "kinematics",
+    "kinematics_wind",
+    "rigid_body_6dof",
+    "sensors",
+    "tail_flow"
+];
 
 /// A parsed model file with the positions of its keys.
 #[derive(Debug)]

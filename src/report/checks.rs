@@ -5,7 +5,7 @@ use super::format::{count, number};
 use super::grid::Level;
 use super::lines::EXCESS;
 use super::maneuvers::{self, Match};
-use super::{estimates, flights, lines, logs, uncertainty};
+use super::{consistency, estimates, flights, lines, logs, uncertainty};
 use serde::Serialize;
 
 /// One number of the header.
@@ -37,6 +37,7 @@ pub struct Facts<'a> {
     pub repeats: Option<&'a Columns>,
     pub fits: Option<&'a Columns>,
     pub channels: Option<&'a Columns>,
+    pub consistency: Option<&'a Columns>,
     pub notes: Option<&'a Columns>,
     pub responses: Option<&'a Columns>,
     pub matches: &'a [Match],
@@ -65,6 +66,7 @@ pub fn tiles(facts: Facts) -> Vec<Tile> {
 pub fn checks(facts: Facts) -> Vec<Check> {
     let answers = [
         (logs::losses(facts.channels), "channels"),
+        (consistency::summary(facts.consistency), "consistency"),
         (flights::summary(facts.segments, facts.flights), "flights"),
         (by_hand(facts.segments), "flights"),
         (estimates::convergence(facts.estimates), "estimates"),

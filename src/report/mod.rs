@@ -5,6 +5,7 @@
 
 mod checks;
 mod columns;
+mod consistency;
 mod estimates;
 mod flights;
 mod format;
@@ -84,6 +85,7 @@ struct Page<'a> {
     overview: flights::Overview,
     segments: Grid,
     channels: Grid,
+    consistency: Grid,
     biases: Grid,
     notes: Grid,
     provenance: Grid,
@@ -102,7 +104,7 @@ struct Heading {
 }
 
 /// The tables a page is made from.
-pub const TABLES: [&str; 18] = [
+pub const TABLES: [&str; 19] = [
     "segments",
     "estimates",
     "correlations",
@@ -119,11 +121,12 @@ pub const TABLES: [&str; 18] = [
     "flightpath",
     "channels",
     "biases",
+    "consistency",
     "notes",
     "stages",
 ];
 
-const CONTENTS: [(&str, &str); 11] = [
+const CONTENTS: [(&str, &str); 12] = [
     ("checks", "Can these results be trusted?"),
     ("lines", "Coefficients versus angle of attack"),
     ("fits", "Fitted lines"),
@@ -132,6 +135,7 @@ const CONTENTS: [(&str, &str); 11] = [
     ("uncertainty", "What the uncertainties are made of"),
     ("flights", "Flights and maneuvers"),
     ("channels", "Channels"),
+    ("consistency", "Do the sensors agree?"),
     ("biases", "Sensor biases"),
     ("notes", "Notes"),
     ("provenance", "Provenance"),
@@ -169,6 +173,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         repeats: get("repeats"),
         fits: get("fits"),
         channels: get("channels"),
+        consistency: get("consistency"),
         notes: get("notes"),
         responses: get("responses"),
         matches: &matches,
@@ -189,6 +194,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         overview,
         segments: flights::segments(get("segments")),
         channels: logs::channels(get("channels")),
+        consistency: consistency::table(get("consistency")),
         biases: logs::biases(get("biases")),
         notes: logs::notes(get("notes")),
         provenance: provenance(&input.provenance),

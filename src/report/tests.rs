@@ -230,6 +230,42 @@ fn biases() -> Table {
         .expect("biases")
 }
 
+fn consistency() -> Table {
+    let rows = [
+        ("alpha_vane", "sign", 0.998, "good", "as the others say"),
+        ("alpha_vane", "time skew", 0.06, "late", "measured behind reconstructed"),
+        ("b_q", "sensor error", 3.4e-3, "significant", "bias of the pitch rate"),
+        ("q_imu", "sign", -0.99, "sign reversed", "against what all others say"),
+        ("theta", "whiteness", 0.3, "coloured", "neighbouring innovations"),
+    ];
+    Table::build("consistency")
+        .strings("flight", ["flight-1"; 5])
+        .strings("channel", rows.map(|r| r.0))
+        .strings("check", rows.map(|r| r.1))
+        .f64("value", rows.map(|r| r.2))
+        .f64("low", [-0.8; 5])
+        .f64("high", [1.0; 5])
+        .strings("unit", ["-"; 5])
+        .strings("verdict", rows.map(|r| r.3))
+        .strings("text", rows.map(|r| r.4))
+        .finish()
+        .expect("consistency")
+}
+
+#[test]
+fn channels_that_do_not_fit_are_named() {
+    let tables: BTreeMap<String, Columns> = [("consistency".to_string(), Columns::of(&consistency()))].into();
+    let table = tables.get("consistency");
+    let (level, text) = super::consistency::summary(table).expect("a sentence");
+    assert_eq!(level, grid::Level::Bad);
+    assert!(text.contains("q_imu (sign reversed)") && text.contains("alpha_vane (late)") && !text.contains("theta"), "{text}");
+    let grid = super::consistency::table(table);
+    assert_eq!(grid.rows.len(), 3, "sensor errors have a table of their own");
+    let of = |channel: &str| grid.rows.iter().find(|r| r.cells[1].text == channel).expect("a row");
+    assert_eq!(of("q_imu").level, Some(grid::Level::Bad));
+    assert_eq!(of("theta").level, Some(grid::Level::Info));
+}
+
 fn notes() -> Table {
     Table::build("notes")
         .strings("flight", ["flight-2", "flight-3"])
@@ -316,6 +352,7 @@ fn campaign() -> Tables {
         samples,
         channels(),
         biases(),
+        consistency(),
         notes(),
     ]);
     let tables = tables.chain(uncertainties());

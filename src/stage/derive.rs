@@ -121,7 +121,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
 /// Adds the reconstructed columns; one with the name of a signal takes its place, as the better knowledge of the same thing.
 fn add_flight_path(path: &Table, grid: &Grid, max_gap: f64, columns: &mut IndexMap<String, Column>) -> Result<()> {
     let t = path.f64("t_s")?;
-    for column in path.columns().iter().filter(|c| !["flight", "t_s"].contains(&c.name.as_str())) {
+    let is_signal = |name: &str| !["flight", "t_s"].contains(&name) && !name.ends_with("_sd");
+    for column in path.columns().iter().filter(|c| is_signal(&c.name)) {
         let values = linear(t, path.f64(&column.name)?, grid, max_gap * spacing(t));
         columns.insert(column.name.clone(), Column { unit: column.unit.clone(), doc: column.doc.clone(), values });
     }

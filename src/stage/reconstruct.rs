@@ -17,7 +17,7 @@ pub const STAGE: Stage = Stage {
     about: "reconstruct the flight path",
     per: Per::Flight,
     wanted: |campaign| campaign.reconstruct.is_some(),
-    writes: &["flightpath", "biases"],
+    writes: &["flightpath", "biases", "consistency"],
     reads: |_, unit| Read::flight(&["signals"], &unit.name),
     reads_log: false,
     slice,
@@ -111,17 +111,25 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         text: text.clone(),
     });
     let notes = notes.collect();
-    let tables = vec![("flightpath", flightpath(&unit.name, &config.model, &path)?), ("biases", biases(&unit.name, &path)?)];
+    let tables = vec![
+        ("flightpath", flightpath(&unit.name, &config.model, &path)?),
+        ("biases", biases(&unit.name, &path)?),
+        ("consistency", consistency(&unit.name, &path)?),
+    ];
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
 /// The columns of the flight path that the kinematic model has as outputs, where there is a path.
 fn flightpath(flight: &str, model: &Model, path: &FlightPath) -> crate::error::Result<Table> {
-    let kept: Vec<usize> = (0..path.t.len()).filter(|&k| path.outputs.iter().all(|column| column[k].is_finite())).collect();
+    let kept: Vec<usize> = (0..path.t.len()).filter(|&k| path.outputs.iter().any(|column| column[k].is_finite())).collect();
     let pick = |values: &[f64]| -> Vec<f64> { kept.iter().map(|&k| values[k]).collect() };
     let mut table = Table::build("flightpath").repeat("flight", flight).f64("t_s", pick(&path.t));
     for column in crate::table::schema("flightpath")?.columns.iter().filter(|c| !["flight", "t_s"].contains(&c.name.as_str())) {
-        let values = model.output(&column.name).and_then(|k| path.outputs.get(k));
+        let (name, from) = match column.name.strip_suffix("_sd") {
+            Some(name) => (name, &path.sd),
+            None => (column.name.as_str(), &path.outputs),
+        };
+        let values = model.output(name).and_then(|k| from.get(k));
         table = table.f64(&column.name, values.map_or_else(|| vec![f64::NAN; kept.len()], |v| pick(v)));
     }
     table.finish()
@@ -138,5 +146,21 @@ fn biases(flight: &str, path: &FlightPath) -> crate::error::Result<Table> {
         .strings("unit", rows.iter().map(|b| &b.unit))
         .f64("value", rows.iter().map(|b| b.value).collect::<Vec<_>>())
         .f64("sd", rows.iter().map(|b| b.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .finish()
+}
+
+fn consistency(flight: &str, path: &FlightPath) -> crate::error::Result<Table> {
+    let rows = &path.checks;
+    let numbers = |f: fn(&reconstruct::consistency::Row) -> f64| rows.iter().map(f).collect::<Vec<_>>();
+    Table::build("consistency")
+        .repeat("flight", flight)
+        .strings("channel", rows.iter().map(|r| &r.channel))
+        .strings("check", rows.iter().map(|r| r.check))
+        .f64("value", numbers(|r| r.value))
+        .f64("low", numbers(|r| r.low))
+        .f64("high", numbers(|r| r.high))
+        .strings("unit", rows.iter().map(|r| &r.unit))
+        .strings("verdict", rows.iter().map(|r| r.verdict))
+        .strings("text", rows.iter().map(|r| &r.text))
         .finish()
 }

@@ -15,6 +15,7 @@ const FILES: &[(&str, &str)] = &[
     ("notes", include_str!("../../schemas/tables/notes.json")),
     ("flightpath", include_str!("../../schemas/tables/flightpath.json")),
     ("biases", include_str!("../../schemas/tables/biases.json")),
+    ("consistency", include_str!("../../schemas/tables/consistency.json")),
     ("samples", include_str!("../../schemas/tables/samples.json")),
     ("segments", include_str!("../../schemas/tables/segments.json")),
     ("conditions", include_str!("../../schemas/tables/conditions.json")),

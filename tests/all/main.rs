@@ -11,6 +11,7 @@ mod hfb320;
 mod language;
 mod models;
 mod pages;
+mod path;
 mod recovery;
 mod reruns;
 mod structure;

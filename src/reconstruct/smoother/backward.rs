@@ -12,12 +12,29 @@
 use super::filter::{Filter, Scalar, Tape};
 use super::matrix::{adjoint_step, adjoint_update, dot, multiply, smoothed};
 
-/// Per channel, input and walk: `sum u^2` and `sum d`.
+/// Per channel and walk: `sum u^2` and `sum d`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sums {
     pub channels: Vec<[f64; 2]>,
-    pub inputs: Vec<[f64; 2]>,
     pub walks: Vec<[f64; 2]>,
+}
+
+impl Sums {
+    /// As many zeros.
+    pub fn zero(&self) -> Sums {
+        let none = |list: &[[f64; 2]]| vec![[0.0; 2]; list.len()];
+        Sums { channels: none(&self.channels), walks: none(&self.walks) }
+    }
+
+    pub fn add(&mut self, other: &Sums) {
+        let lists = [(&mut self.channels, &other.channels), (&mut self.walks, &other.walks)];
+        for (to, from) in lists {
+            for (to, from) in to.iter_mut().zip(from) {
+                to[0] += from[0];
+                to[1] += from[1];
+            }
+        }
+    }
 }
 
 /// The backward pass of one run.
@@ -26,6 +43,7 @@ pub struct Backward {
     m: usize,
     nx: usize,
     lanes: usize,
+    inputs: usize,
     a: Vec<f64>,
     aa: Vec<f64>,
     b: Vec<f64>,
@@ -56,12 +74,13 @@ impl Backward {
             m,
             nx,
             lanes,
+            inputs,
             a: vec![0.0; m],
             aa: vec![0.0; n * m],
             b: vec![0.0; m],
             w: vec![0.0; n * m],
             w2: vec![0.0; n * m],
-            sums: Sums { channels: vec![[0.0; 2]; channels], inputs: vec![[0.0; 2]; inputs], walks: vec![[0.0; 2]; n] },
+            sums: Sums { channels: vec![[0.0; 2]; channels], walks: vec![[0.0; 2]; n] },
             x: vec![0.0; n],
             p: vec![0.0; n * m],
         }
@@ -70,7 +89,7 @@ impl Backward {
     /// Back through a whole tape.
     pub fn over(&mut self, tape: &Tape, visit: &mut impl Visit) {
         let (n, m) = (self.n, self.m);
-        let nu = self.sums.inputs.len();
+        let nu = self.inputs;
         let mut noise = vec![0.0; nu];
         for k in (0..tape.t.len()).rev() {
             noise.fill(0.0);
@@ -127,21 +146,9 @@ impl Backward {
     /// Back through a step `s = [Phi | Gamma]`.
     fn step(&mut self, s: &[f64], h: f64, q: &[f64], noise: &mut [f64]) {
         let (n, m, nx, lanes) = (self.n, self.m, self.nx, self.lanes);
-        for (l, sum) in self.sums.inputs.iter_mut().enumerate() {
-            let (mut ga, mut gag) = (0.0, 0.0);
-            for i in 0..nx {
-                let g = s[i * lanes + m + l];
-                if g == 0.0 {
-                    continue;
-                }
-                ga += g * self.a[i];
-                for j in 0..nx {
-                    gag += g * self.aa[i * m + j] * s[j * lanes + m + l];
-                }
-            }
-            sum[0] += ga * ga / h;
-            sum[1] += gag / h;
-            noise[l] = -q[l] * ga;
+        for (l, noise) in noise.iter_mut().enumerate() {
+            let ga: f64 = (0..nx).map(|i| s[i * lanes + m + l] * self.a[i]).sum();
+            *noise = -q[l] * ga;
         }
         for i in 0..n {
             self.sums.walks[i][0] += self.a[i] * self.a[i] * h;

@@ -142,6 +142,12 @@ impl<'m> Kinematics<'m> {
         self.states() + self.free.len()
     }
 
+    /// Where a state or a free parameter stands in what is smoothed.
+    pub fn place(&self, name: &str) -> Option<usize> {
+        let parameter = || self.free.iter().position(|&i| self.model.parameters[i].quantity.name == name);
+        self.model.state(name).or_else(|| parameter().map(|k| self.states() + k))
+    }
+
     /// The chosen outputs and their derivatives with respect to what is smoothed.
     pub fn measured(&self, outputs: &[usize]) -> Derivatives {
         let mut columns: Vec<Leaf> = (0..self.states()).map(Leaf::State).collect();

@@ -20,6 +20,8 @@ pub struct Levels {
 
 /// Least share of the first guess that a measurement's standard deviation may fall to.
 const LEAST: f64 = 0.3;
+/// Walks need not be known as well as measurement noise: by this factor.
+const WALKS: f64 = 5.0;
 /// Most that one iteration changes a variance, as a factor.
 const STRIDE: f64 = 30.0;
 
@@ -50,19 +52,22 @@ impl Levels {
     /// Gives the largest relative change of a standard deviation.
     pub fn improve(&mut self, first: &Levels, sums: &Sums, walks: &[usize]) -> f64 {
         let mut change = 0.0f64;
-        let mut scale = |value: &mut f64, [actual, expected]: [f64; 2], least: f64| {
+        let mut scale = |value: &mut f64, [actual, expected]: [f64; 2], least: f64, power: i32| {
             if value.is_finite() && *value > 0.0 && expected > 0.0 && actual.is_finite() {
-                let next = (*value * (actual / expected).clamp(1.0 / STRIDE, STRIDE)).max(least);
-                change = change.max(((next / *value).sqrt() - 1.0).abs());
+                let ratio = (actual / expected).clamp(1.0 / STRIDE, STRIDE);
+                let next = (*value * if power == 2 { ratio * ratio } else { ratio }).max(least);
+                let tolerance = if power == 2 { WALKS } else { 1.0 };
+                change = change.max(((next / *value).sqrt() - 1.0).abs() / tolerance);
                 *value = next;
             }
         };
         for (j, r) in self.r.iter_mut().enumerate() {
-            scale(r, sums.channels[j], LEAST * LEAST * first.r[j]);
+            scale(r, sums.channels[j], LEAST * LEAST * first.r[j], 1);
         }
         for &i in walks {
-            // a walk below a thousandth of its first guess is no walk: it stops there
-            scale(&mut self.walk[i], sums.walks[i], 1e-6 * first.walk[i]);
+            // most of a walk's noise is not seen by the measurements, so its ratio moves it too little: squared, it goes about twice as
+            // far. Below a hundredth of the first guess it is no walk: it stops there.
+            scale(&mut self.walk[i], sums.walks[i], 1e-4 * first.walk[i], 2);
         }
         change
     }

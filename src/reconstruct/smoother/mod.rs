@@ -55,7 +55,9 @@ pub mod levels;
 mod local;
 mod matrix;
 #[cfg(test)]
-mod tests;
+pub mod tests;
+
+pub use local::unwrap;
 
 use crate::model::StartKind;
 use crate::signal::resample::Grid;
@@ -67,7 +69,7 @@ use kinematics::{Derivatives, Kinematics};
 use levels::Levels;
 
 /// Seconds that are smoothed to find a start, and how often.
-const START_S: f64 = 6.0;
+const START_S: f64 = 3.0;
 const STARTS: usize = 4;
 
 /// One flight ready to be smoothed.
@@ -93,7 +95,8 @@ pub struct Smoothed {
 }
 
 /// Nothing is done at the nodes.
-struct Nothing;
+#[derive(Debug)]
+pub struct Nothing;
 
 impl Visit for Nothing {
     fn node(&mut self, _: &Tape, _: usize, _: &[f64], _: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {}
@@ -102,6 +105,11 @@ impl Visit for Nothing {
 impl<'a> Smoother<'a> {
     pub fn new(kinematics: &'a Kinematics<'a>, flight: &'a Flight, gate: f64) -> Smoother<'a> {
         Smoother { programs: programs(kinematics, flight), kinematics, flight, gate, stretch: 0 }
+    }
+
+    /// The same with another gate.
+    pub fn with_gate(&self, gate: f64) -> Smoother<'a> {
+        Smoother { gate, programs: self.programs.clone(), ..*self }
     }
 
     /// Mean to begin from at time `t`: measured starts from the first finite sample after it, 0 where there is none.
@@ -129,7 +137,7 @@ impl<'a> Smoother<'a> {
             x[nx..].copy_from_slice(&known[nx..]);
         }
         // nothing is rejected before the filter knows where it is
-        let open = Smoother { gate: f64::INFINITY, programs: self.programs.clone(), ..*self };
+        let open = self.with_gate(f64::INFINITY);
         for _ in 0..STARTS {
             let smoothed = open.run(levels, [from, to.min(from + START_S)], &x, &mut (), &mut Nothing);
             if !smoothed.finite {

@@ -1,0 +1,458 @@
+//! A flight and its smoother in; each channel against what all others say of it, as rows with verdicts, out.
+//!
+//! Every channel in turn is left out (a measurement is not used; an input is driven with noise as large as the signal), the flight is
+//! smoothed without it on the parts where it moves most, and what the others say of it is compared with what was measured:
+//!
+//! ```text
+//! z(t) = c0 + c1 t + k (y(t) - tau y'(t)) + e(t)          least squares per part, common k and tau
+//! ```
+//!
+//! The trend takes up what the others cannot know (an attitude's start, a drift by a gyro's bias). `k` is the scale and its sign, `tau`
+//! the delay, the correlation is of what the trend leaves. So pressure altitude stands against integrated vertical motion, the vane against
+//! the inertial angle of attack, attitude against integrated rates, one recorder's clock against the others'. Standard deviations allow
+//! for coloured errors `e` by the factor (1 + rho)/(1 - rho) of their first autocorrelation.
+
+use super::health::Health;
+use super::smoother::backward::Visit;
+use super::smoother::filter::Tape;
+use super::smoother::grid::Outputs;
+use super::smoother::levels::Levels;
+use super::smoother::{Innovation, Smoother};
+use crate::math::dense;
+use crate::signal::resample::Grid;
+use rayon::prelude::*;
+
+/// Length and number of the parts a channel is compared on, s.
+const PART: f64 = 20.0;
+const PARTS: usize = 2;
+/// Means over this time of an input and what the others say of it, s.
+const BIN: f64 = 0.2;
+/// Rate at which what the others say is read, Hz.
+const RATE: f64 = 50.0;
+/// What the others say must vary by more than this many of its standard deviations to be worth a comparison.
+const SIGNAL: f64 = 4.0;
+
+/// One line of the consistency table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    pub channel: String,
+    /// What was looked at.
+    pub check: &'static str,
+    pub value: f64,
+    /// Between these it is as it should be; NaN where there is no such limit.
+    pub low: f64,
+    pub high: f64,
+    pub unit: String,
+    /// One word or two; "good" where nothing is wrong.
+    pub verdict: &'static str,
+    pub text: String,
+}
+
+/// A channel: an input or a measured output, by its place in the smoother's flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Which {
+    Input(usize),
+    Output(usize),
+}
+
+/// What the others say of one channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    pub which: Which,
+    /// Of what the trend leaves.
+    pub correlation: f64,
+    pub scale: [f64; 2],
+    /// Delay and its standard deviation, s; NaN for inputs.
+    pub delay: [f64; 2],
+    /// Root mean square of what is left, in the channel's unit, and samples.
+    pub left: f64,
+    pub samples: usize,
+}
+
+/// Times, measured values, what the others say, and its slope; one per part.
+type Pair = [Vec<f64>; 4];
+
+/// Compares every channel with the others; those in `out` are not used at all.
+pub fn compare(smoother: &Smoother, levels: &Levels, stretches: &[[f64; 2]], out: &[Which]) -> Vec<Comparison> {
+    let flight = smoother.flight;
+    let mut levels = levels.clone();
+    out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
+    let channels = (0..flight.inputs.len()).map(Which::Input).chain((0..flight.channels.len()).map(Which::Output));
+    let channels: Vec<(Which, Vec<[f64; 2]>)> =
+        channels.filter(|which| !out.contains(which)).map(|which| (which, parts(smoother, which, stretches))).collect();
+    // many channels move in the same parts: one start serves all
+    let mut distinct: Vec<[f64; 2]> = channels.iter().flat_map(|(_, parts)| parts.iter().copied()).collect();
+    distinct.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    distinct.dedup();
+    let open = smoother.with_gate(f64::INFINITY);
+    let starts: Vec<Vec<f64>> = distinct.par_iter().map(|&part| open.begin(&levels, part, None)).collect();
+    channels
+        .par_iter()
+        .filter_map(|(which, parts)| {
+            let mut without = levels.clone();
+            leave_out(smoother, &mut without, *which);
+            let one = |part: &[f64; 2]| {
+                let start = distinct.iter().position(|d| d == part)?;
+                pair(&open, &without, *which, *part, &starts[start])
+            };
+            regress(*which, &parts.iter().filter_map(one).collect::<Vec<_>>())
+        })
+        .collect()
+}
+
+/// How well the measurements fit together over the parts where `which` moves, without the channels `out`: mean normalised innovation squared.
+pub fn misfit(smoother: &Smoother, levels: &Levels, stretches: &[[f64; 2]], which: Which, out: &[Which]) -> f64 {
+    let mut levels = levels.clone();
+    out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
+    let mut watch = super::smoother::Innovations::new(smoother.flight.channels.len());
+    let open = smoother.with_gate(f64::INFINITY);
+    for part in parts(smoother, which, stretches) {
+        let x = open.begin(&levels, part, None);
+        open.run(&levels, part, &x, &mut watch, &mut super::smoother::Nothing);
+    }
+    let sum = |f: fn(&Innovation) -> f64| watch.channels.iter().map(f).sum::<f64>();
+    sum(|c| c.square) / sum(|c| c.count as f64).max(1.0)
+}
+
+fn leave_out(smoother: &Smoother, levels: &mut Levels, which: Which) {
+    match which {
+        Which::Output(k) => levels.r[k] = f64::INFINITY,
+        Which::Input(k) => {
+            let spread = smoother.flight.inputs[k].spread;
+            levels.density[k] = 10.0 * spread * spread;
+        }
+    }
+}
+
+/// The parts of the flight where a channel moves most, in the order of time.
+fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let flight = smoother.flight;
+    let (t, y): (&[f64], &[f64]) = match which {
+        Which::Input(k) => (&flight.clocks[flight.inputs[k].clock].t, &flight.inputs[k].value),
+        Which::Output(k) => {
+            let Some(packet) = flight.packets.iter().find(|p| p.channels.contains(&k)) else { return Vec::new() };
+            (&packet.t, &flight.channels[k].z)
+        }
+    };
+    let mut found: Vec<(f64, [f64; 2])> = Vec::new();
+    for &[from, to] in stretches {
+        let count = ((to - from) / PART).floor().max(1.0) as usize;
+        let each = (to - from) / count as f64;
+        for i in 0..count {
+            let part = [from + each * i as f64, from + each * (i + 1) as f64];
+            let (a, b) = (t.partition_point(|&x| x < part[0]), t.partition_point(|&x| x <= part[1]));
+            let z: Vec<f64> = y[a..b].iter().copied().filter(|z| z.is_finite()).collect();
+            if z.len() > 20 {
+                let steps: Vec<f64> = z.windows(11).map(|w| w[10] - w[0]).collect();
+                let square = steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64;
+                found.push((square, part));
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.truncate(PARTS);
+    found.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    found.into_iter().map(|(_, part)| part).collect()
+}
+
+/// Collects an input and its smoothed error, in means over `BIN`.
+struct Bins {
+    input: usize,
+    from: f64,
+    /// Per bin: time, weights, input, smoothed input.
+    sums: Vec<[f64; 4]>,
+    u: Vec<f64>,
+}
+
+impl Visit for (&mut Bins, &Smoother<'_>) {
+    fn node(&mut self, tape: &Tape, k: usize, _: &[f64], noise: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {
+        let (bins, smoother) = (&mut *self.0, self.1);
+        let (t, h) = (tape.t[k], tape.h[k]);
+        let mut slope = bins.u.clone();
+        smoother.flight.inputs_at(t + 0.5 * h, &smoother.flight.locate(t), &mut bins.u, &mut slope);
+        let at = ((t - bins.from) / BIN).floor().max(0.0) as usize;
+        if let Some(sum) = bins.sums.get_mut(at) {
+            let u = bins.u[bins.input];
+            sum[0] += t * h;
+            sum[1] += h;
+            sum[2] += u * h;
+            sum[3] += (u + noise[bins.input]) * h;
+        }
+    }
+}
+
+/// What was measured and what the others say, over one part; none where the others do not know.
+fn pair(smoother: &Smoother, levels: &Levels, which: Which, part: [f64; 2], x: &[f64]) -> Option<Pair> {
+    let flight = smoother.flight;
+    match which {
+        Which::Input(input) => {
+            let count = ((part[1] - part[0]) / BIN) as usize;
+            let mut bins = Bins { input, from: part[0], sums: vec![[0.0; 4]; count], u: vec![0.0; flight.inputs.len()] };
+            let smoothed = smoother.run(levels, part, x, &mut (), &mut (&mut bins, smoother));
+            // the first second still looks for the state
+            let good: Vec<&[f64; 4]> = bins.sums.iter().skip(5).filter(|s| s[1] > 0.5 * BIN).collect();
+            let mean = |k: usize| good.iter().map(|s| s[k] / s[1]).collect::<Vec<f64>>();
+            (smoothed.finite && good.len() > 20).then(|| [mean(0), mean(2), mean(3), Vec::new()])
+        }
+        Which::Output(number) => {
+            let dt = 1.0 / RATE;
+            let grid = Grid::covering((part[0] / dt).ceil() * dt, part[1], dt);
+            let outputs = smoother.kinematics.model.outputs.len();
+            let mut out = Outputs::empty(outputs, smoother.kinematics.size(), grid.n);
+            let smoothed = smoother.path(levels, part, x, (grid, 10), &mut (), &mut out);
+            if !smoothed.finite {
+                return None;
+            }
+            let k = flight.channels[number].output;
+            let y = super::smoother::unwrap(&out.value[k]);
+            let packet = flight.packets.iter().find(|p| p.channels.contains(&number))?;
+            let z = super::smoother::unwrap(&flight.channels[number].z);
+            let mut all: Pair = Default::default();
+            for (&t, &z) in packet.t.iter().zip(&z) {
+                let at = (t - grid.t0) / dt;
+                if !(z.is_finite() && at >= 2.0 && at < grid.n as f64 - 3.0) {
+                    continue;
+                }
+                let i = at as usize;
+                let w = at - i as f64;
+                let slope = |i: usize| (y[i + 2] - y[i - 2]) / (4.0 * dt);
+                let values = [t, z, y[i] + w * (y[i + 1] - y[i]), slope(i) + w * (slope(i + 1) - slope(i))];
+                all.iter_mut().zip(values).for_each(|(list, value)| list.push(value));
+            }
+            (all[0].len() > 20).then_some(all)
+        }
+    }
+}
+
+/// Least squares over the parts; none where there is nothing to compare.
+fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
+    let shared = if matches!(which, Which::Output(_)) { 2 } else { 1 };
+    let size = shared + 2 * pairs.len();
+    let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
+    for (number, [t, z, y, slope]) in pairs.iter().enumerate() {
+        let (t0, span) = (t[0], t[t.len() - 1] - t[0]);
+        let (y0, z0) = (y.iter().sum::<f64>() / y.len() as f64, z.iter().sum::<f64>() / z.len() as f64);
+        for k in 0..t.len() {
+            let mut row = vec![0.0; size];
+            row[0] = y[k] - y0;
+            if shared == 2 {
+                row[1] = -slope[k];
+            }
+            row[shared + 2 * number] = 1.0;
+            row[shared + 2 * number + 1] = (t[k] - t0) / span;
+            rows.push((row, z[k] - z0));
+        }
+    }
+    let fit = |columns: &[usize]| -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+        let n = columns.len();
+        let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+        for (row, z) in &rows {
+            for (i, &a) in columns.iter().enumerate() {
+                right[i] += row[a] * z;
+                for (j, &b) in columns.iter().enumerate() {
+                    gram[i * n + j] += row[a] * row[b];
+                }
+            }
+        }
+        let factor = dense::cholesky(&gram, n).ok()?;
+        dense::cholesky_solve(&factor, n, &mut right);
+        let residuals = rows.iter().map(|(row, z)| z - columns.iter().zip(&right).map(|(&c, x)| row[c] * x).sum::<f64>()).collect();
+        Some((right, dense::cholesky_inverse(&factor, n), residuals))
+    };
+    let trend: Vec<usize> = (shared..size).collect();
+    let (_, _, without) = fit(&trend)?;
+    let (x, inverse, left) = fit(&(0..size).collect::<Vec<_>>())?;
+    let square = |list: &[f64]| list.iter().map(|e| e * e).sum::<f64>();
+    let n = left.len();
+    let r = square(&left) / (n.checked_sub(size)?.max(1)) as f64;
+    let rho = (left.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / square(&left).max(1e-300)).clamp(0.0, 0.99);
+    let colour = (1.0 + rho) / (1.0 - rho);
+    let sd = |i: usize| (inverse[i * size + i] * r * colour).sqrt();
+    let (only, ..) = fit(&[&[0], &trend[..]].concat())?;
+    let share = 1.0 - square(&left) / square(&without).max(1e-300);
+    let scale = [x[0], sd(0)];
+    let worth = x[0].abs() > SIGNAL * sd(0) || share > 0.5;
+    worth.then(|| Comparison {
+        which,
+        correlation: only[0].signum() * share.max(0.0).sqrt(),
+        scale,
+        delay: if shared == 2 { [x[1] / x[0], sd(1) / x[0].abs()] } else { [f64::NAN; 2] },
+        left: (square(&left) / n as f64).sqrt(),
+        samples: n,
+    })
+}
+
+/// Below this correlation with what the others say, a channel's sign is reversed.
+const REVERSED: f64 = -0.8;
+/// A delay is told from this size on, s, where it is known; a scale from this deviation on.
+const DELAY: f64 = 0.01;
+const SCALE: f64 = 0.05;
+
+impl Comparison {
+    pub fn reversed(&self) -> bool {
+        self.correlation < REVERSED && self.scale[0] < 0.0
+    }
+
+    /// Its lines of the table.
+    pub fn rows(&self, channel: &str) -> Vec<Row> {
+        let row = |check, value, [low, high]: [f64; 2], unit: &str, verdict, text: String| Row {
+            channel: channel.to_string(),
+            check,
+            value,
+            low,
+            high,
+            unit: unit.to_string(),
+            verdict,
+            text,
+        };
+        let verdict = if self.reversed() { "sign reversed" } else { "good" };
+        let text = format!(
+            "measured against what the other sensors say of it, trend removed: correlation {:.3}, {:.2e} left",
+            self.correlation, self.left
+        );
+        let mut rows = vec![row("sign", self.correlation, [REVERSED, 1.0], "-", verdict, text)];
+        if self.reversed() {
+            return rows;
+        }
+        let [k, sd] = self.scale;
+        if sd < SCALE / 3.0 && matches!(self.which, Which::Output(_)) {
+            let limit = SCALE.max(3.0 * sd);
+            let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
+            let text = format!("measured change per reconstructed change {k:.4} +- {sd:.4}");
+            rows.push(row("scale", k, [1.0 - limit, 1.0 + limit], "-", verdict, text));
+        }
+        let [tau, sd] = self.delay;
+        if sd < DELAY {
+            let limit = DELAY.max(3.0 * sd);
+            let verdict = if tau.abs() <= limit {
+                "good"
+            } else if tau > 0.0 {
+                "late"
+            } else {
+                "early"
+            };
+            let text = format!("measured behind reconstructed by {tau:.4} +- {sd:.4} s");
+            rows.push(row("time skew", tau, [-limit, limit], "s", verdict, text));
+        }
+        rows
+    }
+}
+
+/// Lines about the signal by itself.
+pub fn health_rows(channel: &str, health: &Health) -> Vec<Row> {
+    let row = |check, value, high, unit: &str, verdict, text| Row {
+        channel: channel.to_string(),
+        check,
+        value,
+        low: 0.0,
+        high,
+        unit: unit.to_string(),
+        verdict,
+        text,
+    };
+    let verdict = if health.dead {
+        "dead"
+    } else if health.frozen_s > 0.0 {
+        "frozen"
+    } else {
+        "good"
+    };
+    let text = if health.dead {
+        "the value never changes".to_string()
+    } else {
+        format!("stands still in {} stretches of together {:.1} s", health.frozen.len(), health.frozen_s)
+    };
+    let stops = if health.saturated > 0 { "saturated" } else { "good" };
+    let gaps = if health.gaps > 0 || health.masked > 0 { "gaps" } else { "good" };
+    vec![
+        row("standing still", health.frozen_s, 0.0, "s", verdict, text),
+        row(
+            "stops",
+            health.saturated as f64,
+            0.0,
+            "-",
+            stops,
+            format!("{} samples at the largest or least value", health.saturated),
+        ),
+        row(
+            "gaps",
+            health.longest_gap,
+            5.0 * health.spacing,
+            "s",
+            gaps,
+            format!("{} gaps, the longest {:.2} s; {} samples are not numbers", health.gaps, health.longest_gap, health.masked),
+        ),
+    ]
+}
+
+/// Lines about a channel's innovations; `sd` of its noise as found, `fast` as its fast part alone.
+pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, sd: f64, fast: f64) -> Vec<Row> {
+    let row = |check, value, low, high, unit: &str, verdict, text| Row {
+        channel: channel.to_string(),
+        check,
+        value,
+        low,
+        high,
+        unit: unit.to_string(),
+        verdict,
+        text,
+    };
+    let n = innovation.count as f64;
+    if innovation.count < 50 {
+        return vec![row(
+            "innovation size",
+            f64::NAN,
+            f64::NAN,
+            f64::NAN,
+            "-",
+            "not used",
+            "too few samples were used".to_string(),
+        )];
+    }
+    let size = innovation.square / n;
+    let rho: Vec<f64> = innovation.lagged.iter().map(|c| c / innovation.square).collect();
+    // variance of the mean of squares of a Gaussian sequence with these autocorrelations
+    let wide = (2.0 / n * (1.0 + 2.0 * rho.iter().map(|r| r * r).sum::<f64>())).sqrt();
+    let limit = (3.0 * wide).max(0.1);
+    let verdict = if size > 1.0 + limit {
+        "too large"
+    } else if size < 1.0 - limit {
+        "too small"
+    } else {
+        "good"
+    };
+    let share = innovation.rejected as f64 / (n + innovation.rejected as f64);
+    let band = (1.96 / n.sqrt()).max(0.2);
+    let coloured = if rho[0].abs() > band { "coloured" } else { "good" };
+    let noisy = if sd > 2.0 * fast { "slow errors" } else { "good" };
+    vec![
+        row(
+            "innovation size",
+            size,
+            1.0 - limit,
+            1.0 + limit,
+            "-",
+            verdict,
+            format!("mean square of innovations over their predicted variance, {} samples", innovation.count),
+        ),
+        row("whiteness", rho[0], -band, band, "-", coloured, "correlation of neighbouring innovations".to_string()),
+        row(
+            "rejected",
+            share,
+            0.0,
+            0.01,
+            "-",
+            if share > 0.01 { "outliers" } else { "good" },
+            format!("{} of {} samples rejected", innovation.rejected, innovation.count + innovation.rejected),
+        ),
+        row(
+            "noise",
+            sd,
+            0.0,
+            2.0 * fast,
+            unit,
+            noisy,
+            format!("standard deviation as the path needs it; its fast part {fast:.2e}"),
+        ),
+    ]
+}

@@ -1,0 +1,131 @@
+//! One logged signal by itself in; whether it is dead, frozen, saturated or has gaps out. No model is asked.
+
+use super::smoother::flight::spacing;
+
+/// A run of equal samples shorter than this is never called frozen, s.
+const FROZEN_S: f64 = 1.0;
+/// A run is frozen where so many equal samples in a row are less likely than this, given how often neighbours are equal elsewhere.
+const UNLIKELY: f64 = 1e-9;
+/// Equal samples in a row at the signal's largest or least value that make a stop.
+const STOP: usize = 8;
+/// A sample missing for more than this many usual spacings is a gap.
+const GAP: f64 = 5.0;
+
+/// What a signal shows of its sensor.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Health {
+    pub samples: usize,
+    /// Samples that are not numbers.
+    pub masked: usize,
+    /// Usual spacing, s.
+    pub spacing: f64,
+    /// Longest time without a sample, s, and how many gaps there are.
+    pub longest_gap: f64,
+    pub gaps: usize,
+    /// The value never changes.
+    pub dead: bool,
+    /// Runs `begin..end` (indices of the series) in which the signal stands still although it moves elsewhere.
+    pub frozen: Vec<std::ops::Range<usize>>,
+    /// Their length together, s.
+    pub frozen_s: f64,
+    /// Samples in runs at the largest or least value of the signal, where these are stops.
+    pub saturated: usize,
+}
+
+/// Looks at a signal with ascending times; NaN marks masked samples.
+pub fn health(t: &[f64], y: &[f64]) -> Health {
+    let good: Vec<usize> = (0..t.len()).filter(|&k| y[k].is_finite()).collect();
+    let times: Vec<f64> = good.iter().map(|&k| t[k]).collect();
+    let mut health = Health { samples: good.len(), masked: t.len() - good.len(), spacing: spacing(&times), ..Default::default() };
+    if good.len() < 2 {
+        health.dead = true;
+        return health;
+    }
+    for pair in times.windows(2) {
+        let step = pair[1] - pair[0];
+        if step > GAP * health.spacing {
+            health.gaps += 1;
+            health.longest_gap = health.longest_gap.max(step);
+        }
+    }
+    let runs = runs(&good, y);
+    let (low, high) = good.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &k| (a.min(y[k]), b.max(y[k])));
+    health.dead = low == high;
+    if health.dead {
+        return health;
+    }
+    let long = |run: &std::ops::Range<usize>| times[run.end - 1] - times[run.start] >= FROZEN_S;
+    let count: usize = runs.iter().map(|r| r.len()).sum();
+    // how likely so many equal samples in a row are, by how often neighbours are equal outside this run
+    let chance = |run: &std::ops::Range<usize>| {
+        let (equal, pairs) = (count - run.len() - (runs.len() - 1), count - run.len());
+        run.len() as f64 * libm::log((equal + 1) as f64 / (pairs + 2) as f64)
+    };
+    for run in &runs {
+        let stands = y[good[run.start]];
+        if long(run) && chance(run) < libm::log(UNLIKELY) {
+            health.frozen.push(good[run.start]..good[run.end - 1] + 1);
+            health.frozen_s += times[run.end - 1] - times[run.start];
+        } else if run.len() >= STOP && (stands == low || stands == high) && chance(run) < libm::log(UNLIKELY) {
+            health.saturated += run.len();
+        }
+    }
+    health
+}
+
+/// Runs of equal samples, as ranges of positions in `good`.
+fn runs(good: &[usize], y: &[f64]) -> Vec<std::ops::Range<usize>> {
+    let (mut out, mut begin) = (Vec::new(), 0);
+    for k in 1..=good.len() {
+        if k == good.len() || y[good[k]] != y[good[begin]] {
+            out.push(begin..k);
+            begin = k;
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(n: usize) -> (Vec<f64>, Vec<f64>) {
+        let t: Vec<f64> = (0..n).map(|k| 0.01 * k as f64).collect();
+        let y = t.iter().map(|t| libm::sin(3.0 * t) + 0.01 * libm::sin(1234.5 * t)).collect();
+        (t, y)
+    }
+
+    #[test]
+    fn a_moving_signal_is_well() {
+        let (t, y) = wave(2000);
+        let h = health(&t, &y);
+        assert_eq!((h.dead, h.frozen.len(), h.gaps, h.saturated), (false, 0, 0, 0));
+    }
+
+    #[test]
+    fn fault_a_coarse_signal_is_not_called_frozen() {
+        // one step of resolution every few seconds, as a slow temperature
+        let t: Vec<f64> = (0..4000).map(|k| 0.02 * k as f64).collect();
+        let y: Vec<f64> = t.iter().map(|t| (2.0 * libm::sin(0.1 * t)).round() * 0.5).collect();
+        assert!(health(&t, &y).frozen.is_empty());
+    }
+
+    #[test]
+    fn fault_standing_still_stopping_and_missing_are_told_apart() {
+        let (t, mut y) = wave(2000);
+        let held = y[700];
+        y[700..900].fill(held);
+        let h = health(&t, &y);
+        assert_eq!(h.frozen, vec![700..900]);
+        assert!((h.frozen_s - 1.99).abs() < 1e-9);
+        let (t, y) = wave(2000);
+        let clipped: Vec<f64> = y.iter().map(|y| y.min(0.9)).collect();
+        assert!(health(&t, &clipped).saturated > 100 && health(&t, &clipped).frozen.is_empty());
+        let (mut t, y) = wave(2000);
+        t[1000..].iter_mut().for_each(|t| *t += 2.0);
+        let h = health(&t, &y);
+        assert_eq!(h.gaps, 1);
+        assert!((h.longest_gap - 2.01).abs() < 1e-9);
+        assert!(health(&t, &vec![0.3; 2000]).dead);
+    }
+}

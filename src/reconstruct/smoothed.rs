@@ -1,0 +1,313 @@
+//! A flight's signals in; its path by the smoother, stretch by stretch between long gaps, with noise levels estimated first, out.
+
+use rayon::prelude::*;
+
+use super::consistency::{self, Comparison, Which};
+use super::health;
+use super::smoother::backward::Sums;
+use super::smoother::flight::Flight;
+use super::smoother::grid::Outputs;
+use super::smoother::kinematics::Kinematics;
+use super::smoother::levels::Levels;
+use super::smoother::{Innovations, Nothing, Smoothed, Smoother};
+use super::{Bias, FlightPath, Series, Settings};
+use crate::error::Result;
+use crate::model::{Model, Parameter, Quantity};
+use crate::signal::resample::Grid;
+
+/// A stretch shorter than this has no path, s.
+const SHORTEST: f64 = 1.0;
+/// Length of one part of the flight that noise is estimated from, s.
+const PART: f64 = 60.0;
+/// First guess of a gust's walk, m/s per square root of a second: light turbulence.
+const GUST: f64 = 0.05;
+/// Noise levels are good when none changes by more than this share.
+const SETTLED: f64 = 0.03;
+/// Standard deviations per second along the path.
+const DEVIATIONS_HZ: f64 = 10.0;
+
+/// Share of the standard deviation at the start above which a state or a parameter counts as not determined.
+const UNKNOWN: f64 = 0.3;
+/// Channels with a reversed sign that are looked for, one after the other.
+const REVERSED: usize = 3;
+
+/// A flight being reconstructed.
+struct Work<'a> {
+    settings: &'a Settings,
+    kinematics: &'a Kinematics<'a>,
+    smoother: Smoother<'a>,
+    stretches: Vec<[f64; 2]>,
+    path: FlightPath,
+}
+
+/// The path on `grid` from the driving signals (one per input of the model) and the measured outputs.
+///
+/// # Errors
+/// The model is none that the smoother can run.
+pub fn path(
+    model: &Model,
+    driving: &[Series],
+    measured: &[(usize, Vec<f64>, Vec<f64>)],
+    grid: &Grid,
+    settings: &Settings,
+) -> Result<FlightPath> {
+    let free = |p: &Parameter| (!p.fixed || settings.free.contains(&p.quantity.name)) && !settings.fixed.contains(&p.quantity.name);
+    let free = (0..model.parameters.len()).filter(|&i| free(&model.parameters[i])).collect();
+    let kinematics = Kinematics::new(model, free)?;
+    let mut path = FlightPath { t: grid.times(), ..Default::default() };
+    let nothing = Outputs::empty(model.outputs.len(), 0, grid.n);
+    (path.outputs, path.sd) = (nothing.value, nothing.sd);
+
+    let (driving, inputs_well) = well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, &mut path);
+    let series: Vec<Series> = measured.iter().map(|(_, t, z)| (&t[..], &z[..])).collect();
+    let (outputs, _) = well(measured.iter().map(|m| (&model.outputs[m.0], true)), &series, &mut path);
+    if !inputs_well {
+        path.notes.push("no flight path: an input of the kinematic model is dead".to_string());
+        return Ok(path);
+    }
+    let driving: Vec<Series> = driving.iter().map(|(t, y)| (&t[..], &y[..])).collect();
+    let measured: Vec<(usize, Series)> = measured.iter().zip(&outputs).map(|(m, (t, z))| (m.0, (&t[..], &z[..]))).collect();
+    let flight = Flight::new(&kinematics, &driving, &measured, settings.smooth_s);
+    let smoother = Smoother::new(&kinematics, &flight, settings.gate);
+    let stretches: Vec<[f64; 2]> = flight.stretches(settings.coast_s).into_iter().filter(|s| s[1] - s[0] >= SHORTEST).collect();
+    path.windows = stretches.len();
+    Work { settings, kinematics: &kinematics, smoother, stretches, path }.run(grid)
+}
+
+/// Whether an input is a rate or a specific force: those are never still. A temperature may be one number for a whole flight.
+fn inertial(unit: &str) -> bool {
+    matches!(unit, "m/s^2" | "rad/s" | "rad/s^2")
+}
+
+/// Signals with what is dead or frozen masked where it ought to move, their health as rows; false where one is dead.
+fn well<'n>(
+    names: impl Iterator<Item = (&'n Quantity, bool)>,
+    series: &[Series],
+    path: &mut FlightPath,
+) -> (Vec<(Vec<f64>, Vec<f64>)>, bool) {
+    let mut good = true;
+    let mut out = Vec::new();
+    for ((quantity, moves), (t, y)) in names.zip(series) {
+        let (name, mut y) = (&quantity.name, y.to_vec());
+        let health = health::health(t, &y);
+        path.checks.extend(consistency::health_rows(name, &health));
+        if moves && health.dead {
+            y.fill(f64::NAN);
+            good = false;
+            path.notes.push(format!("{name} is dead: its value never changes"));
+        } else if moves && health.frozen_s > 0.0 {
+            for run in &health.frozen {
+                // the first sample of a run was still measured
+                y[run.start + 1..run.end].fill(f64::NAN);
+            }
+            path.notes.push(format!("{name} stands still for together {:.1} s: not used there", health.frozen_s));
+        }
+        out.push((t.to_vec(), y));
+    }
+    (out, good)
+}
+
+impl Work<'_> {
+    fn run(mut self, grid: &Grid) -> Result<FlightPath> {
+        let flight = self.smoother.flight;
+        let mut guess = Levels::guess(self.kinematics, flight, &self.settings.walk);
+        let gusts = self.settings.gusts.iter().filter(|name| !self.settings.walk.contains_key(*name));
+        let gusts: Vec<usize> = gusts.filter_map(|name| self.kinematics.place(name)).collect();
+        gusts.iter().for_each(|&i| guess.walk[i] = GUST * GUST);
+        let (out, compared) = self.reversed(&guess);
+        for comparison in &compared {
+            let name = self.name(comparison.which);
+            self.path.checks.extend(comparison.rows(&name));
+        }
+        for &which in &out {
+            match which {
+                Which::Output(k) => guess.r[k] = f64::INFINITY,
+                Which::Input(_) => {
+                    self.path.notes.push("no flight path: an input of the kinematic model has its sign reversed".to_string());
+                    return Ok(self.finish());
+                }
+            }
+        }
+        let levels = levels(&self.smoother, &self.stretches, &guess, &gusts, self.settings);
+        self.smooth(grid, &levels);
+        let first = Levels::guess(self.kinematics, flight, &self.settings.walk);
+        for (k, channel) in flight.channels.iter().enumerate().filter(|(k, _)| levels.r[*k].is_finite()) {
+            let quantity = &self.kinematics.model.outputs[channel.output];
+            let innovation = &self.path.innovations.channels[k];
+            let (sd, fast) = (levels.r[k].sqrt(), first.r[k].sqrt());
+            self.path.checks.extend(consistency::innovation_rows(&quantity.name, &quantity.unit, innovation, sd, fast));
+        }
+        Ok(self.finish())
+    }
+
+    /// The rows in the order of channels and checks.
+    fn finish(self) -> FlightPath {
+        let mut path = self.path;
+        path.checks.sort_by(|a, b| (&a.channel, a.check).cmp(&(&b.channel, b.check)));
+        path
+    }
+
+    fn name(&self, which: Which) -> String {
+        let model = self.kinematics.model;
+        match which {
+            Which::Input(k) => model.inputs[k].name.clone(),
+            Which::Output(k) => model.outputs[self.smoother.flight.channels[k].output].name.clone(),
+        }
+    }
+
+    /// Channels whose sign is reversed, and the comparisons of all without them. Where several may be the culprit (a rate and its angle
+    /// contradict each other), it is the one without which the others fit together best.
+    fn reversed(&mut self, levels: &Levels) -> (Vec<Which>, Vec<Comparison>) {
+        let mut out: Vec<Which> = Vec::new();
+        let mut culprits: Vec<Comparison> = Vec::new();
+        loop {
+            let mut compared = consistency::compare(&self.smoother, levels, &self.stretches, &out);
+            let suspects: Vec<Comparison> = compared.iter().copied().filter(Comparison::reversed).collect();
+            let Some(&first) = suspects.first().filter(|_| out.len() < REVERSED) else {
+                compared.extend(culprits);
+                return (out, compared);
+            };
+            let misfit = |suspect: &Comparison| {
+                let without = [&out[..], &[suspect.which]].concat();
+                let sum: f64 =
+                    suspects.iter().map(|s| consistency::misfit(&self.smoother, levels, &self.stretches, s.which, &without)).sum();
+                if sum.is_finite() { sum } else { f64::MAX }
+            };
+            let scores: Vec<f64> = suspects.par_iter().map(misfit).collect();
+            let best = (0..suspects.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+            let culprit = best.map_or(first, |k| suspects[k]);
+            let name = self.name(culprit.which);
+            self.path.notes.push(format!("{name}: the sign is reversed against what all other sensors say; not used"));
+            out.push(culprit.which);
+            culprits.push(culprit);
+        }
+    }
+
+    /// The path itself.
+    fn smooth(&mut self, grid: &Grid, levels: &Levels) {
+        let (kinematics, flight, model) = (self.kinematics, self.smoother.flight, self.kinematics.model);
+        let mut out = Outputs::empty(model.outputs.len(), kinematics.size(), grid.n);
+        let every = (self.settings.rate_hz / DEVIATIONS_HZ).round().max(1.0) as usize;
+        let mut innovations = Innovations::new(flight.channels.len());
+        for (number, stretch) in self.stretches.clone().into_iter().enumerate() {
+            let x = self.smoother.begin(levels, stretch, None);
+            let smoothed = self.smoother.path(levels, stretch, &x, (*grid, every), &mut innovations, &mut out);
+            if !smoothed.finite {
+                self.path.failed += 1;
+                let [from, to] = stretch;
+                self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: the filter does not stay finite"));
+                continue;
+            }
+            self.path.biases.extend(biases(kinematics, &smoothed, number, stretch));
+            self.parameters(levels, &smoothed, number);
+        }
+        for pair in self.stretches.windows(2) {
+            let [from, to] = [pair[0][1], pair[1][0]];
+            self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: an input has a gap"));
+        }
+        self.undetermined(levels, &mut out);
+        (self.path.outputs, self.path.sd, self.path.innovations) = (out.value, out.sd, innovations);
+    }
+
+    /// Lines about the sensor errors: what the data say of them.
+    fn parameters(&mut self, levels: &Levels, smoothed: &Smoothed, stretch: usize) {
+        let (nx, n) = (self.kinematics.states(), self.kinematics.size());
+        let m = smoothed.p.len() / n.max(1);
+        for (k, &i) in self.kinematics.free.iter().enumerate() {
+            let parameter = &self.kinematics.model.parameters[i];
+            let (value, sd) = (smoothed.x[nx + k], smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt());
+            let known = sd < UNKNOWN * levels.start_sd[nx + k];
+            let text = format!("{} {value:.4e} +- {sd:.1e}, stretch {stretch}", parameter.quantity.doc);
+            self.path.checks.push(consistency::Row {
+                channel: parameter.quantity.name.clone(),
+                check: "sensor error",
+                value,
+                low: parameter.start - 2.0 * sd,
+                high: parameter.start + 2.0 * sd,
+                unit: parameter.quantity.unit.clone(),
+                verdict: match (known, (value - parameter.start).abs() > 2.0 * sd) {
+                    (false, _) => "not observable",
+                    (true, true) => "significant",
+                    (true, false) => "not significant",
+                },
+                text,
+            });
+        }
+    }
+
+    /// Outputs of states that no sensor determines have no value: not a number that was only assumed.
+    fn undetermined(&mut self, levels: &Levels, out: &mut Outputs) {
+        let model = self.kinematics.model;
+        for i in 0..self.kinematics.states() {
+            let known: Vec<f64> = out.x_sd[i].iter().copied().filter(|sd| sd.is_finite()).collect();
+            if known.is_empty() || crate::math::median(&known) < UNKNOWN * levels.start_sd[i] {
+                continue;
+            }
+            let name = &model.states[i].quantity.name;
+            let lost: Vec<usize> = self.kinematics.output_jacobian.entries.iter().filter(|e| e.1 == i).map(|e| e.0).collect();
+            let names: Vec<&str> = lost.iter().map(|&k| model.outputs[k].name.as_str()).collect();
+            self.path.notes.push(format!("no sensor determines {name}: there is no path of {}", names.join(", ")));
+            for k in lost {
+                out.value[k].fill(f64::NAN);
+                out.sd[k].fill(f64::NAN);
+            }
+        }
+    }
+}
+
+/// Noise levels of the flight, from a first guess.
+fn levels(smoother: &Smoother, stretches: &[[f64; 2]], first: &Levels, gusts: &[usize], settings: &Settings) -> Levels {
+    let mut levels = first.clone();
+    let parts = parts(stretches, settings.noise_s);
+    let mut starts: Vec<Vec<f64>> = parts.par_iter().map(|&part| smoother.begin(&levels, part, None)).collect();
+    for _ in 0..settings.noise_iterations {
+        let runs: Vec<Smoothed> =
+            parts.par_iter().zip(&starts).map(|(&part, x)| smoother.run(&levels, part, x, &mut (), &mut Nothing)).collect();
+        let mut sums: Option<Sums> = None;
+        for (run, start) in runs.into_iter().zip(&mut starts).filter(|(run, _)| run.finite) {
+            sums.get_or_insert_with(|| run.sums.zero()).add(&run.sums);
+            *start = run.x;
+        }
+        let Some(sums) = sums else { break };
+        if levels.improve(first, &sums, gusts) < SETTLED {
+            break;
+        }
+    }
+    levels
+}
+
+/// Parts of the stretches, spread evenly, of together about `total` s; everything where there is not more.
+fn parts(stretches: &[[f64; 2]], total: f64) -> Vec<[f64; 2]> {
+    let length: f64 = stretches.iter().map(|s| s[1] - s[0]).sum();
+    let mut out = Vec::new();
+    for &[from, to] in stretches {
+        let count = ((to - from) / PART).ceil().max(1.0) as usize;
+        let each = (to - from) / count as f64;
+        let used = each * (total / length).min(1.0);
+        out.extend((0..count).map(|k| {
+            let begin = from + each * k as f64;
+            [begin, begin + used]
+        }));
+    }
+    out
+}
+
+/// The smoothed parameters of a stretch.
+fn biases(kinematics: &Kinematics, smoothed: &Smoothed, window: usize, [t_start_s, t_end_s]: [f64; 2]) -> Vec<Bias> {
+    let (nx, n) = (kinematics.states(), kinematics.size());
+    let m = smoothed.p.len() / n.max(1);
+    let row = |(k, &i): (usize, &usize)| {
+        let quantity = &kinematics.model.parameters[i].quantity;
+        let at = nx + k;
+        Bias {
+            window,
+            t_start_s,
+            t_end_s,
+            parameter: quantity.name.clone(),
+            unit: quantity.unit.clone(),
+            value: smoothed.x[at],
+            sd: Some(smoothed.p[at * m + at].max(0.0).sqrt()),
+        }
+    };
+    kinematics.free.iter().enumerate().map(row).collect()
+}

@@ -1,0 +1,71 @@
+//! `consistency` in, one line per flight and channel with its verdicts, and what the checks say about them, out.
+
+use super::columns::Columns;
+use super::estimates::few;
+use super::format::{count, number};
+use super::grid::{Cell, Grid, Level};
+
+/// Checks with a column of their own, and its heading.
+const SHOWN: [(&str, &str); 7] = [
+    ("sign", "#correlation with the others"),
+    ("scale", "#scale"),
+    ("time skew", "#behind by|s"),
+    ("innovation size", "#innovations² / predicted"),
+    ("whiteness", "#their correlation"),
+    ("rejected", "#share rejected"),
+    ("noise", "#noise|SI"),
+];
+/// Verdicts that are remarks, not faults.
+const REMARKS: [&str; 5] = ["coloured", "slow errors", "gaps", "significant", "not significant"];
+
+/// One line per flight and channel.
+pub fn table(table: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("No consistency checks: the reconstruct stage has not run.") };
+    let mut grid = Grid::new(["flight", "channel", "verdict"].into_iter().chain(SHOWN.map(|s| s.1)).chain(["~what is wrong"]));
+    for ([flight, channel], rows) in table.groups(["flight", "channel"]) {
+        if rows.iter().all(|&row| table.text("check", row) == "sensor error") {
+            continue;
+        }
+        let bad: Vec<usize> = rows.iter().copied().filter(|&row| table.text("verdict", row) != "good").collect();
+        let words: Vec<String> = bad.iter().map(|&row| table.text("verdict", row)).collect();
+        let text: Vec<String> =
+            bad.iter().map(|&row| format!("{}: {}", table.text("check", row), table.text("text", row))).collect();
+        let value =
+            |check: &str| rows.iter().find(|&&row| table.text("check", row) == check).map(|&row| table.number("value", row));
+        let mut cells: Vec<Cell> = [flight, channel].map(Cell::new).into();
+        cells.push(if words.is_empty() { "good".to_string() } else { words.join(", ") }.into());
+        cells.extend(SHOWN.map(|(check, _)| Cell::new(number(value(check).unwrap_or(f64::NAN), 3))));
+        cells.push(text.join("; ").into());
+        grid.push(cells);
+        if let Some(last) = grid.rows.last_mut() {
+            last.level = words.iter().map(|w| level(w)).max_by_key(|l| *l == Level::Bad).filter(|_| !words.is_empty());
+        }
+    }
+    let note = "Every channel is left out in turn and compared with what all others say of it (correlation, scale, delay; trends \
+                removed), and its innovations in the smoother with their predicted size. Each number with its limits is in the table \
+                consistency.";
+    grid.note = Some(note.into());
+    grid.or_missing("Nothing was checked.")
+}
+
+fn level(verdict: &str) -> Level {
+    if REMARKS.contains(&verdict) { Level::Info } else { Level::Bad }
+}
+
+/// The sentence of the checks.
+pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
+    let table = table.filter(|t| t.rows() > 0)?;
+    let names = |wanted: Level| -> Vec<String> {
+        (0..table.rows())
+            .filter(|&row| table.text("check", row) != "sensor error" && table.text("verdict", row) != "good")
+            .filter(|&row| level(&table.text("verdict", row)) == wanted)
+            .map(|row| format!("{} {} ({})", table.text("flight", row), table.text("channel", row), table.text("verdict", row)))
+            .collect()
+    };
+    let (bad, remarks) = (names(Level::Bad), names(Level::Info));
+    Some(match (bad.as_slice(), remarks.len()) {
+        ([], 0) => (Level::Good, "Every channel agrees with what the other sensors say of it.".into()),
+        ([], n) => (Level::Info, format!("Every channel agrees with what the other sensors say of it; {}.", count(n, "remark"))),
+        (bad, _) => (Level::Bad, format!("Channels that do not fit with the others: {}.", few(bad))),
+    })
+}
