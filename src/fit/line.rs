@@ -125,6 +125,15 @@ pub fn line(x: &[f64], y: &[f64], sd: &[f64], settings: &Settings) -> Result<Lin
     })
 }
 
+/// Slope and intercept of the line that is added when the points of a fitted line all move by `change`: the coefficients are linear in the
+/// points, with the weights of the fit. For errors that all points share, such as those of assumed constants.
+pub fn carried(fit: &LineFit, x: &[f64], sd: &[f64], change: &[f64]) -> (f64, f64) {
+    let unit = sd.iter().fold(f64::INFINITY, |m, s| m.min(*s));
+    let variance: Vec<f64> = sd.iter().map(|s| (s / unit) * (s / unit)).collect();
+    let w = Weighted::new(x, change, &variance, (fit.tau / unit) * (fit.tau / unit));
+    (w.slope, w.y_center - w.slope * w.x_center)
+}
+
 fn check(x: &[f64], y: &[f64], sd: &[f64]) -> Result<(), Unfit> {
     for i in 0..x.len() {
         if !x[i].is_finite() || !y[i].is_finite() {

@@ -2,4 +2,4 @@
 
 mod line;
 
-pub use line::{Band, LineFit, Settings, Unfit, bands, line};
+pub use line::{Band, LineFit, Settings, Unfit, bands, carried, line};

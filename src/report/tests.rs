@@ -164,6 +164,8 @@ fn line(name: &str, unit: &str, x: &[f64], y: &[f64]) -> (Table, Table) {
         .f64("intercept", [my - slope * mx])
         .f64("slope_sd", [(s2 / sxx).sqrt()]);
     let table = table
+        .f64("slope_sd_total", [2.0 * (s2 / sxx).sqrt()])
+        .f64("intercept_sd_total", [2.0 * (s2 * (1.0 / n + mx * mx / sxx)).sqrt()])
         .f64("intercept_sd", [(s2 * (1.0 / n + mx * mx / sxx)).sqrt()])
         .f64("covariance", [-mx * s2 / sxx])
         .i64("n", [x.len() as i64]);

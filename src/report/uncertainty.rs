@@ -139,7 +139,7 @@ fn repeats(table: Option<&Columns>) -> Grid {
         let mut cells: Vec<Cell> = ["model", "parameter", "unit"].map(|c| Cell::new(table.text(c, row))).to_vec();
         let kind = table.text("kind", row);
         cells.push(Cell::new(if kind.is_empty() { "all".to_string() } else { kind }));
-        cells.push(number(table.number("n", row), 4).trim_end_matches(".0").to_string().into());
+        cells.push(format!("{:.0}", table.number("n", row)).into());
         cells.extend(
             [("mean", 4), ("scatter_sd", 2), ("rms_sd", 2), ("ratio", 2)]
                 .map(|(c, digits)| Cell::new(number(table.number(c, row), digits))),

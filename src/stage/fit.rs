@@ -85,6 +85,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let estimate = campaign.fits.get(unit.index).map_or(0, |f| f.estimate);
     let mut all = vec![Read { table: "estimates", part: Part::Number(estimate), optional: false }];
+    all.push(Read { table: "budget", part: Part::Number(estimate), optional: true });
     all.extend(Read::flights(&["segments", "conditions"], campaign));
     all
 }
@@ -95,6 +96,8 @@ struct Line<'a> {
     unit: &'a str,
     points: Table,
     fit: std::result::Result<LineFit, Unfit>,
+    /// Variances of slope and intercept by assumed constants.
+    assumed: (f64, f64),
     bands: Vec<Band>,
 }
 
@@ -108,7 +111,10 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     for (parameter, unit) in settings.parameters.iter().zip(&config.units) {
         let wanted = campaign::Line { model: &settings.estimate, parameter, against: &settings.against };
         let found = campaign::points(&[estimates], &segments, &conditions, wanted)?;
-        let line = line(config, parameter, unit, found.table)?;
+        let mut line = line(config, parameter, unit, found.table)?;
+        if let (Ok(fit), Some(budget)) = (&line.fit, inputs.get("budget", Part::Number(config.estimate))) {
+            line.assumed = assumed(budget, parameter, &line.points, fit)?;
+        }
         notes.extend(note(config, &line, &found.left_out));
         lines.push(line);
     }
@@ -124,7 +130,30 @@ fn line<'a>(config: &Config, parameter: &'a str, unit: &'a str, points: Table) -
     let last = config.settings.points.saturating_sub(1).max(1) as f64;
     let xs: Vec<f64> = (0..config.settings.points).map(|i| low + (high - low) * i as f64 / last).collect();
     let bands = fit.as_ref().map(|fit| fit::bands(fit, &xs, config.settings.level)).unwrap_or_default();
-    Ok(Line { parameter, unit, points, fit, bands })
+    Ok(Line { parameter, unit, points, fit, assumed: (0.0, 0.0), bands })
+}
+
+/// What the assumed constants add to the variances of slope and intercept. A constant's error is one and the same at all points.
+fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Result<(f64, f64)> {
+    let (names, constants) = (budget.strings("parameter")?, budget.opt_strings("constant")?);
+    let (groups, segments) = (budget.strings("group")?, budget.opt_strings("segment")?);
+    let (slopes, sds) = (budget.f64("sensitivity")?, budget.f64("constant_sd")?);
+    let mine: Vec<usize> = (0..names.len()).filter(|&i| names[i] == parameter && constants[i].is_some()).collect();
+    let mut known: Vec<&str> = mine.iter().filter_map(|&i| constants[i]).collect();
+    known.sort_unstable();
+    known.dedup();
+    let (mut slope, mut intercept) = (0.0, 0.0);
+    for constant in known {
+        let moved = |segment: &&str| {
+            let of = |i: &&usize| constants[**i] == Some(constant) && segments[**i].unwrap_or(groups[**i]) == *segment;
+            mine.iter().find(of).map_or(0.0, |&i| slopes[i] * sds[i])
+        };
+        let change: Vec<f64> = points.strings("segment")?.iter().map(moved).collect();
+        let (a, b) = fit::carried(fit, points.f64("x")?, points.f64("sd")?, &change);
+        slope += a * a;
+        intercept += b * b;
+    }
+    Ok((slope, intercept))
 }
 
 fn range(x: &[f64]) -> (f64, f64) {
@@ -146,6 +175,10 @@ fn note(config: &Config, line: &Line, left_out: &[(String, String)]) -> Option<N
 fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
     let settings = &config.settings;
     let number = |of: fn(&LineFit) -> f64| lines.iter().map(|l| l.fit.as_ref().map_or(f64::NAN, of)).collect::<Vec<f64>>();
+    let total = |of: fn(&LineFit) -> f64, by: fn(&(f64, f64)) -> f64| {
+        let of = |l: &Line| l.fit.as_ref().map_or(f64::NAN, |fit| (of(fit) * of(fit) + by(&l.assumed)).sqrt());
+        lines.iter().map(of).collect::<Vec<f64>>()
+    };
     let ranges = lines.iter().map(|l| Ok(range(l.points.f64("x")?))).collect::<Result<Vec<_>>>()?;
     Table::build("fits")
         .repeat("model", &settings.estimate)
@@ -157,6 +190,8 @@ fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
         .f64("intercept", number(|f| f.intercept))
         .f64("slope_sd", number(|f| f.slope_sd))
         .f64("intercept_sd", number(|f| f.intercept_sd))
+        .f64("slope_sd_total", total(|f| f.slope_sd, |assumed| assumed.0))
+        .f64("intercept_sd_total", total(|f| f.intercept_sd, |assumed| assumed.1))
         .f64("covariance", number(|f| f.covariance))
         .i64("n", lines.iter().map(|l| l.points.rows() as i64).collect::<Vec<_>>())
         .f64("scatter_sd", number(|f| f.tau))

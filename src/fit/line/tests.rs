@@ -153,3 +153,24 @@ fn without_between_scatter_tau_is_zero() {
     assert_eq!(fit.tau, 0.0);
     assert!((fit.q - 200.0).abs() < 1e-9);
 }
+
+#[test]
+fn a_common_error_of_the_points_is_carried_into_the_line() {
+    let (x, sd) = ([1.0, 2.0, 4.0, 7.0], [0.1, 0.3, 0.2, 0.1]);
+    let y = [2.0, 3.5, 4.1, 9.0];
+    let change = [0.3, -0.1, 0.2, 0.5];
+    for between_scatter in [false, true] {
+        let settings = Settings { between_scatter };
+        let base = line(&x, &y, &sd, &settings).unwrap();
+        let (slope, intercept) = carried(&base, &x, &sd, &change);
+        // A small move leaves the scatter between the points, and so the weights, nearly as they are.
+        let moved: Vec<f64> = y.iter().zip(change).map(|(y, c)| y + 1e-6 * c).collect();
+        let other = line(&x, &moved, &sd, &settings).unwrap();
+        if !between_scatter {
+            assert!(((other.slope - base.slope) / 1e-6 - slope).abs() < 1e-6);
+            assert!(((other.intercept - base.intercept) / 1e-6 - intercept).abs() < 1e-6);
+        }
+        let all = carried(&base, &x, &sd, &[0.7; 4]);
+        assert!(all.0.abs() < 1e-12 && (all.1 - 0.7).abs() < 1e-12, "{all:?}");
+    }
+}
