@@ -115,12 +115,18 @@ fn separability(table: Option<&Columns>) -> Grid {
             good += 1;
             continue;
         }
-        let level = if verdict == "at a bound" || verdict == "hardly separable" { Level::Warn } else { Level::Bad };
+        // What is said of a segment, not of a parameter, names it.
+        let about = if table.text("parameter", row).is_empty() { table.text("segment", row) } else { String::new() };
+        let level = if ["at a bound", "hardly separable", "doubtful output"].contains(&verdict.as_str()) {
+            Level::Warn
+        } else {
+            Level::Bad
+        };
         let condition = table.number("condition", row);
         let shown = if condition.is_finite() { format!("{condition:.1e}") } else { String::new() };
         grid.push(vec![
             model.into(),
-            name(&group, "").into(),
+            name(&group, &about).into(),
             Cell::new(verdict).level(level),
             table.text("text", row).into(),
             shown.into(),

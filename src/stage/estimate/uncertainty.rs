@@ -17,6 +17,8 @@ struct Finding<'a> {
     condition: f64,
     /// The row of the term and its change.
     term: Option<(&'a Row, f64)>,
+    /// The segment of a finding without a term.
+    segment: Option<usize>,
     text: String,
 }
 
@@ -34,7 +36,7 @@ pub fn separability(model: &str, done: &[Done]) -> Result<Table> {
         .f64("information", rows.iter().map(|f| f.information).collect::<Vec<_>>())
         .f64("condition", rows.iter().map(|f| f.condition).collect::<Vec<_>>())
         .opt_strings("parameter", term(|_, row| Some(row.name.clone())))
-        .opt_strings("segment", term(|batch, row| segment(batch, row.segment).map(str::to_string)))
+        .opt_strings("segment", rows.iter().map(|f| segment(f.batch, f.term.map_or(f.segment, |(row, _)| row.segment))))
         .opt_strings("of", term(|batch, row| per(batch, row).1))
         .opt_strings("unit", term(|_, row| Some(row.unit.clone())))
         .f64("change", rows.iter().map(|f| f.term.map_or(f64::NAN, |(_, change)| change)).collect::<Vec<_>>())
@@ -51,7 +53,7 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
     } else {
         ("separable", format!("these data determine all parameters; condition {condition:.1e}"))
     };
-    let whole = Finding { batch, number: 0, verdict, information: f64::NAN, condition, term: None, text };
+    let whole = Finding { batch, number: 0, verdict, information: f64::NAN, condition, term: None, segment: None, text };
     let mut all = vec![whole];
     for combination in &e.verdict.combinations {
         let number = all.last().map_or(0, |f| f.number) + 1;
@@ -60,14 +62,30 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
             let of = |r: &&Row| r.name == term.name && r.segment == term.segment && r.group == term.group;
             let term = e.rows.iter().find(of).map(|row| (row, term.change));
             let (information, text) = (combination.information, text.clone());
-            all.push(Finding { batch, number, verdict, information, condition: f64::NAN, term, text });
+            all.push(Finding { batch, number, verdict, information, condition: f64::NAN, term, segment: None, text });
         }
     }
     for row in e.rows.iter().filter(|r| r.at_bound) {
         let number = all.last().map_or(0, |f| f.number) + 1;
         let text = format!("{} sits on its bound {}; the other estimates hold for it fixed there", row.name, row.value);
         let term = Some((row, f64::NAN));
-        all.push(Finding { batch, number, verdict: "at a bound", information: f64::NAN, condition: f64::NAN, term, text });
+        all.push(Finding {
+            batch,
+            number,
+            verdict: "at a bound",
+            information: f64::NAN,
+            condition: f64::NAN,
+            term,
+            segment: None,
+            text,
+        });
+    }
+    let left_out = e.left_out.iter().map(|l| (l.segment, "left out", l.why.clone()));
+    let doubtful = e.doubtful.iter().map(|d| (d.segment, "doubtful output", format!("{}: {}", d.output, d.why)));
+    for (segment, verdict, text) in left_out.chain(doubtful) {
+        let number = all.last().map_or(0, |f| f.number) + 1;
+        let (information, condition) = (f64::NAN, f64::NAN);
+        all.push(Finding { batch, number, verdict, information, condition, term: None, segment: Some(segment), text });
     }
     all
 }
