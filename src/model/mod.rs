@@ -20,6 +20,7 @@ mod fuse;
 pub mod graph;
 mod interpret;
 pub mod linear;
+pub mod native;
 pub mod program;
 pub mod tables;
 mod walk;

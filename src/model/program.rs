@@ -189,6 +189,11 @@ impl Program {
         file
     }
 
+    /// Number of registers.
+    pub fn file_len(&self) -> usize {
+        self.registers
+    }
+
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
         self.outputs.len()

@@ -2,7 +2,9 @@
 
 use koehler::config;
 use koehler::dynamics::{Directions, Plan, Record};
+use koehler::math::simd::Width;
 use koehler::model::graph::{Leaf, Node};
+use koehler::model::native::Native;
 use koehler::model::program::Program;
 use koehler::model::{Constants, Model, fragments::EMBEDDED};
 use std::path::{Path, PathBuf};
@@ -132,6 +134,61 @@ fn every_derivative_of_every_shipped_model_agrees_with_differences() {
         compared += n;
     }
     assert!(compared > 1000, "only {compared} derivatives were compared");
+}
+
+/// Values and derivatives of a model as one program.
+fn everything(model: &Model) -> Program {
+    let mut graph = model.graph.clone();
+    let mut nodes: Vec<Node> = model.rates.iter().chain(&model.output_nodes).copied().collect();
+    for node in nodes.clone() {
+        for leaf in model.graph.leaves(&[node]) {
+            nodes.push(graph.derivative(node, leaf));
+        }
+    }
+    Program::lower(&graph, &nodes, &model.layout)
+}
+
+#[test]
+fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model() {
+    let mut compared = 0;
+    for (path, constants) in shipped().into_iter().filter(|(p, _)| !is_part(p)) {
+        let model = Model::load(&path, &constants).unwrap();
+        let (program, at, width) = (everything(&model), point(&model), model.layout.time() + 1);
+        // points around the smooth one, some of them on the other side of switches
+        let points: Vec<Vec<f64>> = (0..8).map(|i| at.iter().map(|x| x * (1.0 - 0.3 * i as f64)).collect()).collect();
+        let reference: Vec<Vec<f64>> =
+            points.iter().map(|p| values(&model, &program, &[&p[..width], &at[width..]].concat())).collect();
+        let mut file = program.registers::<1>();
+        for (slot, x) in file.iter_mut().zip(&at) {
+            slot[0] = *x;
+        }
+        program.prepare(&mut file, &model.tables);
+        let native = Native::compile(&program, width).expect("a generator for this machine");
+        let mut out = vec![0.0; points.len() * program.outputs()];
+        native.run(&file, &points.iter().flat_map(|p| p[..width].to_vec()).collect::<Vec<f64>>(), &mut out, &model.tables);
+        let same = |what: &str, i: usize, k: usize, got: f64| {
+            let want = reference[i][k];
+            let equal = got.to_bits() == want.to_bits() || (got.is_nan() && want.is_nan());
+            assert!(equal, "{}: {what}, point {i}, output {k}: {got:e} instead of {want:e}", path.display());
+        };
+        for (i, row) in out.chunks(program.outputs()).enumerate() {
+            row.iter().enumerate().for_each(|(k, &got)| same("native", i, k, got));
+            compared += row.len();
+        }
+        for vectors in Width::available() {
+            let program = program.clone().with_width(vectors);
+            let mut file = program.registers::<8>();
+            for (slot, register) in file.iter_mut().take(at.len()).enumerate() {
+                *register = std::array::from_fn(|l| if slot < width { points[l][slot] } else { at[slot] });
+            }
+            program.prepare(&mut file, &model.tables);
+            program.run(&mut file, &model.tables);
+            for k in 0..program.outputs() {
+                (0..8).for_each(|l| same(&format!("{vectors:?}"), l, k, program.output(&file, k)[l]));
+            }
+        }
+    }
+    assert!(compared > 5000, "only {compared} numbers were compared");
 }
 
 #[test]
