@@ -1,8 +1,8 @@
 //! A campaign file and its truth model's names in, every mistake with its place out.
 
 use super::input::Shape;
-use super::plan::Plan;
-use super::settings::{Flight, Settings, Timing, Topic};
+use super::plan::{Placed, Plan};
+use super::settings::{Flight, Maneuver, Settings, Timing, Topic};
 use crate::config::{Doc, list, nearest};
 use crate::error::{Error, Errors};
 use crate::units::Unit;
@@ -129,6 +129,7 @@ impl Checker<'_> {
         let mut shapes = IndexMap::new();
         for (name, maneuver) in &self.settings.maneuvers {
             self.input(&format!("maneuvers.{name}.input"), &maneuver.input, None);
+            self.companions(name, maneuver);
             match Shape::of(maneuver) {
                 Ok(shape) => {
                     shapes.insert(name.clone(), shape);
@@ -139,6 +140,22 @@ impl Checker<'_> {
             }
         }
         shapes
+    }
+
+    /// The maneuvers flown together with `name`: they exist and bring no others.
+    fn companions(&mut self, name: &str, maneuver: &Maneuver) {
+        let settings = self.settings;
+        for (i, companion) in maneuver.with.iter().enumerate() {
+            let path = format!("maneuvers.{name}.with.{i}");
+            match settings.maneuvers.get(&companion.maneuver) {
+                None => self.unknown(&format!("{path}.maneuver"), &companion.maneuver, "maneuver", settings.maneuvers.keys()),
+                Some(other) if !other.with.is_empty() => {
+                    let what = format!("the maneuver \"{}\" brings others itself", companion.maneuver);
+                    self.push(&format!("{path}.maneuver"), what, "name all that are flown together here");
+                }
+                Some(_) => {}
+            }
+        }
     }
 
     fn timing(&mut self, path: &str, timing: &Timing) {
@@ -222,7 +239,8 @@ impl Checker<'_> {
                 );
             }
             // Test points follow each other without a gap where `recover_s` is 0: only a real overlap counts.
-            if let Some(next) = plan.maneuvers.get(i + 1).filter(|next| next.hold_s[0] < m.hold_s[1] - 1e-6) {
+            let overlaps = |next: &&Placed| next.hold_s != m.hold_s && next.hold_s[0] < m.hold_s[1] - 1e-6;
+            if let Some(next) = plan.maneuvers.get(i + 1).filter(overlaps) {
                 let what = format!(
                     "the maneuver \"{}\" at {:.1} s begins before \"{}\" is over at {:.1} s (with `hold_before_s` and `hold_after_s`)",
                     next.maneuver, next.t_start_s, m.maneuver, m.hold_s[1]
@@ -377,6 +395,23 @@ cmd = { truth = "aileron", unit = "V" }
         assert!(early.len() == 1 && early[0].contains("begins before the flight"), "{early:?}");
         let overlap = with("{ at_s = 35, maneuver = \"lateral\" }");
         assert!(overlap.len() == 1 && overlap[0].contains("begins before \"lateral\" is over"), "{overlap:?}");
+    }
+
+    #[test]
+    fn maneuvers_flown_together_are_known_and_bring_no_others() {
+        let with = |own: &str| {
+            let text = GOOD.replace("at_each = [\"lateral\"]", "at_each = [\"pair\"]");
+            let second = "[maneuvers.lateral_late]\ninput = \"aileron\"\nkind = \"step\"\nunit_time_s = 1.0\namplitude = 1.0\n";
+            let pair = format!(
+                "[maneuvers.pair]\ninput = \"aileron\"\nkind = \"step\"\nunit_time_s = 9.0\namplitude = 1.0\nwith = [{own}]\n"
+            );
+            mistakes(&text.replace("[flights.flight-01]", &format!("{second}{pair}[flights.flight-01]")))
+        };
+        assert_eq!(with("{ maneuver = \"lateral\" }, { maneuver = \"lateral_late\", after_s = 8.0 }"), Vec::<String>::new());
+        let unknown = with("{ maneuver = \"latteral\" }");
+        assert!(unknown.len() == 1 && unknown[0].contains("did you mean \"lateral\""), "{unknown:?}");
+        let itself = with("{ maneuver = \"pair\" }");
+        assert!(itself.len() == 1 && itself[0].contains("brings others itself"), "{itself:?}");
     }
 
     #[test]

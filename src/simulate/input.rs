@@ -190,6 +190,7 @@ mod tests {
             edge_s: 0.0,
             duration_s: None,
             band_hz: None,
+            with: Vec::new(),
         }
     }
 

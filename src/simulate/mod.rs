@@ -17,6 +17,6 @@ pub use check::{Interface, check};
 pub use input::Shape;
 pub use plan::{Placed, Plan};
 pub use record::{FieldLog, Recording, SensorError, TopicLog, record};
-pub use settings::{Drive, Event, Flight, Gap, Maneuver, Point, Sensor, Settings, Timing, Topic};
+pub use settings::{Companion, Drive, Event, Flight, Gap, Maneuver, Point, Sensor, Settings, Timing, Topic};
 pub use truth::{Signal, Truth};
 pub use write::{write_log, write_truth};

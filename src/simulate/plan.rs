@@ -24,7 +24,7 @@ pub struct Placed {
     /// Commanded condition.
     pub speed_kt: f64,
     pub altitude_ft: f64,
-    /// While this lasts, the loops that fly between test points let go.
+    /// While this lasts, the loops that fly between test points let go. Maneuvers flown together have the same one.
     pub hold_s: [f64; 2],
 }
 
@@ -103,25 +103,34 @@ impl Plan {
         plan
     }
 
-    /// Files a maneuver whose first step is at `t` and returns the end of its hold.
+    /// Files a maneuver whose first step is at `t`, with all that are flown together with it, and returns the end of their hold.
     fn place(&mut self, settings: &Settings, shapes: &IndexMap<String, Shape>, name: &str, t: f64, timing: &Timing) -> f64 {
-        let (Some(m), Some(shape)) = (settings.maneuvers.get(name), shapes.get(name)) else { return t };
-        let start = (t / self.dt).round() * self.dt;
-        let end = start + shape.duration();
-        let hold = [start - timing.hold_before_s, end + timing.hold_after_s];
-        self.maneuvers.push(Placed {
-            maneuver: name.to_string(),
-            input: m.input.clone(),
-            kind: m.kind.clone(),
-            t_start_s: start,
-            t_end_s: end,
-            unit_time_s: m.unit_time_s,
-            amplitude: m.amplitude,
-            polarity: m.polarity,
-            speed_kt: self.speed.at(start),
-            altitude_ft: self.altitude.at(start),
-            hold_s: hold,
-        });
+        let companions = settings.maneuvers.get(name).into_iter().flat_map(|m| &m.with);
+        let together = std::iter::once((name, 0.0)).chain(companions.map(|c| (c.maneuver.as_str(), c.after_s)));
+        let on_grid = |t: f64| (t / self.dt).round() * self.dt;
+        let known = |(name, after): (&str, f64)| {
+            let (m, shape) = (settings.maneuvers.get(name)?, shapes.get(name)?);
+            let start = on_grid(t + after);
+            Some((name.to_string(), m, start, start + shape.duration()))
+        };
+        let known: Vec<_> = together.filter_map(known).collect();
+        let Some(end) = known.iter().map(|k| k.3).reduce(f64::max) else { return t };
+        let hold = [on_grid(t) - timing.hold_before_s, end + timing.hold_after_s];
+        for (maneuver, m, start, end) in known {
+            self.maneuvers.push(Placed {
+                maneuver,
+                input: m.input.clone(),
+                kind: m.kind.clone(),
+                t_start_s: start,
+                t_end_s: end,
+                unit_time_s: m.unit_time_s,
+                amplitude: m.amplitude,
+                polarity: m.polarity,
+                speed_kt: self.speed.at(start),
+                altitude_ft: self.altitude.at(start),
+                hold_s: hold,
+            });
+        }
         hold[1]
     }
 
@@ -199,6 +208,7 @@ fn points(flight: &Flight) -> Vec<(f64, f64, &[String])> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::settings::Companion;
     use super::*;
     use crate::simulate::atmosphere::true_airspeed;
 
@@ -308,6 +318,18 @@ constant = { wind = 3.0 }
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / n;
         assert!((product(&u, &u) - 100.0).abs() < 6.0 && product(&u, &w).abs() < 4.5, "{} {}", product(&u, &u), product(&u, &w));
         assert_eq!(u[0], 0.0);
+    }
+
+    #[test]
+    fn maneuvers_flown_together_share_a_hold() {
+        let mut settings: Settings = toml::from_str(TEXT).unwrap();
+        settings.maneuvers["lateral"].with.push(Companion { maneuver: "longitudinal".into(), after_s: 6.0 });
+        let shapes: IndexMap<String, Shape> = settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
+        let plan = Plan::new(&settings, &shapes, "one", &settings.flights["one"]);
+        let first: Vec<_> = plan.maneuvers[..2].iter().map(|m| (m.maneuver.as_str(), m.t_start_s, m.t_end_s, m.hold_s)).collect();
+        // The elevator's doublet outlasts the aileron's 3211 by a second, and so does the hold.
+        assert_eq!(first, [("lateral", 32.0, 39.0, [30.0, 44.0]), ("longitudinal", 38.0, 40.0, [30.0, 44.0])]);
+        assert_eq!(plan.maneuvers[2].t_start_s, 56.0);
     }
 
     #[test]

@@ -181,6 +181,21 @@ pub struct Maneuver {
     /// Lowest and highest frequency of a multisine, Hz.
     #[serde(default)]
     pub band_hz: Option<[f64; 2]>,
+    /// Other maneuvers flown at the same time, inside one hold: several inputs at once, or one input again.
+    #[serde(default)]
+    pub with: Vec<Companion>,
+}
+
+/// A maneuver flown together with another one.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Companion {
+    /// Name of the maneuver; it must not bring others itself.
+    pub maneuver: String,
+    /// Its first step comes this long after the first step of the maneuver it goes with, s.
+    #[serde(default)]
+    #[schemars(range(min = 0))]
+    pub after_s: f64,
 }
 
 fn default_polarity() -> i8 {
