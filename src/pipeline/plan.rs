@@ -228,12 +228,13 @@ impl Reader {
         aircraft: Option<&Constants>,
         columns: Option<&Columns>,
     ) -> Option<estimate::Config> {
-        if let Some(input) = &settings.input {
-            let inputs: Vec<&str> = self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
-            if !inputs.contains(&input.as_str()) {
-                let error = names::unknown(&self.doc, &format!("{key}.input"), "[[segment.input]]", input, &inputs);
-                self.errors.push(error);
-            }
+        let inputs: Vec<&str> = self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
+        for input in settings.input.iter().flat_map(estimate::Used::names).filter(|input| !inputs.contains(&input.as_str())) {
+            let error = names::unknown(&self.doc, &format!("{key}.input"), "[[segment.input]]", input, &inputs);
+            self.errors.push(error);
+        }
+        if settings.alone && settings.input.is_none() {
+            self.push(&format!("{key}.alone"), "`alone` belongs to `input`, which is missing".to_string(), "");
         }
         let kinds = Kind::ALL.map(Kind::name);
         for (i, kind) in settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str())) {

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-pub use settings::{Group, Settings};
+pub use settings::{Group, Settings, Used};
 
 pub const STAGE: Stage = Stage {
     name: "estimate",
@@ -218,19 +218,25 @@ fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Resul
     let (names, kinds, found_in) = (segments.strings("segment")?, segments.strings("kind")?, segments.strings("input")?);
     let (starts, ends, included) = (segments.f64("t_start_s")?, segments.f64("t_end_s")?, segments.bools("included")?);
     let polarity = segments.i64("polarity")?;
-    let wanted = |i: &usize| {
-        included[*i] && found_in[*i] == input && (settings.kinds.is_empty() || settings.kinds.iter().any(|kind| kind == kinds[*i]))
-    };
-    let stretch = |i: usize| {
-        let values = [kinds[i].to_string(), found_in[i].to_string(), polarity[i].to_string()];
-        let labels = settings::LABELS.iter().map(ToString::to_string).zip(values);
-        Stretch {
-            segment: names[i].to_string(),
-            window: Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll: settings.preroll_s },
-            labels: of_flight().into_iter().chain(labels).collect(),
+    let of_ours = |i: usize| input.names().iter().any(|name| name == found_in[i]);
+    let of_kind = |i: usize| settings.kinds.is_empty() || settings.kinds.iter().any(|kind| kind == kinds[i]);
+    let overlap = |i: usize, k: usize| starts[i] < ends[k] && starts[k] < ends[i];
+    let alone = |i: usize| !(0..names.len()).any(|k| !of_ours(k) && overlap(i, k));
+    let wanted = |i: &usize| included[*i] && of_ours(*i) && of_kind(*i) && (!settings.alone || alone(*i));
+    let window = |i: usize| Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll: settings.preroll_s };
+    // (last maneuver so far, stretch): in order of time, so that an overlap is one with the stretch before
+    let mut used: Vec<(usize, Stretch)> = Vec::new();
+    for i in (0..names.len()).filter(wanted) {
+        if let Some((last, stretch)) = used.last_mut().filter(|(last, _)| overlap(*last, i)) {
+            stretch.window.to = stretch.window.to.max(window(i).to);
+            *last = if ends[i] > ends[*last] { i } else { *last };
+            continue;
         }
-    };
-    Ok((0..names.len()).filter(wanted).map(stretch).collect())
+        let values = [kinds[i].to_string(), found_in[i].to_string(), polarity[i].to_string()];
+        let labels = of_flight().into_iter().chain(settings::LABELS.iter().map(ToString::to_string).zip(values)).collect();
+        used.push((i, Stretch { segment: names[i].to_string(), window: window(i), labels }));
+    }
+    Ok(used.into_iter().map(|(_, stretch)| stretch).collect())
 }
 
 /// The level nearest to a condition, as a label; none where the condition has no value.

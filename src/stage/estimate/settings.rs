@@ -15,9 +15,13 @@ pub struct Settings {
     pub name: Option<String>,
     /// The model file, relative to the pipeline file.
     pub model: String,
-    /// Name of the `[[segment.input]]` whose maneuvers are used; left out, each flight's whole record is used as one segment.
+    /// Name of the `[[segment.input]]` whose maneuvers are used, or several; left out, each flight's whole record is used as one segment.
+    /// Maneuvers of several inputs that overlap in time are one segment, named after the first.
     #[serde(default)]
-    pub input: Option<String>,
+    pub input: Option<Used>,
+    /// Leaves out the maneuvers during which another input than these was moved as well.
+    #[serde(default)]
+    pub alone: bool,
     /// Without `input`: the record is cut into equal segments of at most this length, s (0: one segment). What disturbs a model, such as
     /// noise of the signals that drive it, adds up over a long segment.
     #[serde(default)]
@@ -64,6 +68,23 @@ pub struct Settings {
     /// How the estimation is run.
     #[serde(default)]
     pub method: estimate::Settings,
+}
+
+/// One input, or several.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Used {
+    One(String),
+    Several(Vec<String>),
+}
+
+impl Used {
+    pub fn names(&self) -> &[String] {
+        match self {
+            Used::One(name) => std::slice::from_ref(name),
+            Used::Several(names) => names,
+        }
+    }
 }
 
 /// What is estimated together.
