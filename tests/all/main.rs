@@ -3,6 +3,7 @@
 mod attas;
 mod campaign;
 mod coverage;
+mod dlc;
 mod faults;
 mod flightdata;
 mod floors;
