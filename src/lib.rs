@@ -16,6 +16,7 @@
 //! | `dynamics` | a compiled model over a record: trajectories, exact sensitivities, trim |
 //! | `estimate` | maximum-likelihood output error |
 //! | `reconstruct`, `segment`, `fit`, `simulate` | algorithms: numbers in, numbers out |
+//! | `diagnose` | what a model lacks: candidate effects, and which of them the data ask for |
 //! | `report` | tables to pages |
 //! | `stage` | one file per stage: tables <-> algorithms |
 //! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
@@ -23,6 +24,7 @@
 
 pub mod cli;
 pub mod config;
+pub mod diagnose;
 pub mod dynamics;
 pub mod error;
 pub mod estimate;

@@ -3,7 +3,7 @@
 use super::{End, say};
 use crate::config::schema_text;
 use crate::error::{Error, Errors};
-use crate::{log, model, pipeline, simulate, table};
+use crate::{diagnose, log, model, pipeline, simulate, table};
 use std::path::Path;
 
 /// The configuration files and their schemas.
@@ -14,6 +14,7 @@ fn schemas() -> Vec<(&'static str, String)> {
         ("campaign", schema_text::<simulate::Settings>("Simulated campaign")),
         ("model", schema_text::<model::file::ModelFile>("Model file")),
         ("aircraft", schema_text::<model::Constants>("Constants of the aircraft")),
+        ("effect", schema_text::<diagnose::effect::file::EffectFile>("Candidate effect")),
         ("import", schema_text::<log::import::Import>("Import of text columns")),
     ]
 }

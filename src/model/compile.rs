@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use indexmap::IndexMap;
 
+use super::amend::{Amendment, Target};
 use super::expr;
 use super::file::Value;
 use super::fragments::Source;
@@ -65,6 +66,7 @@ pub(super) struct Compiler<'a> {
     unstopped: BTreeMap<usize, Node>,
     pub(super) state_at: Vec<At>,
     pub tables: IndexMap<String, TableInfo>,
+    pub(super) amended: IndexMap<Target, Vec<Amendment>>,
     pub errors: Errors,
     pub model: Model,
 }
@@ -90,14 +92,16 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain:
         unstopped: BTreeMap::new(),
         state_at: Vec::new(),
         tables: IndexMap::new(),
+        amended: IndexMap::new(),
         errors: Errors::default(),
         model: Model { name: name.to_string(), ..Default::default() },
     };
-    if let Some(last) = sources.last() {
+    if let Some(last) = sources.iter().rfind(|s| s.amends.is_none()) {
         c.model.title = last.file.title.clone();
         c.model.source = last.file.source.clone();
     }
     c.declare(constants);
+    c.amendments();
     if uncertain == Uncertain::Open {
         c.open_constants();
     }
@@ -106,10 +110,11 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain:
     c.outputs();
     c.trim();
     c.unused_equations();
-    let Compiler { mut model, errors, rates, unstopped, sources, .. } = c;
+    let Compiler { mut model, errors, rates, unstopped, sources, dims, .. } = c;
     errors.or(())?;
     let rates = rates.into_iter().enumerate();
     model.rates = rates.filter_map(|(i, rate)| unstopped.get(&i).copied().or(rate)).collect();
+    model.dims = dims;
     model.fuse();
     model.layout = super::program::Layout {
         states: model.states.len(),
@@ -117,11 +122,17 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain:
         delayed: model.delays.len(),
         parameters: model.parameters.len(),
     };
-    model.text = sources.iter().map(|s| s.doc.text()).collect::<Vec<_>>().join("\n# ---\n");
+    let files = sources.iter().filter(|s| s.amends.is_none());
+    model.text = files.map(|s| s.doc.text()).collect::<Vec<_>>().join("\n# ---\n");
     Ok(model)
 }
 
 impl Compiler<'_> {
+    /// A key of a source, within its effect where the source is one.
+    pub(super) fn at(&self, source: usize, key: impl std::fmt::Display) -> At {
+        At { source, key: format!("{}{key}", self.sources[source].prefix) }
+    }
+
     pub(super) fn error(&mut self, at: &At, offset: usize, what: impl Into<String>) {
         let place = self.sources[at.source].doc.place_in(&at.key, offset);
         self.errors.push(Error::at(place, what));
@@ -158,7 +169,8 @@ impl Compiler<'_> {
             let name = self.model.states[i].quantity.name.clone();
             let Some(entry) = sources[at.source].file.states.get(&name) else { continue };
             let dim = self.dims[&name];
-            let key = |field: &str| At { source: at.source, key: format!("states.{name}.{field}") };
+            let prefix = &sources[at.source].prefix;
+            let key = |field: &str| At { source: at.source, key: format!("{prefix}states.{name}.{field}") };
             self.model.states[i].start = match &entry.start {
                 Value::Text(text) if text == "measured" => StartKind::Measured,
                 value => match self.value(value, &key("start"), dim, "start") {
@@ -217,9 +229,10 @@ impl Compiler<'_> {
         let at = self.state_at.get(i)?.clone();
         let sources = self.sources;
         let entry = sources[at.source].file.states.get(&name)?;
-        let key = |field: &str| At { source: at.source, key: format!("states.{name}.{field}") };
-        let typed = self.once(&format!("rate({name})"), &key("rate"), |c| c.expression(&entry.rate, &key("rate")))?;
-        self.expect(typed, dim, &key("rate"), 0, "the rate");
+        let prefix = &sources[at.source].prefix;
+        let key = |field: &str| At { source: at.source, key: format!("{prefix}states.{name}.{field}") };
+        let target = Target::Rate(name.clone());
+        let typed = self.amended_value(&target, self.amendments_of(&target), &key("rate"))?;
         let state_dim = self.dims[&name];
         let mut node = typed.node;
         if let Some(limit) = &entry.rate_max {
@@ -244,8 +257,21 @@ impl Compiler<'_> {
         Some(Typed { node, dim: Some(dim) })
     }
 
+    /// The rate of state i as its line says it.
+    pub(super) fn own_rate(&mut self, i: usize) -> Option<Typed> {
+        let name = self.model.states[i].quantity.name.clone();
+        let dim = self.dims.get(&name).copied().unwrap_or(Dim::NONE).over(SECOND);
+        let at = self.state_at.get(i)?.clone();
+        let sources = self.sources;
+        let entry = sources[at.source].file.states.get(&name)?;
+        let at = self.at(at.source, format!("states.{name}.rate"));
+        let typed = self.once(&format!("rate({name})"), &at, |c| c.expression(&entry.rate, &at))?;
+        self.expect(typed, dim, &at, 0, "the rate");
+        Some(Typed { node: typed.node, dim: Some(dim) })
+    }
+
     /// Builds what `name` stands for once; a second visit while it is being built is a cycle.
-    fn once(&mut self, name: &str, at: &At, build: impl FnOnce(&mut Self) -> Option<Typed>) -> Option<Typed> {
+    pub(super) fn once(&mut self, name: &str, at: &At, build: impl FnOnce(&mut Self) -> Option<Typed>) -> Option<Typed> {
         match self.status.get(name) {
             Some(Status::Done(typed)) => return *typed,
             Some(Status::Active) => {
@@ -268,17 +294,29 @@ impl Compiler<'_> {
         let sources = self.sources;
         for (s, source) in sources.iter().enumerate() {
             for (name, output) in &source.file.outputs {
-                let at = At { source: s, key: format!("outputs.{name}.value") };
-                let dim = self.unit(&At { source: s, key: format!("outputs.{name}.unit") }, &output.unit);
+                let at = self.at(s, format!("outputs.{name}.value"));
                 if self.model.outputs.iter().any(|o| o.name == *name) {
                     self.error(&at, 0, format!("output \"{name}\" is declared twice"));
                 }
-                let Some(typed) = self.expression(&output.value, &at) else { continue };
-                self.expect(typed, dim, &at, 0, &format!("output \"{name}\""));
+                let target = Target::Output(name.clone());
+                let Some(typed) = self.amended_value(&target, self.amendments_of(&target), &at) else { continue };
                 self.model.outputs.push(Quantity { name: name.clone(), unit: output.unit.clone(), doc: output.doc.clone() });
                 self.model.output_nodes.push(typed.node);
             }
         }
+    }
+
+    /// The output `name` as its line says it.
+    pub(super) fn own_output(&mut self, name: &str) -> Option<Typed> {
+        let sources = self.sources;
+        let (s, output) = sources.iter().enumerate().find_map(|(s, source)| Some((s, source.file.outputs.get(name)?)))?;
+        let at = self.at(s, format!("outputs.{name}.value"));
+        self.once(&format!("output({name})"), &at, |c| {
+            let dim = c.unit(&At { source: s, key: format!("outputs.{name}.unit") }, &output.unit);
+            let typed = c.expression(&output.value, &at)?;
+            c.expect(typed, dim, &at, 0, &format!("output \"{name}\""));
+            Some(Typed { node: typed.node, dim: Some(dim) })
+        })
     }
 
     fn trim(&mut self) {
@@ -319,7 +357,9 @@ impl Compiler<'_> {
             })
             .collect();
         for (name, at) in equations {
-            if let Some(typed) = self.equation(&name, &at) {
+            let target = Target::Name(name.clone());
+            if let Some(typed) = self.amended_value(&target, self.amendments_of(&target), &at) {
+                self.dims.insert(name.clone(), typed.dim.unwrap_or(Dim::NONE));
                 self.model.equations.insert(name, typed.node);
             }
         }
@@ -331,7 +371,7 @@ impl Compiler<'_> {
         self.once(name, at, |c| c.expression(text, at))
     }
 
-    fn expression(&mut self, text: &str, at: &At) -> Option<Typed> {
+    pub(super) fn expression(&mut self, text: &str, at: &At) -> Option<Typed> {
         match expr::parse(text) {
             Ok(tree) => self.build(&tree, at),
             Err((offset, what)) => {

@@ -30,7 +30,7 @@ impl Compiler<'_> {
     pub(super) fn declare(&mut self, constants: &Constants) {
         let sources = self.sources;
         for (s, source) in sources.iter().enumerate() {
-            let at = |section: &str, name: &str| At { source: s, key: format!("{section}.{name}") };
+            let at = |section: &str, name: &str| At { source: s, key: format!("{}{section}.{name}", source.prefix) };
             for (name, entry) in &source.file.inputs {
                 let (unit, doc) = match entry {
                     Input::Unit(unit) => (unit, String::new()),
@@ -73,7 +73,7 @@ impl Compiler<'_> {
             }
             for (name, state) in &source.file.states {
                 let here = at("states", name);
-                let dim = self.unit(&At { source: s, key: format!("states.{name}.unit") }, &state.unit);
+                let dim = self.unit(&at("states", &format!("{name}.unit")), &state.unit);
                 if self.add_symbol(name, Symbol::State(self.model.states.len()), here.clone()) {
                     self.dims.insert(name.clone(), dim);
                     let quantity = Quantity { name: name.clone(), unit: state.unit.clone(), doc: state.doc.clone() };

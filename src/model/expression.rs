@@ -1,5 +1,8 @@
 //! Expressions to nodes of the graph: operators, names, and what delays, lags and rates add to the model.
 
+use std::collections::BTreeMap;
+
+use super::amend::Target;
 use super::compile::{At, Compiler, SECOND, Symbol, Typed};
 use super::expr::{Expr, Kind, Operator};
 use super::functions;
@@ -127,6 +130,14 @@ impl Compiler<'_> {
             "t" => return Some(Typed { node: self.model.graph.leaf(Leaf::Time), dim: Some(SECOND) }),
             _ => {}
         }
+        match self.seen(&Target::Name(name.to_string()), at) {
+            0 => self.own_value(name, offset, at),
+            seen => self.amended_value(&Target::Name(name.to_string()), seen, at),
+        }
+    }
+
+    /// What a name stands for by its own declaration, effects apart.
+    pub(super) fn own_value(&mut self, name: &str, offset: usize, at: &At) -> Option<Typed> {
         let Some((symbol, declared)) = self.symbols.get(name).cloned() else {
             self.unknown(name, at, offset);
             return None;
@@ -157,16 +168,29 @@ impl Compiler<'_> {
         Some(Typed { node, dim })
     }
 
-    /// What `delay` may be taken of.
-    pub(super) fn delayable(&self, name: &str) -> Option<(Delayed, Option<Dim>)> {
-        match self.symbols.get(name)?.0 {
-            Symbol::Input(i) => Some((Delayed::Input(i), self.dims.get(name).copied())),
-            Symbol::State(i) => Some((Delayed::State(i), self.dims.get(name).copied())),
-            _ => None,
+    /// A node at time t - tau: each input and state in it is read from the past.
+    pub(super) fn delayed(&mut self, node: Node, tau: Node, offset: usize, at: &At) -> Option<Node> {
+        let mut with = BTreeMap::new();
+        for leaf in self.leaves(node) {
+            let past = match leaf {
+                Leaf::Input(i) => self.delay(Delayed::Input(i), tau),
+                Leaf::State(i) => self.delay(Delayed::State(i), tau),
+                Leaf::Time => {
+                    let now = self.model.graph.leaf(Leaf::Time);
+                    self.model.graph.sub(now, tau)
+                }
+                Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
+                Leaf::Delayed(_) | Leaf::InputRate(_) => {
+                    self.error(at, offset, "delay() of a delayed value or of a rate is not available");
+                    return None;
+                }
+            };
+            with.insert(leaf, past);
         }
+        Some(self.model.graph.substitute(node, &with))
     }
 
-    pub(super) fn delay(&mut self, of: Delayed, tau: Node) -> Node {
+    fn delay(&mut self, of: Delayed, tau: Node) -> Node {
         let known = self.model.delays.iter().position(|d| d.of == of && d.tau == tau);
         let k = known.unwrap_or_else(|| {
             self.model.delays.push(Delay { of, tau });
@@ -199,7 +223,7 @@ impl Compiler<'_> {
         let mut total = self.model.graph.c(0.0);
         for leaf in self.leaves(node) {
             let rate = match leaf {
-                Leaf::State(i) => self.state_rate(i)?.node,
+                Leaf::State(i) => self.rate_seen(i, at)?.node,
                 Leaf::Input(i) => self.model.graph.leaf(Leaf::InputRate(i)),
                 Leaf::Time => self.model.graph.c(1.0),
                 Leaf::Parameter(_) | Leaf::StartValue(_) => continue,

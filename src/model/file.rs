@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A model file (`<name>.model.toml`) or a fragment.
-#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelFile {
     /// One line saying what the model describes.
@@ -39,6 +39,36 @@ pub struct ModelFile {
     pub tables: IndexMap<String, TableEntry>,
     /// What is solved for, and what must vanish, in steady flight.
     pub trim: Option<Trim>,
+    /// Effects added to the equations above, or to those of the fragments used, in this order.
+    #[serde(default)]
+    pub effect: Vec<Effect>,
+}
+
+/// An addition to a model that leaves its lines as they stand: what is new, and where it acts.
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Effect {
+    /// One line saying what the effect is.
+    pub title: String,
+    /// Assumed values that the effect needs.
+    #[serde(default)]
+    pub constants: IndexMap<String, Constant>,
+    /// What may be estimated.
+    #[serde(default)]
+    pub parameters: IndexMap<String, ParameterEntry>,
+    /// Named expressions of the effect's own.
+    #[serde(default)]
+    pub equations: IndexMap<String, String>,
+    /// What is integrated besides the model's own states.
+    #[serde(default)]
+    pub states: IndexMap<String, State>,
+    /// Terms added to an equation, to the rate of a state (`"rate(q)"`) or to an output (`"output(alpha)"`).
+    #[serde(default)]
+    pub add: IndexMap<String, String>,
+    /// What everything else reads instead of an input, constant, parameter, equation or state, of a state's rate (`"rate(q)"`) or of
+    /// an output (`"output(alpha)"`). The effect itself still reads what was there before it.
+    #[serde(default)]
+    pub replace: IndexMap<String, String>,
 }
 
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file::ModelFile;
+use super::file::{Effect, ModelFile};
 use crate::config::{self, Doc};
 use crate::error::{Error, Errors};
 
@@ -25,11 +25,34 @@ pub const EMBEDDED: &[(&str, &str)] = embedded![
     "tail_flow"
 ];
 
-/// A parsed model file with the positions of its keys.
-#[derive(Debug)]
+/// A parsed model file, or one of its effects, with the positions of its keys.
+#[derive(Debug, Clone)]
 pub struct Source {
     pub file: ModelFile,
     pub doc: Doc,
+    /// Of an effect: where it stands in the file, `"effect.0."`; empty for the file itself.
+    pub prefix: String,
+    /// Of an effect: what it adds and replaces.
+    pub amends: Option<Effect>,
+}
+
+/// The file itself, then each of its effects, as the sources that the compiler reads.
+pub fn sources_of(mut file: ModelFile, doc: Doc) -> Vec<Source> {
+    let effects = std::mem::take(&mut file.effect);
+    let of_effect = |(i, e): (usize, Effect)| {
+        let file = ModelFile {
+            title: e.title.clone(),
+            constants: e.constants.clone(),
+            parameters: e.parameters.clone(),
+            equations: e.equations.clone(),
+            states: e.states.clone(),
+            ..Default::default()
+        };
+        Source { file, doc: doc.clone(), prefix: format!("effect.{i}."), amends: Some(e) }
+    };
+    let effects: Vec<Source> = effects.into_iter().enumerate().map(of_effect).collect();
+    let own = Source { file, doc: doc.clone(), prefix: String::new(), amends: None };
+    std::iter::once(own).chain(effects).collect()
 }
 
 /// Where text comes from when a fragment is named.
@@ -71,7 +94,7 @@ fn visit(
         }
     }
     open.pop();
-    out.push(Source { file, doc });
+    out.extend(sources_of(file, doc));
     errors.or(())
 }
 

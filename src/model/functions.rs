@@ -1,8 +1,9 @@
 //! The functions of the language: argument units, result units, graph nodes. One visible list.
 
+use super::amend::Target;
 use super::compile::{At, Compiler, SECOND, Typed};
 use super::expr::{Expr, Kind};
-use super::graph::{Leaf, Node, Op};
+use super::graph::{Leaf, Node, Op, View};
 use crate::units::Dim;
 
 /// Name, number of arguments, and how it reads in a message.
@@ -29,6 +30,9 @@ const FUNCTIONS: &[(&str, &[usize], &str)] = &[
     ("delay", &[2], "delay(x, tau)"),
     ("lag", &[2], "lag(x, T)"),
     ("rate", &[1], "rate(x)"),
+    ("slope", &[2], "slope(y, x)"),
+    ("without", &[2], "without(y, x)"),
+    ("output", &[1], "output(name)"),
     ("table", &[2, 3], "table(name, x) or table(name, x, x2)"),
 ];
 
@@ -67,6 +71,8 @@ pub(super) fn call(c: &mut Compiler, name: &str, arguments: &[Expr], offset: usi
     match name {
         "delay" => return delay(c, arguments, offset, at),
         "table" => return table(c, arguments, at),
+        "slope" | "without" => return varied(c, name == "slope", arguments, at),
+        "output" => return output(c, arguments, at),
         _ => {}
     }
     let built: Vec<Option<Typed>> = arguments.iter().map(|e| c.build(e, at)).collect();
@@ -158,27 +164,46 @@ fn seconds(c: &mut Compiler, x: Typed, offset: usize, at: &At, what: &str) -> Op
 }
 
 fn delay(c: &mut Compiler, arguments: &[Expr], offset: usize, at: &At) -> Option<Typed> {
-    let tau = c.build(&arguments[1], at);
-    let found = match &arguments[0].kind {
-        Kind::Name(name) => c.delayable(name),
-        _ => None,
-    };
-    let Some((of, dim)) = found else {
-        c.error_help(
-            at,
-            arguments[0].at,
-            "delay() takes the name of an input or a state",
-            "delay the inputs and states of an expression one by one, or make the expression a state with lag()",
-        );
-        return None;
-    };
-    let tau = tau?;
+    let (x, tau) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
+    let (x, tau) = (x?, tau?);
     seconds(c, tau, arguments[1].at, at, "a delay")?;
     if c.leaves(tau.node).iter().any(|l| matches!(l, Leaf::Delayed(_))) {
         c.report(at, offset, "a delay time cannot itself depend on a delayed value".into());
         return None;
     }
-    Some(Typed { node: c.delay(of, tau.node), dim })
+    Some(Typed { node: c.delayed(x.node, tau.node, arguments[0].at, at)?, dim: x.dim })
+}
+
+/// `slope(y, x)`: dy/dx; `without(y, x)`: y where x is zero. Both for an input, a state or a parameter x.
+fn varied(c: &mut Compiler, slope: bool, arguments: &[Expr], at: &At) -> Option<Typed> {
+    let (y, x) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
+    let (y, x) = (y?, x?);
+    let View::Leaf(leaf @ (Leaf::Input(_) | Leaf::State(_) | Leaf::Parameter(_))) = c.graph().view(x.node) else {
+        c.report(at, arguments[1].at, "slope() and without() take an input, a state or a parameter here".into());
+        return None;
+    };
+    let g = c.graph();
+    if slope {
+        let dim = y.dim.unwrap_or(Dim::NONE).over(x.dim.unwrap_or(Dim::NONE));
+        return Some(Typed { node: g.derivative(y.node, leaf), dim: Some(dim) });
+    }
+    let with = [(leaf, g.c(0.0))].into();
+    Some(Typed { node: g.substitute(y.node, &with), dim: y.dim })
+}
+
+/// The value of an output, which is a name space of its own.
+fn output(c: &mut Compiler, arguments: &[Expr], at: &At) -> Option<Typed> {
+    let Kind::Name(name) = &arguments[0].kind else {
+        c.report(at, arguments[0].at, "the argument of output() is the name of an output".into());
+        return None;
+    };
+    let target = Target::Output(name.clone());
+    if !c.sources.iter().any(|s| s.file.outputs.contains_key(name)) {
+        c.report(at, arguments[0].at, format!("there is no output \"{name}\""));
+        return None;
+    }
+    let seen = c.seen(&target, at);
+    c.amended_value(&target, seen, at)
 }
 
 fn table(c: &mut Compiler, arguments: &[Expr], at: &At) -> Option<Typed> {

@@ -3,9 +3,10 @@
 //! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
 //! checks units and builds (`expression`) one shared graph (`graph`), in which `fuse` joins products and sums. `linear` asks for exact
 //! derivatives (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which `interpret` runs over lanes;
-//! `arithmetic` says to the bit what one operation is; `extend` adds zero shifts and feedback to a compiled model. Nothing here knows
+//! `amend` applies the effects of a file; `arithmetic` says to the bit what one operation is; `extend` adds zero shifts and feedback to a compiled model. Nothing here knows
 //! about time steps: that is `dynamics`.
 
+mod amend;
 mod arithmetic;
 pub mod compile;
 mod declare;
@@ -25,6 +26,7 @@ pub mod program;
 pub mod tables;
 mod walk;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -34,6 +36,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config;
 use crate::error::Errors;
+use crate::units::Dim;
 use fragments::Folder;
 use graph::{Graph, Leaf, Node};
 pub use program::{Layout, Program};
@@ -179,6 +182,8 @@ pub struct Model {
     pub rates: Vec<Node>,
     pub output_nodes: Vec<Node>,
     pub equations: IndexMap<String, Node>,
+    /// Dimension of every input, constant, parameter, equation and state.
+    pub dims: BTreeMap<String, Dim>,
     /// The resolved text, fragments included: what a cache key hashes (together with `constants`).
     pub text: String,
     /// What it was compiled from.
@@ -230,6 +235,36 @@ impl Model {
         let Some(recipe) = &self.recipe else { return Ok(self.clone()) };
         let model = compile::compile(&recipe.name, &recipe.sources, &recipe.constants, compile::Uncertain::Open)?;
         Ok(Model { name: self.name.clone(), recipe: Some(recipe.clone()), ..model })
+    }
+
+    /// The same model with more effects behind its own file: `blocks` is text of `[[effect]]` sections.
+    ///
+    /// # Errors
+    /// Mistakes of the blocks, at their place in the longer file; a model that was not compiled from text.
+    pub fn amended(&self, blocks: &str) -> Result<Model, Errors> {
+        let recipe = self.recipe.as_ref().ok_or_else(|| crate::error::Error::new("this model has no text to add to"))?;
+        let own = recipe.sources.iter().rposition(|s| s.amends.is_none()).unwrap_or(0);
+        let mut sources = recipe.sources[..own].to_vec();
+        let doc = &recipe.sources[own].doc;
+        let (file, doc) = config::parse(doc.file(), &format!("{}{blocks}", doc.text()))?;
+        sources.extend(fragments::sources_of(file, doc));
+        Model::compiled(Recipe { name: recipe.name.clone(), sources, constants: recipe.constants.clone() })
+    }
+
+    /// The text of the model's own file, without what it uses; empty if it was not compiled from text.
+    pub fn own_text(&self) -> &str {
+        let own = self.recipe.iter().flat_map(|r| &r.sources).rfind(|s| s.amends.is_none());
+        own.map_or("", |s| s.doc.text())
+    }
+
+    /// The files that the model was compiled from, those it uses first.
+    pub fn files(&self) -> impl Iterator<Item = &file::ModelFile> {
+        self.recipe.iter().flat_map(|r| &r.sources).map(|s| &s.file)
+    }
+
+    /// The constants of the aircraft file that the model was compiled with.
+    pub fn given(&self) -> Option<&Constants> {
+        self.recipe.as_ref().map(|r| &r.constants)
     }
 
     /// An embedded fragment as a model of its own.

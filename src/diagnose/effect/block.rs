@@ -1,0 +1,94 @@
+//! What a candidate adds to a model in; the text of its `[[effect]]` block out.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use super::Added;
+use crate::model::Scope;
+
+/// Filled lines of an effect.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Block {
+    pub title: String,
+    /// Name, unit, value where the aircraft file does not give one.
+    pub constants: Vec<(String, String, Option<f64>)>,
+    /// What each added parameter means, in their order.
+    pub docs: Vec<String>,
+    pub equations: Vec<(String, String)>,
+    /// Name, unit, rate, start.
+    pub states: Vec<(String, String, String, String)>,
+    pub add: Vec<(String, String)>,
+    pub replace: Vec<(String, String)>,
+}
+
+impl Block {
+    /// `found`: as the model goes on with it (switches held) instead of as it is tried (everything free at null).
+    pub fn text(&self, added: &[Added], values: &BTreeMap<String, f64>, found: bool, provenance: &str) -> String {
+        let mut out = String::new();
+        for line in provenance.lines() {
+            let _ = writeln!(out, "# {line}");
+        }
+        let _ = writeln!(out, "[[effect]]\ntitle = {}", quoted(&self.title));
+        if !self.constants.is_empty() {
+            out += "\n[effect.constants]\n";
+        }
+        for (name, unit, value) in &self.constants {
+            let _ = match value {
+                Some(value) => writeln!(out, "{} = {{ unit = {}, value = {value:?} }}", key(name), quoted(unit)),
+                None => writeln!(out, "{} = {}", key(name), quoted(unit)),
+            };
+        }
+        out += "\n[effect.parameters]\n";
+        for (a, doc) in added.iter().zip(&self.docs) {
+            out += &parameter(a, values.get(&a.name).copied(), found, doc);
+        }
+        section(&mut out, "equations", &self.equations);
+        if !self.states.is_empty() {
+            out += "\n[effect.states]\n";
+        }
+        for (name, unit, rate, start) in &self.states {
+            let _ = writeln!(out, "{} = {{ unit = {}, rate = {}, start = {start} }}", key(name), quoted(unit), quoted(rate));
+        }
+        section(&mut out, "add", &self.add);
+        section(&mut out, "replace", &self.replace);
+        out
+    }
+}
+
+fn parameter(a: &Added, value: Option<f64>, found: bool, doc: &str) -> String {
+    let start = value.or(a.hold.filter(|_| found)).or(a.null).or(a.starts.first().copied()).unwrap_or(0.0);
+    let mut line = format!("{} = {{ unit = {}, start = {start:?}", key(&a.name), quoted(&a.unit));
+    for (bound, x) in [("min", a.min), ("max", a.max)] {
+        if x.is_finite() {
+            let _ = write!(line, ", {bound} = {x:?}");
+        }
+    }
+    if a.scope != Scope::Campaign {
+        let _ = write!(line, ", per = {}", quoted(a.scope.name()));
+    }
+    if found && a.hold.is_some() {
+        line += ", fixed = true";
+    }
+    if !doc.is_empty() {
+        let _ = write!(line, ", doc = {}", quoted(doc));
+    }
+    line + " }\n"
+}
+
+fn section(out: &mut String, name: &str, lines: &[(String, String)]) {
+    if !lines.is_empty() {
+        let _ = writeln!(out, "\n[effect.{name}]");
+    }
+    for (target, text) in lines {
+        let _ = writeln!(out, "{} = {}", key(target), quoted(text));
+    }
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', " "))
+}
+
+fn key(name: &str) -> String {
+    let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if plain && !name.is_empty() { name.to_string() } else { quoted(name) }
+}
