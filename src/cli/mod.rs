@@ -1,5 +1,6 @@
 //! The command line: arguments come in; verbs do the work; this is the one place that prints errors and decides the exit code.
 
+mod diagnose;
 mod progress;
 mod run;
 mod schema;
@@ -26,6 +27,9 @@ enum Verb {
     /// Run a campaign: from logs (simulated first where there are none) to tables and a report
     #[command(after_help = text::RUN)]
     Run(RunArgs),
+    /// Hold models against the flights: where are they wrong, and which missing effect explains it?
+    #[command(after_help = text::DIAGNOSE)]
+    Diagnose(DiagnoseArgs),
     /// Tell what a run would do and why: fresh, stale or missing
     #[command(after_help = text::STATUS)]
     Status(PipelineArgs),
@@ -102,10 +106,30 @@ struct RunArgs {
     dry_run: bool,
 }
 
+#[derive(Debug, Args)]
+struct DiagnoseArgs {
+    #[command(flatten)]
+    files: PipelineArgs,
+    /// Estimates whose models are diagnosed [default: those of the [[diagnose]] sections, or all]
+    #[arg(long, value_name = "NAME")]
+    estimate: Vec<String>,
+    /// A folder with effects of your own, relative to the pipeline file
+    #[arg(long, value_name = "DIR")]
+    effects: Vec<String>,
+    /// Hold the parameters of the models at their values: their errors can be found then
+    #[arg(long)]
+    predicted: bool,
+    /// Number of threads; the tables are the same bytes for any number [default: one per core]
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
+}
+
 /// How a command ended, where it did not fail outright.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum End {
     Complete,
+    /// A diagnosis found that something is missing in a model: exit code 3.
+    Found,
     /// Results are there, and something asked for is missing: exit code 1.
     Partial,
 }
@@ -122,6 +146,7 @@ pub fn main() -> ExitCode {
     };
     match dispatch(cli.verb) {
         Ok(End::Complete) => ExitCode::SUCCESS,
+        Ok(End::Found) => ExitCode::from(3),
         Ok(End::Partial) => ExitCode::from(1),
         Err(errors) => {
             print_errors(&errors);
@@ -134,6 +159,7 @@ fn dispatch(verb: Verb) -> Result<End, Errors> {
     match verb {
         Verb::Run(args) if args.dry_run => run::status(&args.files),
         Verb::Run(args) => run::run(&args),
+        Verb::Diagnose(args) => diagnose::diagnose(&args),
         Verb::Status(args) => run::status(&args),
         Verb::Check { pipeline } => run::check(&pipeline),
         Verb::Inspect { log } => shown(&log::inspect::run(&log)?),

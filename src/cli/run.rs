@@ -88,7 +88,7 @@ fn lines(stage: &str, a: &Assessment) -> Vec<String> {
 }
 
 /// `out/` beside `pipeline.toml`; pipelines of other names beside it keep their results apart, in `out/<name>/`.
-fn out_folder(args: &PipelineArgs) -> PathBuf {
+pub(super) fn out_folder(args: &PipelineArgs) -> PathBuf {
     let out = args.pipeline.parent().unwrap_or_else(|| Path::new("")).join("out");
     let name = args.pipeline.file_stem().filter(|name| *name != "pipeline");
     args.out.clone().unwrap_or_else(|| name.map_or_else(|| out.clone(), |name| out.join(name)))

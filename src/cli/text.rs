@@ -25,7 +25,8 @@ A first contact with your own logs:
 Exit codes:
   0  everything asked for is there
   1  the run ended, and something asked for is missing: it is named on the screen and in the table `notes`
-  2  nothing could be done: a mistake in the command, the configuration, or the output folder";
+  2  nothing could be done: a mistake in the command, the configuration, or the output folder
+  3  a diagnosis found that a model lacks something";
 
 pub const RUN: &str = "\
 Each table becomes a Parquet dataset OUT/<table>/, by flight where it is per flight. A stage whose inputs, settings and program are
@@ -37,6 +38,17 @@ Examples:
   koehler run pipelines/citation/pipeline.toml --dry-run
 
 Exit codes: 0 everything is there, 1 something asked for is missing, 2 configuration or usage error.";
+
+pub const DIAGNOSE: &str = "\
+Runs the pipeline as far as it is not fresh, and diagnoses the models of its [[diagnose]] sections (without any: of all estimates).
+The verdict: named (an effect, with its parameters), one of these (the flights cannot separate them), located but unexplained, nothing
+missing. OUT/models/NAME.next.model.toml is the model with what was found; tables: findings, candidates, additions, held_out, located.
+
+Examples:
+  koehler diagnose pipelines/attas/pipeline.toml --estimate a-all
+  koehler diagnose pipelines/hfb320/pipeline.toml --predicted
+
+Exit codes: 0 nothing is missing, 1 no verdict, or something asked for is missing, 2 configuration or usage error, 3 a model lacks something.";
 
 pub const STATUS: &str = "\
 For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file).

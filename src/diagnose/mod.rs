@@ -1,3 +1,209 @@
-//! A base model, records and candidate effects in; what the model lacks, and how sure that is, out.
+//! Where a model and flights disagree, and which missing effect explains it: a base model, maneuvers and candidate effects in; a verdict
+//! with its evidence out. Numbers in, numbers out; how the flights were made is never known here.
+//!
+//! # How a verdict comes about
+//!
+//! 1. *Base fit* of the training maneuvers by the estimator; an autoregressive model per output of what is left. `W` makes residuals and
+//!    sensitivities white, segment by segment; `J = |W (z - y)|^2 / 2` is the cost everything below is measured in, so that differences
+//!    of `J` are gains in log-likelihood.
+//! 2. *Screening*: every candidate adds parameters `b` that are nothing at their null. With `H = W dy/db` and `G = W dy/dtheta` of all
+//!    that is free in the base (shared parameters and what belongs to a maneuver), `H~ = (1 - G (G'G)^-1 G') H`, `u = H~'e`,
+//!    `F = H~'H~`: the gain is `u'F^-1 u / 2` (score test), within the candidate's bounds. Where `H~` vanishes, the base absorbs the effect
+//!    and it is no candidate.
+//! 3. *Luck*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all candidates at once. The best candidate of each
+//!    is noted; the 99% quantile is what a real one must exceed (gains less half the 99% quantile of chi-square for its number of parameters).
+//! 4. *Refits* in full of the few best, with everything free; held-out maneuvers then, all derivatives frozen: the effect predicts
+//!    the gain `d'd/2` from the whitened difference `d` of the two predictions, and has to bring it.
+//! 5. *Evidence* of a candidate: gain of the training less luck, plus the gain realised on held-out maneuvers. Those that pass every
+//!    test and come within `apart` of the best are not told from it. Errors of sensors come before physics among equals.
+//! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes.
+//! 7. *What is left* is asked without any candidate: does an output still answer to an input? Then something is located, not explained.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `effect` | the library of candidate effects and their attachment to a model |
+//! | `settings` | how a diagnosis is run |
+//! | `gram` | sums of products, columns eliminated one after the other |
+//! | `noise` | the colour of the base's residuals, and whitening by it |
+//! | `base` | the base as it stands with what was added, its fit |
+//! | `fit` | maximum of the likelihood of the whitened residuals, bounds kept |
+//! | `screen` | score tests of all candidates |
+//! | `surrogate` | what luck gains |
+//! | `refit` | a candidate in full, and on held-out maneuvers |
+//! | `held_out` | which maneuvers are held out |
+//! | `located` | whether an output still answers to an input |
+//! | `decide` | the tests that a candidate must pass, and the class of those that pass alike |
+//! | `search` | round after round |
+//! | `gaps` | how large the gap is, and where |
+//! | `closure` | the gap before and after, and what the addition did to the other parameters |
 
 pub mod effect;
+
+mod base;
+mod closure;
+mod decide;
+mod fit;
+mod gaps;
+mod gram;
+mod held_out;
+mod located;
+mod noise;
+mod refit;
+mod screen;
+mod search;
+mod settings;
+mod surrogate;
+#[cfg(test)]
+mod tests;
+
+use crate::estimate::{self, Segment};
+use crate::model::Model;
+
+pub use closure::{Channel, Match, Overlay, Shift};
+pub use decide::Standing;
+pub use gaps::Gap;
+pub use held_out::{Rule, held_out};
+pub use located::Located;
+pub use refit::Refit;
+pub use screen::Screened;
+pub use search::diagnose;
+pub use settings::{Base, Settings};
+
+/// What is diagnosed.
+#[derive(Debug, Clone, Copy)]
+pub struct Subject<'a> {
+    /// The base model, as its file says it (without the shifts that `method` asks for).
+    pub model: &'a Model,
+    pub segments: &'a [Segment],
+    /// Which of them are held out.
+    pub held_out: &'a [bool],
+    /// How the base is estimated.
+    pub method: &'a estimate::Settings,
+    pub settings: &'a Settings,
+}
+
+/// One added parameter after a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Value {
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    pub value: f64,
+    /// Under the noise of the base fit; none where it is held or the data do not determine it.
+    pub sd: Option<f64>,
+    /// The value at which it is nothing; none for a shape.
+    pub null: Option<f64>,
+    /// It sits on a physical bound.
+    pub at_bound: bool,
+    /// It was not fitted.
+    pub held: bool,
+    /// Share of its information that is left once everything else is unknown too.
+    pub left: Option<f64>,
+    /// What physics expects: in words, the value, and within what share of it.
+    pub check: Option<(String, f64, f64)>,
+}
+
+/// Gain in log-likelihood of one maneuver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gain {
+    /// Index among the segments of the subject.
+    pub segment: usize,
+    /// What the effect predicts; NaN for a training maneuver.
+    pub predicted: f64,
+    pub realised: f64,
+}
+
+/// One candidate in one round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    pub name: String,
+    pub effect: String,
+    pub family: effect::Family,
+    pub sentence: String,
+    pub signature: String,
+    /// The maneuver that would tell it from its rivals, in words.
+    pub separate: String,
+    pub screened: Screened,
+    /// Gain of the screening less luck: what is compared with the round's limit.
+    pub score: f64,
+    pub refit: Option<Refit>,
+    /// Log-likelihood for it, training and held out, less luck; NaN without a refit.
+    pub evidence: f64,
+    pub standing: Standing,
+    /// The standing in words, with its figures.
+    pub why: String,
+}
+
+/// One round: a base fit and all candidates held against it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Round {
+    /// What the best candidate's score must exceed.
+    pub limit: f64,
+    pub judged: Vec<Judged>,
+    /// Those that pass alike, best evidence first; the first one is added.
+    pub class: Vec<usize>,
+    /// Outputs that answered to a source before anything was added.
+    pub located: Vec<Located>,
+}
+
+/// Why a diagnosis could not be carried through.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Trouble {
+    /// The base does not run or cannot be fitted; why.
+    Base(String),
+    /// There are no maneuvers to hold out, or none to train on.
+    Segments(String),
+}
+
+/// What is known in the end.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// Every round's class has one member, and what is left is noise.
+    Named,
+    /// The same, but at least one class has several.
+    OneOfThese,
+    /// Outputs answer to inputs and no candidate explains it, or not all of it.
+    Located,
+    NothingMissing,
+    /// No verdict.
+    None(Trouble),
+}
+
+impl Verdict {
+    /// The stable text that tables carry.
+    pub fn as_str(&self) -> &'static str {
+        match self {
+            Verdict::Named => "named",
+            Verdict::OneOfThese => "one of these",
+            Verdict::Located => "located but unexplained",
+            Verdict::NothingMissing => "nothing missing",
+            Verdict::None(_) => "no verdict",
+        }
+    }
+}
+
+/// The result.
+#[derive(Debug, Clone)]
+pub struct Diagnosis {
+    pub verdict: Verdict,
+    pub rounds: Vec<Round>,
+    /// What was added, round by round: the candidates as they stand in the model.
+    pub added: Vec<effect::Candidate>,
+    /// Values of the added parameters in the last fit, with everything free.
+    pub values: Vec<(String, f64)>,
+    /// Outputs that still answer to a source in the end.
+    pub located: Vec<Located>,
+    /// Effects of the library that could not be attached to this model, and why.
+    pub skipped: Vec<(String, String)>,
+    pub closing: Closing,
+}
+
+/// Where the gap is, and what the additions did to it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Closing {
+    pub gaps_before: Vec<Gap>,
+    pub gaps_after: Vec<Gap>,
+    pub channels: Vec<Channel>,
+    pub overlays: Vec<Overlay>,
+    pub shifts: Vec<Shift>,
+}

@@ -31,13 +31,13 @@ pub struct Unknown {
 /// The segments that are used together.
 pub struct Case<'a> {
     pub model: &'a Model,
-    pub chosen: &'a Chosen,
-    plan: &'a Plan,
+    pub(super) chosen: &'a Chosen,
+    pub plan: &'a Plan,
     pub records: Vec<Record>,
     /// Which of them ask for integration steps by the model's fastest mode.
     automatic: Vec<bool>,
     /// Start values of the states that need one from outside, per segment.
-    given: Vec<Vec<f64>>,
+    pub given: Vec<Vec<f64>>,
     /// Scored outputs of the model.
     pub outputs: Vec<usize>,
     pub layout: Layout,
@@ -116,7 +116,8 @@ impl<'a> Case<'a> {
         self
     }
 
-    fn substeps(&self, s: usize, theta: &[f64]) -> usize {
+    /// Integration steps per step of the grid that the model asks for in segment `s`.
+    pub fn substeps(&self, s: usize, theta: &[f64]) -> usize {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
         self.plan.substeps(&parameters, &starts, &self.records[s])
     }

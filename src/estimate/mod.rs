@@ -24,6 +24,7 @@
 //! | `settings` | how an estimation is run |
 //! | `choice` | settings against the model: what is free, where it starts |
 //! | `prepare` | the model with shifts and feedback that the settings ask for, and records that feed it |
+//! | `prepared` | the same without an estimation: a model over the segments that can be used, to be evaluated anywhere |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
 //! | `case` | that problem for the segments used |
 //! | `result` | names put to the solution |
@@ -38,6 +39,7 @@ mod gauss;
 mod noise;
 mod output_error;
 mod prepare;
+mod prepared;
 mod problem;
 mod profile;
 mod rank;
@@ -52,8 +54,11 @@ mod solution;
 mod tests;
 
 pub use budget::Influence;
+pub use case::{Case, Unknown};
 pub use output_error::{estimate, estimate_segments};
 pub use prepare::extended;
+pub use prepared::Prepared;
+pub use problem::{Block, Layout, Part};
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::Segment;

@@ -79,7 +79,7 @@ pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Setting
 ///
 /// # Errors
 /// A state starts "measured", and its output is measured nowhere.
-fn starts(
+pub(super) fn starts(
     model: &Model,
     plan: &Plan,
     segments: &[Segment],
@@ -110,7 +110,7 @@ fn starts(
 }
 
 /// Why a segment cannot take part, as far as its data and labels tell.
-fn unusable(model: &Model, chosen: &Chosen, segment: &Segment, given: &Result<Vec<f64>, String>) -> Option<String> {
+pub(super) fn unusable(model: &Model, chosen: &Chosen, segment: &Segment, given: &Result<Vec<f64>, String>) -> Option<String> {
     let record = &segment.record;
     let scored = |c: &Channel| c.t.iter().zip(&c.z).any(|(t, z)| z.is_finite() && record.weights(*t).is_some());
     if !record.channels.iter().any(scored) {

@@ -51,6 +51,7 @@ pub fn units(plan: &Plan, stage: &Stage) -> Vec<Unit> {
         Per::Flight => campaign.flights.clone(),
         Per::Estimate => campaign.estimates.iter().map(|e| e.name().to_string()).collect(),
         Per::Fit => campaign.fits.iter().map(|f| f.name().to_string()).collect(),
+        Per::Diagnose => campaign.diagnoses.iter().map(|d| d.name()).collect(),
         Per::Campaign => vec!["campaign".to_string()],
     };
     names.into_iter().enumerate().map(|(index, name)| Unit { name, index, per: stage.per }).collect()

@@ -8,11 +8,12 @@ use super::settings::Settings;
 use super::simulate::Simulation;
 use super::store::Store;
 use crate::config::{self, Doc};
+use crate::diagnose::effect;
 use crate::error::{Error, Errors, Result};
 use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::segment::Kind;
-use crate::stage::{Campaign, Channels, derive, estimate, fit, reconstruct, segment};
+use crate::stage::{Campaign, Channels, derive, diagnose, estimate, fit, reconstruct, segment};
 use names::Columns;
 use std::path::{Path, PathBuf};
 
@@ -34,10 +35,19 @@ impl Plan {
     /// # Errors
     /// Every mistake in any of the files.
     pub fn read(pipeline: &Path) -> std::result::Result<Plan, Errors> {
-        let (settings, doc) = config::load::<Settings>(pipeline).map_err(|mut errors| {
+        Plan::read_with(pipeline, |_| {})
+    }
+
+    /// The same, with settings changed by the command before they are checked.
+    ///
+    /// # Errors
+    /// As `read`.
+    pub fn read_with(pipeline: &Path, change: impl FnOnce(&mut Settings)) -> std::result::Result<Plan, Errors> {
+        let (mut settings, doc) = config::load::<Settings>(pipeline).map_err(|mut errors| {
             errors.0.extend(loose::mistakes(pipeline).0);
             errors
         })?;
+        change(&mut settings);
         let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
         Reader { settings, doc, folder, errors: Errors::default() }.plan()
     }
@@ -80,6 +90,7 @@ impl Reader {
         let segment = self.segment(&flights, columns.as_ref());
         let estimates = self.estimates(aircraft.as_ref(), columns.as_ref());
         let fits = self.fits(&estimates, columns.as_ref());
+        let diagnoses = self.diagnoses(&estimates);
         let settings = self.settings;
         match (self.errors.is_empty(), channels, derive) {
             (true, Some(channels), Some(derive)) => Ok(Plan {
@@ -92,6 +103,7 @@ impl Reader {
                     segment,
                     estimates: estimates.into_iter().flatten().collect(),
                     fits,
+                    diagnoses,
                     report: settings.report,
                 },
                 simulation: simulation.and_then(|s| s.for_missing(&logs)),
@@ -315,6 +327,44 @@ impl Reader {
         }
         let complete = units.len() == settings.parameters.len();
         complete.then_some(fit::Config { settings, estimate: index, units, unit_x: unit_x? })
+    }
+
+    fn diagnoses(&mut self, estimates: &[Option<estimate::Config>]) -> Vec<diagnose::Config> {
+        let all = self.settings.diagnose.clone();
+        let mut names: Vec<String> = Vec::new();
+        let mut checked = Vec::new();
+        for (i, settings) in all.into_iter().enumerate() {
+            let key = format!("diagnose.{i}");
+            self.new_name(&key, &settings.name(), &mut names);
+            checked.extend(self.diagnosis(&key, settings, estimates));
+        }
+        checked
+    }
+
+    fn diagnosis(
+        &mut self,
+        key: &str,
+        settings: diagnose::Settings,
+        estimates: &[Option<estimate::Config>],
+    ) -> Option<diagnose::Config> {
+        let names: Vec<String> = self.settings.estimate.iter().map(estimate::Settings::name).collect();
+        let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
+            let error = names::unknown(&self.doc, &format!("{key}.estimate"), "[[estimate]]", &settings.estimate, &names);
+            self.errors.push(error);
+            return None;
+        };
+        let method = &settings.method;
+        if !(method.quantile > 0.0 && method.quantile < 1.0) {
+            self.push(&format!("{key}.method.quantile"), format!("a quantile is between 0 and 1, not {}", method.quantile), "");
+        }
+        let folders: Vec<PathBuf> = settings.effects.iter().map(|folder| self.path(folder)).collect();
+        for (i, folder) in folders.iter().enumerate().filter(|(_, folder)| !folder.is_dir()) {
+            self.push(&format!("{key}.effects.{i}"), format!("there is no folder {}", folder.display()), "");
+        }
+        let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).filter(|folder| folder.is_dir()).collect();
+        let effects = self.errors.take(effect::load(&folders))?;
+        estimates.get(index)?.as_ref()?;
+        Some(diagnose::Config { settings, estimate: index, effects })
     }
 
     /// Checks that a name is new and safe in a file's name.

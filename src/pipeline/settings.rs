@@ -35,6 +35,9 @@ pub struct Settings {
     /// Straight lines through the estimates.
     #[serde(default)]
     pub fit: Vec<stage::fit::Settings>,
+    /// Models held against the flights: where are they wrong, what is missing?
+    #[serde(default)]
+    pub diagnose: Vec<stage::diagnose::Settings>,
     /// The report; left out, there is none.
     #[serde(default)]
     pub report: Option<stage::report::Settings>,

@@ -16,6 +16,7 @@ pub use campaign::{Campaign, Flown};
 pub use check::{Interface, check};
 pub use input::Shape;
 pub use plan::{Placed, Plan};
+pub use random::Stream;
 pub use record::{FieldLog, Recording, SensorError, TopicLog, record};
 pub use settings::{Companion, Drive, Event, Flight, Gap, Maneuver, Point, Sensor, Settings, Timing, Topic};
 pub use truth::{Signal, Truth};

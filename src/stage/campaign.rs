@@ -1,6 +1,6 @@
 //! The checked configuration of a campaign: what the stages run on. The pipeline makes it from the files a person wrote.
 
-use super::{derive, estimate, fit, reconstruct, report, segment};
+use super::{derive, diagnose, estimate, fit, reconstruct, report, segment};
 use crate::config::Doc;
 use crate::log::ChannelMap;
 use crate::units::Unit;
@@ -17,6 +17,7 @@ pub struct Campaign {
     pub segment: Option<segment::Config>,
     pub estimates: Vec<estimate::Config>,
     pub fits: Vec<fit::Config>,
+    pub diagnoses: Vec<diagnose::Config>,
     pub report: Option<report::Settings>,
 }
 

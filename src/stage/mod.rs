@@ -6,6 +6,7 @@ mod campaign;
 mod inputs;
 
 pub mod derive;
+pub mod diagnose;
 pub mod estimate;
 pub mod fit;
 pub mod ingest;
@@ -54,16 +55,18 @@ pub enum Per {
     Estimate,
     /// One `[[fit]]` of the pipeline file.
     Fit,
+    /// One `[[diagnose]]` of the pipeline file.
+    Diagnose,
     /// The whole campaign.
     Campaign,
 }
 
-/// One run of a stage: a flight, an estimate, a fit, or the campaign.
+/// One run of a stage: a flight, an estimate, a fit, a diagnosis, or the campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unit {
-    /// Flight id, name of the estimate or fit, or `campaign`.
+    /// Flight id, name of the estimate, fit or diagnosis, or `campaign`.
     pub name: String,
-    /// Place in the list of flights, estimates or fits.
+    /// Place in the list of flights, estimates, fits or diagnoses.
     pub index: usize,
     pub per: Per,
 }
@@ -157,8 +160,16 @@ impl Severity {
 }
 
 /// The stages in the order in which they run.
-pub const STAGES: &[Stage] =
-    &[ingest::STAGE, reconstruct::STAGE, derive::STAGE, segment::STAGE, estimate::STAGE, fit::STAGE, report::STAGE];
+pub const STAGES: &[Stage] = &[
+    ingest::STAGE,
+    reconstruct::STAGE,
+    derive::STAGE,
+    segment::STAGE,
+    estimate::STAGE,
+    fit::STAGE,
+    diagnose::STAGE,
+    report::STAGE,
+];
 
 /// The table that the pipeline itself writes from the notes of all stages, before the report.
 pub const NOTES: &str = "notes";

@@ -41,7 +41,7 @@ fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
         all.extend(match table {
             NOTES | STAGES_TABLE => Read::parts(&[table], 1),
             _ if per_flight => Read::flights(&[table], campaign),
-            _ => Read::parts(&[table], campaign.estimates.len().max(campaign.fits.len())),
+            _ => Read::parts(&[table], campaign.estimates.len().max(campaign.fits.len()).max(campaign.diagnoses.len())),
         });
     }
     all

@@ -33,6 +33,15 @@ const FILES: &[(&str, &str)] = &[
     ("fits", include_str!("../../schemas/tables/fits.json")),
     ("bands", include_str!("../../schemas/tables/bands.json")),
     ("points", include_str!("../../schemas/tables/points.json")),
+    ("findings", include_str!("../../schemas/tables/findings.json")),
+    ("candidates", include_str!("../../schemas/tables/candidates.json")),
+    ("additions", include_str!("../../schemas/tables/additions.json")),
+    ("held_out", include_str!("../../schemas/tables/held_out.json")),
+    ("located", include_str!("../../schemas/tables/located.json")),
+    ("gaps", include_str!("../../schemas/tables/gaps.json")),
+    ("closures", include_str!("../../schemas/tables/closures.json")),
+    ("shifts", include_str!("../../schemas/tables/shifts.json")),
+    ("overlays", include_str!("../../schemas/tables/overlays.json")),
     ("stages", include_str!("../../schemas/tables/stages.json")),
 ];
 

@@ -97,17 +97,22 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 }
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
-    let whole_flights = campaign.estimates.get(unit.index).is_some_and(|e| e.settings.input.is_none());
+    campaign.estimates.get(unit.index).map(|config| tables_read(config, campaign)).unwrap_or_default()
+}
+
+/// What the records of an estimate are made from.
+pub(super) fn tables_read(config: &Config, campaign: &Campaign) -> Vec<Read> {
+    let whole_flights = config.settings.input.is_none();
     let tables: &[&'static str] =
         if whole_flights { &["signals", "samples"] } else { &["signals", "samples", "segments", "conditions"] };
     Read::flights(tables, campaign)
 }
 
 /// One maneuver ready for the estimator.
-struct Ready {
+pub(super) struct Ready {
     flight: String,
-    segment: String,
-    labelled: Segment,
+    pub(super) segment: String,
+    pub(super) labelled: Segment,
 }
 
 /// The maneuvers that are estimated together.
@@ -158,7 +163,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
 }
 
 /// The records of one flight's maneuvers; what cannot be used is noted.
-fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Vec<Note>) -> Result<Vec<Ready>> {
+pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Vec<Note>) -> Result<Vec<Ready>> {
     let (Some(samples), Some(signals)) = (inputs.flight("samples", flight), inputs.flight("signals", flight)) else {
         return Ok(Vec::new());
     };

@@ -1,0 +1,84 @@
+//! The verb diagnose: a pipeline file comes in; what its models lack goes out, in words, as tables, and as the exit code.
+
+use super::progress::Bars;
+use super::run::out_folder;
+use super::{DiagnoseArgs, End, on_threads, print_errors, say};
+use crate::diagnose::Base;
+use crate::error::{Error, Errors, Result};
+use crate::pipeline::{self, Plan, Settings, Store};
+use crate::stage::{Part, diagnose};
+
+/// `koehler diagnose`
+pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
+    let plan = Plan::read_with(&args.files.pipeline, |settings| ask(settings, args))?;
+    if plan.campaign.diagnoses.is_empty() {
+        return Err(Error::new("the pipeline file has no [[estimate]], so there is no model to diagnose").into());
+    }
+    let out = out_folder(&args.files);
+    let store = Store::open(&out);
+    let _lock = store.lock()?;
+    let bars = Bars::new();
+    let result = on_threads(args.jobs, || -> std::result::Result<_, Errors> {
+        if let Some(simulation) = &plan.simulation {
+            super::simulate::make(simulation, false)?;
+        }
+        Ok(pipeline::run(&plan, &store, &|event| bars.hear(event))?)
+    })??;
+    print_errors(&result.errors);
+    let mut end = if result.complete() { End::Complete } else { End::Partial };
+    for (i, diagnosis) in plan.campaign.diagnoses.iter().enumerate() {
+        let found = told(&store, &diagnosis.name(), i)?;
+        end = if end == End::Partial { end } else { found.max(end) };
+        let next = format!("models/{}.next.model.toml", diagnosis.name());
+        if result.files.contains(&next) {
+            say(&format!("next model: {}", out.join(next).display()));
+        }
+    }
+    say(&format!("\ntables: {}", out.display()));
+    Ok(end)
+}
+
+/// The diagnoses that the command asks for: of the estimates it names, else those of the pipeline file, else one per estimate.
+fn ask(settings: &mut Settings, args: &DiagnoseArgs) {
+    let wanted: Vec<String> = match (args.estimate.is_empty(), settings.diagnose.is_empty()) {
+        (false, _) => args.estimate.clone(),
+        (true, true) => settings.estimate.iter().map(crate::stage::estimate::Settings::name).collect(),
+        (true, false) => Vec::new(),
+    };
+    if !args.estimate.is_empty() {
+        settings.diagnose.retain(|d| wanted.contains(&d.estimate));
+    }
+    for name in wanted {
+        if settings.diagnose.iter().all(|d| d.estimate != name) {
+            settings.diagnose.push(diagnose::Settings::of(&name));
+        }
+    }
+    for d in &mut settings.diagnose {
+        d.effects.extend(args.effects.iter().cloned());
+        if args.predicted {
+            d.method.base = Base::Predicted;
+        }
+    }
+}
+
+/// Prints the findings of one diagnosis.
+fn told(store: &Store, name: &str, index: usize) -> Result<End> {
+    let part = Part::Number(index);
+    if !store.path(&part.path("findings")).exists() {
+        return Ok(End::Partial);
+    }
+    let table = store.table("findings", &part)?;
+    let (verdicts, texts) = (table.strings("verdict")?, table.strings("text")?);
+    let candidates = table.opt_strings("candidate")?;
+    let verdict = verdicts.first().copied().unwrap_or_default();
+    say(&format!("\n{name}: {}", verdict.to_uppercase()));
+    for (text, candidate) in texts.iter().zip(candidates) {
+        match candidate {
+            Some(candidate) => say(&format!("  {candidate}: {text}")),
+            None => say(&format!("  {text}")),
+        }
+    }
+    let held_out = table.strings("held_out")?;
+    held_out.first().into_iter().for_each(|words| say(&format!("  held out: {words}")));
+    Ok(if verdict == "nothing missing" { End::Complete } else { End::Found })
+}

@@ -1,0 +1,123 @@
+//! A refitted candidate in; whether it may be believed, and why not, out. And the class of those that may be, alike.
+
+use super::effect::Family;
+use super::{Gain, Judged, Settings, Value};
+
+/// What became of a candidate in a round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// The base's free parameters imitate it: no candidate.
+    Absorbed,
+    /// Nothing in these flights moves it.
+    Silent,
+    /// Its gain is what luck gives.
+    Luck,
+    /// Above luck, but not among the few that were refitted.
+    NotRefitted,
+    /// Its full fit did not end.
+    FitFailed,
+    /// A parameter sits on a physical bound, or disagrees with what physics expects.
+    Bounds,
+    /// The flights do not determine its parameters.
+    Unidentifiable,
+    /// Held-out maneuvers contradict it, or do not tell.
+    HeldOut,
+    /// It passes, another one is better by more than luck.
+    Beaten,
+    /// It passes, and cannot be told from the one chosen.
+    Alike,
+    /// It passes, and is added.
+    Chosen,
+}
+
+impl Standing {
+    /// The stable text that tables carry.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Standing::Absorbed => "absorbed by the base",
+            Standing::Silent => "not excited",
+            Standing::Luck => "luck",
+            Standing::NotRefitted => "not refitted",
+            Standing::FitFailed => "fit failed",
+            Standing::Bounds => "against physics",
+            Standing::Unidentifiable => "not identifiable",
+            Standing::HeldOut => "fails held out",
+            Standing::Beaten => "beaten",
+            Standing::Alike => "alike",
+            Standing::Chosen => "chosen",
+        }
+    }
+}
+
+/// A parameter determined no better than this share of its value says nothing of its size.
+const LOOSE: f64 = 0.5;
+
+/// Why a refitted candidate may not be believed; none where it may.
+pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, String)> {
+    let refit = judged.refit.as_ref()?;
+    if !refit.converged {
+        return Some((Standing::FitFailed, "its full fit did not settle".into()));
+    }
+    if let Some(v) = refit.values.iter().find(|v| v.at_bound) {
+        return Some((Standing::Bounds, format!("{} sits on its physical bound {:.4} {}", v.name, v.value, v.unit)));
+    }
+    for v in &refit.values {
+        if let Some((text, expected, within)) = &v.check
+            && is_against(v, *expected, *within)
+        {
+            let words = format!("{} = {:.4} {}, where physics expects {text} = {expected:.4}", v.name, v.value, v.unit);
+            return Some((Standing::Bounds, words));
+        }
+    }
+    if let Some(v) = refit.values.iter().find(|v| !v.held && is_loose(v)) {
+        return Some((Standing::Unidentifiable, format!("the flights do not determine {}", v.name)));
+    }
+    held_out_objection(&refit.held_out, settings).map(|why| (Standing::HeldOut, why))
+}
+
+/// Further from what physics expects than its tolerance, by more than the estimate's own uncertainty.
+fn is_against(v: &Value, expected: f64, within: f64) -> bool {
+    let off = (v.value - expected).abs() - within * expected.abs();
+    off > 2.0 * v.sd.unwrap_or(0.0)
+}
+
+fn is_loose(v: &Value) -> bool {
+    match (v.sd, v.null) {
+        (None, _) => true,
+        (Some(sd), Some(null)) => !(sd < LOOSE * (v.value - null).abs()),
+        (Some(sd), None) => !sd.is_finite(),
+    }
+}
+
+/// The rule of the held-out maneuvers: a gain in every one where more than `decisive` is predicted, no loss beyond noise elsewhere, and
+/// together no less than the prediction allows. A gain predicted to be `g` has the sd `sqrt(2 g)`.
+fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<String> {
+    if gains.is_empty() {
+        return Some("no maneuver is held out".into());
+    }
+    let predicted: f64 = gains.iter().map(|g| g.predicted).sum();
+    let realised: f64 = gains.iter().map(|g| g.realised).sum();
+    if !(predicted > settings.decisive) {
+        return Some(format!("on held-out maneuvers it predicts a gain of {predicted:.1} only: they cannot tell"));
+    }
+    if !(realised > settings.decisive) {
+        return Some(format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted"));
+    }
+    for g in gains {
+        let noise = 3.0 * (2.0 * g.predicted.max(0.5)).sqrt();
+        let words = format!("maneuver {} gains {:.1} where {:.1} is predicted", g.segment, g.realised, g.predicted);
+        if g.predicted > settings.decisive && !(g.realised > 0.0) || !(g.realised > -noise) {
+            return Some(words);
+        }
+    }
+    None
+}
+
+/// Those that pass and come near to the best, best evidence first, errors of sensors before physics.
+pub fn class(judged: &[Judged], passing: &[usize], settings: &Settings) -> Vec<usize> {
+    let best = passing.iter().map(|&i| judged[i].evidence).fold(f64::NEG_INFINITY, f64::max);
+    let mut class: Vec<usize> = passing.iter().copied().filter(|&i| judged[i].evidence > best - settings.apart).collect();
+    let data = |i: usize| judged[i].family == Family::Sensor;
+    class.sort_by(|&a, &b| data(b).cmp(&data(a)).then(judged[b].evidence.total_cmp(&judged[a].evidence)));
+    class
+}

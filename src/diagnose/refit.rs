@@ -1,0 +1,177 @@
+//! A candidate, the base fit and both sets of maneuvers in; its full fit, and what it gains where it was never fitted, out.
+//!
+//! Held-out maneuvers keep all derivatives as the training found them, of base and candidate alike; only what belongs to the maneuver
+//! (initial states, zero shifts) is found again. The two predictions then differ by `d` (whitened), and if the candidate is true and its
+//! parameters right, the gain in log-likelihood is normal with mean `d'd/2` and variance `d'd`: that is the gain predicted.
+
+use super::base::{Places, Stand, carried, fitted, seen, settle_steps};
+use super::effect::{Added, Candidate};
+use super::fit::{Fit, Spread, Task};
+use super::gram::dot;
+use super::noise::Noise;
+use super::{Gain, Value};
+use crate::error::Errors;
+use crate::estimate::{Block, Case, Prepared};
+use crate::math::distribution::chi2_cdf;
+use rayon::prelude::*;
+
+/// The base where candidates are held against it.
+pub struct Ground<'a> {
+    pub stand: &'a Stand,
+    pub prepared: &'a Prepared,
+    pub case: &'a Case<'a>,
+    pub noise: &'a Noise,
+    pub places: &'a Places,
+    pub fit: &'a Fit,
+    /// Costs and parameters of the held-out maneuvers with the base frozen.
+    pub frozen: &'a [Option<Frozen>],
+}
+
+/// One held-out maneuver at frozen derivatives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frozen {
+    pub theta: Vec<f64>,
+    pub cost: f64,
+    pub blocks: Vec<Block>,
+}
+
+/// A candidate after its full fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refit {
+    /// Gain in log-likelihood over the training maneuvers.
+    pub gain: f64,
+    pub converged: bool,
+    /// The added parameters.
+    pub values: Vec<Value>,
+    /// Held-out maneuvers, in the order of the places.
+    pub held_out: Vec<Gain>,
+    /// Probability of so much scatter of the added parameters from maneuver to maneuver, if each is one number; none where it is not
+    /// (or where only one maneuver tells).
+    pub consistency: Option<f64>,
+    /// The training maneuvers' gains.
+    pub training: Vec<Gain>,
+}
+
+/// Fits a candidate from where the screening saw it best.
+///
+/// # Errors
+/// Its model does not fit the settings of the base's estimation.
+pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Option<Refit>, Errors> {
+    let stand = joined(ground.stand, candidate, at);
+    let prepared = Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?;
+    if prepared.used != ground.prepared.used {
+        return Ok(None);
+    }
+    let mut case = prepared.case();
+    let theta = carried(&case, &prepared, ground.case, ground.prepared, &ground.fit.theta);
+    let least: Vec<usize> = ground.case.records.iter().map(|r| r.substeps).collect();
+    settle_steps(&mut case, &theta, &least);
+    let names: Vec<String> = candidate.added.iter().map(|a| a.name.clone()).collect();
+    let (free, fit) = fitted(&case, ground.noise, ground.places, theta, &names);
+    let Some(fit) = fit else { return Ok(None) };
+    let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
+    let task = Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free };
+    let spread = task.spread(&fit.theta, k);
+    let own = candidate.added.iter().filter(|a| a.hold.is_none() && a.scope == crate::model::Scope::Segment).count();
+    let held_out = frozen(&case, ground.noise, ground.places, &fit.theta);
+    let gains = ground.frozen.iter().zip(&held_out).zip(&ground.places.held_out);
+    let gains = gains.map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s, own)).collect();
+    let training = ground.places.training.iter().zip(ground.fit.costs.iter().zip(&fit.costs));
+    let training = training.map(|(&s, (base, with))| Gain {
+        segment: prepared.used[s],
+        predicted: f64::NAN,
+        realised: base - with - own as f64,
+    });
+    Ok(Some(Refit {
+        gain: ground.fit.cost() - fit.cost(),
+        converged: fit.converged,
+        values: values(&case, candidate, &free, k, &fit, spread.as_ref()),
+        held_out: gains,
+        consistency: spread.as_ref().and_then(consistency),
+        training: training.collect(),
+    }))
+}
+
+/// The base with a candidate whose parameters start at `at`.
+pub fn joined(stand: &Stand, candidate: &Candidate, at: &[f64]) -> Stand {
+    let inside = |added: &Added, value: f64| match added.hold {
+        Some(hold) => hold,
+        None => value.clamp(added.min, added.max),
+    };
+    let values: Vec<(String, f64, bool)> = candidate
+        .added
+        .iter()
+        .zip(at)
+        .map(|(added, value)| (added.name.clone(), inside(added, *value), added.hold.is_some()))
+        .collect();
+    stand.with(&candidate.model, &values)
+}
+
+/// The held-out maneuvers at frozen derivatives; what the training has never seen (a flight's zero shifts) moves.
+pub fn frozen(case: &Case, noise: &Noise, places: &Places, theta: &[f64]) -> Vec<Option<Frozen>> {
+    let known = seen(case, &places.training);
+    let of = |&s: &usize| {
+        let free: Vec<usize> = seen(case, &[s]).into_iter().filter(|i| !known.contains(i)).collect();
+        let fit = Task { case, noise, segments: &[s], free: &free }.fit(theta.to_vec(), super::base::ITERATIONS)?;
+        let blocks = case.evaluate(s, &case.layout.local(s, &fit.theta), false)?;
+        Some(Frozen { cost: fit.cost(), theta: fit.theta, blocks })
+    };
+    places.held_out.par_iter().map(of).collect()
+}
+
+fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, s: usize, own: usize) -> Gain {
+    let segment = ground.prepared.used[s];
+    let (Some(base), Some(with)) = (base, with) else {
+        return Gain { segment, predicted: f64::NAN, realised: f64::NEG_INFINITY };
+    };
+    let difference =
+        |(a, b): (&Block, &Block)| Block { output: a.output, e: a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(), g: Vec::new() };
+    let blocks: Vec<Block> = base.blocks.iter().zip(&with.blocks).map(difference).collect();
+    let white = ground.noise.whiten(s, &blocks);
+    let predicted = white.last().map_or(f64::NAN, |d| 0.5 * dot(d, d));
+    // A parameter of the maneuver's own gains half a unit by luck, and predicts as much.
+    let luck = 0.5 * own as f64;
+    Gain { segment, predicted: (predicted - luck).max(0.0), realised: base.cost - with.cost - luck }
+}
+
+fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fit, spread: Option<&Spread>) -> Vec<Value> {
+    let one = |added: &Added| {
+        let at = free[free.len() - k..].iter().position(|&i| case.unknowns[i].name == added.name);
+        let index = at.map(|at| free[free.len() - k + at]);
+        let value = match (index, added.hold) {
+            (Some(i), _) => fit.theta[i],
+            (None, Some(hold)) => hold,
+            (None, None) => f64::NAN,
+        };
+        let bound = index.is_some_and(|i| value <= case.layout.lower[i] || value >= case.layout.upper[i]);
+        let sd = at.and_then(|at| spread.and_then(|s| s.sd.get(at).copied().flatten()));
+        let left = at.and_then(|at| spread.and_then(|s| s.left.get(at).copied()));
+        Value {
+            name: added.name.clone(),
+            unit: added.unit.clone(),
+            value,
+            sd,
+            null: added.null,
+            at_bound: bound,
+            held: added.hold.is_some(),
+            left,
+            check: added.check.as_ref().map(|c| (c.text.clone(), c.value, c.within)),
+        }
+    };
+    candidate.added.iter().map(one).collect()
+}
+
+/// Scatter of what each maneuver asks for, about the common value: `sum u_s^2/F_s` against chi-square.
+fn consistency(spread: &Spread) -> Option<f64> {
+    let k = spread.sd.len();
+    let (mut sum, mut count) = (0.0, 0usize);
+    for i in 0..k {
+        let total: f64 = spread.by_segment.iter().map(|s| s[i].1).sum();
+        let telling = spread.by_segment.iter().filter(|s| s[i].1 > 1e-3 * total && s[i].1 > 0.0);
+        for (slope, information) in telling.clone().map(|s| s[i]) {
+            sum += slope * slope / information;
+        }
+        count += telling.count().saturating_sub(1);
+    }
+    (count > 0).then(|| 1.0 - chi2_cdf(sum, count as f64))
+}

@@ -1,0 +1,381 @@
+//! A base fit and candidates in; the gain in log-likelihood that each promises, by a score test, out.
+//!
+//! At the base fit, with `e` the whitened residuals and `H` the whitened sensitivities of the outputs to what a candidate adds (at its
+//! null), projected on what the base's own free parameters cannot imitate: `u = H~'e`, `F = H~'H~`, gain `= max_b (b'u - b'Fb/2)` within
+//! the candidate's bounds (Rao's score test; `u'F^-1 u/2` inside them). Shapes (a delay, a threshold) matter only once the size is not
+//! null: every row of their starts has columns of its own.
+
+use super::effect::Candidate;
+use super::gram::{DEPENDENT, Gram};
+use super::noise::Noise;
+use crate::dynamics::{Directions, Plan};
+use crate::error::Errors;
+use crate::estimate::{self, Block, Case};
+use crate::math::dense;
+use crate::model::{Scope, StartKind};
+use rayon::prelude::*;
+
+/// A candidate's column is of the base's making if less than this share of it is left.
+pub const ABSORBED: f64 = 1e-7;
+
+/// One column of a candidate.
+#[derive(Debug, Clone, PartialEq)]
+struct Column {
+    trial: usize,
+    /// Index into `Candidate::added`.
+    size: usize,
+    /// The one segment it belongs to; none for a size common to all.
+    segment: Option<usize>,
+}
+
+/// One way to bring a candidate in: a row of the starts of its shapes.
+#[derive(Debug, Clone, PartialEq)]
+struct Trial {
+    candidate: usize,
+    /// Values of the added parameters, sizes at null.
+    at: Vec<f64>,
+    columns: Vec<usize>,
+}
+
+/// What screening says of one candidate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Screened {
+    /// Gain in log-likelihood of the best of its trials.
+    pub gain: f64,
+    /// Parameters that this gain takes.
+    pub taken: usize,
+    /// Values of the added parameters there (of the first segment, for those per segment).
+    pub at: Vec<f64>,
+    /// Share of the column that the base's parameters cannot imitate.
+    pub left: f64,
+    /// Base parameters that imitate it most, where nothing is left.
+    pub absorbed_by: Vec<String>,
+    /// The model did not run, or nothing in the flights moves it.
+    pub silent: bool,
+}
+
+/// All candidates at one base fit.
+#[derive(Debug, Clone)]
+pub struct Screening {
+    pub screened: Vec<Screened>,
+    trials: Vec<Trial>,
+    columns: Vec<Column>,
+    bounds: Vec<(f64, f64)>,
+    /// Products of the projected columns, then of the residuals.
+    rest: Gram,
+    raw: Vec<f64>,
+}
+
+/// A candidate's model, to be run where the base stands.
+struct Probe {
+    plan: Plan,
+    starts: Vec<f64>,
+    /// Per parameter of the candidate's model: its index in the base's.
+    base: Vec<Option<usize>>,
+    /// Per state that needs a start value: its place among the base's.
+    given: Vec<Option<usize>>,
+    /// Index of each added parameter in the candidate's model.
+    added: Vec<usize>,
+    /// Directions of the plan: indices into `added`.
+    sizes: Vec<usize>,
+}
+
+/// What is screened against.
+pub struct Ground<'a> {
+    pub case: &'a Case<'a>,
+    pub noise: &'a Noise,
+    pub method: &'a estimate::Settings,
+    pub theta: &'a [f64],
+    /// Places of the training segments among the segments of the case.
+    pub segments: &'a [usize],
+    /// Shared parameters that move.
+    pub free: &'a [usize],
+}
+
+impl Probe {
+    fn new(candidate: &Candidate, ground: &Ground) -> Result<Probe, Errors> {
+        let model = estimate::extended(&candidate.model, ground.method)?.into_owned();
+        let added: Vec<usize> = candidate.added.iter().filter_map(|a| model.parameter(&a.name)).collect();
+        let sizes: Vec<usize> = (0..candidate.added.len()).filter(|&i| candidate.added[i].null.is_some()).collect();
+        let case = ground.case;
+        let index = |name: &str| case.model.parameter(name);
+        // Free initial states need no directions here, only a place for their values: those that start measured have one anyway.
+        let names = case.plan.directions.starts.iter().map(|&i| &case.model.states[i].quantity.name);
+        let free: Vec<usize> =
+            names.filter_map(|name| model.state(name)).filter(|&i| model.states[i].start != StartKind::Measured).collect();
+        let directions = Directions { parameters: sizes.iter().filter_map(|&i| added.get(i).copied()).collect(), starts: free };
+        let plan = Plan::of_outputs(&model, directions, case.outputs.clone())?;
+        let place = |&state: &usize| {
+            let name = &model.states[state].quantity.name;
+            case.plan.given().iter().position(|&b| case.model.states[b].quantity.name == *name)
+        };
+        Ok(Probe {
+            given: plan.given().iter().map(place).collect(),
+            base: model.parameters.iter().map(|p| index(&p.quantity.name)).collect(),
+            starts: model.parameter_starts(),
+            plan,
+            added,
+            sizes,
+        })
+    }
+
+    /// The blocks of segment `s` with the added parameters at `at`: residuals, and sensitivities to the sizes.
+    fn run(&self, ground: &Ground, s: usize, at: &[f64]) -> Option<Vec<Block>> {
+        let case = ground.case;
+        let (base, given) = case.place(s, &case.layout.local(s, ground.theta));
+        let mut parameters: Vec<f64> =
+            self.base.iter().zip(&self.starts).map(|(from, start)| from.map_or(*start, |i| base[i])).collect();
+        self.added.iter().zip(at).for_each(|(&i, value)| parameters[i] = *value);
+        let given: Vec<f64> = self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
+        let response = self.plan.respond(&parameters, &given, &case.records[s], true);
+        if !response.finite {
+            return None;
+        }
+        let nd = self.plan.directions.len();
+        let mut dy = response.dy.into_iter();
+        let block = |(channel, y): (&crate::dynamics::Channel, Vec<f64>)| {
+            let output = case.outputs.iter().position(|&o| o == channel.output)?;
+            let e: Vec<f64> = channel.z.iter().zip(y).map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN }).collect();
+            // Only the sizes' directions: those of the initial states stand behind them.
+            let g = dy.next().unwrap_or_default();
+            let g = g.chunks_exact(nd.max(1)).flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied()).collect();
+            Some(Block { output, e, g })
+        };
+        case.records[s].channels.iter().zip(response.y).map(block).collect()
+    }
+}
+
+fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
+    (0..candidate.rows()).map(|row| Trial { candidate: index, at: candidate.start(row), columns: Vec::new() }).collect()
+}
+
+/// Screens all candidates.
+///
+/// # Errors
+/// A candidate's model does not fit the settings of the base's estimation.
+pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Errors> {
+    let probes: Vec<Probe> = candidates.par_iter().map(|c| Probe::new(c, ground)).collect::<Result<_, _>>()?;
+    let mut trials: Vec<Trial> = candidates.iter().enumerate().flat_map(|(i, c)| trials(c, i)).collect();
+    let (mut columns, mut bounds) = (Vec::new(), Vec::new());
+    for (t, trial) in trials.iter_mut().enumerate() {
+        let added = &candidates[trial.candidate].added;
+        for size in 0..added.len() {
+            let Some(null) = added[size].null else { continue };
+            let segments: Vec<Option<usize>> = match added[size].scope {
+                Scope::Segment => ground.segments.iter().map(|&s| Some(s)).collect(),
+                _ => vec![None],
+            };
+            for segment in segments {
+                trial.columns.push(columns.len());
+                columns.push(Column { trial: t, size, segment });
+                bounds.push((added[size].min - null, added[size].max - null));
+            }
+        }
+    }
+    let parts: Vec<(Gram, Vec<usize>)> =
+        ground.segments.par_iter().map(|&s| segment(ground, &probes, &trials, &columns, s)).collect::<Option<_>>().ok_or_else(
+            || crate::error::Error::new("the base model is not finite at its own estimate: it cannot be diagnosed".to_string()),
+        )?;
+    let (n, m) = (ground.free.len(), columns.len());
+    let mut all = Gram::zero(n + m + 1);
+    for ((part, to), &s) in parts.iter().zip(ground.segments) {
+        all.add(part, ground.case.layout.parts[s].own, to);
+    }
+    for (place, &i) in ground.free.iter().enumerate() {
+        let weight = ground.case.layout.prior_weight(i);
+        all.sums[place * all.n + place] += weight;
+        all.sums[place * all.n + n + m] += weight * (ground.case.layout.centre[i] - ground.theta[i]);
+    }
+    let before = all.clone();
+    all.eliminate(0, n);
+    let rest = all.rest(n);
+    let raw = rest.scale.clone();
+    let mut screening = Screening { screened: Vec::new(), trials, columns, bounds, rest, raw };
+    screening.screened = (0..candidates.len()).map(|c| screening.judge(c, candidates, ground, &before)).collect();
+    Ok(screening)
+}
+
+/// Products of one segment: own parameters eliminated, then the free shared ones, the candidates' columns, the residuals.
+fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Column], s: usize) -> Option<(Gram, Vec<usize>)> {
+    let (case, layout) = (ground.case, &ground.case.layout);
+    let blocks = case.evaluate(s, &layout.local(s, ground.theta), true)?;
+    let mut white = ground.noise.whiten(s, &blocks);
+    let part = &layout.parts[s];
+    let (mut used, mut to) = (Vec::new(), Vec::new());
+    used.extend(white.drain(part.shared.len()..part.directions()));
+    for (place, index) in ground.free.iter().enumerate() {
+        if let Some(at) = part.shared.iter().position(|i| i == index) {
+            used.push(std::mem::take(&mut white[at]));
+            to.push(place);
+        }
+    }
+    let e = white.pop()?;
+    for (t, trial) in trials.iter().enumerate() {
+        let made = of_trial(ground, &probes[trial.candidate], trial, s);
+        for &c in &trial.columns {
+            let column = &columns[c];
+            debug_assert_eq!(column.trial, t);
+            if column.segment.is_some_and(|only| only != s) {
+                continue;
+            }
+            let known = made.as_ref().and_then(|made| made.iter().find(|(size, _)| *size == column.size));
+            let values = known.map(|(_, values)| values.clone()).filter(|values| values.iter().all(|v| v.is_finite()));
+            used.push(values.unwrap_or_else(|| vec![0.0; e.len()]));
+            to.push(ground.free.len() + c);
+        }
+    }
+    to.push(ground.free.len() + columns.len());
+    used.push(e);
+    let mut gram = Gram::of(&used);
+    gram.eliminate(0, part.own);
+    Some((gram, to))
+}
+
+/// Whitened columns of one trial in one segment, by size; `None` where the model does not run.
+fn of_trial(ground: &Ground, probe: &Probe, trial: &Trial, s: usize) -> Option<Vec<(usize, Vec<f64>)>> {
+    let blocks = probe.run(ground, s, &trial.at)?;
+    Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks)).collect())
+}
+
+impl Screening {
+    /// Best trial of a candidate for slopes `u` of all columns: gain, trial, coefficients.
+    fn best(&self, candidate: usize, u: &dyn Fn(usize) -> f64) -> Option<(f64, usize, Vec<f64>)> {
+        let mut best: Option<(f64, usize, Vec<f64>)> = None;
+        for (t, trial) in self.trials.iter().enumerate().filter(|(_, t)| t.candidate == candidate) {
+            let sound: Vec<usize> = trial.columns.iter().copied().filter(|&c| self.is_sound(c)).collect();
+            if sound.is_empty() {
+                continue;
+            }
+            let f = self.rest.block(&sound);
+            let slopes: Vec<f64> = sound.iter().map(|&c| u(c)).collect();
+            let bounds: Vec<(f64, f64)> = sound.iter().map(|&c| self.bounds[c]).collect();
+            let (gain, b) = gain(&f, &slopes, &bounds);
+            if best.as_ref().is_none_or(|(g, _, _)| gain > *g) {
+                let all = trial.columns.iter().map(|c| sound.iter().position(|k| k == c).map_or(0.0, |k| b[k])).collect();
+                best = Some((gain, t, all));
+            }
+        }
+        best
+    }
+
+    fn is_sound(&self, column: usize) -> bool {
+        self.raw[column] > 0.0 && self.rest.at(column, column) > ABSORBED.max(DEPENDENT) * self.raw[column]
+    }
+
+    fn judge(&self, candidate: usize, candidates: &[Candidate], ground: &Ground, before: &Gram) -> Screened {
+        let e = self.columns.len();
+        let mine: Vec<usize> =
+            self.trials.iter().filter(|t| t.candidate == candidate).flat_map(|t| t.columns.iter().copied()).collect();
+        let left = mine.iter().filter(|&&c| self.raw[c] > 0.0).map(|&c| self.rest.at(c, c) / self.raw[c]).fold(0.0, f64::max);
+        let silent = mine.iter().all(|&c| self.raw[c] <= 0.0);
+        let none = Screened { gain: 0.0, taken: 0, at: Vec::new(), left, absorbed_by: Vec::new(), silent };
+        let Some((gain, t, b)) = self.best(candidate, &|c| self.rest.at(c, e)) else {
+            let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
+            let absorbed_by = by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
+            return Screened { absorbed_by, ..none };
+        };
+        let trial = &self.trials[t];
+        let mut at = trial.at.clone();
+        for (&c, b) in trial.columns.iter().zip(&b).rev() {
+            let column = &self.columns[c];
+            let null = candidates[candidate].added[column.size].null.unwrap_or_default();
+            at[column.size] = null + b;
+        }
+        Screened { gain, taken: trial.columns.len(), at, ..none }
+    }
+
+    /// Gains of all candidates for slopes `u` (per column): what a surrogate campaign yields.
+    pub fn gains(&self, u: &[f64]) -> Vec<f64> {
+        (0..self.screened.len()).map(|c| self.best(c, &|k| u[k]).map_or(0.0, |best| best.0)).collect()
+    }
+
+    /// Information of all columns, `[n][n]`, and how many there are; those that say nothing are zero.
+    pub fn information(&self) -> (Vec<f64>, usize) {
+        let n = self.columns.len();
+        let all: Vec<usize> = (0..n).collect();
+        let mut f = self.rest.block(&all);
+        for k in 0..n * n {
+            if !self.is_sound(k / n) || !self.is_sound(k % n) {
+                f[k] = 0.0;
+            }
+        }
+        (f, n)
+    }
+}
+
+/// Free base parameters that imitate a column most.
+fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
+    let n = ground.free.len();
+    let order: Vec<usize> = (0..n).chain([n + column]).collect();
+    let mut gram = Gram::zero(n + 1);
+    for (a, &from) in order.iter().enumerate() {
+        gram.scale[a] = before.scale[from];
+        (a..=n).for_each(|b| gram.sums[a * (n + 1) + b] = before.at(from, order[b]));
+    }
+    gram.eliminate(0, n);
+    let mut x = vec![0.0; n + 1];
+    gram.solve(0, n, n, &mut x);
+    let mut parts: Vec<(f64, usize)> = (0..n).map(|i| (x[i] * x[i] * before.at(i, i), i)).collect();
+    parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let most = parts.first().map_or(0.0, |p| p.0);
+    let names = parts.iter().filter(|p| p.0 > 1e-2 * most).take(3).map(|p| &ground.case.unknowns[ground.free[p.1]].name);
+    names.cloned().collect()
+}
+
+/// Largest `b'u - b'Fb/2` within bounds, and where.
+pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
+    let k = u.len();
+    let inside = |b: &[f64]| b.iter().zip(bounds).all(|(b, (low, high))| b >= low && b <= high);
+    let free = dense::cholesky(f, k).ok().map(|l| {
+        let mut b = u.to_vec();
+        dense::cholesky_solve(&l, k, &mut b);
+        b
+    });
+    let b = match free {
+        Some(b) if inside(&b) => b,
+        _ => by_coordinates(f, u, bounds),
+    };
+    let quadratic: f64 = (0..k).map(|i| b[i] * (0..k).map(|j| f[i * k + j] * b[j]).sum::<f64>()).sum();
+    let value: f64 = b.iter().zip(u).map(|(b, u)| b * u).sum::<f64>() - 0.5 * quadratic;
+    if value > 0.0 { (value, b) } else { (0.0, vec![0.0; k]) }
+}
+
+/// One coefficient after the other at its best within its bounds, until none moves.
+fn by_coordinates(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> Vec<f64> {
+    let k = u.len();
+    let mut b: Vec<f64> = bounds.iter().map(|(low, high)| 0.0f64.clamp(*low, *high)).collect();
+    for _ in 0..200 {
+        let mut moved = 0.0f64;
+        for i in 0..k {
+            let others: f64 = (0..k).filter(|&j| j != i).map(|j| f[i * k + j] * b[j]).sum();
+            if f[i * k + i] > 0.0 {
+                let next = ((u[i] - others) / f[i * k + i]).clamp(bounds[i].0, bounds[i].1);
+                moved = moved.max((next - b[i]).abs() * f[i * k + i].sqrt());
+                b[i] = next;
+            }
+        }
+        if moved < 1e-6 {
+            break;
+        }
+    }
+    b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_are_those_of_the_best_coefficient_within_bounds() {
+        let open = [(f64::NEG_INFINITY, f64::INFINITY)];
+        let (g, b) = gain(&[4.0], &[2.0], &open);
+        assert!((g - 0.5).abs() < 1e-12 && (b[0] - 0.5).abs() < 1e-12);
+        let (g, b) = gain(&[4.0], &[2.0], &[(0.0, 0.25)]);
+        assert!((g - (0.25 * 2.0 - 0.125)).abs() < 1e-12 && b[0] == 0.25);
+        assert_eq!(gain(&[4.0], &[-2.0], &[(0.0, 1.0)]).0, 0.0);
+        // Two correlated ones, the second at its bound: the first is found again.
+        let (f, u) = ([2.0, 1.0, 1.0, 2.0], [3.0, 3.0]);
+        let (_, b) = gain(&f, &u, &[open[0], (0.0, 0.5)]);
+        assert!((b[1] - 0.5).abs() < 1e-9 && (b[0] - 1.25).abs() < 1e-6, "{b:?}");
+    }
+}

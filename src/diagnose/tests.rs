@@ -1,0 +1,187 @@
+//! Small simulated campaigns with a hidden effect, or none, and a handful of candidates.
+
+use super::effect::{self, Context};
+use super::*;
+use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::model::Constants;
+use crate::simulate::Stream;
+
+/// Short period with what is hidden in the pitching motion and in the vane.
+fn text(parameters: &str, pitch: &str, vane: &str) -> String {
+    format!(
+        r#"title = "short period"
+[inputs]
+de = "rad"
+V = "m/s"
+[parameters]
+Z_a = {{ unit = "1/s", start = -0.9 }}
+Z_d = {{ unit = "1/s", start = -0.1 }}
+M_a = {{ unit = "1/s^2", start = -4.0 }}
+M_q = {{ unit = "1/s", start = -1.5 }}
+M_d = {{ unit = "1/s^2", start = -6.0 }}
+{parameters}
+[equations]
+ddt_alpha = "q + Z_a*alpha + Z_d*de"
+ddt_q = "M_a*alpha + M_q*q + M_d*de {pitch}"
+[states]
+alpha = {{ unit = "rad", rate = "ddt_alpha", start = 0.0 }}
+q = {{ unit = "rad/s", rate = "ddt_q", start = 0.0 }}
+[outputs]
+alpha = {{ unit = "rad", value = "{vane}" }}
+q = {{ unit = "rad/s", value = "q" }}
+nz = {{ unit = "1/s", value = "ddt_alpha - q" }}
+"#
+    )
+}
+
+fn parsed(text: &str) -> Model {
+    Model::parse("short", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn model(parameters: &str, pitch: &str, vane: &str) -> Model {
+    parsed(&text(parameters, pitch, vane))
+}
+
+/// A handful of the library.
+const LIBRARY: [&str; 7] = [
+    "downwash-lag",
+    "control-square-longitudinal",
+    "alpha-cubic",
+    "static-longitudinal",
+    "sensor-scale",
+    "vane-lever-alpha",
+    "control-rate-longitudinal",
+];
+
+/// A 3211 of the given unit and amplitude.
+fn steps(t: f64, unit: f64, amplitude: f64) -> f64 {
+    match (t - 1.0) / unit {
+        x if x < 0.0 => 0.0,
+        x if x < 3.0 => amplitude,
+        x if x < 5.0 => -amplitude,
+        x if x < 6.0 => amplitude,
+        x if x < 7.0 => -amplitude,
+        _ => 0.0,
+    }
+}
+
+/// Segments flown by `truth`, noise of correlation `rho` between samples.
+fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
+    let plan = Plan::new(truth, Directions::default()).expect("a plan");
+    let sd = [1e-3, 2e-3, 5e-3];
+    let one = |s: usize| {
+        let (dt, n, unit) = (0.02, 500, [0.35, 0.5, 0.7][s % 3]);
+        let amplitude = [0.04, -0.06, 0.09, -0.03][s % 4];
+        let speed = [80.0, 110.0][s % 2];
+        let inputs: Vec<f64> = (0..n).flat_map(|k| [steps(k as f64 * dt, unit, amplitude), speed]).collect();
+        let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
+        let channels = (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
+        let mut record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
+        let response = plan.respond(&truth.parameter_starts(), &[], &record, false);
+        for (channel, y) in record.channels.iter_mut().zip(response.y) {
+            let mut stream = Stream::new(seed, &[&s.to_string(), &channel.output.to_string()]);
+            let mut v = stream.normal();
+            for (z, y) in channel.z.iter_mut().zip(y) {
+                *z = y + sd[channel.output] * v;
+                v = rho * v + (1.0 - rho * rho).sqrt() * stream.normal();
+            }
+        }
+        Segment { record, labels: [("input".to_string(), "de".to_string())].into() }
+    };
+    (0..9).map(one).collect()
+}
+
+fn verdict(truth: &Model, seed: u64, rho: f64, settings: &Settings) -> Diagnosis {
+    let base = model("", "", "alpha");
+    let segments = campaign(truth, seed, rho);
+    let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
+    let held = held_out(&segments, &names, settings);
+    let method = estimate::Settings::default();
+    let subject = Subject { model: &base, segments: &segments, held_out: &held.held_out, method: &method, settings };
+    let library: Vec<_> =
+        effect::load(&[]).expect("the library").into_iter().filter(|e| LIBRARY.contains(&e.name.as_str())).collect();
+    let offer = |model: &Model| Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()));
+    diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn told(d: &Diagnosis) -> String {
+    let mut text = d.verdict.as_str().to_string();
+    for round in &d.rounds {
+        text += &format!("\nlimit {:.1}", round.limit);
+        for j in &round.judged {
+            text += &format!(
+                "\n  {} gain {:.1} evidence {:.1} {}: {}",
+                j.name,
+                j.screened.gain,
+                j.evidence,
+                j.standing.as_str(),
+                j.why
+            );
+            if let Some(refit) = &j.refit {
+                let values: Vec<String> = refit.values.iter().map(|v| format!("{} {:.4}+-{:?}", v.name, v.value, v.sd)).collect();
+                let held: Vec<String> = refit.held_out.iter().map(|g| format!("{:.1}/{:.1}", g.realised, g.predicted)).collect();
+                text += &format!("\n    gain {:.1} {values:?} held {held:?} consistency {:?}", refit.gain, refit.consistency);
+            }
+        }
+    }
+    for l in d.located.iter().take(3) {
+        text += &format!("\nlocated {l:?}");
+    }
+    text
+}
+
+#[test]
+fn recovery_a_hidden_lag_is_named_with_its_size() {
+    let p = "L = { unit = \"1/s^2\", start = 1.5 }\nr_H = { unit = \"m\", start = 16.0 }\n";
+    let d = verdict(&model(p, "+ L*delay(de, r_H/V)", "alpha"), 1, 0.0, &Settings::default());
+    println!("{}", told(&d));
+    assert_eq!((&d.verdict, d.added[0].effect.as_str()), (&Verdict::Named, "downwash-lag"), "{}", told(&d));
+    let refit = d.rounds[0].judged[d.rounds[0].class[0]].refit.as_ref().expect("refitted");
+    for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
+        assert!((v.value - truth).abs() < 4.0 * v.sd.expect("sd"), "{v:?}");
+    }
+}
+
+#[test]
+fn recovery_what_the_base_can_imitate_is_no_candidate_and_says_by_what() {
+    let d = verdict(&model("", "", "alpha"), 2, 0.5, &Settings::default());
+    let stability = d.rounds[0].judged.iter().find(|j| j.name == "static-longitudinal:qdot");
+    let stability = stability.unwrap_or_else(|| panic!("{}", told(&d)));
+    assert_eq!(
+        (stability.standing, &stability.screened.absorbed_by[..]),
+        (Standing::Absorbed, &["M_a".to_string()][..]),
+        "{}",
+        told(&d)
+    );
+}
+
+#[test]
+fn recovery_nothing_is_named_where_nothing_is_missing() {
+    for seed in 0..10 {
+        let d = verdict(&model("", "", "alpha"), 100 + seed, 0.8, &Settings::default());
+        assert_eq!(d.verdict, Verdict::NothingMissing, "seed {seed}: {}", told(&d));
+    }
+}
+
+#[test]
+fn recovery_an_error_of_a_frozen_derivative_is_named_where_the_base_is_predicted() {
+    let truth = parsed(&text("", "", "alpha").replace("-4.0", "-4.2"));
+    let d = verdict(&truth, 3, 0.5, &Settings { base: Base::Predicted, ..Settings::default() });
+    let added = d.added.first().map(|c| c.effect.as_str());
+    assert_eq!((&d.verdict, added), (&Verdict::Named, Some("static-longitudinal")), "{}", told(&d));
+    assert!((d.values[0].1 + 0.2).abs() < 0.02, "{:?}", d.values);
+}
+
+#[test]
+fn recovery_an_effect_that_no_candidate_resembles_is_located() {
+    let p = "w = { unit = \"1/s^2\", start = 60.0 }\nk = { unit = \"1/s\", start = 0.05 }\n";
+    let truth = text(p, "", "alpha + eta").replace(
+        "[outputs]",
+        "eta = { unit = \"rad\", rate = \"eta_dot\", start = 0.0 }\neta_dot = { unit = \"rad/s\", rate = \"-900.0*eta/sec^2 - 1.2*eta_dot/sec + w*de\", start = 0.0 }\n[outputs]",
+    );
+    let truth = truth.replace("[parameters]", "[constants]\nsec = { unit = \"s\", value = 1.0 }\n[parameters]");
+    let truth = parsed(&truth);
+    let d = verdict(&truth, 4, 0.5, &Settings::default());
+    assert_eq!(d.verdict, Verdict::Located, "{}", told(&d));
+    assert_eq!(d.located[0].output, "alpha", "{}", told(&d));
+}

@@ -1,0 +1,88 @@
+//! What the additions of a diagnosis did in; its tables out.
+
+use super::Told;
+use crate::diagnose::{Channel, Gap, Match};
+use crate::error::Result;
+use crate::table::Table;
+
+fn name(told: &Told, segment: Option<usize>) -> Option<String> {
+    segment.and_then(|s| told.names.get(s)).cloned()
+}
+
+fn finite(v: f64) -> f64 {
+    if v.is_finite() { v } else { f64::NAN }
+}
+
+pub fn gaps(told: &Told) -> Result<Table> {
+    let closing = &told.diagnosis.closing;
+    let after = if told.diagnosis.added.is_empty() { &[][..] } else { &closing.gaps_after[..] };
+    let rows: Vec<(&str, &Gap)> =
+        closing.gaps_before.iter().map(|g| ("before", g)).chain(after.iter().map(|g| ("after", g))).collect();
+    let number = |of: fn(&Gap) -> f64| rows.iter().map(|r| finite(of(r.1))).collect::<Vec<f64>>();
+    Table::build("gaps")
+        .repeat("diagnosis", &told.config.name())
+        .strings("when", rows.iter().map(|r| r.0))
+        .opt_strings("segment", rows.iter().map(|r| name(told, r.1.segment)))
+        .strings("output", rows.iter().map(|r| &r.1.output))
+        .strings("by", rows.iter().map(|r| &r.1.by))
+        .f64("from", number(|g| g.from))
+        .f64("to", number(|g| g.to))
+        .i64("n", rows.iter().map(|r| r.1.n as i64).collect::<Vec<_>>())
+        .f64("mean", number(|g| g.mean))
+        .f64("rms", number(|g| g.rms))
+        .f64("noise", rows.iter().map(|r| if r.1.noise.is_finite() { r.1.noise } else { 0.0 }).collect::<Vec<_>>())
+        .f64("ratio", number(|g| g.rms / g.noise))
+        .finish()
+}
+
+pub fn closures(told: &Told) -> Result<Table> {
+    let rows: Vec<&Channel> = told.diagnosis.closing.channels.iter().collect();
+    let number = |which: fn(&Channel) -> Match, of: fn(Match) -> f64| rows.iter().map(|c| of(which(c))).collect::<Vec<f64>>();
+    let before = |c: &Channel| c.before;
+    let after = |c: &Channel| c.after;
+    Table::build("closures")
+        .repeat("diagnosis", &told.config.name())
+        .strings("set", rows.iter().map(|c| if c.held_out { "held out" } else { "training" }))
+        .opt_strings("segment", rows.iter().map(|c| name(told, c.segment)))
+        .opt_strings("output", rows.iter().map(|c| c.output.clone()))
+        .strings("unit", rows.iter().map(|c| &c.unit))
+        .i64("n", rows.iter().map(|c| c.n as i64).collect::<Vec<_>>())
+        .f64("rms_before", number(before, |m| m.rms))
+        .f64("rms_after", number(after, |m| m.rms))
+        .f64("theil_before", number(before, |m| m.theil))
+        .f64("theil_after", number(after, |m| m.theil))
+        .f64("chi2_before", number(before, |m| m.chi2))
+        .f64("chi2_after", number(after, |m| m.chi2))
+        .finish()
+}
+
+pub fn shifts(told: &Told) -> Result<Table> {
+    let rows = &told.diagnosis.closing.shifts;
+    let column = |of: fn(&crate::diagnose::Shift) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
+    Table::build("shifts")
+        .repeat("diagnosis", &told.config.name())
+        .strings("parameter", rows.iter().map(|r| &r.name))
+        .strings("unit", rows.iter().map(|r| &r.unit))
+        .f64("before", column(|r| r.before))
+        .f64("before_sd", column(|r| r.before_sd.unwrap_or(f64::NAN)))
+        .f64("after", column(|r| r.after))
+        .f64("after_sd", column(|r| r.after_sd.unwrap_or(f64::NAN)))
+        .f64("shift", column(|r| r.before_sd.map_or(f64::NAN, |sd| (r.after - r.before) / sd)))
+        .finish()
+}
+
+pub fn overlays(told: &Told) -> Result<Table> {
+    let added = !told.diagnosis.added.is_empty();
+    let all = told.diagnosis.closing.overlays.iter().filter(|_| added);
+    let rows: Vec<_> = all.flat_map(|o| (0..o.before.t.len()).map(move |k| (o, k))).collect();
+    Table::build("overlays")
+        .repeat("diagnosis", &told.config.name())
+        .strings("segment", rows.iter().map(|(o, _)| told.names.get(o.segment).map_or("", String::as_str)))
+        .strings("output", rows.iter().map(|(o, _)| &o.before.name))
+        .strings("unit", rows.iter().map(|(o, _)| &o.before.unit))
+        .f64("t_s", rows.iter().map(|(o, k)| o.before.t[*k]).collect::<Vec<_>>())
+        .f64("measured", rows.iter().map(|(o, k)| finite(o.before.measured[*k])).collect::<Vec<_>>())
+        .f64("before", rows.iter().map(|(o, k)| finite(o.before.modelled[*k])).collect::<Vec<_>>())
+        .f64("after", rows.iter().map(|(o, k)| finite(o.after[*k])).collect::<Vec<_>>())
+        .finish()
+}

@@ -1,0 +1,199 @@
+//! Maneuvers of all flights and the library of effects come in; what one estimate's model lacks, and the amended model file, go out.
+
+mod closing;
+mod tables;
+mod words;
+
+use super::estimate::{self, Ready};
+use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, said, slice_of};
+use crate::diagnose::effect::{self, Context, Effect};
+use crate::diagnose::{self, Diagnosis, Rule, Subject, Verdict};
+use crate::error::Errors;
+use crate::estimate::Segment;
+use crate::model::Model;
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+pub const STAGE: Stage = Stage {
+    name: "diagnose",
+    about: "diagnose models",
+    per: Per::Diagnose,
+    wanted: |_| true,
+    writes: &["findings", "candidates", "additions", "held_out", "located", "gaps", "closures", "shifts", "overlays"],
+    reads,
+    reads_log: false,
+    slice,
+    run,
+};
+
+/// One estimate's model held against the flights: where is it wrong, and what is missing?
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Name in the tables; that of the estimate unless given.
+    #[serde(default)]
+    pub name: Option<String>,
+    /// Name of the `[[estimate]]`: its model, its maneuvers (all of them together, whatever its `group`) and its method.
+    pub estimate: String,
+    /// Folders of effects of your own, searched besides the library; relative to the pipeline file.
+    #[serde(default)]
+    pub effects: Vec<String>,
+    /// What plays a role that effects speak of, where the model's names do not tell: `control = ["eta"]`.
+    #[serde(default)]
+    pub roles: IndexMap<String, Vec<String>>,
+    /// How the diagnosis is run.
+    #[serde(default)]
+    pub method: diagnose::Settings,
+}
+
+impl Settings {
+    pub fn name(&self) -> String {
+        self.name.clone().unwrap_or_else(|| self.estimate.clone())
+    }
+
+    /// The diagnosis of an estimate by default settings.
+    pub fn of(estimate: &str) -> Settings {
+        Settings {
+            name: None,
+            estimate: estimate.to_string(),
+            effects: Vec::new(),
+            roles: IndexMap::new(),
+            method: diagnose::Settings::default(),
+        }
+    }
+}
+
+/// The checked settings of one diagnosis.
+#[derive(Debug)]
+pub struct Config {
+    pub settings: Settings,
+    /// Place of the estimate in the list of estimates.
+    pub estimate: usize,
+    pub effects: Vec<Effect>,
+}
+
+impl Config {
+    pub fn name(&self) -> String {
+        self.settings.name()
+    }
+}
+
+fn slice(campaign: &Campaign, unit: &Unit) -> Value {
+    let Some((config, base)) = parts(campaign, unit) else { return Value::Null };
+    let effects: Vec<Value> = config.effects.iter().map(|e| json!({ "name": e.name, "file": slice_of(&e.file) })).collect();
+    json!({
+        "settings": slice_of(&config.settings),
+        "estimate": slice_of(&base.settings),
+        "model": said(&base.model),
+        "effects": effects,
+    })
+}
+
+fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(&'a Config, &'a estimate::Config)> {
+    let config = campaign.diagnoses.get(unit.index)?;
+    Some((config, campaign.estimates.get(config.estimate)?))
+}
+
+fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
+    parts(campaign, unit).map(|(_, base)| estimate::tables_read(base, campaign)).unwrap_or_default()
+}
+
+/// A diagnosis and what its rows are named by.
+struct Told<'a> {
+    config: &'a Config,
+    model: &'a str,
+    /// Segment ids, in the order of the subject's segments.
+    names: Vec<String>,
+    rule: Rule,
+    diagnosis: Diagnosis,
+}
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
+    let Some((config, base)) = parts(campaign, unit) else { return Ok(Output::default()) };
+    let mut notes = Vec::new();
+    let mut ready: Vec<Ready> = Vec::new();
+    for flight in &campaign.flights {
+        ready.extend(estimate::flight_records(base, flight, inputs, &mut notes)?);
+    }
+    notes.iter_mut().for_each(|note| note.stage = STAGE.name.to_string());
+    let names: Vec<String> = ready.iter().map(|r| r.segment.clone()).collect();
+    let segments: Vec<Segment> = ready.into_iter().map(|r| r.labelled).collect();
+    let settings = &config.settings.method;
+    let rule = diagnose::held_out(&segments, &names, settings);
+    let context = context(&config.settings.roles, &base.model, &segments);
+    let offer = |model: &Model| {
+        let offer = effect::candidates(model, &context, &config.effects);
+        Ok((offer.candidates, offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect()))
+    };
+    let subject =
+        Subject { model: &base.model, segments: &segments, held_out: &rule.held_out, method: &base.settings.method, settings };
+    let diagnosis = diagnose::diagnose(&subject, &offer, &|_| {})?;
+    if let Verdict::None(trouble) = &diagnosis.verdict {
+        let text = format!("no verdict: {}", words::trouble(trouble));
+        notes.push(Note {
+            flight: String::new(),
+            stage: STAGE.name.to_string(),
+            severity: Severity::Missing,
+            subject: config.name(),
+            count: 1,
+            text,
+        });
+    }
+    let told = Told { config, model: &base.model.name, names, rule, diagnosis };
+    let mut files = Vec::new();
+    if let Some(text) = next_model(&told, base) {
+        files.push((format!("models/{}.next.model.toml", told.config.name()), text.into_bytes()));
+    }
+    Ok(Output { tables: tables::all(&told)?, files, notes })
+}
+
+/// What effects may want to know of the campaign: roles, half range and middle of every input and measured output of the model.
+fn context(roles: &IndexMap<String, Vec<String>>, model: &Model, segments: &[Segment]) -> Context {
+    let nu = model.inputs.len();
+    let mut context = Context { roles: roles.clone(), ..Context::default() };
+    let mut take = |names: &[String], values: &mut dyn Iterator<Item = f64>| {
+        let (low, high) =
+            values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |r, v| (r.0.min(v), r.1.max(v)));
+        for name in names.iter().filter(|_| high > low) {
+            context.sizes.entry(name.clone()).or_insert(0.5 * (high - low));
+            context.middles.entry(name.clone()).or_insert(0.5 * (high + low));
+        }
+    };
+    for (i, input) in model.inputs.iter().enumerate() {
+        take(
+            std::slice::from_ref(&input.name),
+            &mut segments.iter().flat_map(|s| s.record.inputs.iter().skip(i).step_by(nu).copied()),
+        );
+    }
+    for (o, output) in model.outputs.iter().enumerate() {
+        // A state of the output's name has its range.
+        let names = [format!("output({})", output.name), output.name.clone()];
+        let channels = || segments.iter().flat_map(|s| &s.record.channels).filter(|c| c.output == o);
+        if channels().next().is_some() {
+            context.measured.push(output.name.clone());
+        }
+        take(&names, &mut channels().flat_map(|c| c.z.iter().copied()));
+    }
+    context
+}
+
+/// The model's own file with everything that was added, one block per round; none where nothing was.
+fn next_model(told: &Told, base: &estimate::Config) -> Option<String> {
+    let values: BTreeMap<String, f64> = told.diagnosis.values.iter().cloned().collect();
+    let mut model = &base.model;
+    let mut text = None;
+    for (candidate, round) in told.diagnosis.added.iter().zip(&told.diagnosis.rounds) {
+        let judged = round.class.first().and_then(|&c| round.judged.get(c));
+        let provenance = judged.map(|j| words::provenance(told, j)).unwrap_or_default();
+        // Each candidate's base is the model with those before it: its text has their starting values, so blocks are joined by hand.
+        let own = model.own_text().len();
+        let whole = candidate.text(model, &values, &provenance);
+        let block = whole.get(own..).unwrap_or_default().to_string();
+        text = Some(text.unwrap_or_else(|| base.model.own_text().to_string()) + &block);
+        model = &candidate.model;
+    }
+    text
+}

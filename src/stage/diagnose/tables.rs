@@ -1,0 +1,146 @@
+//! A diagnosis in; its tables out.
+
+use super::{Told, closing, words};
+use crate::diagnose::{Gain, Judged, Round, Standing};
+use crate::error::Result;
+use crate::table::Table;
+
+pub fn all(told: &Told) -> Result<Vec<(&'static str, Table)>> {
+    Ok(vec![
+        ("findings", findings(told)?),
+        ("candidates", candidates(told)?),
+        ("additions", additions(told)?),
+        ("held_out", held_out(told)?),
+        ("located", located(told)?),
+        ("gaps", closing::gaps(told)?),
+        ("closures", closing::closures(told)?),
+        ("shifts", closing::shifts(told)?),
+        ("overlays", closing::overlays(told)?),
+    ])
+}
+
+/// One row for the verdict, then one per effect named, class by class.
+fn findings(told: &Told) -> Result<Table> {
+    let d = &told.diagnosis;
+    let members: Vec<(usize, &Round, &Judged)> = d
+        .rounds
+        .iter()
+        .enumerate()
+        .flat_map(|(i, round)| round.class.iter().filter_map(move |&c| Some((i + 1, round, round.judged.get(c)?))))
+        .collect();
+    let n = members.len() + 1;
+    let number = |first: f64, of: &dyn Fn(&(usize, &Round, &Judged)) -> f64| -> Vec<f64> {
+        std::iter::once(first).chain(members.iter().map(of)).collect()
+    };
+    let text = |of: &dyn Fn(&(usize, &Round, &Judged)) -> String| -> Vec<Option<String>> {
+        std::iter::once(None).chain(members.iter().map(|m| Some(of(m)))).collect()
+    };
+    let sum = |j: &Judged, of: fn(&Gain) -> f64| j.refit.as_ref().map_or(f64::NAN, |r| r.held_out.iter().map(of).sum());
+    let role = |j: &Judged| if j.standing == Standing::Chosen { "added" } else { "alike" }.to_string();
+    let sentences = std::iter::once(words::verdict(d)).chain(
+        members.iter().map(|(_, round, j)| format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, round.limit))),
+    );
+    let held: Vec<&str> = told.names.iter().zip(&told.rule.held_out).filter(|(_, h)| **h).map(|(n, _)| n.as_str()).collect();
+    Table::build("findings")
+        .repeat("diagnosis", &told.config.name())
+        .repeat("model", told.model)
+        .i64("number", (0..n as i64).collect::<Vec<_>>())
+        .repeat("verdict", d.verdict.as_str())
+        .opt_i64("round", std::iter::once(None).chain(members.iter().map(|m| Some(m.0 as i64))).collect::<Vec<_>>())
+        .opt_strings("candidate", text(&|m| m.2.name.clone()))
+        .opt_strings("effect", text(&|m| m.2.effect.clone()))
+        .opt_strings("family", text(&|m| m.2.family.name().to_string()))
+        .opt_strings("role", text(&|m| role(m.2)))
+        .f64("gain", number(f64::NAN, &|m| m.2.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
+        .f64("limit", number(d.rounds.first().map_or(f64::NAN, |r| r.limit), &|m| m.1.limit))
+        .f64("held_out_predicted", number(f64::NAN, &|m| sum(m.2, |g| g.predicted)))
+        .f64("held_out_realised", number(f64::NAN, &|m| sum(m.2, |g| g.realised)))
+        .strings("text", sentences)
+        .repeat("held_out", &format!("{}: {}", told.rule.words, held.join(" ")))
+        .finish()
+}
+
+/// Every candidate of every round.
+fn rows<'a>(told: &'a Told) -> Vec<(usize, &'a Round, &'a Judged)> {
+    let rounds = told.diagnosis.rounds.iter().enumerate();
+    rounds.flat_map(|(i, round)| round.judged.iter().map(move |j| (i + 1, round, j))).collect()
+}
+
+fn candidates(told: &Told) -> Result<Table> {
+    let rows = rows(told);
+    let number = |of: &dyn Fn(&Round, &Judged) -> f64| rows.iter().map(|(_, round, j)| of(round, j)).collect::<Vec<f64>>();
+    Table::build("candidates")
+        .repeat("diagnosis", &told.config.name())
+        .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
+        .strings("candidate", rows.iter().map(|r| &r.2.name))
+        .strings("effect", rows.iter().map(|r| &r.2.effect))
+        .strings("family", rows.iter().map(|r| r.2.family.name()))
+        .strings("sentence", rows.iter().map(|r| &r.2.sentence))
+        .strings("standing", rows.iter().map(|r| r.2.standing.as_str()))
+        .strings("why", rows.iter().map(|r| &r.2.why))
+        .f64("left", number(&|_, j| j.screened.left))
+        .f64("screened", number(&|_, j| j.screened.gain))
+        .f64("score", number(&|_, j| j.score))
+        .f64("limit", number(&|round, _| round.limit))
+        .f64("gain", number(&|_, j| j.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
+        .f64("evidence", number(&|_, j| j.evidence))
+        .f64("consistency", number(&|_, j| j.refit.as_ref().and_then(|r| r.consistency).unwrap_or(f64::NAN)))
+        .finish()
+}
+
+fn additions(told: &Told) -> Result<Table> {
+    let all = rows(told);
+    let rows: Vec<_> =
+        all.iter().flat_map(|(i, _, j)| j.refit.iter().flat_map(move |r| r.values.iter().map(move |v| (*i, *j, v)))).collect();
+    Table::build("additions")
+        .repeat("diagnosis", &told.config.name())
+        .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
+        .strings("candidate", rows.iter().map(|r| &r.1.name))
+        .strings("standing", rows.iter().map(|r| r.1.standing.as_str()))
+        .strings("parameter", rows.iter().map(|r| &r.2.name))
+        .strings("unit", rows.iter().map(|r| &r.2.unit))
+        .f64("value", rows.iter().map(|r| r.2.value).collect::<Vec<_>>())
+        .f64("sd", rows.iter().map(|r| r.2.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64("null", rows.iter().map(|r| r.2.null.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .bools("held", rows.iter().map(|r| r.2.held).collect::<Vec<_>>())
+        .bools("at_bound", rows.iter().map(|r| r.2.at_bound).collect::<Vec<_>>())
+        .f64("expected", rows.iter().map(|r| r.2.check.as_ref().map_or(f64::NAN, |c| c.1)).collect::<Vec<_>>())
+        .opt_strings("expected_from", rows.iter().map(|r| r.2.check.as_ref().map(|c| c.0.clone())))
+        .finish()
+}
+
+fn held_out(told: &Told) -> Result<Table> {
+    let all = rows(told);
+    let gains = |j: &Judged| -> Vec<(&'static str, Gain)> {
+        let of = |set: &'static str, gains: &[Gain]| gains.iter().map(|g| (set, *g)).collect::<Vec<_>>();
+        j.refit.iter().flat_map(|r| [of("training", &r.training), of("held out", &r.held_out)].concat()).collect()
+    };
+    let rows: Vec<_> = all.iter().flat_map(|(i, _, j)| gains(j).into_iter().map(move |g| (*i, *j, g))).collect();
+    Table::build("held_out")
+        .repeat("diagnosis", &told.config.name())
+        .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
+        .strings("candidate", rows.iter().map(|r| &r.1.name))
+        .strings("standing", rows.iter().map(|r| r.1.standing.as_str()))
+        .strings("set", rows.iter().map(|r| r.2.0))
+        .strings("segment", rows.iter().map(|r| told.names.get(r.2.1.segment).map_or("", String::as_str)))
+        .f64("predicted", rows.iter().map(|r| r.2.1.predicted).collect::<Vec<_>>())
+        .f64("realised", rows.iter().map(|r| r.2.1.realised).collect::<Vec<_>>())
+        .finish()
+}
+
+fn located(told: &Told) -> Result<Table> {
+    let d = &told.diagnosis;
+    let rounds = d.rounds.iter().enumerate().flat_map(|(i, r)| r.located.iter().map(move |l| (i as i64 + 1, l)));
+    let rows: Vec<_> = rounds.collect();
+    let number = |of: &dyn Fn(&crate::diagnose::Located) -> f64| rows.iter().map(|r| of(r.1)).collect::<Vec<f64>>();
+    Table::build("located")
+        .repeat("diagnosis", &told.config.name())
+        .i64("round", rows.iter().map(|r| r.0).collect::<Vec<_>>())
+        .strings("output", rows.iter().map(|r| &r.1.output))
+        .strings("source", rows.iter().map(|r| &r.1.source))
+        .f64("gain", number(&|l| l.gain))
+        .f64("limit", number(&|l| l.limit))
+        .f64("held_out", number(&|l| l.held_out))
+        .bools("real", rows.iter().map(|r| r.1.is_real()).collect::<Vec<_>>())
+        .finish()
+}
