@@ -62,6 +62,15 @@ impl Compiler<'_> {
         }
     }
 
+    /// Lines that nothing reads are checked as well.
+    pub(super) fn unused_amendments(&mut self) {
+        for (target, lines) in self.amended.clone() {
+            if let Some(last) = lines.last() {
+                self.amended_value(&target, lines.len(), &last.at);
+            }
+        }
+    }
+
     fn exists(&mut self, target: &Target, adds: bool, at: &At) -> bool {
         let known = match target {
             Target::Name(name) => self.symbols.contains_key(name),

@@ -110,6 +110,7 @@ pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain:
     c.outputs();
     c.trim();
     c.unused_equations();
+    c.unused_amendments();
     let Compiler { mut model, errors, rates, unstopped, sources, dims, .. } = c;
     errors.or(())?;
     let rates = rates.into_iter().enumerate();

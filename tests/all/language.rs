@@ -120,7 +120,7 @@ fn mistakes_are_named_with_line_and_column() {
         ("[equations]\na = \"delay(rate(V), t)\"", "m.model.toml:8:12: delay() of a delayed value or of a rate is not available"),
         ("[equations]\na = \"slope(V, 2*V)\"", "slope() and without() take an input, a state or a parameter here"),
         ("[equations]\na = \"output(z)\"", "there is no output \"z\""),
-        ("[[effect]]\ntitle = \"e\"\n[effect.add]\nW = \"V\"", "m.model.toml:10:5: there is no W to add to"),
+        ("[[effect]]\ntitle = \"e\"\n[effect.add]\nW = \"V\"", "m.model.toml:10:6: there is no W to add to"),
         ("[[effect]]\ntitle = \"e\"\n[effect.add]\nV = \"rho\"", "m.model.toml:10:6: kg/m^3 cannot be added to m/s"),
         ("[[effect]]\ntitle = \"e\"\n[effect.replace]\n\"rate(V)\" = \"1.0\"", "there is no rate(V) to replace"),
         ("[equations]\na = \"delay(V, rho)\"", "a delay must be in s"),

@@ -16,3 +16,4 @@ mod path;
 mod recovery;
 mod reruns;
 mod structure;
+mod trials;

@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 
 use indexmap::IndexMap;
 
+use crate::dynamics::Record;
 use crate::model::{Model, Scope};
 pub use bind::candidates;
 use block::Block;
@@ -31,6 +32,37 @@ pub struct Context {
     pub sizes: BTreeMap<String, f64>,
     /// The middle of these ranges, by name.
     pub middles: BTreeMap<String, f64>,
+}
+
+impl Context {
+    /// What the records of a campaign tell about the inputs and outputs of a model.
+    pub fn of(model: &Model, records: &[&Record]) -> Context {
+        let mut context = Context::default();
+        for (i, input) in model.inputs.iter().enumerate() {
+            let values = records.iter().flat_map(|r| r.inputs.iter().skip(i).step_by(model.inputs.len()));
+            context.put(&input.name, values);
+        }
+        for (o, output) in model.outputs.iter().enumerate() {
+            let channels = || records.iter().flat_map(|r| &r.channels).filter(|c| c.output == o);
+            if channels().next().is_some() {
+                context.measured.push(output.name.clone());
+                // A state of the same name is measured by it; an input of that name is known already.
+                if model.input(&output.name).is_none() {
+                    context.put(&output.name, channels().flat_map(|c| &c.z));
+                }
+            }
+        }
+        context
+    }
+
+    fn put<'a>(&mut self, name: &str, values: impl Iterator<Item = &'a f64>) {
+        let range = |(low, high): (f64, f64), &v: &f64| if v.is_finite() { (low.min(v), high.max(v)) } else { (low, high) };
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), range);
+        if low <= high {
+            self.sizes.insert(name.to_string(), (high - low) / 2.0);
+            self.middles.insert(name.to_string(), (high + low) / 2.0);
+        }
+    }
 }
 
 /// All bindings of all effects, and what does not apply.

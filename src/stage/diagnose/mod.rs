@@ -152,32 +152,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
 
 /// What effects may want to know of the campaign: roles, half range and middle of every input and measured output of the model.
 fn context(roles: &IndexMap<String, Vec<String>>, model: &Model, segments: &[Segment]) -> Context {
-    let nu = model.inputs.len();
-    let mut context = Context { roles: roles.clone(), ..Context::default() };
-    let mut take = |names: &[String], values: &mut dyn Iterator<Item = f64>| {
-        let (low, high) =
-            values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |r, v| (r.0.min(v), r.1.max(v)));
-        for name in names.iter().filter(|_| high > low) {
-            context.sizes.entry(name.clone()).or_insert(0.5 * (high - low));
-            context.middles.entry(name.clone()).or_insert(0.5 * (high + low));
-        }
-    };
-    for (i, input) in model.inputs.iter().enumerate() {
-        take(
-            std::slice::from_ref(&input.name),
-            &mut segments.iter().flat_map(|s| s.record.inputs.iter().skip(i).step_by(nu).copied()),
-        );
-    }
-    for (o, output) in model.outputs.iter().enumerate() {
-        // A state of the output's name has its range.
-        let names = [format!("output({})", output.name), output.name.clone()];
-        let channels = || segments.iter().flat_map(|s| &s.record.channels).filter(|c| c.output == o);
-        if channels().next().is_some() {
-            context.measured.push(output.name.clone());
-        }
-        take(&names, &mut channels().flat_map(|c| c.z.iter().copied()));
-    }
-    context
+    let records: Vec<_> = segments.iter().map(|s| &s.record).collect();
+    Context { roles: roles.clone(), ..Context::of(model, &records) }
 }
 
 /// The model's own file with everything that was added, one block per round; none where nothing was.

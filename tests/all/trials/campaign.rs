@@ -1,0 +1,210 @@
+//! A seed in; a small campaign of recorded maneuvers of an aircraft with something hidden in it, out.
+
+use koehler::dynamics::{Channel, Directions, Interpolation, Plan, Record};
+use koehler::estimate::{self, Segment, Settings};
+use koehler::model::{Constants, Model};
+use rand::{RngExt, SeedableRng};
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64;
+
+use super::truth::{BASE, Hidden, NOTHING};
+
+/// Sensor noise of V, alpha, theta, q, ax, az, SI.
+const NOISE: [f64; 6] = [0.08, 1.0e-3, 8.0e-4, 1.0e-3, 0.02, 0.05];
+const DT: f64 = 0.04;
+const POINTS: usize = 220;
+const START: usize = 20;
+
+/// What one trial is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Setting {
+    pub seed: u64,
+    pub turbulence: bool,
+    /// The size wanted, in sd of noise of the channel that shows it most.
+    pub size: f64,
+}
+
+/// A campaign and what only the judge knows.
+pub struct Trial {
+    pub segments: Vec<Segment>,
+    pub size: f64,
+    /// The channel that shows it most.
+    pub channel: String,
+    /// How much of it, in its own unit.
+    pub amount: f64,
+}
+
+pub fn base() -> Model {
+    Model::parse("trial", BASE, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+pub fn method() -> Settings {
+    Settings { initial: ["V", "alpha", "theta", "q"].map(String::from).to_vec(), ..Settings::default() }
+}
+
+fn random(seed: u64, what: u64) -> Pcg64 {
+    Pcg64::seed_from_u64(seed.wrapping_mul(1_000_003).wrapping_add(what))
+}
+
+/// The kinds of maneuvers and their airspeeds; every third of a kind is held out.
+const KINDS: [&str; 4] = ["elevator", "flaps", "both", "throttle"];
+const SPEEDS: [f64; 3] = [85.0, 105.0, 125.0];
+
+fn multistep(t: f64, start: f64, unit: f64) -> f64 {
+    match (t - start) / unit {
+        x if x < 0.0 => 0.0,
+        x if x < 3.0 => 1.0,
+        x if x < 5.0 => -1.0,
+        x if x < 6.0 => 1.0,
+        x if x < 7.0 => -1.0,
+        _ => 0.0,
+    }
+}
+
+/// Trimmed angle of attack, elevator and thrust of the aircraft without anything hidden.
+fn trim(speed: f64) -> (f64, f64, f64) {
+    let (m, g, s, qbar) = (17600.0, 9.80665, 64.0, 0.9 * speed * speed / 2.0);
+    let (mut alpha, mut de, mut thrust) = (0.05f64, 0.0, 20000.0);
+    for _ in 0..60 {
+        let lift = (m * g - thrust * alpha.sin()) / (qbar * s);
+        alpha = (lift - 0.25 - 0.3 * de) / 5.0;
+        de = (0.05 - 0.8 * alpha) / 1.2;
+        thrust = qbar * s * (0.03 + 0.06 * lift * lift) / alpha.cos();
+    }
+    (alpha, de, thrust)
+}
+
+/// Inputs of one maneuver `[points][de, eta, thrust]`, smooth as surfaces move.
+fn inputs(seed: u64, kind: usize, speed: usize) -> Vec<f64> {
+    let mut r = random(seed, 100 + (kind * 3 + speed) as u64);
+    let (_, de, thrust) = trim(SPEEDS[speed]);
+    let small = 85.0 * 85.0 / (SPEEDS[speed] * SPEEDS[speed]);
+    let size = |r: &mut Pcg64| if r.random_range(0..2) == 0 { 1.0 } else { 0.55 };
+    let sign = |r: &mut Pcg64| if r.random_range(0..2) == 0 { 1.0 } else { -1.0 };
+    let (a, b) = (0.07 * small * size(&mut r) * sign(&mut r), 0.22 * small.sqrt() * size(&mut r) * sign(&mut r));
+    let (unit_a, unit_b) = (r.random_range(0.4..0.7), r.random_range(0.4..0.8));
+    let throttle = 0.5 * sign(&mut r);
+    let (mut x, mut y, mut z) = (0.0, 0.0, 0.0);
+    let mut out = Vec::with_capacity(POINTS * 3);
+    for k in 0..POINTS {
+        let t = (k as f64 - START as f64) * DT;
+        let de_to = if kind == 1 { 0.0 } else { a * multistep(t, 0.6, unit_a) };
+        let eta_to = if kind == 0 || kind == 3 { 0.0 } else { b * multistep(t, 1.1, unit_b) };
+        let throttle_to = if kind == 3 && t > 1.5 && t < 5.0 { throttle } else { 0.0 };
+        x += (de_to - x) * DT / 0.08;
+        y += (eta_to - y) * DT / 0.10;
+        z += (throttle_to - z) * DT / 0.4;
+        out.extend([de + x, y, thrust * (1.0 + z)]);
+    }
+    out
+}
+
+/// Gusts along and normal to the flight, m/s (first-order form of Dryden's spectrum).
+fn gusts(seed: u64, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]> {
+    let mut r = random(seed, 1000 + segment as u64);
+    let keep = (-speed / 533.4 * DT).exp();
+    let mut now = [0, 0].map(|_: i32| intensity * r.sample::<f64, _>(StandardNormal));
+    let mut step = || {
+        now = now.map(|v| keep * v + intensity * (1.0 - keep * keep).sqrt() * r.sample::<f64, _>(StandardNormal));
+        now
+    };
+    (0..POINTS).map(|_| step()).collect()
+}
+
+/// Flies all maneuvers: what sensors without noise show.
+fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Segment>> {
+    let model = hidden.model();
+    let plan = Plan::new(&model, Directions { parameters: Vec::new(), starts: (0..4).collect() }).expect("a plan");
+    let mut segments = Vec::new();
+    for kind in 0..KINDS.len() {
+        for turn in 0..SPEEDS.len() {
+            let speed = (turn + kind) % SPEEDS.len();
+            let u = inputs(seed, kind, speed);
+            let gust = gusts(seed, segments.len(), SPEEDS[speed], intensity);
+            let rows = u.chunks(3).zip(&gust).flat_map(|(u, w)| [u[0], u[1], u[2], w[0], w[1]]).collect();
+            let truth = Record {
+                dt: DT,
+                n: POINTS,
+                inputs: rows,
+                start: START,
+                substeps: 4,
+                interpolation: Interpolation::Cubic,
+                ..Record::default()
+            };
+            let alpha = trim(SPEEDS[speed]).0;
+            let grid = plan.run(&[amount], &[SPEEDS[speed], alpha, alpha, 0.0], &truth, false);
+            if !grid.finite {
+                return None;
+            }
+            let t: Vec<f64> = (START..POINTS).map(|k| k as f64 * DT).collect();
+            let channel = |output| Channel { output, t: t.clone(), z: grid.y.iter().skip(output).step_by(6).copied().collect() };
+            let channels = (0..6).map(channel).collect();
+            let record = Record { inputs: u, channels, substeps: 0, ..truth };
+            let labels = [("input".to_string(), KINDS[kind].to_string()), ("flight".to_string(), format!("f{turn}"))];
+            segments.push(Segment { record, labels: labels.into_iter().collect() });
+        }
+    }
+    Some(segments)
+}
+
+fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
+    let mut r = random(seed, 7);
+    let factor: f64 = r.random_range(0.7..1.4);
+    for segment in &mut segments {
+        for channel in &mut segment.record.channels {
+            channel.z.iter_mut().for_each(|z| *z += factor * NOISE[channel.output] * r.sample::<f64, _>(StandardNormal));
+        }
+    }
+    segments
+}
+
+/// The rms that the base leaves in the outputs of held-out maneuvers, refitted on the others.
+fn left(segments: &[Segment]) -> Option<[f64; 6]> {
+    let base = base();
+    let (train, held): (Vec<_>, Vec<_>) = segments.iter().cloned().enumerate().partition(|(i, _)| i % 3 != 2);
+    let only = |of: Vec<(usize, Segment)>| of.into_iter().map(|(_, s)| s).collect::<Vec<_>>();
+    let floor = base.outputs.iter().zip(NOISE).map(|(o, sd)| (o.name.clone(), 0.3 * sd)).collect();
+    let method = Settings { floor, ..method() };
+    let fit = estimate::estimate_segments(&base, &only(train), &method).ok()?;
+    let starts = fit.rows.iter().filter(|r| r.segment.is_none()).map(|r| (r.name.clone(), r.value)).collect();
+    let frozen = Settings { free: Some(Vec::new()), starts, ..method };
+    let held = only(held);
+    let check = estimate::estimate_segments(&base, &held, &frozen).ok()?;
+    let mut sums = [(0.0, 0usize); 6];
+    for trace in check.responses.iter().flatten() {
+        for e in trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).filter(|e| e.is_finite()) {
+            sums[trace.output].0 += e * e;
+            sums[trace.output].1 += 1;
+        }
+    }
+    Some(sums.map(|(sum, n)| (sum / n.max(1) as f64).sqrt()))
+}
+
+/// A campaign with `hidden` in it, of about the size wanted.
+pub fn trial(hidden: &Hidden, setting: &Setting) -> Option<Trial> {
+    let mut r = random(setting.seed, 3);
+    let intensity = if setting.turbulence { r.random_range(0.2..0.5) } else { 0.0 };
+    let plain = with_noise(fly(&NOTHING, 0.0, setting.seed, intensity)?, setting.seed);
+    let noise = left(&plain)?;
+    if hidden.name == NOTHING.name {
+        return Some(Trial { segments: plain, size: 0.0, channel: String::new(), amount: 0.0 });
+    }
+    let size = |amount: f64| {
+        let rms = left(&fly(hidden, amount, setting.seed, 0.0)?)?;
+        let most = (0..6).max_by(|&a, &b| (rms[a] / noise[a]).total_cmp(&(rms[b] / noise[b])))?;
+        Some((rms[most] / noise[most], most))
+    };
+    // The size grows with the amount, though not always in proportion.
+    let mut amount = hidden.nominal;
+    let mut now = size(amount)?;
+    for _ in 0..5 {
+        let ratio = setting.size / now.0.max(1e-3);
+        if (0.85..1.2).contains(&ratio) {
+            break;
+        }
+        amount *= ratio.clamp(0.3, 3.0).powf(0.9);
+        now = size(amount)?;
+    }
+    let segments = with_noise(fly(hidden, amount, setting.seed, intensity)?, setting.seed);
+    Some(Trial { segments, size: now.0, channel: base().outputs[now.1].name.clone(), amount })
+}
