@@ -1,6 +1,6 @@
 //! The estimations that are timed: models, records and settings.
 
-use koehler::dynamics::{Channel, Directions, Plan, Record};
+use koehler::dynamics::{Channel, Directions, Plan, Record, Tier};
 use koehler::estimate::{Settings, Stop, estimate};
 use koehler::model::{Constants, Model};
 use std::path::{Path, PathBuf};
@@ -13,12 +13,27 @@ pub struct Work {
 
 impl Work {
     /// An estimation of exactly `iterations` full Gauss-Newton steps.
-    pub fn estimate(&self, iterations: usize) {
-        let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
+    pub fn estimate(&self, iterations: usize, tier: Tier) {
+        let settings = Settings { max_iterations: iterations, tier, ..self.settings.clone() };
         let e = estimate(&self.model, &self.records, &settings).expect("settings that fit the model");
         assert_eq!(e.stop, Stop::IterationLimit, "the timed iterations must all take place");
         assert_eq!(e.iterations.len(), iterations + 1);
         assert!(e.iterations.iter().all(|i| i.halvings == 0), "a halved step is two passes");
+    }
+
+    /// Directions of one segment's sensitivities.
+    pub fn directions(&self) -> usize {
+        self.model.parameters.len() + self.settings.initial.len()
+    }
+
+    /// Fused multiply-adds of sensitivities and sums of products in one iteration, without padding.
+    pub fn multiply_adds(&self) -> f64 {
+        let (nd, ny) = (self.directions(), self.model.outputs.len());
+        let all: Vec<usize> = (0..self.model.parameters.len()).collect();
+        let linear = self.model.linearize(&all, &(0..ny).collect::<Vec<_>>());
+        let stage = linear.rates.states.len() * nd + 2 * self.model.states.len() * nd;
+        let point = 4 * stage + linear.outputs.states.len() * nd + ny * (nd * (nd + 1) / 2 + nd);
+        (self.samples() * point) as f64
     }
 
     /// Grid points of all segments.

@@ -29,11 +29,12 @@ mod history;
 mod plan;
 mod propagate;
 mod record;
+mod rows;
 mod stiffness;
 mod tangent;
 
-pub use plan::{Directions, Plan};
-pub use record::{Channel, Interpolation, Record};
+pub use plan::{Directions, Plan, Tier};
+pub use record::{Channel, Interpolation, Record, Sampling};
 
 /// Outputs on the record's grid from its start point on.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,10 +1,14 @@
 //! The compiled programs of one model for one choice of free directions, ready to run over any number of records.
 
 use super::propagate;
+use super::record::{Sampling, Weights};
+use super::rows::Rows;
 use super::{Grid, Record, Response};
 use crate::error::{Error, Result};
 use crate::model::linear::{Linear, Starts};
+use crate::model::native::Native;
 use crate::model::{Layout, Model, Program, StartKind, Tables};
+use std::sync::Arc;
 
 /// Free directions: the columns of the sensitivities, parameters first.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -25,6 +29,17 @@ impl Directions {
     }
 }
 
+/// How the rates of a model are evaluated. The results are the same to the bit.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Tier {
+    /// Machine code where the work is worth making it.
+    #[default]
+    Auto,
+    Interpreter,
+    Native,
+}
+
 /// Programs and sizes, shared by all records and threads.
 #[derive(Debug, Clone)]
 pub struct Plan {
@@ -41,6 +56,12 @@ pub struct Plan {
     pub(super) delays: Vec<crate::model::Delay>,
     pub(super) uses_input_rates: bool,
     pub(super) linear: Linear,
+    /// Machine code of the rates, where it was worth making.
+    pub(super) native: Option<Arc<Native>>,
+    /// The Jacobians of rates, outputs and delay times, row by row.
+    pub(super) rate_rows: Rows,
+    pub(super) output_rows: Rows,
+    pub(super) delay_rows: Rows,
     pub(super) starts: Starts,
     /// Per given start: how it begins, and the output that measures it.
     begin: Vec<(StartKind, Option<usize>, String)>,
@@ -67,7 +88,13 @@ impl Plan {
         });
         let nodes: Vec<_> = model.rates.iter().chain(&model.output_nodes).copied().collect();
         let leaves = model.graph.leaves(&nodes);
+        let linear = model.linearize(&directions.parameters, &outputs);
         Ok(Plan {
+            rate_rows: Rows::new(&linear.rates, model.states.len()),
+            output_rows: Rows::new(&linear.outputs, outputs.len()),
+            delay_rows: Rows::new(&linear.delays, model.delays.len()),
+            linear,
+            native: None,
             layout: model.layout,
             tables: model.tables.clone(),
             rates: model.rates_program(),
@@ -77,12 +104,22 @@ impl Plan {
             limited: (0..model.states.len()).filter(|&i| model.states[i].min.is_some() || model.states[i].max.is_some()).collect(),
             delays: model.delays.clone(),
             uses_input_rates: leaves.iter().any(|l| matches!(l, crate::model::graph::Leaf::InputRate(_))),
-            linear: model.linearize(&directions.parameters, &outputs),
             outputs,
             begin: begin.collect(),
             starts,
             directions,
         })
+    }
+
+    /// Makes machine code of the rates if `tier` says so. `points`: grid points that one pass goes through.
+    pub fn compile(&mut self, tier: Tier, points: usize) {
+        // An operation costs the interpreter about 2 ns more than machine code, some 20 passes are usual; making code takes about 0.3 ms
+        // and 15 us per operation.
+        let operations = self.rates.operations() as f64;
+        let worth = 20.0 * 4.0 * points as f64 * operations * 2e-9 > 0.3e-3 + 15e-6 * operations;
+        if tier == Tier::Native || (tier == Tier::Auto && worth) {
+            self.native = Native::compile(&self.rates, self.layout.time() + 1).map(Arc::new);
+        }
     }
 
     /// States that need a start value from outside: those that start "measured" and the free ones, ascending.
@@ -128,7 +165,13 @@ impl Plan {
 
     /// Runs a record. `parameters`: all of the model's; `given`: start values of the `given()` states.
     pub fn run(&self, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Grid {
-        propagate::run(self, parameters, given, record, sensitivities)
+        let (mut grid, rows) = propagate::run(self, parameters, given, record, sensitivities);
+        let nd = self.directions.len();
+        let point = |k: usize| rows.iter().flat_map(move |row| row[k * nd..(k + 1) * nd].iter().copied());
+        if sensitivities {
+            grid.dy = (0..grid.n).flat_map(point).collect();
+        }
+        grid
     }
 
     /// Integration steps per grid step that the model's Jacobian asks for at the start of a record (and at its inputs' extremes).
@@ -138,35 +181,53 @@ impl Plan {
 
     /// Runs a record and reads the predictions at the samples of its channels.
     pub fn respond(&self, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Response {
-        let grid = self.run(parameters, given, record, sensitivities);
+        self.respond_at(parameters, given, record, &record.sampling(), sensitivities)
+    }
+
+    /// The same where the record's `sampling()` is known already.
+    pub fn respond_at(
+        &self,
+        parameters: &[f64],
+        given: &[f64],
+        record: &Record,
+        sampling: &[Sampling],
+        sensitivities: bool,
+    ) -> Response {
+        let (grid, mut rows) = propagate::run(self, parameters, given, record, sensitivities);
         let (ny, nd) = (self.outputs.len(), self.directions.len());
         let mut out = Response { finite: grid.finite, ..Default::default() };
-        for channel in &record.channels {
-            let column = self.outputs.iter().position(|&k| k == channel.output);
-            let mut y = Vec::with_capacity(channel.t.len());
-            let mut dy = vec![0.0; if sensitivities { channel.t.len() * nd } else { 0 }];
-            for (s, &t) in channel.t.iter().enumerate() {
-                let (Some(w), Some(column)) = (record.weights(t), column) else {
-                    y.push(f64::NAN);
-                    continue;
-                };
-                let mut value = 0.0;
-                for k in 0..w.len {
-                    let row = (w.first + k) * ny + column;
-                    value += w.w[k] * grid.y[row];
-                    if sensitivities {
-                        for (d, g) in dy[s * nd..(s + 1) * nd].iter_mut().zip(&grid.dy[row * nd..(row + 1) * nd]) {
-                            *d += w.w[k] * g;
-                        }
-                    }
-                }
-                y.push(value);
-            }
-            out.y.push(y);
+        for (i, (channel, sampling)) in record.channels.iter().zip(sampling).enumerate() {
+            let Some(column) = self.outputs.iter().position(|&k| k == channel.output) else {
+                out.y.push(vec![f64::NAN; channel.t.len()]);
+                out.dy.extend(sensitivities.then(|| vec![0.0; channel.t.len() * nd]));
+                continue;
+            };
+            let y = |point: usize| grid.y[point * ny + column];
+            out.y.push(match sampling {
+                Sampling::Grid => (0..grid.n).map(y).collect(),
+                Sampling::Between(weights) => weights.iter().map(|w| w.as_ref().map_or(f64::NAN, |w| w.value(y))).collect(),
+            });
             if sensitivities {
-                out.dy.push(dy);
+                let again = record.channels[i + 1..].iter().any(|c| c.output == channel.output);
+                out.dy.push(match sampling {
+                    Sampling::Grid if again => rows[column].clone(),
+                    Sampling::Grid => std::mem::take(&mut rows[column]),
+                    Sampling::Between(weights) => weights.iter().flat_map(|w| between(w.as_ref(), &rows[column], nd)).collect(),
+                });
             }
         }
         out
     }
+}
+
+/// Sensitivities at one sample; zero outside the grid.
+fn between(weights: Option<&Weights>, rows: &[f64], nd: usize) -> Vec<f64> {
+    let mut out = vec![0.0; nd];
+    if let Some(w) = weights {
+        for k in 0..w.len {
+            let row = &rows[(w.first + k) * nd..(w.first + k + 1) * nd];
+            out.iter_mut().zip(row).for_each(|(d, g)| *d += w.w[k] * g);
+        }
+    }
+    out
 }

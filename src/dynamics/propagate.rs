@@ -6,6 +6,7 @@ use super::stiffness::Stiffness;
 use super::tangent::Tangent;
 use super::{Grid, Interpolation, Record};
 use crate::model::linear::Starts;
+use crate::model::native::Native;
 use crate::model::{Delayed, Layout, Program, Tables};
 
 /// Points of one Jacobian evaluation.
@@ -61,8 +62,11 @@ fn start_file(
 /// A program with its register file for one evaluation at a time.
 struct Single<'p> {
     program: &'p Program,
+    native: Option<&'p Native>,
     tables: &'p Tables,
     file: Vec<[f64; 1]>,
+    /// Outputs of the machine code.
+    out: Vec<f64>,
 }
 
 impl<'p> Single<'p> {
@@ -72,11 +76,14 @@ impl<'p> Single<'p> {
             file[plan.layout.parameter() + i] = [*p];
         }
         program.prepare(&mut file, &plan.tables);
-        Single { program, tables: &plan.tables, file }
+        Single { program, native: None, tables: &plan.tables, file, out: vec![0.0; program.outputs()] }
     }
 
     /// Evaluates at `point` (states, inputs, input rates, delayed values, time).
     fn at(&mut self, point: &[f64]) {
+        if let Some(native) = self.native {
+            return native.run(&self.file, point, &mut self.out, self.tables);
+        }
         for (slot, x) in self.file.iter_mut().zip(point) {
             slot[0] = *x;
         }
@@ -84,7 +91,7 @@ impl<'p> Single<'p> {
     }
 
     fn get(&self, k: usize) -> f64 {
-        self.program.output(&self.file, k)[0]
+        if self.native.is_some() { self.out[k] } else { self.program.output(&self.file, k)[0] }
     }
 }
 
@@ -106,28 +113,44 @@ impl<'p> Many<'p> {
         Many { program, tables: &plan.tables, file, width: plan.layout.time() + 1 }
     }
 
-    /// All outputs at all `points` (rows of `width`) into rows of `out`.
-    pub(super) fn over(&mut self, points: &[f64], out: &mut Vec<f64>) {
+    /// All outputs at all `points` (rows of `width`).
+    pub(super) fn over(&mut self, points: &[f64], out: &mut Lanes) {
         let (n, m) = (points.len() / self.width, self.program.outputs());
-        out.clear();
-        out.resize(n * m, 0.0);
+        out.entries = m;
+        out.values.clear();
         if m == 0 {
             return;
         }
         for first in (0..n).step_by(LANES) {
             let live = LANES.min(n - first);
-            for slot in 0..self.width {
-                for l in 0..LANES {
-                    self.file[slot][l] = points[(first + l.min(live - 1)) * self.width + slot];
-                }
+            let rows: [&[f64]; LANES] = std::array::from_fn(|l| &points[(first + l.min(live - 1)) * self.width..][..self.width]);
+            for (slot, lanes) in self.file[..self.width].iter_mut().enumerate() {
+                *lanes = std::array::from_fn(|l| rows[l][slot]);
             }
             self.program.run(&mut self.file, self.tables);
-            for k in 0..m {
-                let values = self.program.output(&self.file, k);
-                for l in 0..live {
-                    out[(first + l) * m + k] = values[l];
-                }
-            }
+            out.values.extend((0..m).map(|k| *self.program.output(&self.file, k)));
+        }
+    }
+}
+
+/// Outputs of a program at many points: blocks of eight points, an entry's eight values side by side.
+#[derive(Default)]
+pub(super) struct Lanes {
+    entries: usize,
+    values: Vec<[f64; LANES]>,
+}
+
+impl Lanes {
+    /// Entry `k` at a point.
+    pub(super) fn get(&self, point: usize, k: usize) -> f64 {
+        self.values[point / LANES * self.entries + k][point % LANES]
+    }
+
+    /// The entries at a point: `LANES` numbers apart from here on. Without entries the pointer must not be read.
+    pub(super) fn at(&self, point: usize) -> *const f64 {
+        match self.values.get(point / LANES * self.entries) {
+            Some(block) => &raw const block[point % LANES],
+            None => std::ptr::NonNull::dangling().as_ptr(),
         }
     }
 }
@@ -188,15 +211,15 @@ impl Chunk {
     }
 }
 
-/// Runs `record` from its start point to its end.
-pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Grid {
+/// Runs `record` from its start point to its end. The sensitivities stand apart, per output `[point][direction]`; empty unless asked for.
+pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> (Grid, Vec<Vec<f64>>) {
     let (nx, nu, ny) = (plan.layout.states, plan.layout.inputs, plan.outputs.len());
     let n = record.n.saturating_sub(record.start);
     let nd = plan.directions.len();
     let mut grid = Grid { n, y: vec![f64::NAN; n * ny], finite: true, ..Default::default() };
     if n == 0 || record.inputs.len() < record.n * nu {
         grid.finite = n == 0;
-        return grid;
+        return (grid, vec![Vec::new(); if sensitivities { ny } else { 0 }]);
     }
     let file = start_file(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
     let mut x: Vec<f64> = (0..nx).map(|i| plan.starts.program.output(&file, i)[0]).collect();
@@ -204,34 +227,27 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
     bounds.at(&[]);
     let bounds: Vec<f64> = (0..2 * nx).map(|k| bounds.get(k)).collect();
     let mut run = Run::new(plan, record, bounds);
-    let mut rates = Single::new(&plan.rates, plan, parameters);
-    let mut outputs = Single::new(&plan.output_values, plan, parameters);
+    let mut rates = Single { native: plan.native.as_deref(), ..Single::new(&plan.rates, plan, parameters) };
+    let mut outputs = Many::new(&plan.output_values, plan, parameters);
+    let mut values = Lanes::default();
     let mut taus = Single::new(&plan.delay_values, plan, parameters);
     let mut tangent = sensitivities.then(|| Tangent::new(plan, parameters, &file, n));
     let mut stiffness = Stiffness::new(plan, parameters);
     let mut chunk = Chunk::default();
     let mut substeps = record.substeps.max(1);
+    let width = plan.layout.time() + 1;
     for first in (0..n).step_by(CHUNK) {
         chunk.clear();
-        for k in first..(first + CHUNK).min(n) {
+        let end = (first + CHUNK).min(n);
+        let mut lost = None;
+        for k in first..end {
             run.point(k, &x, &mut taus, &mut chunk);
-            let width = plan.layout.time() + 1;
-            let point = &chunk.points[(k - first) * width..];
             if record.substeps == 0 && k % LOOK == 0 {
-                substeps = stiffness.substeps(&point[..width], record.dt);
+                substeps = stiffness.substeps(&chunk.points[(k - first) * width..][..width], record.dt);
             }
-            outputs.at(&point[..width]);
-            for j in 0..ny {
-                grid.y[k * ny + j] = outputs.get(j);
-            }
-            let good = substeps <= MOST_SUBSTEPS && x.iter().all(|v| v.is_finite());
-            if !good || grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite()) {
-                grid.finite = false;
-                grid.y[k * ny..].fill(f64::NAN);
-                if sensitivities {
-                    grid.dy = vec![f64::NAN; n * ny * nd];
-                }
-                return grid;
+            if substeps > MOST_SUBSTEPS || x.iter().any(|v| !v.is_finite()) {
+                lost = Some(k);
+                break;
             }
             if k + 1 < n {
                 chunk.substeps.push(substeps);
@@ -240,16 +256,26 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
                 }
             }
         }
+        let good = lost.unwrap_or(end);
+        outputs.over(&chunk.points, &mut values);
+        for k in first..good {
+            (0..ny).for_each(|j| grid.y[k * ny + j] = values.get(k - first, j));
+        }
+        let bad = (first..good).find(|&k| grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite()));
+        if let Some(k) = bad.or(lost) {
+            grid.finite = false;
+            grid.y[k * ny..].fill(f64::NAN);
+            return (grid, vec![vec![f64::NAN; n * nd]; if sensitivities { ny } else { 0 }]);
+        }
         if let Some(tangent) = &mut tangent {
             tangent.advance(&run, &chunk);
         }
     }
     grid.x_end = x;
-    if let Some(tangent) = tangent {
-        grid.dy = tangent.rows;
-        grid.finite &= grid.dy.iter().all(|v| v.is_finite());
-    }
-    grid
+    let rows = tangent.map(|t| t.rows).unwrap_or_default();
+    // a sum is not finite if a term is not; sums of large numbers that overflow on the way are no use either
+    grid.finite &= rows.iter().all(|row| row.chunks(64).all(|c| c.iter().sum::<f64>().is_finite()));
+    (grid, rows)
 }
 
 /// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record.

@@ -53,7 +53,34 @@ pub struct Weights {
     pub w: [f64; 4],
 }
 
+impl Weights {
+    /// The combination of values at grid points.
+    pub fn value(&self, at: impl Fn(usize) -> f64) -> f64 {
+        (0..self.len).map(|k| self.w[k] * at(self.first + k)).sum()
+    }
+}
+
+/// How a channel's samples lie on the grid.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Sampling {
+    /// One at every grid point from the start point on.
+    Grid,
+    /// Each as a combination of grid points; none outside the grid.
+    Between(Vec<Option<Weights>>),
+}
+
 impl Record {
+    /// How the samples of every channel lie on the grid.
+    pub fn sampling(&self) -> Vec<Sampling> {
+        let n = self.n.saturating_sub(self.start);
+        let of = |channel: &Channel| {
+            let weights: Vec<Option<Weights>> = channel.t.iter().map(|&t| self.weights(t)).collect();
+            let there = |(k, w): (usize, &Option<Weights>)| w.is_some_and(|w| w.len == 1 && w.first == k);
+            if weights.len() == n && weights.iter().enumerate().all(there) { Sampling::Grid } else { Sampling::Between(weights) }
+        };
+        self.channels.iter().map(of).collect()
+    }
+
     /// Weights of the grid values for time `t`; `None` outside the grid.
     pub fn weights(&self, t: f64) -> Option<Weights> {
         let n = self.n.saturating_sub(self.start);

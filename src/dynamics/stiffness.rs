@@ -1,17 +1,17 @@
 //! How fast the fastest mode is: the spectral radius of the compiled Jacobian at a point, and the sub-steps it asks for.
 
 use super::plan::Plan;
-use super::propagate::{MOST_SUBSTEPS, Many, STIFF};
+use super::propagate::{Lanes, MOST_SUBSTEPS, Many, STIFF};
 
 pub struct Stiffness<'p> {
     plan: &'p Plan,
     jacobian: Many<'p>,
-    entries: Vec<f64>,
+    entries: Lanes,
 }
 
 impl<'p> Stiffness<'p> {
     pub fn new(plan: &'p Plan, parameters: &[f64]) -> Self {
-        Stiffness { plan, jacobian: Many::new(&plan.linear.rates_program, plan, parameters), entries: Vec::new() }
+        Stiffness { plan, jacobian: Many::new(&plan.linear.rates_program, plan, parameters), entries: Lanes::default() }
     }
 
     /// Sub-steps per grid step `dt` so that |lambda| h stays below the limit; more than the most allowed if it cannot.
@@ -20,7 +20,7 @@ impl<'p> Stiffness<'p> {
         self.jacobian.over(point, &mut self.entries);
         let mut a = vec![0.0; nx * nx];
         for e in &self.plan.linear.rates.states {
-            a[e.row * nx + e.column] = self.entries[e.output];
+            a[e.row * nx + e.column] = self.entries.get(0, e.output);
         }
         let needed = spectral_radius(&a, nx) * dt / STIFF;
         if needed.is_nan() { 1 } else { (needed.ceil() as usize).clamp(1, MOST_SUBSTEPS + 1) }

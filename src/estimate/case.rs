@@ -9,7 +9,7 @@ use super::regression::{Regression, regress};
 use super::segment::{CAMPAIGN, Grouping, Segment, instants};
 use super::solution::{Solution, solve};
 use super::{Label, NoiseKind, Settings, StartFrom, Trace};
-use crate::dynamics::{Directions, Plan, Record, Response};
+use crate::dynamics::{Directions, Plan, Record, Response, Sampling};
 use crate::error::Result;
 use crate::model::{Model, Scope};
 
@@ -34,6 +34,8 @@ pub struct Case<'a> {
     pub(super) chosen: &'a Chosen,
     pub plan: &'a Plan,
     pub records: Vec<Record>,
+    /// How the samples of each record lie on its grid.
+    sampling: Vec<Vec<Sampling>>,
     /// Which of them ask for integration steps by the model's fastest mode.
     automatic: Vec<bool>,
     /// Start values of the states that need one from outside, per segment.
@@ -59,7 +61,8 @@ impl<'a> Case<'a> {
         let automatic = records.iter().map(|r| r.substeps == 0).collect();
         let outputs = plan.outputs.clone();
         let (layout, unknowns) = layout(model, plan, segments, settings, chosen, &given);
-        Case { model, chosen, plan, records, automatic, given, outputs, layout, unknowns }
+        let sampling = records.iter().map(Record::sampling).collect();
+        Case { model, chosen, plan, records, sampling, automatic, given, outputs, layout, unknowns }
     }
 
     /// Solves with integration steps that stay the same during an iteration (a cost that changed its steps on the way would have jumps).
@@ -125,7 +128,7 @@ impl<'a> Case<'a> {
     /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked. `None` where the model is not finite.
     pub fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
         let (parameters, starts) = self.place(s, local);
-        let response = self.plan.respond(&parameters, &starts, &self.records[s], sensitivities);
+        let response = self.plan.respond_at(&parameters, &starts, &self.records[s], &self.sampling[s], sensitivities);
         if !response.finite {
             return None;
         }

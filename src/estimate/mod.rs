@@ -11,6 +11,7 @@
 //! | `problem` | parameters in two parts, shared and per segment; what a segment hands over; the pass over all segments |
 //! | `noise` | `R` per group of segments, with floor and missing samples, and the cost at it |
 //! | `arrow` | the normal equations, every segment's own block eliminated first |
+//! | `gram` | sums of products of sensitivities and residuals, eight columns at a time |
 //! | `gauss` | the iteration: step, bounds, halving or damping, stopping |
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
@@ -36,6 +37,7 @@ mod choice;
 mod colour;
 mod filter;
 mod gauss;
+mod gram;
 mod noise;
 mod output_error;
 mod prepare;

@@ -40,7 +40,8 @@ pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Setting
     let (model, segments) = prepare(base, segments, settings)?;
     let (model, segments) = (&*model, &*segments);
     let chosen = choose(model, segments, settings)?;
-    let plan = plan(model, &chosen, segments)?;
+    let mut plan = plan(model, &chosen, segments)?;
+    plan.compile(settings.tier, segments.iter().map(|s| s.record.n).sum());
     let given = starts(model, &plan, segments, &chosen, settings)?;
     let mut left_out: Vec<LeftOut> = Vec::new();
     let mut used: Vec<usize> = Vec::new();

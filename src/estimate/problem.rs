@@ -5,6 +5,7 @@
 //! there are.
 
 use super::arrow::{Arrow, Own};
+use super::gram;
 use super::noise::{Covariance, Scatter, Structure};
 use rayon::prelude::*;
 
@@ -356,40 +357,7 @@ fn add_scaled(to: &mut [f64], w: f64, from: &[f64]) {
 /// Sums of one block, or `None` where a scored sample has a value or a sensitivity that is not finite.
 fn sum_block(block: &Block, nd: usize) -> Option<Sums> {
     let mut sums = Sums { kind: block.output, count: 0, square: 0.0, gram: vec![0.0; nd * nd], gradient: vec![0.0; nd] };
-    let mut rows: [&[f64]; 4] = [&[]; 4];
-    let mut pending = 0;
-    for (k, &e) in block.e.iter().enumerate() {
-        if e.is_nan() {
-            continue;
-        }
-        let row = &block.g[k * nd..(k + 1) * nd];
-        sums.count += 1;
-        sums.square += e * e;
-        add_scaled(&mut sums.gradient, e, row);
-        rows[pending] = row;
-        pending += 1;
-        if pending == 4 {
-            add_four(&mut sums.gram, &rows, nd);
-            pending = 0;
-        }
-    }
-    for row in &rows[..pending] {
-        for i in 0..nd {
-            add_scaled(&mut sums.gram[i * nd..i * nd + i + 1], row[i], row);
-        }
-    }
+    (sums.count, sums.square) = gram::add(&block.e, &block.g, nd, &mut sums.gram, &mut sums.gradient);
     let finite = sums.square.is_finite() && (0..nd).all(|i| sums.gradient[i].is_finite() && sums.gram[i * nd + i].is_finite());
     finite.then_some(sums)
-}
-
-/// Adds the outer products of four rows to the lower triangle.
-fn add_four(gram: &mut [f64], rows: &[&[f64]; 4], nd: usize) {
-    let [a, b, c, d] = rows;
-    for i in 0..nd {
-        let (ai, bi, ci, di) = (a[i], b[i], c[i], d[i]);
-        let out = &mut gram[i * nd..i * nd + i + 1];
-        for (j, m) in out.iter_mut().enumerate() {
-            *m += (ai * a[j] + bi * b[j]) + (ci * c[j] + di * d[j]);
-        }
-    }
 }

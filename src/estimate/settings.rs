@@ -1,5 +1,6 @@
 //! How an estimation is run: the settings, every one with a default.
 
+use crate::dynamics::Tier;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -50,6 +51,9 @@ pub struct Settings {
     pub gradient_tolerance: f64,
     /// Iterations after which the estimation ends as "iteration limit".
     pub max_iterations: usize,
+    /// How the model's rates are evaluated: "auto" (machine code where the work is worth making it), "interpreter", "native". The
+    /// results are the same to the bit.
+    pub tier: Tier,
     /// Refusals of one step (each halves it, or raises its damping) after which the estimation ends as "no improvement".
     pub max_halvings: usize,
     /// Use the priors (`sd`) of the model's parameters.
@@ -169,6 +173,7 @@ impl Default for Settings {
             step_tolerance: 0.01,
             gradient_tolerance: 0.01,
             max_iterations: 50,
+            tier: Tier::Auto,
             max_halvings: 20,
             priors: true,
             max_ar_order: 24,

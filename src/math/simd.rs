@@ -194,6 +194,8 @@ macro_rules! by_width {
     };
 }
 
+pub use by_width;
+
 /// Numbers on addresses that are multiples of 64 bytes: a vector never straddles two cache lines.
 #[derive(Debug, Clone, Default)]
 pub struct Aligned {

@@ -4,6 +4,9 @@
 //! other functions are those of `libm`, which are the same on every machine. Multiply-adds are fused (rounded once) wherever the graph
 //! says so and nowhere else. So results differ between machines nowhere, except in the unused bits of a NaN.
 
+// The coefficients are written with the digits of their source.
+#![allow(clippy::excessive_precision)]
+
 use super::graph::Op;
 
 /// Largest argument, rad, for which the polynomial's reduction is exact enough; beyond it `libm` takes over.

@@ -2,8 +2,9 @@
 //!
 //! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
 //! checks units and builds (`expression`) one shared graph (`graph`), in which `fuse` joins products and sums. `linear` asks for exact
-//! derivatives (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which `interpret` runs over lanes;
-//! `amend` applies the effects of a file; `arithmetic` says to the bit what one operation is; `extend` adds zero shifts and feedback to a compiled model. Nothing here knows
+//! derivatives (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which `interpret` runs over lanes
+//! and `native` turns into machine code; `arithmetic` says to the bit what one operation is; `amend` applies the effects of a file;
+//! `extend` adds zero shifts and feedback to a compiled model. Nothing here knows
 //! about time steps: that is `dynamics`.
 
 mod amend;

@@ -79,12 +79,11 @@ fn inertial(unit: &str) -> bool {
     matches!(unit, "m/s^2" | "rad/s" | "rad/s^2")
 }
 
+/// Times and values of one signal.
+type Owned = (Vec<f64>, Vec<f64>);
+
 /// Signals with what is dead or frozen masked where it ought to move, their health as rows; false where one is dead.
-fn well<'n>(
-    names: impl Iterator<Item = (&'n Quantity, bool)>,
-    series: &[Series],
-    path: &mut FlightPath,
-) -> (Vec<(Vec<f64>, Vec<f64>)>, bool) {
+fn well<'n>(names: impl Iterator<Item = (&'n Quantity, bool)>, series: &[Series], path: &mut FlightPath) -> (Vec<Owned>, bool) {
     let mut good = true;
     let mut out = Vec::new();
     for ((quantity, moves), (t, y)) in names.zip(series) {
