@@ -1,6 +1,8 @@
-//! Labels of maneuvers and settings in; which maneuvers are held out, and the rule in words, out.
+//! Labels of maneuvers and settings in; which maneuvers are held out, and the rule in words, out. Few long records are cut into blocks of
+//! time first.
 
 use super::Settings;
+use crate::dynamics::{Channel, Record};
 use crate::estimate::Segment;
 
 /// How the held-out maneuvers were chosen.
@@ -31,9 +33,64 @@ pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> 
     Rule { held_out, words: format!("every {every}th maneuver of each input, in the order of flights and time") }
 }
 
+/// Segments and their names as they are, or, where there are fewer than `hold_every`, cut into blocks of equal time (of at least
+/// `block_s`), so that some can be held out. A block begins with initial values of its own.
+pub fn cut(segments: Vec<Segment>, names: Vec<String>, settings: &Settings) -> (Vec<Segment>, Vec<String>) {
+    if segments.len() >= settings.hold_every.max(2) || !settings.held_out.is_empty() {
+        return (segments, names);
+    }
+    let (mut blocks, mut block_names) = (Vec::new(), Vec::new());
+    for (segment, name) in segments.iter().zip(&names) {
+        let record = &segment.record;
+        let steps = record.n.saturating_sub(record.start + 1);
+        let most = (steps as f64 * record.dt / settings.block_s.max(record.dt)).floor() as usize;
+        let count = most.clamp(1, 4 * settings.hold_every.max(2));
+        for i in 0..count {
+            let edge = |i: usize| record.start + i * steps / count;
+            blocks.push(Segment { record: block(record, edge(i), edge(i + 1)), labels: segment.labels.clone() });
+            block_names.push(if count == 1 { name.clone() } else { format!("{name}/{}", i + 1) });
+        }
+    }
+    (blocks, block_names)
+}
+
+/// The points `from..=to` of a record; what lies before only feeds delays.
+fn block(record: &Record, from: usize, to: usize) -> Record {
+    let nu = record.inputs.len() / record.n.max(1);
+    let time = |k: usize| record.t0 + k as f64 * record.dt;
+    let inside = |t: &f64| *t >= time(from) - 0.5 * record.dt && *t < time(to) - 0.5 * record.dt;
+    let channel = |c: &Channel| {
+        let kept: Vec<usize> = (0..c.t.len()).filter(|&k| inside(&c.t[k])).collect();
+        Channel { output: c.output, t: kept.iter().map(|&k| c.t[k]).collect(), z: kept.iter().map(|&k| c.z[k]).collect() }
+    };
+    Record {
+        n: to + 1,
+        inputs: record.inputs[..(to + 1) * nu].to_vec(),
+        start: from,
+        channels: record.channels.iter().map(channel).collect(),
+        ..record.clone()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_long_record_is_cut_into_blocks_that_cover_it() {
+        let t: Vec<f64> = (0..=400).map(|k| 5.0 + 0.1 * f64::from(k)).collect();
+        let channel = Channel { output: 0, t: t.clone(), z: t.clone() };
+        let record = Record { t0: 5.0, dt: 0.1, n: 401, inputs: t.clone(), channels: vec![channel], ..Record::default() };
+        let (blocks, names) = cut(vec![Segment::from(record)], vec!["f".into()], &Settings::default());
+        assert_eq!(names, ["f/1", "f/2", "f/3", "f/4"]);
+        let samples: Vec<f64> = blocks.iter().flat_map(|b| b.record.channels[0].z.clone()).collect();
+        assert_eq!(samples, t[..400]);
+        for b in blocks {
+            let r = b.record;
+            assert!(r.channels[0].t.iter().all(|t| r.weights(*t).is_some()), "{} {}", r.start, r.n);
+            assert_eq!(r.inputs.len(), r.n);
+        }
+    }
 
     #[test]
     fn every_third_maneuver_of_each_input_is_held_out() {

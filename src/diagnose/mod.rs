@@ -16,7 +16,8 @@
 //!    the gain `d'd/2` from the whitened difference `d` of the two predictions, and has to bring it.
 //! 5. *Evidence* of a candidate: gain of the training less luck, plus the gain realised on held-out maneuvers. Those that pass every
 //!    test and come within `apart` of the best are not told from it. Errors of sensors come before physics among equals.
-//! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes.
+//! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes; then each one is taken out again and
+//!    tested with everything else in place.
 //! 7. *What is left* is asked without any candidate: does an output still answer to an input? Then something is located, not explained.
 //!
 //! | file | what it does |
@@ -33,22 +34,27 @@
 //! | `held_out` | which maneuvers are held out |
 //! | `located` | whether an output still answers to an input |
 //! | `decide` | the tests that a candidate must pass, and the class of those that pass alike |
-//! | `search` | round after round |
+//! | `found` | the base fitted as it stands |
+//! | `round` | all candidates held against a base |
+//! | `search` | round after round, forward and back; the verdict |
 //! | `gaps` | how large the gap is, and where |
-//! | `closure` | the gap before and after, and what the addition did to the other parameters |
+//! | `closing`, `closure` | the gap before and after, and what the addition did to the other parameters |
 
 pub mod effect;
 
 mod base;
+mod closing;
 mod closure;
 mod decide;
 mod fit;
+mod found;
 mod gaps;
 mod gram;
 mod held_out;
 mod located;
 mod noise;
 mod refit;
+mod round;
 mod screen;
 mod search;
 mod settings;
@@ -62,7 +68,7 @@ use crate::model::Model;
 pub use closure::{Channel, Match, Overlay, Shift};
 pub use decide::Standing;
 pub use gaps::Gap;
-pub use held_out::{Rule, held_out};
+pub use held_out::{Rule, cut, held_out};
 pub use located::Located;
 pub use refit::Refit;
 pub use screen::Screened;
@@ -142,8 +148,20 @@ pub struct Round {
     pub judged: Vec<Judged>,
     /// Those that pass alike, best evidence first; the first one is added.
     pub class: Vec<usize>,
-    /// Outputs that answered to a source before anything was added.
+    /// Outputs that answer to a source in this round's base.
     pub located: Vec<Located>,
+    /// Candidates that this round's base has already.
+    pub base: Vec<String>,
+    /// It tests one effect with all others in place; otherwise it looks for the next.
+    pub strict: bool,
+}
+
+/// An effect that is missing: the round that tested it, and its place there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Finding {
+    pub round: usize,
+    /// The candidate that was added; those of the round's class explain the flights as well.
+    pub added: usize,
 }
 
 /// Why a diagnosis could not be carried through.
@@ -158,9 +176,9 @@ pub enum Trouble {
 /// What is known in the end.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Every round's class has one member, and what is left is noise.
+    /// Every effect added stands alone; what is left is noise, or little against what was explained (`Diagnosis::complete`).
     Named,
-    /// The same, but at least one class has several.
+    /// The same, but at least one cannot be told from others.
     OneOfThese,
     /// Outputs answer to inputs and no candidate explains it, or not all of it.
     Located,
@@ -186,8 +204,12 @@ impl Verdict {
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
     pub verdict: Verdict,
+    /// Nothing is left that answers to an input.
+    pub complete: bool,
     pub rounds: Vec<Round>,
-    /// What was added, round by round: the candidates as they stand in the model.
+    /// One per effect added.
+    pub findings: Vec<Finding>,
+    /// What was added, in order: the candidates as they stand in the model.
     pub added: Vec<effect::Candidate>,
     /// Values of the added parameters in the last fit, with everything free.
     pub values: Vec<(String, f64)>,

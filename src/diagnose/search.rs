@@ -1,38 +1,66 @@
-//! A subject and the library in; rounds of base fit, screening, refits and decision until nothing passes, and the verdict, out.
+//! A subject and the library in; what is missing, found round after round and tested once everything else is in place, and the verdict,
+//! out.
+//!
+//! *Forward*: the candidate of most evidence is added, and all begins again. Where several things are missing, held-out maneuvers may
+//! contradict one of them only because of the others, so here a candidate needs only evidence that they do not take away. *Back*: each
+//! one is taken out of the whole again and must come out of a strict round on what is left, against those that came near it; one that
+//! does not is replaced by the one that does, or dropped for good, and the search goes on.
 
-use super::base::{Places, Stand, estimation, fitted, placed, settle_steps};
-use super::closure::{At, Shift, closure};
-use super::decide::{Standing, class, objection};
+use super::base::Stand;
+use super::closing::closing;
+use super::decide::Standing;
 use super::effect::Candidate;
-use super::fit::{Fit, Task};
-use super::gaps::{Flown, gaps};
-use super::located::{Located, locate};
-use super::noise::Noise;
-use super::refit::{self, Frozen, joined, refit};
-use super::screen::{self, Screened, screen};
-use super::surrogate::{best_of_surrogates, luck};
-use super::{Closing, Diagnosis, Judged, Round, Subject, Trouble, Verdict};
+use super::found::{Found, at_base, values};
+use super::located::locate;
+use super::refit::joined;
+use super::round::held_against;
+use super::{Closing, Diagnosis, Finding, Judged, Round, Subject, Trouble, Verdict};
 use crate::error::Errors;
-use crate::estimate::{Case, Prepared, Stop};
-use crate::math::quantile;
 use crate::model::Model;
 
 /// What the library has for a model: candidates, and effects that could not be attached with the reason.
 pub type Offered = (Vec<Candidate>, Vec<(String, String)>);
 
-/// Diagnoses a subject. `offer` attaches the library to a base model; `progress` is called with words on what is being done.
+/// Attaches the library to a model.
+pub type Offer<'a> = dyn Fn(&Model) -> Result<Offered, Errors> + 'a;
+
+/// Rivals that take part when an effect is tested with everything else in place.
+const RIVALS: usize = 12;
+/// Held-out maneuvers may take this share of a candidate's gain on the training before it is not even tried.
+const TAKEN: f64 = 0.2;
+/// What is left is too much for an effect to be named if it answers by more than this share of what was explained.
+const SHARE: f64 = 0.2;
+
+/// An effect in the model as it stands.
+#[derive(Debug, Clone)]
+struct Link {
+    name: String,
+    values: Vec<f64>,
+    evidence: f64,
+    /// Candidates that came near it in its round.
+    rivals: Vec<String>,
+}
+
+/// The search while it goes on.
+struct Search<'a> {
+    subject: &'a Subject<'a>,
+    offer: &'a Offer<'a>,
+    progress: &'a (dyn Fn(&str) + Sync),
+    links: Vec<Link>,
+    dropped: Vec<String>,
+    out: Diagnosis,
+}
+
+/// Diagnoses a subject; `progress` is called with words on what is being done.
 ///
 /// # Errors
 /// Settings that do not fit the model. What the data say is never an error.
-pub fn diagnose(
-    subject: &Subject,
-    offer: &dyn Fn(&Model) -> Result<Offered, Errors>,
-    progress: &(dyn Fn(&str) + Sync),
-) -> Result<Diagnosis, Errors> {
-    let mut stand = Stand::first(subject.model, subject.method, subject.settings.base);
-    let mut out = Diagnosis {
+pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Sync)) -> Result<Diagnosis, Errors> {
+    let out = Diagnosis {
         verdict: Verdict::NothingMissing,
+        complete: true,
         rounds: Vec::new(),
+        findings: Vec::new(),
         added: Vec::new(),
         values: Vec::new(),
         located: Vec::new(),
@@ -41,288 +69,212 @@ pub fn diagnose(
     };
     let held = subject.held_out.iter().filter(|h| **h).count();
     if held == 0 || held == subject.held_out.len() {
-        out.verdict = Verdict::None(Trouble::Segments("there must be maneuvers to train on and maneuvers held out".into()));
-        return Ok(out);
+        let why = Trouble::Segments("there must be maneuvers to train on and maneuvers held out".into());
+        return Ok(Diagnosis { verdict: Verdict::None(why), ..out });
     }
-    let mut first: Option<Found> = None;
-    loop {
-        let number = out.rounds.len() + 1;
-        progress(&format!("round {number}: base fit"));
-        let found = match at_base(&stand, subject)? {
-            Ok(found) => found,
-            Err(trouble) => {
-                out.verdict = Verdict::None(trouble);
-                return Ok(out);
-            }
+    let mut search = Search { subject, offer, progress, links: Vec::new(), dropped: Vec::new(), out };
+    match search.run()? {
+        Ok(()) => {}
+        Err(trouble) => search.out.verdict = Verdict::None(trouble),
+    }
+    Ok(search.out)
+}
+
+impl Search<'_> {
+    fn run(&mut self) -> Result<Result<(), Trouble>, Errors> {
+        let base = match at_base(&self.first(), self.subject)? {
+            Ok(base) => base,
+            Err(trouble) => return Ok(Err(trouble)),
         };
+        let most = 3 * self.subject.settings.effects + 2;
+        loop {
+            self.forward(&base)?;
+            if self.back()? || self.out.rounds.len() >= most {
+                break;
+            }
+        }
+        let (stand, added) = self.chained(&self.links)?;
+        let last = if self.links.is_empty() { None } else { at_base(&stand, self.subject)?.ok() };
+        let last = last.as_ref().unwrap_or(&base);
+        let case = last.case();
+        let quantile = self.subject.settings.quantile;
+        let located = locate(&case, &last.noise, &last.places, &|s| last.theta(s), quantile);
+        let out = &mut self.out;
+        out.values = values(&case, &stand, &last.fit.theta);
+        out.located = located.into_iter().filter(|l| l.is_real()).collect();
+        out.added = added;
+        out.closing = closing(&base, last);
+        out.complete = out.located.is_empty();
+        out.verdict = verdict(out);
+        Ok(Ok(()))
+    }
+
+    fn first(&self) -> Stand {
+        Stand::first(self.subject.model, self.subject.method, self.subject.settings.base)
+    }
+
+    /// The base with these links, and the candidates that they are.
+    fn chained(&self, links: &[Link]) -> Result<(Stand, Vec<Candidate>), Errors> {
+        let (mut stand, mut added) = (self.first(), Vec::new());
+        for link in links {
+            let (candidates, _) = (self.offer)(&stand.model)?;
+            if let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) {
+                stand = joined(&stand, &candidate, &link.values);
+                added.push(candidate);
+            }
+        }
+        Ok((stand, added))
+    }
+
+    /// Adds what has most evidence until nothing has.
+    fn forward(&mut self, base: &Found) -> Result<(), Errors> {
+        while self.links.len() < self.subject.settings.effects {
+            let (stand, _) = self.chained(&self.links)?;
+            let made = if self.links.is_empty() { None } else { at_base(&stand, self.subject)?.ok() };
+            let found = if self.links.is_empty() { base } else { made.as_ref().unwrap_or(base) };
+            if made.is_none() && !self.links.is_empty() {
+                return Ok(());
+            }
+            let (mut candidates, skipped) = (self.offer)(&stand.model)?;
+            if self.out.rounds.is_empty() {
+                self.out.skipped = skipped;
+            }
+            candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
+            let round = self.round(&stand, found, &candidates)?;
+            let chosen = to_add(&round, self.subject.settings.apart);
+            let link = chosen.and_then(|c| link(&round, &round.judged[c]));
+            self.out.rounds.push(round);
+            match link {
+                Some(link) => self.links.push(link),
+                None => return Ok(()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Tests every link with all others in place, the weakest first; true where all of them hold.
+    fn back(&mut self) -> Result<bool, Errors> {
+        self.out.findings.clear();
+        let mut order: Vec<usize> = (0..self.links.len()).collect();
+        order.sort_by(|&a, &b| self.links[a].evidence.total_cmp(&self.links[b].evidence));
+        let mut findings = vec![None; self.links.len()];
+        for i in order {
+            let name = self.links[i].name.clone();
+            let at = match self.tested_already() {
+                Some(at) => at,
+                None => {
+                    let round = self.strict(i)?;
+                    self.out.rounds.push(round);
+                    self.out.rounds.len() - 1
+                }
+            };
+            let round = &self.out.rounds[at];
+            let judged = |c: &usize| round.judged.get(*c);
+            if let Some(c) = round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name)) {
+                findings[i] = Some(Finding { round: at, added: c });
+                continue;
+            }
+            let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
+            let better = round.class.iter().filter_map(judged).find(others).and_then(|j| link(round, j));
+            match better {
+                Some(better) => self.links[i] = better,
+                None => {
+                    self.links.remove(i);
+                    self.dropped.push(name);
+                }
+            }
+            return Ok(false);
+        }
+        self.out.findings = findings.into_iter().flatten().collect();
+        Ok(true)
+    }
+
+    /// The round that tested the only link already: the one it was found in, if that was strict enough.
+    fn tested_already(&self) -> Option<usize> {
+        let [only] = &self.links[..] else { return None };
+        let round = |r: &Round| r.base.is_empty() && r.class.iter().any(|&c| r.judged[c].name == only.name);
+        self.out.rounds.iter().rposition(round)
+    }
+
+    /// A round on everything but link `i`, with it and those that came near it.
+    fn strict(&self, i: usize) -> Result<Round, Errors> {
+        let mut others = self.links.clone();
+        let this = others.remove(i);
+        (self.progress)(&format!("taking out {}", this.name));
+        let (stand, _) = self.chained(&others)?;
+        let (mut candidates, _) = (self.offer)(&stand.model)?;
+        candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));
+        match at_base(&stand, self.subject)? {
+            Ok(found) => {
+                let mut round = self.round(&stand, &found, &candidates)?;
+                round.base = others.iter().map(|l| l.name.clone()).collect();
+                round.strict = true;
+                Ok(round)
+            }
+            Err(_) => Ok(Round {
+                limit: f64::NAN,
+                judged: Vec::new(),
+                class: Vec::new(),
+                located: Vec::new(),
+                base: Vec::new(),
+                strict: true,
+            }),
+        }
+    }
+
+    fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate]) -> Result<Round, Errors> {
+        let number = self.out.rounds.len() + 1;
         let case = found.case();
-        out.values = values(&case, &stand, &found.fit.theta);
-        let located = locate(&case, &found.noise, &found.places, &|s| found.theta(s), subject.settings.quantile);
-        out.located = located.iter().filter(|l| l.is_real()).cloned().collect();
-        let round = if out.added.len() < subject.settings.effects {
-            let (candidates, skipped) = offer(&stand.model)?;
-            if number == 1 {
-                out.skipped = skipped;
-            }
-            let tell = |text: &str| progress(&format!("round {number}: {text}"));
-            let round = held_against(&stand, &found, &case, located, &candidates, subject, &tell)?;
-            let chosen = round.class.first().copied();
-            let step = chosen.and_then(|c| Some((candidates.get(c)?.clone(), round.judged[c].refit.clone()?)));
-            out.rounds.push(round);
-            step
-        } else {
-            None
-        };
-        let Some((candidate, refit)) = round else {
-            out.closing = closing(first.as_ref().unwrap_or(&found), &found);
-            break;
-        };
-        let at: Vec<f64> = refit.values.iter().map(|v| v.value).collect();
-        stand = joined(&stand, &candidate, &at);
-        out.added.push(candidate);
-        drop(case);
-        first = first.or(Some(found));
+        let located = locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings.quantile);
+        let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
+        let mut round = held_against(stand, found, &case, located, candidates, self.subject, &tell)?;
+        round.base = self.links.iter().map(|l| l.name.clone()).collect();
+        Ok(round)
     }
-    out.verdict = verdict(&out);
-    Ok(out)
+}
+
+/// The candidate to add: the first of the class, unless another one has more evidence by far that held-out maneuvers hardly take away.
+fn to_add(round: &Round, apart: f64) -> Option<usize> {
+    let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
+    let held = |j: &Judged| j.standing == Standing::HeldOut && j.evidence > round.limit && j.evidence > (1.0 - TAKEN) * gain(j);
+    let passing = |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
+    let able = (0..round.judged.len()).filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]));
+    let top = able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;
+    match round.class.first() {
+        Some(&first) if round.class.iter().any(|&c| round.judged[c].evidence > round.judged[top].evidence - apart) => Some(first),
+        _ => Some(top),
+    }
+}
+
+fn link(round: &Round, judged: &Judged) -> Option<Link> {
+    let refit = judged.refit.as_ref()?;
+    let mut near: Vec<&Judged> = round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
+    near.sort_by(|a, b| b.score.total_cmp(&a.score));
+    Some(Link {
+        name: judged.name.clone(),
+        values: refit.values.iter().map(|v| v.value).collect(),
+        evidence: judged.evidence,
+        rivals: near.iter().take(RIVALS).map(|j| j.name.clone()).collect(),
+    })
 }
 
 fn verdict(out: &Diagnosis) -> Verdict {
-    match (out.added.is_empty(), out.located.is_empty()) {
-        (true, true) => Verdict::NothingMissing,
-        (_, false) => Verdict::Located,
-        (false, true) if out.rounds.iter().any(|r| r.class.len() > 1) => Verdict::OneOfThese,
-        (false, true) => Verdict::Named,
+    let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
+    let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
+    let left = out.located.iter().map(|l| l.gain).fold(0.0, f64::max);
+    if out.findings.is_empty() {
+        let shown = out.rounds.first().is_some_and(|r| r.judged.iter().any(|j| j.score > 2.0 * r.limit + luck_of_one()));
+        return if out.located.is_empty() && !shown { Verdict::NothingMissing } else { Verdict::Located };
+    }
+    let alone = |f: &Finding| out.rounds.get(f.round).is_some_and(|r| r.class.len() == 1);
+    match left > SHARE * explained {
+        true => Verdict::Located,
+        false if out.findings.iter().all(alone) => Verdict::Named,
+        false => Verdict::OneOfThese,
     }
 }
 
-/// The base fitted as it stands.
-struct Found {
-    prepared: Prepared,
-    places: Places,
-    noise: Noise,
-    fit: Fit,
-    free: Vec<usize>,
-    substeps: Vec<usize>,
-    /// The held-out maneuvers at frozen derivatives.
-    frozen: Vec<Option<Frozen>>,
-}
-
-impl Found {
-    /// The parameters as segment place `s` has them.
-    fn theta(&self, s: usize) -> Vec<f64> {
-        let place = self.places.held_out.iter().position(|&h| h == s);
-        place.and_then(|p| self.frozen[p].as_ref()).map_or_else(|| self.fit.theta.clone(), |f| f.theta.clone())
-    }
-
-    fn case(&self) -> Case<'_> {
-        let mut case = self.prepared.case();
-        case.records.iter_mut().zip(&self.substeps).for_each(|(record, steps)| record.substeps = *steps);
-        case
-    }
-}
-
-fn at_base(stand: &Stand, subject: &Subject) -> Result<Result<Found, Trouble>, Errors> {
-    let estimated = estimation(stand, subject)?;
-    if estimated.stop == Stop::NotFinite {
-        return Ok(Err(Trouble::Base("the base model is not finite at its start".into())));
-    }
-    let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
-    let places = Places::of(&prepared, subject.held_out);
-    let (noise, fit, free, substeps, frozen) = {
-        let mut case = prepared.case();
-        let theta = placed(&case, &prepared, subject, &estimated);
-        settle_steps(&mut case, &theta, &[]);
-        let names: Vec<String> = case.outputs.iter().map(|&o| case.model.outputs[o].name.clone()).collect();
-        let noise = Noise::of(&estimated, &names, groups(&case, &prepared, subject, &estimated));
-        let (free, fit) = fitted(&case, &noise, &places, theta, &stand.added);
-        let substeps: Vec<usize> = case.records.iter().map(|r| r.substeps).collect();
-        let frozen = fit.as_ref().map(|fit| refit::frozen(&case, &noise, &places, &fit.theta)).unwrap_or_default();
-        (noise, fit, free, substeps, frozen)
-    };
-    let Some(fit) = fit else {
-        return Ok(Err(Trouble::Base("the base model is not finite at its own estimate".into())));
-    };
-    Ok(Ok(Found { prepared, places, noise, fit, free, substeps, frozen }))
-}
-
-/// The group of every segment, as the estimation over the training segments numbers them.
-fn groups(case: &Case, prepared: &Prepared, subject: &Subject, found: &crate::estimate::Estimation) -> Vec<usize> {
-    let training: Vec<usize> = (0..subject.segments.len()).filter(|&s| !subject.held_out[s]).collect();
-    let of = |at: usize| {
-        let place = training.iter().position(|&s| s == prepared.used[at])?;
-        found.noise_groups.get(place).copied().flatten()
-    };
-    let known: Vec<Option<usize>> = (0..case.records.len()).map(of).collect();
-    let like = |at: usize| {
-        (0..case.records.len()).find(|&o| case.layout.parts[o].group == case.layout.parts[at].group && known[o].is_some())
-    };
-    (0..case.records.len()).map(|at| known[at].or(like(at).and_then(|o| known[o])).unwrap_or(0)).collect()
-}
-
-fn values(case: &Case, stand: &Stand, theta: &[f64]) -> Vec<(String, f64)> {
-    let held = |name: &String| stand.method.starts.get(name).copied();
-    let of = |name: &String| {
-        let at = case.unknowns.iter().position(|u| u.name == *name && u.segment.is_none());
-        Some((name.clone(), at.map(|i| theta[i]).or(held(name))?))
-    };
-    stand.added.iter().filter_map(of).collect()
-}
-
-/// What the additions did: the gap before and after, and the other parameters' shifts.
-fn closing(first: &Found, last: &Found) -> Closing {
-    let (before, after) = (first.case(), last.case());
-    let flown = |found: &Found, case: &Case| {
-        let one = |s: usize| (found.prepared.used[s], case.traces(s, &found.theta(s)));
-        (0..case.records.len()).map(one).collect::<Vec<_>>()
-    };
-    let gap = |found: &Found, case: &Case| {
-        let traces = flown(found, case);
-        let all: Vec<Flown> = traces
-            .into_iter()
-            .enumerate()
-            .map(|(s, (segment, traces))| Flown { segment, record: &case.records[s], traces })
-            .collect();
-        gaps(&all, &case.model.inputs.iter().map(|i| i.name.clone()).collect::<Vec<_>>())
-    };
-    let mut closing = Closing { gaps_before: gap(first, &before), ..Closing::default() };
-    closing.gaps_after = gap(last, &after);
-    if first.prepared.used != last.prepared.used {
-        return closing;
-    }
-    let at = |s: usize| first.theta(s);
-    let then = |s: usize| last.theta(s);
-    (closing.channels, closing.overlays) = closure(
-        &At { case: &before, theta: &at },
-        &At { case: &after, theta: &then },
-        &first.noise,
-        &first.places.held_out,
-        &first.places.training,
-        &first.prepared.used,
-    );
-    closing.shifts = shifts((first, &before), (last, &after));
-    closing
-}
-
-/// Shared parameters of the base, before and after.
-fn shifts((first, before): (&Found, &Case), (last, after): (&Found, &Case)) -> Vec<Shift> {
-    let sds = |found: &Found, case: &Case, noise: &Noise| {
-        let task = Task { case, noise, segments: &found.places.training, free: &found.free };
-        task.spread(&found.fit.theta, found.free.len()).map(|s| s.sd).unwrap_or_else(|| vec![None; found.free.len()])
-    };
-    let (sd_before, sd_after) = (sds(first, before, &first.noise), sds(last, after, &last.noise));
-    let one = |(k, &i): (usize, &usize)| {
-        let unknown = &before.unknowns[i];
-        let same = |&(_, &j): &(usize, &usize)| {
-            let other = &after.unknowns[j];
-            other.name == unknown.name && other.group == unknown.group
-        };
-        let (l, &j) = last.free.iter().enumerate().find(same)?;
-        let of = unknown.group.as_ref().map(|g| format!(" ({g})")).unwrap_or_default();
-        Some(Shift {
-            name: format!("{}{of}", unknown.name),
-            unit: unknown.unit.clone(),
-            before: first.fit.theta[i],
-            after: last.fit.theta[j],
-            before_sd: sd_before[k],
-            after_sd: sd_after[l],
-        })
-    };
-    first.free.iter().enumerate().filter_map(one).collect()
-}
-
-fn held_against(
-    stand: &Stand,
-    found: &Found,
-    case: &Case,
-    located: Vec<Located>,
-    candidates: &[Candidate],
-    subject: &Subject,
-    progress: &dyn Fn(&str),
-) -> Result<Round, Errors> {
-    let settings = subject.settings;
-    progress(&format!("screening {} candidates", candidates.len()));
-    let ground = screen::Ground {
-        case,
-        noise: &found.noise,
-        method: &stand.method,
-        theta: &found.fit.theta,
-        segments: &found.places.training,
-        free: &found.free,
-    };
-    let screening = screen(&ground, candidates)?;
-    let best = best_of_surrogates(&screening, settings.surrogates, settings.seed);
-    let limit = if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) };
-    let mut judged: Vec<Judged> = candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit)).collect();
-    let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > limit).collect();
-    order.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
-    let ground = refit::Ground {
-        stand,
-        prepared: &found.prepared,
-        case,
-        noise: &found.noise,
-        places: &found.places,
-        fit: &found.fit,
-        frozen: &found.frozen,
-    };
-    let mut passing = Vec::new();
-    for &i in order.iter().take(settings.refits) {
-        progress(&format!("refitting {}", judged[i].name));
-        let one = refit(&ground, &candidates[i], &judged[i].screened.at)?;
-        let judged = &mut judged[i];
-        let Some(one) = one else {
-            (judged.standing, judged.why) = (Standing::FitFailed, "its model does not run over all maneuvers".into());
-            continue;
-        };
-        let held_out: f64 = one.held_out.iter().map(|g| g.realised).sum();
-        judged.evidence = one.gain - luck(judged.screened.taken.max(fitted_count(&one))) + held_out;
-        judged.refit = Some(one);
-        match objection(judged, settings) {
-            Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
-            None => passing.push(i),
-        }
-    }
-    let class = class(&judged, &passing, settings);
-    for &i in &passing {
-        let evidence = judged[i].evidence;
-        let words = format!("evidence {evidence:.1} in log-likelihood");
-        let standing = match class.iter().position(|&c| c == i) {
-            Some(0) => Standing::Chosen,
-            Some(_) => Standing::Alike,
-            None => Standing::Beaten,
-        };
-        (judged[i].standing, judged[i].why) = (standing, words);
-    }
-    Ok(Round { limit, judged, class, located })
-}
-
-fn fitted_count(refit: &super::Refit) -> usize {
-    refit.values.iter().filter(|v| !v.held).count()
-}
-
-fn screened(candidate: &Candidate, screened: &Screened, limit: f64) -> Judged {
-    let score = screened.gain - luck(screened.taken);
-    let (standing, why) = if screened.silent {
-        (Standing::Silent, "nothing in these flights moves it".to_string())
-    } else if screened.taken == 0 {
-        (Standing::Absorbed, format!("imitated by {}", crate::config::list(&screened.absorbed_by)))
-    } else if score > limit {
-        (Standing::NotRefitted, format!("gains {:.1}, others gain more", screened.gain))
-    } else {
-        (Standing::Luck, format!("gains {:.1}", screened.gain))
-    };
-    Judged {
-        name: candidate.name.clone(),
-        effect: candidate.effect.clone(),
-        family: candidate.family,
-        sentence: candidate.sentence.clone(),
-        signature: candidate.signature.clone(),
-        separate: candidate.separate.clone(),
-        screened: screened.clone(),
-        score,
-        refit: None,
-        evidence: f64::NAN,
-        standing,
-        why,
-    }
+/// A margin above the limit of luck, in log-likelihood: what one parameter gains by luck.
+fn luck_of_one() -> f64 {
+    super::surrogate::luck(1)
 }

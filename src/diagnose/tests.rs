@@ -136,7 +136,8 @@ fn recovery_a_hidden_lag_is_named_with_its_size() {
     let d = verdict(&model(p, "+ L*delay(de, r_H/V)", "alpha"), 1, 0.0, &Settings::default());
     println!("{}", told(&d));
     assert_eq!((&d.verdict, d.added[0].effect.as_str()), (&Verdict::Named, "downwash-lag"), "{}", told(&d));
-    let refit = d.rounds[0].judged[d.rounds[0].class[0]].refit.as_ref().expect("refitted");
+    let finding = d.findings[0];
+    let refit = d.rounds[finding.round].judged[finding.added].refit.as_ref().expect("refitted");
     for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
         assert!((v.value - truth).abs() < 4.0 * v.sd.expect("sd"), "{v:?}");
     }

@@ -5,7 +5,7 @@ use super::format::{count, number};
 use super::grid::Level;
 use super::lines::EXCESS;
 use super::maneuvers::{self, Match};
-use super::{consistency, estimates, flights, lines, logs, uncertainty};
+use super::{consistency, diagnosis, estimates, flights, lines, logs, uncertainty};
 use serde::Serialize;
 
 /// One number of the header.
@@ -38,6 +38,7 @@ pub struct Facts<'a> {
     pub fits: Option<&'a Columns>,
     pub channels: Option<&'a Columns>,
     pub consistency: Option<&'a Columns>,
+    pub findings: Option<&'a Columns>,
     pub notes: Option<&'a Columns>,
     pub responses: Option<&'a Columns>,
     pub matches: &'a [Match],
@@ -76,6 +77,7 @@ pub fn checks(facts: Facts) -> Vec<Check> {
         (uncertainty::honesty(facts.repeats), "uncertainty"),
         (scatter(facts.fits), "fits"),
         (few_points(facts.fits), "fits"),
+        (diagnosis::summary(facts.findings), "diagnosis"),
         (logs::remarks(facts.notes), "notes"),
     ];
     answers.into_iter().filter_map(|(answer, link)| answer.map(|(level, text)| check(level, text, link))).collect()

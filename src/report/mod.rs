@@ -6,6 +6,7 @@
 mod checks;
 mod columns;
 mod consistency;
+mod diagnosis;
 mod estimates;
 mod flights;
 mod format;
@@ -66,6 +67,7 @@ struct Data<'a> {
     maneuvers: Vec<maneuvers::Maneuver>,
     overview: Vec<flights::Flight>,
     profiles: Vec<uncertainty::ProfilePlot>,
+    overlays: Vec<diagnosis::Overlay>,
 }
 
 /// What the template is filled with.
@@ -82,6 +84,7 @@ struct Page<'a> {
     maneuvers: maneuvers::Maneuvers,
     estimates: estimates::Estimates,
     uncertainty: uncertainty::Uncertainty,
+    diagnosis: diagnosis::Diagnosis,
     overview: flights::Overview,
     segments: Grid,
     channels: Grid,
@@ -104,7 +107,7 @@ struct Heading {
 }
 
 /// The tables a page is made from.
-pub const TABLES: [&str; 19] = [
+pub const TABLES: [&str; 26] = [
     "segments",
     "estimates",
     "correlations",
@@ -122,17 +125,25 @@ pub const TABLES: [&str; 19] = [
     "channels",
     "biases",
     "consistency",
+    "findings",
+    "candidates",
+    "held_out",
+    "closures",
+    "shifts",
+    "gaps",
+    "overlays",
     "notes",
     "stages",
 ];
 
-const CONTENTS: [(&str, &str); 12] = [
+const CONTENTS: [(&str, &str); 13] = [
     ("checks", "Can these results be trusted?"),
     ("lines", "Coefficients versus angle of attack"),
     ("fits", "Fitted lines"),
     ("maneuvers", "Measured and modelled"),
     ("estimates", "Estimates"),
     ("uncertainty", "What the uncertainties are made of"),
+    ("diagnosis", "What the models lack"),
     ("flights", "Flights and maneuvers"),
     ("channels", "Channels"),
     ("consistency", "Do the sensors agree?"),
@@ -165,6 +176,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
     let (maneuvers, histories, matches) = maneuvers::maneuvers(&sources);
     let (overview, flights) = flights::overview(get("flightpath"), get("samples"), get("segments"), &input.searched, &ids);
     let (uncertainty, profiles) = uncertainty::uncertainty(get);
+    let (diagnosis, overlays) = diagnosis::diagnosis(get);
     let facts = checks::Facts {
         flights: &ids,
         segments: get("segments"),
@@ -174,11 +186,12 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         fits: get("fits"),
         channels: get("channels"),
         consistency: get("consistency"),
+        findings: get("findings"),
         notes: get("notes"),
         responses: get("responses"),
         matches: &matches,
     };
-    let data = json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights, profiles })?;
+    let data = json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights, profiles, overlays })?;
     render(&Page {
         title: &input.title,
         subtitle: &input.subtitle,
@@ -191,6 +204,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         maneuvers,
         estimates: estimates::estimates(get("estimates")),
         uncertainty,
+        diagnosis,
         overview,
         segments: flights::segments(get("segments")),
         channels: logs::channels(get("channels")),

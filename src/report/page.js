@@ -145,6 +145,21 @@
     });
   }
 
+  // ---- held-out maneuvers before and after an addition ----
+  let overlay = 0;
+  function drawOverlay() {
+    const o = data.overlays[overlay], element = byId("overlay-plot");
+    if (!o || !element) return;
+    const t = theme();
+    const rows = o.outputs.map((c, i) => ({ title: withUnit(c.name, c.unit), height: 110, traces: [
+      { x: c.t, y: c.measured, name: "measured", legendgroup: "measured", showlegend: i === 0, line: { color: t.measured, width: 1.6 } },
+      { x: c.t, y: c.before, name: "before", legendgroup: "before", showlegend: i === 0, line: { color: t.soft, width: 1.3, dash: "2px,2px" } },
+      { x: c.t, y: c.after, name: "after", legendgroup: "after", showlegend: i === 0, line: { color: t.model, width: 1.4, dash: "5px,2px" } },
+    ] }));
+    stack(element, rows, "time in flight [s]", [], []);
+  }
+  if (byId("overlay-select")) fill(byId("overlay-select"), data.overlays.map((o) => o.label), (i) => { overlay = i; drawOverlay(); });
+
   // ---- whole flights ----
   let flight = 0;
   function drawFlight() {
@@ -162,6 +177,7 @@
     drawLines();
     drawProfiles();
     drawManeuver();
+    drawOverlay();
     drawFlight();
   }
   dark.addEventListener("change", drawAll);

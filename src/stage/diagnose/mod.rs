@@ -122,6 +122,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let names: Vec<String> = ready.iter().map(|r| r.segment.clone()).collect();
     let segments: Vec<Segment> = ready.into_iter().map(|r| r.labelled).collect();
     let settings = &config.settings.method;
+    let (segments, names) = diagnose::cut(segments, names, settings);
     let rule = diagnose::held_out(&segments, &names, settings);
     let context = context(&config.settings.roles, &base.model, &segments);
     let offer = |model: &Model| {
@@ -161,8 +162,8 @@ fn next_model(told: &Told, base: &estimate::Config) -> Option<String> {
     let values: BTreeMap<String, f64> = told.diagnosis.values.iter().cloned().collect();
     let mut model = &base.model;
     let mut text = None;
-    for (candidate, round) in told.diagnosis.added.iter().zip(&told.diagnosis.rounds) {
-        let judged = round.class.first().and_then(|&c| round.judged.get(c));
+    for (candidate, finding) in told.diagnosis.added.iter().zip(&told.diagnosis.findings) {
+        let judged = told.diagnosis.rounds.get(finding.round).and_then(|r| r.judged.get(finding.added));
         let provenance = judged.map(|j| words::provenance(told, j)).unwrap_or_default();
         // Each candidate's base is the model with those before it: its text has their starting values, so blocks are joined by hand.
         let own = model.own_text().len();

@@ -1,7 +1,7 @@
 //! A diagnosis in; its tables out.
 
 use super::{Told, closing, words};
-use crate::diagnose::{Gain, Judged, Round, Standing};
+use crate::diagnose::{Gain, Judged, Round};
 use crate::error::Result;
 use crate::table::Table;
 
@@ -22,23 +22,25 @@ pub fn all(told: &Told) -> Result<Vec<(&'static str, Table)>> {
 /// One row for the verdict, then one per effect named, class by class.
 fn findings(told: &Told) -> Result<Table> {
     let d = &told.diagnosis;
-    let members: Vec<(usize, &Round, &Judged)> = d
-        .rounds
-        .iter()
-        .enumerate()
-        .flat_map(|(i, round)| round.class.iter().filter_map(move |&c| Some((i + 1, round, round.judged.get(c)?))))
-        .collect();
+    // (round, the round, member of its class, whether it was added)
+    let mut members: Vec<(usize, &Round, &Judged, bool)> = Vec::new();
+    for finding in &d.findings {
+        let Some(round) = d.rounds.get(finding.round) else { continue };
+        let of = round.class.iter().filter_map(|&c| Some((finding.round + 1, round, round.judged.get(c)?, c == finding.added)));
+        members.extend(of);
+    }
     let n = members.len() + 1;
-    let number = |first: f64, of: &dyn Fn(&(usize, &Round, &Judged)) -> f64| -> Vec<f64> {
+    let number = |first: f64, of: &dyn Fn(&(usize, &Round, &Judged, bool)) -> f64| -> Vec<f64> {
         std::iter::once(first).chain(members.iter().map(of)).collect()
     };
-    let text = |of: &dyn Fn(&(usize, &Round, &Judged)) -> String| -> Vec<Option<String>> {
+    let text = |of: &dyn Fn(&(usize, &Round, &Judged, bool)) -> String| -> Vec<Option<String>> {
         std::iter::once(None).chain(members.iter().map(|m| Some(of(m)))).collect()
     };
     let sum = |j: &Judged, of: fn(&Gain) -> f64| j.refit.as_ref().map_or(f64::NAN, |r| r.held_out.iter().map(of).sum());
-    let role = |j: &Judged| if j.standing == Standing::Chosen { "added" } else { "alike" }.to_string();
     let sentences = std::iter::once(words::verdict(d)).chain(
-        members.iter().map(|(_, round, j)| format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, round.limit))),
+        members
+            .iter()
+            .map(|(_, round, j, _)| format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, round.limit))),
     );
     let held: Vec<&str> = told.names.iter().zip(&told.rule.held_out).filter(|(_, h)| **h).map(|(n, _)| n.as_str()).collect();
     Table::build("findings")
@@ -46,11 +48,12 @@ fn findings(told: &Told) -> Result<Table> {
         .repeat("model", told.model)
         .i64("number", (0..n as i64).collect::<Vec<_>>())
         .repeat("verdict", d.verdict.as_str())
+        .bools("complete", vec![d.complete; n])
         .opt_i64("round", std::iter::once(None).chain(members.iter().map(|m| Some(m.0 as i64))).collect::<Vec<_>>())
         .opt_strings("candidate", text(&|m| m.2.name.clone()))
         .opt_strings("effect", text(&|m| m.2.effect.clone()))
         .opt_strings("family", text(&|m| m.2.family.name().to_string()))
-        .opt_strings("role", text(&|m| role(m.2)))
+        .opt_strings("role", text(&|m| if m.3 { "added" } else { "alike" }.to_string()))
         .f64("gain", number(f64::NAN, &|m| m.2.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
         .f64("limit", number(d.rounds.first().map_or(f64::NAN, |r| r.limit), &|m| m.1.limit))
         .f64("held_out_predicted", number(f64::NAN, &|m| sum(m.2, |g| g.predicted)))
@@ -72,6 +75,8 @@ fn candidates(told: &Told) -> Result<Table> {
     Table::build("candidates")
         .repeat("diagnosis", &told.config.name())
         .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
+        .bools("strict", rows.iter().map(|r| r.1.strict).collect::<Vec<_>>())
+        .strings("base", rows.iter().map(|r| r.1.base.join(" ")))
         .strings("candidate", rows.iter().map(|r| &r.2.name))
         .strings("effect", rows.iter().map(|r| &r.2.effect))
         .strings("family", rows.iter().map(|r| r.2.family.name()))

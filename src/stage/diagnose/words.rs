@@ -1,7 +1,7 @@
 //! A diagnosis in; what a person should know of it, in words, out.
 
 use super::Told;
-use crate::diagnose::{Diagnosis, Judged, Trouble, Value, Verdict};
+use crate::diagnose::{Diagnosis, Finding, Judged, Trouble, Value, Verdict};
 
 /// Why there is no verdict.
 pub fn trouble(trouble: &Trouble) -> &str {
@@ -60,31 +60,40 @@ pub fn provenance(told: &Told, judged: &Judged) -> String {
 
 /// The verdict as a sentence or two.
 pub fn verdict(d: &Diagnosis) -> String {
-    let names = || {
-        let chosen = d.rounds.iter().filter_map(|r| r.judged.get(*r.class.first()?));
-        chosen.map(|j| format!("{} ({})", j.sentence, values(j))).collect::<Vec<_>>().join("; ")
-    };
+    let classes = || d.findings.iter().map(|f| class(d, f)).collect::<Vec<_>>().join("; and ");
     let left = || {
         let first: Vec<String> = d.located.iter().take(3).map(|l| format!("{} answers to {}", l.output, l.source)).collect();
         first.join("; ")
     };
+    let rest = || if d.complete { String::new() } else { format!(" It is not all: {}.", left()) };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
-        Verdict::Named => format!("The model lacks: {}.", names()),
-        Verdict::OneOfThese => {
-            let classes: Vec<String> = d.rounds.iter().filter(|r| !r.class.is_empty()).map(class).collect();
-            format!("The model lacks: {}.", classes.join("; and "))
+        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{}", classes(), rest()),
+        Verdict::Located if !d.findings.is_empty() => {
+            format!(
+                "Something is missing that no effect of the library explains: {}. It is made smaller by: {}.",
+                left(),
+                classes()
+            )
         }
-        Verdict::Located if d.added.is_empty() => {
-            format!("Something is missing that no effect of the library explains: {}.", left())
+        Verdict::Located if d.located.is_empty() => {
+            format!("Something is missing, and no effect of the library passes: {}.", best(d))
         }
-        Verdict::Located => format!("Something remains unexplained: {}. It is made smaller by: {}.", left(), names()),
+        Verdict::Located => format!("Something is missing that no effect of the library explains: {}.", left()),
         Verdict::None(why) => format!("No verdict: {}.", trouble(why)),
     }
 }
 
-/// The class of one round.
-fn class(round: &crate::diagnose::Round) -> String {
+/// The candidate that gains most before anything is added, and why it was not believed.
+fn best(d: &Diagnosis) -> String {
+    let round = d.rounds.first().map(|r| &r.judged[..]).unwrap_or_default();
+    let best = round.iter().max_by(|a, b| a.score.total_cmp(&b.score));
+    best.map(|j| format!("{} comes nearest ({})", j.name, j.why)).unwrap_or_default()
+}
+
+/// An effect that is missing, with those that cannot be told from it.
+fn class(d: &Diagnosis, finding: &Finding) -> String {
+    let Some(round) = d.rounds.get(finding.round) else { return String::new() };
     let all: Vec<&Judged> = round.class.iter().filter_map(|&c| round.judged.get(c)).collect();
     match &all[..] {
         [one] => format!("{} ({})", one.sentence, values(one)),
@@ -92,7 +101,7 @@ fn class(round: &crate::diagnose::Round) -> String {
             let names: Vec<String> = several.iter().map(|j| format!("{} ({})", j.sentence, values(j))).collect();
             let mut separate: Vec<&str> = several.iter().map(|j| j.separate.as_str()).filter(|s| !s.is_empty()).collect();
             separate.dedup();
-            let fly = if separate.is_empty() { String::new() } else { format!("; to separate them: {}", separate.join("; ")) };
+            let fly = if separate.is_empty() { String::new() } else { format!("; to separate them: {}", separate.join(" ")) };
             format!("one of these, which the flights cannot separate: {}{fly}", names.join(" | "))
         }
     }

@@ -1,0 +1,71 @@
+//! The base fitted as it was and as it is with what was added, in; where the gap is and what became of it, out.
+
+use super::Closing;
+use super::closure::{At, Shift, closure};
+use super::fit::Task;
+use super::found::Found;
+use super::gaps::{Flown, gaps};
+use super::noise::Noise;
+use crate::estimate::Case;
+
+/// What the additions did: the gap before and after, and the other parameters' shifts.
+pub fn closing(first: &Found, last: &Found) -> Closing {
+    let (before, after) = (first.case(), last.case());
+    let flown = |found: &Found, case: &Case| {
+        let one = |s: usize| (found.prepared.used[s], case.traces(s, &found.theta(s)));
+        (0..case.records.len()).map(one).collect::<Vec<_>>()
+    };
+    let gap = |found: &Found, case: &Case| {
+        let traces = flown(found, case);
+        let all: Vec<Flown> = traces
+            .into_iter()
+            .enumerate()
+            .map(|(s, (segment, traces))| Flown { segment, record: &case.records[s], traces })
+            .collect();
+        gaps(&all, &case.model.inputs.iter().map(|i| i.name.clone()).collect::<Vec<_>>())
+    };
+    let mut closing = Closing { gaps_before: gap(first, &before), ..Closing::default() };
+    closing.gaps_after = gap(last, &after);
+    if first.prepared.used != last.prepared.used {
+        return closing;
+    }
+    let at = |s: usize| first.theta(s);
+    let then = |s: usize| last.theta(s);
+    (closing.channels, closing.overlays) = closure(
+        &At { case: &before, theta: &at },
+        &At { case: &after, theta: &then },
+        &first.noise,
+        &first.places.held_out,
+        &first.places.training,
+        &first.prepared.used,
+    );
+    closing.shifts = shifts((first, &before), (last, &after));
+    closing
+}
+
+/// Shared parameters of the base, before and after.
+fn shifts((first, before): (&Found, &Case), (last, after): (&Found, &Case)) -> Vec<Shift> {
+    let sds = |found: &Found, case: &Case, noise: &Noise| {
+        let task = Task { case, noise, segments: &found.places.training, free: &found.free };
+        task.spread(&found.fit.theta, found.free.len()).map(|s| s.sd).unwrap_or_else(|| vec![None; found.free.len()])
+    };
+    let (sd_before, sd_after) = (sds(first, before, &first.noise), sds(last, after, &last.noise));
+    let one = |(k, &i): (usize, &usize)| {
+        let unknown = &before.unknowns[i];
+        let same = |&(_, &j): &(usize, &usize)| {
+            let other = &after.unknowns[j];
+            other.name == unknown.name && other.group == unknown.group
+        };
+        let (l, &j) = last.free.iter().enumerate().find(same)?;
+        let of = unknown.group.as_ref().map(|g| format!(" ({g})")).unwrap_or_default();
+        Some(Shift {
+            name: format!("{}{of}", unknown.name),
+            unit: unknown.unit.clone(),
+            before: first.fit.theta[i],
+            after: last.fit.theta[j],
+            before_sd: sd_before[k],
+            after_sd: sd_after[l],
+        })
+    };
+    first.free.iter().enumerate().filter_map(one).collect()
+}

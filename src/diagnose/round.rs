@@ -1,0 +1,110 @@
+//! A fitted base and candidates in; all of them screened, the best refitted and judged, out.
+
+use super::base::Stand;
+use super::decide::{Standing, class, objection};
+use super::effect::Candidate;
+use super::found::Found;
+use super::located::Located;
+use super::refit::{self, refit};
+use super::screen::{self, Screened, screen};
+use super::surrogate::{best_of_surrogates, luck};
+use super::{Judged, Round, Subject};
+use crate::error::Errors;
+use crate::estimate::Case;
+use crate::math::quantile;
+
+pub fn held_against(
+    stand: &Stand,
+    found: &Found,
+    case: &Case,
+    located: Vec<Located>,
+    candidates: &[Candidate],
+    subject: &Subject,
+    progress: &dyn Fn(&str),
+) -> Result<Round, Errors> {
+    let settings = subject.settings;
+    progress(&format!("screening {} candidates", candidates.len()));
+    let ground = screen::Ground {
+        case,
+        noise: &found.noise,
+        method: &stand.method,
+        theta: &found.fit.theta,
+        segments: &found.places.training,
+        free: &found.free,
+    };
+    let screening = screen(&ground, candidates)?;
+    let best = best_of_surrogates(&screening, settings.surrogates, settings.seed);
+    let limit = if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) };
+    let mut judged: Vec<Judged> = candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit)).collect();
+    let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > limit).collect();
+    order.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
+    let ground = refit::Ground {
+        stand,
+        prepared: &found.prepared,
+        case,
+        noise: &found.noise,
+        places: &found.places,
+        fit: &found.fit,
+        frozen: &found.frozen,
+    };
+    let mut passing = Vec::new();
+    for &i in order.iter().take(settings.refits) {
+        progress(&format!("refitting {}", judged[i].name));
+        let one = refit(&ground, &candidates[i], &judged[i].screened.at)?;
+        let judged = &mut judged[i];
+        let Some(one) = one else {
+            (judged.standing, judged.why) = (Standing::FitFailed, "its model does not run over all maneuvers".into());
+            continue;
+        };
+        let held_out: f64 = one.held_out.iter().map(|g| g.realised).sum();
+        judged.evidence = one.gain - luck(judged.screened.taken.max(fitted_count(&one))) + held_out;
+        judged.refit = Some(one);
+        match objection(judged, settings) {
+            Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
+            None => passing.push(i),
+        }
+    }
+    let class = class(&judged, &passing, settings);
+    for &i in &passing {
+        let evidence = judged[i].evidence;
+        let words = format!("evidence {evidence:.1} in log-likelihood");
+        let standing = match class.iter().position(|&c| c == i) {
+            Some(0) => Standing::Chosen,
+            Some(_) => Standing::Alike,
+            None => Standing::Beaten,
+        };
+        (judged[i].standing, judged[i].why) = (standing, words);
+    }
+    Ok(Round { limit, judged, class, located, base: Vec::new(), strict: false })
+}
+
+fn fitted_count(refit: &super::Refit) -> usize {
+    refit.values.iter().filter(|v| !v.held).count()
+}
+
+fn screened(candidate: &Candidate, screened: &Screened, limit: f64) -> Judged {
+    let score = screened.gain - luck(screened.taken);
+    let (standing, why) = if screened.silent {
+        (Standing::Silent, "nothing in these flights moves it".to_string())
+    } else if screened.taken == 0 {
+        (Standing::Absorbed, format!("imitated by {}", crate::config::list(&screened.absorbed_by)))
+    } else if score > limit {
+        (Standing::NotRefitted, format!("gains {:.1}, others gain more", screened.gain))
+    } else {
+        (Standing::Luck, format!("gains {:.1}", screened.gain))
+    };
+    Judged {
+        name: candidate.name.clone(),
+        effect: candidate.effect.clone(),
+        family: candidate.family,
+        sentence: candidate.sentence.clone(),
+        signature: candidate.signature.clone(),
+        separate: candidate.separate.clone(),
+        screened: screened.clone(),
+        score,
+        refit: None,
+        evidence: f64::NAN,
+        standing,
+        why,
+    }
+}

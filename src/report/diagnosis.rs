@@ -1,0 +1,270 @@
+//! `findings`, `candidates`, `held_out`, `gaps`, `closures`, `shifts` and `overlays` in; what a reader should know of what the models lack,
+//! out.
+
+use super::columns::Columns;
+use super::format::{display_unit, number, short, shorts, thin};
+use super::grid::{Cell, Grid, Level};
+use serde::Serialize;
+
+/// The section of the page.
+#[derive(Debug, Default, Serialize)]
+pub struct Diagnosis {
+    pub missing: Option<String>,
+    pub verdicts: Vec<Verdict>,
+    pub candidates: Grid,
+    pub held_out: Grid,
+    pub closures: Grid,
+    pub shifts: Grid,
+    pub gaps: Grid,
+    /// Whether there are overlays to draw.
+    pub overlays: bool,
+}
+
+/// One diagnosis in words.
+#[derive(Debug, Serialize)]
+pub struct Verdict {
+    pub name: String,
+    pub verdict: String,
+    pub level: Level,
+    pub text: String,
+    pub effects: Vec<String>,
+    pub held_out: String,
+}
+
+/// One held-out maneuver, before and after (JSON).
+#[derive(Debug, Serialize)]
+pub struct Overlay {
+    pub label: String,
+    pub outputs: Vec<Curve>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct Curve {
+    pub name: String,
+    pub unit: String,
+    pub t: Vec<Option<f64>>,
+    pub measured: Vec<Option<f64>>,
+    pub before: Vec<Option<f64>>,
+    pub after: Vec<Option<f64>>,
+}
+
+/// Samples drawn per curve.
+const DRAWN: usize = 500;
+/// Candidates shown per round that were not refitted.
+const SHOWN: usize = 5;
+/// Gaps below this many times the noise are not listed by regime.
+const WIDE: f64 = 1.3;
+
+/// The section and its overlays.
+pub fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<Overlay>) {
+    let Some(findings) = get("findings").filter(|t| t.rows() > 0) else {
+        let missing = "No model was diagnosed: `koehler diagnose`, or a [[diagnose]] section in the pipeline file, does it.";
+        return (Diagnosis { missing: Some(missing.into()), ..Diagnosis::default() }, Vec::new());
+    };
+    let overlays = overlays(get("overlays"));
+    let section = Diagnosis {
+        missing: None,
+        verdicts: verdicts(findings),
+        candidates: candidates(get("candidates")),
+        held_out: held_out(get("held_out")),
+        closures: closures(get("closures")),
+        shifts: shifts(get("shifts")),
+        gaps: gaps(get("gaps")),
+        overlays: !overlays.is_empty(),
+    };
+    (section, overlays)
+}
+
+fn level(verdict: &str) -> Level {
+    match verdict {
+        "nothing missing" => Level::Good,
+        "named" | "one of these" => Level::Info,
+        "located but unexplained" => Level::Warn,
+        _ => Level::Bad,
+    }
+}
+
+fn verdicts(table: &Columns) -> Vec<Verdict> {
+    let one = |([name], rows): ([String; 1], Vec<usize>)| {
+        let first = rows.first().copied().unwrap_or_default();
+        let verdict = table.text("verdict", first);
+        let incomplete = table.flag("complete", first) == Some(false) && ["named", "one of these"].contains(&verdict.as_str());
+        Verdict {
+            name,
+            level: level(&verdict),
+            verdict: if incomplete { format!("{verdict}, incomplete") } else { verdict },
+            text: table.text("text", first),
+            effects: rows.iter().skip(1).map(|&row| table.text("text", row)).collect(),
+            held_out: table.text("held_out", first),
+        }
+    };
+    table.groups(["diagnosis"]).into_iter().map(one).collect()
+}
+
+/// Refitted candidates of every round, and the best of the others.
+fn candidates(table: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("No candidates.") };
+    let mut grid =
+        Grid::new(["diagnosis", "#round", "candidate", "#screened", "#gain", "#evidence", "#luck", "verdict", "~why", "~says"]);
+    for ([name, round], mut rows) in table.groups(["diagnosis", "round"]) {
+        let evidence = |row: usize| table.number("evidence", row);
+        rows.sort_by(|&a, &b| {
+            let key =
+                |row: usize| if evidence(row).is_finite() { (true, evidence(row)) } else { (false, table.number("score", row)) };
+            let (a, b) = (key(a), key(b));
+            b.0.cmp(&a.0).then(b.1.total_cmp(&a.1))
+        });
+        let refitted = rows.iter().filter(|&&row| evidence(row).is_finite()).count();
+        for &row in rows.iter().take(refitted + SHOWN) {
+            let standing = table.text("standing", row);
+            let figure = |column: &str| Cell::new(number(table.number(column, row), 4));
+            let chosen = standing == "chosen";
+            grid.push(vec![
+                Cell::new(name.clone()),
+                Cell::new(round.clone()),
+                Cell::new(table.text("candidate", row)),
+                figure("screened"),
+                figure("gain"),
+                figure("evidence"),
+                figure("limit"),
+                Cell::new(standing).level_if(chosen, Level::Good),
+                Cell::new(table.text("why", row)),
+                Cell::new(table.text("sentence", row)),
+            ]);
+        }
+    }
+    let note = "Gains are in log-likelihood, residuals whitened. Luck is what the best candidate of campaigns in which nothing is missing \
+                exceeds in one of a hundred. All candidates are in the table candidates.";
+    grid.note = Some(note.into());
+    grid.or_missing("No candidates.")
+}
+
+/// Predicted and realised gains of what was chosen, maneuver by maneuver.
+fn held_out(table: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("No candidate was refitted.") };
+    let mut grid = Grid::new(["diagnosis", "#round", "candidate", "maneuver", "#predicted", "#realised"]);
+    for row in (0..table.rows())
+        .filter(|&r| table.text("set", r) == "held out" && ["chosen", "alike"].contains(&&*table.text("standing", r)))
+    {
+        let (predicted, realised) = (table.number("predicted", row), table.number("realised", row));
+        let mut cells: Vec<Cell> =
+            ["diagnosis", "round", "candidate", "segment"].iter().map(|c| Cell::new(table.text(c, row))).collect();
+        cells.push(Cell::new(number(predicted, 3)));
+        cells.push(Cell::new(number(realised, 3)).level_if(predicted > 3.0 && realised < 0.0, Level::Bad));
+        grid.push(cells);
+    }
+    grid.note =
+        Some("Derivatives frozen as the training maneuvers give them; only initial states and zero shifts are found again.".into());
+    grid.or_missing("Nothing was added.")
+}
+
+fn closures(table: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("Nothing was held out.") };
+    let columns =
+        ["diagnosis", "set", "output", "#r.m.s. before", "#after", "#Theil before", "#after", "#χ² per sample before", "#after"];
+    let mut grid = Grid::new(columns);
+    for row in (0..table.rows()).filter(|&r| table.text("segment", r).is_empty()) {
+        let output = table.text("output", row);
+        let figure = |column: &str| Cell::new(number(table.number(column, row), 3));
+        let name = if output.is_empty() { "all (det R)".to_string() } else { output };
+        grid.push(vec![
+            Cell::new(table.text("diagnosis", row)),
+            Cell::new(table.text("set", row)),
+            Cell::new(name).sub(table.text("unit", row)),
+            figure("rms_before"),
+            figure("rms_after"),
+            figure("theil_before"),
+            figure("theil_after"),
+            figure("chi2_before"),
+            figure("chi2_after"),
+        ]);
+    }
+    grid.or_missing("Nothing was held out.")
+}
+
+fn shifts(table: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("Nothing was added.") };
+    let mut grid = Grid::new(["diagnosis", "parameter", "#before", "#after", "#shift|sd"]);
+    for row in 0..table.rows() {
+        let (shift, sd) = (table.number("shift", row), table.number("after_sd", row));
+        grid.push(vec![
+            Cell::new(table.text("diagnosis", row)),
+            Cell::new(table.text("parameter", row)).sub(table.text("unit", row)),
+            Cell::new(number(table.number("before", row), 4)).sub(number(table.number("before_sd", row), 2)),
+            Cell::new(number(table.number("after", row), 4)).sub(number(sd, 2)),
+            Cell::new(number(shift, 3)).level_if(shift.abs() > 3.0, Level::Warn),
+        ]);
+    }
+    grid.or_missing("Nothing was added.")
+}
+
+/// Where the gap is widest: the whole of every output, and ranges that stand out of it.
+fn gaps(table: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("Nothing was compared.") };
+    let mut grid = Grid::new(["diagnosis", "when", "output", "where", "#r.m.s. / noise", "#mean / noise"]);
+    for ([name, when, output], rows) in table.groups(["diagnosis", "when", "output"]) {
+        let all = rows.iter().copied().filter(|&r| table.text("segment", r).is_empty());
+        let ratio = |r: usize| table.number("ratio", r);
+        let whole = all.clone().find(|&r| table.text("by", r) == "all");
+        let level = whole.map_or(1.0, ratio);
+        let mut wide: Vec<usize> = all.filter(|&r| table.text("by", r) != "all" && ratio(r) > WIDE * level.max(1.0)).collect();
+        wide.sort_by(|&a, &b| ratio(b).total_cmp(&ratio(a)));
+        for row in whole.into_iter().chain(wide.into_iter().take(SHOWN)) {
+            let edge = |column: &str, open: &str| {
+                Some(table.number(column, row)).filter(|v| v.is_finite()).map_or(open.to_string(), |v| number(v, 3))
+            };
+            let by = table.text("by", row);
+            let place = if by == "all" { by } else { format!("{by}: {} to {}", edge("from", "…"), edge("to", "…")) };
+            grid.push(vec![
+                Cell::new(name.clone()),
+                Cell::new(when.clone()),
+                Cell::new(output.clone()),
+                Cell::new(place),
+                Cell::new(number(ratio(row), 3)).level_if(ratio(row) > 2.0, Level::Warn),
+                Cell::new(number(table.number("mean", row) / table.number("noise", row), 2)),
+            ]);
+        }
+    }
+    grid.note = Some(
+        "The noise is read from the measurements alone, so 1 is a model as good as the sensor. Ranges are listed where they stand out.".into(),
+    );
+    grid.or_missing("Nothing was compared.")
+}
+
+fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
+    let Some(table) = table else { return Vec::new() };
+    let mut all: Vec<Overlay> = Vec::new();
+    for ([diagnosis, segment, output], rows) in table.groups(["diagnosis", "segment", "output"]) {
+        let label = format!("{diagnosis}: {segment}");
+        let column = |name: &str| rows.iter().map(|&r| table.number(name, r)).collect::<Vec<f64>>();
+        let (t, measured, before, after) = (column("t_s"), column("measured"), column("before"), column("after"));
+        let (factor, unit) = display_unit(&rows.first().map(|&r| table.text("unit", r)).unwrap_or_default());
+        let kept = thin(t.len(), &[&measured, &before, &after], DRAWN);
+        let some = |values: &[f64]| shorts(kept.iter().map(|&k| values[k]), factor);
+        let curve = Curve {
+            name: output,
+            unit,
+            t: kept.iter().map(|&k| short(t[k])).collect(),
+            measured: some(&measured),
+            before: some(&before),
+            after: some(&after),
+        };
+        match all.iter_mut().find(|o| o.label == label) {
+            Some(overlay) => overlay.outputs.push(curve),
+            None => all.push(Overlay { label, outputs: vec![curve] }),
+        }
+    }
+    all
+}
+
+/// The sentence of the checks.
+pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
+    let table = table.filter(|t| t.rows() > 0)?;
+    let all = verdicts(table);
+    let worst = all
+        .iter()
+        .map(|v| v.level)
+        .max_by_key(|l| [Level::Good, Level::Info, Level::Warn, Level::Bad].iter().position(|k| k == l))?;
+    let words: Vec<String> = all.iter().map(|v| format!("{}: {}", v.name, v.verdict)).collect();
+    Some((worst, format!("Diagnosis of the models: {}.", words.join("; "))))
+}
