@@ -2,32 +2,28 @@
 
 use super::Closing;
 use super::closure::{At, Shift, closure};
+use super::driven::driven;
 use super::fit::Task;
 use super::found::Found;
 use super::gaps::{Flown, gaps};
 use super::noise::Noise;
+use super::relation::relations;
+use crate::error::Errors;
 use crate::estimate::Case;
 
 /// What the additions did: the gap before and after, and the other parameters' shifts.
-pub fn closing(first: &Found, last: &Found) -> Closing {
+///
+/// # Errors
+/// None that the base itself would not have.
+pub fn closing(first: &Found, last: &Found) -> Result<Closing, Errors> {
     let (before, after) = (first.case(), last.case());
-    let flown = |found: &Found, case: &Case| {
-        let one = |s: usize| (found.prepared.used[s], case.traces(s, &found.theta(s)));
-        (0..case.records.len()).map(one).collect::<Vec<_>>()
-    };
-    let gap = |found: &Found, case: &Case| {
-        let traces = flown(found, case);
-        let all: Vec<Flown> = traces
-            .into_iter()
-            .enumerate()
-            .map(|(s, (segment, traces))| Flown { segment, record: &case.records[s], traces })
-            .collect();
-        gaps(&all, &case.model.inputs.iter().map(|i| i.name.clone()).collect::<Vec<_>>())
-    };
-    let mut closing = Closing { gaps_before: gap(first, &before), ..Closing::default() };
-    closing.gaps_after = gap(last, &after);
+    let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
+    let flown = flown(first, &before);
+    let mut closing = Closing { gaps_before: gaps(&flown, &inputs), relations: relations(&flown, &inputs), ..Closing::default() };
+    closing.gaps_after = gaps(&self::flown(last, &after), &inputs);
+    (closing.driven, closing.equations) = driven(first)?;
     if first.prepared.used != last.prepared.used {
-        return closing;
+        return Ok(closing);
     }
     let at = |s: usize| first.theta(s);
     let then = |s: usize| last.theta(s);
@@ -40,7 +36,14 @@ pub fn closing(first: &Found, last: &Found) -> Closing {
         &first.prepared.used,
     );
     closing.shifts = shifts((first, &before), (last, &after));
-    closing
+    Ok(closing)
+}
+
+/// All maneuvers as a base models them.
+fn flown<'a>(found: &Found, case: &'a Case) -> Vec<Flown<'a>> {
+    let one =
+        |s: usize| Flown { segment: found.prepared.used[s], record: &case.records[s], traces: case.traces(s, &found.theta(s)) };
+    (0..case.records.len()).map(one).collect()
 }
 
 /// Shared parameters of the base, before and after.

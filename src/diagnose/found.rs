@@ -6,10 +6,14 @@ use super::noise::Noise;
 use super::refit::{self, Frozen};
 use super::{Subject, Trouble};
 use crate::error::Errors;
-use crate::estimate::{Case, Estimation, Prepared, Stop};
+use crate::estimate::{Case, Estimation, Prepared, Settings, Stop};
+use crate::model::Model;
 
 /// The base fitted as it stands.
 pub struct Found {
+    /// The model without shifts, and how it is estimated.
+    pub model: Model,
+    pub method: Settings,
     pub prepared: Prepared,
     pub places: Places,
     pub noise: Noise,
@@ -55,7 +59,7 @@ pub fn at_base(stand: &Stand, subject: &Subject) -> Result<Result<Found, Trouble
     let Some(fit) = fit else {
         return Ok(Err(Trouble::Base("the base model is not finite at its own estimate".into())));
     };
-    Ok(Ok(Found { prepared, places, noise, fit, free, substeps, frozen }))
+    Ok(Ok(Found { model: stand.model.clone(), method: stand.method.clone(), prepared, places, noise, fit, free, substeps, frozen }))
 }
 
 /// The group of every segment, as the estimation over the training segments numbers them.

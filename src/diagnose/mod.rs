@@ -38,6 +38,8 @@
 //! | `round` | all candidates held against a base |
 //! | `search` | round after round, forward and back; the verdict |
 //! | `gaps` | how large the gap is, and where |
+//! | `driven` | what goes away when a loop is closed by its measurement; what each rate equation lacks |
+//! | `relation` | correlation, lag and coherence of the residuals with what moves them |
 //! | `closing`, `closure` | the gap before and after, and what the addition did to the other parameters |
 
 pub mod effect;
@@ -46,6 +48,7 @@ mod base;
 mod closing;
 mod closure;
 mod decide;
+mod driven;
 mod fit;
 mod found;
 mod gaps;
@@ -54,6 +57,7 @@ mod held_out;
 mod located;
 mod noise;
 mod refit;
+mod relation;
 mod round;
 mod screen;
 mod search;
@@ -67,10 +71,12 @@ use crate::model::Model;
 
 pub use closure::{Channel, Match, Overlay, Shift};
 pub use decide::Standing;
+pub use driven::{Driven, EquationError};
 pub use gaps::Gap;
 pub use held_out::{Rule, cut, held_out};
 pub use located::Located;
 pub use refit::Refit;
+pub use relation::Relation;
 pub use screen::Screened;
 pub use search::diagnose;
 pub use settings::{Base, Settings};
@@ -228,4 +234,8 @@ pub struct Closing {
     pub channels: Vec<Channel>,
     pub overlays: Vec<Overlay>,
     pub shifts: Vec<Shift>,
+    /// Of the base, before anything was added.
+    pub relations: Vec<Relation>,
+    pub driven: Vec<Driven>,
+    pub equations: Vec<EquationError>,
 }

@@ -103,7 +103,7 @@ impl Search<'_> {
         out.values = values(&case, &stand, &last.fit.theta);
         out.located = located.into_iter().filter(|l| l.is_real()).collect();
         out.added = added;
-        out.closing = closing(&base, last);
+        out.closing = closing(&base, last)?;
         out.complete = out.located.is_empty();
         out.verdict = verdict(out);
         Ok(Ok(()))

@@ -42,6 +42,9 @@ const FILES: &[(&str, &str)] = &[
     ("closures", include_str!("../../schemas/tables/closures.json")),
     ("shifts", include_str!("../../schemas/tables/shifts.json")),
     ("overlays", include_str!("../../schemas/tables/overlays.json")),
+    ("relations", include_str!("../../schemas/tables/relations.json")),
+    ("driven", include_str!("../../schemas/tables/driven.json")),
+    ("equation_errors", include_str!("../../schemas/tables/equation_errors.json")),
     ("stages", include_str!("../../schemas/tables/stages.json")),
 ];
 

@@ -1,7 +1,7 @@
 //! What the additions of a diagnosis did in; its tables out.
 
 use super::Told;
-use crate::diagnose::{Channel, Gap, Match};
+use crate::diagnose::{Channel, Driven, Gap, Match, Relation};
 use crate::error::Result;
 use crate::table::Table;
 
@@ -84,5 +84,51 @@ pub fn overlays(told: &Told) -> Result<Table> {
         .f64("measured", rows.iter().map(|(o, k)| finite(o.before.measured[*k])).collect::<Vec<_>>())
         .f64("before", rows.iter().map(|(o, k)| finite(o.before.modelled[*k])).collect::<Vec<_>>())
         .f64("after", rows.iter().map(|(o, k)| finite(o.after[*k])).collect::<Vec<_>>())
+        .finish()
+}
+
+pub fn relations(told: &Told) -> Result<Table> {
+    let rows = &told.diagnosis.closing.relations;
+    let column = |of: fn(&Relation) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
+    Table::build("relations")
+        .repeat("diagnosis", &told.config.name())
+        .strings("output", rows.iter().map(|r| &r.output))
+        .strings("source", rows.iter().map(|r| &r.source))
+        .f64("correlation", column(|r| r.correlation))
+        .f64("lag", column(|r| r.lag))
+        .f64("limit", column(|r| r.limit))
+        .f64("coherence", column(|r| r.coherence))
+        .f64("from", column(|r| r.from))
+        .f64("to", column(|r| r.to))
+        .f64("coherence_limit", column(|r| r.coherence_limit))
+        .finish()
+}
+
+pub fn driven(told: &Told) -> Result<Table> {
+    let all = &told.diagnosis.closing.driven;
+    let free = |output: &str| all.iter().find(|d| d.state.is_none() && d.output == output).map_or(f64::NAN, |d| d.rms);
+    // A state that cannot be led so is left out.
+    let rows: Vec<&Driven> = all.iter().filter(|d| d.rms.is_finite()).collect();
+    Table::build("driven")
+        .repeat("diagnosis", &told.config.name())
+        .opt_strings("state", rows.iter().map(|d| d.state.clone()))
+        .strings("output", rows.iter().map(|d| &d.output))
+        .strings("unit", rows.iter().map(|d| &d.unit))
+        .f64("rms", rows.iter().map(|d| d.rms).collect::<Vec<_>>())
+        .f64("noise", rows.iter().map(|d| finite(d.noise)).collect::<Vec<_>>())
+        .f64("share", rows.iter().map(|d| finite(d.rms / free(&d.output))).collect::<Vec<_>>())
+        .finish()
+}
+
+pub fn equation_errors(told: &Told) -> Result<Table> {
+    let rows: Vec<_> = told.diagnosis.closing.equations.iter().filter(|e| e.rms.is_finite()).collect();
+    let unit = |unit: &str| if unit == "-" { "1/s".to_string() } else { format!("{unit}/s") };
+    Table::build("equation_errors")
+        .repeat("diagnosis", &told.config.name())
+        .strings("state", rows.iter().map(|e| &e.state))
+        .strings("unit", rows.iter().map(|e| unit(&e.unit)))
+        .f64("rms", rows.iter().map(|e| e.rms).collect::<Vec<_>>())
+        .f64("noise", rows.iter().map(|e| finite(e.noise)).collect::<Vec<_>>())
+        .f64("ratio", rows.iter().map(|e| finite(e.rms / e.noise)).collect::<Vec<_>>())
         .finish()
 }

@@ -13,35 +13,52 @@ pub fn all(told: &Told) -> Result<Vec<(&'static str, Table)>> {
         ("held_out", held_out(told)?),
         ("located", located(told)?),
         ("gaps", closing::gaps(told)?),
+        ("relations", closing::relations(told)?),
+        ("driven", closing::driven(told)?),
+        ("equation_errors", closing::equation_errors(told)?),
         ("closures", closing::closures(told)?),
         ("shifts", closing::shifts(told)?),
         ("overlays", closing::overlays(told)?),
     ])
 }
 
+/// One effect of a finding's class.
+struct Member<'a> {
+    /// Number of the round that tested it, from 1.
+    number: usize,
+    round: &'a Round,
+    judged: &'a Judged,
+    added: bool,
+}
+
+fn members<'a>(told: &'a Told) -> Vec<Member<'a>> {
+    let d = &told.diagnosis;
+    let of = |finding: &crate::diagnose::Finding| -> Vec<Member<'a>> {
+        let Some(round) = d.rounds.get(finding.round) else { return Vec::new() };
+        let member = |&c: &usize| {
+            let judged = round.judged.get(c)?;
+            Some(Member { number: finding.round + 1, round, judged, added: c == finding.added })
+        };
+        round.class.iter().filter_map(member).collect()
+    };
+    d.findings.iter().flat_map(of).collect()
+}
+
 /// One row for the verdict, then one per effect named, class by class.
 fn findings(told: &Told) -> Result<Table> {
     let d = &told.diagnosis;
-    // (round, the round, member of its class, whether it was added)
-    let mut members: Vec<(usize, &Round, &Judged, bool)> = Vec::new();
-    for finding in &d.findings {
-        let Some(round) = d.rounds.get(finding.round) else { continue };
-        let of = round.class.iter().filter_map(|&c| Some((finding.round + 1, round, round.judged.get(c)?, c == finding.added)));
-        members.extend(of);
-    }
+    let members = members(told);
     let n = members.len() + 1;
-    let number = |first: f64, of: &dyn Fn(&(usize, &Round, &Judged, bool)) -> f64| -> Vec<f64> {
-        std::iter::once(first).chain(members.iter().map(of)).collect()
-    };
-    let text = |of: &dyn Fn(&(usize, &Round, &Judged, bool)) -> String| -> Vec<Option<String>> {
+    let number =
+        |first: f64, of: fn(&Member) -> f64| -> Vec<f64> { std::iter::once(first).chain(members.iter().map(of)).collect() };
+    let text = |of: fn(&Member) -> String| -> Vec<Option<String>> {
         std::iter::once(None).chain(members.iter().map(|m| Some(of(m)))).collect()
     };
-    let sum = |j: &Judged, of: fn(&Gain) -> f64| j.refit.as_ref().map_or(f64::NAN, |r| r.held_out.iter().map(of).sum());
-    let sentences = std::iter::once(words::verdict(d)).chain(
-        members
-            .iter()
-            .map(|(_, round, j, _)| format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, round.limit))),
-    );
+    let sentence = |m: &Member| {
+        let (j, limit) = (m.judged, m.round.limit);
+        format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, limit))
+    };
+    let sentences = std::iter::once(words::verdict(d)).chain(members.iter().map(sentence));
     let held: Vec<&str> = told.names.iter().zip(&told.rule.held_out).filter(|(_, h)| **h).map(|(n, _)| n.as_str()).collect();
     Table::build("findings")
         .repeat("diagnosis", &told.config.name())
@@ -49,18 +66,23 @@ fn findings(told: &Told) -> Result<Table> {
         .i64("number", (0..n as i64).collect::<Vec<_>>())
         .repeat("verdict", d.verdict.as_str())
         .bools("complete", vec![d.complete; n])
-        .opt_i64("round", std::iter::once(None).chain(members.iter().map(|m| Some(m.0 as i64))).collect::<Vec<_>>())
-        .opt_strings("candidate", text(&|m| m.2.name.clone()))
-        .opt_strings("effect", text(&|m| m.2.effect.clone()))
-        .opt_strings("family", text(&|m| m.2.family.name().to_string()))
-        .opt_strings("role", text(&|m| if m.3 { "added" } else { "alike" }.to_string()))
-        .f64("gain", number(f64::NAN, &|m| m.2.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
-        .f64("limit", number(d.rounds.first().map_or(f64::NAN, |r| r.limit), &|m| m.1.limit))
-        .f64("held_out_predicted", number(f64::NAN, &|m| sum(m.2, |g| g.predicted)))
-        .f64("held_out_realised", number(f64::NAN, &|m| sum(m.2, |g| g.realised)))
+        .opt_i64("round", std::iter::once(None).chain(members.iter().map(|m| Some(m.number as i64))).collect::<Vec<_>>())
+        .opt_strings("candidate", text(|m| m.judged.name.clone()))
+        .opt_strings("effect", text(|m| m.judged.effect.clone()))
+        .opt_strings("family", text(|m| m.judged.family.name().to_string()))
+        .opt_strings("role", text(|m| if m.added { "added" } else { "alike" }.to_string()))
+        .f64("gain", number(f64::NAN, |m| m.judged.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
+        .f64("limit", number(d.rounds.first().map_or(f64::NAN, |r| r.limit), |m| m.round.limit))
+        .f64("held_out_predicted", number(f64::NAN, |m| in_sum(m.judged, |g| g.predicted)))
+        .f64("held_out_realised", number(f64::NAN, |m| in_sum(m.judged, |g| g.realised)))
         .strings("text", sentences)
         .repeat("held_out", &format!("{}: {}", told.rule.words, held.join(" ")))
         .finish()
+}
+
+/// Over the held-out maneuvers.
+fn in_sum(judged: &Judged, of: fn(&Gain) -> f64) -> f64 {
+    judged.refit.as_ref().map_or(f64::NAN, |r| r.held_out.iter().map(of).sum())
 }
 
 /// Every candidate of every round.
