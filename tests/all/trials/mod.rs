@@ -143,12 +143,12 @@ fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
 fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     let setting = |seed: u64, turn: usize| {
         // sizes from 1 to 4, spread evenly over their logarithm
-        let share = (seed.wrapping_mul(7919) % 20) as f64 / 19.0;
+        let share = ((seed ^ (seed >> 7)).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 / (1u64 << 24) as f64;
         Setting { seed, turbulence: turn % 2 == 1, size: 4f64.powf(share) }
     };
     let of = |all: &'static [Hidden], seeds: u64| {
         let one =
-            move |(i, h): (usize, &'static Hidden)| (1..=seeds).map(move |s| (h, setting(1000 * i as u64 + s, i + s as usize)));
+            move |(i, h): (usize, &'static Hidden)| (1..=seeds).map(move |s| (h, setting(1000 * i as u64 + s, s as usize + i)));
         all.iter().enumerate().flat_map(one).collect::<Vec<_>>()
     };
     let nothing = |n: u64| (1..=n).map(|s| (&NOTHING, setting(900_000 + s, s as usize))).collect::<Vec<_>>();
@@ -163,7 +163,7 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     let (name, seed) = wanted.split_once('#').unwrap_or((wanted, "1"));
     let seed = seed.parse().unwrap_or(1);
     let all = INSIDE.iter().chain(OUTSIDE).chain([&NOTHING]).filter(|h| h.name.contains(name));
-    all.map(|h| (h, setting(seed, seed as usize))).collect()
+    all.map(|h| (h, setting(seed, (seed % 1000 + seed / 1000) as usize))).collect()
 }
 
 /// Counts of the ends by what was hidden.
