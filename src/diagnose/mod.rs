@@ -26,6 +26,7 @@
 //! | `settings` | how a diagnosis is run |
 //! | `gram` | sums of products, columns eliminated one after the other |
 //! | `noise` | the colour of the base's residuals, and whitening by it |
+//! | `joint` | what several outputs' residuals have in common |
 //! | `base` | the base as it stands with what was added, its fit |
 //! | `fit` | maximum of the likelihood of the whitened residuals, bounds kept |
 //! | `screen` | score tests of all candidates |
@@ -54,6 +55,7 @@ mod found;
 mod gaps;
 mod gram;
 mod held_out;
+mod joint;
 mod located;
 mod noise;
 mod refit;

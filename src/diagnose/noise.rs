@@ -3,10 +3,12 @@
 //! Every output has an autoregressive model `r_k = a_1 r_(k-1) + ... + w_k`, restarted at each segment: sample `i` is predicted by the
 //! predictor of order `min(i, p)` (Levinson and Durbin), so that the first samples count as what they are. Rows are divided by the sd of
 //! their innovation: `w = D^-1/2 A r` has unit covariance, and the same linear map makes sensitivities comparable with it.
-//! A masked sample counts as its own prediction: it adds nothing, and those after it go on.
+//! A masked sample counts as its own prediction: it adds nothing, and those after it go on. What the white residuals of outputs that are
+//! sampled together still have in common (a gust moves all of them) is taken out by a joint model.
 
 use super::gram::dot;
-use crate::estimate::{Block, Estimation, OutputScatter, Stop};
+use super::joint::{Joint, together};
+use crate::estimate::{Block, Estimation, OutputScatter, Stop, Trace};
 use crate::math::ar::{self, Ar, Order, step_down};
 
 /// The whitening filter of one output's residuals.
@@ -64,6 +66,8 @@ impl Filter {
 pub struct Noise {
     /// `[group][scored output]`; none where nothing is known of it.
     filters: Vec<Vec<Option<Filter>>>,
+    /// `[group]`: joint models of the white residuals, each of other outputs.
+    joint: Vec<Vec<Joint>>,
     /// Variance per group and output, of the residuals as they are.
     pub variances: Vec<Vec<f64>>,
     /// Group of each segment.
@@ -82,7 +86,36 @@ impl Noise {
         let each = |group: usize| outputs.iter().map(move |output| find(group, output));
         let filters = (0..count).map(|g| each(g).map(|o| o.and_then(|o| filter_of(base, o))).collect()).collect();
         let variances = (0..count).map(|g| each(g).map(|o| o.map_or(f64::NAN, |o| o.r)).collect()).collect();
-        Noise { filters, variances, groups }
+        let mut noise = Noise { filters, joint: vec![Vec::new(); count], variances, groups };
+        noise.join(base, outputs);
+        noise
+    }
+
+    /// Makes the joint models from the residuals of the training segments.
+    fn join(&mut self, base: &Estimation, outputs: &[String]) {
+        for set in together(base, outputs) {
+            for group in 0..self.joint.len() {
+                let white: Vec<Vec<Vec<f64>>> = (base.responses.iter().zip(&base.noise_groups))
+                    .filter(|(_, g)| **g == Some(group))
+                    .filter_map(|(traces, _)| set.iter().map(|&o| self.white_trace(group, o, &outputs[o], traces)).collect())
+                    .collect();
+                self.joint[group].extend(Joint::new(set.clone(), &white));
+            }
+        }
+        // A group that the training has nothing of has the noise of the first one.
+        let first = self.joint.first().cloned().unwrap_or_default();
+        let known = |g: usize| base.noise_groups.contains(&Some(g));
+        for group in (0..self.joint.len()).filter(|g| !known(*g)) {
+            self.joint[group] = first.clone();
+        }
+    }
+
+    fn white_trace(&self, group: usize, output: usize, name: &str, traces: &[Trace]) -> Option<Vec<f64>> {
+        let trace = traces.iter().find(|t| t.name == name)?;
+        let mut x: Vec<f64> = trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect();
+        let masked: Vec<bool> = x.iter().map(|e| !e.is_finite()).collect();
+        self.filters[group].get(output)?.as_ref()?.apply(&mut x, &masked);
+        Some(x)
     }
 
     /// Residuals and sensitivities of a segment's blocks, made white: one column per direction, then the residuals; rows block by block.
@@ -90,9 +123,12 @@ impl Noise {
     pub fn whiten(&self, segment: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
         let directions = blocks.iter().find(|b| !b.e.is_empty()).map_or(0, |b| b.g.len() / b.e.len());
         let mut columns = vec![Vec::new(); directions + 1];
+        let mut rows: Vec<Option<(usize, usize)>> = Vec::new();
         for block in blocks {
             let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
             let Some(filter) = self.filter(segment, block.output) else { continue };
+            rows.resize(rows.len().max(block.output + 1), None);
+            rows[block.output] = Some((columns[0].len(), block.e.len()));
             for (d, column) in columns.iter_mut().enumerate() {
                 let mut x: Vec<f64> = match d == directions {
                     true => block.e.clone(),
@@ -101,6 +137,10 @@ impl Noise {
                 filter.apply(&mut x, &masked);
                 column.extend(x);
             }
+        }
+        let joint = self.groups.get(segment).and_then(|&g| self.joint.get(g));
+        for joint in joint.into_iter().flatten() {
+            columns.iter_mut().for_each(|column| joint.apply(column, &rows));
         }
         columns
     }

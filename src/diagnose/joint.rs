@@ -1,0 +1,158 @@
+//! White residuals of several outputs in; what they have in common taken out, so that they are white together, out.
+//!
+//! A gust moves all outputs at once: whitened one by one they are still correlated, at one instant and over a few. The model is
+//! `w_t = B_1 w_(t-1) + ... + B_q w_(t-q) + v_t`, `cov(v) = L L'`, over the outputs that are sampled at the same instants; `L^-1 v` has unit
+//! covariance. Like the filters of single outputs it restarts at each segment: sample `t` is predicted from the `min(t, q)` before it.
+
+use crate::estimate::{Estimation, Trace};
+use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
+
+/// Highest order.
+const ORDER: usize = 6;
+
+/// A vector autoregressive model of outputs sampled together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Which of the scored outputs.
+    outputs: Vec<usize>,
+    /// Per order `0..=q`: `[B_1 | ... ]` as `[m][order * m]`, and the factor `L` of the innovations' covariance.
+    predictors: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Joint {
+    /// Of white residuals `[segment][output][sample]`, the order by BIC; `None` where there is nothing in common to be known of.
+    pub fn new(outputs: Vec<usize>, segments: &[Vec<Vec<f64>>]) -> Option<Joint> {
+        let m = outputs.len();
+        let count: usize = segments.iter().filter_map(|s| s.first()).map(Vec::len).sum();
+        if m < 2 || count < 20 * m * m {
+            return None;
+        }
+        let lags: Vec<Vec<f64>> = (0..=ORDER).map(|k| covariance(segments, m, k, count)).collect();
+        let all: Vec<(Vec<f64>, Vec<f64>)> = (0..=ORDER).map_while(|q| predictor(&lags, m, q)).collect();
+        let n = count as f64;
+        let bic = |q: usize| n * cholesky_log_det(&all[q].1, m) + (q * m * m) as f64 * libm::log(n);
+        let best = (0..all.len()).min_by(|&a, &b| bic(a).total_cmp(&bic(b)))?;
+        Some(Joint { outputs, predictors: all[..=best].to_vec() })
+    }
+
+    /// Makes the columns of one segment white together, in place. `rows`: where the rows of each of the outputs begin in a column, and how
+    /// many there are; nothing is done where they differ in number.
+    pub fn apply(&self, column: &mut [f64], rows: &[Option<(usize, usize)>]) {
+        let m = self.outputs.len();
+        let at: Option<Vec<(usize, usize)>> = self.outputs.iter().map(|&o| rows.get(o).copied().flatten()).collect();
+        let Some(at) = at.filter(|at| at.iter().all(|r| r.1 == at[0].1)) else { return };
+        let last = self.predictors.len() - 1;
+        let mut v = vec![0.0; m];
+        for t in (0..at[0].1).rev() {
+            let q = t.min(last);
+            let (b, l) = &self.predictors[q];
+            for i in 0..m {
+                let predicted = (0..q * m).map(|k| b[i * q * m + k] * column[at[k % m].0 + t - 1 - k / m]).sum::<f64>();
+                v[i] = column[at[i].0 + t] - predicted;
+            }
+            forward(l, m, &mut v);
+            (0..m).for_each(|i| column[at[i].0 + t] = v[i]);
+        }
+    }
+}
+
+/// `E[w_t w_(t-lag)']`, `[m][m]`.
+fn covariance(segments: &[Vec<Vec<f64>>], m: usize, lag: usize, count: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; m * m];
+    for w in segments {
+        for i in 0..m {
+            for j in 0..m {
+                sums[i * m + j] += w[i].iter().skip(lag).zip(&w[j]).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
+    }
+    sums.into_iter().map(|s| s / count as f64).collect()
+}
+
+/// The best linear predictor of order `q` (multivariate Yule-Walker equations; Brockwell and Davis, section 11.4) and the factor of
+/// its innovations' covariance; `None` where that is not definite.
+fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let n = q * m;
+    // E[w_(t-1-a) w_(t-1-b)'] of the stacked past
+    let of = |a: usize, b: usize, i: usize, j: usize| if b >= a { lags[b - a][i * m + j] } else { lags[a - b][j * m + i] };
+    let past: Vec<f64> = (0..n * n).map(|k| of(k / n / m, k % n / m, k / n % m, k % n % m)).collect();
+    let mut b = vec![0.0; m * n];
+    if q > 0 {
+        let l = cholesky(&past, n).ok()?;
+        for i in 0..m {
+            let row = &mut b[i * n..(i + 1) * n];
+            (0..n).for_each(|k| row[k] = lags[1 + k / m][i * m + k % m]);
+            cholesky_solve(&l, n, row);
+        }
+    }
+    let mut left = lags[0].clone();
+    for i in 0..m {
+        for j in 0..m {
+            left[i * m + j] -= (0..n).map(|k| b[i * n + k] * lags[1 + k / m][j * m + k % m]).sum::<f64>();
+        }
+    }
+    let l = cholesky(&left, m).ok()?;
+    Some((b, l))
+}
+
+/// Outputs by name that every training segment samples at the same instants.
+pub fn together(base: &Estimation, outputs: &[String]) -> Vec<Vec<usize>> {
+    let times = |o: usize| -> Vec<Option<&Vec<f64>>> {
+        let of = |traces: &Vec<Trace>| traces.iter().position(|t| t.name == outputs[o]);
+        base.responses.iter().map(|traces| of(traces).map(|i| &traces[i].t)).collect()
+    };
+    let mut sets: Vec<Vec<usize>> = Vec::new();
+    for o in 0..outputs.len() {
+        let own = times(o);
+        if own.iter().all(Option::is_none) {
+            continue;
+        }
+        match sets.iter_mut().find(|set| times(set[0]) == own) {
+            Some(set) => set.push(o),
+            None => sets.push(vec![o]),
+        }
+    }
+    sets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two outputs that share a disturbance, one of them a sample later.
+    fn sample(n: usize, seed: u64) -> Vec<Vec<f64>> {
+        let mut stream = crate::simulate::Stream::new(seed, &["joint"]);
+        let common: Vec<f64> = (0..=n).map(|_| stream.normal()).collect();
+        let own =
+            |stream: &mut crate::simulate::Stream, from: &[f64]| from.iter().map(|c| 0.8 * c + 0.6 * stream.normal()).collect();
+        vec![own(&mut stream, &common[1..]), own(&mut stream, &common[..n])]
+    }
+
+    fn moments(x: &[f64], y: &[f64], lag: usize) -> f64 {
+        x.iter().skip(lag).zip(y).map(|(a, b)| a * b).sum::<f64>() / x.len() as f64
+    }
+
+    #[test]
+    fn what_outputs_have_in_common_is_taken_out() {
+        let segments: Vec<Vec<Vec<f64>>> = (0..6).map(|s| sample(500, s)).collect();
+        let joint = Joint::new(vec![0, 1], &segments).expect("a model");
+        assert!(joint.predictors.len() > 1, "a delay needs a past");
+        let w = sample(20_000, 99);
+        assert!(moments(&w[1], &w[0], 1) > 0.6);
+        let mut column = w.concat();
+        joint.apply(&mut column, &[Some((0, 20_000)), Some((20_000, 20_000))]);
+        let (a, b) = column.split_at(20_000);
+        for (x, y, lag, want) in [(a, a, 0, 1.0), (b, b, 0, 1.0), (a, b, 0, 0.0), (b, a, 1, 0.0), (a, b, 1, 0.0), (a, a, 1, 0.0)] {
+            assert!((moments(x, y, lag) - want).abs() < 0.05, "{}", moments(x, y, lag));
+        }
+    }
+
+    #[test]
+    fn outputs_of_other_lengths_stay_as_they_are() {
+        let segments: Vec<Vec<Vec<f64>>> = (0..6).map(|s| sample(500, s)).collect();
+        let joint = Joint::new(vec![0, 1], &segments).expect("a model");
+        let mut column = vec![1.0; 7];
+        joint.apply(&mut column, &[Some((0, 4)), Some((4, 3))]);
+        assert_eq!(column, vec![1.0; 7]);
+    }
+}
