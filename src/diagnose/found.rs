@@ -1,6 +1,6 @@
 //! A base as it stands in; its fit to the training maneuvers, the noise it leaves, and the held-out maneuvers with its derivatives, out.
 
-use super::base::{Places, Stand, estimation, fitted, placed, settle_steps};
+use super::base::{Places, Stand, carried, estimation, fitted, placed, settle_steps};
 use super::fit::Fit;
 use super::noise::Noise;
 use super::refit::{self, Frozen};
@@ -38,28 +38,68 @@ impl Found {
     }
 }
 
-pub fn at_base(stand: &Stand, subject: &Subject) -> Result<Result<Found, Trouble>, Errors> {
+/// Estimates the base and fits it to the training maneuvers.
+///
+/// # Errors
+/// As `estimate_segments`. What the data say is not an error.
+pub fn at_first(stand: &Stand, subject: &Subject) -> Result<Result<Found, Trouble>, Errors> {
     let estimated = estimation(stand, subject)?;
     if estimated.stop == Stop::NotFinite {
         return Ok(Err(Trouble::Base("the base model is not finite at its start".into())));
     }
     let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
-    let places = Places::of(&prepared, subject.held_out);
-    let (noise, fit, free, substeps, frozen) = {
-        let mut case = prepared.case();
-        let theta = placed(&case, &prepared, subject, &estimated);
-        settle_steps(&mut case, &theta, &[]);
+    let noise = |case: &Case| {
         let names: Vec<String> = case.outputs.iter().map(|&o| case.model.outputs[o].name.clone()).collect();
-        let noise = Noise::of(&estimated, &names, groups(&case, &prepared, subject, &estimated));
-        let (free, fit) = fitted(&case, &noise, &places, theta, &stand.added);
-        let substeps: Vec<usize> = case.records.iter().map(|r| r.substeps).collect();
-        let frozen = fit.as_ref().map(|fit| refit::frozen(&case, &noise, &places, &fit.theta)).unwrap_or_default();
-        (noise, fit, free, substeps, frozen)
+        Noise::of(&estimated, &names, groups(case, &prepared, subject, &estimated))
     };
-    let Some(fit) = fit else {
-        return Ok(Err(Trouble::Base("the base model is not finite at its own estimate".into())));
+    let found =
+        fit(stand, subject, &prepared, &|case| (placed(case, &prepared, subject, &estimated), noise(case), Vec::new()), false);
+    Ok(found.ok_or(Trouble::Base("the base model is not finite at its own estimate".into())))
+}
+
+/// Fits the base with what was added, from where it was fitted without; the noise is that of what is left now.
+///
+/// # Errors
+/// Settings that do not fit the model.
+pub fn at_next(stand: &Stand, subject: &Subject, from: &Found) -> Result<Option<Found>, Errors> {
+    let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
+    if prepared.used != from.prepared.used {
+        return Ok(None);
+    }
+    let start = |case: &Case| {
+        let before = from.case();
+        let theta = carried(case, &prepared, &before, &from.prepared, &from.fit.theta);
+        (theta, from.noise.clone(), from.substeps.clone())
     };
-    Ok(Ok(Found { model: stand.model.clone(), method: stand.method.clone(), prepared, places, noise, fit, free, substeps, frozen }))
+    Ok(fit(stand, subject, &prepared, &start, true))
+}
+
+/// Where a fit begins: parameters, noise, least integration steps.
+type Start<'a> = dyn Fn(&Case) -> (Vec<f64>, Noise, Vec<usize>) + 'a;
+
+/// `again`: once more with the noise that the first fit leaves.
+fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start, again: bool) -> Option<Found> {
+    let places = Places::of(prepared, subject.held_out);
+    let mut case = prepared.case();
+    let (theta, mut noise, least) = start(&case);
+    settle_steps(&mut case, &theta, &least);
+    let (mut free, mut fit) = fitted(&case, &noise, &places, theta, &stand.added);
+    if let (true, Some(first)) = (again, &fit) {
+        noise = noise.of_residuals(&case, &places.training, &first.theta);
+        (free, fit) = fitted(&case, &noise, &places, first.theta.clone(), &stand.added);
+    }
+    let fit = fit?;
+    Some(Found {
+        model: stand.model.clone(),
+        method: stand.method.clone(),
+        prepared: prepared.clone(),
+        frozen: refit::frozen(&case, &noise, &places, &fit.theta),
+        substeps: case.records.iter().map(|r| r.substeps).collect(),
+        places,
+        noise,
+        fit,
+        free,
+    })
 }
 
 /// The group of every segment, as the estimation over the training segments numbers them.

@@ -14,7 +14,7 @@ const ORDER: usize = 6;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// Which of the scored outputs.
-    outputs: Vec<usize>,
+    pub outputs: Vec<usize>,
     /// Per order `0..=q`: `[B_1 | ... ]` as `[m][order * m]`, and the factor `L` of the innovations' covariance.
     predictors: Vec<(Vec<f64>, Vec<f64>)>,
 }
@@ -41,17 +41,40 @@ impl Joint {
         let m = self.outputs.len();
         let at: Option<Vec<(usize, usize)>> = self.outputs.iter().map(|&o| rows.get(o).copied().flatten()).collect();
         let Some(at) = at.filter(|at| at.iter().all(|r| r.1 == at[0].1)) else { return };
-        let last = self.predictors.len() - 1;
-        let mut v = vec![0.0; m];
-        for t in (0..at[0].1).rev() {
-            let q = t.min(last);
-            let (b, l) = &self.predictors[q];
-            for i in 0..m {
-                let predicted = (0..q * m).map(|k| b[i * q * m + k] * column[at[k % m].0 + t - 1 - k / m]).sum::<f64>();
-                v[i] = column[at[i].0 + t] - predicted;
+        let (last, n) = (self.predictors.len() - 1, at[0].1);
+        let mut white: Vec<Vec<f64>> = at.iter().map(|&(from, n)| column[from..from + n].to_vec()).collect();
+        for t in 0..last.min(n) {
+            let b = &self.predictors[t].0;
+            for (i, white) in white.iter_mut().enumerate() {
+                white[t] -= (0..t * m).map(|k| b[i * t * m + k] * column[at[k % m].0 + t - 1 - k / m]).sum::<f64>();
             }
-            forward(l, m, &mut v);
-            (0..m).for_each(|i| column[at[i].0 + t] = v[i]);
+        }
+        // From order q on the predictor stays the same: output by output and lag by lag over the whole column.
+        let b = &self.predictors[last].0;
+        for (i, white) in white.iter_mut().enumerate().filter(|_| n > last) {
+            for k in 0..last * m {
+                let from = at[k % m].0 + last - 1 - k / m;
+                let factor = b[i * last * m + k];
+                white[last..].iter_mut().zip(&column[from..from + n - last]).for_each(|(w, x)| *w -= factor * x);
+            }
+        }
+        for t in 0..last.min(n) {
+            let mut v: Vec<f64> = white.iter().map(|w| w[t]).collect();
+            forward(&self.predictors[t].1, m, &mut v);
+            white.iter_mut().zip(v).for_each(|(w, v)| w[t] = v);
+        }
+        let l = &self.predictors[last].1;
+        for i in 0..m {
+            let (before, rest) = white.split_at_mut(i);
+            let (own, scale) = (&mut rest[0][last.min(n)..], 1.0 / l[i * m + i]);
+            for (j, other) in before.iter().enumerate() {
+                let factor = l[i * m + j];
+                own.iter_mut().zip(&other[last.min(n)..]).for_each(|(w, v)| *w -= factor * v);
+            }
+            own.iter_mut().for_each(|w| *w *= scale);
+        }
+        for (&(from, n), white) in at.iter().zip(&white) {
+            column[from..from + n].copy_from_slice(white);
         }
     }
 }

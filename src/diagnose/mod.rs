@@ -215,8 +215,10 @@ pub struct Diagnosis {
     /// Nothing is left that answers to an input.
     pub complete: bool,
     pub rounds: Vec<Round>,
-    /// One per effect added.
+    /// One per effect named.
     pub findings: Vec<Finding>,
+    /// Candidates that are in the model and explain most of something, but are contradicted, and why.
+    pub doubts: Vec<(String, String)>,
     /// What was added, in order: the candidates as they stand in the model.
     pub added: Vec<effect::Candidate>,
     /// Values of the added parameters in the last fit, with everything free.

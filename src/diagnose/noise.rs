@@ -8,8 +8,9 @@
 
 use super::gram::dot;
 use super::joint::{Joint, together};
-use crate::estimate::{Block, Estimation, OutputScatter, Stop, Trace};
+use crate::estimate::{Block, Case, Estimation, OutputScatter, Stop, Trace};
 use crate::math::ar::{self, Ar, Order, step_down};
+use rayon::prelude::*;
 
 /// The whitening filter of one output's residuals.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,23 +42,28 @@ impl Filter {
         Filter::new(&Ar { coefficients: coefficients.to_vec(), variance: left, order: coefficients.len() })
     }
 
-    /// Makes a column white in place; `masked[i]` tells which samples were not measured.
-    pub fn apply(&self, x: &mut [f64], masked: &[bool]) {
+    /// A column made white; `masked[i]` tells which samples were not measured.
+    pub fn apply(&self, x: &mut Vec<f64>, masked: &[bool]) {
         let last = self.predictors.len() - 1;
         let innovation = |x: &[f64], i: usize| {
             let a = &self.predictors[i.min(last)];
             x[i] - a.iter().zip(x[..i].iter().rev()).map(|(a, x)| a * x).sum::<f64>()
         };
-        // Masked samples first take the value of their prediction, so that the filter can run from the back in place.
-        for i in 0..x.len() {
-            if masked.get(i).copied().unwrap_or(false) {
-                x[i] = 0.0;
-                x[i] = -innovation(x, i);
-            }
+        // Masked samples first take the value of their prediction.
+        for i in (0..x.len()).filter(|&i| masked.get(i).copied().unwrap_or(false)) {
+            x[i] = 0.0;
+            x[i] = -innovation(x, i);
         }
-        for i in (0..x.len()).rev() {
-            x[i] = innovation(x, i) / self.deviations[i.min(last)];
+        let n = x.len();
+        let mut white: Vec<f64> = (0..last.min(n)).map(|i| innovation(x, i) / self.deviations[i]).collect();
+        // From order p on the predictor stays the same: lag by lag over the whole column.
+        white.extend_from_slice(&x[last.min(n)..]);
+        for (j, a) in self.predictors[last].iter().enumerate().filter(|_| n > last) {
+            white[last..].iter_mut().zip(&x[last - 1 - j..]).for_each(|(w, x)| *w -= a * x);
         }
+        let scale = 1.0 / self.deviations[last];
+        white.iter_mut().skip(last).for_each(|w| *w *= scale);
+        *x = white;
     }
 }
 
@@ -118,6 +124,40 @@ impl Noise {
         Some(x)
     }
 
+    /// As the residuals of a fit to the training segments show it; outputs without any keep what they had.
+    pub fn of_residuals(&self, case: &Case, training: &[usize], theta: &[f64]) -> Noise {
+        let mut noise = self.clone();
+        let blocks: Vec<Option<Vec<Block>>> =
+            training.par_iter().map(|&s| case.evaluate(s, &case.layout.local(s, theta), false)).collect();
+        for group in 0..self.filters.len() {
+            for output in 0..self.filters[group].len() {
+                let mut residuals: Vec<f64> = Vec::new();
+                let mine = training.iter().zip(&blocks).filter(|(s, _)| self.groups[**s] == group);
+                for block in mine.flat_map(|(_, blocks)| blocks.iter().flatten()).filter(|b| b.output == output) {
+                    append(&mut residuals, block.e.iter().copied());
+                }
+                if let Some((filter, variance)) = modelled(&residuals) {
+                    (noise.filters[group][output], noise.variances[group][output]) = (Some(filter), variance);
+                }
+            }
+            let filters = &noise.filters[group];
+            let white = |blocks: &[Block], output: usize| {
+                let block = blocks.iter().find(|b| b.output == output)?;
+                let (mut x, masked) = (block.e.clone(), block.e.iter().map(|e| !e.is_finite()).collect::<Vec<bool>>());
+                filters[output].as_ref()?.apply(&mut x, &masked);
+                Some(x)
+            };
+            let again = |joint: &Joint| {
+                let mine = training.iter().zip(&blocks).filter(|(s, _)| self.groups[**s] == group);
+                let all: Vec<Vec<Vec<f64>>> =
+                    mine.filter_map(|(_, blocks)| joint.outputs.iter().map(|&o| white(blocks.as_ref()?, o)).collect()).collect();
+                Joint::new(joint.outputs.clone(), &all)
+            };
+            noise.joint[group] = self.joint[group].iter().filter_map(again).collect();
+        }
+        noise
+    }
+
     /// Residuals and sensitivities of a segment's blocks, made white: one column per direction, then the residuals; rows block by block.
     /// Outputs of unknown noise are left out.
     pub fn whiten(&self, segment: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
@@ -167,13 +207,24 @@ fn filter_of(base: &Estimation, output: &OutputScatter) -> Option<Filter> {
     let mut residuals: Vec<f64> = Vec::new();
     for (traces, group) in base.responses.iter().zip(&base.noise_groups) {
         for trace in traces.iter().filter(|t| *group == Some(output.group) && t.name == output.name) {
-            residuals.extend(trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y));
-            // No pair reaches across two segments.
-            residuals.extend([f64::NAN; ORDER]);
+            append(&mut residuals, trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y));
         }
     }
+    modelled(&residuals).map(|(filter, _)| filter)
+}
+
+/// Adds a segment's residuals so that no pair reaches across two segments.
+fn append(all: &mut Vec<f64>, residuals: impl Iterator<Item = f64>) {
+    all.extend(residuals);
+    all.extend([f64::NAN; ORDER]);
+}
+
+/// The filter and the variance of residuals as they are.
+fn modelled(residuals: &[f64]) -> Option<(Filter, f64)> {
     let count = residuals.iter().filter(|r| r.is_finite()).count();
-    Filter::new(&ar::fit_by(&ar::sample_autocovariance(&residuals, ORDER), count, ORDER, Order::White))
+    let c = ar::sample_autocovariance(residuals, ORDER);
+    let variance = c.first().copied().filter(|v| *v > 0.0)?;
+    Some((Filter::new(&ar::fit_by(&c, count, ORDER, Order::White))?, variance))
 }
 
 #[cfg(test)]
@@ -198,11 +249,11 @@ mod tests {
     #[test]
     fn a_masked_sample_says_nothing() {
         let filter = Filter::new(&Ar { coefficients: vec![0.8], variance: 1.0, order: 1 }).expect("stationary");
-        let (mut a, mut b) = ([1.0, 2.0, f64::NAN, 4.0, 5.0], [1.0, 2.0, 1e9, 4.0, 5.0]);
+        let (mut a, mut b) = (vec![1.0, 2.0, f64::NAN, 4.0, 5.0], vec![1.0, 2.0, 1e9, 4.0, 5.0]);
         let masked = [false, false, true, false, false];
         filter.apply(&mut a, &masked);
         filter.apply(&mut b, &masked);
-        assert_eq!((a, a[2]), (b, 0.0));
+        assert_eq!((&a, a[2]), (&b, 0.0));
         assert!((a[3] - (4.0 - 0.8 * 0.8 * 2.0)).abs() < 1e-12 && (a[4] - (5.0 - 0.8 * 4.0)).abs() < 1e-12);
     }
 

@@ -13,6 +13,13 @@ use crate::error::Errors;
 use crate::estimate::Case;
 use crate::math::quantile;
 
+/// A candidate is refitted if its score reaches this share of the best one's: less than that is not made up for by a full fit.
+const WORTH: f64 = 0.25;
+
+/// Screens all candidates, refits and judges the best.
+///
+/// # Errors
+/// A candidate's model does not fit the settings of the base's estimation.
 pub fn held_against(
     stand: &Stand,
     found: &Found,
@@ -36,7 +43,8 @@ pub fn held_against(
     let best = best_of_surrogates(&screening, settings.surrogates, settings.seed);
     let limit = if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) };
     let mut judged: Vec<Judged> = candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit)).collect();
-    let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > limit).collect();
+    let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
+    let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > limit && judged[i].score > WORTH * best).collect();
     order.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     let ground = refit::Ground {
         stand,

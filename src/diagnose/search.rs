@@ -4,16 +4,18 @@
 //! *Forward*: the candidate of most evidence is added, and all begins again. Where several things are missing, held-out maneuvers may
 //! contradict one of them only because of the others, so here a candidate needs only evidence that they do not take away. *Back*: each
 //! one is taken out of the whole again and must come out of a strict round on what is left, against those that came near it; one that
-//! does not is replaced by the one that does, or dropped for good, and the search goes on.
+//! does not is replaced by the one that does, or dropped for good, and the search goes on. One that explains most and is contradicted all
+//! the same stays in the model without being named: the others are judged with it in place.
 
 use super::base::Stand;
 use super::closing::closing;
 use super::decide::Standing;
 use super::effect::Candidate;
-use super::found::{Found, at_base, values};
+use super::found::{Found, at_first, at_next, values};
 use super::located::locate;
 use super::refit::joined;
 use super::round::held_against;
+use super::surrogate::luck;
 use super::{Closing, Diagnosis, Finding, Judged, Round, Subject, Trouble, Verdict};
 use crate::error::Errors;
 use crate::model::Model;
@@ -28,6 +30,8 @@ pub type Offer<'a> = dyn Fn(&Model) -> Result<Offered, Errors> + 'a;
 const RIVALS: usize = 12;
 /// Held-out maneuvers may take this share of a candidate's gain on the training before it is not even tried.
 const TAKEN: f64 = 0.2;
+/// Evidence of so many times the limit of luck is not dropped for what held-out maneuvers say against it.
+const SURE: f64 = 5.0;
 /// What is left is too much for an effect to be named if it answers by more than this share of what was explained.
 const SHARE: f64 = 0.2;
 
@@ -39,6 +43,8 @@ struct Link {
     evidence: f64,
     /// Candidates that came near it in its round.
     rivals: Vec<String>,
+    /// Why it is not believed although nothing explains more.
+    doubt: Option<String>,
 }
 
 /// The search while it goes on.
@@ -61,6 +67,7 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
         complete: true,
         rounds: Vec::new(),
         findings: Vec::new(),
+        doubts: Vec::new(),
         added: Vec::new(),
         values: Vec::new(),
         located: Vec::new(),
@@ -82,19 +89,20 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
 
 impl Search<'_> {
     fn run(&mut self) -> Result<Result<(), Trouble>, Errors> {
-        let base = match at_base(&self.first(), self.subject)? {
+        let base = match at_first(&self.first(), self.subject)? {
             Ok(base) => base,
             Err(trouble) => return Ok(Err(trouble)),
         };
         let most = 3 * self.subject.settings.effects + 2;
         loop {
             self.forward(&base)?;
-            if self.back()? || self.out.rounds.len() >= most {
+            if self.back(&base)? || self.out.rounds.len() >= most {
                 break;
             }
         }
-        let (stand, added) = self.chained(&self.links)?;
-        let last = if self.links.is_empty() { None } else { at_base(&stand, self.subject)?.ok() };
+        let named: Vec<Link> = self.links.iter().filter(|l| l.doubt.is_none()).cloned().collect();
+        let (stand, added) = self.chained(&named)?;
+        let last = self.with(&stand, &base)?;
         let last = last.as_ref().unwrap_or(&base);
         let case = last.case();
         let quantile = self.subject.settings.quantile;
@@ -104,7 +112,8 @@ impl Search<'_> {
         out.located = located.into_iter().filter(|l| l.is_real()).collect();
         out.added = added;
         out.closing = closing(&base, last)?;
-        out.complete = out.located.is_empty();
+        out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
+        out.complete = out.located.is_empty() && out.doubts.is_empty();
         out.verdict = verdict(out);
         Ok(Ok(()))
     }
@@ -130,11 +139,11 @@ impl Search<'_> {
     fn forward(&mut self, base: &Found) -> Result<(), Errors> {
         while self.links.len() < self.subject.settings.effects {
             let (stand, _) = self.chained(&self.links)?;
-            let made = if self.links.is_empty() { None } else { at_base(&stand, self.subject)?.ok() };
-            let found = if self.links.is_empty() { base } else { made.as_ref().unwrap_or(base) };
+            let made = self.with(&stand, base)?;
             if made.is_none() && !self.links.is_empty() {
                 return Ok(());
             }
+            let found = made.as_ref().unwrap_or(base);
             let (mut candidates, skipped) = (self.offer)(&stand.model)?;
             if self.out.rounds.is_empty() {
                 self.out.skipped = skipped;
@@ -152,9 +161,15 @@ impl Search<'_> {
         Ok(())
     }
 
+    /// The base with what was added; none where nothing was, or where it does not run.
+    fn with(&self, stand: &Stand, base: &Found) -> Result<Option<Found>, Errors> {
+        if stand.added.is_empty() { Ok(None) } else { at_next(stand, self.subject, base) }
+    }
+
     /// Tests every link with all others in place, the weakest first; true where all of them hold.
-    fn back(&mut self) -> Result<bool, Errors> {
+    fn back(&mut self, base: &Found) -> Result<bool, Errors> {
         self.out.findings.clear();
+        self.links.iter_mut().for_each(|l| l.doubt = None);
         let mut order: Vec<usize> = (0..self.links.len()).collect();
         order.sort_by(|&a, &b| self.links[a].evidence.total_cmp(&self.links[b].evidence));
         let mut findings = vec![None; self.links.len()];
@@ -163,7 +178,7 @@ impl Search<'_> {
             let at = match self.tested_already() {
                 Some(at) => at,
                 None => {
-                    let round = self.strict(i)?;
+                    let round = self.strict(i, base)?;
                     self.out.rounds.push(round);
                     self.out.rounds.len() - 1
                 }
@@ -175,14 +190,20 @@ impl Search<'_> {
                 continue;
             }
             let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
-            let better = round.class.iter().filter_map(judged).find(others).and_then(|j| link(round, j));
-            match better {
-                Some(better) => self.links[i] = better,
-                None => {
-                    self.links.remove(i);
-                    self.dropped.push(name);
-                }
+            let this = round.judged.iter().find(|j| j.name == name);
+            let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
+            let better = round.class.iter().filter_map(judged).find(others).filter(|j| !(j.evidence < evidence));
+            if let Some(better) = better.and_then(|j| link(round, j)) {
+                self.links[i] = better;
+                return Ok(false);
             }
+            let doubt = this.filter(|j| j.standing == Standing::HeldOut && evidence > SURE * round.limit).map(|j| j.why.clone());
+            if doubt.is_some() {
+                self.links[i].doubt = doubt;
+                continue;
+            }
+            self.links.remove(i);
+            self.dropped.push(name);
             return Ok(false);
         }
         self.out.findings = findings.into_iter().flatten().collect();
@@ -197,29 +218,28 @@ impl Search<'_> {
     }
 
     /// A round on everything but link `i`, with it and those that came near it.
-    fn strict(&self, i: usize) -> Result<Round, Errors> {
+    fn strict(&self, i: usize, base: &Found) -> Result<Round, Errors> {
         let mut others = self.links.clone();
         let this = others.remove(i);
         (self.progress)(&format!("taking out {}", this.name));
         let (stand, _) = self.chained(&others)?;
         let (mut candidates, _) = (self.offer)(&stand.model)?;
         candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));
-        match at_base(&stand, self.subject)? {
-            Ok(found) => {
-                let mut round = self.round(&stand, &found, &candidates)?;
-                round.base = others.iter().map(|l| l.name.clone()).collect();
-                round.strict = true;
-                Ok(round)
-            }
-            Err(_) => Ok(Round {
+        let made = self.with(&stand, base)?;
+        let mut round = match (&made, others.is_empty()) {
+            (None, false) => Round {
                 limit: f64::NAN,
                 judged: Vec::new(),
                 class: Vec::new(),
                 located: Vec::new(),
                 base: Vec::new(),
                 strict: true,
-            }),
-        }
+            },
+            _ => self.round(&stand, made.as_ref().unwrap_or(base), &candidates)?,
+        };
+        round.base = others.iter().map(|l| l.name.clone()).collect();
+        round.strict = true;
+        Ok(round)
     }
 
     fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate]) -> Result<Round, Errors> {
@@ -255,6 +275,7 @@ fn link(round: &Round, judged: &Judged) -> Option<Link> {
         values: refit.values.iter().map(|v| v.value).collect(),
         evidence: judged.evidence,
         rivals: near.iter().take(RIVALS).map(|j| j.name.clone()).collect(),
+        doubt: None,
     })
 }
 
@@ -263,8 +284,8 @@ fn verdict(out: &Diagnosis) -> Verdict {
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain).fold(0.0, f64::max);
     if out.findings.is_empty() {
-        let shown = out.rounds.first().is_some_and(|r| r.judged.iter().any(|j| j.score > 2.0 * r.limit + luck_of_one()));
-        return if out.located.is_empty() && !shown { Verdict::NothingMissing } else { Verdict::Located };
+        let shown = out.rounds.first().is_some_and(|r| r.judged.iter().any(|j| j.score > 2.0 * r.limit + luck(1)));
+        return if out.located.is_empty() && out.doubts.is_empty() && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }
     let alone = |f: &Finding| out.rounds.get(f.round).is_some_and(|r| r.class.len() == 1);
     match left > SHARE * explained {
@@ -272,9 +293,4 @@ fn verdict(out: &Diagnosis) -> Verdict {
         false if out.findings.iter().all(alone) => Verdict::Named,
         false => Verdict::OneOfThese,
     }
-}
-
-/// A margin above the limit of luck, in log-likelihood: what one parameter gains by luck.
-fn luck_of_one() -> f64 {
-    super::surrogate::luck(1)
 }

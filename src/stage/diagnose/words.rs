@@ -65,7 +65,11 @@ pub fn verdict(d: &Diagnosis) -> String {
         let first: Vec<String> = d.located.iter().take(3).map(|l| format!("{} answers to {}", l.output, l.source)).collect();
         first.join("; ")
     };
-    let rest = || if d.complete { String::new() } else { format!(" It is not all: {}.", left()) };
+    let doubts = || d.doubts.iter().map(|(name, why)| format!("{name} explains most of something, but {why}")).collect::<Vec<_>>();
+    let rest = || match [d.located.first().map(|_| left()).into_iter().collect(), doubts()].concat() {
+        all if all.is_empty() => String::new(),
+        all => format!(" It is not all: {}.", all.join("; ")),
+    };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
         Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{}", classes(), rest()),
