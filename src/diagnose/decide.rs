@@ -22,6 +22,8 @@ pub enum Standing {
     Unidentifiable,
     /// Held-out maneuvers contradict it, or do not tell.
     HeldOut,
+    /// Its size differs from maneuver to maneuver by more than its uncertainty.
+    Inconsistent,
     /// It passes, another one is better by more than luck.
     Beaten,
     /// It passes, and cannot be told from the one chosen.
@@ -42,6 +44,7 @@ impl Standing {
             Standing::Bounds => "against physics",
             Standing::Unidentifiable => "not identifiable",
             Standing::HeldOut => "fails held out",
+            Standing::Inconsistent => "inconsistent",
             Standing::Beaten => "beaten",
             Standing::Alike => "alike",
             Standing::Chosen => "chosen",
@@ -51,6 +54,10 @@ impl Standing {
 
 /// A parameter determined no better than this share of its value says nothing of its size.
 const LOOSE: f64 = 0.5;
+
+/// A size that scatters so improbably, and by more than this share of itself beyond its uncertainty, is not one number.
+const RARE: f64 = 1e-3;
+const SCATTER: f64 = 0.35;
 
 /// Why a refitted candidate may not be believed; none where it may.
 pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, String)> {
@@ -69,10 +76,15 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
             return Some((Standing::Bounds, words));
         }
     }
-    if let Some(v) = refit.values.iter().find(|v| !v.held && is_loose(v)) {
+    if let Some(v) = refit.values.iter().find(|v| !v.held && !v.own && is_loose(v)) {
         return Some((Standing::Unidentifiable, format!("the flights do not determine {}", v.name)));
     }
-    held_out_objection(&refit.held_out, settings).map(|why| (Standing::HeldOut, why))
+    if let Some(why) = held_out_objection(&refit.held_out, settings) {
+        return Some((Standing::HeldOut, why));
+    }
+    let scatter = refit.consistency.filter(|c| c.p < RARE && c.share > SCATTER)?;
+    let words = format!("its size differs from maneuver to maneuver by {:.0}% more than its uncertainty", 100.0 * scatter.share);
+    Some((Standing::Inconsistent, words))
 }
 
 /// Further from what physics expects than its tolerance, by more than the estimate's own uncertainty.

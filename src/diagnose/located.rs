@@ -1,7 +1,7 @@
 //! A fit's residuals in; whether any output still answers to any input or to the motion, whatever the reason, out.
 //!
 //! The residual of one output, whitened, is regressed on the lagged values of one source (an input of the model, or a modelled output; both
-//! less their value at the start of the maneuver), lags common to all maneuvers: a short impulse response that no effect needs to be named
+//! less their value at the start of the maneuver, or the square of that), lags common to all maneuvers: a short impulse response that no effect needs to be named
 //! for. The regressors are not projected on the base's sensitivities; since the residuals are orthogonal to those at the fit, that can
 //! only make the gain smaller than it is. Held-out maneuvers must confirm it with the coefficients of the training.
 
@@ -14,7 +14,7 @@ use crate::math::distribution::chi2_quantile;
 use rayon::prelude::*;
 
 /// Lags of the impulse response, s.
-pub const LAGS: [f64; 7] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6];
+pub const LAGS: [f64; 8] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2];
 
 /// An output that still answers to a source.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,7 +84,9 @@ pub fn locate(case: &Case, noise: &Noise, places: &Places, theta: &dyn Fn(usize)
 
 fn sources(case: &Case) -> Vec<String> {
     let inputs = case.model.inputs.iter().map(|i| i.name.clone());
-    inputs.chain(case.outputs.iter().map(|&o| format!("modelled {}", case.model.outputs[o].name))).collect()
+    let linear: Vec<String> =
+        inputs.chain(case.outputs.iter().map(|&o| format!("modelled {}", case.model.outputs[o].name))).collect();
+    linear.iter().cloned().chain(linear.iter().map(|name| format!("the square of {name}"))).collect()
 }
 
 fn sums(case: &Case, noise: &Noise, s: usize, theta: &[f64]) -> Vec<Sums> {
@@ -107,11 +109,13 @@ fn sums(case: &Case, noise: &Noise, s: usize, theta: &[f64]) -> Vec<Sums> {
         let mut e: Vec<f64> = trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect();
         let masked: Vec<bool> = e.iter().map(|e| !e.is_finite()).collect();
         filter.apply(&mut e, &masked);
-        for (source, (t, v)) in sources.iter().enumerate() {
-            let first = at(t, v, begin);
+        for (source, (t, v)) in sources.iter().chain(&sources).enumerate() {
+            let (first, squared) = (at(t, v, begin), source >= sources.len());
             let mut columns: Vec<Vec<f64>> = Vec::new();
             for lag in LAGS {
-                let mut x: Vec<f64> = trace.t.iter().map(|time| at(t, v, time - lag) - first).collect();
+                let moved = |time: &f64| at(t, v, time - lag) - first;
+                let of = |time: &f64| if squared { moved(time) * moved(time) } else { moved(time) };
+                let mut x: Vec<f64> = trace.t.iter().map(of).collect();
                 filter.apply(&mut x, &masked);
                 let sound = x.iter().all(|v| v.is_finite());
                 columns.push(if sound { x } else { vec![0.0; e.len()] });

@@ -77,7 +77,7 @@ pub use driven::{Driven, EquationError};
 pub use gaps::Gap;
 pub use held_out::{Rule, cut, held_out};
 pub use located::Located;
-pub use refit::Refit;
+pub use refit::{Consistency, Refit};
 pub use relation::Relation;
 pub use screen::Screened;
 pub use search::diagnose;
@@ -111,6 +111,8 @@ pub struct Value {
     pub at_bound: bool,
     /// It was not fitted.
     pub held: bool,
+    /// There is one for every maneuver; `value` is the largest.
+    pub own: bool,
     /// Share of its information that is left once everything else is unknown too.
     pub left: Option<f64>,
     /// What physics expects: in words, the value, and within what share of it.

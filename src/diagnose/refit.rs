@@ -13,6 +13,7 @@ use super::{Gain, Value};
 use crate::error::Errors;
 use crate::estimate::{Block, Case, Prepared};
 use crate::math::distribution::chi2_cdf;
+use crate::model::Scope;
 use rayon::prelude::*;
 
 /// The base where candidates are held against it.
@@ -45,11 +46,19 @@ pub struct Refit {
     pub values: Vec<Value>,
     /// Held-out maneuvers, in the order of the places.
     pub held_out: Vec<Gain>,
-    /// Probability of so much scatter of the added parameters from maneuver to maneuver, if each is one number; none where it is not
-    /// (or where only one maneuver tells).
-    pub consistency: Option<f64>,
+    /// How the sizes added scatter from maneuver to maneuver; none where one maneuver alone tells.
+    pub consistency: Option<Consistency>,
     /// The training maneuvers' gains.
     pub training: Vec<Gain>,
+}
+
+/// Scatter of a size from maneuver to maneuver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Consistency {
+    /// Probability of so much, if it is one number.
+    pub p: f64,
+    /// What is more than its uncertainty explains, as a share of the size.
+    pub share: f64,
 }
 
 /// Fits a candidate from where the screening saw it best.
@@ -72,7 +81,7 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
     let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
     let task = Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free };
     let spread = task.spread(&fit.theta, k);
-    let own = candidate.added.iter().filter(|a| a.hold.is_none() && a.scope == crate::model::Scope::Segment).count();
+    let own = candidate.added.iter().filter(|a| a.hold.is_none() && a.scope == Scope::Segment).count();
     let held_out = frozen(&case, ground.noise, ground.places, &fit.theta);
     let gains = ground.frozen.iter().zip(&held_out).zip(&ground.places.held_out);
     let gains = gains.map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s, own)).collect();
@@ -82,12 +91,13 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
         predicted: f64::NAN,
         realised: base - with - own as f64,
     });
+    let values = values(&case, candidate, &free, k, &fit, spread.as_ref());
     Ok(Some(Refit {
+        consistency: spread.as_ref().and_then(|spread| consistency(spread, &values)),
         gain: ground.fit.cost() - fit.cost(),
         converged: fit.converged,
-        values: values(&case, candidate, &free, k, &fit, spread.as_ref()),
+        values,
         held_out: gains,
-        consistency: spread.as_ref().and_then(consistency),
         training: training.collect(),
     }))
 }
@@ -138,10 +148,15 @@ fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fi
     let one = |added: &Added| {
         let at = free[free.len() - k..].iter().position(|&i| case.unknowns[i].name == added.name);
         let index = at.map(|at| free[free.len() - k + at]);
+        let own = || {
+            let mine = (0..case.unknowns.len()).filter(|&i| case.unknowns[i].name == added.name).map(|i| fit.theta[i]);
+            mine.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(f64::NAN)
+        };
         let value = match (index, added.hold) {
             (Some(i), _) => fit.theta[i],
             (None, Some(hold)) => hold,
-            (None, None) => f64::NAN,
+            // One per maneuver: the largest.
+            (None, None) => own(),
         };
         let bound = index.is_some_and(|i| value <= case.layout.lower[i] || value >= case.layout.upper[i]);
         let sd = at.and_then(|at| spread.and_then(|s| s.sd.get(at).copied().flatten()));
@@ -154,6 +169,7 @@ fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fi
             null: added.null,
             at_bound: bound,
             held: added.hold.is_some(),
+            own: added.scope == Scope::Segment,
             left,
             check: added.check.as_ref().map(|c| (c.text.clone(), c.value, c.within)),
         }
@@ -161,17 +177,20 @@ fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fi
     candidate.added.iter().map(one).collect()
 }
 
-/// Scatter of what each maneuver asks for, about the common value: `sum u_s^2/F_s` against chi-square.
-fn consistency(spread: &Spread) -> Option<f64> {
-    let k = spread.sd.len();
-    let (mut sum, mut count) = (0.0, 0usize);
-    for i in 0..k {
-        let total: f64 = spread.by_segment.iter().map(|s| s[i].1).sum();
-        let telling = spread.by_segment.iter().filter(|s| s[i].1 > 1e-3 * total && s[i].1 > 0.0);
-        for (slope, information) in telling.clone().map(|s| s[i]) {
-            sum += slope * slope / information;
-        }
-        count += telling.count().saturating_sub(1);
-    }
-    (count > 0).then(|| 1.0 - chi2_cdf(sum, count as f64))
+/// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against chi-square; its excess over the
+/// uncertainties by DerSimonian and Laird. The worst of the sizes.
+fn consistency(spread: &Spread, values: &[Value]) -> Option<Consistency> {
+    let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && v.left.is_some()).collect();
+    let one = |(i, v): (usize, &&Value)| {
+        let null = v.null?;
+        let all: Vec<(f64, f64)> = spread.by_segment.iter().filter_map(|s| s.get(i).copied()).collect();
+        let total: f64 = all.iter().map(|s| s.1).sum();
+        let telling: Vec<(f64, f64)> = all.into_iter().filter(|s| s.1 > 1e-3 * total).collect();
+        let dof = telling.len().checked_sub(1).filter(|dof| *dof > 0)? as f64;
+        let q: f64 = telling.iter().map(|(slope, information)| slope * slope / information).sum();
+        let (sum, squares) = telling.iter().fold((0.0, 0.0), |s, t| (s.0 + t.1, s.1 + t.1 * t.1));
+        let excess = ((q - dof) / (sum - squares / sum)).max(0.0).sqrt();
+        Some(Consistency { p: 1.0 - chi2_cdf(q, dof), share: excess / (v.value - null).abs() })
+    };
+    fitted.iter().enumerate().filter_map(one).min_by(|a, b| a.p.total_cmp(&b.p).then(b.share.total_cmp(&a.share)))
 }

@@ -31,7 +31,9 @@ pub fn held_against(
 ) -> Result<Round, Errors> {
     let settings = subject.settings;
     progress(&format!("screening {} candidates", candidates.len()));
+    let labels: Vec<_> = found.prepared.used.iter().map(|&s| &subject.segments[s].labels).collect();
     let ground = screen::Ground {
+        labels: &labels,
         case,
         noise: &found.noise,
         method: &stand.method,

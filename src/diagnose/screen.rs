@@ -13,6 +13,7 @@ use crate::error::Errors;
 use crate::estimate::{self, Block, Case};
 use crate::math::dense;
 use crate::model::{Scope, StartKind};
+use indexmap::IndexMap;
 use rayon::prelude::*;
 
 /// A candidate's column is of the base's making if less than this share of it is left.
@@ -24,8 +25,8 @@ struct Column {
     trial: usize,
     /// Index into `Candidate::added`.
     size: usize,
-    /// The one segment it belongs to; none for a size common to all.
-    segment: Option<usize>,
+    /// The segments it belongs to; none for a size common to all.
+    only: Option<Vec<usize>>,
 }
 
 /// One way to bring a candidate in: a row of the starts of its shapes.
@@ -90,6 +91,8 @@ pub struct Ground<'a> {
     pub segments: &'a [usize],
     /// Shared parameters that move.
     pub free: &'a [usize],
+    /// Labels of every segment of the case.
+    pub labels: &'a [&'a IndexMap<String, String>],
 }
 
 impl Probe {
@@ -161,13 +164,9 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
         let added = &candidates[trial.candidate].added;
         for size in 0..added.len() {
             let Some(null) = added[size].null else { continue };
-            let segments: Vec<Option<usize>> = match added[size].scope {
-                Scope::Segment => ground.segments.iter().map(|&s| Some(s)).collect(),
-                _ => vec![None],
-            };
-            for segment in segments {
+            for only in sets(ground, &added[size].scope) {
                 trial.columns.push(columns.len());
-                columns.push(Column { trial: t, size, segment });
+                columns.push(Column { trial: t, size, only });
                 bounds.push((added[size].min - null, added[size].max - null));
             }
         }
@@ -195,6 +194,24 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
     Ok(screening)
 }
 
+/// The sets of training segments that share one value of a parameter; none for all of them.
+fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
+    let column = match scope {
+        Scope::Campaign => return vec![None],
+        Scope::Segment => return ground.segments.iter().map(|&s| Some(vec![s])).collect(),
+        Scope::Column(column) => column,
+    };
+    let mut sets: Vec<(Option<&String>, Vec<usize>)> = Vec::new();
+    for &s in ground.segments {
+        let value = ground.labels[s].get(column);
+        match sets.iter_mut().find(|set| set.0 == value) {
+            Some(set) => set.1.push(s),
+            None => sets.push((value, vec![s])),
+        }
+    }
+    sets.into_iter().map(|set| Some(set.1)).collect()
+}
+
 /// Products of one segment: own parameters eliminated, then the free shared ones, the candidates' columns, the residuals.
 fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Column], s: usize) -> Option<(Gram, Vec<usize>)> {
     let (case, layout) = (ground.case, &ground.case.layout);
@@ -215,7 +232,7 @@ fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Colum
         for &c in &trial.columns {
             let column = &columns[c];
             debug_assert_eq!(column.trial, t);
-            if column.segment.is_some_and(|only| only != s) {
+            if column.only.as_ref().is_some_and(|only| !only.contains(&s)) {
                 continue;
             }
             let known = made.as_ref().and_then(|made| made.iter().find(|(size, _)| *size == column.size));

@@ -197,7 +197,9 @@ impl Search<'_> {
                 self.links[i] = better;
                 return Ok(false);
             }
-            let doubt = this.filter(|j| j.standing == Standing::HeldOut && evidence > SURE * round.limit).map(|j| j.why.clone());
+            let doubt = this
+                .filter(|j| matches!(j.standing, Standing::HeldOut | Standing::Inconsistent) && evidence > SURE * round.limit)
+                .map(|j| j.why.clone());
             if doubt.is_some() {
                 self.links[i].doubt = doubt;
                 continue;
@@ -256,7 +258,11 @@ impl Search<'_> {
 /// The candidate to add: the first of the class, unless another one has more evidence by far that held-out maneuvers hardly take away.
 fn to_add(round: &Round, apart: f64) -> Option<usize> {
     let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
-    let held = |j: &Judged| j.standing == Standing::HeldOut && j.evidence > round.limit && j.evidence > (1.0 - TAKEN) * gain(j);
+    let held = |j: &Judged| {
+        matches!(j.standing, Standing::HeldOut | Standing::Inconsistent)
+            && j.evidence > round.limit
+            && j.evidence > (1.0 - TAKEN) * gain(j)
+    };
     let passing = |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
     let able = (0..round.judged.len()).filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]));
     let top = able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;

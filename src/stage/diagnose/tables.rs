@@ -111,7 +111,8 @@ fn candidates(told: &Told) -> Result<Table> {
         .f64("limit", number(&|round, _| round.limit))
         .f64("gain", number(&|_, j| j.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
         .f64("evidence", number(&|_, j| j.evidence))
-        .f64("consistency", number(&|_, j| j.refit.as_ref().and_then(|r| r.consistency).unwrap_or(f64::NAN)))
+        .f64("consistency", number(&|_, j| j.refit.as_ref().and_then(|r| r.consistency).map_or(f64::NAN, |c| c.p)))
+        .f64("scatter", number(&|_, j| j.refit.as_ref().and_then(|r| r.consistency).map_or(f64::NAN, |c| c.share)))
         .finish()
 }
 
