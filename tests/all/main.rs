@@ -3,6 +3,7 @@
 mod attas;
 mod campaign;
 mod coverage;
+mod diagnosis;
 mod dlc;
 mod faults;
 mod flightdata;
