@@ -253,7 +253,13 @@ impl Reader {
             let error = names::unknown(&self.doc, &format!("{key}.kinds.{i}"), "kind of maneuver", kind, &kinds);
             self.errors.push(error);
         }
-        for (name, value) in [("pre_s", settings.pre_s), ("post_s", settings.post_s), ("preroll_s", settings.preroll_s)] {
+        let times = [
+            ("pre_s", settings.pre_s),
+            ("post_s", settings.post_s),
+            ("preroll_s", settings.preroll_s),
+            ("settle_s", settings.settle_s),
+        ];
+        for (name, value) in times {
             if !(value >= 0.0 && value.is_finite()) {
                 self.push(&format!("{key}.{name}"), format!("{name} is a time of zero or more seconds, not {value}"), "");
             }

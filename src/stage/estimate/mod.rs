@@ -217,7 +217,7 @@ fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Resul
     let Some(input) = &settings.input else {
         let (from, to) = (t.first().copied().unwrap_or(0.0), t.last().copied().unwrap_or(0.0));
         let stretch = |(segment, window)| Stretch { segment, window, labels: of_flight() };
-        return Ok(pieces(flight, from, to, settings.window_s).into_iter().map(stretch).collect());
+        return Ok(pieces(flight, from, to, settings).into_iter().map(stretch).collect());
     };
     let Some(segments) = inputs.flight("segments", flight) else { return Ok(Vec::new()) };
     let (names, kinds, found_in) = (segments.strings("segment")?, segments.strings("kind")?, segments.strings("input")?);
@@ -228,7 +228,8 @@ fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Resul
     let overlap = |i: usize, k: usize| starts[i] < ends[k] && starts[k] < ends[i];
     let alone = |i: usize| !(0..names.len()).any(|k| !of_ours(k) && overlap(i, k));
     let wanted = |i: &usize| included[*i] && of_ours(*i) && of_kind(*i) && (!settings.alone || alone(*i));
-    let window = |i: usize| Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll: settings.preroll_s };
+    let (preroll, settle) = (settings.preroll_s, settings.settle_s);
+    let window = |i: usize| Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll, settle };
     // (last maneuver so far, stretch): in order of time, so that an overlap is one with the stretch before
     let mut used: Vec<(usize, Stretch)> = Vec::new();
     for i in (0..names.len()).filter(wanted) {
@@ -251,12 +252,14 @@ fn level(name: &str, levels: &[f64], held: &BTreeMap<&str, f64>) -> Option<(Stri
     Some((name.to_string(), nearest.to_string()))
 }
 
-/// A whole flight, or its equal pieces of at most `longest` seconds.
-fn pieces(flight: &str, from: f64, to: f64, longest: f64) -> Vec<(String, Window)> {
+/// A whole flight, or its equal pieces.
+fn pieces(flight: &str, from: f64, to: f64, settings: &Settings) -> Vec<(String, Window)> {
+    let longest = settings.window_s;
     let n = if longest > 0.0 { ((to - from) / longest).ceil().max(1.0) as usize } else { 1 };
     let at = |i: usize| from + (to - from) * i as f64 / n as f64;
     let name = |i: usize| if n == 1 { flight.to_string() } else { format!("{flight}-{:03}", i + 1) };
-    (0..n).map(|i| (name(i), Window { from: at(i), to: at(i + 1), preroll: 0.0 })).collect()
+    let settle = settings.settle_s;
+    (0..n).map(|i| (name(i), Window { from: at(i), to: at(i + 1), preroll: settings.preroll_s, settle })).collect()
 }
 
 /// The conditions of one maneuver, by signal.
@@ -321,9 +324,11 @@ mod tests {
 
     #[test]
     fn a_record_is_cut_into_equal_stretches_that_cover_it() {
-        let whole = pieces("f", 2.0, 45.0, 0.0);
+        let settings =
+            |longest: f64| -> Settings { toml::from_str(&format!("model = \"m\"\nwindow_s = {longest:?}")).expect("settings") };
+        let whole = pieces("f", 2.0, 45.0, &settings(0.0));
         assert_eq!((whole.len(), whole[0].0.as_str(), whole[0].1.from, whole[0].1.to), (1, "f", 2.0, 45.0));
-        let cut = pieces("f", 2.0, 45.0, 20.0);
+        let cut = pieces("f", 2.0, 45.0, &settings(20.0));
         assert_eq!(cut.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["f-001", "f-002", "f-003"]);
         assert_eq!((cut[0].1.from, cut[2].1.to), (2.0, 45.0));
         assert!(cut.windows(2).all(|w| w[0].1.to == w[1].1.from));

@@ -34,6 +34,8 @@ pub struct Window {
     pub to: f64,
     /// Time before `from` that only feeds delays.
     pub preroll: f64,
+    /// Time before `from` (and behind the preroll) in which the model runs already and nothing is scored.
+    pub settle: f64,
 }
 
 /// Why there is no record.
@@ -67,7 +69,8 @@ const SLACK: f64 = 1e-3;
 pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Window) -> Result<Record, Unusable> {
     let index = |t: f64| (t - grid.t0) / grid.dt;
     let clip = |k: f64| k.clamp(0.0, grid.n as f64) as usize;
-    let first = clip((index(window.from - window.preroll) - SLACK).ceil());
+    let first = clip((index(window.from - window.settle - window.preroll) - SLACK).ceil());
+    let start = clip((index(window.from - window.settle) - SLACK).ceil());
     let begin = clip((index(window.from) - SLACK).ceil());
     let end = clip((index(window.to) + SLACK).floor() + 1.0);
     if end < begin + 2 {
@@ -96,7 +99,7 @@ pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Win
         dt: grid.dt,
         n,
         inputs: values,
-        start: begin - first,
+        start: start - first,
         channels,
         ..Default::default()
     })
@@ -118,13 +121,25 @@ mod tests {
     }
 
     #[test]
+    fn a_model_settles_before_it_is_scored() {
+        let u: Vec<f64> = (0..101).map(f64::from).collect();
+        let column = |name: &str| (name == "u").then_some(&u[..]);
+        let t: Vec<f64> = (0..101).map(|i| 10.0 + 0.1 * f64::from(i)).collect();
+        let m = [Measured { output: 0, t: &t, z: &t }];
+        let window = Window { from: 12.0, to: 13.0, preroll: 0.2, settle: 0.5 };
+        let r = record(&grid(&column), &[Source::Column("u".into())], &m, window).expect("covered");
+        assert_eq!((r.start, r.n, r.inputs[r.start], r.channels[0].t.len()), (2, 18, 15.0, 11));
+        assert!((r.channels[0].t[0] - 12.0).abs() < 1e-9 && (r.t0 - 11.3).abs() < 1e-9);
+    }
+
+    #[test]
     fn a_window_takes_its_grid_points_and_the_samples_between_them() {
         let u: Vec<f64> = (0..101).map(f64::from).collect();
         let column = |name: &str| (name == "u").then_some(&u[..]);
         let t: Vec<f64> = (0..400).map(|i| 9.987 + 0.03 * f64::from(i)).collect();
         let m = [Measured { output: 2, t: &t, z: &t }];
         let inputs = [Source::Held(7.0), Source::Column("u".into())];
-        let r = record(&grid(&column), &inputs, &m, Window { from: 12.0, to: 13.0, preroll: 0.5 }).expect("covered");
+        let r = record(&grid(&column), &inputs, &m, Window { from: 12.0, to: 13.0, preroll: 0.5, settle: 0.0 }).expect("covered");
         assert_eq!((r.n, r.start), (16, 5));
         assert!((r.t0 - 11.5).abs() < 1e-12);
         assert_eq!(&r.inputs[..4], &[7.0, 15.0, 7.0, 16.0]);
@@ -139,9 +154,9 @@ mod tests {
         let u = vec![0.0; 101];
         let column = |_: &str| Some(&u[..]);
         let inputs = [Source::Column("u".into())];
-        let r = record(&grid(&column), &inputs, &[], Window { from: 19.0, to: 30.0, preroll: 0.0 }).expect("covered");
+        let r = record(&grid(&column), &inputs, &[], Window { from: 19.0, to: 30.0, preroll: 0.0, settle: 0.0 }).expect("covered");
         assert_eq!(r.n, 11);
-        let none = record(&grid(&column), &inputs, &[], Window { from: 30.0, to: 40.0, preroll: 0.0 });
+        let none = record(&grid(&column), &inputs, &[], Window { from: 30.0, to: 40.0, preroll: 0.0, settle: 0.0 });
         assert_eq!(none, Err(Unusable::Outside));
     }
 
@@ -152,7 +167,7 @@ mod tests {
         u[51] = f64::NAN;
         let column = |_: &str| Some(&u[..]);
         let inputs = [Source::Column("u".into())];
-        let masked = record(&grid(&column), &inputs, &[], Window { from: 14.0, to: 16.0, preroll: 0.0 });
+        let masked = record(&grid(&column), &inputs, &[], Window { from: 14.0, to: 16.0, preroll: 0.0, settle: 0.0 });
         assert_eq!(masked, Err(Unusable::Masked { input: "u".into(), samples: 2 }));
     }
 }

@@ -41,6 +41,10 @@ pub struct Settings {
     /// Time before that which only feeds delays in the model, s.
     #[serde(default)]
     pub preroll_s: f64,
+    /// Time before that in which the model runs already and is not scored, s: what remembers (a lag, separated flow) forgets how it began. For
+    /// models driven by measurements; a state that starts "measured" would start too late.
+    #[serde(default)]
+    pub settle_s: f64,
     /// Integration steps per step of the grid; 0 lets the model's fastest mode decide.
     #[serde(default)]
     pub substeps: usize,

@@ -78,13 +78,15 @@ fn run(hidden: &Hidden, setting: &Setting) -> Option<Outcome> {
     })
 }
 
-/// The classes that were named, round by round.
+/// The classes that were named, one per effect that was added.
 fn named(diagnosis: &Diagnosis) -> Vec<Vec<&str>> {
-    diagnosis.rounds.iter().map(class).filter(|class| !class.is_empty()).collect()
+    diagnosis.findings.iter().map(|f| class(&diagnosis.rounds[f.round], f.added)).collect()
 }
 
-fn class(round: &diagnose::Round) -> Vec<&str> {
-    round.class.iter().map(|&i| round.judged[i].name.as_str()).collect()
+/// What was added first, then those that explain the flights as well.
+fn class(round: &diagnose::Round, added: usize) -> Vec<&str> {
+    let others = round.class.iter().copied().filter(|&i| i != added);
+    std::iter::once(added).chain(others).map(|i| round.judged[i].name.as_str()).collect()
 }
 
 fn graded(hidden: &Hidden, diagnosis: &Diagnosis) -> End {
@@ -93,14 +95,11 @@ fn graded(hidden: &Hidden, diagnosis: &Diagnosis) -> End {
     match &diagnosis.verdict {
         Verdict::None(_) => End::None,
         Verdict::NothingMissing => End::Nothing,
-        _ if classes.iter().any(|class| !has_truth(class)) => match diagnosis.verdict {
-            // what it says of the rest takes nothing back of a wrong name
-            Verdict::Located if hidden.is.is_empty() => End::Located,
-            _ => End::Wrong,
-        },
+        // "made smaller by" is no name
+        Verdict::Located => End::Located,
+        _ if !classes.iter().all(has_truth) => End::Wrong,
         _ if classes.iter().any(|class| class.len() > 3) => End::Broad,
-        _ if !classes.is_empty() => End::Right,
-        _ => End::Located,
+        _ => End::Right,
     }
 }
 
@@ -108,8 +107,9 @@ fn graded(hidden: &Hidden, diagnosis: &Diagnosis) -> End {
 fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
     let mut text = format!(
-        "{} {setting:?}: size {:.2} in {}, {:?}, {} in {:.1} s",
+        "{} {setting:?}: amount {:.4}, size {:.2} in {}, {:?}, {} in {:.1} s",
         hidden.name,
+        outcome.amount,
         outcome.size,
         outcome.channel,
         outcome.end,
@@ -117,7 +117,13 @@ fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
         outcome.seconds
     );
     for round in &d.rounds {
-        let _ = write!(text, "\n round, limit {:.1}", round.limit);
+        let _ = write!(
+            text,
+            "\n {} round, limit {:.1}, base has {}",
+            if round.strict { "strict" } else { "search" },
+            round.limit,
+            round.base.join(" + ")
+        );
         let mut order: Vec<_> = round.judged.iter().collect();
         order.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in order.iter().take(12) {

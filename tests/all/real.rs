@@ -1,0 +1,57 @@
+//! Diagnoses of real flights: does the program name what a model lacks that is known to lack it?
+
+use crate::flightdata::{copy, data, koehler};
+use koehler::table::{Table, read_dataset};
+use std::path::Path;
+
+/// Runs `koehler diagnose`, whose exit code tells what it found: 0 nothing, 3 something.
+fn diagnose(folder: &Path, data: &Path, args: &[&str]) -> Option<i32> {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
+    let output = command.current_dir(folder).env("KOEHLER_DATA", data).arg("diagnose").args(args).output().expect("started");
+    println!("{}", String::from_utf8_lossy(&output.stdout));
+    output.status.code()
+}
+
+/// Verdict, and the candidates named.
+fn findings(out: &Path) -> (String, Vec<String>) {
+    let table: Table = read_dataset(out, "findings").expect("findings");
+    let (verdicts, candidates) = (table.strings("verdict").expect("column"), table.strings("candidate").expect("column"));
+    (verdicts[0].to_string(), candidates.iter().map(|c| c.to_string()).filter(|c| !c.is_empty()).collect())
+}
+
+/// A shipped model without one of its terms.
+fn cripple(path: &Path, term: &str, parameter: &str) {
+    let text = std::fs::read_to_string(path).expect("the model");
+    assert!(text.contains(term), "{term}");
+    let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with(&format!("{parameter} "))).collect();
+    std::fs::write(path, lines.join("\n").replace(term, "")).expect("written");
+}
+
+#[test]
+fn recovery_of_what_was_taken_out_of_the_hfb320() {
+    let Some(data) = data("hfb320/hfb320_1_10.asc") else { return };
+    for (parameter, term, wanted) in
+        [("Cmq", " + Cmq*q*half_c/V_0", "rate-derivative-longitudinal:Cm"), ("CDV", " + CDV*V/V_0", "speed-dependence:CD")]
+    {
+        let folder = copy("hfb320");
+        koehler(folder.path(), &data, &["import", "import.toml"]);
+        cripple(&folder.path().join("hfb320.model.toml"), term, parameter);
+        let code = diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "free-start"]);
+        let (verdict, named) = findings(&folder.path().join("out/pipeline"));
+        println!("without {parameter}: {verdict}, {named:?}");
+        assert_eq!(code, Some(3), "without {parameter}");
+        assert!(named.iter().any(|name| name == wanted), "without {parameter}: {verdict}, {named:?}");
+    }
+}
+
+#[test]
+fn recovery_of_the_stall_of_the_attas() {
+    let Some(data) = data("attas/fAttas_qst01.asc") else { return };
+    let folder = copy("attas-real");
+    koehler(folder.path(), &data, &["import", "import-stall.toml"]);
+    let code = diagnose(folder.path(), &data, &["stall.toml"]);
+    let (verdict, named) = findings(&folder.path().join("out/stall"));
+    println!("{verdict}, {named:?}");
+    assert_eq!(code, Some(3));
+    assert!(named.iter().any(|name| name.starts_with("stall-separation")), "{verdict}, {named:?}");
+}
