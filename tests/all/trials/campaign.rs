@@ -194,15 +194,22 @@ pub fn trial(hidden: &Hidden, setting: &Setting) -> Option<Trial> {
         let most = (0..6).max_by(|&a, &b| (rms[a] / noise[a]).total_cmp(&(rms[b] / noise[b])))?;
         Some((rms[most] / noise[most], most))
     };
-    // The size grows with the amount, though not always in proportion.
+    // The size grows with the amount, though not always in proportion: a bracket, halved in the logarithm.
+    let (mut low, mut high) = (0.0f64, f64::INFINITY);
     let mut amount = hidden.nominal;
     let mut now = size(amount)?;
-    for _ in 0..5 {
+    for _ in 0..8 {
         let ratio = setting.size / now.0.max(1e-3);
         if (0.85..1.2).contains(&ratio) {
             break;
         }
-        amount *= ratio.clamp(0.3, 3.0).powf(0.9);
+        if ratio > 1.0 {
+            low = amount
+        } else {
+            high = amount
+        }
+        let guess = amount * ratio.clamp(0.3, 3.0).powf(0.9);
+        amount = if guess > low && guess < high { guess } else { (low.max(0.1 * high) * high.min(10.0 * low)).sqrt() };
         now = size(amount)?;
     }
     let segments = with_noise(fly(hidden, amount, setting.seed, intensity)?, setting.seed);

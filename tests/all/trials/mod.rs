@@ -1,6 +1,6 @@
 //! Hidden-effect trials: does the diagnosis name what was hidden in a campaign that it knows nothing about?
 //!
-//! `KOEHLER_TRIALS=60 cargo test --release --test all -- trials::matrix --nocapture` runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the
+//! A fixed selection runs with the slow tests (`KOEHLER_SLOW=1`). `KOEHLER_TRIALS=60 cargo test --release --test all -- trials::matrix --nocapture` runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the
 //! whole one, `KOEHLER_TRIALS="flap lag#3"` one trial in detail.
 
 mod campaign;
@@ -246,6 +246,36 @@ fn matrix_of_hidden_effects() {
     };
     let done: Vec<_> = list.par_iter().map(one).collect();
     println!("\n{}\n\n{}", table(&done), shares(&done));
+}
+
+/// What is hidden, and the seed.
+const SELECTION: [(&str, u64); 6] = [
+    ("late vane", 2),
+    ("flap lag", 3),
+    ("downwash of the flaps", 4),
+    ("elevator cubic", 5),
+    ("nothing", 6),
+    ("two structural modes", 7),
+];
+
+#[test]
+fn recovery_a_selection_of_hidden_effects() {
+    if std::env::var_os("KOEHLER_SLOW").is_none() {
+        println!("skipped: set KOEHLER_SLOW=1 (some 60 s with optimisation)");
+        return;
+    }
+    for (name, seed) in SELECTION {
+        let hidden = INSIDE.iter().chain(OUTSIDE).chain([&NOTHING]).find(|h| h.name == name).expect("an effect");
+        let setting = Setting { seed, turbulence: seed % 2 == 1, size: 2.0 };
+        let outcome = run(hidden, &setting).expect("it flies");
+        println!("{}", story(hidden, &setting, &outcome));
+        let wanted: &[End] = match hidden.name {
+            "nothing" => &[End::Nothing],
+            _ if hidden.is.is_empty() => &[End::Located],
+            _ => &[End::Right],
+        };
+        assert!(wanted.contains(&outcome.end), "{name}: {:?}", outcome.end);
+    }
 }
 
 #[test]
