@@ -28,20 +28,16 @@ fn cripple(path: &Path, term: &str, parameter: &str) {
 }
 
 #[test]
-fn recovery_of_what_was_taken_out_of_the_hfb320() {
+fn recovery_of_the_pitch_damping_taken_out_of_the_hfb320() {
     let Some(data) = data("hfb320/hfb320_1_10.asc") else { return };
-    for (parameter, term, wanted) in
-        [("Cmq", " + Cmq*q*half_c/V_0", "rate-derivative-longitudinal:Cm"), ("CDV", " + CDV*V/V_0", "speed-dependence:CD")]
-    {
-        let folder = copy("hfb320");
-        koehler(folder.path(), &data, &["import", "import.toml"]);
-        cripple(&folder.path().join("hfb320.model.toml"), term, parameter);
-        let code = diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "free-start"]);
-        let (verdict, named) = findings(&folder.path().join("out/pipeline"));
-        println!("without {parameter}: {verdict}, {named:?}");
-        assert_eq!(code, Some(3), "without {parameter}");
-        assert!(named.iter().any(|name| name == wanted), "without {parameter}: {verdict}, {named:?}");
-    }
+    let folder = copy("hfb320");
+    koehler(folder.path(), &data, &["import", "import.toml"]);
+    cripple(&folder.path().join("hfb320.model.toml"), " + Cmq*q*half_c/V_0", "Cmq");
+    let code = diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "free-start"]);
+    let (verdict, named) = findings(&folder.path().join("out"));
+    assert_eq!(code, Some(3), "{verdict}");
+    // short-period data hardly separate it from the rate of the angle of attack, and the verdict says so
+    assert!(named.iter().any(|name| name == "rate-derivative-longitudinal:Cm"), "{verdict}, {named:?}");
 }
 
 #[test]

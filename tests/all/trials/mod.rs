@@ -67,7 +67,7 @@ fn run(hidden: &Hidden, setting: &Setting) -> Option<Outcome> {
         Ok((offer.candidates, skipped))
     };
     let diagnosis = diagnose::diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", hidden.name));
-    let end = graded(hidden, &diagnosis);
+    let end = graded(hidden, setting, &diagnosis);
     Some(Outcome {
         end,
         size: trial.size,
@@ -89,14 +89,18 @@ fn class(round: &diagnose::Round, added: usize) -> Vec<&str> {
     std::iter::once(added).chain(others).map(|i| round.judged[i].name.as_str()).collect()
 }
 
-fn graded(hidden: &Hidden, diagnosis: &Diagnosis) -> End {
-    let classes = named(diagnosis);
+/// Gusts: in turbulent air they are there, whatever else is hidden, and their name is not counted.
+const AIR: [&str; 2] = ["vertical-gust", "head-gust"];
+
+fn graded(hidden: &Hidden, setting: &Setting, diagnosis: &Diagnosis) -> End {
+    let air = |class: &Vec<&str>| setting.turbulence && class.iter().all(|name| AIR.contains(name));
+    let classes: Vec<Vec<&str>> = named(diagnosis).into_iter().filter(|class| !air(class)).collect();
     let has_truth = |class: &Vec<&str>| class.iter().any(|name| hidden.is.contains(name));
     match &diagnosis.verdict {
         Verdict::None(_) => End::None,
-        Verdict::NothingMissing => End::Nothing,
         // "made smaller by" is no name
         Verdict::Located => End::Located,
+        _ if classes.is_empty() => End::Nothing,
         _ if !classes.iter().all(has_truth) => End::Wrong,
         _ if classes.iter().any(|class| class.len() > 3) => End::Broad,
         _ => End::Right,
@@ -200,7 +204,7 @@ fn table(done: &[(&Hidden, Setting, Option<Outcome>)]) -> String {
 /// Shares that the requirements speak of.
 fn shares(done: &[(&Hidden, Setting, Option<Outcome>)]) -> String {
     let count = |kind: &dyn Fn(&Hidden) -> bool, end: &dyn Fn(&Outcome) -> bool| {
-        done.iter().filter(|(h, _, o)| kind(h) && o.as_ref().is_some_and(|o| end(o))).count()
+        done.iter().filter(|(h, _, o)| kind(h) && o.as_ref().is_some_and(end)).count()
     };
     let (inside, null) = (|h: &Hidden| !h.is.is_empty(), |h: &Hidden| h.name == NOTHING.name);
     let outside = |h: &Hidden| h.is.is_empty() && h.name != NOTHING.name;
