@@ -10,7 +10,7 @@
 //! The trend takes up what the others cannot know (an attitude's start, a drift by a gyro's bias). `k` is the scale and its sign, `tau`
 //! the delay, the correlation is of what the trend leaves. So pressure altitude stands against integrated vertical motion, the vane against
 //! the inertial angle of attack, attitude against integrated rates, one recorder's clock against the others'. Standard deviations allow
-//! for coloured errors `e` by the factor (1 + rho)/(1 - rho) of their first autocorrelation.
+//! for coloured errors `e` by the sum of their autocorrelations.
 
 use super::health::Health;
 use super::smoother::backward::Visit;
@@ -265,8 +265,7 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
     let square = |list: &[f64]| list.iter().map(|e| e * e).sum::<f64>();
     let n = left.len();
     let r = square(&left) / (n.checked_sub(size)?.max(1)) as f64;
-    let rho = (left.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / square(&left).max(1e-300)).clamp(0.0, 0.99);
-    let colour = (1.0 + rho) / (1.0 - rho);
+    let colour = colour(&left, &pairs.iter().map(|p| p[0].len()).collect::<Vec<_>>());
     let sd = |i: usize| (inverse[i * size + i] * r * colour).sqrt();
     let (only, ..) = fit(&[&[0], &trend[..]].concat())?;
     let share = 1.0 - square(&left) / square(&without).max(1e-300);
@@ -280,6 +279,24 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
         left: (square(&left) / n as f64).sqrt(),
         samples: n,
     })
+}
+
+/// By how much coloured errors widen: one plus twice the sum of their autocorrelations, up to where those of all `parts` end being
+/// positive. (An autoregressive model of first order would miss gusts under white noise.)
+fn colour(errors: &[f64], parts: &[usize]) -> f64 {
+    let longest = parts.iter().copied().max().unwrap_or(0) / 2;
+    let product = |lag: usize| {
+        let mut from = 0;
+        let mut sum = 0.0;
+        for &n in parts {
+            let part = &errors[from..from + n];
+            sum += part.iter().zip(part.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
+            from += n;
+        }
+        sum
+    };
+    let square = product(0).max(1e-300);
+    1.0 + 2.0 * (1..longest).map(|lag| product(lag) / square).take_while(|rho| *rho > 0.0).sum::<f64>()
 }
 
 /// Below this correlation with what the others say, a channel's sign is reversed.
