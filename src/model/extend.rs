@@ -19,6 +19,11 @@ pub fn input_shift(input: &str) -> String {
     format!("du_{input}")
 }
 
+/// Name of the delay of an output.
+pub fn output_delay(output: &str) -> String {
+    format!("tau_{output}")
+}
+
 /// Name of the input that carries what was measured of an output.
 fn feedback(output: &str) -> String {
     format!("measured_{output}")
@@ -57,6 +62,39 @@ impl Model {
             }
         }
         model.replace(&with);
+        errors.or(model)
+    }
+
+    /// With a new parameter per named output: how many seconds its sensor is late, to first order, `z = y - tau_y dy/dt`, the slope exact by
+    /// the chain rule over states, inputs and time. It starts at zero, with the prior standard deviation `sd`; where an output depends on
+    /// the slope of an input, the slope of that slope is left out.
+    ///
+    /// # Errors
+    /// Names that the model does not have, or whose delay has the name of something else: all at once.
+    pub fn with_lateness(&self, outputs: &[String], sd: f64) -> std::result::Result<Model, Errors> {
+        let (mut model, mut errors) = (self.clone(), Errors::default());
+        let second = Quantity { unit: "s".to_string(), ..Default::default() };
+        for name in outputs {
+            let output = errors.take(self.known(self.output(name), "output", name, &self.outputs));
+            if let Some(output) = output
+                && let Some(p) = errors.take(model.add_shift(output_delay(name), &second, &Scope::Campaign))
+            {
+                model.parameters[p].quantity.doc = format!("{name} is late by");
+                model.parameters[p].prior_sd = sd;
+                let (y, rates, g) = (model.output_nodes[output], &model.rates, &mut model.graph);
+                let states = (0..rates.len()).map(|i| (Leaf::State(i), rates[i]));
+                let inputs = (0..model.inputs.len()).map(|i| (Leaf::Input(i), g.leaf(Leaf::InputRate(i))));
+                let moving: Vec<(Leaf, Node)> = states.chain(inputs).collect();
+                let mut slope = g.derivative(y, Leaf::Time);
+                for (leaf, rate) in moving {
+                    let d = g.derivative(y, leaf);
+                    slope = g.fma(d, rate, slope);
+                }
+                let tau = g.leaf(Leaf::Parameter(p));
+                let late = g.mul(tau, slope);
+                model.output_nodes[output] = g.sub(y, late);
+            }
+        }
         errors.or(model)
     }
 

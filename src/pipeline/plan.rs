@@ -81,7 +81,10 @@ impl Reader {
         // Names are looked up only where everything that could declare them was read.
         let columns = channels.as_ref().map(Columns::of_signals);
         let reconstruct = self.reconstruct(aircraft.as_ref(), columns.as_ref());
-        let columns = columns.map(|c| if reconstruct.is_some() { c.with_flight_path() } else { c });
+        let columns = columns.map(|c| match &reconstruct {
+            Some(config) => c.with_flight_path(&config.model),
+            None => c,
+        });
         let derive = self.derive(aircraft.as_ref(), columns.as_ref());
         let columns = match (columns, &derive) {
             (Some(columns), Some(derive)) => Some(columns.with_derived(derive)),
@@ -177,7 +180,11 @@ impl Reader {
 
     fn reconstruct(&mut self, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Option<reconstruct::Config> {
         let settings = self.settings.reconstruct.clone()?;
-        let checked = reconstruct::Config::new(settings, aircraft?, &columns?.units(), &self.doc);
+        let file = match &settings.model {
+            Some(file) => Some(self.model("reconstruct.model", &file.clone(), aircraft)?),
+            None => None,
+        };
+        let checked = reconstruct::Config::new(settings, file, aircraft?, &columns?.units(), &self.doc);
         self.errors.take(checked)
     }
 

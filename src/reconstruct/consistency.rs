@@ -12,7 +12,6 @@
 //! the inertial angle of attack, attitude against integrated rates, one recorder's clock against the others'. Standard deviations allow
 //! for coloured errors `e` by the sum of their autocorrelations.
 
-use super::health::Health;
 use super::smoother::backward::Visit;
 use super::smoother::filter::Tape;
 use super::smoother::grid::Outputs;
@@ -22,13 +21,14 @@ use crate::math::dense;
 use crate::signal::resample::Grid;
 use rayon::prelude::*;
 
-/// Length and number of the parts a channel is compared on, s.
+/// Length of the parts a channel is compared on, s.
 const PART: f64 = 20.0;
-const PARTS: usize = 2;
 /// Means over this time of an input and what the others say of it, s.
 const BIN: f64 = 0.2;
 /// Rate at which what the others say is read, Hz.
 const RATE: f64 = 50.0;
+/// Correlation and scale of a part from which its delay is believed.
+const SOUND: f64 = 0.9;
 /// What the others say must vary by more than this many of its standard deviations to be worth a comparison.
 const SIGNAL: f64 = 4.0;
 
@@ -64,6 +64,8 @@ pub struct Comparison {
     pub scale: [f64; 2],
     /// Delay and its standard deviation, s; NaN for inputs.
     pub delay: [f64; 2],
+    /// By how much later the channel is in the later part than in the earlier one, and its standard deviation, s; NaN where they do not say.
+    pub jump: [f64; 2],
     /// Root mean square of what is left, in the channel's unit, and samples.
     pub left: f64,
     pub samples: usize,
@@ -72,8 +74,15 @@ pub struct Comparison {
 /// Times, measured values, what the others say, and its slope; one per part.
 type Pair = [Vec<f64>; 4];
 
-/// Compares every channel with the others; those in `out` are not used at all.
-pub fn compare(smoother: &Smoother, levels: &Levels, stretches: &[[f64; 2]], out: &[Which]) -> Vec<Comparison> {
+/// Compares every channel with the others; those in `out` are not used at all. `known` are sensor errors found elsewhere (behind the
+/// states, which are not read): the parts begin with them.
+pub fn compare(
+    smoother: &Smoother,
+    levels: &Levels,
+    stretches: &[[f64; 2]],
+    out: &[Which],
+    known: Option<&[f64]>,
+) -> Vec<Comparison> {
     let flight = smoother.flight;
     let mut levels = levels.clone();
     out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
@@ -85,7 +94,7 @@ pub fn compare(smoother: &Smoother, levels: &Levels, stretches: &[[f64; 2]], out
     distinct.sort_by(|a, b| a[0].total_cmp(&b[0]));
     distinct.dedup();
     let open = smoother.with_gate(f64::INFINITY);
-    let starts: Vec<Vec<f64>> = distinct.par_iter().map(|&part| open.begin(&levels, part, None)).collect();
+    let starts: Vec<Vec<f64>> = distinct.par_iter().map(|&part| open.begin(&levels, part, known)).collect();
     channels
         .par_iter()
         .filter_map(|(which, parts)| {
@@ -95,7 +104,8 @@ pub fn compare(smoother: &Smoother, levels: &Levels, stretches: &[[f64; 2]], out
                 let start = distinct.iter().position(|d| d == part)?;
                 pair(&open, &without, *which, *part, &starts[start])
             };
-            regress(*which, &parts.iter().filter_map(one).collect::<Vec<_>>())
+            let pairs: Vec<Pair> = parts.iter().filter_map(one).collect();
+            Some(Comparison { jump: jump(*which, &pairs), ..regress(*which, &pairs)? })
         })
         .collect()
 }
@@ -124,7 +134,7 @@ fn leave_out(smoother: &Smoother, levels: &mut Levels, which: Which) {
     }
 }
 
-/// The parts of the flight where a channel moves most, in the order of time.
+/// The parts of the flight where a channel moves most, one in each half so that a clock that jumps shows, in the order of time.
 fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let flight = smoother.flight;
     let (t, y): (&[f64], &[f64]) = match which {
@@ -134,6 +144,8 @@ fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64;
             (&packet.t, &flight.channels[k].z)
         }
     };
+    let (Some(first), Some(last)) = (stretches.first(), stretches.last()) else { return Vec::new() };
+    let middle = 0.5 * (first[0] + last[1]);
     let mut found: Vec<(f64, [f64; 2])> = Vec::new();
     for &[from, to] in stretches {
         let count = ((to - from) / PART).floor().max(1.0) as usize;
@@ -149,10 +161,12 @@ fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64;
             }
         }
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.truncate(PARTS);
-    found.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-    found.into_iter().map(|(_, part)| part).collect()
+    let halves: [fn(f64, f64) -> bool; 2] = [|t, middle| t < middle, |t, middle| t >= middle];
+    let most = |half: fn(f64, f64) -> bool| {
+        let within = found.iter().filter(|(_, part)| half(0.5 * (part[0] + part[1]), middle));
+        within.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, part)| *part)
+    };
+    halves.into_iter().filter_map(most).collect()
 }
 
 /// Collects an input and its smoothed error, in means over `BIN`.
@@ -199,7 +213,7 @@ fn pair(smoother: &Smoother, levels: &Levels, which: Which, part: [f64; 2], x: &
             let grid = Grid::covering((part[0] / dt).ceil() * dt, part[1], dt);
             let outputs = smoother.kinematics.model.outputs.len();
             let mut out = Outputs::empty(outputs, smoother.kinematics.size(), grid.n);
-            let smoothed = smoother.path(levels, part, x, (grid, 10), &mut (), &mut out);
+            let smoothed = smoother.path(None, levels, part, x, (grid, 10), &mut (), &mut out);
             if !smoothed.finite {
                 return None;
             }
@@ -221,6 +235,20 @@ fn pair(smoother: &Smoother, levels: &Levels, which: Which, part: [f64; 2], x: &
             }
             (all[0].len() > 20).then_some(all)
         }
+    }
+}
+
+/// By how much later the channel is in the second part than in the first.
+fn jump(which: Which, pairs: &[Pair]) -> [f64; 2] {
+    // only where the part by itself tells the channel well
+    let sound = |c: &Comparison| c.correlation > SOUND && (c.scale[0] - 1.0).abs() < 1.0 - SOUND;
+    let delay = |pair: &Pair| regress(which, std::slice::from_ref(pair)).filter(sound).map(|c| c.delay);
+    match pairs {
+        [first, second] => match (delay(first), delay(second)) {
+            (Some(a), Some(b)) => [b[0] - a[0], a[1].hypot(b[1])],
+            _ => [f64::NAN; 2],
+        },
+        _ => [f64::NAN; 2],
     }
 }
 
@@ -276,6 +304,7 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
         correlation: only[0].signum() * share.max(0.0).sqrt(),
         scale,
         delay: if shared == 2 { [x[1] / x[0], sd(1) / x[0].abs()] } else { [f64::NAN; 2] },
+        jump: [f64::NAN; 2],
         left: (square(&left) / n as f64).sqrt(),
         samples: n,
     })
@@ -297,179 +326,4 @@ fn colour(errors: &[f64], parts: &[usize]) -> f64 {
     };
     let square = product(0).max(1e-300);
     1.0 + 2.0 * (1..longest).map(|lag| product(lag) / square).take_while(|rho| *rho > 0.0).sum::<f64>()
-}
-
-/// Below this correlation with what the others say, a channel's sign is reversed.
-const REVERSED: f64 = -0.8;
-/// A delay is told from this size on, s, where it is known; a scale from this deviation on.
-const DELAY: f64 = 0.01;
-const SCALE: f64 = 0.05;
-
-impl Comparison {
-    pub fn reversed(&self) -> bool {
-        self.correlation < REVERSED && self.scale[0] < 0.0
-    }
-
-    /// Its lines of the table.
-    pub fn rows(&self, channel: &str) -> Vec<Row> {
-        let row = |check, value, [low, high]: [f64; 2], unit: &str, verdict, text: String| Row {
-            channel: channel.to_string(),
-            check,
-            value,
-            low,
-            high,
-            unit: unit.to_string(),
-            verdict,
-            text,
-        };
-        let verdict = if self.reversed() { "sign reversed" } else { "good" };
-        let text = format!(
-            "measured against what the other sensors say of it, trend removed: correlation {:.3}, {:.2e} left",
-            self.correlation, self.left
-        );
-        let mut rows = vec![row("sign", self.correlation, [REVERSED, 1.0], "-", verdict, text)];
-        if self.reversed() {
-            return rows;
-        }
-        let [k, sd] = self.scale;
-        if sd < SCALE / 3.0 && matches!(self.which, Which::Output(_)) {
-            let limit = SCALE.max(3.0 * sd);
-            let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
-            let text = format!("measured change per reconstructed change {k:.4} +- {sd:.4}");
-            rows.push(row("scale", k, [1.0 - limit, 1.0 + limit], "-", verdict, text));
-        }
-        let [tau, sd] = self.delay;
-        if sd < DELAY {
-            let limit = DELAY.max(3.0 * sd);
-            let verdict = if tau.abs() <= limit {
-                "good"
-            } else if tau > 0.0 {
-                "late"
-            } else {
-                "early"
-            };
-            let text = format!("measured behind reconstructed by {tau:.4} +- {sd:.4} s");
-            rows.push(row("time skew", tau, [-limit, limit], "s", verdict, text));
-        }
-        rows
-    }
-}
-
-/// Lines about the signal by itself.
-pub fn health_rows(channel: &str, health: &Health) -> Vec<Row> {
-    let row = |check, value, high, unit: &str, verdict, text| Row {
-        channel: channel.to_string(),
-        check,
-        value,
-        low: 0.0,
-        high,
-        unit: unit.to_string(),
-        verdict,
-        text,
-    };
-    let verdict = if health.dead {
-        "dead"
-    } else if health.frozen_s > 0.0 {
-        "frozen"
-    } else {
-        "good"
-    };
-    let text = if health.dead {
-        "the value never changes".to_string()
-    } else {
-        format!("stands still in {} stretches of together {:.1} s", health.frozen.len(), health.frozen_s)
-    };
-    let stops = if health.saturated > 0 { "saturated" } else { "good" };
-    let gaps = if health.gaps > 0 || health.masked > 0 { "gaps" } else { "good" };
-    vec![
-        row("standing still", health.frozen_s, 0.0, "s", verdict, text),
-        row(
-            "stops",
-            health.saturated as f64,
-            0.0,
-            "-",
-            stops,
-            format!("{} samples at the largest or least value", health.saturated),
-        ),
-        row(
-            "gaps",
-            health.longest_gap,
-            5.0 * health.spacing,
-            "s",
-            gaps,
-            format!("{} gaps, the longest {:.2} s; {} samples are not numbers", health.gaps, health.longest_gap, health.masked),
-        ),
-    ]
-}
-
-/// Lines about a channel's innovations; `sd` of its noise as found, `fast` as its fast part alone.
-pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, sd: f64, fast: f64) -> Vec<Row> {
-    let row = |check, value, low, high, unit: &str, verdict, text| Row {
-        channel: channel.to_string(),
-        check,
-        value,
-        low,
-        high,
-        unit: unit.to_string(),
-        verdict,
-        text,
-    };
-    let n = innovation.count as f64;
-    if innovation.count < 50 {
-        return vec![row(
-            "innovation size",
-            f64::NAN,
-            f64::NAN,
-            f64::NAN,
-            "-",
-            "not used",
-            "too few samples were used".to_string(),
-        )];
-    }
-    let size = innovation.square / n;
-    let rho: Vec<f64> = innovation.lagged.iter().map(|c| c / innovation.square).collect();
-    // variance of the mean of squares of a Gaussian sequence with these autocorrelations
-    let wide = (2.0 / n * (1.0 + 2.0 * rho.iter().map(|r| r * r).sum::<f64>())).sqrt();
-    let limit = (3.0 * wide).max(0.1);
-    let verdict = if size > 1.0 + limit {
-        "too large"
-    } else if size < 1.0 - limit {
-        "too small"
-    } else {
-        "good"
-    };
-    let share = innovation.rejected as f64 / (n + innovation.rejected as f64);
-    let band = (1.96 / n.sqrt()).max(0.2);
-    let coloured = if rho[0].abs() > band { "coloured" } else { "good" };
-    let noisy = if sd > 2.0 * fast { "slow errors" } else { "good" };
-    vec![
-        row(
-            "innovation size",
-            size,
-            1.0 - limit,
-            1.0 + limit,
-            "-",
-            verdict,
-            format!("mean square of innovations over their predicted variance, {} samples", innovation.count),
-        ),
-        row("whiteness", rho[0], -band, band, "-", coloured, "correlation of neighbouring innovations".to_string()),
-        row(
-            "rejected",
-            share,
-            0.0,
-            0.01,
-            "-",
-            if share > 0.01 { "outliers" } else { "good" },
-            format!("{} of {} samples rejected", innovation.rejected, innovation.count + innovation.rejected),
-        ),
-        row(
-            "noise",
-            sd,
-            0.0,
-            2.0 * fast,
-            unit,
-            noisy,
-            format!("standard deviation as the path needs it; its fast part {fast:.2e}"),
-        ),
-    ]
 }

@@ -19,10 +19,13 @@
 pub mod consistency;
 mod health;
 mod output_error;
+mod slow;
 mod smoothed;
 pub mod smoother;
+mod survey;
 #[cfg(test)]
 mod tests;
+mod verdicts;
 mod windows;
 
 use indexmap::IndexMap;
@@ -87,6 +90,17 @@ pub struct Settings {
     pub noise_s: f64,
     /// Smoother: most iterations of that; 0 keeps the levels that the signals themselves show.
     pub noise_iterations: usize,
+    /// Smoother: outputs of sensors that may be late (vanes with filters, slow recorders): how late is estimated, as the parameter `tau_<output>`.
+    pub late: Vec<String>,
+    /// Smoother: further sensor errors, by name of the model's parameters, that are estimated only where the data support them: those that
+    /// are less than two standard deviations from their start are held there, the least significant first. Every decision is a row of the
+    /// table `consistency`.
+    pub candidates: Vec<String>,
+    /// Smoother: outputs that depend on the flow of air; they mean nothing while the aircraft stands or rolls slowly.
+    pub air_data: Vec<String>,
+    /// Smoother: slow is a measured airspeed below this share of the flight's usual one (its 90% quantile).
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub slow: f64,
     /// Further sensor errors to estimate, by name of the model's parameters (for example "b_alpha").
     pub free: Vec<String>,
     /// Sensor errors held at their start values.
@@ -109,7 +123,11 @@ impl Default for Settings {
             walk: IndexMap::new(),
             gusts: ["u", "v", "w", "h", "wind_n", "wind_e", "wind_d"].map(String::from).to_vec(),
             noise_s: 480.0,
-            noise_iterations: 8,
+            noise_iterations: 12,
+            late: Vec::new(),
+            candidates: Vec::new(),
+            air_data: ["V", "alpha_vane", "beta_vane"].map(String::from).to_vec(),
+            slow: 0.3,
             free: Vec::new(),
             fixed: Vec::new(),
         }
@@ -131,6 +149,17 @@ pub struct Bias {
     pub sd: Option<f64>,
 }
 
+/// A measured output and what the path says of it, at the same times.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Compared {
+    /// Of the model's outputs.
+    pub output: usize,
+    pub t: Vec<f64>,
+    pub measured: Vec<f64>,
+    /// NaN where there is no path.
+    pub reconstructed: Vec<f64>,
+}
+
 /// A reconstructed flight: the model's outputs on a uniform grid, NaN where there is no path.
 #[derive(Debug, Clone, Default)]
 pub struct FlightPath {
@@ -142,6 +171,8 @@ pub struct FlightPath {
     pub biases: Vec<Bias>,
     /// What each channel shows of itself, and against the others.
     pub checks: Vec<consistency::Row>,
+    /// Measured outputs against the path, a few times a second.
+    pub compared: Vec<Compared>,
     /// How far measurements were from their predictions, per measured output (smoother).
     pub innovations: smoother::Innovations,
     /// What a reader must know: windows without a path and why, sensors that were not there.
@@ -162,7 +193,7 @@ fn signal_of<'s>(settings: &'s Settings, name: &'s str) -> &'s str {
 /// As said.
 pub fn check(model: &Model, settings: &Settings) -> Result<(), Errors> {
     let mut errors = Errors::default();
-    for name in settings.free.iter().chain(&settings.fixed) {
+    for name in settings.free.iter().chain(&settings.fixed).chain(&settings.candidates) {
         if model.parameter(name).is_none() {
             let known: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
             errors.push(
@@ -174,6 +205,9 @@ pub fn check(model: &Model, settings: &Settings) -> Result<(), Errors> {
         if model.state(name).is_none() && model.parameter(name).is_none() {
             errors.push(Error::new(format!("the kinematic model has no state or parameter \"{name}\"")));
         }
+    }
+    for name in settings.late.iter().filter(|name| model.output(name).is_none()) {
+        errors.push(Error::new(format!("the kinematic model has no output \"{name}\" that could be late")));
     }
     for name in settings.signals.keys() {
         if model.input(name).is_none() && model.output(name).is_none() {
@@ -225,15 +259,50 @@ pub fn reconstruct<'a>(
         );
     }
     errors.or(())?;
+    let sensors = ["V", "alpha_vane", "beta_vane", "phi", "theta", "psi"];
+    let missing = |name: &&str| model.output(name).is_some_and(|k| measured.iter().all(|m| m.0 != k));
+    let missing: Vec<&str> = sensors.into_iter().filter(missing).collect();
+    if !missing.is_empty() {
+        notes.push(format!("not measured, so not checked: {}", missing.join(", ")));
+    }
     let grid = common_grid(&driving, settings);
     if grid.n < 2 {
         notes.push("the inputs of the kinematic model have no common time".to_string());
         return Ok(FlightPath { notes, ..Default::default() });
     }
-    Ok(match settings.by {
+    let mut path = match settings.by {
         Method::Windows => output_error::path(model, &driving, &measured, &grid, settings),
         Method::Smoother => smoothed::path(model, &driving, &measured, &grid, settings)?,
-    })
+    };
+    path.notes.splice(0..0, notes);
+    path.compared = measured.iter().map(|(k, t, z)| compared(model, &path, &grid, (*k, t, z))).collect();
+    Ok(path)
+}
+
+/// Time between two compared samples at least, s.
+const COMPARED: f64 = 0.2;
+
+/// Samples of one measured output beside the path, which runs straight between grid points.
+fn compared(model: &Model, path: &FlightPath, grid: &Grid, (output, t, z): (usize, &[f64], &[f64])) -> Compared {
+    let mut out = Compared { output, ..Default::default() };
+    let y = if model.outputs[output].unit == "rad" { unwrap_angle(&path.outputs[output]) } else { path.outputs[output].clone() };
+    let mut next = f64::NEG_INFINITY;
+    let turn = 2.0 * std::f64::consts::PI;
+    for (&t, &z) in t.iter().zip(z).filter(|(_, z)| z.is_finite()) {
+        let at = (t - grid.t0) / grid.dt;
+        if t < next || !(at >= 0.0 && at < grid.n as f64 - 1.0) {
+            continue;
+        }
+        next = t + COMPARED - 1e-6;
+        let k = at as usize;
+        let value = y[k] + (at - k as f64) * (y[k + 1] - y[k]);
+        let whole =
+            if model.outputs[output].unit == "rad" && value.is_finite() { turn * ((z - value) / turn).round() } else { 0.0 };
+        out.t.push(t);
+        out.measured.push(z);
+        out.reconstructed.push(value + whole);
+    }
+    out
 }
 
 /// The uniform grid on which all inputs have values: whole multiples of its spacing.

@@ -4,15 +4,18 @@ use rayon::prelude::*;
 
 use super::consistency::{self, Comparison, Which};
 use super::health;
+use super::slow::slow;
 use super::smoother::backward::Sums;
 use super::smoother::flight::Flight;
 use super::smoother::grid::Outputs;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
 use super::smoother::{Innovations, Nothing, Smoothed, Smoother};
+use super::survey::{Found, LATE, Logged, SIGNIFICANT, Survey, UNKNOWN, survey};
+use super::verdicts;
 use super::{Bias, FlightPath, Series, Settings};
-use crate::error::Result;
-use crate::model::{Model, Parameter, Quantity};
+use crate::error::{Errors, Result};
+use crate::model::{Model, Quantity};
 use crate::signal::resample::Grid;
 
 /// A stretch shorter than this has no path, s.
@@ -23,11 +26,14 @@ const PART: f64 = 60.0;
 const GUST: f64 = 0.05;
 /// Noise levels are good when none changes by more than this share.
 const SETTLED: f64 = 0.03;
+/// Outliers are rejected after so many iterations of the noise levels and once none changes by more than this share; in the last ones always.
+const OPEN: usize = 3;
+const ROUGH: f64 = 0.3;
+/// The first seconds are linearised about their smoothed means: until then sensor errors and states are hardly told apart.
+const FAR: f64 = 120.0;
 /// Standard deviations per second along the path.
 const DEVIATIONS_HZ: f64 = 10.0;
 
-/// Share of the standard deviation at the start above which a state or a parameter counts as not determined.
-const UNKNOWN: f64 = 0.3;
 /// Channels with a reversed sign that are looked for, one after the other.
 const REVERSED: usize = 3;
 
@@ -38,6 +44,7 @@ struct Work<'a> {
     smoother: Smoother<'a>,
     stretches: Vec<[f64; 2]>,
     path: FlightPath,
+    found: Found,
 }
 
 /// The path on `grid` from the driving signals (one per input of the model) and the measured outputs.
@@ -50,10 +57,8 @@ pub fn path(
     measured: &[(usize, Vec<f64>, Vec<f64>)],
     grid: &Grid,
     settings: &Settings,
-) -> Result<FlightPath> {
-    let free = |p: &Parameter| (!p.fixed || settings.free.contains(&p.quantity.name)) && !settings.fixed.contains(&p.quantity.name);
-    let free = (0..model.parameters.len()).filter(|&i| free(&model.parameters[i])).collect();
-    let kinematics = Kinematics::new(model, free)?;
+) -> std::result::Result<FlightPath, Errors> {
+    let model = &model.with_lateness(&settings.late, LATE)?;
     let mut path = FlightPath { t: grid.times(), ..Default::default() };
     let nothing = Outputs::empty(model.outputs.len(), 0, grid.n);
     (path.outputs, path.sd) = (nothing.value, nothing.sd);
@@ -66,12 +71,32 @@ pub fn path(
         return Ok(path);
     }
     let driving: Vec<Series> = driving.iter().map(|(t, y)| (&t[..], &y[..])).collect();
-    let measured: Vec<(usize, Series)> = measured.iter().zip(&outputs).map(|(m, (t, z))| (m.0, (&t[..], &z[..]))).collect();
-    let flight = Flight::new(&kinematics, &driving, &measured, settings.smooth_s);
+    let mut measured: Vec<Logged> = measured.iter().zip(outputs).map(|(m, (t, z))| Logged { output: m.0, t, z }).collect();
+    slow(model, &mut measured, settings, &mut path);
+    let mut found = Found::default();
+    if !(settings.late.is_empty() && settings.candidates.is_empty() && settings.free.is_empty()) {
+        found = survey(model, &driving, &measured, settings)?;
+    }
+    let kinematics = Kinematics::new(model, found.free(model, settings))?;
+    let flight = found.flight(&kinematics, &driving, &measured, settings);
     let smoother = Smoother::new(&kinematics, &flight, settings.gate);
-    let stretches: Vec<[f64; 2]> = flight.stretches(settings.coast_s).into_iter().filter(|s| s[1] - s[0] >= SHORTEST).collect();
+    let stretches = stretches(&flight, settings);
     path.windows = stretches.len();
-    Work { settings, kinematics: &kinematics, smoother, stretches, path }.run(grid)
+    Ok(Work { settings, kinematics: &kinematics, smoother, stretches, path, found }.run(grid)?)
+}
+
+/// Times with a path, each long enough.
+pub fn stretches(flight: &Flight, settings: &Settings) -> Vec<[f64; 2]> {
+    flight.stretches(settings.coast_s).into_iter().filter(|s| s[1] - s[0] >= SHORTEST).collect()
+}
+
+/// First noise levels, and the places of what gusts disturb.
+pub fn guess(kinematics: &Kinematics, flight: &Flight, settings: &Settings) -> (Levels, Vec<usize>) {
+    let mut guess = Levels::guess(kinematics, flight, &settings.walk);
+    let gusts = settings.gusts.iter().filter(|name| !settings.walk.contains_key(*name));
+    let gusts: Vec<usize> = gusts.filter_map(|name| kinematics.place(name)).collect();
+    gusts.iter().for_each(|&i| guess.walk[i] = GUST * GUST);
+    (guess, gusts)
 }
 
 /// Whether an input is a rate or a specific force: those are never still. A temperature may be one number for a whole flight.
@@ -89,7 +114,7 @@ fn well<'n>(names: impl Iterator<Item = (&'n Quantity, bool)>, series: &[Series]
     for ((quantity, moves), (t, y)) in names.zip(series) {
         let (name, mut y) = (&quantity.name, y.to_vec());
         let health = health::health(t, &y);
-        path.checks.extend(consistency::health_rows(name, &health));
+        path.checks.extend(verdicts::health_rows(name, &health));
         if moves && health.dead {
             y.fill(f64::NAN);
             good = false;
@@ -109,34 +134,46 @@ fn well<'n>(names: impl Iterator<Item = (&'n Quantity, bool)>, series: &[Series]
 impl Work<'_> {
     fn run(mut self, grid: &Grid) -> Result<FlightPath> {
         let flight = self.smoother.flight;
-        let mut guess = Levels::guess(self.kinematics, flight, &self.settings.walk);
-        let gusts = self.settings.gusts.iter().filter(|name| !self.settings.walk.contains_key(*name));
-        let gusts: Vec<usize> = gusts.filter_map(|name| self.kinematics.place(name)).collect();
-        gusts.iter().for_each(|&i| guess.walk[i] = GUST * GUST);
-        let (out, compared) = self.reversed(&guess);
-        for comparison in &compared {
-            let name = self.name(comparison.which);
-            self.path.checks.extend(comparison.rows(&name));
-        }
+        let (mut guess, gusts) = guess(self.kinematics, flight, self.settings);
+        let (out, mut compared) = self.reversed(&guess);
+        let culprits = compared.split_off(compared.len() - out.len());
         for &which in &out {
             match which {
                 Which::Output(k) => guess.r[k] = f64::INFINITY,
                 Which::Input(_) => {
                     self.path.notes.push("no flight path: an input of the kinematic model has its sign reversed".to_string());
+                    self.rows(&[compared, culprits].concat());
                     return Ok(self.finish());
                 }
             }
         }
-        let levels = levels(&self.smoother, &self.stretches, &guess, &gusts, self.settings);
-        self.smooth(grid, &levels);
+        let levels = levels(&self.smoother, &self.stretches, &guess, &gusts, &self.found, self.settings);
+        let errors = self.smooth(grid, &levels);
+        if errors.values.is_empty() {
+            self.rows(&[compared, culprits].concat());
+        } else {
+            // again, with the noise levels and the sensor errors that the whole flight knows
+            let mut sharp = levels.clone();
+            errors.narrow(self.kinematics, &mut sharp);
+            let known = errors.known(self.kinematics);
+            let compared = consistency::compare(&self.smoother, &sharp, &self.stretches, &out, Some(&known));
+            self.rows(&[compared, culprits].concat());
+        }
         let first = Levels::guess(self.kinematics, flight, &self.settings.walk);
         for (k, channel) in flight.channels.iter().enumerate().filter(|(k, _)| levels.r[*k].is_finite()) {
             let quantity = &self.kinematics.model.outputs[channel.output];
             let innovation = &self.path.innovations.channels[k];
             let (sd, fast) = (levels.r[k].sqrt(), first.r[k].sqrt());
-            self.path.checks.extend(consistency::innovation_rows(&quantity.name, &quantity.unit, innovation, sd, fast));
+            self.path.checks.extend(verdicts::innovation_rows(&quantity.name, &quantity.unit, innovation, sd, fast));
         }
         Ok(self.finish())
+    }
+
+    fn rows(&mut self, compared: &[Comparison]) {
+        for comparison in compared {
+            let name = self.name(comparison.which);
+            self.path.checks.extend(comparison.rows(&name));
+        }
     }
 
     /// The rows in the order of channels and checks.
@@ -154,13 +191,13 @@ impl Work<'_> {
         }
     }
 
-    /// Channels whose sign is reversed, and the comparisons of all without them. Where several may be the culprit (a rate and its angle
+    /// Channels whose sign is reversed, and the comparisons of all without them, theirs last. Where several may be the culprit (a rate and its angle
     /// contradict each other), it is the one without which the others fit together best.
     fn reversed(&mut self, levels: &Levels) -> (Vec<Which>, Vec<Comparison>) {
         let mut out: Vec<Which> = Vec::new();
         let mut culprits: Vec<Comparison> = Vec::new();
         loop {
-            let mut compared = consistency::compare(&self.smoother, levels, &self.stretches, &out);
+            let mut compared = consistency::compare(&self.smoother, levels, &self.stretches, &out, None);
             let suspects: Vec<Comparison> = compared.iter().copied().filter(Comparison::reversed).collect();
             let Some(&first) = suspects.first().filter(|_| out.len() < REVERSED) else {
                 compared.extend(culprits);
@@ -182,30 +219,44 @@ impl Work<'_> {
         }
     }
 
-    /// The path itself.
-    fn smooth(&mut self, grid: &Grid, levels: &Levels) {
+    /// The path itself; the sensor errors of its longest stretch.
+    fn smooth(&mut self, grid: &Grid, levels: &Levels) -> Found {
+        let (mut errors, mut longest) = (Found::default(), 0.0);
         let (kinematics, flight, model) = (self.kinematics, self.smoother.flight, self.kinematics.model);
         let mut out = Outputs::empty(model.outputs.len(), kinematics.size(), grid.n);
         let every = (self.settings.rate_hz / DEVIATIONS_HZ).round().max(1.0) as usize;
         let mut innovations = Innovations::new(flight.channels.len());
         for (number, stretch) in self.stretches.clone().into_iter().enumerate() {
             let x = self.smoother.begin(levels, stretch, None);
-            let smoothed = self.smoother.path(levels, stretch, &x, (*grid, every), &mut innovations, &mut out);
+            // scales and delays are products with states all along; otherwise only the start is far from linear
+            let far = if self.found.passes > 0 { stretch[1] } else { stretch[1].min(stretch[0] + FAR) };
+            let mut about = self.smoother.iterated(levels, [stretch[0], far], &x, self.found.passes.max(1));
+            if far < stretch[1] {
+                // the last step there ends where no other run has a node
+                about.as_mut().map(|means| means.truncate(means.len().saturating_sub(2 * kinematics.size())));
+            }
+            let smoothed = self.smoother.path(about.as_deref(), levels, stretch, &x, (*grid, every), &mut innovations, &mut out);
             if !smoothed.finite {
                 self.path.failed += 1;
                 let [from, to] = stretch;
                 self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: the filter does not stay finite"));
                 continue;
             }
-            self.path.biases.extend(biases(kinematics, &smoothed, number, stretch));
+            self.path.biases.extend(biases(kinematics, &self.found, &smoothed, number, stretch));
             self.parameters(levels, &smoothed, number);
+            if stretch[1] - stretch[0] > longest {
+                longest = stretch[1] - stretch[0];
+                errors.values = Survey::of(kinematics, levels, &smoothed).values();
+            }
         }
         for pair in self.stretches.windows(2) {
             let [from, to] = [pair[0][1], pair[1][0]];
             self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: an input has a gap"));
         }
+        self.held();
         self.undetermined(levels, &mut out);
         (self.path.outputs, self.path.sd, self.path.innovations) = (out.value, out.sd, innovations);
+        errors
     }
 
     /// Lines about the sensor errors: what the data say of them.
@@ -214,22 +265,45 @@ impl Work<'_> {
         let m = smoothed.p.len() / n.max(1);
         for (k, &i) in self.kinematics.free.iter().enumerate() {
             let parameter = &self.kinematics.model.parameters[i];
-            let (value, sd) = (smoothed.x[nx + k], smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt());
+            let (value, sd) = (
+                smoothed.x[nx + k] + self.found.offset(self.kinematics.model, i),
+                smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt(),
+            );
             let known = sd < UNKNOWN * levels.start_sd[nx + k];
             let text = format!("{} {value:.4e} +- {sd:.1e}, stretch {stretch}", parameter.quantity.doc);
             self.path.checks.push(consistency::Row {
                 channel: parameter.quantity.name.clone(),
                 check: "sensor error",
                 value,
-                low: parameter.start - 2.0 * sd,
-                high: parameter.start + 2.0 * sd,
+                low: parameter.start - SIGNIFICANT * sd,
+                high: parameter.start + SIGNIFICANT * sd,
                 unit: parameter.quantity.unit.clone(),
-                verdict: match (known, (value - parameter.start).abs() > 2.0 * sd) {
+                verdict: match (known, (value - parameter.start).abs() > SIGNIFICANT * sd) {
                     (false, _) => "not observable",
                     (true, true) => "significant",
                     (true, false) => "not significant",
                 },
                 text,
+            });
+        }
+    }
+
+    /// Lines about the sensor errors that were held because the data do not support them.
+    fn held(&mut self) {
+        for held in &self.found.held {
+            let parameter = &self.kinematics.model.parameters[held.parameter];
+            self.path.checks.push(consistency::Row {
+                channel: parameter.quantity.name.clone(),
+                check: "sensor error",
+                value: held.value,
+                low: parameter.start - SIGNIFICANT * held.sd,
+                high: parameter.start + SIGNIFICANT * held.sd,
+                unit: parameter.quantity.unit.clone(),
+                verdict: if held.known { "not significant" } else { "not observable" },
+                text: format!(
+                    "{} {:.4e} +- {:.1e} if it were estimated: held at {}",
+                    parameter.quantity.doc, held.value, held.sd, parameter.start
+                ),
             });
         }
     }
@@ -255,22 +329,40 @@ impl Work<'_> {
 }
 
 /// Noise levels of the flight, from a first guess.
-fn levels(smoother: &Smoother, stretches: &[[f64; 2]], first: &Levels, gusts: &[usize], settings: &Settings) -> Levels {
+pub fn levels(
+    smoother: &Smoother,
+    stretches: &[[f64; 2]],
+    first: &Levels,
+    gusts: &[usize],
+    found: &Found,
+    settings: &Settings,
+) -> Levels {
     let mut levels = first.clone();
+    let start_sd = found.narrow(smoother.kinematics, &mut levels);
+    let known = start_sd.as_ref().map(|_| found.known(smoother.kinematics));
     let parts = parts(stretches, settings.noise_s);
-    let mut starts: Vec<Vec<f64>> = parts.par_iter().map(|&part| smoother.begin(&levels, part, None)).collect();
-    for _ in 0..settings.noise_iterations {
+    let mut starts: Vec<Vec<f64>> = parts.par_iter().map(|&part| smoother.begin(&levels, part, known.as_deref())).collect();
+    let all = smoother.with_gate(f64::INFINITY);
+    let mut change = f64::INFINITY;
+    for iteration in 0..settings.noise_iterations {
+        // levels that begin far too small would have everything rejected that says so
+        let open = (iteration < OPEN || change > ROUGH) && iteration + OPEN < settings.noise_iterations;
+        let with = if open { &all } else { smoother };
         let runs: Vec<Smoothed> =
-            parts.par_iter().zip(&starts).map(|(&part, x)| smoother.run(&levels, part, x, &mut (), &mut Nothing)).collect();
+            parts.par_iter().zip(&starts).map(|(&part, x)| with.run(&levels, part, x, &mut (), &mut Nothing)).collect();
         let mut sums: Option<Sums> = None;
         for (run, start) in runs.into_iter().zip(&mut starts).filter(|(run, _)| run.finite) {
             sums.get_or_insert_with(|| run.sums.zero()).add(&run.sums);
             *start = run.x;
         }
         let Some(sums) = sums else { break };
-        if levels.improve(first, &sums, gusts) < SETTLED {
+        change = levels.improve(first, &sums, gusts);
+        if change < SETTLED && !open {
             break;
         }
+    }
+    if let Some(start_sd) = start_sd {
+        levels.start_sd = start_sd;
     }
     levels
 }
@@ -292,7 +384,7 @@ fn parts(stretches: &[[f64; 2]], total: f64) -> Vec<[f64; 2]> {
 }
 
 /// The smoothed parameters of a stretch.
-fn biases(kinematics: &Kinematics, smoothed: &Smoothed, window: usize, [t_start_s, t_end_s]: [f64; 2]) -> Vec<Bias> {
+fn biases(kinematics: &Kinematics, found: &Found, smoothed: &Smoothed, window: usize, [t_start_s, t_end_s]: [f64; 2]) -> Vec<Bias> {
     let (nx, n) = (kinematics.states(), kinematics.size());
     let m = smoothed.p.len() / n.max(1);
     let row = |(k, &i): (usize, &usize)| {
@@ -304,7 +396,7 @@ fn biases(kinematics: &Kinematics, smoothed: &Smoothed, window: usize, [t_start_
             t_end_s,
             parameter: quantity.name.clone(),
             unit: quantity.unit.clone(),
-            value: smoothed.x[at],
+            value: smoothed.x[at] + found.offset(kinematics.model, i),
             sd: Some(smoothed.p[at * m + at].max(0.0).sqrt()),
         }
     };

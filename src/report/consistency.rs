@@ -6,10 +6,11 @@ use super::format::{count, number};
 use super::grid::{Cell, Grid, Level};
 
 /// Checks with a column of their own, and its heading.
-const SHOWN: [(&str, &str); 7] = [
+const SHOWN: [(&str, &str); 8] = [
     ("sign", "#correlation with the others"),
     ("scale", "#scale"),
     ("time skew", "#behind by|s"),
+    ("clock", "#its change|s"),
     ("innovation size", "#innovations² / predicted"),
     ("whiteness", "#their correlation"),
     ("rejected", "#share rejected"),

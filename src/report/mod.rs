@@ -14,6 +14,7 @@ mod grid;
 mod lines;
 mod logs;
 mod maneuvers;
+mod paths;
 mod uncertainty;
 
 use crate::error::{Error, Result};
@@ -68,6 +69,7 @@ struct Data<'a> {
     overview: Vec<flights::Flight>,
     profiles: Vec<uncertainty::ProfilePlot>,
     overlays: Vec<diagnosis::Overlay>,
+    paths: Vec<paths::PathPlot>,
 }
 
 /// What the template is filled with.
@@ -89,6 +91,8 @@ struct Page<'a> {
     segments: Grid,
     channels: Grid,
     consistency: Grid,
+    /// There are measured channels to be drawn beside the flight path.
+    compared: bool,
     biases: Grid,
     notes: Grid,
     provenance: Grid,
@@ -107,7 +111,7 @@ struct Heading {
 }
 
 /// The tables a page is made from.
-pub const TABLES: [&str; 26] = [
+pub const TABLES: [&str; 27] = [
     "segments",
     "estimates",
     "correlations",
@@ -122,6 +126,7 @@ pub const TABLES: [&str; 26] = [
     "points",
     "samples",
     "flightpath",
+    "pathmatch",
     "channels",
     "biases",
     "consistency",
@@ -191,7 +196,10 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         responses: get("responses"),
         matches: &matches,
     };
-    let data = json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights, profiles, overlays })?;
+    let paths = paths::paths(get("pathmatch"));
+    let compared = !paths.is_empty();
+    let data =
+        json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights, profiles, overlays, paths })?;
     render(&Page {
         title: &input.title,
         subtitle: &input.subtitle,
@@ -209,6 +217,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         segments: flights::segments(get("segments")),
         channels: logs::channels(get("channels")),
         consistency: consistency::table(get("consistency")),
+        compared,
         biases: logs::biases(get("biases")),
         notes: logs::notes(get("notes")),
         provenance: provenance(&input.provenance),

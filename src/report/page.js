@@ -101,19 +101,25 @@
     return { type: "rect", xref: "x", yref: "paper", x0: from, x1: to, y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: ok ? "rgba(0,114,178,0.13)" : "rgba(150,150,150,0.20)" };
   }
 
+  // Measured against the other one, and what is left, for every output.
+  function pairs(outputs, other) {
+    const t = theme(), rows = [];
+    outputs.forEach((o, i) => {
+      const residual = o.measured.map((z, k) => (z === null || o.modelled[k] === null ? null : z - o.modelled[k]));
+      rows.push({ title: withUnit(o.name, o.unit), height: outputs.length > 3 ? 130 : 200, traces: [
+        { x: o.t, y: o.measured, name: "measured", legendgroup: "measured", showlegend: i === 0, line: { color: t.measured, width: 1.6 } },
+        { x: o.t, y: o.modelled, name: other, legendgroup: "modelled", showlegend: i === 0, line: { color: t.model, width: 1.6, dash: "5px,2px" } },
+      ] });
+      rows.push({ title: "residual", height: 70, residual: true, traces: [{ x: o.t, y: residual, name: "residual", showlegend: false, line: { color: t.soft, width: 1 } }] });
+    });
+    return rows;
+  }
+
   let maneuver = 0;
   function drawManeuver() {
     const m = data.maneuvers[maneuver], element = byId("maneuver-plot");
     if (!m || !element) return;
-    const t = theme(), rows = [];
-    m.outputs.forEach((o, i) => {
-      const residual = o.measured.map((z, k) => (z === null || o.modelled[k] === null ? null : z - o.modelled[k]));
-      rows.push({ title: withUnit(o.name, o.unit), height: m.outputs.length > 3 ? 130 : 200, traces: [
-        { x: o.t, y: o.measured, name: "measured", legendgroup: "measured", showlegend: i === 0, line: { color: t.measured, width: 1.6 } },
-        { x: o.t, y: o.modelled, name: "modelled", legendgroup: "modelled", showlegend: i === 0, line: { color: t.model, width: 1.6, dash: "5px,2px" } },
-      ] });
-      rows.push({ title: "residual", height: 70, residual: true, traces: [{ x: o.t, y: residual, name: "residual", showlegend: false, line: { color: t.soft, width: 1 } }] });
-    });
+    const t = theme(), rows = pairs(m.outputs, "modelled");
     m.inputs.forEach((u) => rows.push({ title: withUnit(u.name, u.unit), height: 80, traces: [{ x: u.t, y: u.value, name: escape(u.name), showlegend: false, line: { color: t.ink, width: 1.1 } }] }));
     if (rows.length === 0) { Plotly.purge(element); element.textContent = "No time history for this maneuver."; return; }
     stack(element, rows, "time in flight [s]", [shade(m.start, m.end, true)].filter((s) => s.x0 !== null), []);
@@ -173,12 +179,21 @@
   }
   if (byId("flight-select")) fill(byId("flight-select"), data.overview.map((f) => f.flight), (i) => { flight = i; drawFlight(); });
 
+  // ---- measured channels beside the reconstructed path ----
+  let path = 0;
+  function drawPath() {
+    const p = data.paths[path], element = byId("path-plot");
+    if (p && element) stack(element, pairs(p.channels, "reconstructed"), "time [s]", [], []);
+  }
+  if (byId("path-select")) fill(byId("path-select"), data.paths.map((p) => p.flight), (i) => { path = i; drawPath(); });
+
   function drawAll() {
     drawLines();
     drawProfiles();
     drawManeuver();
     drawOverlay();
     drawFlight();
+    drawPath();
   }
   dark.addEventListener("change", drawAll);
   window.addEventListener("beforeprint", () => { printing = true; drawAll(); });

@@ -48,7 +48,11 @@ fn default_gap() -> f64 {
 }
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
-    campaign.derive.slice(&campaign.channels)
+    let mut slice = campaign.derive.slice(&campaign.channels);
+    if let (Some(entries), Some(reconstruct)) = (slice.as_object_mut(), &campaign.reconstruct) {
+        entries.insert("path".into(), reconstruct.model.outputs.iter().map(|o| o.name.as_str()).collect());
+    }
+    slice
 }
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
@@ -104,8 +108,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             Column { unit: campaign.channels.unit(name), doc: campaign.channels.doc(name).to_string(), values },
         );
     }
-    if let Some(path) = path {
-        add_flight_path(path, &grid, config.settings.max_gap, &mut columns)?;
+    if let (Some(path), Some(reconstruct)) = (path, &campaign.reconstruct) {
+        add_flight_path(path, &reconstruct.model, &grid, config.settings.max_gap, &mut columns)?;
     }
     if let Some(model) = &config.model {
         add_model(model, &config.inputs, &grid, &mut columns)?;
@@ -118,11 +122,16 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     Ok(Output { tables: vec![("samples", table.finish()?)], files: Vec::new(), notes })
 }
 
-/// Adds the reconstructed columns; one with the name of a signal takes its place, as the better knowledge of the same thing.
-fn add_flight_path(path: &Table, grid: &Grid, max_gap: f64, columns: &mut IndexMap<String, Column>) -> Result<()> {
+/// Adds the reconstructed columns that the kinematic model has; one with the name of a signal takes its place, as the better knowledge of the same thing.
+fn add_flight_path(
+    path: &Table,
+    kinematics: &Model,
+    grid: &Grid,
+    max_gap: f64,
+    columns: &mut IndexMap<String, Column>,
+) -> Result<()> {
     let t = path.f64("t_s")?;
-    let is_signal = |name: &str| !["flight", "t_s"].contains(&name) && !name.ends_with("_sd");
-    for column in path.columns().iter().filter(|c| is_signal(&c.name)) {
+    for column in path.columns().iter().filter(|c| kinematics.output(&c.name).is_some()) {
         let values = linear(t, path.f64(&column.name)?, grid, max_gap * spacing(t));
         columns.insert(column.name.clone(), Column { unit: column.unit.clone(), doc: column.doc.clone(), values });
     }

@@ -3,7 +3,7 @@
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
 use crate::config::Doc;
 use crate::error::Errors;
-use crate::model::{Constants, Model};
+use crate::model::{Constants, Model, Quantity};
 use crate::reconstruct::{self, FlightPath};
 use crate::table::Table;
 use crate::units;
@@ -17,7 +17,7 @@ pub const STAGE: Stage = Stage {
     about: "reconstruct the flight path",
     per: Per::Flight,
     wanted: |campaign| campaign.reconstruct.is_some(),
-    writes: &["flightpath", "biases", "consistency"],
+    writes: &["flightpath", "biases", "consistency", "pathmatch"],
     reads: |_, unit| Read::flight(&["signals"], &unit.name),
     reads_log: false,
     slice,
@@ -30,6 +30,8 @@ pub const STAGE: Stage = Stage {
 pub struct Settings {
     /// The embedded kinematic model that is used; by default "kinematics".
     pub fragment: Option<String>,
+    /// A kinematic model file beside the pipeline file instead; it can be put together from the embedded fragments `path_*`.
+    pub model: Option<String>,
     /// How the path is found.
     pub method: reconstruct::Settings,
 }
@@ -42,13 +44,22 @@ pub struct Config {
 }
 
 impl Config {
-    /// Checks the settings against the aircraft's constants and the units of the signals.
+    /// Checks the settings against the aircraft's constants and the units of the signals; `file` is the model they name, where they name one.
     ///
     /// # Errors
     /// Every mistake: of the model, of names, of units.
-    pub fn new(settings: Settings, constants: &Constants, signals: &IndexMap<String, String>, doc: &Doc) -> Result<Config, Errors> {
+    pub fn new(
+        settings: Settings,
+        file: Option<Model>,
+        constants: &Constants,
+        signals: &IndexMap<String, String>,
+        doc: &Doc,
+    ) -> Result<Config, Errors> {
         let name = settings.fragment.as_deref().unwrap_or("kinematics");
-        let model = Model::embedded(name, constants)?;
+        let model = match file {
+            Some(model) => model,
+            None => Model::embedded(name, constants)?,
+        };
         let mut errors = Errors::default();
         errors.take(reconstruct::check(&model, &settings.method));
         let signal = |quantity: &str| settings.method.signals.get(quantity).map_or(quantity.to_string(), String::clone);
@@ -115,6 +126,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         ("flightpath", flightpath(&unit.name, &config.model, &path)?),
         ("biases", biases(&unit.name, &path)?),
         ("consistency", consistency(&unit.name, &path)?),
+        ("pathmatch", pathmatch(&unit.name, &config.model, &path)?),
     ];
     Ok(Output { tables, files: Vec::new(), notes })
 }
@@ -162,5 +174,20 @@ fn consistency(flight: &str, path: &FlightPath) -> crate::error::Result<Table> {
         .strings("unit", rows.iter().map(|r| &r.unit))
         .strings("verdict", rows.iter().map(|r| r.verdict))
         .strings("text", rows.iter().map(|r| &r.text))
+        .finish()
+}
+
+fn pathmatch(flight: &str, model: &Model, path: &FlightPath) -> crate::error::Result<Table> {
+    let mut compared: Vec<_> = path.compared.iter().map(|c| (&model.outputs[c.output], c)).collect();
+    compared.sort_by(|a, b| a.0.name.cmp(&b.0.name));
+    let numbers = |f: fn(&reconstruct::Compared) -> &Vec<f64>| compared.iter().flat_map(|c| f(c.1)).copied().collect::<Vec<_>>();
+    let texts = |f: fn(&Quantity) -> &String| compared.iter().flat_map(move |c| c.1.t.iter().map(move |_| f(c.0)));
+    Table::build("pathmatch")
+        .repeat("flight", flight)
+        .strings("channel", texts(|q| &q.name))
+        .strings("unit", texts(|q| &q.unit))
+        .f64("t_s", numbers(|c| &c.t))
+        .f64("measured", numbers(|c| &c.measured))
+        .f64("reconstructed", numbers(|c| &c.reconstructed))
         .finish()
 }

@@ -16,6 +16,7 @@ const FILES: &[(&str, &str)] = &[
     ("flightpath", include_str!("../../schemas/tables/flightpath.json")),
     ("biases", include_str!("../../schemas/tables/biases.json")),
     ("consistency", include_str!("../../schemas/tables/consistency.json")),
+    ("pathmatch", include_str!("../../schemas/tables/pathmatch.json")),
     ("samples", include_str!("../../schemas/tables/samples.json")),
     ("segments", include_str!("../../schemas/tables/segments.json")),
     ("conditions", include_str!("../../schemas/tables/conditions.json")),

@@ -102,3 +102,81 @@ fn the_tail_sees_downwash_and_its_own_motion() {
     let at = evaluate(TAIL, &motion(0.0, 0.0), &names);
     assert!(at.iter().all(|v| v.is_finite()) && at[3] == 0.0, "{at:?}");
 }
+
+/// What a kinematic model without measurements gives at one point: outputs by name.
+fn kinematic(text: &str, inputs: &[(&str, f64)], outputs: &[&str]) -> Vec<f64> {
+    let given = |name: &str, unit: &str| {
+        (name.to_string(), koehler::model::Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into() })
+    };
+    let places = ["y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"];
+    let constants = places.iter().map(|name| given(name, "m")).chain([given("upwash", "-")]).collect();
+    let model = Model::parse("path", text, &Constants(constants)).unwrap_or_else(|e| panic!("{e}"));
+    let plan = Plan::new(&model, Directions::default()).expect("a plan");
+    let value = |name: &str| inputs.iter().find(|i| i.0 == name).map_or(0.0, |i| i.1);
+    // two samples, so that inputs have slopes
+    let row: Vec<f64> = model.inputs.iter().map(|i| value(&i.name)).collect();
+    let later: Vec<f64> = model.inputs.iter().zip(&row).map(|(i, x)| x + 0.01 * value(&format!("{}'", i.name))).collect();
+    let record = Record { dt: 0.01, n: 2, inputs: [row, later].concat(), start: 0, ..Default::default() };
+    let starts: Vec<f64> = model.states.iter().map(|s| value(&s.quantity.name)).collect();
+    let states = (0..model.states.len()).collect();
+    let plan = if starts.is_empty() {
+        plan
+    } else {
+        Plan::new(&model, Directions { parameters: Vec::new(), starts: states }).expect("a plan")
+    };
+    let run = plan.run(&model.parameter_starts(), &starts, &record, false);
+    outputs.iter().map(|name| run.y[model.output(name).expect("an output")]).collect()
+}
+
+const PATH: &str = r#"
+title = "path"
+use = ["path_imu", "path_air", "path_euler", "path_altitude", "EARTH", "path_vanes", "path_outputs"]
+[inputs]
+temperature = "K"
+CG
+[constants]
+x_imu = { unit = "m", value = 2.0 }
+NONE
+y_cg = { unit = "m", value = 0.0 }
+z_cg = { unit = "m", value = 0.0 }
+[equations]
+T_air = "temperature"
+LATITUDE
+[outputs]
+p_horizon = { unit = "rad/s", value = "p_att" }
+q_horizon = { unit = "rad/s", value = "q_att" }
+r_horizon = { unit = "rad/s", value = "r_att" }
+g_here    = { unit = "m/s^2", value = "g_here" }
+"#;
+
+#[test]
+fn the_centre_of_gravity_moves_where_the_model_says_so() {
+    let text =
+        PATH.replace("EARTH", "path_flat_earth").replace("CG", "fuel = \"kg\"").replace("LATITUDE", "x_cg = \"0.5*shift*fuel\"");
+    let text = text.replace("NONE", "shift = { unit = \"m/kg\", value = 0.002 }");
+    let at = [("q_imu", 0.2), ("q_imu'", 1.5), ("az_imu", -12.0), ("ax_imu", 1.0), ("u", 100.0), ("temperature", 280.0)];
+    for fuel in [0.0, 700.0] {
+        let got = kinematic(&text, &[&at[..], &[("fuel", fuel)]].concat(), &["ax", "az"]);
+        // the sensor is ahead of the centre of gravity by this: centripetal along x, the nose's rise along -z
+        let arm = 2.0 - 0.001 * fuel;
+        close("ax", got[0], 1.0 + arm * 0.04, 1e-9);
+        close("az", got[1], -12.0 + arm * 1.5, 1e-6);
+    }
+}
+
+#[test]
+fn truth_gyros_of_level_flight_over_a_turning_round_earth_do_not_tilt_the_horizon() {
+    let text =
+        PATH.replace("EARTH", "path_round_earth").replace("CG", "").replace("LATITUDE", "latitude = \"atan(1/sqrt(lat_2))\"");
+    let text = text.replace("NONE", "lat_2 = { unit = \"-\", value = 3.0 }\nx_cg = { unit = \"m\", value = 0.0 }");
+    // 30 deg north, eastward at 200 m/s and 11 km: what gyros of an aircraft see that stays level on its parallel
+    let (lat, radius, omega) = (std::f64::consts::FRAC_PI_6, 6371000.0 + 11000.0, 7.292115e-5);
+    let (north, down) = (omega * lat.cos() + 200.0 / radius, -omega * lat.sin() - 200.0 * lat.tan() / radius);
+    let (speed, heading) = (("u", 200.0), ("psi", std::f64::consts::FRAC_PI_2));
+    let at = [speed, heading, ("h", 11000.0), ("temperature", 216.65), ("p_imu", 0.0), ("q_imu", -north), ("r_imu", down)];
+    let got = kinematic(&text, &at, &["p_horizon", "q_horizon", "r_horizon", "g_here"]);
+    for (name, rate) in ["roll", "pitch", "yaw"].iter().zip(&got) {
+        assert!(rate.abs() < 1e-17, "{name} {rate}");
+    }
+    close("free fall", got[3], 9.80665 * (6371.0f64 / 6382.0).powi(2), 1e-12);
+}

@@ -3,10 +3,11 @@
 use koehler::{config, pipeline};
 
 #[test]
-fn the_pipeline_files_of_the_page_are_read() {
-    let page = include_str!("../../docs/pipeline.md");
-    let examples: Vec<&str> = page.split("```toml\n").skip(1).filter_map(|b| b.split("```").next()).collect();
-    assert!(examples.len() >= 6);
+fn the_pipeline_files_of_the_pages_are_read() {
+    let pages = [include_str!("../../docs/pipeline.md"), include_str!("../../docs/flight-path.md")];
+    let examples: Vec<&str> =
+        pages.iter().flat_map(|page| page.split("```toml\n").skip(1)).filter_map(|b| b.split("```").next()).collect();
+    assert!(examples.len() >= 7);
     for text in examples {
         let (settings, _) = config::parse::<pipeline::Settings>("pipeline.md", text).unwrap_or_else(|e| panic!("{e}\n{text}"));
         assert!(!settings.title.is_empty());

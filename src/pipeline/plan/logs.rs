@@ -50,12 +50,22 @@ pub fn find(settings: &Settings, doc: &Doc, folder: &Path, simulation: Option<&S
 
 /// The logs that one pattern stands for, simulated ones included.
 fn matches(doc: &Doc, key: &str, folder: &Path, pattern: &str, to_simulate: &[(String, PathBuf)]) -> Result<Vec<PathBuf>, Error> {
+    let (folder, pattern) = match pattern.strip_prefix('$').and_then(|rest| rest.split_once('/')) {
+        None => (folder.to_path_buf(), pattern),
+        Some((name, tail)) => match std::env::var_os(name) {
+            Some(root) => (PathBuf::from(root), tail),
+            None => {
+                let error = doc.error(key, format!("\"{pattern}\": ${name} is not set"));
+                return Err(error.help(format!("set {name} to the folder that holds {tail}")));
+            }
+        },
+    };
     let full = folder.join(pattern);
     let text = full.to_string_lossy().into_owned();
     let is_pattern = pattern.contains(['*', '?', '[']);
     let bad = |e: &dyn std::fmt::Display| doc.error(key, format!("\"{pattern}\" cannot be looked up: {e}"));
     // The folder itself may contain characters that mean something in a pattern.
-    let escaped = format!("{}{}", folder_pattern(folder), pattern);
+    let escaped = format!("{}{}", folder_pattern(&folder), pattern);
     let compiled = glob::Pattern::new(&escaped).map_err(|e| bad(&e))?;
     let mut paths: Vec<PathBuf> = if is_pattern {
         glob::glob(&escaped).map_err(|e| bad(&e))?.collect::<Result<_, _>>().map_err(|e| bad(&e))?

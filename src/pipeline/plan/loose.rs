@@ -28,9 +28,10 @@ pub fn mistakes(pipeline: &Path) -> Errors {
     if let Some(path) = file(table.get("simulate")) {
         errors.take(simulate::Campaign::load(&path));
     }
-    let derived = table.get("derive").and_then(|derive| derive.get("model"));
+    let of = |section: &str| table.get(section).and_then(|section| section.get("model"));
+    let first = [of("reconstruct"), of("derive")].into_iter().flatten();
     let estimated = table.get("estimate").and_then(Value::as_array).into_iter().flatten().map(|estimate| estimate.get("model"));
-    let mut models: Vec<_> = std::iter::once(derived).chain(estimated).filter_map(file).collect();
+    let mut models: Vec<_> = first.map(Some).chain(estimated).filter_map(file).collect();
     models.sort();
     models.dedup();
     if let Some(constants) = &constants {

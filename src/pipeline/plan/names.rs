@@ -28,10 +28,9 @@ impl Columns {
         Columns(channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect())
     }
 
-    /// With the columns of the reconstructed flight path.
-    pub fn with_flight_path(mut self) -> Columns {
-        for column in schema("flightpath").iter().flat_map(|s| &s.columns).filter(|c| !["flight", "t_s"].contains(&c.name.as_str()))
-        {
+    /// With the columns of the flight path that the kinematic model has.
+    pub fn with_flight_path(mut self, kinematics: &Model) -> Columns {
+        for column in schema("flightpath").iter().flat_map(|s| &s.columns).filter(|c| kinematics.output(&c.name).is_some()) {
             self.put(&column.name, &column.unit);
         }
         self

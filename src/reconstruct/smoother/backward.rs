@@ -12,10 +12,11 @@
 use super::filter::{Filter, Scalar, Tape};
 use super::matrix::{adjoint_step, adjoint_update, dot, multiply, smoothed};
 
-/// Per channel and walk: `sum u^2` and `sum d`.
+/// Per channel, input and walk: `sum u^2` and `sum d`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sums {
     pub channels: Vec<[f64; 2]>,
+    pub inputs: Vec<[f64; 2]>,
     pub walks: Vec<[f64; 2]>,
 }
 
@@ -23,11 +24,11 @@ impl Sums {
     /// As many zeros.
     pub fn zero(&self) -> Sums {
         let none = |list: &[[f64; 2]]| vec![[0.0; 2]; list.len()];
-        Sums { channels: none(&self.channels), walks: none(&self.walks) }
+        Sums { channels: none(&self.channels), inputs: none(&self.inputs), walks: none(&self.walks) }
     }
 
     pub fn add(&mut self, other: &Sums) {
-        let lists = [(&mut self.channels, &other.channels), (&mut self.walks, &other.walks)];
+        let lists = [(&mut self.channels, &other.channels), (&mut self.inputs, &other.inputs), (&mut self.walks, &other.walks)];
         for (to, from) in lists {
             for (to, from) in to.iter_mut().zip(from) {
                 to[0] += from[0];
@@ -80,7 +81,7 @@ impl Backward {
             b: vec![0.0; m],
             w: vec![0.0; n * m],
             w2: vec![0.0; n * m],
-            sums: Sums { channels: vec![[0.0; 2]; channels], walks: vec![[0.0; 2]; n] },
+            sums: Sums { channels: vec![[0.0; 2]; channels], inputs: vec![[0.0; 2]; inputs], walks: vec![[0.0; 2]; n] },
             x: vec![0.0; n],
             p: vec![0.0; n * m],
         }
@@ -147,7 +148,14 @@ impl Backward {
     fn step(&mut self, s: &[f64], h: f64, q: &[f64], noise: &mut [f64]) {
         let (n, m, nx, lanes) = (self.n, self.m, self.nx, self.lanes);
         for (l, noise) in noise.iter_mut().enumerate() {
-            let ga: f64 = (0..nx).map(|i| s[i * lanes + m + l] * self.a[i]).sum();
+            let gamma = |i: usize| s[i * lanes + m + l];
+            let (mut ga, mut gag) = (0.0, 0.0);
+            for i in (0..nx).filter(|&i| gamma(i) != 0.0) {
+                ga += gamma(i) * self.a[i];
+                gag += gamma(i) * (0..nx).map(|j| self.aa[i * m + j] * gamma(j)).sum::<f64>();
+            }
+            self.sums.inputs[l][0] += ga * ga / h;
+            self.sums.inputs[l][1] += gag / h;
             *noise = -q[l] * ga;
         }
         for i in 0..n {

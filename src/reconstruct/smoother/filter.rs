@@ -24,7 +24,12 @@ pub struct State {
     pub clocks: Vec<usize>,
     /// The next sample of every packet.
     pub packets: Vec<usize>,
+    /// Nodes before this one.
+    pub node: usize,
 }
+
+/// Where a filter linearises: the smoothed means of an earlier run over the same nodes, `[node][n]`. Without one it linearises where it is.
+pub type Reference<'a> = Option<&'a [f64]>;
 
 /// One scalar update.
 #[derive(Debug, Clone, Copy, Default)]
@@ -86,6 +91,7 @@ pub struct Filter<'a> {
     pub gate: f64,
     /// End of the run, s.
     pub end: f64,
+    pub reference: Reference<'a>,
     pub n: usize,
     pub m: usize,
     pub lanes: usize,
@@ -108,6 +114,7 @@ pub struct Filter<'a> {
     gain: Vec<f64>,
     ph: Vec<f64>,
     prior: Vec<f64>,
+    base: Vec<f64>,
 }
 
 /// One program per channel: its output with the derivatives.
@@ -145,6 +152,8 @@ impl<'a> Filter<'a> {
             gain: vec![0.0; m],
             ph: vec![0.0; m],
             prior: vec![0.0; n],
+            base: vec![0.0; m],
+            reference: None,
             kinematics,
             flight,
             levels,
@@ -164,7 +173,7 @@ impl<'a> Filter<'a> {
             p[i * self.m + i] = self.levels.start_sd[i] * self.levels.start_sd[i];
         }
         let packets = self.flight.packets.iter().map(|p| p.t.partition_point(|&x| x < t - SAME)).collect();
-        State { t, x: x.to_vec(), p, clocks: self.flight.locate(t), packets }
+        State { t, x: x.to_vec(), p, clocks: self.flight.locate(t), packets, node: 0 }
     }
 
     /// One node: the updates at the state's time, then the step to the next time at which something happens. False at the end, and
@@ -187,6 +196,7 @@ impl<'a> Filter<'a> {
         if go {
             self.step(state, next - state.t);
             state.t = next;
+            state.node += 1;
             self.count(state);
         }
         if taping {
@@ -227,13 +237,14 @@ impl<'a> Filter<'a> {
     fn step(&mut self, state: &mut State, h: f64) {
         let (nx, m, lanes) = (self.kinematics.states(), self.m, self.lanes);
         let free = &self.kinematics.free;
-        let theta = &state.x[nx..];
+        self.base[..self.n].copy_from_slice(at(self.reference, state));
+        let (base, theta) = self.base[..self.n].split_at(nx);
         for (stage, c) in [0.0, 0.5, 1.0].iter().enumerate() {
             let (u, slope) = (&mut self.u[stage], &mut self.slope[stage]);
             self.flight.inputs_at(state.t + c * h, &state.clocks, u, slope);
         }
         self.rates.parameters(0, free, theta);
-        self.points[0].copy_from_slice(&state.x[..nx]);
+        self.points[0].copy_from_slice(base);
         self.sum.fill(0.0);
         for stage in 0..4 {
             let at = [0, 1, 1, 2][stage];
@@ -246,15 +257,22 @@ impl<'a> Filter<'a> {
                 let f = self.rates.get(i, 0);
                 self.sum[i] += WEIGHT[stage] * f;
                 if stage < 3 {
-                    self.points[stage + 1][i] = state.x[i] + AHEAD[stage] * h * f;
+                    self.points[stage + 1][i] = base[i] + AHEAD[stage] * h * f;
                 }
             }
         }
         self.jacobian.run();
         self.transition(h);
-        for i in 0..nx {
-            state.x[i] += h / 6.0 * self.sum[i];
+        // from where it was linearised, then by the transition to where the mean is
+        for (x, base) in state.x.iter().zip(&mut self.base) {
+            *base = x - *base;
         }
+        let away = self.base.iter().any(|d| *d != 0.0);
+        for i in 0..nx {
+            let from = state.x[i] - self.base[i] + h / 6.0 * self.sum[i];
+            self.points[0][i] = from + if away { dot(&self.s[i * lanes..i * lanes + m], &self.base) } else { 0.0 };
+        }
+        state.x[..nx].copy_from_slice(&self.points[0]);
         for (i, input) in self.flight.inputs.iter().enumerate() {
             self.q[i] = self.flight.density(i, state.clocks[input.clock], self.levels.density[i]) / h;
         }
@@ -339,7 +357,12 @@ impl<'a> Filter<'a> {
         let r = self.levels.r[channel];
         let angle = self.flight.channels[channel].angle;
         let error = |y: f64| if angle { nearest_turn(z - y) } else { z - y };
-        let mut nu = error(self.predict(&state.x, state.t, channel));
+        let linear = self.reference.is_some();
+        self.prior.copy_from_slice(at(self.reference, state));
+        let mut nu = error(self.predict(&self.prior.clone(), state.t, channel));
+        if linear {
+            nu -= (0..n).map(|i| self.row[i] * (state.x[i] - self.prior[i])).sum::<f64>();
+        }
         let mut ph = std::mem::take(&mut self.ph);
         multiply(&state.p, m, &self.row, &mut ph[..n]);
         let mut s = dot(&ph, &self.row) + r;
@@ -356,7 +379,7 @@ impl<'a> Filter<'a> {
                 for i in 0..n {
                     state.x[i] = self.prior[i] + ph[i] / s * nu;
                 }
-                if s - r <= SHARP * r {
+                if linear || s - r <= SHARP * r {
                     break;
                 }
                 // what the linear prediction says is left, and what is left
@@ -400,6 +423,12 @@ impl<'a> Filter<'a> {
     pub fn last_step(&self) -> &[f64] {
         &self.s
     }
+}
+
+/// Where a filter at `state` linearises.
+fn at<'s>(reference: Reference<'s>, state: &'s State) -> &'s [f64] {
+    let n = state.x.len();
+    reference.and_then(|x| x.get(state.node * n..(state.node + 1) * n)).unwrap_or(&state.x)
 }
 
 /// The angle without whole turns, -pi to pi.

@@ -18,6 +18,8 @@ pub struct Clock {
     pub t: Vec<f64>,
     /// Median spacing, s.
     pub spacing: f64,
+    /// Some input of it drives the model; of others only the start is read.
+    pub drives: bool,
     /// Steps end at these stamps; the kinks of slower inputs may lie inside a step.
     pub steps: bool,
 }
@@ -87,14 +89,15 @@ impl Flight {
                 input.value = value;
             }
             input.clock = flight.clocks.iter().position(|c| c.t == t).unwrap_or_else(|| {
-                flight.clocks.push(Clock { spacing: spacing(&t), t, steps: false });
+                flight.clocks.push(Clock { spacing: spacing(&t), t, ..Default::default() });
                 flight.clocks.len() - 1
             });
+            flight.clocks[input.clock].drives |= kinematics.driving[i];
             flight.inputs.push(input);
         }
-        let fastest = flight.clocks.iter().map(|c| c.spacing).fold(f64::INFINITY, f64::min);
+        let fastest = flight.clocks.iter().filter(|c| c.drives).map(|c| c.spacing).fold(f64::INFINITY, f64::min);
         for clock in &mut flight.clocks {
-            clock.steps = clock.spacing <= 1.5 * fastest;
+            clock.steps = clock.drives && clock.spacing <= 1.5 * fastest;
         }
         for (output, (t, z)) in measured {
             let angle = kinematics.model.outputs[*output].unit == "rad";
@@ -111,11 +114,12 @@ impl Flight {
 
     /// The times at which all inputs are known, between gaps longer than `coast` s: `[begin, end]` each.
     pub fn stretches(&self, coast: f64) -> Vec<[f64; 2]> {
-        let first = self.clocks.iter().map(|c| c.t.first().copied().unwrap_or(f64::INFINITY)).fold(f64::NEG_INFINITY, f64::max);
-        let last = self.clocks.iter().map(|c| c.t.last().copied().unwrap_or(f64::NEG_INFINITY)).fold(f64::INFINITY, f64::min);
+        let driving = || self.clocks.iter().filter(|c| c.drives);
+        let first = driving().map(|c| c.t.first().copied().unwrap_or(f64::INFINITY)).fold(f64::NEG_INFINITY, f64::max);
+        let last = driving().map(|c| c.t.last().copied().unwrap_or(f64::NEG_INFINITY)).fold(f64::INFINITY, f64::min);
         let gap = |c: &Clock, k: usize| c.t[k + 1] - c.t[k] > coast.max(GAP * c.spacing);
         let mut gaps: Vec<[f64; 2]> = Vec::new();
-        for clock in &self.clocks {
+        for clock in driving() {
             let found = (0..clock.t.len().saturating_sub(1)).filter(|&k| gap(clock, k)).map(|k| [clock.t[k], clock.t[k + 1]]);
             gaps.extend(found);
         }

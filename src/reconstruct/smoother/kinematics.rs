@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::model::graph::{Leaf, Node};
-use crate::model::{Model, Program};
+use crate::model::{Model, Program, StartKind};
 
 /// Values of some nodes and their non-zero derivatives: the program's first outputs are the values, the others the `entries`.
 #[derive(Debug, Clone)]
@@ -66,6 +66,13 @@ impl<'m, const W: usize> Evaluator<'m, W> {
         self.file[l.time()][lane] = time;
     }
 
+    /// Start values of the states given from outside.
+    pub fn starts(&mut self, lane: usize, values: &[f64]) {
+        for (slot, x) in self.file[self.model.layout.start_value()..].iter_mut().zip(values) {
+            slot[lane] = *x;
+        }
+    }
+
     /// Values of the parameters `free` in one lane.
     #[inline]
     pub fn parameters(&mut self, lane: usize, free: &[usize], values: &[f64]) {
@@ -95,6 +102,8 @@ pub struct Kinematics<'m> {
     /// Indices of the parameters that are part of the smoothed vector, behind the states.
     pub free: Vec<usize>,
     pub rates: Program,
+    /// Start values of the states; measured ones are given from outside.
+    pub starts: Program,
     /// d(rate)/d(states, free parameters, inputs).
     pub jacobian: Derivatives,
     /// All outputs.
@@ -103,6 +112,8 @@ pub struct Kinematics<'m> {
     pub output_jacobian: Derivatives,
     /// The inputs whose time derivative the model asks for.
     pub differentiated: Vec<bool>,
+    /// The inputs that drive anything: others are read at the start alone.
+    pub driving: Vec<bool>,
 }
 
 impl<'m> Kinematics<'m> {
@@ -120,13 +131,23 @@ impl<'m> Kinematics<'m> {
         columns.extend(free.iter().map(|&i| Leaf::Parameter(i)));
         columns.extend((0..model.inputs.len()).map(Leaf::Input));
         let jacobian = Derivatives::new(model, &model.rates, &columns);
+        let mut graph = model.graph.clone();
+        let start = |(i, state): (usize, &crate::model::State)| match state.start {
+            StartKind::Expression(node) => node,
+            StartKind::Measured => graph.leaf(Leaf::StartValue(i)),
+        };
+        let starts: Vec<Node> = model.states.iter().enumerate().map(start).collect();
         columns.extend((0..model.inputs.len()).map(Leaf::InputRate));
         Ok(Kinematics {
             rates: Derivatives::new(model, &model.rates, &[]).program,
+            starts: Program::lower(&graph, &starts, &model.layout),
             jacobian,
             outputs: Derivatives::new(model, &model.output_nodes, &[]).program,
             output_jacobian: Derivatives::new(model, &model.output_nodes, &columns),
             differentiated,
+            driving: (0..model.inputs.len())
+                .map(|i| leaves.contains(&Leaf::Input(i)) || leaves.contains(&Leaf::InputRate(i)))
+                .collect(),
             model,
             free,
         })

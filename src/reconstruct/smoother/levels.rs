@@ -22,8 +22,9 @@ pub struct Levels {
 const LEAST: f64 = 0.3;
 /// Walks need not be known as well as measurement noise: by this factor.
 const WALKS: f64 = 5.0;
-/// Most that one iteration changes a variance, as a factor.
-const STRIDE: f64 = 30.0;
+/// Most that one iteration changes a variance, as a factor: farther, and what is too large by a poor start is not used any more, and stays
+/// too large because it is not used.
+const STRIDE: f64 = 5.0;
 
 impl Levels {
     /// Levels from the signals themselves; `walks` gives densities (unit per square root of a second) by name of state or parameter.
@@ -64,6 +65,11 @@ impl Levels {
         for (j, r) in self.r.iter_mut().enumerate() {
             scale(r, sums.channels[j], LEAST * LEAST * first.r[j], 1);
         }
+        for (i, density) in self.density.iter_mut().enumerate() {
+            // an input is at least as noisy as it looks; where the path needs more (vibration averaged away before it was logged, a sensor
+            // that is not where it is said to be), it gets more
+            scale(density, sums.inputs[i], first.density[i], 1);
+        }
         for &i in walks {
             // most of a walk's noise is not seen by the measurements, so its ratio moves it too little: squared, it goes about twice as
             // far. Below a hundredth of the first guess it is no walk: it stops there.
@@ -79,11 +85,13 @@ fn unknown(unit: &str, state: bool) -> f64 {
         ("rad", true) => 1.0,
         ("m/s", true) => 30.0,
         ("m", true) => 5000.0,
+        ("-", true) => 1.0,
         ("m/s^2", false) => 0.5,
         ("rad/s", false) => 0.02,
         ("rad", false) => 0.1,
         ("-", false) => 0.2,
         ("m/s", false) => 15.0,
+        ("m", false) => 1.0,
         _ => 100.0,
     }
 }

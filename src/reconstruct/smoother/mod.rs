@@ -59,13 +59,12 @@ pub mod tests;
 
 pub use local::unwrap;
 
-use crate::model::StartKind;
 use crate::signal::resample::Grid;
 use backward::{Backward, Sums, Visit};
-use filter::{Filter, Scalar, State, Tape, Watch, programs};
+use filter::{Filter, Reference, Scalar, State, Tape, Watch, programs};
 use flight::Flight;
 use grid::{Outputs, Sampler};
-use kinematics::{Derivatives, Kinematics};
+use kinematics::{Derivatives, Evaluator, Kinematics};
 use levels::Levels;
 
 /// Seconds that are smoothed to find a start, and how often.
@@ -102,6 +101,24 @@ impl Visit for Nothing {
     fn node(&mut self, _: &Tape, _: usize, _: &[f64], _: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {}
 }
 
+/// Smoothed means, latest first.
+#[derive(Debug, Default)]
+struct Means(Vec<Vec<f64>>);
+
+impl Means {
+    /// `[node][n]`, in the order of time.
+    pub fn ordered(mut self) -> Vec<f64> {
+        self.0.reverse();
+        self.0.concat()
+    }
+}
+
+impl Visit for Means {
+    fn node(&mut self, _: &Tape, _: usize, x: &[f64], _: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {
+        self.0.push(x.to_vec());
+    }
+}
+
 impl<'a> Smoother<'a> {
     pub fn new(kinematics: &'a Kinematics<'a>, flight: &'a Flight, gate: f64) -> Smoother<'a> {
         Smoother { programs: programs(kinematics, flight), kinematics, flight, gate, stretch: 0 }
@@ -112,7 +129,8 @@ impl<'a> Smoother<'a> {
         Smoother { gate, programs: self.programs.clone(), ..*self }
     }
 
-    /// Mean to begin from at time `t`: measured starts from the first finite sample after it, 0 where there is none.
+    /// Mean to begin from at time `t`: a state that is measured from its first finite sample after it, another one from the expression of
+    /// its start with the inputs there; 0 where there is neither.
     fn guess(&self, t: f64) -> Vec<f64> {
         let model = self.kinematics.model;
         let first = |name: &str| {
@@ -122,10 +140,15 @@ impl<'a> Smoother<'a> {
             let from = packet.t.partition_point(|&x| x < t);
             self.flight.channels[number].z[from..].iter().copied().find(|z| z.is_finite())
         };
-        let states = model.states.iter().map(|s| match s.start {
-            StartKind::Measured => first(&s.quantity.name).unwrap_or(0.0),
-            StartKind::Expression(node) => first(&s.quantity.name).or(model.graph.constant(node)).unwrap_or(0.0),
-        });
+        let measured: Vec<Option<f64>> = model.states.iter().map(|s| first(&s.quantity.name)).collect();
+        let mut evaluator: Evaluator<1> = Evaluator::new(model, &self.kinematics.starts);
+        let (mut u, mut slope) = (vec![0.0; model.inputs.len()], vec![0.0; model.inputs.len()]);
+        self.flight.inputs_at(t, &self.flight.locate(t), &mut u, &mut slope);
+        let known: Vec<f64> = measured.iter().map(|z| z.unwrap_or(0.0)).collect();
+        evaluator.point(0, &known, &u, &slope, t);
+        evaluator.starts(0, &known);
+        evaluator.run();
+        let states = measured.iter().enumerate().map(|(i, z)| z.unwrap_or_else(|| evaluator.get(i, 0)));
         states.chain(self.kinematics.free.iter().map(|&i| model.parameters[i].start)).collect()
     }
 
@@ -148,9 +171,33 @@ impl<'a> Smoother<'a> {
         x
     }
 
+    /// The smoothed means of every node of `[from, to]` after `passes` more runs, each linearised about the last one's means (Gauss-Newton:
+    /// Bell 1994), `[node][n]`; nothing is rejected in the first, which does not know the sensor errors yet. It ends early where a run does
+    /// not stay finite.
+    pub fn iterated(&self, levels: &Levels, part: [f64; 2], x: &[f64], passes: usize) -> Option<Vec<f64>> {
+        let open = self.with_gate(f64::INFINITY);
+        let mut means: Option<Vec<f64>> = None;
+        for pass in 0..=passes {
+            let mut collected = Means::default();
+            let smoother = if pass == 0 { &open } else { self };
+            if !smoother.run_about(means.as_deref(), levels, part, x, &mut (), &mut collected).finite {
+                break;
+            }
+            means = Some(collected.ordered());
+        }
+        means
+    }
+
     /// Smooths `[from, to]` from the mean `x` at `from`.
-    pub fn run(
+    pub fn run(&self, levels: &Levels, part: [f64; 2], x: &[f64], watch: &mut impl Watch, visit: &mut impl Visit) -> Smoothed {
+        self.run_about(None, levels, part, x, watch, visit)
+    }
+
+    /// The same, linearised about a reference.
+    #[allow(clippy::too_many_arguments)]
+    pub fn run_about(
         &self,
+        reference: Reference,
         levels: &Levels,
         [from, to]: [f64; 2],
         x: &[f64],
@@ -158,6 +205,7 @@ impl<'a> Smoother<'a> {
         visit: &mut impl Visit,
     ) -> Smoothed {
         let mut filter = Filter::new(self.kinematics, self.flight, &self.programs, levels, self.gate, to);
+        filter.reference = reference;
         let stretch = if self.stretch > 0 { self.stretch } else { self.nodes(from, to).isqrt().max(16) };
         let mut state = filter.start(from, x);
         let mut checkpoints: Vec<State> = Vec::new();
@@ -189,9 +237,11 @@ impl<'a> Smoother<'a> {
         Smoothed { x: backward.x, p: backward.p, sums: backward.sums, finite }
     }
 
-    /// The path on the points of a grid within `[from, to]`.
+    /// The path on the points of a grid within `[from, to]`, linearised about a reference where there is one.
+    #[allow(clippy::too_many_arguments)]
     pub fn path(
         &self,
+        reference: Reference,
         levels: &Levels,
         [from, to]: [f64; 2],
         x: &[f64],
@@ -202,7 +252,7 @@ impl<'a> Smoother<'a> {
         let first = (0..grid.n).find(|&k| grid.time(k) >= from - flight::SAME).unwrap_or(grid.n);
         let last = (0..grid.n).rev().find(|&k| grid.time(k) <= to + flight::SAME).map_or(0, |k| k + 1);
         let mut sampler = Sampler::new(self.kinematics, self.flight, grid, every, out);
-        let smoothed = self.run(levels, [from, to], x, watch, &mut sampler);
+        let smoothed = self.run_about(reference, levels, [from, to], x, watch, &mut sampler);
         sampler.finish(first, last.max(first));
         smoothed
     }

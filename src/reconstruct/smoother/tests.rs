@@ -200,7 +200,7 @@ fn checkpoints_change_no_bit() {
         let grid = Grid::covering(d.ta[0], d.ta[39], 0.05);
         let mut out = Outputs::empty(2, 3, grid.n);
         let mut watch = Innovations::new(2);
-        let smoothed = smoother.path(&levels, [d.ta[0], d.ta[39]], &[1.0, 0.0, 0.0], (grid, 2), &mut watch, &mut out);
+        let smoothed = smoother.path(None, &levels, [d.ta[0], d.ta[39]], &[1.0, 0.0, 0.0], (grid, 2), &mut watch, &mut out);
         (smoothed, out, watch.channels.iter().map(|c| c.lagged.clone()).collect::<Vec<_>>())
     };
     let all = path(1_000_000);

@@ -1,0 +1,240 @@
+//! What a first smoothing says of the sensor errors in; how late sensors are, and which errors the data support, out.
+
+use std::collections::BTreeMap;
+
+use super::smoothed::{guess, levels, stretches};
+use super::smoother::flight::Flight;
+use super::smoother::kinematics::Kinematics;
+use super::smoother::levels::Levels;
+use super::smoother::{Nothing, Smoothed, Smoother};
+use super::{Series, Settings};
+use crate::error::Errors;
+use crate::model::extend::output_delay;
+use crate::model::{Model, Parameter};
+
+/// Share of the standard deviation at the start above which a state or a parameter counts as not determined.
+pub const UNKNOWN: f64 = 0.3;
+/// Prior standard deviation of how late a sensor is, s, and what is as good as in time.
+pub const LATE: f64 = 0.3;
+const IN_TIME: f64 = 1e-3;
+/// Smoothings at most before the path's own.
+const SURVEYS: usize = 6;
+/// An error is significant from so many standard deviations on.
+pub const SIGNIFICANT: f64 = 2.0;
+
+/// A measured output of the model.
+pub struct Logged {
+    pub output: usize,
+    pub t: Vec<f64>,
+    pub z: Vec<f64>,
+}
+
+/// What was decided about the sensor errors before the path is smoothed.
+#[derive(Debug, Default)]
+pub struct Found {
+    /// How late sensors are, s, by output.
+    pub late: BTreeMap<usize, f64>,
+    /// Errors that the data do not support.
+    pub held: Vec<Held>,
+    /// Runs that are linearised about the one before: scales and delays make products of states and parameters.
+    pub passes: usize,
+    /// Value and standard deviation of the sensor errors over the whole flight, by parameter.
+    pub values: BTreeMap<usize, [f64; 2]>,
+}
+
+/// Runs about the one before: each squares the error that is left.
+const PASSES: usize = 2;
+/// Parts of a flight know the sensor errors as the whole one does, give or take so many standard deviations.
+const WIDER: f64 = 3.0;
+
+impl Found {
+    /// The parameters that are smoothed.
+    pub fn free(&self, model: &Model, settings: &Settings) -> Vec<usize> {
+        let named = |list: &[String], p: &Parameter| list.contains(&p.quantity.name);
+        let free = |p: &Parameter| !p.fixed || named(&settings.free, p) || named(&settings.candidates, p);
+        let held = |i: usize| self.held.iter().any(|h| h.parameter == i) || named(&settings.fixed, &model.parameters[i]);
+        (0..model.parameters.len()).filter(|&i| free(&model.parameters[i]) && !held(i)).collect()
+    }
+
+    /// The signals, those of late sensors at the times they stand for.
+    pub fn flight(&self, kinematics: &Kinematics, driving: &[Series], measured: &[Logged], settings: &Settings) -> Flight {
+        let shifted: Vec<(usize, Vec<f64>, &[f64])> = measured
+            .iter()
+            .map(|m| {
+                let late = self.late.get(&m.output).copied().unwrap_or(0.0);
+                (m.output, m.t.iter().map(|t| t - late).collect(), &m.z[..])
+            })
+            .collect();
+        let series: Vec<(usize, Series)> = shifted.iter().map(|(k, t, z)| (*k, (&t[..], *z))).collect();
+        Flight::new(kinematics, driving, &series, settings.smooth_s)
+    }
+
+    /// Narrows the start of the sensor errors to what the whole flight says of them; what it was, where that is known.
+    pub fn narrow(&self, kinematics: &Kinematics, levels: &mut Levels) -> Option<Vec<f64>> {
+        if self.values.is_empty() {
+            return None;
+        }
+        let before = levels.start_sd.clone();
+        for (sd, i) in levels.start_sd[kinematics.states()..].iter_mut().zip(&kinematics.free) {
+            if let Some([_, known]) = self.values.get(i) {
+                *sd = sd.min(WIDER * known);
+            }
+        }
+        Some(before)
+    }
+
+    /// States (not read) and sensor errors as the whole flight says.
+    pub fn known(&self, kinematics: &Kinematics) -> Vec<f64> {
+        let start = |i: &usize| self.values.get(i).map_or(kinematics.model.parameters[*i].start, |v| v[0]);
+        vec![0.0; kinematics.states()].into_iter().chain(kinematics.free.iter().map(start)).collect()
+    }
+
+    /// What a parameter has beyond what was smoothed: stamps that were moved already.
+    pub fn offset(&self, model: &Model, parameter: usize) -> f64 {
+        let of = |(output, late): (&usize, &f64)| {
+            (output_delay(&model.outputs[*output].name) == model.parameters[parameter].quantity.name).then_some(*late)
+        };
+        self.late.iter().find_map(of).unwrap_or(0.0)
+    }
+}
+
+/// Smooths the longest stretch until the late sensors' stamps are where they belong, then asks which candidates the data support.
+pub fn survey(model: &Model, driving: &[Series], measured: &[Logged], settings: &Settings) -> std::result::Result<Found, Errors> {
+    let mut found = Found { passes: PASSES, ..Found::default() };
+    for _ in 0..SURVEYS {
+        let kinematics = Kinematics::new(model, found.free(model, settings))?;
+        let flight = found.flight(&kinematics, driving, measured, settings);
+        let smoother = Smoother::new(&kinematics, &flight, settings.gate);
+        let stretches = stretches(&flight, settings);
+        let length = |s: &&[f64; 2]| s[1] - s[0];
+        let Some(&longest) = stretches.iter().max_by(|a, b| length(a).total_cmp(&length(b))) else { break };
+        let (guess, gusts) = guess(&kinematics, &flight, settings);
+        let levels = levels(&smoother, &stretches, &guess, &gusts, &found, settings);
+        let x = smoother.begin(&levels, longest, None);
+        let about = smoother.iterated(&levels, longest, &x, PASSES);
+        let smoothed = smoother.run_about(about.as_deref(), &levels, longest, &x, &mut (), &mut Nothing);
+        if !smoothed.finite {
+            break;
+        }
+        let survey = Survey::of(&kinematics, &levels, &smoothed);
+        found.values = survey.values();
+        let mut moved = 0.0f64;
+        for name in &settings.late {
+            let parameter = model.parameter(&output_delay(name)).and_then(|p| survey.free.iter().position(|&i| i == p));
+            if let (Some(output), Some(k)) = (model.output(name), parameter) {
+                let step = survey.value[k].clamp(-LATE, LATE);
+                found.values.insert(survey.free[k], [0.0, survey.sd(k)]);
+                *found.late.entry(output).or_default() += step;
+                moved = moved.max(step.abs());
+            }
+        }
+        if moved < IN_TIME {
+            let candidates: Vec<usize> = settings.candidates.iter().filter_map(|name| model.parameter(name)).collect();
+            found.held = survey.unsupported(&candidates);
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// The free parameters of a kinematic model as a smoothing found them: values and covariance `[n][n]`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Survey {
+    /// Indices of the model's parameters.
+    pub free: Vec<usize>,
+    pub value: Vec<f64>,
+    pub covariance: Vec<f64>,
+    pub start: Vec<f64>,
+    pub start_sd: Vec<f64>,
+}
+
+/// A parameter that the data do not support.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Held {
+    /// Index of the model's parameter.
+    pub parameter: usize,
+    /// What it would have been.
+    pub value: f64,
+    pub sd: f64,
+    /// The data know it, and it is not significant.
+    pub known: bool,
+}
+
+impl Survey {
+    pub fn of(kinematics: &Kinematics, levels: &Levels, smoothed: &Smoothed) -> Survey {
+        let (nx, n) = (kinematics.states(), kinematics.size());
+        let m = smoothed.p.len() / n.max(1);
+        Survey {
+            free: kinematics.free.clone(),
+            value: smoothed.x[nx..].to_vec(),
+            covariance: (nx..n).flat_map(|i| smoothed.p[i * m + nx..i * m + n].to_vec()).collect(),
+            start: kinematics.free.iter().map(|&i| kinematics.model.parameters[i].start).collect(),
+            start_sd: levels.start_sd[nx..].to_vec(),
+        }
+    }
+
+    /// Value and standard deviation by parameter.
+    pub fn values(&self) -> BTreeMap<usize, [f64; 2]> {
+        (0..self.free.len()).map(|k| (self.free[k], [self.value[k], self.sd(k)])).collect()
+    }
+
+    fn sd(&self, k: usize) -> f64 {
+        self.covariance[k * self.free.len() + k].max(0.0).sqrt()
+    }
+
+    /// Holds the least significant of the `candidates` (indices of parameters) at its start, again and again until all others are
+    /// significant. What the others then are follows from the joint Gaussian: `x | x_k = s` is `x - P_k/P_kk (x_k - s)`.
+    pub fn unsupported(mut self, candidates: &[usize]) -> Vec<Held> {
+        let n = self.free.len();
+        let mut out: Vec<Held> = Vec::new();
+        loop {
+            let open = (0..n).filter(|&k| candidates.contains(&self.free[k]) && out.iter().all(|h| h.parameter != self.free[k]));
+            let known = |k: usize| self.sd(k) < UNKNOWN * self.start_sd[k];
+            let score = |k: usize| if known(k) { (self.value[k] - self.start[k]).abs() / self.sd(k) } else { 0.0 };
+            let Some(least) = open.min_by(|&a, &b| score(a).total_cmp(&score(b))) else { return out };
+            if score(least) >= SIGNIFICANT {
+                return out;
+            }
+            out.push(Held { parameter: self.free[least], value: self.value[least], sd: self.sd(least), known: known(least) });
+            let variance = self.covariance[least * n + least];
+            if !(variance > 0.0) {
+                continue;
+            }
+            let row: Vec<f64> = self.covariance[least * n..(least + 1) * n].to_vec();
+            let excess = self.value[least] - self.start[least];
+            for i in 0..n {
+                self.value[i] -= row[i] / variance * excess;
+                for j in 0..n {
+                    self.covariance[i * n + j] -= row[i] * row[j] / variance;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_data_do_not_support_is_held_and_the_others_follow() {
+        // 0 and 1 are nearly the same to the data: only their sum is known, and either alone explains it; 2 is nothing by itself
+        let survey = Survey {
+            free: vec![5, 6, 7],
+            value: vec![0.6, 0.5, 0.1],
+            covariance: vec![0.25, -0.2475, 0.0, -0.2475, 0.25, 0.0, 0.0, 0.0, 0.01],
+            start: vec![0.0; 3],
+            start_sd: vec![10.0; 3],
+        };
+        let held: Vec<usize> = survey.unsupported(&[5, 6, 7]).iter().map(|h| h.parameter).collect();
+        // first one of the pair, then 2; the other one of the pair has become significant by it
+        assert_eq!(held, vec![6, 7]);
+    }
+
+    #[test]
+    fn what_the_data_do_not_know_is_not_called_significant() {
+        let survey = Survey { free: vec![0], value: vec![30.0], covariance: vec![25.0], start: vec![0.0], start_sd: vec![6.0] };
+        let held = survey.unsupported(&[0]);
+        assert_eq!((held.len(), held[0].known), (1, false));
+    }
+}

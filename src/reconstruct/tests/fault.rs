@@ -1,0 +1,152 @@
+//! Sensors that are missing, dead, reversed, late or silent: is the path right all the same, or is it said that it is not?
+
+use super::*;
+
+#[test]
+fn fault_a_gap_of_two_seconds_is_coasted_over_and_one_of_five_has_no_path() {
+    let heights = altitude();
+    let mut flown = fly(12, 0.0, &heights);
+    for name in INERTIAL {
+        let (t, y) = &mut flown.signals[name];
+        let keep: Vec<usize> = (0..t.len()).filter(|&k| !(15.0..17.0).contains(&t[k]) && !(25.0..30.0).contains(&t[k])).collect();
+        (*t, *y) = (keep.iter().map(|&k| t[k]).collect(), keep.iter().map(|&k| y[k]).collect());
+    }
+    let path = path(&flown);
+    nowhere_wrong(&flown, &heights, &path, 5.0);
+    let theta = &path.outputs[kinematics().output("theta").expect("theta")];
+    let known = |t: f64| theta[path.t.iter().position(|x| *x >= t).expect("on the grid")].is_finite();
+    assert!(known(16.0) && !known(27.0) && known(35.0));
+    assert!(path.notes.iter().any(|n| n.contains("gap")), "{:?}", path.notes);
+    assert_eq!(verdict(&path, "q_imu", "gaps"), "gaps");
+}
+
+#[test]
+fn fault_a_burst_of_nan_is_passed_over() {
+    let heights = altitude();
+    let mut flown = fly(13, 0.0, &heights);
+    for name in ["q_imu", "alpha_vane", "theta"] {
+        let (t, y) = &mut flown.signals[name];
+        t.iter().zip(y).filter(|(t, _)| (20.0..20.7).contains(*t)).for_each(|(_, y)| *y = f64::NAN);
+    }
+    let path = path(&flown);
+    nowhere_wrong(&flown, &heights, &path, 5.0);
+    assert!(path.outputs[kinematics().output("theta").expect("theta")].iter().all(|v| v.is_finite()));
+    assert_eq!(verdict(&path, "alpha_vane", "gaps"), "gaps");
+}
+
+#[test]
+fn fault_a_dead_gyro_is_named_and_gives_no_path() {
+    let heights = altitude();
+    let mut flown = fly(14, 0.0, &heights);
+    flown.signals["r_imu"].1.fill(0.001);
+    let path = path(&flown);
+    assert_eq!(verdict(&path, "r_imu", "standing still"), "dead");
+    assert!(path.outputs.iter().flatten().all(|v| v.is_nan()));
+    assert!(path.notes.iter().any(|n| n.contains("r_imu is dead")), "{:?}", path.notes);
+}
+
+#[test]
+fn fault_a_gyro_that_freezes_for_ten_seconds_has_no_path_there() {
+    let heights = altitude();
+    let mut flown = fly(15, 0.0, &heights);
+    let (t, y) = &mut flown.signals["p_imu"];
+    let held = y[t.iter().position(|t| *t > 20.0).expect("a sample")];
+    t.iter().zip(y).filter(|(t, _)| (20.0..30.0).contains(*t)).for_each(|(_, y)| *y = held);
+    let path = path(&flown);
+    assert_eq!(verdict(&path, "p_imu", "standing still"), "frozen");
+    nowhere_wrong(&flown, &heights, &path, 5.0);
+    let phi = &path.outputs[kinematics().output("phi").expect("phi")];
+    assert!(path.t.iter().zip(phi).all(|(t, v)| !(21.0..29.0).contains(t) || v.is_nan()));
+}
+
+#[test]
+fn fault_a_reversed_axis_is_named() {
+    let heights = altitude();
+    for name in ["p_imu", "az_imu"] {
+        let mut flown = fly(16, 0.0, &heights);
+        flown.signals[name].1.iter_mut().for_each(|y| *y = -*y);
+        let path = path(&flown);
+        assert_eq!(verdict(&path, name, "sign"), "sign reversed", "{name}: {:?}", path.notes);
+        assert!(path.outputs.iter().flatten().all(|v| v.is_nan()), "{name}: a path in spite of it");
+    }
+    for name in ["beta_vane", "theta"] {
+        let mut flown = fly(17, 0.0, &heights);
+        flown.signals[name].1.iter_mut().for_each(|y| *y = -*y);
+        let path = path(&flown);
+        assert_eq!(verdict(&path, name, "sign"), "sign reversed", "{name}: {:?}", path.notes);
+        nowhere_wrong(&flown, &heights, &path, 5.0);
+    }
+}
+
+#[test]
+fn fault_a_recorder_that_is_late_is_found() {
+    let heights = altitude();
+    let mut flown = fly(18, 0.0, &heights);
+    for name in ["phi", "theta", "psi"] {
+        flown.signals[name].0.iter_mut().for_each(|t| *t += 0.06);
+    }
+    let path = path(&flown);
+    let row = path.checks.iter().find(|r| r.channel == "theta" && r.check == "time skew").expect("a row");
+    assert_eq!(row.verdict, "late");
+    assert!((row.value - 0.06).abs() < 0.02, "{row:?}");
+}
+
+#[test]
+fn fault_a_missing_sensor_leaves_honest_intervals_or_nothing() {
+    let heights = altitude();
+    for missing in [&["alpha_vane"][..], &["beta_vane"], &["phi", "theta", "psi"]] {
+        let mut flown = fly(19, 0.0, &heights);
+        missing.iter().for_each(|name| {
+            flown.signals.shift_remove(*name);
+        });
+        let path = path(&flown);
+        nowhere_wrong(&flown, &heights, &path, 5.5);
+        if missing.contains(&"psi") {
+            assert!(path.notes.iter().any(|n| n.contains("no sensor determines psi")), "{:?}", path.notes);
+            assert!(path.outputs[kinematics().output("psi").expect("psi")].iter().all(|v| v.is_nan()));
+        }
+    }
+}
+
+#[test]
+fn fault_a_clock_that_jumps_is_named() {
+    let heights = altitude();
+    let mut flown = fly(21, 0.0, &heights);
+    for name in ["phi", "theta", "psi"] {
+        flown.signals[name].0.iter_mut().filter(|t| **t > 20.0).for_each(|t| *t += 0.25);
+    }
+    let path = path(&flown);
+    let named = |name: &str| path.checks.iter().any(|r| r.channel == name && r.verdict == "clock jumps");
+    assert!(
+        named("phi") || named("theta") || named("psi"),
+        "{:#?}",
+        path.checks.iter().filter(|r| r.check == "clock").collect::<Vec<_>>()
+    );
+}
+
+/// Stands for 15 s, rolls faster and faster until 45 s, takes off and climbs.
+fn from_the_ground(t: f64) -> [f64; 6] {
+    let ramp = |from: f64, to: f64| {
+        let s = ((t - from) / (to - from)).clamp(0.0, 1.0);
+        s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+    };
+    let (roll, fly) = (ramp(15.0, 45.0), ramp(46.0, 52.0));
+    let airborne = fly * libm::sin(0.9 * (t - 46.0));
+    let theta = 0.12 * fly + 0.03 * airborne;
+    let u = 70.0 * roll;
+    [u, 1.5 * airborne, 4.0 * fly + airborne, 0.2 * airborne, theta, 1.0 + 0.02 * fly * (t - 46.0)]
+}
+
+#[test]
+fn fault_a_flight_that_starts_on_the_ground_is_right_in_the_air_and_says_what_was_not_used() {
+    let scene = Scene { motion: from_the_ground, duration: 90.0, dead_below: 18.0, ..CALM };
+    let heights = heights(&scene);
+    let flown = record(22, scene, &heights);
+    let path = path(&flown);
+    assert!(path.notes.iter().any(|n| n.contains("slower than") && n.contains("alpha_vane")), "{:?}", path.notes);
+    for (name, list) in STATES.iter().zip(normed(&flown, &heights, &path, |t| t > 50.0)) {
+        let worst = list.iter().fold(0.0f64, |m, e| m.max(e.abs()));
+        assert!(list.len() > 500 && worst < 5.0, "{name} is {worst} standard deviations off in the air");
+    }
+    nowhere_wrong(&flown, &heights, &path, 6.0);
+}

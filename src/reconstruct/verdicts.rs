@@ -1,0 +1,190 @@
+//! What a channel shows of itself, against the others and against its predicted noise, in; the lines of the consistency table with their
+//! verdicts out.
+
+use super::consistency::{Comparison, Row, Which};
+use super::health::Health;
+use super::smoother::Innovation;
+
+/// Below this correlation with what the others say, a channel's sign is reversed.
+const REVERSED: f64 = -0.8;
+/// A delay is told from this size on, s, where it is known; a scale from this deviation on.
+const DELAY: f64 = 0.01;
+const SCALE: f64 = 0.05;
+/// A clock that is later by this in one half of the flight than in the other jumps, s.
+const JUMP: f64 = 0.03;
+
+impl Comparison {
+    pub fn reversed(&self) -> bool {
+        self.correlation < REVERSED && self.scale[0] < 0.0
+    }
+
+    /// Its lines of the table.
+    pub fn rows(&self, channel: &str) -> Vec<Row> {
+        let row = |check, value, [low, high]: [f64; 2], unit: &str, verdict, text: String| Row {
+            channel: channel.to_string(),
+            check,
+            value,
+            low,
+            high,
+            unit: unit.to_string(),
+            verdict,
+            text,
+        };
+        let verdict = if self.reversed() { "sign reversed" } else { "good" };
+        let text = format!(
+            "measured against what the other sensors say of it, trend removed: correlation {:.3}, {:.2e} left",
+            self.correlation, self.left
+        );
+        let mut rows = vec![row("sign", self.correlation, [REVERSED, 1.0], "-", verdict, text)];
+        if self.reversed() {
+            return rows;
+        }
+        let [k, sd] = self.scale;
+        if sd < SCALE / 3.0 && matches!(self.which, Which::Output(_)) {
+            let limit = SCALE.max(3.0 * sd);
+            let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
+            let text = format!("measured change per reconstructed change {k:.4} +- {sd:.4}");
+            rows.push(row("scale", k, [1.0 - limit, 1.0 + limit], "-", verdict, text));
+        }
+        let [tau, sd] = self.delay;
+        if sd < DELAY {
+            let limit = DELAY.max(3.0 * sd);
+            let verdict = if tau.abs() <= limit {
+                "good"
+            } else if tau > 0.0 {
+                "late"
+            } else {
+                "early"
+            };
+            let text = format!("measured behind reconstructed by {tau:.4} +- {sd:.4} s");
+            rows.push(row("time skew", tau, [-limit, limit], "s", verdict, text));
+        }
+        let [jump, sd] = self.jump;
+        if sd < JUMP {
+            let limit = JUMP.max(4.0 * sd);
+            let verdict = if jump.abs() > limit { "clock jumps" } else { "good" };
+            let text = format!("{jump:.4} +- {sd:.4} s later in the second half of the flight than in the first");
+            rows.push(row("clock", jump, [-limit, limit], "s", verdict, text));
+        }
+        rows
+    }
+}
+
+/// Lines about the signal by itself.
+pub fn health_rows(channel: &str, health: &Health) -> Vec<Row> {
+    let row = |check, value, high, unit: &str, verdict, text| Row {
+        channel: channel.to_string(),
+        check,
+        value,
+        low: 0.0,
+        high,
+        unit: unit.to_string(),
+        verdict,
+        text,
+    };
+    let verdict = if health.dead {
+        "dead"
+    } else if health.frozen_s > 0.0 {
+        "frozen"
+    } else {
+        "good"
+    };
+    let text = if health.dead {
+        "the value never changes".to_string()
+    } else {
+        format!("stands still in {} stretches of together {:.1} s", health.frozen.len(), health.frozen_s)
+    };
+    let stops = if health.saturated > 0 { "saturated" } else { "good" };
+    let gaps = if health.gaps > 0 || health.masked > 0 { "gaps" } else { "good" };
+    vec![
+        row("standing still", health.frozen_s, 0.0, "s", verdict, text),
+        row(
+            "stops",
+            health.saturated as f64,
+            0.0,
+            "-",
+            stops,
+            format!("{} samples at the largest or least value", health.saturated),
+        ),
+        row(
+            "gaps",
+            health.longest_gap,
+            5.0 * health.spacing,
+            "s",
+            gaps,
+            format!("{} gaps, the longest {:.2} s; {} samples are not numbers", health.gaps, health.longest_gap, health.masked),
+        ),
+    ]
+}
+
+/// Lines about a channel's innovations; `sd` of its noise as found, `fast` as its fast part alone.
+pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, sd: f64, fast: f64) -> Vec<Row> {
+    let row = |check, value, low, high, unit: &str, verdict, text| Row {
+        channel: channel.to_string(),
+        check,
+        value,
+        low,
+        high,
+        unit: unit.to_string(),
+        verdict,
+        text,
+    };
+    let n = innovation.count as f64;
+    if innovation.count < 50 {
+        return vec![row(
+            "innovation size",
+            f64::NAN,
+            f64::NAN,
+            f64::NAN,
+            "-",
+            "not used",
+            "too few samples were used".to_string(),
+        )];
+    }
+    let size = innovation.square / n;
+    let rho: Vec<f64> = innovation.lagged.iter().map(|c| c / innovation.square).collect();
+    // variance of the mean of squares of a Gaussian sequence with these autocorrelations
+    let wide = (2.0 / n * (1.0 + 2.0 * rho.iter().map(|r| r * r).sum::<f64>())).sqrt();
+    let limit = (3.0 * wide).max(0.1);
+    let verdict = if size > 1.0 + limit {
+        "too large"
+    } else if size < 1.0 - limit {
+        "too small"
+    } else {
+        "good"
+    };
+    let share = innovation.rejected as f64 / (n + innovation.rejected as f64);
+    let band = (1.96 / n.sqrt()).max(0.2);
+    let coloured = if rho[0].abs() > band { "coloured" } else { "good" };
+    let noisy = if sd > 2.0 * fast { "slow errors" } else { "good" };
+    vec![
+        row(
+            "innovation size",
+            size,
+            1.0 - limit,
+            1.0 + limit,
+            "-",
+            verdict,
+            format!("mean square of innovations over their predicted variance, {} samples", innovation.count),
+        ),
+        row("whiteness", rho[0], -band, band, "-", coloured, "correlation of neighbouring innovations".to_string()),
+        row(
+            "rejected",
+            share,
+            0.0,
+            0.01,
+            "-",
+            if share > 0.01 { "outliers" } else { "good" },
+            format!("{} of {} samples rejected", innovation.rejected, innovation.count + innovation.rejected),
+        ),
+        row(
+            "noise",
+            sd,
+            0.0,
+            2.0 * fast,
+            unit,
+            noisy,
+            format!("standard deviation as the path needs it; its fast part {fast:.2e}"),
+        ),
+    ]
+}
