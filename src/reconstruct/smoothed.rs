@@ -233,7 +233,9 @@ impl Work<'_> {
             let mut about = self.smoother.iterated(levels, [stretch[0], far], &x, self.found.passes.max(1));
             if far < stretch[1] {
                 // the last step there ends where no other run has a node
-                about.as_mut().map(|means| means.truncate(means.len().saturating_sub(2 * kinematics.size())));
+                if let Some(means) = &mut about {
+                    means.truncate(means.len().saturating_sub(2 * kinematics.size()));
+                }
             }
             let smoothed = self.smoother.path(about.as_deref(), levels, stretch, &x, (*grid, every), &mut innovations, &mut out);
             if !smoothed.finite {
