@@ -15,7 +15,6 @@ mod models;
 mod pages;
 mod path;
 mod real;
-mod phlab;
 mod recovery;
 mod reruns;
 mod simulator;
