@@ -19,31 +19,6 @@ fn findings(out: &Path) -> (String, Vec<String>) {
     (verdicts[0].to_string(), candidates.iter().map(|c| c.to_string()).filter(|c| !c.is_empty()).collect())
 }
 
-/// A shipped model without one of its terms.
-fn cripple(path: &Path, term: &str, parameter: &str) {
-    let text = std::fs::read_to_string(path).expect("the model");
-    assert!(text.contains(term), "{term}");
-    let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with(&format!("{parameter} "))).collect();
-    std::fs::write(path, lines.join("\n").replace(term, "")).expect("written");
-}
-
-#[test]
-fn recovery_of_the_pitch_damping_taken_out_of_the_hfb320() {
-    if std::env::var_os("KOEHLER_SLOW").is_none() {
-        println!("skipped: set KOEHLER_SLOW=1 (some 20 s with optimisation)");
-        return;
-    }
-    let Some(data) = data("hfb320/hfb320_1_10.asc") else { return };
-    let folder = copy("hfb320");
-    koehler(folder.path(), &data, &["import", "import.toml"]);
-    cripple(&folder.path().join("hfb320.model.toml"), " + Cmq*q*half_c/V_0", "Cmq");
-    let code = diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "free-start"]);
-    let (verdict, named) = findings(&folder.path().join("out"));
-    assert_eq!(code, Some(3), "{verdict}");
-    // short-period data hardly separate it from the rate of the angle of attack, and the verdict says so
-    assert!(named.iter().any(|name| name == "rate-derivative-longitudinal:Cm"), "{verdict}, {named:?}");
-}
-
 #[test]
 fn recovery_of_the_stall_of_the_attas() {
     let Some(data) = data("attas/fAttas_qst01.asc") else { return };
