@@ -12,6 +12,7 @@ use super::{Judged, Round, Subject};
 use crate::error::Errors;
 use crate::estimate::Case;
 use crate::math::quantile;
+use crate::model::Scope;
 
 /// A candidate is refitted if its score reaches this share of the best one's: less than that is not made up for by a full fit.
 const WORTH: f64 = 0.25;
@@ -93,8 +94,13 @@ fn fitted_count(refit: &super::Refit) -> usize {
 }
 
 fn screened(candidate: &Candidate, screened: &Screened, limit: f64) -> Judged {
-    let score = screened.gain - luck(screened.taken);
-    let (standing, why) = if screened.silent {
+    // What has a value for every maneuver can be fitted to a held-out one, and so never confirmed by it: it is told, and takes no part.
+    let own = candidate.added.iter().any(|a| a.scope == Scope::Segment);
+    let score = if own { 0.0 } else { screened.gain - luck(screened.taken) };
+    let (standing, why) = if own {
+        let why = format!("gains {:.1} with a value for every maneuver, which held-out ones cannot confirm", screened.gain);
+        (Standing::Unidentifiable, why)
+    } else if screened.silent {
         (Standing::Silent, "nothing in these flights moves it".to_string())
     } else if screened.taken == 0 {
         (Standing::Absorbed, format!("imitated by {}", crate::config::list(&screened.absorbed_by)))

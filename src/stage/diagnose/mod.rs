@@ -176,8 +176,9 @@ fn next_model(told: &Told, base: &estimate::Config) -> Option<String> {
     let mut model = &base.model;
     let mut text = None;
     for (candidate, finding) in told.diagnosis.added.iter().zip(&told.diagnosis.findings) {
-        let judged = told.diagnosis.rounds.get(finding.round).and_then(|r| r.judged.get(finding.added));
-        let provenance = judged.map(|j| words::provenance(told, j)).unwrap_or_default();
+        let round = told.diagnosis.rounds.get(finding.round);
+        let judged = round.and_then(|r| Some((r.judged.get(finding.added)?, r.limit)));
+        let provenance = judged.map(|(j, limit)| words::provenance(told, j, limit)).unwrap_or_default();
         // Each candidate's base is the model with those before it: its text has their starting values, so blocks are joined by hand.
         let own = model.own_text().len();
         let whole = candidate.text(model, &values, &provenance);

@@ -48,13 +48,13 @@ pub fn evidence(judged: &Judged, limit: f64) -> String {
 }
 
 /// Where an added block comes from, for a comment in the model file.
-pub fn provenance(told: &Told, judged: &Judged) -> String {
+pub fn provenance(told: &Told, judged: &Judged, limit: f64) -> String {
     format!(
         "{}\nFound by the diagnosis \"{}\": {}; {}.",
         judged.sentence,
         told.config.name(),
         values(judged),
-        evidence(judged, 0.0)
+        evidence(judged, limit)
     )
 }
 
