@@ -1,8 +1,7 @@
 //! The estimator's speed: published flight data and a simulated six-degree-of-freedom campaign in; every figure with its floor and
 //! with the references it is held against, out. `cargo bench`; the flight data are looked for in KOEHLER_DATA or ../shared/data.
 //!
-//! Times are processor times of one thread (Linux; elsewhere of the clock), so that others on the machine count little. An iteration is
-//! outputs, exact Jacobian, R, normal equations and solution: the difference of estimations of one and of five iterations, over four.
+//! Times are the least of many runs, so that others on the machine count little. An iteration is outputs, exact Jacobian, R, normal equations and solution: the difference of estimations of one and of five iterations, over four.
 
 mod work;
 
@@ -40,28 +39,20 @@ fn threads(n: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads")
 }
 
-/// Processor time of this thread so far, s (Linux; elsewhere the clock): on a shared machine others do not count.
-fn processor_time(start: Instant) -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let running = text.split_whitespace().next().and_then(|ns| ns.parse::<f64>().ok());
-    running.map_or_else(|| start.elapsed().as_secs_f64(), |ns| 1e-9 * ns)
-}
-
-/// Least mean time of a run, s, over five batches of `repeats` runs.
-fn least(repeats: usize, mut f: impl FnMut()) -> f64 {
-    let start = Instant::now();
-    let mut batch = || {
-        let before = processor_time(start);
-        (0..repeats).for_each(|_| f());
-        (processor_time(start) - before) / repeats as f64
+/// Least time of `runs` runs, s: what others on the machine add is left out.
+fn least(runs: usize, mut f: impl FnMut()) -> f64 {
+    let mut run = || {
+        let start = Instant::now();
+        f();
+        start.elapsed().as_secs_f64()
     };
-    (0..5).map(|_| batch()).fold(f64::INFINITY, f64::min)
+    (0..runs).map(|_| run()).fold(f64::INFINITY, f64::min)
 }
 
 /// Seconds of one iteration.
 fn iteration(work: &Work, tier: Tier) -> f64 {
-    let repeats = (200_000 / (work.samples() * work.model.parameters.len())).clamp(1, 40);
-    let [a, b] = [1, 5].map(|iterations| least(repeats, || work.estimate(iterations, tier)));
+    let runs = (2_000_000 / (work.samples() * work.model.parameters.len())).clamp(5, 300);
+    let [a, b] = [1, 5].map(|iterations| least(runs, || work.estimate(iterations, tier)));
     (b - a) / 4.0
 }
 

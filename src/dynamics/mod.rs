@@ -25,6 +25,7 @@
 //! Measured outputs keep their own time stamps: a prediction between grid points is the cubic through the four nearest grid values,
 //! a fixed linear map, so values and sensitivities stay exactly consistent; on a grid point it is the value itself.
 
+mod evaluate;
 mod history;
 mod plan;
 mod propagate;

@@ -6,7 +6,7 @@ use super::rows::Rows;
 use super::{Grid, Record, Response};
 use crate::error::{Error, Result};
 use crate::model::linear::{Linear, Starts};
-use crate::model::native::Native;
+use crate::model::native::{Form, Native};
 use crate::model::{Layout, Model, Program, StartKind, Tables};
 use std::sync::Arc;
 
@@ -26,6 +26,11 @@ impl Directions {
 
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Their number, padded to whole vectors of eight.
+    pub(super) fn lanes(&self) -> usize {
+        self.len().div_ceil(8) * 8
     }
 }
 
@@ -89,10 +94,11 @@ impl Plan {
         let nodes: Vec<_> = model.rates.iter().chain(&model.output_nodes).copied().collect();
         let leaves = model.graph.leaves(&nodes);
         let linear = model.linearize(&directions.parameters, &outputs);
+        let lanes = directions.lanes();
         Ok(Plan {
-            rate_rows: Rows::new(&linear.rates, model.states.len()),
-            output_rows: Rows::new(&linear.outputs, outputs.len()),
-            delay_rows: Rows::new(&linear.delays, model.delays.len()),
+            rate_rows: Rows::new(&linear.rates, &linear.rates_program, model.states.len(), lanes),
+            output_rows: Rows::new(&linear.outputs, &linear.outputs_program, outputs.len(), lanes),
+            delay_rows: Rows::new(&linear.delays, &linear.delays_program, model.delays.len(), lanes),
             linear,
             native: None,
             layout: model.layout,
@@ -118,8 +124,14 @@ impl Plan {
         let operations = self.rates.operations() as f64;
         let worth = 20.0 * 4.0 * points as f64 * operations * 2e-9 > 0.3e-3 + 15e-6 * operations;
         if tier == Tier::Native || (tier == Tier::Auto && worth) {
-            self.native = Native::compile(&self.rates, self.layout.time() + 1).map(Arc::new);
+            let form = if self.plain() { Form::Steps } else { Form::Points };
+            self.native = Native::compile(&self.rates, self.layout.time() + 1, form).map(Arc::new);
         }
+    }
+
+    /// Whether a step is nothing but rates: without delays and stops.
+    pub(super) fn plain(&self) -> bool {
+        self.delays.is_empty() && self.limited.is_empty()
     }
 
     /// States that need a start value from outside: those that start "measured" and the free ones, ascending.

@@ -1,16 +1,14 @@
 //! Runge-Kutta through a record, in chunks: values, then Jacobians over lanes, then sensitivities (see the module's page).
 
+use super::evaluate::{Lanes, Many, Single};
 use super::history::{self, Past};
 use super::plan::Plan;
 use super::stiffness::Stiffness;
 use super::tangent::Tangent;
 use super::{Grid, Interpolation, Record};
 use crate::model::linear::Starts;
-use crate::model::native::Native;
-use crate::model::{Delayed, Layout, Program, Tables};
+use crate::model::{Delayed, Layout, Tables};
 
-/// Points of one Jacobian evaluation.
-pub(super) const LANES: usize = 8;
 /// Grid steps per chunk.
 const CHUNK: usize = 32;
 /// Largest |lambda| h of a step.
@@ -57,102 +55,6 @@ fn start_file(
     starts.program.prepare(&mut file, tables);
     starts.program.run(&mut file, tables);
     file
-}
-
-/// A program with its register file for one evaluation at a time.
-struct Single<'p> {
-    program: &'p Program,
-    native: Option<&'p Native>,
-    tables: &'p Tables,
-    file: Vec<[f64; 1]>,
-    /// Outputs of the machine code.
-    out: Vec<f64>,
-}
-
-impl<'p> Single<'p> {
-    fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
-        let mut file = program.registers::<1>();
-        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
-            file[plan.layout.parameter() + i] = [*p];
-        }
-        program.prepare(&mut file, &plan.tables);
-        Single { program, native: None, tables: &plan.tables, file, out: vec![0.0; program.outputs()] }
-    }
-
-    /// Evaluates at `point` (states, inputs, input rates, delayed values, time).
-    fn at(&mut self, point: &[f64]) {
-        if let Some(native) = self.native {
-            return native.run(&self.file, point, &mut self.out, self.tables);
-        }
-        for (slot, x) in self.file.iter_mut().zip(point) {
-            slot[0] = *x;
-        }
-        self.program.run(&mut self.file, self.tables);
-    }
-
-    fn get(&self, k: usize) -> f64 {
-        if self.native.is_some() { self.out[k] } else { self.program.output(&self.file, k)[0] }
-    }
-}
-
-/// A program evaluated at many points: lanes are points.
-pub(super) struct Many<'p> {
-    program: &'p Program,
-    tables: &'p Tables,
-    file: Vec<[f64; LANES]>,
-    width: usize,
-}
-
-impl<'p> Many<'p> {
-    pub(super) fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
-        let mut file = program.registers::<LANES>();
-        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
-            file[plan.layout.parameter() + i] = [*p; LANES];
-        }
-        program.prepare(&mut file, &plan.tables);
-        Many { program, tables: &plan.tables, file, width: plan.layout.time() + 1 }
-    }
-
-    /// All outputs at all `points` (rows of `width`).
-    pub(super) fn over(&mut self, points: &[f64], out: &mut Lanes) {
-        let (n, m) = (points.len() / self.width, self.program.outputs());
-        out.entries = m;
-        out.values.clear();
-        if m == 0 {
-            return;
-        }
-        for first in (0..n).step_by(LANES) {
-            let live = LANES.min(n - first);
-            let rows: [&[f64]; LANES] = std::array::from_fn(|l| &points[(first + l.min(live - 1)) * self.width..][..self.width]);
-            for (slot, lanes) in self.file[..self.width].iter_mut().enumerate() {
-                *lanes = std::array::from_fn(|l| rows[l][slot]);
-            }
-            self.program.run(&mut self.file, self.tables);
-            out.values.extend((0..m).map(|k| *self.program.output(&self.file, k)));
-        }
-    }
-}
-
-/// Outputs of a program at many points: blocks of eight points, an entry's eight values side by side.
-#[derive(Default)]
-pub(super) struct Lanes {
-    entries: usize,
-    values: Vec<[f64; LANES]>,
-}
-
-impl Lanes {
-    /// Entry `k` at a point.
-    pub(super) fn get(&self, point: usize, k: usize) -> f64 {
-        self.values[point / LANES * self.entries + k][point % LANES]
-    }
-
-    /// The entries at a point: `LANES` numbers apart from here on. Without entries the pointer must not be read.
-    pub(super) fn at(&self, point: usize) -> *const f64 {
-        match self.values.get(point / LANES * self.entries) {
-            Some(block) => &raw const block[point % LANES],
-            None => std::ptr::NonNull::dangling().as_ptr(),
-        }
-    }
 }
 
 /// Everything of one run that the three passes share.
@@ -227,35 +129,30 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
     bounds.at(&[]);
     let bounds: Vec<f64> = (0..2 * nx).map(|k| bounds.get(k)).collect();
     let mut run = Run::new(plan, record, bounds);
-    let mut rates = Single { native: plan.native.as_deref(), ..Single::new(&plan.rates, plan, parameters) };
+    let mut rates = Single::new(&plan.rates, plan, parameters);
+    rates.native = plan.native.as_deref();
     let mut outputs = Many::new(&plan.output_values, plan, parameters);
     let mut values = Lanes::default();
     let mut taus = Single::new(&plan.delay_values, plan, parameters);
     let mut tangent = sensitivities.then(|| Tangent::new(plan, parameters, &file, n));
-    let mut stiffness = Stiffness::new(plan, parameters);
+    let mut stiffness: Option<Stiffness> = None;
     let mut chunk = Chunk::default();
     let mut substeps = record.substeps.max(1);
-    let width = plan.layout.time() + 1;
+    let mut look = vec![0.0; plan.layout.time() + 1];
     for first in (0..n).step_by(CHUNK) {
         chunk.clear();
         let end = (first + CHUNK).min(n);
-        let mut lost = None;
-        for k in first..end {
-            run.point(k, &x, &mut taus, &mut chunk);
-            if record.substeps == 0 && k % LOOK == 0 {
-                substeps = stiffness.substeps(&chunk.points[(k - first) * width..][..width], record.dt);
-            }
-            if substeps > MOST_SUBSTEPS || x.iter().any(|v| !v.is_finite()) {
-                lost = Some(k);
-                break;
-            }
-            if k + 1 < n {
-                chunk.substeps.push(substeps);
-                for s in 0..substeps {
-                    run.step((k, s, substeps), &mut x, &mut rates, &mut taus, &mut chunk);
-                }
-            }
+        if record.substeps == 0 && first % LOOK == 0 {
+            run.arguments(first, 0.0, &x, &mut look);
+            substeps = stiffness.get_or_insert_with(|| Stiffness::new(plan, parameters)).substeps(&look, record.dt);
         }
+        let lost = if substeps > MOST_SUBSTEPS {
+            Some(first)
+        } else if plan.plain() {
+            run.march(first..end, substeps, &mut x, &mut rates, &mut chunk)
+        } else {
+            run.walk(first..end, substeps, &mut x, &mut rates, &mut taus, &mut chunk)
+        };
         let good = lost.unwrap_or(end);
         outputs.over(&chunk.points, &mut values);
         for k in first..good {
@@ -273,9 +170,18 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
     }
     grid.x_end = x;
     let rows = tangent.map(|t| t.rows).unwrap_or_default();
-    // a sum is not finite if a term is not; sums of large numbers that overflow on the way are no use either
-    grid.finite &= rows.iter().all(|row| row.chunks(64).all(|c| c.iter().sum::<f64>().is_finite()));
+    grid.finite &= rows.iter().all(|row| finite(row));
     (grid, rows)
+}
+
+/// Whether all numbers are finite: zero times each of them is zero then. Sixteen sums side by side, so that none waits for the other.
+fn finite(numbers: &[f64]) -> bool {
+    let (blocks, rest) = numbers.as_chunks::<16>();
+    let mut zeros = [0.0; 16];
+    for block in blocks {
+        zeros.iter_mut().zip(block).for_each(|(zero, x)| *zero += 0.0 * x);
+    }
+    zeros.iter().all(|zero| *zero == 0.0) && rest.iter().all(|x| x.is_finite())
 }
 
 /// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record.
@@ -369,6 +275,92 @@ impl Run<'_> {
                 }
             };
             pasts.push(past);
+        }
+    }
+
+    /// The grid points of a chunk and the steps between them, one by one: the point where the states were lost, if they were.
+    fn walk(
+        &mut self,
+        points: std::ops::Range<usize>,
+        substeps: usize,
+        x: &mut [f64],
+        rates: &mut Single,
+        taus: &mut Single,
+        chunk: &mut Chunk,
+    ) -> Option<usize> {
+        let last = self.record.n - self.record.start - 1;
+        for k in points {
+            self.point(k, x, taus, chunk);
+            if x.iter().any(|v| !v.is_finite()) {
+                return Some(k);
+            }
+            if k < last {
+                chunk.substeps.push(substeps);
+                for s in 0..substeps {
+                    self.step((k, s, substeps), x, rates, taus, chunk);
+                }
+            }
+        }
+        None
+    }
+
+    /// The same for a plain model: all arguments but the states are laid out first.
+    fn march(
+        &mut self,
+        points: std::ops::Range<usize>,
+        m: usize,
+        x: &mut [f64],
+        rates: &mut Single,
+        chunk: &mut Chunk,
+    ) -> Option<usize> {
+        let width = self.plan.layout.time() + 1;
+        let (first, n) = (points.start, self.record.n - self.record.start);
+        let steps = points.end.min(n - 1) - first;
+        chunk.substeps.resize(steps, m);
+        chunk.stages.resize(steps * m * 4 * width, 0.0);
+        self.lay_out(first, m, &mut chunk.stages);
+        self.sum.resize(x.len(), 0.0);
+        rates.march(&mut chunk.stages, width, self.record.dt / m as f64, x, &mut self.sum);
+        for step in 0..steps {
+            let from = step * m * 4 * width;
+            chunk.points.extend_from_slice(&chunk.stages[from..from + width]);
+        }
+        if first + steps < points.end {
+            chunk.points.resize((steps + 1) * width, 0.0);
+            self.arguments(first + steps, 0.0, x, &mut chunk.points[steps * width..]);
+        }
+        let lost = |row: &[f64]| row[..x.len()].iter().any(|v| !v.is_finite());
+        let at = chunk.points.chunks_exact(width).position(lost).map(|k| first + k);
+        at.or_else(|| x.iter().any(|v| !v.is_finite()).then_some(points.end).filter(|&end| end < n))
+    }
+
+    /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps in each.
+    fn lay_out(&self, first: usize, m: usize, rows: &mut [f64]) {
+        let (l, record) = (&self.plan.layout, self.record);
+        let (nu, width) = (l.inputs, l.time() + 1);
+        if record.interpolation == Interpolation::Cubic || m > 1 {
+            let nothing = vec![0.0; l.states];
+            for (i, row) in rows.chunks_exact_mut(width).enumerate() {
+                let (step, stage) = (i / 4, i % 4);
+                self.arguments(first + step / m, ((step % m) as f64 + OFFSET[stage]) / m as f64, &nothing, row);
+            }
+            return;
+        }
+        for (step, rows) in rows.chunks_exact_mut(4 * width).enumerate() {
+            let at = (record.start + first + step) * nu;
+            for (from, to) in [(&record.inputs, l.input()), (&self.slopes, l.input_rate())] {
+                let Some(both) = from.get(at..at + 2 * nu) else { continue };
+                for j in 0..nu {
+                    let (a, b) = (both[j], both[nu + j]);
+                    rows[to + j] = a;
+                    rows[width + to + j] = a + 0.5 * (b - a);
+                    rows[2 * width + to + j] = a + 0.5 * (b - a);
+                    rows[3 * width + to + j] = a + 1.0 * (b - a);
+                }
+            }
+            for (stage, row) in rows.chunks_exact_mut(width).enumerate() {
+                row[l.time()] = ((first + step) as f64 + OFFSET[stage]) * record.dt;
+            }
         }
     }
 

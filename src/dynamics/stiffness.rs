@@ -1,7 +1,8 @@
 //! How fast the fastest mode is: the spectral radius of the compiled Jacobian at a point, and the sub-steps it asks for.
 
+use super::evaluate::{Lanes, Many};
 use super::plan::Plan;
-use super::propagate::{Lanes, MOST_SUBSTEPS, Many, STIFF};
+use super::propagate::{MOST_SUBSTEPS, STIFF};
 
 pub struct Stiffness<'p> {
     plan: &'p Plan,

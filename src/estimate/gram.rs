@@ -6,20 +6,20 @@
 
 use crate::math::simd::{Eight, Width, by_width};
 
-/// Samples that pass through one tile before the next tile has its turn: their rows stay in the cache.
-const STRETCH: usize = 128;
+/// Numbers of the samples that pass through one tile before the next tile has its turn: their rows stay in the nearest cache.
+const STRETCH: usize = 4096;
 
 /// Adds the sums over samples whose residual `e` is a number: `gram[nd][nd]` (lower triangle) `+= g g'`, `gradient[nd] += e g`. Rows of
 /// `g` have `nd` numbers. The number of such samples and the sum of their `e^2`.
 pub fn add(e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradient: &mut [f64]) -> (usize, f64) {
     let width = Width::detect();
     let (mut count, mut square) = (0, 0.0);
+    let most = (STRETCH / nd.max(1)).clamp(16, 256);
     let mut from = 0;
     while from < e.len() {
-        let to = e[from..].iter().position(|e| e.is_nan()).map_or(e.len(), |n| from + n).min(from + STRETCH);
-        for e in &e[from..to] {
-            square = e.mul_add(*e, square);
-        }
+        let to = e[from..].iter().position(|e| e.is_nan()).map_or(e.len(), |n| from + n).min(from + most);
+        // SAFETY: the width is this machine's.
+        unsafe { squares(width, &e[from..to], &mut square) };
         count += to - from;
         stretch(width, &e[from..to], &g[from * nd..to * nd], nd, gram, gradient);
         // past a masked sample, if that is what ended the stretch
@@ -57,8 +57,19 @@ fn sums(width: Width, e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradien
     }
 }
 
+by_width! { fn squares(e: &[f64], sum: &mut f64) = squares_body }
 by_width! { fn towards(e: &[f64], g: &[f64], nd: usize, column: usize, out: &mut [f64]) = towards_body }
 by_width! { fn tile(samples: usize, g: &[f64], nd: usize, at: (usize, usize), gram: &mut [f64]) = tile_body }
+
+/// # Safety
+/// The machine has the width (without hardware for it a fused multiply-add is a slow call).
+#[inline(always)]
+#[allow(clippy::extra_unused_type_parameters)]
+unsafe fn squares_body<V: Eight>(e: &[f64], sum: &mut f64) {
+    for e in e {
+        *sum = e.mul_add(*e, *sum);
+    }
+}
 
 /// # Safety
 /// The machine has the width; `g` can be read eight numbers from `column` of every row.
@@ -153,7 +164,7 @@ mod tests {
                 }
                 for width in Width::available() {
                     let (mut again, mut towards) = (vec![0.0; nd * nd], vec![0.0; nd]);
-                    if there.len() == n && n <= STRETCH {
+                    if there.len() == n && n <= 16 {
                         stretch(width, &e, &g, nd, &mut again, &mut towards);
                         assert_eq!((&again, &towards), (&gram, &gradient), "{width:?}");
                     }

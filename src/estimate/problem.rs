@@ -7,6 +7,7 @@
 use super::arrow::{Arrow, Own};
 use super::gram;
 use super::noise::{Covariance, Scatter, Structure};
+use crate::math::pool;
 use rayon::prelude::*;
 
 /// Segments evaluated at a time. Fixed, so that memory is bounded and sums never depend on the number of threads.
@@ -177,7 +178,11 @@ pub fn pass<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option
         evaluate,
         theta,
         true,
-        |s, blocks| blocks.iter().map(|b| sum_block(b, layout.parts[s].directions())).collect::<Option<Vec<Sums>>>(),
+        |s, blocks| {
+            let sums = blocks.iter().map(|b| sum_block(b, layout.parts[s].directions())).collect::<Option<Vec<Sums>>>();
+            blocks.into_iter().for_each(|block| pool::give(block.g));
+            sums
+        },
         |s, sums| {
             sums.iter().for_each(|sum| scatter.add_alone(sum.kind, sum.count, sum.square));
             totals.add(&layout.parts[s], &sums);
@@ -196,7 +201,9 @@ pub fn weighed<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64], r: &[C
         true,
         |s, blocks| {
             let nd = layout.parts[s].directions();
-            sum_block(&whiten(layout, s, &blocks, &r[layout.parts[s].group])?, nd)
+            let white = whiten(layout, s, &blocks, &r[layout.parts[s].group])?;
+            blocks.into_iter().for_each(|block| pool::give(block.g));
+            sum_block(&white, nd)
         },
         |s, sum| totals.add(&layout.parts[s], &[sum]),
     )?;

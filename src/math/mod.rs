@@ -4,6 +4,7 @@
 pub mod ar;
 pub mod dense;
 pub mod distribution;
+pub mod pool;
 pub mod simd;
 pub mod whiteness;
 

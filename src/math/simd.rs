@@ -47,6 +47,18 @@ pub trait Eight: Copy {
     /// # Safety
     /// `p` points to eight writable numbers; the machine has this width.
     unsafe fn store(self, p: *mut f64);
+    /// Stores the first `n` numbers.
+    /// # Safety
+    /// As `store`, of `n` numbers; `n` is at most eight.
+    #[inline(always)]
+    unsafe fn store_first(self, p: *mut f64, n: usize) {
+        let mut all = [0.0; 8];
+        // SAFETY: the caller's promises.
+        unsafe {
+            self.store(all.as_mut_ptr());
+            std::ptr::copy_nonoverlapping(all.as_ptr(), p, n);
+        }
+    }
     /// # Safety
     /// The machine has this width.
     unsafe fn splat(x: f64) -> Self;
@@ -139,6 +151,10 @@ mod x86 {
             unsafe { _mm512_storeu_pd(p, self.0) }
         }
         #[inline(always)]
+        unsafe fn store_first(self, p: *mut f64, n: usize) {
+            unsafe { _mm512_mask_storeu_pd(p, (1u16 << n).wrapping_sub(1) as u8, self.0) }
+        }
+        #[inline(always)]
         unsafe fn splat(x: f64) -> Self {
             unsafe { Avx512(_mm512_set1_pd(x)) }
         }
@@ -220,6 +236,24 @@ impl Aligned {
             self.lines.resize(len.div_ceil(8), Line::default());
         }
         self.len = len;
+    }
+
+    /// A copy of rows of `W` numbers.
+    pub fn of_rows<const W: usize>(rows: &[[f64; W]]) -> Aligned {
+        let mut out = Aligned::default();
+        out.zeros(rows.len() * W);
+        out.copy_from_slice(rows.as_flattened());
+        out
+    }
+
+    /// The numbers as rows of `W`.
+    pub fn rows_of<const W: usize>(&self) -> &[[f64; W]] {
+        self.as_chunks::<W>().0
+    }
+
+    /// The same, to be written.
+    pub fn rows<const W: usize>(&mut self) -> &mut [[f64; W]] {
+        self.as_chunks_mut::<W>().0
     }
 }
 

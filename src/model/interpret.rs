@@ -43,30 +43,40 @@ unsafe fn avx2<const W: usize>(list: &[Instruction], file: *mut [f64; W], tables
 #[inline(always)]
 unsafe fn plain<const W: usize>(list: &[Instruction], file: *mut [f64; W], tables: &Tables) {
     for i in list {
-        // SAFETY: all register numbers are inside the file.
+        // SAFETY of both: all register numbers are inside the file, and no result is borrowed while another is written.
         let get = |register: u32| unsafe { &*file.add(register as usize) };
-        let mut out = [0.0; W];
+        // every operation writes its own result: a common one would go through memory
+        let put = |register: u32, out: [f64; W]| unsafe { *file.add(register as usize) = out };
         macro_rules! lanes {
             (|$a:ident| $e:expr) => {{
                 let a = get(i.a);
-                for l in 0..W {
-                    let $a = a[l];
-                    out[l] = $e;
-                }
+                put(
+                    i.to,
+                    std::array::from_fn(|l| {
+                        let $a = a[l];
+                        $e
+                    }),
+                );
             }};
             (|$a:ident, $b:ident| $e:expr) => {{
                 let (a, b) = (get(i.a), get(i.b));
-                for l in 0..W {
-                    let ($a, $b) = (a[l], b[l]);
-                    out[l] = $e;
-                }
+                put(
+                    i.to,
+                    std::array::from_fn(|l| {
+                        let ($a, $b) = (a[l], b[l]);
+                        $e
+                    }),
+                );
             }};
             (|$a:ident, $b:ident, $c:ident| $e:expr) => {{
                 let (a, b, c) = (get(i.a), get(i.b), get(i.c));
-                for l in 0..W {
-                    let ($a, $b, $c) = (a[l], b[l], c[l]);
-                    out[l] = $e;
-                }
+                put(
+                    i.to,
+                    std::array::from_fn(|l| {
+                        let ($a, $b, $c) = (a[l], b[l], c[l]);
+                        $e
+                    }),
+                );
             }};
         }
         match i.code {
@@ -83,13 +93,12 @@ unsafe fn plain<const W: usize>(list: &[Instruction], file: *mut [f64; W], table
             Code::Op(Op::Min) => lanes!(|a, b| if b > a { a } else { b }),
             Code::Op(Op::Max) => lanes!(|a, b| if a > b { a } else { b }),
             Code::SinCos => {
-                let mut cos = [0.0; W];
-                sin_cos_lanes(get(i.a), &mut out, &mut cos);
-                // SAFETY: as above; nothing borrowed from the file is alive.
-                unsafe { *file.add(i.b as usize) = cos };
+                let (sin, cos) = sin_cos_lanes(get(i.a));
+                put(i.to, sin);
+                put(i.b, cos);
             }
-            Code::Op(Op::Sin) => sin_cos_lanes(get(i.a), &mut out, &mut [0.0; W]),
-            Code::Op(Op::Cos) => sin_cos_lanes(get(i.a), &mut [0.0; W], &mut out),
+            Code::Op(Op::Sin) => put(i.to, sin_cos_lanes(get(i.a)).0),
+            Code::Op(Op::Cos) => put(i.to, sin_cos_lanes(get(i.a)).1),
             Code::Op(op @ (Op::Table | Op::TableSlope)) => lanes!(|a, b| tables.one(b, a, op == Op::TableSlope)),
             Code::Op(op @ (Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY)) => {
                 let part = usize::from(op == Op::Table2SlopeX) + 2 * usize::from(op == Op::Table2SlopeY);
@@ -97,14 +106,12 @@ unsafe fn plain<const W: usize>(list: &[Instruction], file: *mut [f64; W], table
             }
             Code::Op(op) => lanes!(|a, b, c| apply(op, a, b, c)),
         }
-        // SAFETY: as above.
-        unsafe { *file.add(i.to as usize) = out };
     }
 }
 
 #[inline(always)]
-fn sin_cos_lanes<const W: usize>(x: &[f64; W], sin: &mut [f64; W], cos: &mut [f64; W]) {
-    let mut near = true;
+fn sin_cos_lanes<const W: usize>(x: &[f64; W]) -> ([f64; W], [f64; W]) {
+    let (mut sin, mut cos, mut near) = ([0.0; W], [0.0; W], true);
     for l in 0..W {
         (sin[l], cos[l]) = sin_cos_near(x[l]);
         near &= x[l].abs() <= REACH;
@@ -114,4 +121,5 @@ fn sin_cos_lanes<const W: usize>(x: &[f64; W], sin: &mut [f64; W], cos: &mut [f6
             (sin[l], cos[l]) = (libm::sin(x[l]), libm::cos(x[l]));
         }
     }
+    (sin, cos)
 }

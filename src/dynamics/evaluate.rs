@@ -1,0 +1,142 @@
+//! Programs with their registers: points of a trajectory in; what a model says there, one by one or side by side, out.
+
+use super::plan::Plan;
+use super::propagate::{AHEAD, WEIGHT};
+use crate::math::simd::Aligned;
+use crate::model::native::Native;
+use crate::model::{Program, Tables};
+
+/// Points of one evaluation side by side.
+pub(super) const LANES: usize = 16;
+
+/// A program with its register file for one evaluation at a time.
+pub(super) struct Single<'p> {
+    program: &'p Program,
+    pub(super) native: Option<&'p Native>,
+    tables: &'p Tables,
+    file: Vec<[f64; 1]>,
+    /// Outputs of the machine code.
+    out: Vec<f64>,
+}
+
+impl<'p> Single<'p> {
+    pub(super) fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
+        let mut file = program.registers::<1>();
+        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
+            file[plan.layout.parameter() + i] = [*p];
+        }
+        program.prepare(&mut file, &plan.tables);
+        Single { program, native: None, tables: &plan.tables, file, out: vec![0.0; program.outputs()] }
+    }
+
+    /// Evaluates at `point` (states, inputs, input rates, delayed values, time).
+    pub(super) fn at(&mut self, point: &[f64]) {
+        if let Some(native) = self.native {
+            return native.run(&self.file, point, &mut self.out, self.tables);
+        }
+        for (slot, x) in self.file.iter_mut().zip(point) {
+            slot[0] = *x;
+        }
+        self.program.run(&mut self.file, self.tables);
+    }
+
+    /// Runge-Kutta steps of a plain model: `rows` has four points per step, whose states are filled in; `x` goes from the first step's
+    /// start to the last one's end.
+    pub(super) fn march(&mut self, rows: &mut [f64], width: usize, h: f64, x: &mut [f64], sum: &mut [f64]) {
+        if let Some(native) = self.native {
+            let [a, b, c, d] = AHEAD.map(|ahead| ahead * h);
+            let [p, q, r, s] = WEIGHT;
+            return native.march(&self.file, rows, x, &[p, a, q, b, r, c, s, d, h / 6.0], self.tables);
+        }
+        let nx = x.len();
+        for step in rows.chunks_exact_mut(4 * width) {
+            sum.fill(0.0);
+            for (stage, row) in step.chunks_exact_mut(width).enumerate() {
+                for i in 0..nx {
+                    // the rates of the stage before are still there
+                    row[i] = if stage == 0 { x[i] } else { x[i] + AHEAD[stage - 1] * h * self.get(i) };
+                }
+                for (slot, value) in self.file.iter_mut().zip(row.iter()) {
+                    slot[0] = *value;
+                }
+                self.program.run(&mut self.file, self.tables);
+                for (i, sum) in sum.iter_mut().enumerate() {
+                    *sum += WEIGHT[stage] * self.get(i);
+                }
+            }
+            for (x, sum) in x.iter_mut().zip(sum.iter()) {
+                *x += h / 6.0 * sum;
+            }
+        }
+    }
+
+    pub(super) fn get(&self, k: usize) -> f64 {
+        if self.native.is_some() { self.out[k] } else { self.program.output(&self.file, k)[0] }
+    }
+}
+
+/// A program evaluated at many points: lanes are points.
+pub(super) struct Many<'p> {
+    program: &'p Program,
+    tables: &'p Tables,
+    /// Registers `[register][lane]`.
+    file: Aligned,
+    width: usize,
+}
+
+impl<'p> Many<'p> {
+    pub(super) fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
+        let mut file = program.registers::<LANES>();
+        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
+            file[plan.layout.parameter() + i] = [*p; LANES];
+        }
+        program.prepare(&mut file, &plan.tables);
+        Many { program, tables: &plan.tables, file: Aligned::of_rows(&file), width: plan.layout.time() + 1 }
+    }
+
+    /// Runs the program at the `LANES` points from `first` on (rows of `width`; fewer at the end), and hands out its registers.
+    pub(super) fn block(&mut self, points: &[f64], first: usize) -> &[[f64; LANES]] {
+        let live = LANES.min(points.len() / self.width - first);
+        let rows: [&[f64]; LANES] = std::array::from_fn(|l| &points[(first + l.min(live - 1)) * self.width..][..self.width]);
+        let file = self.file.rows::<LANES>();
+        for (slot, lanes) in file[..self.width].iter_mut().enumerate() {
+            *lanes = std::array::from_fn(|l| rows[l][slot]);
+        }
+        self.program.run(file, self.tables);
+        file
+    }
+
+    /// The registers as the last run left them.
+    pub(super) fn registers(&self) -> &[[f64; LANES]] {
+        self.file.rows_of()
+    }
+
+    /// All outputs at all `points`.
+    pub(super) fn over(&mut self, points: &[f64], out: &mut Lanes) {
+        let (n, m) = (points.len() / self.width, self.program.outputs());
+        out.entries = m;
+        out.values.clear();
+        if m == 0 {
+            return;
+        }
+        for first in (0..n).step_by(LANES) {
+            let program = self.program;
+            let file = self.block(points, first);
+            out.values.extend((0..m).map(|k| *program.output(file, k)));
+        }
+    }
+}
+
+/// Outputs of a program at many points: blocks of `LANES` points, an entry's values side by side.
+#[derive(Default)]
+pub(super) struct Lanes {
+    entries: usize,
+    values: Vec<[f64; LANES]>,
+}
+
+impl Lanes {
+    /// Entry `k` at a point.
+    pub(super) fn get(&self, point: usize, k: usize) -> f64 {
+        self.values[point / LANES * self.entries + k][point % LANES]
+    }
+}

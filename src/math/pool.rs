@@ -1,0 +1,44 @@
+//! Buffers that a thread uses again and again: large ones would otherwise be returned to the system and faulted in anew, pass by pass.
+
+use std::cell::RefCell;
+
+/// Buffers kept per thread.
+const MOST: usize = 64;
+
+thread_local! {
+    static FREE: RefCell<Vec<Vec<f64>>> = const { RefCell::new(Vec::new()) };
+}
+
+/// A buffer of `n` numbers, whatever they are.
+pub fn take(n: usize) -> Vec<f64> {
+    let mut buffer = FREE.with_borrow_mut(|free| {
+        let fits = free.iter().rposition(|b| b.capacity() >= n);
+        fits.map(|i| free.swap_remove(i)).unwrap_or_default()
+    });
+    buffer.resize(n, 0.0);
+    buffer
+}
+
+/// Keeps a buffer for whoever takes the next one.
+pub fn give(buffer: Vec<f64>) {
+    FREE.with_borrow_mut(|free| {
+        if free.len() < MOST && buffer.capacity() > 0 {
+            free.push(buffer);
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_buffer_given_back_is_taken_again() {
+        let first = take(1000);
+        let place = first.as_ptr();
+        give(first);
+        let again = take(900);
+        assert_eq!((again.as_ptr(), again.len()), (place, 900));
+        assert_eq!(take(10).len(), 10);
+    }
+}
