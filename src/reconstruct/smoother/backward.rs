@@ -3,8 +3,10 @@
 //! Modified Bryson-Frazier (Bierman 1973): an adjoint `a` and its covariance `A` run back through the tape, with
 //! `x_s = x - P a`, `P_s = P - P A P` after the updates of a node; nothing is inverted.
 //!
-//!     measurement:  u = nu/s + K'a,   d = 1/s + K'A K,   a <- a - h u,   A <- A - (A K) h' - h (A K)' + d h h'
-//!     step:         a <- F'a,         A <- F'A F
+//! ```text
+//! measurement:  u = nu/s + K'a,   d = 1/s + K'A K,   a <- a - h u,   A <- A - (A K) h' - h (A K)' + d h h'
+//! step:         a <- F'a,         A <- F'A F
+//! ```
 //!
 //! `u` and `d` are de Jong's (1988) smoothed disturbance and its variance: the derivative of the log-likelihood with respect to the
 //! measurement's variance is `sum (u^2 - d)/2`, with respect to a process noise that enters by `g` it is `sum (g'a)^2 - g'A g` over two.
