@@ -42,12 +42,6 @@ impl Filter {
         Filter::new(&Ar { coefficients: coefficients.to_vec(), variance: left, order: coefficients.len() })
     }
 
-    /// With all deviations larger by a factor.
-    fn scaled(mut self, factor: f64) -> Filter {
-        self.deviations.iter_mut().for_each(|d| *d *= factor);
-        self
-    }
-
     /// A column made white; `masked[i]` tells which samples were not measured.
     pub fn apply(&self, x: &mut Vec<f64>, masked: &[bool]) {
         let last = self.predictors.len() - 1;
@@ -207,26 +201,16 @@ const ORDER: usize = 24;
 
 /// The estimation's own model of the residuals, which knows what the fit absorbed; where there is none, one of the residuals as they are.
 fn filter_of(base: &Estimation, output: &OutputScatter) -> Option<Filter> {
-    let mine = base.responses.iter().zip(&base.noise_groups).filter(|(_, group)| **group == Some(output.group));
-    let traces = mine.flat_map(|(traces, _)| traces.iter().filter(|t| t.name == output.name));
-    let residuals = |t: &Trace| t.measured.iter().zip(&t.modelled).map(|(z, y)| z - y).collect::<Vec<f64>>();
-    if base.stop != Stop::Converged {
-        let mut all: Vec<f64> = Vec::new();
-        traces.for_each(|t| append(&mut all, residuals(t).into_iter()));
-        return modelled(&all).map(|(filter, _)| filter);
+    if base.stop == Stop::Converged {
+        return Filter::of(&output.ar, output.r);
     }
-    let filter = Filter::of(&output.ar, output.r)?;
-    // The model's variance is that of the noise, absorbed part included; `r` is without it. What is unpredictable is hardly absorbed, so
-    // white residuals tell the scale.
-    let (mut squares, mut count) = (0.0, 0usize);
-    for trace in traces {
-        let mut x = residuals(trace);
-        let masked: Vec<bool> = x.iter().map(|e| !e.is_finite()).collect();
-        filter.apply(&mut x, &masked);
-        squares += dot(&x, &x);
-        count += masked.iter().filter(|m| !**m).count();
+    let mut residuals: Vec<f64> = Vec::new();
+    for (traces, group) in base.responses.iter().zip(&base.noise_groups) {
+        for trace in traces.iter().filter(|t| *group == Some(output.group) && t.name == output.name) {
+            append(&mut residuals, trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y));
+        }
     }
-    Some(filter.scaled((squares / count.max(1) as f64).sqrt())).filter(|f| f.deviations.iter().all(|d| *d > 0.0 && d.is_finite()))
+    modelled(&residuals).map(|(filter, _)| filter)
 }
 
 /// Adds a segment's residuals so that no pair reaches across two segments.
