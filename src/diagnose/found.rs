@@ -1,12 +1,13 @@
 //! A base as it stands in; its fit to the training maneuvers, the noise it leaves, and the held-out maneuvers with its derivatives, out.
 
-use super::base::{Places, Stand, carried, estimation, fitted, placed, settle_steps};
+use super::absorbed::Fitted;
+use super::base::{Places, Stand, carried, estimation, fitted, placed, seen, settle_steps};
 use super::fit::Fit;
 use super::noise::Noise;
 use super::refit::{self, Frozen};
 use super::{Subject, Trouble};
 use crate::error::Errors;
-use crate::estimate::{Case, Estimation, Prepared, Settings, Stop};
+use crate::estimate::{Case, Prepared, Settings, Stop};
 use crate::model::Model;
 
 /// The base fitted as it stands.
@@ -48,12 +49,8 @@ pub fn at_first(stand: &Stand, subject: &Subject) -> Result<Result<Found, Troubl
         return Ok(Err(Trouble::Base("the base model is not finite at its start".into())));
     }
     let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
-    let noise = |case: &Case| {
-        let names: Vec<String> = case.outputs.iter().map(|&o| case.model.outputs[o].name.clone()).collect();
-        Noise::of(&estimated, &names, groups(case, &prepared, subject, &estimated))
-    };
-    let found =
-        fit(stand, subject, &prepared, &|case| (placed(case, &prepared, subject, &estimated), noise(case), Vec::new()), false);
+    let start = |case: &Case| (placed(case, &prepared, subject, &estimated), None, Vec::new());
+    let found = fit(stand, subject, &prepared, &start);
     Ok(found.ok_or(Trouble::Base("the base model is not finite at its own estimate".into())))
 }
 
@@ -69,25 +66,37 @@ pub fn at_next(stand: &Stand, subject: &Subject, from: &Found) -> Result<Option<
     let start = |case: &Case| {
         let before = from.case();
         let theta = carried(case, &prepared, &before, &from.prepared, &from.fit.theta);
-        (theta, from.noise.clone(), from.substeps.clone())
+        (theta, Some(from.noise.clone()), from.substeps.clone())
     };
-    Ok(fit(stand, subject, &prepared, &start, true))
+    Ok(fit(stand, subject, &prepared, &start))
 }
 
-/// Where a fit begins: parameters, noise, least integration steps.
-type Start<'a> = dyn Fn(&Case) -> (Vec<f64>, Noise, Vec<usize>) + 'a;
+/// Where a fit begins: parameters, noise if it is known, least integration steps.
+type Start<'a> = dyn Fn(&Case) -> (Vec<f64>, Option<Noise>, Vec<usize>) + 'a;
 
-/// `again`: once more with the noise that the first fit leaves.
-fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start, again: bool) -> Option<Found> {
+/// How often the noise of the start is found again with what the estimation absorbed of it.
+const AGAIN: usize = 3;
+
+/// Fits, and once more with the noise that the first fit leaves.
+fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> Option<Found> {
     let places = Places::of(prepared, subject.held_out);
     let mut case = prepared.case();
-    let (theta, mut noise, least) = start(&case);
+    let (theta, known, least) = start(&case);
     settle_steps(&mut case, &theta, &least);
-    let (mut free, mut fit) = fitted(&case, &noise, &places, theta, &stand.added);
-    if let (true, Some(first)) = (again, &fit) {
-        noise = noise.of_residuals(&case, &places.training, &first.theta);
-        (free, fit) = fitted(&case, &noise, &places, first.theta.clone(), &stand.added);
-    }
+    let free = seen(&case, &places.training);
+    let again =
+        |theta: &[f64], noise: &Noise| Some(Noise::of(&Fitted::new(&case, &places.training, &free, theta).weighted(noise)?));
+    let noise = match known {
+        Some(noise) => noise,
+        None => {
+            let plain = Noise::of(&Fitted::new(&case, &places.training, &free, &theta));
+            (0..AGAIN).try_fold(plain, |noise, _| again(&theta, &noise))?
+        }
+    };
+    let (_, first) = fitted(&case, &noise, &places, theta, &stand.added);
+    let first = first?;
+    let noise = again(&first.theta, &noise)?;
+    let (free, fit) = fitted(&case, &noise, &places, first.theta, &stand.added);
     let fit = fit?;
     Some(Found {
         model: stand.model.clone(),
@@ -100,20 +109,6 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start, aga
         fit,
         free,
     })
-}
-
-/// The group of every segment, as the estimation over the training segments numbers them.
-fn groups(case: &Case, prepared: &Prepared, subject: &Subject, found: &Estimation) -> Vec<usize> {
-    let training: Vec<usize> = (0..subject.segments.len()).filter(|&s| !subject.held_out[s]).collect();
-    let of = |at: usize| {
-        let place = training.iter().position(|&s| s == prepared.used[at])?;
-        found.noise_groups.get(place).copied().flatten()
-    };
-    let known: Vec<Option<usize>> = (0..case.records.len()).map(of).collect();
-    let like = |at: usize| {
-        (0..case.records.len()).find(|&o| case.layout.parts[o].group == case.layout.parts[at].group && known[o].is_some())
-    };
-    (0..case.records.len()).map(|at| known[at].or(like(at).and_then(|o| known[o])).unwrap_or(0)).collect()
 }
 
 pub fn values(case: &Case, stand: &Stand, theta: &[f64]) -> Vec<(String, f64)> {

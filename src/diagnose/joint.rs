@@ -4,7 +4,8 @@
 //! `w_t = B_1 w_(t-1) + ... + B_q w_(t-q) + v_t`, `cov(v) = L L'`, over the outputs that are sampled at the same instants; `L^-1 v` has unit
 //! covariance. Like the filters of single outputs it restarts at each segment: sample `t` is predicted from the `min(t, q)` before it.
 
-use crate::estimate::{Estimation, Trace};
+use super::gram::dot;
+use crate::estimate::Case;
 use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
 
 /// Highest order.
@@ -20,16 +21,15 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Of white residuals `[segment][output][sample]`, the order by BIC; `None` where there is nothing in common to be known of.
-    pub fn new(outputs: Vec<usize>, segments: &[Vec<Vec<f64>>]) -> Option<Joint> {
+    /// Of the sums of products of white residuals, the order by BIC; `None` where there is nothing in common to be known of.
+    pub fn new(outputs: Vec<usize>, sums: Lagged) -> Option<Joint> {
         let m = outputs.len();
-        let count: usize = segments.iter().filter_map(|s| s.first()).map(Vec::len).sum();
-        if m < 2 || count < 20 * m * m {
+        if m < 2 || sums.count < 20 * m * m {
             return None;
         }
-        let lags: Vec<Vec<f64>> = (0..=ORDER).map(|k| covariance(segments, m, k, count)).collect();
+        let n = sums.count as f64;
+        let lags: Vec<Vec<f64>> = sums.lags.into_iter().map(|lag| lag.into_iter().map(|s| s / n).collect()).collect();
         let all: Vec<(Vec<f64>, Vec<f64>)> = (0..=ORDER).map_while(|q| predictor(&lags, m, q)).collect();
-        let n = count as f64;
         let bic = |q: usize| n * cholesky_log_det(&all[q].1, m) + (q * m * m) as f64 * libm::log(n);
         let best = (0..all.len()).min_by(|&a, &b| bic(a).total_cmp(&bic(b)))?;
         Some(Joint { outputs, predictors: all[..=best].to_vec() })
@@ -79,17 +79,38 @@ impl Joint {
     }
 }
 
-/// `E[w_t w_(t-lag)']`, `[m][m]`.
-fn covariance(segments: &[Vec<Vec<f64>>], m: usize, lag: usize, count: usize) -> Vec<f64> {
-    let mut sums = vec![0.0; m * m];
-    for w in segments {
-        for i in 0..m {
-            for j in 0..m {
-                sums[i * m + j] += w[i].iter().skip(lag).zip(&w[j]).map(|(a, b)| a * b).sum::<f64>();
+/// Sums of products `w_t w_(t-lag)'` of series of several outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lagged {
+    outputs: usize,
+    /// Residuals per output.
+    pub count: usize,
+    /// `[lag][outputs][outputs]`, lags up to the highest order.
+    lags: Vec<Vec<f64>>,
+}
+
+impl Lagged {
+    pub fn zero(outputs: usize) -> Lagged {
+        Lagged { outputs, count: 0, lags: vec![vec![0.0; outputs * outputs]; ORDER + 1] }
+    }
+
+    /// Adds the products of one segment's series `[output][sample]`, all of one length.
+    pub fn take(&mut self, w: &[&[f64]]) {
+        let m = self.outputs;
+        for (lag, sums) in self.lags.iter_mut().enumerate() {
+            for i in 0..m {
+                let late = w[i].get(lag..).unwrap_or_default();
+                (0..m).for_each(|j| sums[i * m + j] += dot(late, w[j]));
             }
         }
     }
-    sums.into_iter().map(|s| s / count as f64).collect()
+
+    pub fn add(&mut self, other: &Lagged) {
+        self.count += other.count;
+        for (lag, more) in self.lags.iter_mut().zip(&other.lags) {
+            lag.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        }
+    }
 }
 
 /// The best linear predictor of order `q` (multivariate Yule-Walker equations; Brockwell and Davis, section 11.4) and the factor of
@@ -118,14 +139,14 @@ fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<(Vec<f64>, Vec<f64
     Some((b, l))
 }
 
-/// Outputs by name that every training segment samples at the same instants.
-pub fn together(base: &Estimation, outputs: &[String]) -> Vec<Vec<usize>> {
+/// Scored outputs that these segments sample at the same instants; those that none of them samples are in no set.
+pub fn together(case: &Case, segments: &[usize]) -> Vec<Vec<usize>> {
     let times = |o: usize| -> Vec<Option<&Vec<f64>>> {
-        let of = |traces: &Vec<Trace>| traces.iter().position(|t| t.name == outputs[o]);
-        base.responses.iter().map(|traces| of(traces).map(|i| &traces[i].t)).collect()
+        let of = |&s: &usize| case.records[s].channels.iter().find(|c| c.output == case.outputs[o]).map(|c| &c.t);
+        segments.iter().map(of).collect()
     };
     let mut sets: Vec<Vec<usize>> = Vec::new();
-    for o in 0..outputs.len() {
+    for o in 0..case.outputs.len() {
         let own = times(o);
         if own.iter().all(Option::is_none) {
             continue;
@@ -151,14 +172,22 @@ mod tests {
         vec![own(&mut stream, &common[1..]), own(&mut stream, &common[..n])]
     }
 
+    fn sums(segments: impl Iterator<Item = Vec<Vec<f64>>>) -> Lagged {
+        let mut all = Lagged::zero(2);
+        for w in segments {
+            all.count += w[0].len();
+            all.take(&[&w[0], &w[1]]);
+        }
+        all
+    }
+
     fn moments(x: &[f64], y: &[f64], lag: usize) -> f64 {
         x.iter().skip(lag).zip(y).map(|(a, b)| a * b).sum::<f64>() / x.len() as f64
     }
 
     #[test]
     fn what_outputs_have_in_common_is_taken_out() {
-        let segments: Vec<Vec<Vec<f64>>> = (0..6).map(|s| sample(500, s)).collect();
-        let joint = Joint::new(vec![0, 1], &segments).expect("a model");
+        let joint = Joint::new(vec![0, 1], sums((0..6).map(|s| sample(500, s)))).expect("a model");
         assert!(joint.predictors.len() > 1, "a delay needs a past");
         let w = sample(20_000, 99);
         assert!(moments(&w[1], &w[0], 1) > 0.6);
@@ -172,8 +201,7 @@ mod tests {
 
     #[test]
     fn outputs_of_other_lengths_stay_as_they_are() {
-        let segments: Vec<Vec<Vec<f64>>> = (0..6).map(|s| sample(500, s)).collect();
-        let joint = Joint::new(vec![0, 1], &segments).expect("a model");
+        let joint = Joint::new(vec![0, 1], sums((0..6).map(|s| sample(500, s)))).expect("a model");
         let mut column = vec![1.0; 7];
         joint.apply(&mut column, &[Some((0, 4)), Some((4, 3))]);
         assert_eq!(column, vec![1.0; 7]);

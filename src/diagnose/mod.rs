@@ -26,6 +26,7 @@
 //! | `settings` | how a diagnosis is run |
 //! | `gram` | sums of products, columns eliminated one after the other |
 //! | `noise` | the colour of the base's residuals, and whitening by it |
+//! | `absorbed` | what the fit took of it |
 //! | `joint` | what several outputs' residuals have in common |
 //! | `base` | the base as it stands with what was added, its fit |
 //! | `fit` | maximum of the likelihood of the whitened residuals, bounds kept |
@@ -45,6 +46,7 @@
 
 pub mod effect;
 
+mod absorbed;
 mod base;
 mod closing;
 mod closure;

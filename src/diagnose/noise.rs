@@ -6,9 +6,10 @@
 //! A masked sample counts as its own prediction: it adds nothing, and those after it go on. What the white residuals of outputs that are
 //! sampled together still have in common (a gust moves all of them) is taken out by a joint model.
 
+use super::absorbed::{Fitted, Series};
 use super::gram::dot;
-use super::joint::{Joint, together};
-use crate::estimate::{Block, Case, Estimation, OutputScatter, Stop, Trace};
+use super::joint::{Joint, Lagged, together};
+use crate::estimate::Block;
 use crate::math::ar::{self, Ar, Order, step_down};
 use rayon::prelude::*;
 
@@ -33,13 +34,6 @@ impl Filter {
         }
         let deviations: Vec<f64> = variances.into_iter().rev().map(f64::sqrt).collect();
         deviations.iter().all(|d| *d > 0.0 && d.is_finite()).then_some(Filter { predictors, deviations })
-    }
-
-    /// Of residuals of variance `r` with these coefficients.
-    pub fn of(coefficients: &[f64], r: f64) -> Option<Filter> {
-        let orders = step_down(coefficients)?;
-        let left = orders.iter().filter_map(|a| a.last()).fold(r, |v, k| v * (1.0 - k * k));
-        Filter::new(&Ar { coefficients: coefficients.to_vec(), variance: left, order: coefficients.len() })
     }
 
     /// A column made white; `masked[i]` tells which samples were not measured.
@@ -74,88 +68,69 @@ pub struct Noise {
     filters: Vec<Vec<Option<Filter>>>,
     /// `[group]`: joint models of the white residuals, each of other outputs.
     joint: Vec<Vec<Joint>>,
-    /// Variance per group and output, of the residuals as they are.
-    pub variances: Vec<Vec<f64>>,
     /// Group of each segment.
-    pub groups: Vec<usize>,
+    groups: Vec<usize>,
 }
 
 impl Noise {
-    /// As an estimation over the training segments found it. `groups`: the group of every segment, of those left out of the training too;
-    /// a group that the training has nothing of has the noise of the first one.
-    pub fn of(base: &Estimation, outputs: &[String], groups: Vec<usize>) -> Noise {
+    /// Of the residuals of a fit, with what it absorbed (as far as `fitted` knows) put back. A group that the fit has nothing of has the
+    /// noise of the first one.
+    pub fn of(fitted: &Fitted) -> Noise {
+        let case = fitted.case;
+        let groups: Vec<usize> = case.layout.parts.iter().map(|part| part.group).collect();
         let count = groups.iter().copied().max().map_or(1, |g| g + 1);
-        let find = |group: usize, output: &String| {
-            let of = |g: usize| base.outputs.iter().find(|o| o.group == g && o.name == *output && o.count > 0);
-            of(group).or(of(0))
+        let mut noise = Noise { filters: vec![Vec::new(); count], joint: vec![Vec::new(); count], groups };
+        let own: Vec<Vec<Products>> = (0..fitted.segments.len()).into_par_iter().map(|at| products(fitted, at)).collect();
+        for group in 0..count {
+            noise.filters[group] =
+                (0..case.outputs.len()).map(|output| filter_of(noise.members(fitted, &own, group), output)).collect();
+        }
+        let sets = together(case, fitted.segments);
+        let sums: Vec<Vec<Lagged>> = (0..fitted.segments.len()).into_par_iter().map(|at| noise.lagged(fitted, at, &sets)).collect();
+        for group in 0..count {
+            for (k, set) in sets.iter().enumerate() {
+                let mut all = Lagged::zero(set.len());
+                noise.members(fitted, &sums, group).for_each(|sums| all.add(&sums[k]));
+                noise.joint[group].extend(Joint::new(set.clone(), all));
+            }
+        }
+        let known = |g: &usize| fitted.segments.iter().any(|&s| noise.groups[s] == *g);
+        let (first, unknown) = ((0..count).find(known), (0..count).filter(|g| !known(g)).collect::<Vec<_>>());
+        for (first, group) in unknown.into_iter().filter_map(|g| Some((first?, g))) {
+            noise.filters[group] = noise.filters[first].clone();
+            noise.joint[group] = noise.joint[first].clone();
+        }
+        noise
+    }
+
+    /// Those of `of` (one per segment of the fit) that belong to a group.
+    fn members<'t, T>(&'t self, fitted: &'t Fitted, of: &'t [T], group: usize) -> impl Iterator<Item = &'t T> {
+        fitted.segments.iter().zip(of).filter(move |(s, _)| self.groups[**s] == group).map(|(_, t)| t)
+    }
+
+    /// Products of one segment's white series, for every set of outputs that are sampled together.
+    fn lagged(&self, fitted: &Fitted, at: usize, sets: &[Vec<usize>]) -> Vec<Lagged> {
+        let s = fitted.segments[at];
+        let mut series = fitted.series(at);
+        for one in &mut series {
+            match self.filter(s, one.output) {
+                Some(filter) => one.columns.iter_mut().for_each(|column| filter.apply(column, &one.masked)),
+                None => one.columns.clear(),
+            }
+        }
+        let of = |set: &Vec<usize>| {
+            let find = |&o: &usize| series.iter().find(|one| one.output == o && !one.columns.is_empty());
+            let all: Option<Vec<&Series>> = set.iter().map(find).collect();
+            let all = all.filter(|all| all.iter().all(|one| one.masked.len() == all[0].masked.len()));
+            let mut sums = Lagged::zero(set.len());
+            let Some(all) = all else { return sums };
+            sums.count = all[0].masked.len();
+            for column in 0..all[0].columns.len() {
+                sums.take(&all.iter().map(|one| &one.columns[column][..]).collect::<Vec<_>>());
+            }
+            sums
         };
-        let each = |group: usize| outputs.iter().map(move |output| find(group, output));
-        let filters = (0..count).map(|g| each(g).map(|o| o.and_then(|o| filter_of(base, o))).collect()).collect();
-        let variances = (0..count).map(|g| each(g).map(|o| o.map_or(f64::NAN, |o| o.r)).collect()).collect();
-        let mut noise = Noise { filters, joint: vec![Vec::new(); count], variances, groups };
-        noise.join(base, outputs);
-        noise
-    }
-
-    /// Makes the joint models from the residuals of the training segments.
-    fn join(&mut self, base: &Estimation, outputs: &[String]) {
-        for set in together(base, outputs) {
-            for group in 0..self.joint.len() {
-                let white: Vec<Vec<Vec<f64>>> = (base.responses.iter().zip(&base.noise_groups))
-                    .filter(|(_, g)| **g == Some(group))
-                    .filter_map(|(traces, _)| set.iter().map(|&o| self.white_trace(group, o, &outputs[o], traces)).collect())
-                    .collect();
-                self.joint[group].extend(Joint::new(set.clone(), &white));
-            }
-        }
-        // A group that the training has nothing of has the noise of the first one.
-        let first = self.joint.first().cloned().unwrap_or_default();
-        let known = |g: usize| base.noise_groups.contains(&Some(g));
-        for group in (0..self.joint.len()).filter(|g| !known(*g)) {
-            self.joint[group] = first.clone();
-        }
-    }
-
-    fn white_trace(&self, group: usize, output: usize, name: &str, traces: &[Trace]) -> Option<Vec<f64>> {
-        let trace = traces.iter().find(|t| t.name == name)?;
-        let mut x: Vec<f64> = trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect();
-        let masked: Vec<bool> = x.iter().map(|e| !e.is_finite()).collect();
-        self.filters[group].get(output)?.as_ref()?.apply(&mut x, &masked);
-        Some(x)
-    }
-
-    /// As the residuals of a fit to the training segments show it; outputs without any keep what they had.
-    pub fn of_residuals(&self, case: &Case, training: &[usize], theta: &[f64]) -> Noise {
-        let mut noise = self.clone();
-        let blocks: Vec<Option<Vec<Block>>> =
-            training.par_iter().map(|&s| case.evaluate(s, &case.layout.local(s, theta), false)).collect();
-        for group in 0..self.filters.len() {
-            for output in 0..self.filters[group].len() {
-                let mut residuals: Vec<f64> = Vec::new();
-                let mine = training.iter().zip(&blocks).filter(|(s, _)| self.groups[**s] == group);
-                for block in mine.flat_map(|(_, blocks)| blocks.iter().flatten()).filter(|b| b.output == output) {
-                    append(&mut residuals, block.e.iter().copied());
-                }
-                if let Some((filter, variance)) = modelled(&residuals) {
-                    (noise.filters[group][output], noise.variances[group][output]) = (Some(filter), variance);
-                }
-            }
-            let filters = &noise.filters[group];
-            let white = |blocks: &[Block], output: usize| {
-                let block = blocks.iter().find(|b| b.output == output)?;
-                let (mut x, masked) = (block.e.clone(), block.e.iter().map(|e| !e.is_finite()).collect::<Vec<bool>>());
-                filters[output].as_ref()?.apply(&mut x, &masked);
-                Some(x)
-            };
-            let again = |joint: &Joint| {
-                let mine = training.iter().zip(&blocks).filter(|(s, _)| self.groups[**s] == group);
-                let all: Vec<Vec<Vec<f64>>> =
-                    mine.filter_map(|(_, blocks)| joint.outputs.iter().map(|&o| white(blocks.as_ref()?, o)).collect()).collect();
-                Joint::new(joint.outputs.clone(), &all)
-            };
-            noise.joint[group] = self.joint[group].iter().filter_map(again).collect();
-        }
-        noise
+        sets.iter().map(of).collect()
     }
 
     /// Residuals and sensitivities of a segment's blocks, made white: one column per direction, then the residuals; rows block by block.
@@ -199,32 +174,39 @@ impl Noise {
 /// Highest order of the models that are fitted here.
 const ORDER: usize = 24;
 
-/// The estimation's own model of the residuals, which knows what the fit absorbed; where there is none, one of the residuals as they are.
-fn filter_of(base: &Estimation, output: &OutputScatter) -> Option<Filter> {
-    if base.stop == Stop::Converged {
-        return Filter::of(&output.ar, output.r);
-    }
-    let mut residuals: Vec<f64> = Vec::new();
-    for (traces, group) in base.responses.iter().zip(&base.noise_groups) {
-        for trace in traces.iter().filter(|t| *group == Some(output.group) && t.name == output.name) {
-            append(&mut residuals, trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y));
+/// Sums of products of one output's series in one segment.
+struct Products {
+    output: usize,
+    /// Residuals that were measured.
+    count: usize,
+    /// By lag.
+    sums: Vec<f64>,
+}
+
+fn products(fitted: &Fitted, at: usize) -> Vec<Products> {
+    let one = |series: Series| {
+        let count = series.masked.iter().filter(|masked| !**masked).count();
+        let mut sums = vec![0.0; ORDER + 1];
+        for column in &series.columns {
+            // per valid sample of this column
+            let valid = column.iter().filter(|x| x.is_finite()).count() as f64;
+            ar::sample_autocovariance(column, ORDER).iter().zip(&mut sums).for_each(|(c, sum)| *sum += valid * c);
         }
+        Products { output: series.output, count, sums }
+    };
+    fitted.series(at).into_iter().map(one).collect()
+}
+
+/// The filter of one output's noise from the products of its segments; none where nothing was measured.
+fn filter_of<'t>(segments: impl Iterator<Item = &'t Vec<Products>>, output: usize) -> Option<Filter> {
+    let (mut count, mut c) = (0, vec![0.0; ORDER + 1]);
+    for one in segments.flatten().filter(|one| one.output == output) {
+        count += one.count;
+        c.iter_mut().zip(&one.sums).for_each(|(c, sum)| *c += sum);
     }
-    modelled(&residuals).map(|(filter, _)| filter)
-}
-
-/// Adds a segment's residuals so that no pair reaches across two segments.
-fn append(all: &mut Vec<f64>, residuals: impl Iterator<Item = f64>) {
-    all.extend(residuals);
-    all.extend([f64::NAN; ORDER]);
-}
-
-/// The filter and the variance of residuals as they are.
-fn modelled(residuals: &[f64]) -> Option<(Filter, f64)> {
-    let count = residuals.iter().filter(|r| r.is_finite()).count();
-    let c = ar::sample_autocovariance(residuals, ORDER);
-    let variance = c.first().copied().filter(|v| *v > 0.0)?;
-    Some((Filter::new(&ar::fit_by(&c, count, ORDER, Order::White))?, variance))
+    c.iter_mut().for_each(|c| *c /= count.max(1) as f64);
+    c.first().filter(|v| **v > 0.0)?;
+    Filter::new(&ar::fit_by(&c, count, ORDER, Order::White))
 }
 
 #[cfg(test)]
@@ -255,13 +237,5 @@ mod tests {
         filter.apply(&mut b, &masked);
         assert_eq!((&a, a[2]), (&b, 0.0));
         assert!((a[3] - (4.0 - 0.8 * 0.8 * 2.0)).abs() < 1e-12 && (a[4] - (5.0 - 0.8 * 4.0)).abs() < 1e-12);
-    }
-
-    #[test]
-    fn variance_and_coefficients_give_the_innovations_variance() {
-        let model = Ar { coefficients: vec![1.2, -0.6], variance: 0.3, order: 2 };
-        let r = autocovariance(&model, 0)[0];
-        let (a, b) = (Filter::of(&model.coefficients, r).expect("stationary"), Filter::new(&model).expect("stationary"));
-        assert!(a.deviations.iter().zip(&b.deviations).all(|(a, b)| (a - b).abs() < 1e-12));
     }
 }
