@@ -82,6 +82,8 @@ pub(super) struct Many<'p> {
     /// Registers `[register][lane]`.
     file: Aligned,
     width: usize,
+    /// The numbers of a point that the program reads.
+    read: Vec<usize>,
 }
 
 impl<'p> Many<'p> {
@@ -91,7 +93,8 @@ impl<'p> Many<'p> {
             file[plan.layout.parameter() + i] = [*p; LANES];
         }
         program.prepare(&mut file, &plan.tables);
-        Many { program, tables: &plan.tables, file: Aligned::of_rows(&file), width: plan.layout.time() + 1 }
+        let width = plan.layout.time() + 1;
+        Many { program, tables: &plan.tables, file: Aligned::of_rows(&file), width, read: program.reads(width) }
     }
 
     /// Runs the program at the `LANES` points from `first` on (rows of `width`; fewer at the end), and hands out its registers.
@@ -99,8 +102,8 @@ impl<'p> Many<'p> {
         let live = LANES.min(points.len() / self.width - first);
         let rows: [&[f64]; LANES] = std::array::from_fn(|l| &points[(first + l.min(live - 1)) * self.width..][..self.width]);
         let file = self.file.rows::<LANES>();
-        for (slot, lanes) in file[..self.width].iter_mut().enumerate() {
-            *lanes = std::array::from_fn(|l| rows[l][slot]);
+        for &slot in &self.read {
+            file[slot] = std::array::from_fn(|l| rows[l][slot]);
         }
         self.program.run(file, self.tables);
         file
@@ -111,32 +114,19 @@ impl<'p> Many<'p> {
         self.file.rows_of()
     }
 
-    /// All outputs at all `points`.
-    pub(super) fn over(&mut self, points: &[f64], out: &mut Lanes) {
+    /// All outputs at all `points`, rows of the number of outputs.
+    pub(super) fn over(&mut self, points: &[f64], out: &mut [f64]) {
         let (n, m) = (points.len() / self.width, self.program.outputs());
-        out.entries = m;
-        out.values.clear();
         if m == 0 {
             return;
         }
-        for first in (0..n).step_by(LANES) {
+        for (first, rows) in (0..n).step_by(LANES).zip(out.chunks_mut(LANES * m)) {
             let program = self.program;
             let file = self.block(points, first);
-            out.values.extend((0..m).map(|k| *program.output(file, k)));
+            for k in 0..m {
+                let lanes = program.output(file, k);
+                rows.iter_mut().skip(k).step_by(m).zip(lanes).for_each(|(to, value)| *to = *value);
+            }
         }
-    }
-}
-
-/// Outputs of a program at many points: blocks of `LANES` points, an entry's values side by side.
-#[derive(Default)]
-pub(super) struct Lanes {
-    entries: usize,
-    values: Vec<[f64; LANES]>,
-}
-
-impl Lanes {
-    /// Entry `k` at a point.
-    pub(super) fn get(&self, point: usize, k: usize) -> f64 {
-        self.values[point / LANES * self.entries + k][point % LANES]
     }
 }

@@ -6,10 +6,12 @@
 //!    (`|lambda| h <= 0.5`, lambda from the compiled Jacobian). Inputs are linear between grid points (mid-step is the mean),
 //!    or cubic where the record says so.
 //!    Every stage's arguments are kept.
+//!    A plain model (no delays, no stops) is marched through a whole chunk at once, in machine code where that is worth making.
 //! 2. *Jacobians*: the non-zero entries of A = df/dx, B = df/dp and of the outputs' C, D at all stages of a chunk, evaluated over
-//!    lanes of eight points. No sequence here, so the lanes are always full.
+//!    lanes of sixteen points. No sequence here, so the lanes are always full.
 //! 3. *Sensitivities*: `S' = A S + B` through the same Runge-Kutta stages, so the result is the exact derivative of the computed
-//!    values, not an approximation of the derivative of the true ones. Lanes are directions.
+//!    values, not an approximation of the derivative of the true ones. Lanes are directions. Of a plain model a kernel takes a block of
+//!    stages at once and leaves S at the grid points, for the outputs' kernel; of others both go point by point.
 //!
 //! A chunk of grid steps goes through 1 to 3 before the next one begins: the working set stays in cache, memory does not grow with the
 //! record (except for the outputs themselves, and the history of delayed states).

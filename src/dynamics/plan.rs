@@ -5,6 +5,7 @@ use super::record::{Sampling, Weights};
 use super::rows::Rows;
 use super::{Grid, Record, Response};
 use crate::error::{Error, Result};
+use crate::math::pool;
 use crate::model::linear::{Linear, Starts};
 use crate::model::native::{Form, Native};
 use crate::model::{Layout, Model, Program, StartKind, Tables};
@@ -94,11 +95,11 @@ impl Plan {
         let nodes: Vec<_> = model.rates.iter().chain(&model.output_nodes).copied().collect();
         let leaves = model.graph.leaves(&nodes);
         let linear = model.linearize(&directions.parameters, &outputs);
-        let lanes = directions.lanes();
+        let (lanes, nx) = (directions.lanes(), model.states.len());
         Ok(Plan {
-            rate_rows: Rows::new(&linear.rates, &linear.rates_program, model.states.len(), lanes),
-            output_rows: Rows::new(&linear.outputs, &linear.outputs_program, outputs.len(), lanes),
-            delay_rows: Rows::new(&linear.delays, &linear.delays_program, model.delays.len(), lanes),
+            rate_rows: Rows::new(&linear.rates, &linear.rates_program, nx, nx, lanes),
+            output_rows: Rows::new(&linear.outputs, &linear.outputs_program, outputs.len(), nx, lanes),
+            delay_rows: Rows::new(&linear.delays, &linear.delays_program, model.delays.len(), nx, lanes),
             linear,
             native: None,
             layout: model.layout,
@@ -215,10 +216,14 @@ impl Plan {
                 continue;
             };
             let y = |point: usize| grid.y[point * ny + column];
-            out.y.push(match sampling {
-                Sampling::Grid => (0..grid.n).map(y).collect(),
-                Sampling::Between(weights) => weights.iter().map(|w| w.as_ref().map_or(f64::NAN, |w| w.value(y))).collect(),
-            });
+            let mut values = pool::take(channel.t.len());
+            match sampling {
+                Sampling::Grid => values.iter_mut().enumerate().for_each(|(k, v)| *v = y(k)),
+                Sampling::Between(weights) => {
+                    values.iter_mut().zip(weights).for_each(|(v, w)| *v = w.as_ref().map_or(f64::NAN, |w| w.value(y)));
+                }
+            }
+            out.y.push(values);
             if sensitivities {
                 let again = record.channels[i + 1..].iter().any(|c| c.output == channel.output);
                 out.dy.push(match sampling {
@@ -228,6 +233,7 @@ impl Plan {
                 });
             }
         }
+        pool::give(grid.y);
         out
     }
 }

@@ -1,11 +1,12 @@
 //! Runge-Kutta through a record, in chunks: values, then Jacobians over lanes, then sensitivities (see the module's page).
 
-use super::evaluate::{Lanes, Many, Single};
+use super::evaluate::{Many, Single};
 use super::history::{self, Past};
 use super::plan::Plan;
 use super::stiffness::Stiffness;
 use super::tangent::Tangent;
 use super::{Grid, Interpolation, Record};
+use crate::math::pool;
 use crate::model::linear::Starts;
 use crate::model::{Delayed, Layout, Tables};
 
@@ -118,8 +119,9 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
     let (nx, nu, ny) = (plan.layout.states, plan.layout.inputs, plan.outputs.len());
     let n = record.n.saturating_sub(record.start);
     let nd = plan.directions.len();
-    let mut grid = Grid { n, y: vec![f64::NAN; n * ny], finite: true, ..Default::default() };
+    let mut grid = Grid { n, y: pool::take(n * ny), finite: true, ..Default::default() };
     if n == 0 || record.inputs.len() < record.n * nu {
+        grid.y.fill(f64::NAN);
         grid.finite = n == 0;
         return (grid, vec![Vec::new(); if sensitivities { ny } else { 0 }]);
     }
@@ -132,7 +134,6 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
     let mut rates = Single::new(&plan.rates, plan, parameters);
     rates.native = plan.native.as_deref();
     let mut outputs = Many::new(&plan.output_values, plan, parameters);
-    let mut values = Lanes::default();
     let mut taus = Single::new(&plan.delay_values, plan, parameters);
     let mut tangent = sensitivities.then(|| Tangent::new(plan, parameters, &file, n));
     let mut stiffness: Option<Stiffness> = None;
@@ -154,11 +155,12 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
             run.walk(first..end, substeps, &mut x, &mut rates, &mut taus, &mut chunk)
         };
         let good = lost.unwrap_or(end);
-        outputs.over(&chunk.points, &mut values);
-        for k in first..good {
-            (0..ny).for_each(|j| grid.y[k * ny + j] = values.get(k - first, j));
-        }
-        let bad = (first..good).find(|&k| grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite()));
+        let width = plan.layout.time() + 1;
+        outputs.over(&chunk.points[..(good - first) * width], &mut grid.y[first * ny..good * ny]);
+        let bad = match finite(&grid.y[first * ny..good * ny]) {
+            true => None,
+            false => (first..good).find(|&k| grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite())),
+        };
         if let Some(k) = bad.or(lost) {
             grid.finite = false;
             grid.y[k * ny..].fill(f64::NAN);
@@ -169,9 +171,9 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
         }
     }
     grid.x_end = x;
-    let rows = tangent.map(|t| t.rows).unwrap_or_default();
-    grid.finite &= rows.iter().all(|row| finite(row));
-    (grid, rows)
+    let Some(tangent) = tangent else { return (grid, Vec::new()) };
+    grid.finite &= tangent.is_finite();
+    (grid, tangent.rows)
 }
 
 /// Whether all numbers are finite: zero times each of them is zero then. Sixteen sums side by side, so that none waits for the other.

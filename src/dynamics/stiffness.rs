@@ -1,18 +1,19 @@
 //! How fast the fastest mode is: the spectral radius of the compiled Jacobian at a point, and the sub-steps it asks for.
 
-use super::evaluate::{Lanes, Many};
+use super::evaluate::Many;
 use super::plan::Plan;
 use super::propagate::{MOST_SUBSTEPS, STIFF};
 
 pub struct Stiffness<'p> {
     plan: &'p Plan,
     jacobian: Many<'p>,
-    entries: Lanes,
+    entries: Vec<f64>,
 }
 
 impl<'p> Stiffness<'p> {
     pub fn new(plan: &'p Plan, parameters: &[f64]) -> Self {
-        Stiffness { plan, jacobian: Many::new(&plan.linear.rates_program, plan, parameters), entries: Lanes::default() }
+        let program = &plan.linear.rates_program;
+        Stiffness { plan, jacobian: Many::new(program, plan, parameters), entries: vec![0.0; program.outputs()] }
     }
 
     /// Sub-steps per grid step `dt` so that |lambda| h stays below the limit; more than the most allowed if it cannot.
@@ -21,7 +22,7 @@ impl<'p> Stiffness<'p> {
         self.jacobian.over(point, &mut self.entries);
         let mut a = vec![0.0; nx * nx];
         for e in &self.plan.linear.rates.states {
-            a[e.row * nx + e.column] = self.entries.get(0, e.output);
+            a[e.row * nx + e.column] = self.entries[e.output];
         }
         let needed = spectral_radius(&a, nx) * dt / STIFF;
         if needed.is_nan() { 1 } else { (needed.ceil() as usize).clamp(1, MOST_SUBSTEPS + 1) }

@@ -1,10 +1,10 @@
 //! Exact sensitivities: the Runge-Kutta method applied to `S' = A S + B`, lanes of directions.
 
-use super::evaluate::{LANES, Lanes, Many};
+use super::evaluate::{LANES, Many};
 use super::history::Past;
 use super::plan::Plan;
 use super::propagate::{AHEAD, Chunk, RESTS, Run, WEIGHT};
-use super::rows::{At, Rows, SPREAD, Stage, append, product, stage};
+use super::rows::{Append, Block, Rows, Steps, append, product, steps};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
 use crate::model::{Delayed, Program};
@@ -18,7 +18,7 @@ pub struct Tangent<'p> {
     point_delays: Jacobian<'p>,
     /// Directions, padded.
     lanes: usize,
-    /// Sensitivities of the states `[state][lanes]`.
+    /// Sensitivities of the states `[state][lanes]`, behind them those of the delayed values at a grid point.
     s: Aligned,
     /// Sensitivities of the limits `[state][min, max][lanes]`.
     limits: Vec<f64>,
@@ -29,9 +29,8 @@ pub struct Tangent<'p> {
     s_history: Vec<f64>,
     k_history: Vec<f64>,
     work: Work,
-    /// The size of a step, and what `Stage` wants to know of it.
-    step: f64,
-    weights: [[f64; 2]; 4],
+    /// Zeros as long as all rows are finite.
+    zeros: [f64; 8],
 }
 
 /// A Jacobian along a list of points, some of which are evaluated at a time.
@@ -40,46 +39,41 @@ struct Jacobian<'p> {
     program: Many<'p>,
     /// The block of points that the program was run for, if any.
     block: Option<usize>,
-    /// The direct parts at some of them, and which.
     direct: Aligned,
-    spread: Option<usize>,
 }
 
 impl<'p> Jacobian<'p> {
     fn new(rows: &'p Rows, program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
         let mut direct = Aligned::default();
-        direct.zeros(SPREAD * rows.size());
-        Jacobian { rows, program: Many::new(program, plan, parameters), block: None, direct, spread: None }
+        direct.zeros(LANES * rows.size());
+        Jacobian { rows, program: Many::new(program, plan, parameters), block: None, direct }
     }
 
-    /// At point `k` of `points`.
-    fn at(&mut self, points: &[f64], k: usize) -> At<'_> {
-        if self.block != Some(k / LANES) {
-            self.program.block(points, k / LANES * LANES);
-            self.block = Some(k / LANES);
-            self.spread = None;
+    /// The block that holds point `k` of `points`.
+    fn at(&mut self, points: &[f64], k: usize) -> Block<'_> {
+        let first = k / LANES * LANES;
+        if self.block != Some(first) {
+            let registers = self.program.block(points, first);
+            self.rows.spread(registers, &mut self.direct);
+            self.block = Some(first);
         }
-        if self.spread != Some(k / SPREAD) {
-            self.rows.spread(self.program.registers(), k / SPREAD * SPREAD % LANES, &mut self.direct);
-            self.spread = Some(k / SPREAD);
-        }
-        At::new(self.rows, self.program.registers(), k % LANES, &self.direct)
+        Block { rows: self.rows, registers: self.program.registers(), direct: &self.direct }
     }
 }
 
-/// Sensitivities within a step.
+/// Sensitivities within a step: at its stages those of the states, behind them those of the delayed values.
 struct Work {
-    stage: Aligned,
-    next: Aligned,
+    between: [Aligned; 2],
     k: Aligned,
     sum: Aligned,
-    delayed: Aligned,
+    /// Those of the states at the grid points of a chunk.
+    kept: Aligned,
 }
 
 impl<'p> Tangent<'p> {
     /// `starts`: register file of the evaluated start program.
     pub fn new(plan: &'p Plan, parameters: &[f64], starts: &[[f64; 1]], points: usize) -> Self {
-        let (nx, nd, ny) = (plan.layout.states, plan.directions.len(), plan.outputs.len());
+        let (nd, ny) = (plan.directions.len(), plan.outputs.len());
         let lanes = plan.directions.lanes();
         let free = plan.directions.parameters.len();
         let zeros = |rows: usize| {
@@ -87,7 +81,8 @@ impl<'p> Tangent<'p> {
             out.zeros(rows * lanes);
             out
         };
-        let mut s = zeros(nx);
+        let (nx, both) = (plan.layout.states, plan.layout.states + plan.delays.len());
+        let mut s = zeros(both);
         for e in &plan.starts.entries {
             let column = if e.column < free {
                 Some(e.column)
@@ -100,11 +95,11 @@ impl<'p> Tangent<'p> {
             }
         }
         let mut limits = vec![0.0; if plan.limited.is_empty() { 0 } else { nx * 2 * lanes }];
-        let mut values = Lanes::default();
+        let mut values = vec![0.0; plan.linear.limits_program.outputs()];
         let point = vec![0.0; plan.layout.time() + 1];
         Many::new(&plan.linear.limits_program, plan, parameters).over(&point, &mut values);
         for &(state, is_max, column, output) in &plan.linear.limits {
-            limits[(2 * state + usize::from(is_max)) * lanes + column] = values.get(0, output);
+            limits[(2 * state + usize::from(is_max)) * lanes + column] = values[output];
         }
         let jacobian = |rows, program| Jacobian::new(rows, program, plan, parameters);
         Tangent {
@@ -121,10 +116,14 @@ impl<'p> Tangent<'p> {
             done: 0,
             s_history: Vec::new(),
             k_history: Vec::new(),
-            work: Work { stage: zeros(nx), next: zeros(nx), k: zeros(nx), sum: zeros(nx), delayed: zeros(plan.delays.len()) },
-            step: 0.0,
-            weights: [[0.0; 2]; 4],
+            work: Work { between: [zeros(both), zeros(both)], k: zeros(nx), sum: zeros(nx), kept: Aligned::default() },
+            zeros: [0.0; 8],
         }
+    }
+
+    /// Whether all that was written so far is finite.
+    pub fn is_finite(&self) -> bool {
+        self.zeros.iter().all(|zero| *zero == 0.0)
     }
 
     /// Takes the sensitivities through a chunk whose values are done.
@@ -132,9 +131,53 @@ impl<'p> Tangent<'p> {
         for jacobian in [&mut self.rates, &mut self.outputs, &mut self.delays, &mut self.point_delays] {
             jacobian.block = None;
         }
+        if self.plan.plain() {
+            self.march(run, chunk);
+        } else {
+            self.walk(run, chunk);
+        }
+    }
+
+    /// A chunk of a plain model, a block of stages at a time.
+    fn march(&mut self, run: &Run, chunk: &Chunk) {
+        let size = self.plan.layout.states * self.lanes;
+        let (points, whole) = (chunk.points.len() / (self.plan.layout.time() + 1), chunk.substeps.len());
+        let m = chunk.substeps.first().copied().unwrap_or(1);
+        let Work { between: [a, b], sum, kept, .. } = &mut self.work;
+        kept.resize(points * size);
+        let weights = weights(run.record.dt / m as f64);
+        for first in (0..4 * m * whole).step_by(LANES) {
+            let stages = 0..LANES.min(4 * m * whole - first);
+            let mut job = Steps {
+                s: &mut self.s,
+                sum,
+                between: [a, b],
+                k: None,
+                weights,
+                plain: true,
+                kept: &mut kept[(first / 4).div_ceil(m) * size..],
+                every: m,
+                phase: first / 4 % m,
+            };
+            // SAFETY: the width is this machine's.
+            unsafe { steps(self.width, self.rates.at(&chunk.stages, first), stages, &mut job) };
+        }
+        if points > whole {
+            kept[whole * size..points * size].copy_from_slice(&self.s[..size]);
+        }
+        for first in (0..points).step_by(LANES) {
+            let n = LANES.min(points - first);
+            let to = Append { lists: &mut self.rows, directions: self.plan.directions.len(), k: self.done, zeros: &mut self.zeros };
+            // SAFETY: as above.
+            unsafe { append(self.width, self.outputs.at(&chunk.points, first), 0..n, &kept[first * size..], size, to) };
+            self.done += n;
+        }
+    }
+
+    /// A chunk of any model, stage by stage.
+    fn walk(&mut self, run: &Run, chunk: &Chunk) {
         let plan = self.plan;
-        let (delays, history) = (plan.delays.len(), run.keeps_history());
-        let limited = plan.limited.len();
+        let (delays, limited, history) = (plan.delays.len(), plan.limited.len(), run.keeps_history());
         let points = chunk.points.len() / (plan.layout.time() + 1);
         let (mut stage, mut substep) = (0, 0);
         for point in 0..points {
@@ -144,39 +187,23 @@ impl<'p> Tangent<'p> {
             if delays > 0 {
                 let pasts = &chunk.point_pasts[point * delays..(point + 1) * delays];
                 let past = [&self.s_history, &self.k_history];
-                delayed(
-                    plan,
-                    self.width,
-                    run,
-                    pasts,
-                    self.point_delays.at(&chunk.points, point),
-                    &self.s,
-                    past,
-                    &mut self.work.delayed,
-                );
+                delayed(plan, self.width, run, pasts, (self.point_delays.at(&chunk.points, point), point), &mut self.s, past);
             }
-            let (at, nd) = (self.outputs.at(&chunk.points, point), plan.directions.len());
+            let to = Append { lists: &mut self.rows, directions: plan.directions.len(), k: self.done, zeros: &mut self.zeros };
+            let at = point % LANES;
             // SAFETY: the width is this machine's.
-            unsafe { append(self.width, at, &self.s, &self.work.delayed, nd, self.done, &mut self.rows) };
+            unsafe { append(self.width, self.outputs.at(&chunk.points, point), at..at + 1, &self.s, 0, to) };
             self.done += 1;
             let Some(&m) = chunk.substeps.get(point) else { continue };
-            let h = run.record.dt / m as f64;
-            if self.step != h {
-                self.step = h;
-                self.weights = std::array::from_fn(|i| [WEIGHT[i], if i < 3 { AHEAD[i] * h } else { h / 6.0 }]);
-            }
+            let weights = weights(run.record.dt / m as f64);
             for s in 0..m {
                 if history && s > 0 {
                     self.remember();
                 }
-                for number in 0..4 {
+                for _ in 0..4 {
                     let clipped = &chunk.clipped[stage * limited..(stage + 1) * limited];
-                    if delays > 0 {
-                        let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
-                        self.stage(&chunk.stages, stage, number, clipped, Some((run, pasts)));
-                    } else {
-                        self.stage(&chunk.stages, stage, number, clipped, None);
-                    }
+                    let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
+                    self.stage(run, &chunk.stages, stage, clipped, pasts, weights);
                     stage += 1;
                 }
                 let held = &chunk.held[substep * limited..(substep + 1) * limited];
@@ -186,37 +213,35 @@ impl<'p> Tangent<'p> {
         }
     }
 
-    /// Stage `at` of a chunk's `stages`, the `number`th of its step, and after the last one the step. `pasts`: how its delayed values were read.
-    fn stage(&mut self, stages: &[f64], at: usize, number: usize, clipped: &[u8], pasts: Option<(&Run, &[Past])>) {
-        let history = !self.s_history.is_empty();
-        let weights = &self.weights;
-        let Work { stage: from, next, k, sum, delayed: past } = &mut self.work;
-        // where states may be on stops or delayed, the first stage is not simply the start of the step
-        let plain = number == 0 && clipped.is_empty() && pasts.is_none();
-        if number == 0 && !plain {
-            from.copy_from_slice(&self.s);
+    /// Stage `at` of a chunk's `stages`, and after the last one of a step the step. `pasts`: how its delayed values were read.
+    fn stage(&mut self, run: &Run, stages: &[f64], at: usize, clipped: &[u8], pasts: &[Past], weights: [[f64; 2]; 4]) {
+        let (number, history, size) = (at % 4, !self.s_history.is_empty(), self.plan.layout.states * self.lanes);
+        let Work { between: [a, b], sum, k, .. } = &mut self.work;
+        if number == 0 {
+            b[..size].copy_from_slice(&self.s[..size]);
         }
+        let from = if number % 2 == 0 { &mut *b } else { &mut *a };
         put_on_stops(self.plan, &self.limits, self.lanes, clipped, from);
-        if let Some((run, pasts)) = pasts {
+        if !pasts.is_empty() {
             let lists = [&self.s_history, &self.k_history];
-            delayed(self.plan, self.width, run, pasts, self.delays.at(stages, at), from, lists, past);
+            delayed(self.plan, self.width, run, pasts, (self.delays.at(stages, at), at), from, lists);
         }
-        let job = Stage { s: &mut self.s, sum, next, k: history.then_some(&mut **k), number, weights };
+        let k = history.then_some(&mut **k);
+        let mut job = Steps { s: &mut self.s, sum, between: [a, b], k, weights, plain: false, kept: &mut [], every: 0, phase: 0 };
         // SAFETY: the width is this machine's.
-        unsafe { stage(self.width, self.rates.at(stages, at), (!plain).then_some(&**from), past, job) };
-        std::mem::swap(from, next);
+        unsafe { steps(self.width, self.rates.at(stages, at), at % LANES..at % LANES + 1, &mut job) };
         if number == 0 && history {
             let end = self.k_history.len();
-            self.k_history[end - k.len()..].copy_from_slice(k);
+            self.k_history[end - size..].copy_from_slice(&self.work.k);
             for (&i, _) in self.plan.limited.iter().zip(clipped).filter(|(_, how)| **how == RESTS) {
-                let row = end - k.len() + i * self.lanes;
+                let row = end - size + i * self.lanes;
                 self.k_history[row..row + self.lanes].fill(0.0);
             }
         }
     }
 
     fn remember(&mut self) {
-        self.s_history.extend_from_slice(&self.s);
+        self.s_history.extend_from_slice(&self.s[..self.plan.layout.states * self.lanes]);
         self.k_history.resize(self.s_history.len(), 0.0);
     }
 }
@@ -229,14 +254,27 @@ fn put_on_stops(plan: &Plan, limits: &[f64], lanes: usize, how: &[u8], s: &mut [
     }
 }
 
-/// Sensitivities of the delayed values: dX(t - tau) = S(t - tau) - X'(t - tau) dtau. `history`: sensitivities of the states and of their
-/// rates at the remembered times.
-#[allow(clippy::too_many_arguments)]
-fn delayed(plan: &Plan, width: Width, run: &Run, pasts: &[Past], taus: At, s: &[f64], history: [&Vec<f64>; 2], out: &mut Aligned) {
+/// What `Steps` wants to know of steps of length `h`.
+fn weights(h: f64) -> [[f64; 2]; 4] {
+    std::array::from_fn(|i| [WEIGHT[i], if i < 3 { AHEAD[i] * h } else { h / 6.0 }])
+}
+
+/// Sensitivities of the delayed values, behind those of the states in `s`: dX(t - tau) = S(t - tau) - X'(t - tau) dtau. `taus`: the Jacobian
+/// of the delay times, and the point; `history`: sensitivities of the states and of their rates at the remembered times.
+fn delayed(
+    plan: &Plan,
+    width: Width,
+    run: &Run,
+    pasts: &[Past],
+    (taus, point): (Block, usize),
+    s: &mut [f64],
+    history: [&Vec<f64>; 2],
+) {
     let (nx, lanes) = (plan.layout.states, plan.directions.lanes());
     let [s_history, k_history] = history;
+    let (s, out) = s.split_at_mut(nx * lanes);
     // SAFETY: the width is this machine's; delay times do not depend on delayed values.
-    unsafe { product(width, taus, s, &[], out) };
+    unsafe { product(width, taus, point % LANES, s, out) };
     for (k, (delay, past)) in plan.delays.iter().zip(pasts).enumerate() {
         let row = &mut out[k * lanes..(k + 1) * lanes];
         let slope = match delay.of {

@@ -134,9 +134,10 @@ impl<'a> Case<'a> {
         }
         let mut sensitivities = response.dy.into_iter();
         let channels = self.records[s].channels.iter().zip(response.y);
-        let block = |(channel, y): (&crate::dynamics::Channel, Vec<f64>)| {
+        let block = |(channel, mut e): (&crate::dynamics::Channel, Vec<f64>)| {
             let output = self.outputs.iter().position(|&o| o == channel.output)?;
-            let e = channel.z.iter().zip(y).map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN }).collect();
+            // what was predicted becomes the residual
+            e.iter_mut().zip(&channel.z).for_each(|(e, z)| *e = if z.is_finite() { z - *e } else { f64::NAN });
             Some(Block { output, e, g: sensitivities.next().unwrap_or_default() })
         };
         channels.map(block).collect()

@@ -1,9 +1,10 @@
 //! Rows of sensitivities and their residuals in; sums of products of the rows with each other and with the residuals out.
 //!
-//! The lower triangle of `G'G` is made of tiles of up to eight rows and eight columns, which stay in registers while a stretch of
-//! samples passes by. Every sum adds its products in the order of the samples, fused, so that neither the width of the vectors nor the
-//! size of a tile changes a bit.
+//! The lower triangle of `G'G`, and behind it `e'G` as one more row, is made of tiles of up to nine rows and sixteen columns, which stay in
+//! registers while a stretch of samples passes by. Every sum adds its products in the order of the samples, fused, so that neither the
+//! width of the vectors nor the size of a tile changes a bit.
 
+use crate::math::pool;
 use crate::math::simd::{Eight, Width, by_width};
 
 /// Numbers of the samples that pass through one tile before the next tile has its turn: their rows stay in the nearest cache.
@@ -12,129 +13,147 @@ const STRETCH: usize = 4096;
 /// Adds the sums over samples whose residual `e` is a number: `gram[nd][nd]` (lower triangle) `+= g g'`, `gradient[nd] += e g`. Rows of
 /// `g` have `nd` numbers. The number of such samples and the sum of their `e^2`.
 pub fn add(e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradient: &mut [f64]) -> (usize, f64) {
-    let width = Width::detect();
+    add_of(Width::detect(), e, g, nd, gram, gradient)
+}
+
+fn add_of(width: Width, e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradient: &mut [f64]) -> (usize, f64) {
+    let stride = nd.next_multiple_of(8);
+    let mut sums = pool::take((nd + 1) * stride);
+    for (row, sums) in sums.chunks_exact_mut(stride.max(1)).enumerate().take(nd) {
+        sums[..=row].copy_from_slice(&gram[row * nd..][..=row]);
+        sums[row + 1..].fill(0.0);
+    }
+    sums[nd * stride..][..nd].copy_from_slice(gradient);
+    sums[nd * stride + nd..].fill(0.0);
     let (mut count, mut square) = (0, 0.0);
     let most = (STRETCH / nd.max(1)).clamp(16, 256);
     let mut from = 0;
     while from < e.len() {
-        let to = e[from..].iter().position(|e| e.is_nan()).map_or(e.len(), |n| from + n).min(from + most);
+        let to = e[from..].iter().take(most).position(|e| e.is_nan()).map_or(e.len().min(from + most), |n| from + n);
         // SAFETY: the width is this machine's.
-        unsafe { squares(width, &e[from..to], &mut square) };
+        unsafe { stretch(width, &e[from..to], &g[from * nd..to * nd], nd, &mut sums, &mut square) };
         count += to - from;
-        stretch(width, &e[from..to], &g[from * nd..to * nd], nd, gram, gradient);
         // past a masked sample, if that is what ended the stretch
         from = if e.get(to).is_some_and(|e| e.is_nan()) { to + 1 } else { to };
     }
+    for (row, sums) in sums.chunks_exact(stride.max(1)).enumerate().take(nd) {
+        // only the lower triangle is anybody's business
+        gram[row * nd..][..=row].copy_from_slice(&sums[..=row]);
+    }
+    gradient.copy_from_slice(&sums[nd * stride..][..nd]);
+    pool::give(sums);
     (count, square)
 }
 
-/// A stretch without masked samples. Vectors are read eight numbers at a time, beyond the end of a row: the last row goes through a
-/// copy with room behind it.
-fn stretch(width: Width, e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradient: &mut [f64]) {
-    let Some(last) = e.len().checked_sub(1).filter(|_| nd > 0) else { return };
-    let mut tail = vec![0.0; nd + 8];
-    tail[..nd].copy_from_slice(&g[last * nd..]);
-    // rows that can be read eight numbers beyond their end without leaving `g`
-    let whole = last.min((g.len().saturating_sub(nd + 8)) / nd + usize::from(g.len() >= nd + 8)).min(last);
-    sums(width, &e[..whole], g, nd, gram, gradient);
-    for k in whole..last {
-        let mut row = vec![0.0; nd + 8];
-        row[..nd].copy_from_slice(&g[k * nd..(k + 1) * nd]);
-        sums(width, &e[k..=k], &row, nd, gram, gradient);
-    }
-    sums(width, &e[last..], &tail, nd, gram, gradient);
+by_width! {
+    /// A stretch without masked samples: `sums[nd + 1][nd, padded to eight]`, and the sum of `e^2`.
+    fn stretch(e: &[f64], g: &[f64], nd: usize, sums: &mut [f64], square: &mut f64) = stretch_body
 }
 
-fn sums(width: Width, e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradient: &mut [f64]) {
-    for column in (0..nd).step_by(8) {
-        let columns = (nd - column).min(8);
-        // SAFETY: the width is this machine's; the callers leave eight numbers behind the last row.
-        unsafe { towards(width, e, g, nd, column, &mut gradient[column..column + columns]) };
-        for row in (column..nd).step_by(8) {
-            // SAFETY: as above.
-            unsafe { tile(width, e.len(), g, nd, (row, column), gram) };
+/// # Safety
+/// The machine has the width.
+#[inline(always)]
+unsafe fn stretch_body<V: Eight>(e: &[f64], g: &[f64], nd: usize, sums: &mut [f64], square: &mut f64) {
+    let stride = nd.next_multiple_of(8);
+    assert!(g.len() >= e.len() * nd && sums.len() >= (nd + 1) * stride);
+    let mut all = Sums { e, g, nd, stride, sums, square: 0.0 };
+    // SAFETY: the sizes were just checked; tiles lie in the matrix.
+    unsafe {
+        let mut column = 0;
+        while column < stride {
+            let two = V::COLUMNS > 1 && column + 8 < stride;
+            let mut row = column;
+            if two {
+                // beside the diagonal there is nothing to the right of the first eight rows
+                tile::<V, 8, 1, 0>(&mut all, row, column);
+                row += 8;
+            }
+            while row + 8 < nd {
+                if two {
+                    tile::<V, 8, 2, 0>(&mut all, row, column)
+                } else {
+                    tile::<V, 8, 1, 0>(&mut all, row, column)
+                }
+                row += 8;
+            }
+            all.square = *square;
+            macro_rules! last {
+                ($($rows:literal)*) => {
+                    match (nd - row, two) {
+                        $(($rows, true) => tile::<V, $rows, 2, 1>(&mut all, row, column),
+                        ($rows, false) => tile::<V, $rows, 1, 1>(&mut all, row, column),)*
+                        _ => {}
+                    }
+                };
+            }
+            last!(1 2 3 4 5 6 7 8);
+            column += if two { 16 } else { 8 };
+        }
+        if nd == 0 {
+            all.square = e.iter().fold(*square, |sum, e| e.mul_add(*e, sum));
         }
     }
+    *square = all.square;
 }
 
-by_width! { fn squares(e: &[f64], sum: &mut f64) = squares_body }
-by_width! { fn towards(e: &[f64], g: &[f64], nd: usize, column: usize, out: &mut [f64]) = towards_body }
-by_width! { fn tile(samples: usize, g: &[f64], nd: usize, at: (usize, usize), gram: &mut [f64]) = tile_body }
-
-/// # Safety
-/// The machine has the width (without hardware for it a fused multiply-add is a slow call).
-#[inline(always)]
-#[allow(clippy::extra_unused_type_parameters)]
-unsafe fn squares_body<V: Eight>(e: &[f64], sum: &mut f64) {
-    for e in e {
-        *sum = e.mul_add(*e, *sum);
-    }
+struct Sums<'a> {
+    e: &'a [f64],
+    g: &'a [f64],
+    nd: usize,
+    stride: usize,
+    sums: &'a mut [f64],
+    /// The sum of `e^2` after a tile with the residuals' row.
+    square: f64,
 }
 
+/// `R` rows and `C` times eight columns; with `E = 1` also the row of the residuals.
+///
 /// # Safety
-/// The machine has the width; `g` can be read eight numbers from `column` of every row.
+/// The machine has the width; the tile lies in the matrix.
 #[inline(always)]
-unsafe fn towards_body<V: Eight>(e: &[f64], g: &[f64], nd: usize, column: usize, out: &mut [f64]) {
-    let mut lanes = [0.0; 8];
-    lanes[..out.len()].copy_from_slice(out);
-    // SAFETY: the caller's promise.
+unsafe fn tile<V: Eight, const R: usize, const C: usize, const E: usize>(all: &mut Sums, row: usize, column: usize) {
+    let (nd, stride) = (all.nd, all.stride);
+    let last = nd.min(column + 8 * C) - (column + 8 * (C - 1));
+    let zero = [[0.0; 8]; C];
+    // SAFETY: the caller's promise; of the last vector of a row no more is read than there is.
     unsafe {
-        let mut sum = V::load(lanes.as_ptr());
-        for (k, e) in e.iter().enumerate() {
-            sum = V::splat(*e).fma(V::load(g.as_ptr().add(k * nd + column)), sum);
-        }
-        sum.store(lanes.as_mut_ptr());
-    }
-    out.copy_from_slice(&lanes[..out.len()]);
-}
-
-/// # Safety
-/// As `towards_body`.
-#[inline(always)]
-unsafe fn tile_body<V: Eight>(samples: usize, g: &[f64], nd: usize, at: (usize, usize), gram: &mut [f64]) {
-    let rows = (nd - at.0).min(8);
-    // SAFETY: the caller's promise.
-    unsafe {
-        match rows {
-            1 => tile_of::<V, 1>(samples, g, nd, at, gram),
-            2 => tile_of::<V, 2>(samples, g, nd, at, gram),
-            3 => tile_of::<V, 3>(samples, g, nd, at, gram),
-            4 => tile_of::<V, 4>(samples, g, nd, at, gram),
-            5 => tile_of::<V, 5>(samples, g, nd, at, gram),
-            6 => tile_of::<V, 6>(samples, g, nd, at, gram),
-            7 => tile_of::<V, 7>(samples, g, nd, at, gram),
-            _ => tile_of::<V, 8>(samples, g, nd, at, gram),
-        }
-    }
-}
-
-/// # Safety
-/// As `towards_body`.
-#[inline(always)]
-unsafe fn tile_of<V: Eight, const R: usize>(samples: usize, g: &[f64], nd: usize, (row, column): (usize, usize), gram: &mut [f64]) {
-    let columns = (nd - column).min(8);
-    let mut lanes = [[0.0; 8]; R];
-    for (i, lanes) in lanes.iter_mut().enumerate() {
-        lanes[..columns].copy_from_slice(&gram[(row + i) * nd + column..][..columns]);
-    }
-    // SAFETY: the caller's promise.
-    unsafe {
-        let mut sum: [V; R] = std::array::from_fn(|i| V::load(lanes[i].as_ptr()));
-        for k in 0..samples {
-            let p = g.as_ptr().add(k * nd);
-            let v = V::load(p.add(column));
+        let at = |i: usize, c: usize| (row + i) * stride + column + 8 * c;
+        let places = all.sums.as_mut_ptr();
+        let mut sum: [[V; C]; R] = std::array::from_fn(|i| std::array::from_fn(|c| V::load(places.add(at(i, c)))));
+        let towards = |c: usize| nd * stride + column + 8 * c;
+        let mut slope: [V; C] = std::array::from_fn(|c| V::load(if E == 1 { places.add(towards(c)) } else { zero[c].as_ptr() }));
+        let mut square = all.square;
+        for (k, e) in all.e.iter().enumerate() {
+            let p = all.g.as_ptr().add(k * nd);
+            let v: [V; C] = std::array::from_fn(|c| {
+                let from = p.add(column + 8 * c);
+                if c + 1 == C { V::load_first(from, last) } else { V::load(from) }
+            });
             for (i, sum) in sum.iter_mut().enumerate() {
-                *sum = V::splat(*p.add(row + i)).fma(v, *sum);
+                let x = V::splat(*p.add(row + i));
+                for (sum, v) in sum.iter_mut().zip(v) {
+                    *sum = x.fma(v, *sum);
+                }
+            }
+            if E == 1 {
+                let x = V::splat(*e);
+                for (slope, v) in slope.iter_mut().zip(v) {
+                    *slope = x.fma(v, *slope);
+                }
+                square = e.mul_add(*e, square);
             }
         }
-        for (sum, lanes) in sum.into_iter().zip(&mut lanes) {
-            sum.store(lanes.as_mut_ptr());
+        for (i, sum) in sum.into_iter().enumerate() {
+            for (c, sum) in sum.into_iter().enumerate() {
+                sum.store(places.add(at(i, c)));
+            }
         }
-    }
-    // only the lower triangle is anybody's business
-    for (i, lanes) in lanes.iter().enumerate() {
-        let part = columns.min(row + i + 1 - column);
-        gram[(row + i) * nd + column..][..part].copy_from_slice(&lanes[..part]);
+        if E == 1 {
+            for (c, slope) in slope.into_iter().enumerate() {
+                slope.store(places.add(towards(c)));
+            }
+            all.square = square;
+        }
     }
 }
 
@@ -144,7 +163,7 @@ mod tests {
 
     #[test]
     fn sums_of_any_size_are_those_written_out_and_of_the_same_bits_at_any_width() {
-        for nd in [0, 1, 3, 8, 11, 15, 16, 23, 60] {
+        for nd in [0, 1, 3, 8, 9, 11, 15, 16, 23, 24, 25, 60] {
             for n in [0, 1, 2, 5, 9, 300] {
                 let number = |i: usize| ((i * 7919 + 13) % 1009) as f64 / 1009.0 - 0.5;
                 let g: Vec<f64> = (0..n * nd).map(number).collect();
@@ -162,12 +181,10 @@ mod tests {
                         assert_eq!(gram[i * nd + j], sum, "{nd} {n} {i} {j}");
                     }
                 }
-                for width in Width::available() {
+                for &width in Width::available() {
                     let (mut again, mut towards) = (vec![0.0; nd * nd], vec![0.0; nd]);
-                    if there.len() == n && n <= 16 {
-                        stretch(width, &e, &g, nd, &mut again, &mut towards);
-                        assert_eq!((&again, &towards), (&gram, &gradient), "{width:?}");
-                    }
+                    assert_eq!(add_of(width, &e, &g, nd, &mut again, &mut towards), (count, square), "{width:?}");
+                    assert_eq!((&again, &towards), (&gram, &gradient), "{width:?}");
                 }
             }
         }

@@ -164,7 +164,11 @@ pub fn each<F: Evaluate, T: Send>(
 /// Residuals of all segments at `theta`, per group; `None` where any segment is not finite.
 pub fn scatter<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<Vec<Scatter>> {
     let mut groups = vec![Scatter::default(); layout.noise.groups];
-    let one = |s: usize, blocks: Vec<Block>| Some(scatter_of(layout, s, &blocks)).filter(Scatter::is_finite);
+    let one = |s: usize, blocks: Vec<Block>| {
+        let scatter = scatter_of(layout, s, &blocks);
+        give_back(blocks);
+        scatter.is_finite().then_some(scatter)
+    };
     each(layout, evaluate, theta, false, one, |s, scatter| groups[layout.parts[s].group].merge(&scatter))?;
     Some(groups)
 }
@@ -180,7 +184,7 @@ pub fn pass<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option
         true,
         |s, blocks| {
             let sums = blocks.iter().map(|b| sum_block(b, layout.parts[s].directions())).collect::<Option<Vec<Sums>>>();
-            blocks.into_iter().for_each(|block| pool::give(block.g));
+            give_back(blocks);
             sums
         },
         |s, sums| {
@@ -202,12 +206,20 @@ pub fn weighed<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64], r: &[C
         |s, blocks| {
             let nd = layout.parts[s].directions();
             let white = whiten(layout, s, &blocks, &r[layout.parts[s].group])?;
-            blocks.into_iter().for_each(|block| pool::give(block.g));
+            give_back(blocks);
             sum_block(&white, nd)
         },
         |s, sum| totals.add(&layout.parts[s], &[sum]),
     )?;
     Some(totals)
+}
+
+/// Keeps the memory of blocks for the next ones.
+fn give_back(blocks: Vec<Block>) {
+    for block in blocks {
+        pool::give(block.g);
+        pool::give(block.e);
+    }
 }
 
 /// Which samples count.

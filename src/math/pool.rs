@@ -9,10 +9,10 @@ thread_local! {
     static FREE: RefCell<Vec<Vec<f64>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// A buffer of `n` numbers, whatever they are.
+/// A buffer of `n` numbers, whatever they are: the smallest that is large enough.
 pub fn take(n: usize) -> Vec<f64> {
     let mut buffer = FREE.with_borrow_mut(|free| {
-        let fits = free.iter().rposition(|b| b.capacity() >= n);
+        let fits = (0..free.len()).filter(|&i| free[i].capacity() >= n).min_by_key(|&i| free[i].capacity());
         fits.map(|i| free.swap_remove(i)).unwrap_or_default()
     });
     buffer.resize(n, 0.0);

@@ -18,29 +18,32 @@ pub enum Width {
 impl Width {
     /// The widest of this machine.
     pub fn detect() -> Width {
-        *Width::available().last().unwrap_or(&Width::Plain)
+        #[cfg(target_arch = "x86_64")]
+        {
+            // the answers are kept by the standard library
+            use std::arch::is_x86_feature_detected as has;
+            if has!("avx2") && has!("fma") && has!("bmi2") {
+                let wide = has!("avx512f") && has!("avx512dq") && has!("avx512vl") && has!("avx512bw");
+                return if wide { Width::Avx512 } else { Width::Avx2 };
+            }
+        }
+        Width::Plain
     }
 
     /// All widths this machine can run, narrowest first.
-    pub fn available() -> Vec<Width> {
-        #[allow(unused_mut)]
-        let mut list = vec![Width::Plain];
-        #[cfg(target_arch = "x86_64")]
-        {
-            use std::arch::is_x86_feature_detected as has;
-            if has!("avx2") && has!("fma") && has!("bmi2") {
-                list.push(Width::Avx2);
-                if has!("avx512f") && has!("avx512dq") && has!("avx512vl") && has!("avx512bw") {
-                    list.push(Width::Avx512);
-                }
-            }
+    pub fn available() -> &'static [Width] {
+        match Width::detect() {
+            Width::Plain => &[Width::Plain],
+            Width::Avx2 => &[Width::Plain, Width::Avx2],
+            Width::Avx512 => &[Width::Plain, Width::Avx2, Width::Avx512],
         }
-        list
     }
 }
 
 /// Eight numbers in the vectors of one width.
 pub trait Eight: Copy {
+    /// Vectors of a row that a tile of eight rows may hold without running out of registers.
+    const COLUMNS: usize;
     /// # Safety
     /// `p` points to eight readable numbers; the machine has this width.
     unsafe fn load(p: *const f64) -> Self;
@@ -57,6 +60,18 @@ pub trait Eight: Copy {
         unsafe {
             self.store(all.as_mut_ptr());
             std::ptr::copy_nonoverlapping(all.as_ptr(), p, n);
+        }
+    }
+    /// Loads the first `n` numbers; the others are zero.
+    /// # Safety
+    /// As `load`, of `n` numbers; `n` is at most eight.
+    #[inline(always)]
+    unsafe fn load_first(p: *const f64, n: usize) -> Self {
+        let mut all = [0.0; 8];
+        // SAFETY: the caller's promises.
+        unsafe {
+            std::ptr::copy_nonoverlapping(p, all.as_mut_ptr(), n);
+            Self::load(all.as_ptr())
         }
     }
     /// # Safety
@@ -76,6 +91,7 @@ pub trait Eight: Copy {
 pub struct Plain([f64; 8]);
 
 impl Eight for Plain {
+    const COLUMNS: usize = 1;
     #[inline(always)]
     unsafe fn load(p: *const f64) -> Self {
         // SAFETY: the caller's promise; reading does not need alignment.
@@ -113,6 +129,16 @@ mod x86 {
 
     // SAFETY of all bodies: the callers promise the machine's width and valid pointers.
     impl Eight for Avx2 {
+        const COLUMNS: usize = 1;
+        #[inline(always)]
+        unsafe fn load_first(p: *const f64, n: usize) -> Self {
+            unsafe {
+                let n = _mm256_set1_epi64x(n as i64);
+                let (low, high) = (_mm256_setr_epi64x(0, 1, 2, 3), _mm256_setr_epi64x(4, 5, 6, 7));
+                let [low, high] = [low, high].map(|place| _mm256_cmpgt_epi64(n, place));
+                Avx2(_mm256_maskload_pd(p, low), _mm256_maskload_pd(p.wrapping_add(4), high))
+            }
+        }
         #[inline(always)]
         unsafe fn load(p: *const f64) -> Self {
             unsafe { Avx2(_mm256_loadu_pd(p), _mm256_loadu_pd(p.add(4))) }
@@ -142,6 +168,11 @@ mod x86 {
     pub struct Avx512(__m512d);
 
     impl Eight for Avx512 {
+        const COLUMNS: usize = 2;
+        #[inline(always)]
+        unsafe fn load_first(p: *const f64, n: usize) -> Self {
+            unsafe { Avx512(_mm512_maskz_loadu_pd((1u16 << n).wrapping_sub(1) as u8, p)) }
+        }
         #[inline(always)]
         unsafe fn load(p: *const f64) -> Self {
             unsafe { Avx512(_mm512_loadu_pd(p)) }

@@ -1,6 +1,6 @@
 //! The interpreter: a list of operations run over lanes of `W` independent evaluations, with the vectors this machine has.
 
-use super::arithmetic::{REACH, apply, sin_cos_near};
+use super::arithmetic::{REACH, SMALL, apply, sin_cos_near, sin_cos_small};
 use super::graph::Op;
 use super::program::{Code, Instruction};
 use super::tables::Tables;
@@ -111,7 +111,18 @@ unsafe fn plain<const W: usize>(list: &[Instruction], file: *mut [f64; W], table
 
 #[inline(always)]
 fn sin_cos_lanes<const W: usize>(x: &[f64; W]) -> ([f64; W], [f64; W]) {
-    let (mut sin, mut cos, mut near) = ([0.0; W], [0.0; W], true);
+    let (mut sin, mut cos, mut small) = ([0.0; W], [0.0; W], true);
+    // angles of flight are small as a rule
+    for x in x {
+        small &= x.abs() <= SMALL;
+    }
+    if small {
+        for l in 0..W {
+            (sin[l], cos[l]) = sin_cos_small(x[l]);
+        }
+        return (sin, cos);
+    }
+    let mut near = true;
     for l in 0..W {
         (sin[l], cos[l]) = sin_cos_near(x[l]);
         near &= x[l].abs() <= REACH;

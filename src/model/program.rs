@@ -219,6 +219,14 @@ impl Program {
         &self.body
     }
 
+    /// The registers below `n` that the body or an output reads, ascending.
+    pub fn reads(&self, n: usize) -> Vec<usize> {
+        let mut read = vec![false; n];
+        let operands = self.body.iter().flat_map(|i| [i.a, i.b, i.c]);
+        operands.chain(self.outputs.iter().copied()).filter(|&r| (r as usize) < n).for_each(|r| read[r as usize] = true);
+        (0..n).filter(|&r| read[r]).collect()
+    }
+
     /// The same program run with other vectors than the widest (which changes no bit).
     pub fn with_width(mut self, width: Width) -> Program {
         if Width::available().contains(&width) {

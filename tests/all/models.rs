@@ -175,7 +175,7 @@ fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model(
             row.iter().enumerate().for_each(|(k, &got)| same("native", i, k, got));
             compared += row.len();
         }
-        for vectors in Width::available() {
+        for &vectors in Width::available() {
             let program = program.clone().with_width(vectors);
             let mut file = program.registers::<8>();
             for (slot, register) in file.iter_mut().take(at.len()).enumerate() {

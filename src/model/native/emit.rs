@@ -9,14 +9,14 @@ use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 use cranelift_jit::JITModule;
 use cranelift_module::{FuncId, Linkage, Module};
 
-use super::super::arithmetic::{COS, HALF_PI, REACH, ROUND, SIN, TWO_OVER_PI};
+use super::super::arithmetic::{COS, HALF_PI, REACH, ROUND, SIN, SMALL, TWO_OVER_PI};
 use super::super::graph::Op;
 use super::super::program::{Code, Instruction, Program};
 use super::{CALLS, Form, TABLES};
 
 /// The numbers that the code loads; they have to live as long as it.
 pub fn literals() -> Box<[f64]> {
-    SIN.iter().chain(&COS).chain(&HALF_PI).chain(&[TWO_OVER_PI, ROUND, -0.5, 1.0, REACH, 0.0, -1.0]).copied().collect()
+    SIN.iter().chain(&COS).chain(&HALF_PI).chain(&[TWO_OVER_PI, ROUND, -0.5, 1.0, REACH, 0.0, -1.0, SMALL]).copied().collect()
 }
 
 /// Positions in `literals`.
@@ -29,6 +29,7 @@ const ONE_AT: usize = MINUS_HALF_AT + 1;
 const REACH_AT: usize = ONE_AT + 1;
 const ZERO_AT: usize = REACH_AT + 1;
 const MINUS_ONE_AT: usize = ZERO_AT + 1;
+const SMALL_AT: usize = MINUS_ONE_AT + 1;
 
 /// Defines the function in `module`.
 pub fn emit(module: &mut JITModule, program: &Program, width: usize, literals: &[f64], form: Form) -> Option<FuncId> {
@@ -258,11 +259,19 @@ impl<'f> Emitter<'f> {
 
     /// The polynomial of `arithmetic`, operation by operation; out of its reach the same calls as there.
     fn sin_cos(&mut self, x: Value) -> Option<(Value, Value)> {
-        let (near, far, done) = (self.b.create_block(), self.b.create_block(), self.b.create_block());
+        let [small, large, near, far, done] = std::array::from_fn(|_| self.b.create_block());
         self.b.append_block_param(done, F64);
         self.b.append_block_param(done, F64);
-        let reach = self.literal(REACH_AT);
+        let (reach, limit) = (self.literal(REACH_AT), self.literal(SMALL_AT));
         let size = self.b.ins().fabs(x);
+        let inside = self.b.ins().fcmp(FloatCC::LessThanOrEqual, size, limit);
+        self.b.ins().brif(inside, small, &[], large, &[]);
+        self.b.switch_to_block(small);
+        let zero = self.literal(ZERO_AT);
+        let tail = self.b.ins().fadd(x, zero);
+        let (sin, cos) = self.polynomials(x, tail);
+        self.b.ins().jump(done, &[sin, cos].map(BlockArg::from));
+        self.b.switch_to_block(large);
         let inside = self.b.ins().fcmp(FloatCC::LessThanOrEqual, size, reach);
         self.b.ins().brif(inside, near, &[], far, &[]);
         self.b.switch_to_block(far);
@@ -292,15 +301,7 @@ impl<'f> Emitter<'f> {
         let r = self.b.ins().fma(k, parts[0], x);
         let r = self.b.ins().fma(k, parts[1], r);
         let tail = self.b.ins().fma(k, parts[2], r);
-        let z = self.b.ins().fmul(r, r);
-        let z2 = self.b.ins().fmul(z, z);
-        let z4 = self.b.ins().fmul(z2, z2);
-        let (p, q) = (self.sum(0, z, z2, z4), self.sum(COS_AT, z, z2, z4));
-        let rz = self.b.ins().fmul(r, z);
-        let sin = self.b.ins().fma(rz, p, tail);
-        let (half, one) = (self.literal(MINUS_HALF_AT), self.literal(ONE_AT));
-        let w = self.b.ins().fma(half, z, one);
-        let cos = self.b.ins().fma(z2, q, w);
+        let (sin, cos) = self.polynomials(r, tail);
         let plain = MemFlagsData::new();
         let bits = self.b.ins().bitcast(I64, plain, rounded);
         let odd = self.b.ins().band_imm_s(bits, 1);
@@ -319,6 +320,18 @@ impl<'f> Emitter<'f> {
             self.b.ins().bitcast(F64, plain, v)
         });
         (sin, cos)
+    }
+
+    fn polynomials(&mut self, r: Value, tail: Value) -> (Value, Value) {
+        let z = self.b.ins().fmul(r, r);
+        let z2 = self.b.ins().fmul(z, z);
+        let z4 = self.b.ins().fmul(z2, z2);
+        let (p, q) = (self.sum(0, z, z2, z4), self.sum(COS_AT, z, z2, z4));
+        let rz = self.b.ins().fmul(r, z);
+        let sin = self.b.ins().fma(rz, p, tail);
+        let (half, one) = (self.literal(MINUS_HALF_AT), self.literal(ONE_AT));
+        let w = self.b.ins().fma(half, z, one);
+        (sin, self.b.ins().fma(z2, q, w))
     }
 
     /// Six coefficients in powers of z, in the order of `arithmetic`.
