@@ -1,9 +1,9 @@
 //! Programs with their registers: points of a trajectory in; what a model says there, one by one or side by side, out.
 
+use super::plan::Compiled;
 use super::plan::Plan;
 use super::propagate::{AHEAD, WEIGHT};
 use crate::math::simd::Aligned;
-use crate::model::native::Native;
 use crate::model::{Program, Tables};
 
 /// Points of one evaluation side by side.
@@ -12,7 +12,7 @@ pub(super) const LANES: usize = 16;
 /// A program with its register file for one evaluation at a time.
 pub(super) struct Single<'p> {
     program: &'p Program,
-    pub(super) native: Option<&'p Native>,
+    pub(super) native: Option<&'p Compiled>,
     tables: &'p Tables,
     file: Vec<[f64; 1]>,
     /// Outputs of the machine code.
@@ -31,7 +31,7 @@ impl<'p> Single<'p> {
 
     /// Evaluates at `point` (states, inputs, input rates, delayed values, time).
     pub(super) fn at(&mut self, point: &[f64]) {
-        if let Some(native) = self.native {
+        if let Some(Compiled::Points(native)) = self.native {
             return native.run(&self.file, point, &mut self.out, self.tables);
         }
         for (slot, x) in self.file.iter_mut().zip(point) {
@@ -43,7 +43,7 @@ impl<'p> Single<'p> {
     /// Runge-Kutta steps of a plain model: `rows` has four points per step, whose states are filled in; `x` goes from the first step's
     /// start to the last one's end.
     pub(super) fn march(&mut self, rows: &mut [f64], width: usize, h: f64, x: &mut [f64], sum: &mut [f64]) {
-        if let Some(native) = self.native {
+        if let Some(Compiled::Steps(native)) = self.native {
             let [a, b, c, d] = AHEAD.map(|ahead| ahead * h);
             let [p, q, r, s] = WEIGHT;
             return native.march(&self.file, rows, x, &[p, a, q, b, r, c, s, d, h / 6.0], self.tables);
@@ -71,7 +71,7 @@ impl<'p> Single<'p> {
     }
 
     pub(super) fn get(&self, k: usize) -> f64 {
-        if self.native.is_some() { self.out[k] } else { self.program.output(&self.file, k)[0] }
+        if let Some(Compiled::Points(_)) = self.native { self.out[k] } else { self.program.output(&self.file, k)[0] }
     }
 }
 

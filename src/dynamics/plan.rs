@@ -7,7 +7,7 @@ use super::{Grid, Record, Response};
 use crate::error::{Error, Result};
 use crate::math::pool;
 use crate::model::linear::{Linear, Starts};
-use crate::model::native::{Form, Native};
+use crate::model::native::{Native, Points, Steps};
 use crate::model::{Layout, Model, Program, StartKind, Tables};
 use std::sync::Arc;
 
@@ -46,6 +46,13 @@ pub enum Tier {
     Native,
 }
 
+/// The rates as machine code: whole steps of a plain model, single points of others.
+#[derive(Debug)]
+pub(super) enum Compiled {
+    Steps(Native<Steps>),
+    Points(Native<Points>),
+}
+
 /// Programs and sizes, shared by all records and threads.
 #[derive(Debug, Clone)]
 pub struct Plan {
@@ -63,7 +70,7 @@ pub struct Plan {
     pub(super) uses_input_rates: bool,
     pub(super) linear: Linear,
     /// Machine code of the rates, where it was worth making.
-    pub(super) native: Option<Arc<Native>>,
+    pub(super) native: Option<Arc<Compiled>>,
     /// The Jacobians of rates, outputs and delay times, row by row.
     pub(super) rate_rows: Rows,
     pub(super) output_rows: Rows,
@@ -125,8 +132,12 @@ impl Plan {
         let operations = self.rates.operations() as f64;
         let worth = 20.0 * 4.0 * points as f64 * operations * 2e-9 > 0.3e-3 + 15e-6 * operations;
         if tier == Tier::Native || (tier == Tier::Auto && worth) {
-            let form = if self.plain() { Form::Steps } else { Form::Points };
-            self.native = Native::compile(&self.rates, self.layout.time() + 1, form).map(Arc::new);
+            let width = self.layout.time() + 1;
+            let compiled = match self.plain() {
+                true => Native::compile(&self.rates, width).map(Compiled::Steps),
+                false => Native::compile(&self.rates, width).map(Compiled::Points),
+            };
+            self.native = compiled.map(Arc::new);
         }
     }
 

@@ -34,6 +34,7 @@ pub const EMBEDDED: &[(&str, &str)] = embedded![
     "path_vanes",
     "rigid_body_6dof",
     "sensors",
+    "standard_air",
     "tail_flow"
 ];
 

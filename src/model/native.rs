@@ -1,4 +1,5 @@
-//! Machine code from a program: a list of operations in, a function over many points out, with the interpreter's bits.
+//! Machine code from a program: a list of operations in; a function over many points, or over Runge-Kutta steps, out, with the
+//! interpreter's bits.
 //!
 //! Cranelift generates it in some milliseconds (`opt_level = none`: the graph has shared everything already, and its scheduler only
 //! makes spills). Additions to divisions, fused multiply-adds, square roots and choices are instructions, sine and cosine the
@@ -18,30 +19,46 @@ use super::program::Program;
 use super::tables::Tables;
 use emit::{emit, literals};
 
-/// file, points, number of points, out, tables
-type Points = unsafe extern "C" fn(*const f64, *const f64, i64, *mut f64, *const Tables);
-/// file, points, number of steps, states, tables, weights
-type Steps = unsafe extern "C" fn(*const f64, *mut f64, i64, *mut f64, *const Tables, *const f64);
-
-#[derive(Clone, Copy)]
-enum Function {
-    Points(Points),
-    Steps(Steps),
-}
+/// All outputs at points that are given (`Native::run`): file, points, number of points, out, tables.
+pub type Points = unsafe extern "C" fn(*const f64, *const f64, i64, *mut f64, *const Tables);
+/// Runge-Kutta steps, the outputs being the rates of the states (`Native::march`): file, points, number of steps, states, tables, weights.
+pub type Steps = unsafe extern "C" fn(*const f64, *mut f64, i64, *mut f64, *const Tables, *const f64);
 
 /// What the code does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// All outputs at points that are given: `run`.
     Points,
-    /// Runge-Kutta steps, the outputs being the rates of the states: `march`.
     Steps,
 }
 
+/// The type of a function that is made.
+pub trait Function: Copy {
+    const FORM: Form;
+    /// # Safety
+    /// `code` is a function that `emit` made of that form.
+    unsafe fn of(code: *const u8) -> Self;
+}
+
+impl Function for Points {
+    const FORM: Form = Form::Points;
+    unsafe fn of(code: *const u8) -> Self {
+        // SAFETY: the caller's promise.
+        unsafe { std::mem::transmute::<*const u8, Points>(code) }
+    }
+}
+
+impl Function for Steps {
+    const FORM: Form = Form::Steps;
+    unsafe fn of(code: *const u8) -> Self {
+        // SAFETY: the caller's promise.
+        unsafe { std::mem::transmute::<*const u8, Steps>(code) }
+    }
+}
+
 /// A program as machine code. It owns the memory of the code, which lives exactly as long.
-pub struct Native {
+pub struct Native<F: Function> {
     module: Option<JITModule>,
-    function: Function,
+    function: F,
     width: usize,
     registers: usize,
     outputs: usize,
@@ -50,17 +67,17 @@ pub struct Native {
 }
 
 // SAFETY: after `compile` nothing touches the module until it is dropped, and the code only reads what it owns.
-unsafe impl Send for Native {}
+unsafe impl<F: Function> Send for Native<F> {}
 // SAFETY: as above.
-unsafe impl Sync for Native {}
+unsafe impl<F: Function> Sync for Native<F> {}
 
-impl std::fmt::Debug for Native {
+impl<F: Function> std::fmt::Debug for Native<F> {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        write!(f, "Native({} outputs)", self.outputs)
+        write!(f, "Native({:?}, {} outputs)", F::FORM, self.outputs)
     }
 }
 
-impl Drop for Native {
+impl<F: Function> Drop for Native<F> {
     fn drop(&mut self) {
         if let Some(module) = self.module.take() {
             // SAFETY: `function` is private and called by methods alone, which borrow what is being dropped.
@@ -69,10 +86,10 @@ impl Drop for Native {
     }
 }
 
-impl Native {
+impl<F: Function> Native<F> {
     /// Machine code for the body of `program`. The first `width` registers are read from a point (states, inputs, delayed values,
     /// time), all others from the prepared register file. `None` where this machine has no generator.
-    pub fn compile(program: &Program, width: usize, form: Form) -> Option<Native> {
+    pub fn compile(program: &Program, width: usize) -> Option<Native<F>> {
         let mut flags = settings::builder();
         let verify = if cfg!(debug_assertions) { "true" } else { "false" };
         for (name, value) in [("opt_level", "none"), ("is_pic", "false"), ("enable_verifier", verify), ("unwind_info", "false")] {
@@ -88,7 +105,7 @@ impl Native {
         }
         let mut module = JITModule::new(builder);
         let literals = literals();
-        let id = match emit(&mut module, program, width, &literals, form) {
+        let id = match emit(&mut module, program, width, &literals, F::FORM) {
             Some(id) => id,
             None => {
                 // SAFETY: no function of the module was handed out.
@@ -96,42 +113,38 @@ impl Native {
                 return None;
             }
         };
-        let code = module.get_finalized_function(id);
-        // SAFETY: the signatures that `emit` declares are those of the types.
-        let function = unsafe {
-            match form {
-                Form::Points => Function::Points(std::mem::transmute::<*const u8, Points>(code)),
-                Form::Steps => Function::Steps(std::mem::transmute::<*const u8, Steps>(code)),
-            }
-        };
+        // SAFETY: `emit` made it of this form.
+        let function = unsafe { F::of(module.get_finalized_function(id)) };
         let (registers, outputs) = (program.file_len(), program.outputs());
         Some(Native { module: Some(module), function, width, registers, outputs, _literals: literals })
     }
+}
 
+impl Native<Steps> {
     /// Takes the states `x` through Runge-Kutta steps: `points` holds four rows of the width per step, whose states are filled in.
     /// `weights`: per stage the weight of its rates and how far they lead to the next stage, then what the weighed sum is multiplied by.
     pub fn march(&self, file: &[[f64; 1]], points: &mut [f64], x: &mut [f64], weights: &[f64; 9], tables: &Tables) {
-        let Function::Steps(function) = self.function else { return };
         let steps = points.len() / (4 * self.width);
         assert!(file.len() >= self.registers, "a register file of another program");
         assert!(x.len() == self.outputs, "one rate per state");
         if steps > 0 {
             // SAFETY: the code reads registers below `registers`, the `4 steps` rows and the weights, and writes states there and in `x`.
             unsafe {
-                function(file.as_ptr().cast(), points.as_mut_ptr(), steps as i64, x.as_mut_ptr(), tables, weights.as_ptr());
+                (self.function)(file.as_ptr().cast(), points.as_mut_ptr(), steps as i64, x.as_mut_ptr(), tables, weights.as_ptr());
             }
         }
     }
+}
 
+impl Native<Points> {
     /// All outputs at all `points` (rows of the width) into rows of `out`. `file`: the program's own registers, prepared.
     pub fn run(&self, file: &[[f64; 1]], points: &[f64], out: &mut [f64], tables: &Tables) {
-        let Function::Points(function) = self.function else { return };
         let n = points.len().checked_div(self.width).unwrap_or(1);
         assert!(file.len() >= self.registers, "a register file of another program");
         assert!(out.len() >= n * self.outputs, "no room for the outputs");
         if n > 0 {
             // SAFETY: the code reads registers below `registers` and the `n` points, and writes `n` rows of `outputs`.
-            unsafe { function(file.as_ptr().cast(), points.as_ptr(), n as i64, out.as_mut_ptr(), tables) }
+            unsafe { (self.function)(file.as_ptr().cast(), points.as_ptr(), n as i64, out.as_mut_ptr(), tables) }
         }
     }
 }
@@ -211,7 +224,7 @@ mod tests {
     fn every_operation_has_the_interpreters_bits() {
         let (model, program) = program();
         let width = model.layout.time() + 1;
-        let native = Native::compile(&program, width, Form::Points).expect("a generator for this machine");
+        let native = Native::<Points>::compile(&program, width).expect("a generator for this machine");
         let mut file = program.registers::<1>();
         file[model.layout.parameter()] = [0.7];
         program.prepare(&mut file, &model.tables);

@@ -4,7 +4,7 @@ use koehler::config;
 use koehler::dynamics::{Directions, Plan, Record};
 use koehler::math::simd::Width;
 use koehler::model::graph::{Leaf, Node};
-use koehler::model::native::{Form, Native};
+use koehler::model::native::{Native, Points};
 use koehler::model::program::Program;
 use koehler::model::{Constants, Model, fragments::EMBEDDED};
 use std::path::{Path, PathBuf};
@@ -163,7 +163,7 @@ fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model(
             slot[0] = *x;
         }
         program.prepare(&mut file, &model.tables);
-        let native = Native::compile(&program, width, Form::Points).expect("a generator for this machine");
+        let native = Native::<Points>::compile(&program, width).expect("a generator for this machine");
         let mut out = vec![0.0; points.len() * program.outputs()];
         native.run(&file, &points.iter().flat_map(|p| p[..width].to_vec()).collect::<Vec<f64>>(), &mut out, &model.tables);
         let same = |what: &str, i: usize, k: usize, got: f64| {
