@@ -1,5 +1,6 @@
 //! The smoother's speed: a made-up flight of two hours with inertial sensors at 100 Hz in; seconds on one thread and peak memory of the whole
-//! reconstruction (signs, noise levels, path with standard deviations, checks) out. `cargo bench --bench smoother -- [minutes]`.
+//! reconstruction (signs, noise levels, path with standard deviations, checks) out. `cargo bench --bench smoother -- [minutes] [errors]`;
+//! with `errors` the vanes' delays, scales and biases are estimated as well.
 //!
 //! Held against: at most 60 s on one thread, and memory that does not grow with the length beyond the logs and the results themselves.
 
@@ -13,7 +14,11 @@ fn main() {
     let signals = flight(60.0 * minutes);
     let bytes: usize = signals.values().map(|(t, y)| 8 * (t.len() + y.len())).sum();
     let before = peak();
-    let settings = Settings { by: Method::Smoother, ..Default::default() };
+    let mut settings = Settings { by: Method::Smoother, ..Default::default() };
+    if std::env::args().any(|a| a == "errors") {
+        settings.late = ["alpha_vane", "beta_vane"].map(String::from).to_vec();
+        settings.candidates = ["k_alpha", "b_alpha", "k_beta", "b_beta"].map(String::from).to_vec();
+    }
     let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let clock = Instant::now();
     let path = threads.install(|| {

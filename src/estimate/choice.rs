@@ -53,6 +53,7 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
     let shifts = &settings.shifts;
     let shifted = shifts.outputs.iter().map(|o| output_shift(o)).chain(shifts.inputs.iter().map(|i| input_shift(i)));
     shifted.filter_map(|name| model.parameter(&name)).for_each(|i| free[i] = true);
+    settings.candidates.iter().filter_map(|name| find("candidates", name)).for_each(|i| free[i] = true);
     settings.fixed.iter().filter_map(|name| find("fixed", name)).for_each(|i| free[i] = false);
     let mut parameters = model.parameter_starts();
     for (name, value) in &settings.starts {

@@ -20,6 +20,7 @@
 //! | `solution` | the four together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
+//! | `selection` | candidates that the data do not support are held, one after the other |
 //! | `repeats` | scatter of repeated estimates against their standard deviations |
 //! | `regression` | starting values by regression on the rate and output equations |
 //! | `settings` | how an estimation is run |
@@ -49,6 +50,7 @@ pub mod regression;
 pub mod repeats;
 mod result;
 mod segment;
+mod selection;
 mod settings;
 mod sigma;
 mod solution;
@@ -64,6 +66,7 @@ pub use problem::{Block, Layout, Part};
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::Segment;
+pub use selection::{Decision, Support};
 pub use settings::{InitialFrom, NoiseKind, OrderCriterion, Settings, Shifts, StartFrom, StepControl};
 
 /// Why the iteration ended. Only `Converged` comes with standard deviations.
@@ -251,6 +254,8 @@ pub struct Estimation {
     pub regression: Option<regression::Regression>,
     /// The profiles asked for, by row.
     pub profiles: Vec<Profile>,
+    /// What became of the candidates: those that are held, in the order in which they were, then those that are estimated.
+    pub decisions: Vec<Decision>,
     /// Segments that could not be used, ascending.
     pub left_out: Vec<LeftOut>,
     /// Measured outputs without a sample that is not masked, or that never change, segment by segment.

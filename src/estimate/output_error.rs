@@ -7,6 +7,7 @@ use super::prepare::prepare;
 use super::rank::{NONE, weak_words};
 use super::result::{Further, name};
 use super::segment::Segment;
+use super::selection::select;
 use super::solution::Solution;
 use super::{Doubtful, Estimation, InitialFrom, LeftOut, Settings, Stop};
 use crate::dynamics::{Channel, Plan, Record};
@@ -30,12 +31,17 @@ pub fn estimate(model: &Model, records: &[Record], settings: &Settings) -> Resul
 ///
 /// A segment that cannot take part is left out, with the reason, and the others go on: one without a single measured sample, without the
 /// label that a free parameter is `per`, where the model is not finite at the start, or whose own parameters (or those of its group) its
-/// data cannot determine.
+/// data cannot determine. Candidates that the data do not support are held (`selection`).
 ///
 /// # Errors
 /// Names that the model does not have, labels that no segment has, starts that are not finite or outside their bounds, a measured start
 /// without a measured output: all at once. What the data do is never an error: see `Estimation::stop`.
 pub fn estimate_segments(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Estimation, Errors> {
+    select(settings, |settings| once(model, segments, settings))
+}
+
+/// Estimates all that is free, candidates included.
+fn once(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Estimation, Errors> {
     let base = model;
     let (model, segments) = prepare(base, segments, settings)?;
     let (model, segments) = (&*model, &*segments);

@@ -40,6 +40,7 @@ pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solutio
         budget: further.budget,
         profiles: further.profiles,
         regression: further.regression,
+        decisions: Vec::new(),
         left_out: Vec::new(),
         doubtful: Vec::new(),
     }

@@ -13,6 +13,10 @@ pub struct Settings {
     pub free: Option<Vec<String>>,
     /// Parameters held at their start although the model (or `free`) would free them.
     pub fixed: Vec<String>,
+    /// Parameters (sensor errors, for example) that are estimated only where the data support them, whatever the model says of them: those
+    /// less than two standard deviations from their start are held there, the least significant first, and of those that the data cannot
+    /// tell apart the last named one. Every decision is a row of the table `separability`.
+    pub candidates: Vec<String>,
     /// Start values that replace those of the model (the value itself for a parameter that is held).
     pub starts: IndexMap<String, f64>,
     /// Where parameters start that no entry of `starts` speaks of.
@@ -157,6 +161,7 @@ impl Default for Settings {
         Settings {
             free: None,
             fixed: Vec::new(),
+            candidates: Vec::new(),
             starts: IndexMap::new(),
             start: StartFrom::default(),
             smoothing_s: 0.5,

@@ -31,6 +31,8 @@ mod windows;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 use crate::error::{Error, Errors};
 use crate::model::Model;
@@ -82,6 +84,9 @@ pub struct Settings {
     pub gate: f64,
     /// Smoother: random walks, in the unit of the state or parameter per square root of a second, by name; the others are constant.
     pub walk: IndexMap<String, f64>,
+    /// Smoother: noise of single samples (standard deviation, SI) by name of the model's output or input, where it is known; that of the
+    /// others is estimated. What a recorder has filtered or interpolated does not show its noise: give it.
+    pub sd: IndexMap<String, f64>,
     /// Smoother: states and parameters that gusts disturb, as random walks whose size is estimated; names the model does not have are passed over.
     /// Altitude is among them because it follows the motion over ground, the model's the motion through the air.
     pub gusts: Vec<String>,
@@ -121,6 +126,7 @@ impl Default for Settings {
             coast_s: 3.0,
             gate: 5.0,
             walk: IndexMap::new(),
+            sd: IndexMap::new(),
             gusts: ["u", "v", "w", "h", "wind_n", "wind_e", "wind_d"].map(String::from).to_vec(),
             noise_s: 480.0,
             noise_iterations: 12,
@@ -136,6 +142,14 @@ impl Default for Settings {
 
 /// A measured signal: ascending times in s, values in SI.
 pub type Series<'a> = (&'a [f64], &'a [f64]);
+
+/// A measured output of the model: ascending times in s; values in SI, NaN where masked, angles without jumps of a whole turn.
+#[derive(Debug, Clone)]
+pub struct Logged<'a> {
+    pub output: usize,
+    pub t: &'a [f64],
+    pub z: Cow<'a, [f64]>,
+}
 
 /// One estimated sensor error of one window.
 #[derive(Debug, Clone, PartialEq)]
@@ -173,6 +187,8 @@ pub struct FlightPath {
     pub checks: Vec<consistency::Row>,
     /// Measured outputs against the path, a few times a second.
     pub compared: Vec<Compared>,
+    /// How late sensors are, s, by output: they show the path of so much earlier (smoother).
+    pub late: BTreeMap<usize, f64>,
     /// How far measurements were from their predictions, per measured output (smoother).
     pub innovations: smoother::Innovations,
     /// What a reader must know: windows without a path and why, sensors that were not there.
@@ -209,10 +225,16 @@ pub fn check(model: &Model, settings: &Settings) -> Result<(), Errors> {
     for name in settings.late.iter().filter(|name| model.output(name).is_none()) {
         errors.push(Error::new(format!("the kinematic model has no output \"{name}\" that could be late")));
     }
-    for name in settings.signals.keys() {
+    for name in settings.signals.keys().chain(settings.sd.keys()) {
         if model.input(name).is_none() && model.output(name).is_none() {
             errors.push(Error::new(format!("the kinematic model has no input or output \"{name}\"")));
         }
+    }
+    for (name, sd) in settings.sd.iter().filter(|(_, sd)| !(**sd > 0.0 && sd.is_finite())) {
+        errors.push(Error::new(format!("sd: the noise of \"{name}\" is a standard deviation above zero, not {sd}")));
+    }
+    for (name, walk) in settings.walk.iter().filter(|(_, walk)| !(**walk >= 0.0 && walk.is_finite())) {
+        errors.push(Error::new(format!("walk: that of \"{name}\" is at least zero, not {walk}")));
     }
     if settings.overlap_s * 2.0 > settings.window_s {
         errors
@@ -235,7 +257,7 @@ pub fn reconstruct<'a>(
     let mut driving: Vec<Series> = Vec::new();
     for input in &model.inputs {
         let name = signal_of(settings, &input.name);
-        match signals(name).filter(|(t, _)| t.len() > 1) {
+        match signals(name).filter(several) {
             Some(series) => driving.push(series),
             None => errors.push(
                 Error::new(format!("the kinematic model needs the signal \"{name}\" ({}), and the flight has none", input.doc))
@@ -244,11 +266,11 @@ pub fn reconstruct<'a>(
         }
     }
     let mut notes = Vec::new();
-    let mut measured: Vec<(usize, Vec<f64>, Vec<f64>)> = Vec::new();
-    for (k, output) in model.outputs.iter().enumerate() {
-        if let Some((t, z)) = signals(signal_of(settings, &output.name)).filter(|(t, _)| t.len() > 1) {
-            let z = if output.unit == "rad" { unwrap_angle(z) } else { z.to_vec() };
-            measured.push((k, t.to_vec(), z));
+    let mut measured: Vec<Logged> = Vec::new();
+    for (output, quantity) in model.outputs.iter().enumerate() {
+        if let Some((t, z)) = signals(signal_of(settings, &quantity.name)).filter(several) {
+            let z = if quantity.unit == "rad" { Cow::Owned(unwrap_angle(z)) } else { Cow::Borrowed(z) };
+            measured.push(Logged { output, t, z });
         }
     }
     if measured.is_empty() {
@@ -260,7 +282,7 @@ pub fn reconstruct<'a>(
     }
     errors.or(())?;
     let sensors = ["V", "alpha_vane", "beta_vane", "phi", "theta", "psi"];
-    let missing = |name: &&str| model.output(name).is_some_and(|k| measured.iter().all(|m| m.0 != k));
+    let missing = |name: &&str| model.output(name).is_some_and(|k| measured.iter().all(|m| m.output != k));
     let missing: Vec<&str> = sensors.into_iter().filter(missing).collect();
     if !missing.is_empty() {
         notes.push(format!("not measured, so not checked: {}", missing.join(", ")));
@@ -270,26 +292,38 @@ pub fn reconstruct<'a>(
         notes.push("the inputs of the kinematic model have no common time".to_string());
         return Ok(FlightPath { notes, ..Default::default() });
     }
+    if grid.n > Grid::MOST {
+        let [from, to] = [0, grid.n - 1].map(|k| grid.time(k));
+        notes.push(format!("no flight path: the inputs run from {from:.0} s to {to:.0} s, so some clock has jumped"));
+        return Ok(FlightPath { notes, ..Default::default() });
+    }
     let mut path = match settings.by {
         Method::Windows => output_error::path(model, &driving, &measured, &grid, settings),
         Method::Smoother => smoothed::path(model, &driving, &measured, &grid, settings)?,
     };
     path.notes.splice(0..0, notes);
-    path.compared = measured.iter().map(|(k, t, z)| compared(model, &path, &grid, (*k, t, z))).collect();
+    path.compared = measured.iter().map(|m| compared(model, &path, &grid, m)).collect();
     Ok(path)
+}
+
+/// Whether a signal has at least two values.
+fn several((_, values): &Series) -> bool {
+    values.iter().filter(|v| v.is_finite()).nth(1).is_some()
 }
 
 /// Time between two compared samples at least, s.
 const COMPARED: f64 = 0.2;
 
 /// Samples of one measured output beside the path, which runs straight between grid points.
-fn compared(model: &Model, path: &FlightPath, grid: &Grid, (output, t, z): (usize, &[f64], &[f64])) -> Compared {
+fn compared(model: &Model, path: &FlightPath, grid: &Grid, logged: &Logged) -> Compared {
+    let Logged { output, t, ref z } = *logged;
     let mut out = Compared { output, ..Default::default() };
     let y = if model.outputs[output].unit == "rad" { unwrap_angle(&path.outputs[output]) } else { path.outputs[output].clone() };
+    let late = path.late.get(&output).copied().unwrap_or(0.0);
     let mut next = f64::NEG_INFINITY;
     let turn = 2.0 * std::f64::consts::PI;
-    for (&t, &z) in t.iter().zip(z).filter(|(_, z)| z.is_finite()) {
-        let at = (t - grid.t0) / grid.dt;
+    for (&t, &z) in t.iter().zip(z.iter()).filter(|(_, z)| z.is_finite()) {
+        let at = (t - late - grid.t0) / grid.dt;
         if t < next || !(at >= 0.0 && at < grid.n as f64 - 1.0) {
             continue;
         }

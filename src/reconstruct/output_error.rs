@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use super::windows;
-use super::{Bias, FlightPath, Series, Settings};
+use super::{Bias, FlightPath, Logged, Series, Settings};
 use crate::dynamics::{Channel, Directions, Plan, Record};
 use crate::estimate::{self, Estimation, Stop};
 use crate::model::Model;
@@ -19,18 +19,14 @@ use crate::signal::resample::{self, Grid};
 use crate::signal::smooth;
 
 /// The path on `grid` from the driving signals (one per input of the model) and the measured outputs.
-pub fn path(
-    model: &Model,
-    driving: &[Series],
-    measured: &[(usize, Vec<f64>, Vec<f64>)],
-    grid: &Grid,
-    settings: &Settings,
-) -> FlightPath {
+pub fn path(model: &Model, driving: &[Series], measured: &[Logged], grid: &Grid, settings: &Settings) -> FlightPath {
     let columns = input_columns(model, driving, grid, settings);
     let windows = windows::cut(&columns, grid, settings.window_s, settings.overlap_s);
     let solved: Vec<Result<Solved, String>> =
         windows.par_iter().map(|w| solve(model, &columns, measured, grid, w, settings)).collect();
-    assemble(model, grid, &windows, solved, Vec::new(), settings)
+    let none = "no flight path: nowhere are all inputs of the kinematic model known for a second".to_string();
+    let notes = if windows.is_empty() { vec![none] } else { Vec::new() };
+    assemble(model, grid, &windows, solved, notes, settings)
 }
 
 /// Inputs on the grid; those that are differentiated, smoothed.
@@ -63,7 +59,7 @@ struct Solved {
 fn solve(
     model: &Model,
     columns: &[Vec<f64>],
-    measured: &[(usize, Vec<f64>, Vec<f64>)],
+    measured: &[Logged],
     grid: &Grid,
     window: &windows::Window,
     settings: &Settings,
@@ -102,13 +98,13 @@ fn solve(
 }
 
 /// A window as a record: inputs on the grid, and the samples of every sensor in it at their own times.
-fn record(columns: &[Vec<f64>], measured: &[(usize, Vec<f64>, Vec<f64>)], grid: &Grid, window: &windows::Window) -> Record {
+fn record(columns: &[Vec<f64>], measured: &[Logged], grid: &Grid, window: &windows::Window) -> Record {
     let n = window.end - window.begin;
     let inputs = (window.begin..window.end).flat_map(|k| columns.iter().map(move |c| c[k])).collect();
     let (t0, t1) = (grid.time(window.begin), grid.time(window.end - 1));
     let channels = measured
         .iter()
-        .filter_map(|(output, t, z)| {
+        .filter_map(|Logged { output, t, z }| {
             let (a, b) = (t.partition_point(|&x| x < t0), t.partition_point(|&x| x <= t1));
             (b > a).then(|| Channel { output: *output, t: t[a..b].to_vec(), z: z[a..b].to_vec() })
         })

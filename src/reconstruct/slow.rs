@@ -1,32 +1,34 @@
 //! Measured channels in; the same without the air data of an aircraft that stands or rolls slowly, and a note of it, out.
 
-use super::survey::Logged;
-use super::{FlightPath, Settings};
+use super::{FlightPath, Logged, Settings};
 use crate::model::Model;
 
 /// Masks the air data while the aircraft stands or rolls slowly, by its measured airspeed.
 pub fn slow(model: &Model, measured: &mut [Logged], settings: &Settings, path: &mut FlightPath) {
-    let Some((t, v)) = measured.iter().find(|m| model.outputs[m.output].name == "V").map(|m| (m.t.clone(), m.z.clone())) else {
+    let Some((t, v)) = measured.iter().find(|m| model.outputs[m.output].name == "V").map(|m| (m.t, m.z.clone())) else {
         return;
     };
     let mut sorted: Vec<f64> = v.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let Some(limit) = sorted.get(sorted.len() * 9 / 10).map(|usual| settings.slow * usual) else { return };
     // a sample counts by the last airspeed before it
-    let slow = |now: f64| {
-        let k = t.partition_point(|&x| x <= now);
-        v[..k].iter().rev().find(|v| v.is_finite()).or(v.first()).is_some_and(|v| *v < limit)
+    let first = v.iter().copied().find(|v| v.is_finite()).unwrap_or(f64::NAN);
+    let mut last = first;
+    let mut hold = |v: &f64| {
+        last = if v.is_finite() { *v } else { last };
+        last
     };
+    let held: Vec<f64> = v.iter().map(&mut hold).collect();
+    let slow = |now: f64| *t.partition_point(|&x| x <= now).checked_sub(1).map_or(&first, |k| &held[k]) < limit;
     let mut names = Vec::new();
     for channel in measured.iter_mut().filter(|m| settings.air_data.contains(&model.outputs[m.output].name)) {
-        let mut masked = 0;
-        for (_, z) in channel.t.iter().zip(&mut channel.z).filter(|(now, z)| z.is_finite() && slow(**now)) {
-            *z = f64::NAN;
-            masked += 1;
+        let out: Vec<usize> = (0..channel.t.len()).filter(|&k| channel.z[k].is_finite() && slow(channel.t[k])).collect();
+        if out.is_empty() {
+            continue;
         }
-        if masked > 0 {
-            names.push(format!("{} ({masked} samples)", model.outputs[channel.output].name));
-        }
+        let z = channel.z.to_mut();
+        out.iter().for_each(|&k| z[k] = f64::NAN);
+        names.push(format!("{} ({} samples)", model.outputs[channel.output].name, out.len()));
     }
     if !names.is_empty() {
         path.notes.push(format!("slower than {limit:.1} m/s, where air data mean nothing: not used there: {}", names.join(", ")));

@@ -1,6 +1,7 @@
 //! A flight's signals in; its path by the smoother, stretch by stretch between long gaps, with noise levels estimated first, out.
 
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 use super::consistency::{self, Comparison, Which};
 use super::health;
@@ -11,26 +12,28 @@ use super::smoother::grid::Outputs;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
 use super::smoother::{Innovations, Nothing, Smoothed, Smoother};
-use super::survey::{Found, LATE, Logged, SIGNIFICANT, Survey, UNKNOWN, survey};
+use super::survey::{Found, LATE, SIGNIFICANT, Survey, UNKNOWN, survey};
 use super::verdicts;
-use super::{Bias, FlightPath, Series, Settings};
+use super::{Bias, FlightPath, Logged, Series, Settings};
 use crate::error::{Errors, Result};
 use crate::model::{Model, Quantity};
 use crate::signal::resample::Grid;
 
+/// A sensor with fewer samples is not used: its noise cannot be told.
+const FEW: usize = 20;
 /// A stretch shorter than this has no path, s.
 const SHORTEST: f64 = 1.0;
 /// Length of one part of the flight that noise is estimated from, s.
 const PART: f64 = 60.0;
 /// First guess of a gust's walk, m/s per square root of a second: light turbulence.
 const GUST: f64 = 0.05;
+/// Least length of such a part where the flight is longer than can be used, s: a part first has to find where it is.
+const LEAST_PART: f64 = 20.0;
 /// Noise levels are good when none changes by more than this share.
 const SETTLED: f64 = 0.03;
 /// Outliers are rejected after so many iterations of the noise levels and once none changes by more than this share; in the last ones always.
 const OPEN: usize = 3;
 const ROUGH: f64 = 0.3;
-/// The first seconds are linearised about their smoothed means: until then sensor errors and states are hardly told apart.
-const FAR: f64 = 120.0;
 /// Standard deviations per second along the path.
 const DEVIATIONS_HZ: f64 = 10.0;
 
@@ -54,7 +57,7 @@ struct Work<'a> {
 pub fn path(
     model: &Model,
     driving: &[Series],
-    measured: &[(usize, Vec<f64>, Vec<f64>)],
+    measured: &[Logged],
     grid: &Grid,
     settings: &Settings,
 ) -> std::result::Result<FlightPath, Errors> {
@@ -63,15 +66,15 @@ pub fn path(
     let nothing = Outputs::empty(model.outputs.len(), 0, grid.n);
     (path.outputs, path.sd) = (nothing.value, nothing.sd);
 
-    let (driving, inputs_well) = well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, &mut path);
-    let series: Vec<Series> = measured.iter().map(|(_, t, z)| (&t[..], &z[..])).collect();
-    let (outputs, _) = well(measured.iter().map(|m| (&model.outputs[m.0], true)), &series, &mut path);
+    let (inputs, inputs_well) = well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, &mut path);
+    let series: Vec<Series> = measured.iter().map(|m| (m.t, &m.z[..])).collect();
+    let (outputs, _) = well(measured.iter().map(|m| (&model.outputs[m.output], true)), &series, &mut path);
     if !inputs_well {
         path.notes.push("no flight path: an input of the kinematic model is dead".to_string());
         return Ok(path);
     }
-    let driving: Vec<Series> = driving.iter().map(|(t, y)| (&t[..], &y[..])).collect();
-    let mut measured: Vec<Logged> = measured.iter().zip(outputs).map(|(m, (t, z))| Logged { output: m.0, t, z }).collect();
+    let driving: Vec<Series> = driving.iter().zip(&inputs).map(|((t, _), y)| (*t, &y[..])).collect();
+    let mut measured: Vec<Logged> = measured.iter().zip(outputs).map(|(m, z)| Logged { output: m.output, t: m.t, z }).collect();
     slow(model, &mut measured, settings, &mut path);
     let mut found = Found::default();
     if !(settings.late.is_empty() && settings.candidates.is_empty() && settings.free.is_empty()) {
@@ -80,7 +83,11 @@ pub fn path(
     let kinematics = Kinematics::new(model, found.free(model, settings))?;
     let flight = found.flight(&kinematics, &driving, &measured, settings);
     let smoother = Smoother::new(&kinematics, &flight, settings.gate);
+    path.late.clone_from(&found.late);
     let stretches = stretches(&flight, settings);
+    if stretches.is_empty() {
+        path.notes.push(format!("no flight path: nowhere are all inputs of the kinematic model known for {SHORTEST} s"));
+    }
     path.windows = stretches.len();
     Ok(Work { settings, kinematics: &kinematics, smoother, stretches, path, found }.run(grid)?)
 }
@@ -92,7 +99,7 @@ pub fn stretches(flight: &Flight, settings: &Settings) -> Vec<[f64; 2]> {
 
 /// First noise levels, and the places of what gusts disturb.
 pub fn guess(kinematics: &Kinematics, flight: &Flight, settings: &Settings) -> (Levels, Vec<usize>) {
-    let mut guess = Levels::guess(kinematics, flight, &settings.walk);
+    let mut guess = Levels::guess(kinematics, flight, &settings.walk, &settings.sd);
     let gusts = settings.gusts.iter().filter(|name| !settings.walk.contains_key(*name));
     let gusts: Vec<usize> = gusts.filter_map(|name| kinematics.place(name)).collect();
     gusts.iter().for_each(|&i| guess.walk[i] = GUST * GUST);
@@ -104,29 +111,34 @@ fn inertial(unit: &str) -> bool {
     matches!(unit, "m/s^2" | "rad/s" | "rad/s^2")
 }
 
-/// Times and values of one signal.
-type Owned = (Vec<f64>, Vec<f64>);
-
 /// Signals with what is dead or frozen masked where it ought to move, their health as rows; false where one is dead.
-fn well<'n>(names: impl Iterator<Item = (&'n Quantity, bool)>, series: &[Series], path: &mut FlightPath) -> (Vec<Owned>, bool) {
+fn well<'n, 's>(
+    names: impl Iterator<Item = (&'n Quantity, bool)>,
+    series: &[Series<'s>],
+    path: &mut FlightPath,
+) -> (Vec<Cow<'s, [f64]>>, bool) {
     let mut good = true;
     let mut out = Vec::new();
     for ((quantity, moves), (t, y)) in names.zip(series) {
-        let (name, mut y) = (&quantity.name, y.to_vec());
+        let (name, mut y) = (&quantity.name, Cow::Borrowed(*y));
         let health = health::health(t, &y);
         path.checks.extend(verdicts::health_rows(name, &health));
         if moves && health.dead {
-            y.fill(f64::NAN);
+            y.to_mut().fill(f64::NAN);
             good = false;
             path.notes.push(format!("{name} is dead: its value never changes"));
+        } else if moves && health.samples < FEW {
+            y.to_mut().fill(f64::NAN);
+            path.notes.push(format!("{name} has only {} samples: not used", health.samples));
         } else if moves && health.frozen_s > 0.0 {
+            let y = y.to_mut();
             for run in &health.frozen {
                 // the first sample of a run was still measured
                 y[run.start + 1..run.end].fill(f64::NAN);
             }
             path.notes.push(format!("{name} stands still for together {:.1} s: not used there", health.frozen_s));
         }
-        out.push((t.to_vec(), y));
+        out.push(y);
     }
     (out, good)
 }
@@ -159,14 +171,36 @@ impl Work<'_> {
             let compared = consistency::compare(&self.smoother, &sharp, &self.stretches, &out, Some(&known));
             self.rows(&[compared, culprits].concat());
         }
-        let first = Levels::guess(self.kinematics, flight, &self.settings.walk);
         for (k, channel) in flight.channels.iter().enumerate().filter(|(k, _)| levels.r[*k].is_finite()) {
             let quantity = &self.kinematics.model.outputs[channel.output];
             let innovation = &self.path.innovations.channels[k];
-            let (sd, fast) = (levels.r[k].sqrt(), first.r[k].sqrt());
-            self.path.checks.extend(verdicts::innovation_rows(&quantity.name, &quantity.unit, innovation, sd, fast));
+            let (sd, fast) = (levels.r[k].sqrt(), channel.sd);
+            self.path.checks.extend(verdicts::innovation_rows(
+                &quantity.name,
+                &quantity.unit,
+                innovation,
+                (sd, fast, levels.given[0][k]),
+            ));
         }
+        self.filtered(&levels);
         Ok(self.finish())
+    }
+
+    /// A note of the channels whose noise cannot be estimated because a recorder filtered it away.
+    fn filtered(&mut self, levels: &Levels) {
+        let model = self.kinematics.model;
+        let channels = self.smoother.flight.channels.iter().enumerate();
+        let known = |k: usize| levels.given[0].get(k).copied().unwrap_or(false);
+        let slow = |k: usize| self.path.innovations.channels.get(k).is_some_and(verdicts::filtered);
+        let names: Vec<&str> =
+            channels.filter(|(k, _)| !known(*k) && slow(*k)).map(|(_, c)| model.outputs[c.output].name.as_str()).collect();
+        if !names.is_empty() {
+            self.path.notes.push(format!(
+                "filtered before they were logged, so that their noise cannot be told and the path's standard deviations are too small: {}; \
+                 give it in [reconstruct.method.sd]",
+                names.join(", ")
+            ));
+        }
     }
 
     fn rows(&mut self, compared: &[Comparison]) {
@@ -222,22 +256,22 @@ impl Work<'_> {
     /// The path itself; the sensor errors of its longest stretch.
     fn smooth(&mut self, grid: &Grid, levels: &Levels) -> Found {
         let (mut errors, mut longest) = (Found::default(), 0.0);
-        let (kinematics, flight, model) = (self.kinematics, self.smoother.flight, self.kinematics.model);
-        let mut out = Outputs::empty(model.outputs.len(), kinematics.size(), grid.n);
+        let (kinematics, flight) = (self.kinematics, self.smoother.flight);
+        let mut out = Outputs {
+            value: std::mem::take(&mut self.path.outputs),
+            sd: std::mem::take(&mut self.path.sd),
+            x_sd: vec![Vec::new(); kinematics.size()],
+        };
         let every = (self.settings.rate_hz / DEVIATIONS_HZ).round().max(1.0) as usize;
         let mut innovations = Innovations::new(flight.channels.len());
         for (number, stretch) in self.stretches.clone().into_iter().enumerate() {
             let x = self.smoother.begin(levels, stretch, None);
-            // scales and delays are products with states all along; otherwise only the start is far from linear
-            let far = if self.found.passes > 0 { stretch[1] } else { stretch[1].min(stretch[0] + FAR) };
-            let mut about = self.smoother.iterated(levels, [stretch[0], far], &x, self.found.passes.max(1));
-            if far < stretch[1] {
-                // the last step there ends where no other run has a node
-                if let Some(means) = &mut about {
-                    means.truncate(means.len().saturating_sub(2 * kinematics.size()));
-                }
+            let (mut about, _) = self.smoother.about(levels, stretch, &x, self.found.passes.max(1));
+            if self.found.passes > 0 {
+                // scales and delays are products with states all along
+                about.get_or_insert_default().known = self.found.constants(kinematics, levels);
             }
-            let smoothed = self.smoother.path(about.as_deref(), levels, stretch, &x, (*grid, every), &mut innovations, &mut out);
+            let smoothed = self.smoother.path(about.as_ref(), levels, stretch, &x, (*grid, every), &mut innovations, &mut out);
             if !smoothed.finite {
                 self.path.failed += 1;
                 let [from, to] = stretch;
@@ -340,15 +374,19 @@ pub fn levels(
     settings: &Settings,
 ) -> Levels {
     let mut levels = first.clone();
+    if let Some((free, before)) = &found.levels {
+        levels.begin(smoother.kinematics, before, free);
+    }
+    let open_first = if found.levels.is_some() { 0 } else { OPEN };
     let start_sd = found.narrow(smoother.kinematics, &mut levels);
     let known = start_sd.as_ref().map(|_| found.known(smoother.kinematics));
     let parts = parts(stretches, settings.noise_s);
     let mut starts: Vec<Vec<f64>> = parts.par_iter().map(|&part| smoother.begin(&levels, part, known.as_deref())).collect();
     let all = smoother.with_gate(f64::INFINITY);
-    let mut change = f64::INFINITY;
+    let mut change = if found.levels.is_some() { 0.0 } else { f64::INFINITY };
     for iteration in 0..settings.noise_iterations {
         // levels that begin far too small would have everything rejected that says so
-        let open = (iteration < OPEN || change > ROUGH) && iteration + OPEN < settings.noise_iterations;
+        let open = (iteration < open_first || change > ROUGH) && iteration + OPEN < settings.noise_iterations;
         let with = if open { &all } else { smoother };
         let runs: Vec<Smoothed> =
             parts.par_iter().zip(&starts).map(|(&part, x)| with.run(&levels, part, x, &mut (), &mut Nothing)).collect();
@@ -372,9 +410,10 @@ pub fn levels(
 /// Parts of the stretches, spread evenly, of together about `total` s; everything where there is not more.
 fn parts(stretches: &[[f64; 2]], total: f64) -> Vec<[f64; 2]> {
     let length: f64 = stretches.iter().map(|s| s[1] - s[0]).sum();
+    let part = PART.max(LEAST_PART * length / total);
     let mut out = Vec::new();
     for &[from, to] in stretches {
-        let count = ((to - from) / PART).ceil().max(1.0) as usize;
+        let count = ((to - from) / part).ceil().max(1.0) as usize;
         let each = (to - from) / count as f64;
         let used = each * (total / length).min(1.0);
         out.extend((0..count).map(|k| {

@@ -7,7 +7,7 @@ use super::smoother::flight::Flight;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
 use super::smoother::{Nothing, Smoothed, Smoother};
-use super::{Series, Settings};
+use super::{Logged, Series, Settings};
 use crate::error::Errors;
 use crate::model::extend::output_delay;
 use crate::model::{Model, Parameter};
@@ -19,15 +19,13 @@ pub const LATE: f64 = 0.3;
 const IN_TIME: f64 = 1e-3;
 /// Smoothings at most before the path's own.
 const SURVEYS: usize = 6;
+/// Sensor errors have settled when none is further from where it was linearised than so many of its standard deviations: what is left is
+/// its product with the filter's error of a state.
+const SETTLED: f64 = 2.0;
+/// Until stamps are where they belong, so much of a long flight is enough, s.
+const ENOUGH: f64 = 600.0;
 /// An error is significant from so many standard deviations on.
 pub const SIGNIFICANT: f64 = 2.0;
-
-/// A measured output of the model.
-pub struct Logged {
-    pub output: usize,
-    pub t: Vec<f64>,
-    pub z: Vec<f64>,
-}
 
 /// What was decided about the sensor errors before the path is smoothed.
 #[derive(Debug, Default)]
@@ -40,6 +38,8 @@ pub struct Found {
     pub passes: usize,
     /// Value and standard deviation of the sensor errors over the whole flight, by parameter.
     pub values: BTreeMap<usize, [f64; 2]>,
+    /// Noise levels, and the parameters that were free with them.
+    pub levels: Option<(Vec<usize>, Levels)>,
 }
 
 /// Runs about the one before: each squares the error that is left.
@@ -89,6 +89,14 @@ impl Found {
         vec![0.0; kinematics.states()].into_iter().chain(kinematics.free.iter().map(start)).collect()
     }
 
+    /// The same where they are constant, NaN where they drift: what the filter is linearised about.
+    pub fn constants(&self, kinematics: &Kinematics, levels: &Levels) -> Vec<f64> {
+        if self.values.is_empty() {
+            return Vec::new();
+        }
+        self.known(kinematics).iter().zip(&levels.walk).map(|(x, walk)| if *walk > 0.0 { f64::NAN } else { *x }).collect()
+    }
+
     /// What a parameter has beyond what was smoothed: stamps that were moved already.
     pub fn offset(&self, model: &Model, parameter: usize) -> f64 {
         let of = |(output, late): (&usize, &f64)| {
@@ -101,6 +109,7 @@ impl Found {
 /// Smooths the longest stretch until the late sensors' stamps are where they belong, then asks which candidates the data support.
 pub fn survey(model: &Model, driving: &[Series], measured: &[Logged], settings: &Settings) -> std::result::Result<Found, Errors> {
     let mut found = Found { passes: PASSES, ..Found::default() };
+    let mut whole = false;
     for _ in 0..SURVEYS {
         let kinematics = Kinematics::new(model, found.free(model, settings))?;
         let flight = found.flight(&kinematics, driving, measured, settings);
@@ -108,15 +117,27 @@ pub fn survey(model: &Model, driving: &[Series], measured: &[Logged], settings: 
         let stretches = stretches(&flight, settings);
         let length = |s: &&[f64; 2]| s[1] - s[0];
         let Some(&longest) = stretches.iter().max_by(|a, b| length(a).total_cmp(&length(b))) else { break };
+        whole |= length(&&longest) <= ENOUGH;
+        let part = if whole { longest } else { [longest[0], longest[0] + ENOUGH] };
         let (guess, gusts) = guess(&kinematics, &flight, settings);
         let levels = levels(&smoother, &stretches, &guess, &gusts, &found, settings);
-        let x = smoother.begin(&levels, longest, None);
-        let about = smoother.iterated(&levels, longest, &x, PASSES);
-        let smoothed = smoother.run_about(about.as_deref(), &levels, longest, &x, &mut (), &mut Nothing);
+        let x = smoother.begin(&levels, part, None);
+        let (mut about, mut settled) = smoother.about(&levels, part, &x, PASSES);
+        let known = found.constants(&kinematics, &levels);
+        if let Some(about) = &mut about {
+            // the first time as the first seconds say
+            let last = about.means.len().saturating_sub(kinematics.size());
+            about.known = if known.is_empty() { about.means[last..].to_vec() } else { known };
+        }
+        let smoothed = smoother.run_about(about.as_ref(), &levels, part, &x, &mut (), &mut Nothing);
         if !smoothed.finite {
             break;
         }
-        let survey = Survey::of(&kinematics, &levels, &smoothed);
+        let mut survey = Survey::of(&kinematics, &levels, &smoothed);
+        let late = |i: usize| settings.late.iter().any(|name| model.parameter(&output_delay(name)) == Some(i));
+        let known = about.map(|about| about.known).unwrap_or_default();
+        settled |= survey.near(known.get(kinematics.states()..).unwrap_or_default(), late);
+        found.levels = Some((kinematics.free.clone(), levels));
         found.values = survey.values();
         let mut moved = 0.0f64;
         for name in &settings.late {
@@ -128,9 +149,13 @@ pub fn survey(model: &Model, driving: &[Series], measured: &[Logged], settings: 
                 moved = moved.max(step.abs());
             }
         }
-        if moved < IN_TIME {
+        if moved < IN_TIME && !whole {
+            whole = true;
+        } else if moved < IN_TIME && settled {
             let candidates: Vec<usize> = settings.candidates.iter().filter_map(|name| model.parameter(name)).collect();
             found.held = survey.unsupported(&candidates);
+            // what the others are without those; stamps are where they belong already
+            found.values.extend(survey.values().into_iter().filter(|(i, _)| !late(*i)));
             break;
         }
     }
@@ -178,13 +203,21 @@ impl Survey {
         (0..self.free.len()).map(|k| (self.free[k], [self.value[k], self.sd(k)])).collect()
     }
 
+    /// Whether every parameter but those `apart` is where it was `known` to be, within a share of its standard deviation; NaN: it drifts.
+    fn near(&self, known: &[f64], apart: impl Fn(usize) -> bool) -> bool {
+        let near = |(k, known): (usize, &f64)| {
+            known.is_nan() || apart(self.free[k]) || (self.value[k] - known).abs() < SETTLED * self.sd(k)
+        };
+        known.iter().enumerate().all(near)
+    }
+
     fn sd(&self, k: usize) -> f64 {
         self.covariance[k * self.free.len() + k].max(0.0).sqrt()
     }
 
     /// Holds the least significant of the `candidates` (indices of parameters) at its start, again and again until all others are
     /// significant. What the others then are follows from the joint Gaussian: `x | x_k = s` is `x - P_k/P_kk (x_k - s)`.
-    pub fn unsupported(mut self, candidates: &[usize]) -> Vec<Held> {
+    pub fn unsupported(&mut self, candidates: &[usize]) -> Vec<Held> {
         let n = self.free.len();
         let mut out: Vec<Held> = Vec::new();
         loop {
@@ -219,7 +252,7 @@ mod tests {
     #[test]
     fn what_the_data_do_not_support_is_held_and_the_others_follow() {
         // 0 and 1 are nearly the same to the data: only their sum is known, and either alone explains it; 2 is nothing by itself
-        let survey = Survey {
+        let mut survey = Survey {
             free: vec![5, 6, 7],
             value: vec![0.6, 0.5, 0.1],
             covariance: vec![0.25, -0.2475, 0.0, -0.2475, 0.25, 0.0, 0.0, 0.0, 0.01],
@@ -233,7 +266,7 @@ mod tests {
 
     #[test]
     fn what_the_data_do_not_know_is_not_called_significant() {
-        let survey = Survey { free: vec![0], value: vec![30.0], covariance: vec![25.0], start: vec![0.0], start_sd: vec![6.0] };
+        let mut survey = Survey { free: vec![0], value: vec![30.0], covariance: vec![25.0], start: vec![0.0], start_sd: vec![6.0] };
         let held = survey.unsupported(&[0]);
         assert_eq!((held.len(), held[0].known), (1, false));
     }

@@ -12,6 +12,8 @@ const DELAY: f64 = 0.01;
 const SCALE: f64 = 0.05;
 /// A clock that is later by this in one half of the flight than in the other jumps, s.
 const JUMP: f64 = 0.03;
+/// Correlation of neighbouring innovations from which a channel was filtered.
+const FILTERED: f64 = 0.9;
 
 impl Comparison {
     pub fn reversed(&self) -> bool {
@@ -117,8 +119,13 @@ pub fn health_rows(channel: &str, health: &Health) -> Vec<Row> {
     ]
 }
 
-/// Lines about a channel's innovations; `sd` of its noise as found, `fast` as its fast part alone.
-pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, sd: f64, fast: f64) -> Vec<Row> {
+/// Whether neighbouring innovations are so much alike that the channel has no white noise worth the name.
+pub fn filtered(innovation: &Innovation) -> bool {
+    innovation.count >= 50 && innovation.lagged[0] > FILTERED * innovation.square
+}
+
+/// Lines about a channel's innovations; `sd` of its noise as found or given, `fast` as its fast part alone.
+pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, (sd, fast, given): (f64, f64, bool)) -> Vec<Row> {
     let row = |check, value, low, high, unit: &str, verdict, text| Row {
         channel: channel.to_string(),
         check,
@@ -156,7 +163,8 @@ pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, sd: f
     let share = innovation.rejected as f64 / (n + innovation.rejected as f64);
     let band = (1.96 / n.sqrt()).max(0.2);
     let coloured = if rho[0].abs() > band { "coloured" } else { "good" };
-    let noisy = if sd > 2.0 * fast { "slow errors" } else { "good" };
+    let noisy = if sd > 2.0 * fast && !given { "slow errors" } else { "good" };
+    let by = if given { "was given" } else { "the path needs it" };
     vec![
         row(
             "innovation size",
@@ -177,14 +185,6 @@ pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, sd: f
             if share > 0.01 { "outliers" } else { "good" },
             format!("{} of {} samples rejected", innovation.rejected, innovation.count + innovation.rejected),
         ),
-        row(
-            "noise",
-            sd,
-            0.0,
-            2.0 * fast,
-            unit,
-            noisy,
-            format!("standard deviation as the path needs it; its fast part {fast:.2e}"),
-        ),
+        row("noise", sd, 0.0, 2.0 * fast, unit, noisy, format!("standard deviation as {by}; its fast part {fast:.2e}")),
     ]
 }

@@ -7,17 +7,17 @@ use super::grid::{Cell, Grid, Level};
 
 /// Checks with a column of their own, and its heading.
 const SHOWN: [(&str, &str); 8] = [
-    ("sign", "#correlation with the others"),
+    ("sign", "#correlation|with others"),
     ("scale", "#scale"),
     ("time skew", "#behind by|s"),
     ("clock", "#its change|s"),
-    ("innovation size", "#innovations² / predicted"),
-    ("whiteness", "#their correlation"),
-    ("rejected", "#share rejected"),
+    ("innovation size", "#innovations²|/ predicted"),
+    ("whiteness", "#correlation|of neighbours"),
+    ("rejected", "#rejected|share"),
     ("noise", "#noise|SI"),
 ];
 /// Verdicts that are remarks, not faults.
-const REMARKS: [&str; 5] = ["coloured", "slow errors", "gaps", "significant", "not significant"];
+const REMARKS: [&str; 6] = ["coloured", "slow errors", "too small", "gaps", "significant", "not significant"];
 
 /// One line per flight and channel.
 pub fn table(table: Option<&Columns>) -> Grid {
@@ -35,7 +35,8 @@ pub fn table(table: Option<&Columns>) -> Grid {
             |check: &str| rows.iter().find(|&&row| table.text("check", row) == check).map(|&row| table.number("value", row));
         let mut cells: Vec<Cell> = [flight, channel].map(Cell::new).into();
         cells.push(if words.is_empty() { "good".to_string() } else { words.join(", ") }.into());
-        cells.extend(SHOWN.map(|(check, _)| Cell::new(number(value(check).unwrap_or(f64::NAN), 3))));
+        let known = |check: &str| value(check).filter(|v| v.is_finite()).map(|v| number(v, 3)).unwrap_or_default();
+        cells.extend(SHOWN.map(|(check, _)| Cell::new(known(check))));
         cells.push(text.join("; ").into());
         grid.push(cells);
         if let Some(last) = grid.rows.last_mut() {

@@ -83,7 +83,10 @@ pub fn losses(table: Option<&Columns>) -> Option<(Level, String)> {
 }
 
 /// Sensor biases, summed up over the windows of a flight: a spread far above the sd says that a bias drifts.
-pub fn biases(table: Option<&Columns>) -> Grid {
+pub fn biases(table: Option<&Columns>, consistency: Option<&Columns>) -> Grid {
+    if let Some(grid) = consistency.and_then(decided) {
+        return grid;
+    }
     let Some(table) = table else {
         return Grid::missing("No biases: the reconstruct stage has not run, or this campaign has none.");
     };
@@ -107,6 +110,25 @@ pub fn biases(table: Option<&Columns>) -> Grid {
                 the table biases.";
     grid.note = Some(note.into());
     grid.or_missing("No bias was estimated.")
+}
+
+/// Sensor errors with what was decided of each; none where nothing was.
+fn decided(checks: &Columns) -> Option<Grid> {
+    let mut grid = Grid::new(["flight", "sensor error", "unit", "#value", "#sd", "verdict", "~what it is"]);
+    for row in (0..checks.rows()).filter(|&row| checks.text("check", row) == "sensor error") {
+        // the limits are two standard deviations on either side
+        let sd = (checks.number("high", row) - checks.number("low", row)) / 4.0;
+        let verdict = checks.text("verdict", row);
+        let mut cells: Vec<Cell> = ["flight", "channel", "unit"].map(|name| Cell::new(checks.text(name, row))).into();
+        cells.extend([with_sd(checks.number("value", row), sd).0.into(), number(sd, 2).into()]);
+        cells.push(if verdict == "not observable" { Cell::new(verdict).level(Level::Warn) } else { Cell::new(verdict) });
+        cells.push(checks.text("text", row).into());
+        grid.push(cells);
+    }
+    let note = "SI units, angles in rad. Significant: more than two standard deviations from what was assumed before. Not observable: these \
+                data hardly say more than was assumed.";
+    grid.note = Some(note.into());
+    (!grid.rows.is_empty()).then_some(grid)
 }
 
 fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {

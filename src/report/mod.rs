@@ -218,7 +218,7 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         channels: logs::channels(get("channels")),
         consistency: consistency::table(get("consistency")),
         compared,
-        biases: logs::biases(get("biases")),
+        biases: logs::biases(get("biases"), get("consistency")),
         notes: logs::notes(get("notes")),
         provenance: provenance(&input.provenance),
         stages: stages(get("stages")),

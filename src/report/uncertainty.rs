@@ -117,10 +117,10 @@ fn separability(table: Option<&Columns>) -> Grid {
         }
         // What is said of a segment, not of a parameter, names it.
         let about = if table.text("parameter", row).is_empty() { table.text("segment", row) } else { String::new() };
-        let level = if ["at a bound", "hardly separable", "doubtful output"].contains(&verdict.as_str()) {
-            Level::Warn
-        } else {
-            Level::Bad
+        let level = match verdict.as_str() {
+            "significant" | "not significant" | "not observable" => Level::Info,
+            "at a bound" | "hardly separable" | "doubtful output" => Level::Warn,
+            _ => Level::Bad,
         };
         let condition = table.number("condition", row);
         let shown = if condition.is_finite() { format!("{condition:.1e}") } else { String::new() };

@@ -9,6 +9,9 @@ pub struct Grid {
 }
 
 impl Grid {
+    /// More points than any flight has (46 hours at 100 Hz): a stamp is wrong.
+    pub const MOST: usize = 1 << 24;
+
     /// The grid of spacing `dt` from `t0` to at most `t1` (a point within 1e-6 dt beyond `t1` still counts).
     /// Empty where `dt` is not positive or `t1 < t0`.
     pub fn covering(t0: f64, t1: f64, dt: f64) -> Grid {

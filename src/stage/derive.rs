@@ -2,7 +2,7 @@
 
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
 use crate::dynamics::{Directions, Plan, Record};
-use crate::error::{Errors, Result};
+use crate::error::{Error, Errors, Result};
 use crate::model::Model;
 use crate::signal::resample::{Grid, linear};
 use crate::table::Table;
@@ -100,6 +100,12 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let last = series.values().filter_map(|(t, _)| t.last()).copied().fold(f64::NEG_INFINITY, f64::max);
     // Grid points are whole multiples of dt: the same times whatever the first sample's is.
     let grid = Grid::covering(libm::ceil(first / dt - 1e-6) * dt, last, dt);
+    if grid.n > Grid::MOST {
+        let what = format!("the signals run from {first:.0} s to {last:.0} s: {} points of the grid", grid.n);
+        return Err(Error::new(what)
+            .help("some clock has jumped: the table `channels` says when each signal begins and ends")
+            .into());
+    }
     let mut columns: IndexMap<String, Column> = IndexMap::new();
     for (name, (t, values)) in &series {
         let values = linear(t, values, &grid, config.settings.max_gap * spacing(t));

@@ -102,6 +102,21 @@ fn a_topic_or_field_that_is_not_there_is_named() {
 }
 
 #[test]
+fn fault_a_stamp_years_after_all_others_stops_only_its_flight() {
+    let c = Campaign::new();
+    let mut writer = koehler::log::LogWriter::create(&c.path("logs/flight-4.mcap")).expect("created");
+    let fields = [("/drive", "command", "deg"), ("/sensor", "angle", "deg"), ("/air", "speed", "m/s")];
+    let topics = fields
+        .map(|(topic, field, unit)| writer.add_topic(topic, &[koehler::log::FieldSpec::new(field, unit, "")]).expect("a topic"));
+    for k in 0..400u64 {
+        let at = 1_000_000_000 + 25_000_000 * k + if k == 399 { 1_000_000_000_000_000_000 } else { 0 };
+        topics.iter().for_each(|&topic| writer.write(topic, at, at, &[k as f64]).expect("written"));
+    }
+    writer.finish().expect("finished");
+    partial(&c, &["clock has jumped"]);
+}
+
+#[test]
 fn a_burst_of_nan_is_counted_and_the_rest_is_used() {
     let c = Campaign::new();
     write_log(&c.path("logs/flight-2.mcap"), 1, 4, |t| (26.0..26.5).contains(&t));

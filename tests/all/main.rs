@@ -14,6 +14,7 @@ mod language;
 mod models;
 mod pages;
 mod path;
+mod phlab;
 mod real;
 mod recovery;
 mod reruns;

@@ -1,5 +1,6 @@
 //! Tests of the numerical core on problems with known answers.
 
+mod candidates;
 mod coverage;
 mod groups;
 mod hazards;

@@ -3,7 +3,7 @@
 use super::flight::{Flight, SAME};
 use super::kinematics::{Derivatives, Evaluator, Kinematics};
 use super::levels::Levels;
-use super::matrix::{add, dot, joseph, multiply, padded, predict};
+use super::matrix::{AHEAD, WEIGHT, dot, joseph, multiply, padded, predict, transition};
 
 /// Longest step of the integration, s.
 const LONGEST: f64 = 0.05;
@@ -28,8 +28,30 @@ pub struct State {
     pub node: usize,
 }
 
-/// Where a filter linearises: the smoothed means of an earlier run over the same nodes, `[node][n]`. Without one it linearises where it is.
-pub type Reference<'a> = Option<&'a [f64]>;
+/// Where a filter linearises; without one it does so where it is.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct About {
+    /// The smoothed means of an earlier run over the first nodes, `[node][n]`.
+    pub means: Vec<f64>,
+    /// Beyond those, where the filter knows its states: sensor errors as an earlier run found them, `[n]` (the states are not read). NaN, or
+    /// nothing: what the filter has.
+    pub known: Vec<f64>,
+}
+
+impl About {
+    /// The point of linearisation of a filter at `state` with `nx` states.
+    fn at(&self, state: &State, nx: usize, out: &mut [f64]) {
+        let n = out.len();
+        if let Some(means) = self.means.get(state.node * n..(state.node + 1) * n) {
+            out.copy_from_slice(means);
+            return;
+        }
+        out.copy_from_slice(&state.x);
+        for (x, known) in out.iter_mut().zip(&self.known).skip(nx).filter(|(_, known)| known.is_finite()) {
+            *x = *known;
+        }
+    }
+}
 
 /// One scalar update.
 #[derive(Debug, Clone, Copy, Default)]
@@ -91,7 +113,7 @@ pub struct Filter<'a> {
     pub gate: f64,
     /// End of the run, s.
     pub end: f64,
-    pub reference: Reference<'a>,
+    pub about: Option<&'a About>,
     pub n: usize,
     pub m: usize,
     pub lanes: usize,
@@ -107,7 +129,7 @@ pub struct Filter<'a> {
     s: Vec<f64>,
     stage: Vec<f64>,
     k: Vec<f64>,
-    total: Vec<f64>,
+    entries: Vec<[f64; 4]>,
     q: Vec<f64>,
     w: Vec<f64>,
     row: Vec<f64>,
@@ -145,7 +167,7 @@ impl<'a> Filter<'a> {
             s: vec![0.0; nx * lanes],
             stage: vec![0.0; nx * lanes],
             k: vec![0.0; nx * lanes],
-            total: vec![0.0; nx * lanes],
+            entries: vec![[0.0; 4]; kinematics.jacobian.entries.len()],
             q: vec![0.0; nu],
             w: vec![0.0; nx * m],
             row: vec![0.0; m],
@@ -153,7 +175,7 @@ impl<'a> Filter<'a> {
             ph: vec![0.0; m],
             prior: vec![0.0; n],
             base: vec![0.0; m],
-            reference: None,
+            about: None,
             kinematics,
             flight,
             levels,
@@ -237,7 +259,7 @@ impl<'a> Filter<'a> {
     fn step(&mut self, state: &mut State, h: f64) {
         let (nx, m, lanes) = (self.kinematics.states(), self.m, self.lanes);
         let free = &self.kinematics.free;
-        self.base[..self.n].copy_from_slice(at(self.reference, state));
+        at(self.about, state, nx, &mut self.base[..self.n]);
         let (base, theta) = self.base[..self.n].split_at(nx);
         for (stage, c) in [0.0, 0.5, 1.0].iter().enumerate() {
             let (u, slope) = (&mut self.u[stage], &mut self.slope[stage]);
@@ -282,36 +304,15 @@ impl<'a> Filter<'a> {
         }
     }
 
-    /// `s = [Phi | Gamma]` from the Jacobians at the four stages: `S' = A S + B` by the same Runge-Kutta.
+    /// `s = [Phi | Gamma]` from the Jacobians at the four stages.
     fn transition(&mut self, h: f64) {
+        let derivatives = &self.kinematics.jacobian;
+        for (e, values) in self.entries.iter_mut().enumerate() {
+            *values = self.jacobian.lanes(derivatives.rows + e);
+        }
         let (nx, n, m, lanes) = (self.kinematics.states(), self.n, self.m, self.lanes);
-        let entries = &self.kinematics.jacobian.entries;
-        self.s.fill(0.0);
-        for i in 0..nx {
-            self.s[i * lanes + i] = 1.0;
-        }
-        self.stage.copy_from_slice(&self.s);
-        self.total.copy_from_slice(&self.s);
-        for stage in 0..4 {
-            self.k.fill(0.0);
-            for (e, &(row, column)) in entries.iter().enumerate() {
-                let value = self.jacobian.get(self.kinematics.jacobian.rows + e, stage);
-                let to = &mut self.k[row * lanes..(row + 1) * lanes];
-                if column < nx {
-                    add(to, value, &self.stage[column * lanes..(column + 1) * lanes]);
-                } else if column < n {
-                    to[column] += value;
-                } else {
-                    to[m + column - n] += value;
-                }
-            }
-            add(&mut self.total, h / 6.0 * WEIGHT[stage], &self.k);
-            if stage < 3 {
-                self.stage.copy_from_slice(&self.s);
-                add(&mut self.stage, AHEAD[stage] * h, &self.k);
-            }
-        }
-        std::mem::swap(&mut self.s, &mut self.total);
+        let entries = &derivatives.entries;
+        transition(&mut self.s, &mut self.k, &mut self.stage, entries, &self.entries, nx, n, m, lanes, h);
     }
 
     /// All scalar updates at the state's time.
@@ -357,8 +358,8 @@ impl<'a> Filter<'a> {
         let r = self.levels.r[channel];
         let angle = self.flight.channels[channel].angle;
         let error = |y: f64| if angle { nearest_turn(z - y) } else { z - y };
-        let linear = self.reference.is_some();
-        self.prior.copy_from_slice(at(self.reference, state));
+        let linear = self.about.is_some();
+        at(self.about, state, self.kinematics.states(), &mut self.prior);
         let mut nu = error(self.predict(&self.prior.clone(), state.t, channel));
         if linear {
             nu -= (0..n).map(|i| self.row[i] * (state.x[i] - self.prior[i])).sum::<f64>();
@@ -426,9 +427,11 @@ impl<'a> Filter<'a> {
 }
 
 /// Where a filter at `state` linearises.
-fn at<'s>(reference: Reference<'s>, state: &'s State) -> &'s [f64] {
-    let n = state.x.len();
-    reference.and_then(|x| x.get(state.node * n..(state.node + 1) * n)).unwrap_or(&state.x)
+fn at(about: Option<&About>, state: &State, nx: usize, out: &mut [f64]) {
+    match about {
+        Some(about) => about.at(state, nx, out),
+        None => out.copy_from_slice(&state.x),
+    }
 }
 
 /// The angle without whole turns, -pi to pi.
@@ -436,7 +439,3 @@ fn nearest_turn(a: f64) -> f64 {
     let turn = 2.0 * std::f64::consts::PI;
     a - turn * (a / turn).round()
 }
-
-/// The tableau: the weight of a stage times six, and how far its rate leads to the next stage's state.
-const WEIGHT: [f64; 4] = [1.0, 2.0, 2.0, 1.0];
-const AHEAD: [f64; 4] = [0.5, 0.5, 1.0, 0.0];

@@ -22,15 +22,14 @@ pub struct Outputs {
     pub value: Vec<Vec<f64>>,
     /// `[output][point]`.
     pub sd: Vec<Vec<f64>>,
-    /// States and free parameters `[n][point]`, and their standard deviations.
-    pub x: Vec<Vec<f64>>,
+    /// Standard deviations of states and free parameters where they were computed, latest first: `[n][]`.
     pub x_sd: Vec<Vec<f64>>,
 }
 
 impl Outputs {
     pub fn empty(outputs: usize, n: usize, points: usize) -> Outputs {
         let columns = |k: usize| vec![vec![f64::NAN; points]; k];
-        Outputs { value: columns(outputs), sd: columns(outputs), x: columns(n), x_sd: columns(n) }
+        Outputs { value: columns(outputs), sd: columns(outputs), x_sd: vec![Vec::new(); n] }
     }
 }
 
@@ -102,9 +101,6 @@ impl<'a> Sampler<'a> {
         self.values.point(lane, &self.x[..nx], &self.u, &self.slope, t);
         self.values.parameters(lane, &self.kinematics.free, &self.x[nx..]);
         self.batch.push(at);
-        for (column, x) in self.out.x.iter_mut().zip(&self.x) {
-            column[at] = *x;
-        }
         if at.is_multiple_of(self.every) {
             let mut p = std::mem::take(&mut self.p);
             covariance(&mut p);
@@ -159,14 +155,14 @@ impl<'a> Sampler<'a> {
             self.out.sd[k][at] = variance.max(0.0).sqrt();
         }
         for (i, column) in self.out.x_sd.iter_mut().enumerate() {
-            column[at] = p[i * m + i].max(0.0).sqrt();
+            column.push(p[i * m + i].max(0.0).sqrt());
         }
     }
 
     /// Ends the pass: what waits is evaluated, standard deviations run straight between the points where they are known.
     pub fn finish(mut self, from: usize, to: usize) {
         self.flush();
-        for column in self.out.sd.iter_mut().chain(&mut self.out.x_sd) {
+        for column in &mut self.out.sd {
             let known: Vec<usize> = (from..to).filter(|&k| column[k].is_finite()).collect();
             for pair in known.windows(2) {
                 for k in pair[0] + 1..pair[1] {

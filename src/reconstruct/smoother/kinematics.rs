@@ -88,6 +88,12 @@ impl<'m, const W: usize> Evaluator<'m, W> {
         self.program.run(&mut self.file, &self.model.tables);
     }
 
+    /// Output `k` of all lanes.
+    #[inline]
+    pub fn lanes(&self, k: usize) -> [f64; W] {
+        *self.program.output(&self.file, k)
+    }
+
     /// Output `k` of lane `lane`.
     #[inline]
     pub fn get(&self, k: usize, lane: usize) -> f64 {

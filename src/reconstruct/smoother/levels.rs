@@ -16,6 +16,8 @@ pub struct Levels {
     pub walk: Vec<f64>,
     /// Standard deviations of states and parameters at the start.
     pub start_sd: Vec<f64>,
+    /// Channels and inputs whose noise was given: it is not estimated.
+    pub given: [Vec<bool>; 2],
 }
 
 /// Least share of the first guess that a measurement's standard deviation may fall to.
@@ -27,9 +29,12 @@ const WALKS: f64 = 5.0;
 const STRIDE: f64 = 5.0;
 
 impl Levels {
-    /// Levels from the signals themselves; `walks` gives densities (unit per square root of a second) by name of state or parameter.
-    pub fn guess(kinematics: &Kinematics, flight: &Flight, walks: &IndexMap<String, f64>) -> Levels {
+    /// Levels from the signals themselves; `walks` gives densities (unit per square root of a second) by name of state or parameter, `sd`
+    /// the noise of single samples by name of output or input.
+    pub fn guess(kinematics: &Kinematics, flight: &Flight, walks: &IndexMap<String, f64>, sd: &IndexMap<String, f64>) -> Levels {
         let model = kinematics.model;
+        let output = |c: &super::flight::Channel| sd.get(&model.outputs[c.output].name).copied();
+        let input = |i: usize| sd.get(&model.inputs[i].name).copied();
         let names = model.states.iter().map(|s| &s.quantity).chain(kinematics.free.iter().map(|&i| &model.parameters[i].quantity));
         let walk = names.clone().map(|q| walks.get(&q.name).map_or(0.0, |w| w * w)).collect();
         let prior = |i: usize| kinematics.free.get(i).map(|&p| model.parameters[p].prior_sd).filter(|sd| sd.is_finite());
@@ -37,14 +42,33 @@ impl Levels {
         let start_sd =
             names.enumerate().map(|(i, q)| i.checked_sub(nx).and_then(prior).unwrap_or_else(|| unknown(&q.unit, i < nx))).collect();
         let density = |i: usize| {
-            let input = &flight.inputs[i];
-            input.sd * input.sd * flight.clocks[input.clock].spacing
+            let sd = input(i).unwrap_or(flight.inputs[i].sd);
+            sd * sd * flight.clocks[flight.inputs[i].clock].spacing
         };
+        let given = [
+            flight.channels.iter().map(|c| output(c).is_some()).collect(),
+            (0..flight.inputs.len()).map(|i| input(i).is_some()).collect(),
+        ];
+        let variance = |c: &super::flight::Channel| output(c).map_or((c.sd * c.sd).max(1e-24), |sd| sd * sd);
         Levels {
-            r: flight.channels.iter().map(|c| (c.sd * c.sd).max(1e-24)).collect(),
+            given,
+            r: flight.channels.iter().map(variance).collect(),
             density: (0..flight.inputs.len()).map(density).collect(),
             walk,
             start_sd,
+        }
+    }
+
+    /// Begins with what other `levels` found for the free parameters `free`.
+    pub fn begin(&mut self, kinematics: &Kinematics, levels: &Levels, free: &[usize]) {
+        let nx = kinematics.states();
+        self.r.clone_from(&levels.r);
+        self.density.clone_from(&levels.density);
+        let places = kinematics.free.iter().map(|p| free.iter().position(|f| f == p).map(|k| nx + k));
+        for (i, place) in (0..nx).map(Some).chain(places).enumerate() {
+            if let Some(walk) = place.and_then(|place| levels.walk.get(place)) {
+                self.walk[i] = *walk;
+            }
         }
     }
 
@@ -62,10 +86,11 @@ impl Levels {
                 *value = next;
             }
         };
-        for (j, r) in self.r.iter_mut().enumerate() {
+        let free = |given: &[bool], i: usize| !given.get(i).copied().unwrap_or(false);
+        for (j, r) in self.r.iter_mut().enumerate().filter(|(j, _)| free(&self.given[0], *j)) {
             scale(r, sums.channels[j], LEAST * LEAST * first.r[j], 1);
         }
-        for (i, density) in self.density.iter_mut().enumerate() {
+        for (i, density) in self.density.iter_mut().enumerate().filter(|(i, _)| free(&self.given[1], *i)) {
             // an input is at least as noisy as it looks; where the path needs more (vibration averaged away before it was logged, a sensor
             // that is not where it is said to be), it gets more
             scale(density, sums.inputs[i], first.density[i], 1);
@@ -85,7 +110,8 @@ fn unknown(unit: &str, state: bool) -> f64 {
         ("rad", true) => 1.0,
         ("m/s", true) => 30.0,
         ("m", true) => 5000.0,
-        ("-", true) => 1.0,
+        // a quaternion, which begins measured
+        ("-", true) => 0.2,
         ("m/s^2", false) => 0.5,
         ("rad/s", false) => 0.02,
         ("rad", false) => 0.1,

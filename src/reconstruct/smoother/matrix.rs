@@ -6,6 +6,10 @@
 /// Rows are whole vectors of this many.
 const VECTOR: usize = 4;
 
+/// The classic Runge-Kutta: the weight of a stage times six, and how far its rate leads to the next stage's state.
+pub const WEIGHT: [f64; 4] = [1.0, 2.0, 2.0, 1.0];
+pub const AHEAD: [f64; 4] = [0.5, 0.5, 1.0, 0.0];
+
 /// `n` rounded up to whole vectors.
 pub fn padded(n: usize) -> usize {
     n.div_ceil(VECTOR) * VECTOR
@@ -88,6 +92,41 @@ kernel! {
             add(&mut row[..upto], s, &k[..upto]);
         }
         mirror(p, n, m);
+    }
+}
+
+kernel! {
+    /// `s = [Phi | Gamma]` (`[nx][lanes]`) over a step of `h` s by the classic Runge-Kutta on `S' = A S + B`: `values[e]` is entry `e` of
+    /// `[A | B]` at the four stages, at (row, column) `entries[e]`, where columns below `n` are states and parameters and the others noise.
+    /// `k` and `stage` are scratch of the size of `s`.
+    pub fn transition(
+        s: &mut [f64], k: &mut [f64], stage: &mut [f64], entries: &[(usize, usize)], values: &[[f64; 4]], nx: usize, n: usize, m: usize,
+        lanes: usize, h: f64,
+    ) {
+        s.fill(0.0);
+        for l in 0..4 {
+            k.fill(0.0);
+            for (&(row, column), value) in entries.iter().zip(values) {
+                let to = &mut k[row * lanes..(row + 1) * lanes];
+                if column < nx && l > 0 {
+                    add(to, value[l], &stage[column * lanes..(column + 1) * lanes]);
+                } else {
+                    // the first stage begins at the identity
+                    to[if column < n { column } else { m + column - n }] += value[l];
+                }
+            }
+            add(s, h / 6.0 * WEIGHT[l], k);
+            if l < 3 {
+                stage.fill(0.0);
+                add(stage, AHEAD[l] * h, k);
+                for i in 0..nx {
+                    stage[i * lanes + i] += 1.0;
+                }
+            }
+        }
+        for i in 0..nx {
+            s[i * lanes + i] += 1.0;
+        }
     }
 }
 

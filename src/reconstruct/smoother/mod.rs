@@ -61,7 +61,7 @@ pub use local::unwrap;
 
 use crate::signal::resample::Grid;
 use backward::{Backward, Sums, Visit};
-use filter::{Filter, Reference, Scalar, State, Tape, Watch, programs};
+use filter::{About, Filter, Scalar, State, Tape, Watch, programs};
 use flight::Flight;
 use grid::{Outputs, Sampler};
 use kinematics::{Derivatives, Evaluator, Kinematics};
@@ -70,6 +70,8 @@ use levels::Levels;
 /// Seconds that are smoothed to find a start, and how often.
 const START_S: f64 = 3.0;
 const STARTS: usize = 4;
+/// The first seconds are linearised about their smoothed means: until then sensor errors and states are hardly told apart.
+const FAR: f64 = 120.0;
 
 /// One flight ready to be smoothed.
 pub struct Smoother<'a> {
@@ -171,21 +173,27 @@ impl<'a> Smoother<'a> {
         x
     }
 
-    /// The smoothed means of every node of `[from, to]` after `passes` more runs, each linearised about the last one's means (Gauss-Newton:
-    /// Bell 1994), `[node][n]`; nothing is rejected in the first, which does not know the sensor errors yet. It ends early where a run does
-    /// not stay finite.
-    pub fn iterated(&self, levels: &Levels, part: [f64; 2], x: &[f64], passes: usize) -> Option<Vec<f64>> {
+    /// Where to linearise `[from, to]`: its first seconds about their smoothed means after `passes` more runs, each linearised about the
+    /// last one's (Gauss-Newton: Bell 1994); nothing is rejected in the first, which does not know the sensor errors yet. It ends early
+    /// where a run does not stay finite. Whether the first seconds are all there is comes along.
+    pub fn about(&self, levels: &Levels, [from, to]: [f64; 2], x: &[f64], passes: usize) -> (Option<About>, bool) {
+        let far = to.min(from + FAR);
         let open = self.with_gate(f64::INFINITY);
-        let mut means: Option<Vec<f64>> = None;
+        let mut about: Option<About> = None;
         for pass in 0..=passes {
             let mut collected = Means::default();
             let smoother = if pass == 0 { &open } else { self };
-            if !smoother.run_about(means.as_deref(), levels, part, x, &mut (), &mut collected).finite {
+            if !smoother.run_about(about.as_ref(), levels, [from, far], x, &mut (), &mut collected).finite {
                 break;
             }
-            means = Some(collected.ordered());
+            about = Some(About { means: collected.ordered(), known: Vec::new() });
         }
-        means
+        if far < to {
+            // the last step there ends where no other run has a node
+            let two = 2 * self.kinematics.size();
+            about.iter_mut().for_each(|about| about.means.truncate(about.means.len().saturating_sub(two)));
+        }
+        (about, far >= to)
     }
 
     /// Smooths `[from, to]` from the mean `x` at `from`.
@@ -193,11 +201,11 @@ impl<'a> Smoother<'a> {
         self.run_about(None, levels, part, x, watch, visit)
     }
 
-    /// The same, linearised about a reference.
+    /// The same, linearised elsewhere.
     #[allow(clippy::too_many_arguments)]
     pub fn run_about(
         &self,
-        reference: Reference,
+        about: Option<&About>,
         levels: &Levels,
         [from, to]: [f64; 2],
         x: &[f64],
@@ -205,7 +213,7 @@ impl<'a> Smoother<'a> {
         visit: &mut impl Visit,
     ) -> Smoothed {
         let mut filter = Filter::new(self.kinematics, self.flight, &self.programs, levels, self.gate, to);
-        filter.reference = reference;
+        filter.about = about;
         let stretch = if self.stretch > 0 { self.stretch } else { self.nodes(from, to).isqrt().max(16) };
         let mut state = filter.start(from, x);
         let mut checkpoints: Vec<State> = Vec::new();
@@ -237,11 +245,11 @@ impl<'a> Smoother<'a> {
         Smoothed { x: backward.x, p: backward.p, sums: backward.sums, finite }
     }
 
-    /// The path on the points of a grid within `[from, to]`, linearised about a reference where there is one.
+    /// The path on the points of a grid within `[from, to]`.
     #[allow(clippy::too_many_arguments)]
     pub fn path(
         &self,
-        reference: Reference,
+        about: Option<&About>,
         levels: &Levels,
         [from, to]: [f64; 2],
         x: &[f64],
@@ -252,7 +260,7 @@ impl<'a> Smoother<'a> {
         let first = (0..grid.n).find(|&k| grid.time(k) >= from - flight::SAME).unwrap_or(grid.n);
         let last = (0..grid.n).rev().find(|&k| grid.time(k) <= to + flight::SAME).map_or(0, |k| k + 1);
         let mut sampler = Sampler::new(self.kinematics, self.flight, grid, every, out);
-        let smoothed = self.run_about(reference, levels, [from, to], x, watch, &mut sampler);
+        let smoothed = self.run_about(about, levels, [from, to], x, watch, &mut sampler);
         sampler.finish(first, last.max(first));
         smoothed
     }

@@ -94,7 +94,13 @@ fn truth_a_linear_flight_equals_dense_least_squares() {
     let kinematics = Kinematics::new(&model, vec![0]).expect("no delays");
     let measured = [(0, (&d.ts[..], &d.zs[..])), (1, (&d.tv[..], &d.zv[..]))];
     let flight = Flight::new(&kinematics, &[(&d.ta, &d.a)], &measured, 0.0);
-    let levels = Levels { r: vec![0.04, 0.09], density: vec![0.02], walk: vec![0.003, 0.0, 0.01], start_sd: vec![2.0, 3.0, 0.5] };
+    let levels = Levels {
+        r: vec![0.04, 0.09],
+        density: vec![0.02],
+        walk: vec![0.003, 0.0, 0.01],
+        start_sd: vec![2.0, 3.0, 0.5],
+        ..Default::default()
+    };
     let smoother = Smoother::new(&kinematics, &flight, f64::INFINITY);
     let (from, to) = (d.ta[0], d.ta[39]);
     let x0 = [1.0, 0.2, 0.05];
@@ -194,7 +200,7 @@ fn checkpoints_change_no_bit() {
     let kinematics = Kinematics::new(&model, vec![0]).expect("no delays");
     let measured = [(0, (&d.ts[..], &d.zs[..])), (1, (&d.tv[..], &d.zv[..]))];
     let flight = Flight::new(&kinematics, &[(&d.ta, &d.a)], &measured, 0.0);
-    let levels = Levels::guess(&kinematics, &flight, &IndexMap::from([("b".to_string(), 0.1)]));
+    let levels = Levels::guess(&kinematics, &flight, &IndexMap::from([("b".to_string(), 0.1)]), &IndexMap::new());
     let path = |stretch: usize| {
         let smoother = Smoother { stretch, ..Smoother::new(&kinematics, &flight, 5.0) };
         let grid = Grid::covering(d.ta[0], d.ta[39], 0.05);

@@ -92,6 +92,23 @@ fn fault_a_recorder_that_is_late_is_found() {
 }
 
 #[test]
+fn fault_a_clock_that_jumps_is_named() {
+    // long enough that each half of the flight is a part by itself
+    let scene = Scene { duration: 42.0, ..CALM };
+    let heights = heights(&scene);
+    let mut flown = record(21, scene, &heights);
+    for name in ["phi", "theta", "psi"] {
+        flown.signals[name].0.iter_mut().filter(|t| **t > 21.0).for_each(|t| *t += 0.25);
+    }
+    let path = path(&flown);
+    let named = |name: &str| verdict(&path, name, "clock") == "clock jumps";
+    let rows: Vec<_> = path.checks.iter().filter(|r| r.check == "clock").collect();
+    assert!(["phi", "theta", "psi"].into_iter().any(named), "{rows:#?}");
+    // those whose clocks are right are not accused
+    assert!(!["V", "alpha_vane", "beta_vane", "static_pressure"].into_iter().any(named), "{rows:#?}");
+}
+
+#[test]
 fn fault_a_missing_sensor_leaves_honest_intervals_or_nothing() {
     let heights = altitude();
     for missing in [&["alpha_vane"][..], &["beta_vane"], &["phi", "theta", "psi"]] {
@@ -133,4 +150,56 @@ fn fault_a_flight_that_starts_on_the_ground_is_right_in_the_air_and_says_what_wa
         assert!(list.len() > 500 && worst < 5.0, "{name} is {worst} standard deviations off in the air");
     }
     nowhere_wrong(&flown, &heights, &path, 6.0);
+}
+
+#[test]
+fn fault_a_clock_that_jumps_by_years_gives_no_path_and_a_note() {
+    let heights = altitude();
+    let mut flown = fly(23, 0.0, &heights);
+    for (t, _) in flown.signals.values_mut() {
+        t.iter_mut().filter(|t| **t > 20.0).for_each(|t| *t += 1e9);
+    }
+    for by in [Method::Smoother, Method::Windows] {
+        let path = path_by(&flown, &kinematics(), &Settings { by, ..settings() });
+        assert!(path.outputs.is_empty() && path.notes.iter().any(|n| n.contains("clock has jumped")), "{:?}", path.notes);
+    }
+}
+
+#[test]
+fn fault_a_flight_of_half_a_second_has_no_path_and_says_so() {
+    let heights = altitude();
+    let mut flown = fly(24, 0.0, &heights);
+    for (t, y) in flown.signals.values_mut() {
+        let n = t.partition_point(|t| *t < 0.5);
+        t.truncate(n);
+        y.truncate(n);
+    }
+    for by in [Method::Smoother, Method::Windows] {
+        let path = path_by(&flown, &kinematics(), &Settings { by, ..settings() });
+        assert!(path.outputs.iter().flatten().all(|v| v.is_nan()));
+        assert!(path.notes.iter().any(|n| n.contains("no flight path")), "{:?}", path.notes);
+    }
+}
+
+#[test]
+fn fault_a_signal_without_values_is_missing_and_one_with_three_is_not_used() {
+    let heights = altitude();
+    let mut flown = fly(25, 0.0, &heights);
+    flown.signals["beta_vane"].1.fill(f64::NAN);
+    let (t, y) = &mut flown.signals["static_pressure"];
+    let few: Vec<usize> = [20, 150, 350].to_vec();
+    (*t, *y) = (few.iter().map(|&k| t[k]).collect(), few.iter().map(|&k| y[k] + 300.0).collect());
+    let found = path(&flown);
+    let said = |what: &str| found.notes.iter().any(|n| n.contains(what));
+    assert!(said("not measured, so not checked: beta_vane") && said("static_pressure has only 3 samples"), "{:?}", found.notes);
+    // nothing tells the height, so none is given
+    assert!(said("no sensor determines h"), "{:?}", found.notes);
+    for (name, list) in STATES.iter().zip(normed(&flown, &heights, &found, |_| true)).filter(|(name, _)| **name != "h") {
+        let worst = list.iter().fold(0.0f64, |m, e| m.max(e.abs()));
+        assert!(!list.is_empty() && worst < 5.5, "{name} is {worst} standard deviations off");
+    }
+    flown.signals["temperature"].1.fill(f64::NAN);
+    let get = |name: &str| flown.signals.get(name).map(|(t, y)| (&t[..], &y[..]));
+    let error = reconstruct(&kinematics(), get, &settings()).unwrap_err().to_string();
+    assert!(error.contains("needs the signal \"temperature\""), "{error}");
 }

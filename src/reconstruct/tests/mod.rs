@@ -212,10 +212,19 @@ fn kinematics() -> Model {
 }
 
 fn embedded(name: &str) -> Model {
+    Model::embedded(name, &all_at_the_origin()).expect("compiles")
+}
+
+/// A model file put together from fragments.
+fn from_fragments(name: &str, text: &str) -> Model {
+    Model::parse(name, text, &all_at_the_origin()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Where the sensors are.
+fn all_at_the_origin() -> Constants {
     let zero = |name: &str, unit: &str| (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into() });
     let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"];
-    let constants = places.iter().map(|name| zero(name, "m")).chain([zero("upwash", "-")]).collect();
-    Model::embedded(name, &Constants(constants)).expect("compiles")
+    Constants(places.iter().map(|name| zero(name, "m")).chain([zero("upwash", "-")]).collect())
 }
 
 fn settings() -> Settings {

@@ -102,6 +102,57 @@ fn recovery_constant_wind_where_ground_speed_is_logged() {
     }
 }
 
+/// `kinematics_wind` where a position is logged.
+const POSITION: &str = r#"
+title = "Position over ground"
+use = ["path_imu", "path_ground", "path_euler", "path_altitude", "path_flat_earth", "path_vanes", "path_outputs", "path_position"]
+[inputs]
+temperature = "K"
+[constants]
+x_cg = { unit = "m", value = 0.0 }
+y_cg = { unit = "m", value = 0.0 }
+z_cg = { unit = "m", value = 0.0 }
+[equations]
+T_air = "temperature"
+"#;
+
+#[test]
+fn recovery_position_and_wind_where_a_position_is_logged() {
+    let scene = Scene { wind: [9.0, -6.0], ..CALM };
+    let heights = heights(&scene);
+    let mut flown = record(65, scene, &heights);
+    // the motion is that over ground
+    let still = Flown { gust: vec![[0.0; 3]], scene: Scene { wind: [0.0; 2], ..scene }, signals: IndexMap::new() };
+    let mut places = vec![[1000.0, -500.0]];
+    for k in 0..(scene.duration * 1000.0) as usize {
+        let t = (k as f64 + 0.5) * 1e-3;
+        let [north, east] = earth(&truth(&still, &heights, t), motion(t)[5]);
+        places.push([places[k][0] + 1e-3 * north, places[k][1] + 1e-3 * east]);
+    }
+    let place = |t: f64| places[((t * 1000.0).round() as usize).min(places.len() - 1)];
+    let mut normal = Normal::new(66);
+    let t: Vec<f64> = (0..195).map(|k| 0.1 + 0.2 * k as f64).collect();
+    for (i, name) in ["north", "east"].into_iter().enumerate() {
+        let z = t.iter().map(|&t| place(t)[i] + 2.0 * normal.next()).collect();
+        flown.signals.insert(name.to_string(), (t.clone(), z));
+    }
+    ["ground_speed", "track"].iter().for_each(|name| {
+        flown.signals.shift_remove(*name);
+    });
+    let model = from_fragments("position", POSITION);
+    let path = path_by(&flown, &model, &Settings { gusts: Vec::new(), ..settings() });
+    within(&path, "wind_n", 9.0, 3.5);
+    within(&path, "wind_e", -6.0, 3.5);
+    assert!(error(&path, "wind_n").sd.expect("sd") < 0.5, "{:?}", error(&path, "wind_n"));
+    for (i, name) in ["north", "east"].into_iter().enumerate() {
+        let k = model.output(name).expect("an output");
+        for (p, &t) in path.t.iter().enumerate() {
+            let e = (path.outputs[k][p] - place(t)[i]) / path.sd[k][p];
+            assert!(e.abs() < 5.0 && path.sd[k][p] < 2.0, "{name} at {t}: {e} standard deviations off, {} m", path.sd[k][p]);
+        }
+    }
+}
+
 #[test]
 fn recovery_lever_arms_where_angular_acceleration_excites_them_and_not_elsewhere() {
     let candidates: Vec<String> = ["dx_imu", "dz_imu"].map(String::from).to_vec();
@@ -173,10 +224,7 @@ fn recovery_of_a_loop_by_the_quaternion() {
         let list = flown.signals[name].1.iter_mut().zip(&inverted).filter(|(_, inverted)| **inverted);
         list.for_each(|(a, _)| *a -= half);
     }
-    let zero = |name: &str, unit: &str| (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into() });
-    let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"];
-    let constants = places.iter().map(|name| zero(name, "m")).chain([zero("upwash", "-")]).collect();
-    let model = Model::parse("loop", LOOP, &Constants(constants)).unwrap_or_else(|e| panic!("{e}"));
+    let model = from_fragments("loop", LOOP);
     let path = path_by(&flown, &model, &settings());
     let of = |name: &str| model.output(name).expect("an output");
     let mut worst = [0.0f64; 3];

@@ -5,7 +5,7 @@ use super::tables::{Done, per, segment};
 use crate::error::Result;
 use crate::estimate::regression::{Equation, Regressed, Regression};
 use crate::estimate::repeats::{Repeats, compare};
-use crate::estimate::{Combination, Estimation, Influence, Point, Profile, Row};
+use crate::estimate::{Combination, Decision, Estimation, Influence, Point, Profile, Row};
 use crate::table::Table;
 
 /// One line of `separability`.
@@ -19,6 +19,8 @@ struct Finding<'a> {
     term: Option<(&'a Row, f64)>,
     /// The segment of a finding without a term.
     segment: Option<usize>,
+    /// A candidate, which may have no row.
+    decision: Option<&'a Decision>,
     text: String,
 }
 
@@ -28,6 +30,9 @@ const NOTHING: f64 = 1e-12;
 pub fn separability(model: &str, done: &[Done]) -> Result<Table> {
     let rows: Vec<Finding> = done.iter().flat_map(|(batch, e)| findings(batch, e)).collect();
     let term = |of: fn(&Batch, &Row) -> Option<String>| rows.iter().map(move |f| f.term.and_then(|(row, _)| of(f.batch, row)));
+    let named = |of: fn(&Row) -> &String, or: fn(&Decision) -> &String| {
+        rows.iter().map(move |f| f.term.map(|(row, _)| of(row)).or(f.decision.map(or)).cloned())
+    };
     Table::build("separability")
         .repeat("model", model)
         .strings("group", rows.iter().map(|f| &f.batch.group))
@@ -35,10 +40,10 @@ pub fn separability(model: &str, done: &[Done]) -> Result<Table> {
         .strings("verdict", rows.iter().map(|f| f.verdict))
         .f64("information", rows.iter().map(|f| f.information).collect::<Vec<_>>())
         .f64("condition", rows.iter().map(|f| f.condition).collect::<Vec<_>>())
-        .opt_strings("parameter", term(|_, row| Some(row.name.clone())))
+        .opt_strings("parameter", named(|row| &row.name, |d| &d.parameter))
         .opt_strings("segment", rows.iter().map(|f| segment(f.batch, f.term.map_or(f.segment, |(row, _)| row.segment))))
         .opt_strings("of", term(|batch, row| per(batch, row).1))
-        .opt_strings("unit", term(|_, row| Some(row.unit.clone())))
+        .opt_strings("unit", named(|row| &row.unit, |d| &d.unit))
         .f64("change", rows.iter().map(|f| f.term.map_or(f64::NAN, |(_, change)| change)).collect::<Vec<_>>())
         .strings("text", rows.iter().map(|f| &f.text))
         .finish()
@@ -53,7 +58,8 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
     } else {
         ("separable", format!("these data determine all parameters; condition {condition:.1e}"))
     };
-    let whole = Finding { batch, number: 0, verdict, information: f64::NAN, condition, term: None, segment: None, text };
+    let whole =
+        Finding { batch, number: 0, verdict, information: f64::NAN, condition, term: None, segment: None, decision: None, text };
     let mut all = vec![whole];
     for combination in &e.verdict.combinations {
         let number = all.last().map_or(0, |f| f.number) + 1;
@@ -62,7 +68,8 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
             let of = |r: &&Row| r.name == term.name && r.segment == term.segment && r.group == term.group;
             let term = e.rows.iter().find(of).map(|row| (row, term.change));
             let (information, text) = (combination.information, text.clone());
-            all.push(Finding { batch, number, verdict, information, condition: f64::NAN, term, segment: None, text });
+            let (condition, segment, decision) = (f64::NAN, None, None);
+            all.push(Finding { batch, number, verdict, information, condition, term, segment, decision, text });
         }
     }
     for row in e.rows.iter().filter(|r| r.at_bound) {
@@ -77,17 +84,37 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
             condition: f64::NAN,
             term,
             segment: None,
+            decision: None,
             text,
         });
+    }
+    for decision in &e.decisions {
+        let number = all.last().map_or(0, |f| f.number) + 1;
+        let (information, condition) = (f64::NAN, f64::NAN);
+        let (verdict, text, decision) = (decision.support.as_str(), decided(decision), Some(decision));
+        all.push(Finding { batch, number, verdict, information, condition, term: None, segment: None, decision, text });
     }
     let left_out = e.left_out.iter().map(|l| (l.segment, "left out", l.why.clone()));
     let doubtful = e.doubtful.iter().map(|d| (d.segment, "doubtful output", format!("{}: {}", d.output, d.why)));
     for (segment, verdict, text) in left_out.chain(doubtful) {
         let number = all.last().map_or(0, |f| f.number) + 1;
         let (information, condition) = (f64::NAN, f64::NAN);
-        all.push(Finding { batch, number, verdict, information, condition, term: None, segment: Some(segment), text });
+        let (term, segment, decision) = (None, Some(segment), None);
+        all.push(Finding { batch, number, verdict, information, condition, term, segment, decision, text });
     }
     all
+}
+
+/// What was decided of a candidate.
+fn decided(d: &Decision) -> String {
+    let Decision { parameter, value, sd, start, .. } = d;
+    if !d.held() {
+        format!("{parameter} {value:.4e} +- {sd:.1e}: estimated")
+    } else if value.is_finite() {
+        format!("{parameter} {value:.4e} +- {sd:.1e} if it were estimated: held at {start}")
+    } else {
+        format!("{parameter} is not told from others by these data: held at {start}")
+    }
 }
 
 fn words(combination: &Combination) -> (&'static str, String) {
