@@ -122,7 +122,7 @@ fn well<'n, 's>(
     for ((quantity, moves), (t, y)) in names.zip(series) {
         let (name, mut y) = (&quantity.name, Cow::Borrowed(*y));
         let health = health::health(t, &y);
-        path.checks.extend(verdicts::health_rows(name, &health));
+        path.checks.extend(verdicts::health_rows(name, &health, moves));
         if moves && health.dead {
             y.to_mut().fill(f64::NAN);
             good = false;

@@ -72,8 +72,8 @@ impl Comparison {
     }
 }
 
-/// Lines about the signal by itself.
-pub fn health_rows(channel: &str, health: &Health) -> Vec<Row> {
+/// Lines about the signal by itself; one that need not move (a temperature) may stand still.
+pub fn health_rows(channel: &str, health: &Health, moves: bool) -> Vec<Row> {
     let row = |check, value, high, unit: &str, verdict, text| Row {
         channel: channel.to_string(),
         check,
@@ -84,7 +84,9 @@ pub fn health_rows(channel: &str, health: &Health) -> Vec<Row> {
         verdict,
         text,
     };
-    let verdict = if health.dead {
+    let verdict = if !moves {
+        "good"
+    } else if health.dead {
         "dead"
     } else if health.frozen_s > 0.0 {
         "frozen"

@@ -22,22 +22,23 @@ const REMARKS: [&str; 6] = ["coloured", "slow errors", "too small", "gaps", "sig
 /// One line per flight and channel.
 pub fn table(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No consistency checks: the reconstruct stage has not run.") };
-    let mut grid = Grid::new(["flight", "channel", "verdict"].into_iter().chain(SHOWN.map(|s| s.1)).chain(["~what is wrong"]));
+    let mut grid = Grid::new(["flight", "channel", "verdict", "~what is wrong"].into_iter().chain(SHOWN.map(|s| s.1)));
     for ([flight, channel], rows) in table.groups(["flight", "channel"]) {
         if rows.iter().all(|&row| table.text("check", row) == "sensor error") {
             continue;
         }
         let bad: Vec<usize> = rows.iter().copied().filter(|&row| table.text("verdict", row) != "good").collect();
         let words: Vec<String> = bad.iter().map(|&row| table.text("verdict", row)).collect();
-        let text: Vec<String> =
-            bad.iter().map(|&row| format!("{}: {}", table.text("check", row), table.text("text", row))).collect();
+        // remarks are told by their verdict
+        let wrong = bad.iter().filter(|&&row| level(&table.text("verdict", row)) == Level::Bad);
+        let text: Vec<String> = wrong.map(|&row| format!("{}: {}", table.text("check", row), table.text("text", row))).collect();
         let value =
             |check: &str| rows.iter().find(|&&row| table.text("check", row) == check).map(|&row| table.number("value", row));
         let mut cells: Vec<Cell> = [flight, channel].map(Cell::new).into();
         cells.push(if words.is_empty() { "good".to_string() } else { words.join(", ") }.into());
+        cells.push(text.join("; ").into());
         let known = |check: &str| value(check).filter(|v| v.is_finite()).map(|v| number(v, 3)).unwrap_or_default();
         cells.extend(SHOWN.map(|(check, _)| Cell::new(known(check))));
-        cells.push(text.join("; ").into());
         grid.push(cells);
         if let Some(last) = grid.rows.last_mut() {
             last.level = words.iter().map(|w| level(w)).max_by_key(|l| *l == Level::Bad).filter(|_| !words.is_empty());
