@@ -30,13 +30,23 @@ impl Found {
 /// # Errors
 /// Every mistake, in the order of the text.
 pub(super) fn check(schema: &Json, root: &Spanned<DeValue>, doc: &Doc) -> Result<(), Errors> {
-    let mut found = Vec::new();
-    Checker { root: schema }.value(schema, root, "", &mut found);
+    let mut found = find(schema, root);
     // Stable: mistakes at one place stay in the order of the schema.
     found.sort_by_key(|f| f.at);
     found.dedup_by(|a, b| a.at == b.at && a.what == b.what);
     let errors = found.into_iter().map(|f| Error { place: Some(doc.at(f.at)), what: f.what, help: f.help });
     Errors(errors.collect()).or(())
+}
+
+/// Where the mistakes are, as bytes of the text.
+pub(super) fn places(schema: &Json, root: &Spanned<DeValue>) -> Vec<usize> {
+    find(schema, root).into_iter().map(|found| found.at).collect()
+}
+
+fn find(schema: &Json, root: &Spanned<DeValue>) -> Vec<Found> {
+    let mut found = Vec::new();
+    Checker { root: schema }.value(schema, root, "", &mut found);
+    found
 }
 
 pub(super) struct Checker<'s> {

@@ -65,6 +65,35 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(file_name: &str, text: &str) -> R
     Ok((value, doc))
 }
 
+/// What is sound of a file with mistakes: every key that does not fit `T` taken away, as if it had not been written. So that what only
+/// the rest can tell is told in one go with the mistakes that `load` found. `None` where too little is left.
+pub fn load_sound<T: DeserializeOwned + JsonSchema>(path: &Path) -> Option<(T, Doc)> {
+    let (name, text) = (path.to_string_lossy(), read_text(path).ok()?);
+    let tree = syntax(&name, &text).ok()?;
+    let doc = Doc::new(&name, &text, tree.get_ref());
+    let root = Spanned::new(tree.span(), DeValue::Table(tree.into_inner()));
+    let mut rest = text.clone().into_bytes();
+    for at in check::places(&schema::<T>(), &root) {
+        let key = innermost(root.get_ref(), at)?;
+        // what is left keeps its place
+        rest.get_mut(key)?.iter_mut().filter(|b| **b != b'\n').for_each(|b| *b = b' ');
+    }
+    let (value, _) = parse(&name, &String::from_utf8(rest).ok()?).ok()?;
+    Some((value, doc))
+}
+
+/// From the innermost key at or around byte `at` to the end of its value.
+fn innermost(value: &DeValue, at: usize) -> Option<std::ops::Range<usize>> {
+    match value {
+        DeValue::Table(table) => table.iter().find_map(|(key, value)| {
+            let all = key.span().start..value.span().end.max(key.span().end);
+            innermost(value.get_ref(), at).or_else(|| all.contains(&at).then_some(all))
+        }),
+        DeValue::Array(array) => array.iter().find_map(|value| innermost(value.get_ref(), at)),
+        _ => None,
+    }
+}
+
 /// The TOML tree with positions, or the syntax errors: the first one of each line, as later ones tend to follow from it.
 fn syntax<'a>(file: &str, text: &'a str) -> Result<Spanned<DeTable<'a>>, Errors> {
     let (tree, found) = DeTable::parse_recoverable(text);

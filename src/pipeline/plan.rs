@@ -43,13 +43,21 @@ impl Plan {
     /// # Errors
     /// As `read`.
     pub fn read_with(pipeline: &Path, change: impl FnOnce(&mut Settings)) -> std::result::Result<Plan, Errors> {
-        let (mut settings, doc) = config::load::<Settings>(pipeline).map_err(|mut errors| {
-            errors.0.extend(loose::mistakes(pipeline).0);
-            errors
-        })?;
-        change(&mut settings);
-        let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
-        Reader { settings, doc, folder, errors: Errors::default() }.plan()
+        let plan = |(mut settings, doc): (Settings, Doc)| {
+            change(&mut settings);
+            let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
+            Reader { settings, doc, folder, errors: Errors::default() }.plan()
+        };
+        let mut errors = match config::load(pipeline) {
+            Ok(read) => return plan(read),
+            Err(errors) => errors,
+        };
+        let more = match config::load_sound(pipeline) {
+            Some(sound) => plan(sound).err().unwrap_or_default(),
+            None => loose::mistakes(pipeline),
+        };
+        errors.0.extend(more.0);
+        Err(errors)
     }
 
     /// The log of a flight.

@@ -21,6 +21,17 @@ fn mistakes_of_all_files_are_reported_at_once_and_before_any_log_is_read() {
 }
 
 #[test]
+fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
+    let c = Campaign::new();
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\npre_s = \"fast\"\nspeed = 3");
+    c.edit("pipeline.toml", "against = \"V\"", "against = \"Mach\"");
+    let run = c.koehler("check", &[]).ended(2);
+    for wanted in ["\"fast\"", "\"speed\"", "\"Mach\""] {
+        assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
+    }
+}
+
+#[test]
 fn a_missing_file_is_named_where_it_is_asked_for() {
     let c = Campaign::new();
     c.edit("pipeline.toml", "lag.model.toml", "lead.model.toml");
