@@ -86,7 +86,9 @@ pub fn compare(
     let flight = smoother.flight;
     let mut levels = levels.clone();
     out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
-    let channels = (0..flight.inputs.len()).map(Which::Input).chain((0..flight.channels.len()).map(Which::Output));
+    // a temperature has no axis that could be the wrong way round, and nothing else tells it
+    let moving = |k: &usize| super::smoothed::inertial(&smoother.kinematics.model.inputs[*k].unit);
+    let channels = (0..flight.inputs.len()).filter(moving).map(Which::Input).chain((0..flight.channels.len()).map(Which::Output));
     let channels: Vec<(Which, Vec<[f64; 2]>)> =
         channels.filter(|which| !out.contains(which)).map(|which| (which, parts(smoother, which, stretches))).collect();
     // many channels move in the same parts: one start serves all

@@ -107,7 +107,7 @@ pub fn guess(kinematics: &Kinematics, flight: &Flight, settings: &Settings) -> (
 }
 
 /// Whether an input is a rate or a specific force: those are never still. A temperature may be one number for a whole flight.
-fn inertial(unit: &str) -> bool {
+pub fn inertial(unit: &str) -> bool {
     matches!(unit, "m/s^2" | "rad/s" | "rad/s^2")
 }
 
