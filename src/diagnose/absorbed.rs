@@ -7,6 +7,7 @@
 //! fraction of what it is.
 
 use super::gram::{Gram, factor};
+use super::located::Answers;
 use super::noise::Noise;
 use crate::estimate::{Block, Case};
 use rayon::prelude::*;
@@ -19,6 +20,8 @@ pub struct Fitted<'a> {
     /// Shared parameters that were free.
     pub free: &'a [usize],
     pub theta: &'a [f64],
+    /// What is no noise in the residuals.
+    pub answers: &'a Answers,
     /// Per segment of `segments`: `[directions][columns]`, the segment's rows of `P^(1/2)`; empty before `weighted`.
     roots: Vec<Vec<f64>>,
 }
@@ -32,8 +35,8 @@ pub struct Series {
 }
 
 impl<'a> Fitted<'a> {
-    pub fn new(case: &'a Case<'a>, segments: &'a [usize], free: &'a [usize], theta: &'a [f64]) -> Fitted<'a> {
-        Fitted { case, segments, free, theta, roots: Vec::new() }
+    pub fn new(case: &'a Case<'a>, segments: &'a [usize], free: &'a [usize], theta: &'a [f64], answers: &'a Answers) -> Fitted<'a> {
+        Fitted { case, segments, free, theta, answers, roots: Vec::new() }
     }
 
     /// With what a fit weighted by `noise` absorbs; `None` where the model is not finite.
@@ -87,7 +90,11 @@ impl<'a> Fitted<'a> {
                     columns.iter_mut().zip(row).for_each(|(column, r)| column[k] += g * r);
                 }
             }
-            columns.insert(0, block.e);
+            let mut e = block.e;
+            if let Some(Some(answer)) = self.answers.values.get(at).and_then(|of| of.get(block.output)) {
+                e.iter_mut().zip(answer).for_each(|(e, answer)| *e -= answer);
+            }
+            columns.insert(0, e);
             Series { output: block.output, masked, columns }
         };
         self.blocks(s).unwrap_or_default().into_iter().map(one).collect()

@@ -24,6 +24,8 @@ pub enum Standing {
     HeldOut,
     /// Its size differs from maneuver to maneuver by more than its uncertainty.
     Inconsistent,
+    /// It passes, but with little more evidence than luck gives where the noise is what it is taken for.
+    Faint,
     /// It passes, another one is better by more than luck.
     Beaten,
     /// It passes, and cannot be told from the one chosen.
@@ -45,6 +47,7 @@ impl Standing {
             Standing::Unidentifiable => "not identifiable",
             Standing::HeldOut => "fails held out",
             Standing::Inconsistent => "inconsistent",
+            Standing::Faint => "faint",
             Standing::Beaten => "beaten",
             Standing::Alike => "alike",
             Standing::Chosen => "chosen",
@@ -58,6 +61,17 @@ const LOOSE: f64 = 0.5;
 /// A size that scatters so improbably, and by more than this share of itself beyond its uncertainty, is not one number.
 const RARE: f64 = 1e-3;
 const SCATTER: f64 = 0.35;
+
+/// A name takes this many times the evidence that the best of all candidates has by luck in one of a hundred campaigns. That limit supposes the
+/// noise's colour to be known; it is estimated, from maneuvers that have a few samples only of what is slow (gusts), so that its level there may be
+/// wrong by a factor.
+const SOLID: f64 = 3.0;
+
+/// Why a candidate that passes is not named yet, at the round's limit of luck.
+pub fn is_faint(judged: &Judged, limit: f64) -> Option<String> {
+    let words = format!("evidence {:.1}, where {:.1} makes a name", judged.evidence, SOLID * limit);
+    (!(judged.evidence > SOLID * limit)).then_some(words)
+}
 
 /// Why a refitted candidate may not be believed; none where it may.
 pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, String)> {

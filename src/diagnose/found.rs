@@ -3,6 +3,7 @@
 use super::absorbed::Fitted;
 use super::base::{Places, Stand, carried, estimation, fitted, placed, seen, settle_steps};
 use super::fit::Fit;
+use super::located::Answers;
 use super::noise::Noise;
 use super::refit::{self, Frozen};
 use super::{Subject, Trouble};
@@ -84,18 +85,28 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let (theta, known, least) = start(&case);
     settle_steps(&mut case, &theta, &least);
     let free = seen(&case, &places.training);
-    let again =
-        |theta: &[f64], noise: &Noise| Some(Noise::of(&Fitted::new(&case, &places.training, &free, theta).weighted(noise)?));
+    let nothing = Answers::default();
+    let again = |theta: &[f64], noise: &Noise, answers: &Answers| {
+        Some(Noise::of(&Fitted::new(&case, &places.training, &free, theta, answers).weighted(noise)?))
+    };
+    // What demonstrably answers to something is taken out before, as long as anything does.
+    let settled = |theta: &[f64], mut noise: Noise| {
+        let (fitted, mut answers) = (Fitted::new(&case, &places.training, &free, theta, &nothing), Answers::default());
+        while answers.more(&fitted, &noise, subject.settings.quantile) {
+            noise = again(theta, &noise, &answers)?;
+        }
+        Some(noise)
+    };
     let noise = match known {
         Some(noise) => noise,
         None => {
-            let plain = Noise::of(&Fitted::new(&case, &places.training, &free, &theta));
-            (0..AGAIN).try_fold(plain, |noise, _| again(&theta, &noise))?
+            let plain = Noise::of(&Fitted::new(&case, &places.training, &free, &theta, &nothing));
+            (0..AGAIN).try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?
         }
     };
     let (_, first) = fitted(&case, &noise, &places, theta, &stand.added);
     let first = first?;
-    let noise = again(&first.theta, &noise)?;
+    let noise = settled(&first.theta, again(&first.theta, &noise, &nothing)?)?;
     let (free, fit) = fitted(&case, &noise, &places, first.theta, &stand.added);
     let fit = fit?;
     Some(Found {

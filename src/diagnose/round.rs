@@ -1,7 +1,7 @@
 //! A fitted base and candidates in; all of them screened, the best refitted and judged, out.
 
 use super::base::Stand;
-use super::decide::{Standing, class, objection};
+use super::decide::{Standing, class, is_faint, objection};
 use super::effect::Candidate;
 use super::found::Found;
 use super::located::Located;
@@ -70,7 +70,8 @@ pub fn held_against(
         let held_out: f64 = one.held_out.iter().map(|g| g.realised).sum();
         judged.evidence = one.gain - luck(judged.screened.taken.max(fitted_count(&one))) + held_out;
         judged.refit = Some(one);
-        match objection(judged, settings) {
+        let faint = || is_faint(judged, limit).map(|why| (Standing::Faint, why));
+        match objection(judged, settings).or_else(faint) {
             Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
             None => passing.push(i),
         }

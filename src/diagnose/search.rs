@@ -114,7 +114,8 @@ impl Search<'_> {
         out.closing = closing(&base, last)?;
         out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
         out.complete = out.located.is_empty() && out.doubts.is_empty();
-        out.verdict = verdict(out);
+        let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
+        out.verdict = verdict(out, doubted);
         Ok(Ok(()))
     }
 
@@ -285,10 +286,12 @@ fn link(round: &Round, judged: &Judged) -> Option<Link> {
     })
 }
 
-fn verdict(out: &Diagnosis) -> Verdict {
+/// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be little beside what is named: a name given
+/// while more than that is not understood would be one among other things that are wrong.
+fn verdict(out: &Diagnosis, doubted: f64) -> Verdict {
     let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
-    let left = out.located.iter().map(|l| l.gain).fold(0.0, f64::max);
+    let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
         let shown = out.rounds.first().is_some_and(|r| r.judged.iter().any(|j| j.score > 2.0 * r.limit + luck(1)));
         return if out.located.is_empty() && out.doubts.is_empty() && !shown { Verdict::NothingMissing } else { Verdict::Located };

@@ -107,6 +107,12 @@ fn graded(hidden: &Hidden, setting: &Setting, diagnosis: &Diagnosis) -> End {
     }
 }
 
+/// Log-likelihood for each effect named.
+fn evidence(diagnosis: &Diagnosis) -> String {
+    let of = |f: &diagnose::Finding| format!("{:.0}", diagnosis.rounds[f.round].judged[f.added].evidence);
+    diagnosis.findings.iter().map(of).collect::<Vec<_>>().join(" + ")
+}
+
 /// Whether a trial ended as it should.
 fn expected(hidden: &Hidden, end: End) -> bool {
     match hidden.name {
@@ -253,8 +259,14 @@ fn matrix_of_hidden_effects() {
         match &outcome {
             Some(o) if alone || !expected(hidden, o.end) => println!("{}\n", story(hidden, setting, o)),
             Some(o) => println!(
-                "{:<38} #{:<7} size {:.1} {:>8}: {:?} {:.1} s",
-                hidden.name, setting.seed, o.size, o.channel, o.end, o.seconds
+                "{:<38} #{:<7} size {:.1} {:>8}: {:?}, evidence {}, {:.1} s",
+                hidden.name,
+                setting.seed,
+                o.size,
+                o.channel,
+                o.end,
+                evidence(&o.diagnosis),
+                o.seconds
             ),
             None => println!("{:<38} #{:<7} does not fly", hidden.name, setting.seed),
         }
