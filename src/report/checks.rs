@@ -45,7 +45,7 @@ pub struct Facts<'a> {
 }
 
 /// Flights, maneuvers found and used, estimations converged, lines, notes.
-pub fn tiles(facts: Facts) -> Vec<Tile> {
+pub fn tiles(facts: Facts, asked: impl Fn(&str) -> bool) -> Vec<Tile> {
     let tile = |value: String, label: &str, level| Tile { value, label: label.into(), level };
     let found = facts.segments.map_or(0, Columns::rows);
     let used = facts.responses.map_or(0, |r| r.rows_by(["segment"]).len());
@@ -53,14 +53,15 @@ pub fn tiles(facts: Facts) -> Vec<Tile> {
     let lines = facts.fits.map_or(0, Columns::rows);
     let remarks = facts.notes.map_or(0, Columns::rows);
     let noted = facts.notes.and_then(|n| logs::remarks(Some(n))).map(|(level, _)| level).filter(|l| *l != Level::Good);
-    vec![
-        tile(facts.flights.len().to_string(), if facts.flights.len() == 1 { "flight" } else { "flights" }, None),
-        tile(found.to_string(), "maneuvers found", (found == 0).then_some(Level::Bad)),
-        tile(used.to_string(), "maneuvers estimated", (used == 0).then_some(Level::Bad)),
-        tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad)),
-        tile(lines.to_string(), "fitted lines", None),
-        tile(remarks.to_string(), "notes", noted),
-    ]
+    let tiles = [
+        ("", tile(facts.flights.len().to_string(), if facts.flights.len() == 1 { "flight" } else { "flights" }, None)),
+        ("estimates", tile(found.to_string(), "maneuvers found", (found == 0).then_some(Level::Bad))),
+        ("estimates", tile(used.to_string(), "maneuvers estimated", (used == 0).then_some(Level::Bad))),
+        ("estimates", tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad))),
+        ("fits", tile(lines.to_string(), "fitted lines", None)),
+        ("", tile(remarks.to_string(), "notes", noted)),
+    ];
+    tiles.into_iter().filter(|(section, _)| asked(section)).map(|(_, tile)| tile).collect()
 }
 
 /// The checks, in the order of the processing.

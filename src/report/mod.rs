@@ -37,6 +37,8 @@ pub struct ReportInput {
     pub inputs: BTreeMap<String, Vec<String>>,
     /// Column of `samples` in which each input of `segments` was searched; without an entry it has the input's own name.
     pub searched: BTreeMap<String, String>,
+    /// Sections (by their names in [`CONTENTS`]) that have no place on the page, because the campaign does not ask for what they show.
+    pub unasked: Vec<&'static str>,
     /// Name and value of everything that says where the numbers come from: program version, code hash, configuration hashes.
     pub provenance: Vec<(String, String)>,
 }
@@ -77,7 +79,8 @@ struct Data<'a> {
 struct Page<'a> {
     title: &'a str,
     subtitle: &'a str,
-    contents: [Heading; CONTENTS.len()],
+    contents: Vec<Heading>,
+    unasked: &'a [&'static str],
     tiles: Vec<checks::Tile>,
     checks: Vec<checks::Check>,
     flights: &'a [FlightStyle],
@@ -141,7 +144,7 @@ pub const TABLES: [&str; 27] = [
     "stages",
 ];
 
-const CONTENTS: [(&str, &str); 13] = [
+pub const CONTENTS: [(&str, &str); 13] = [
     ("checks", "Can these results be trusted?"),
     ("lines", "Coefficients versus angle of attack"),
     ("fits", "Fitted lines"),
@@ -166,6 +169,7 @@ pub fn page(input: &ReportInput) -> Result<String> {
 
 fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<String> {
     let get = |name: &str| tables.get(name);
+    let asked = |section: &str| !input.unasked.contains(&section);
     let styles = flight_styles(tables);
     let ids: Vec<String> = styles.iter().map(|f| f.id.clone()).collect();
 
@@ -203,8 +207,9 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
     render(&Page {
         title: &input.title,
         subtitle: &input.subtitle,
-        contents: CONTENTS.map(|(id, heading)| Heading { id, heading }),
-        tiles: checks::tiles(facts),
+        contents: CONTENTS.into_iter().filter(|(id, _)| asked(id)).map(|(id, heading)| Heading { id, heading }).collect(),
+        unasked: &input.unasked,
+        tiles: checks::tiles(facts, asked),
         checks: checks::checks(facts),
         flights: &styles,
         lines,

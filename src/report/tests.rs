@@ -398,6 +398,15 @@ fn text_from_logs_is_escaped_everywhere() {
 }
 
 #[test]
+fn what_is_not_asked_for_has_no_place_on_the_page() {
+    let html = page(&ReportInput { unasked: vec!["lines", "fits"], ..frame(Tables::new()) }).expect("page");
+    for section in ["lines", "fits"] {
+        assert!(!html.contains(&format!("id=\"{section}\"")) && !html.contains(&format!("href=\"#{section}\"")), "{section}");
+    }
+    assert!(!html.contains("fitted lines") && html.contains("id=\"estimates\"") && html.contains("estimates converged"));
+}
+
+#[test]
 fn missing_tables_are_said_to_be_missing() {
     let html = page(&frame(Tables::new())).expect("page");
     for sentence in

@@ -31,7 +31,16 @@ pub struct Settings {
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
     let subtitle = campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default();
-    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign), "searched": searched(campaign) })
+    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign), "searched": searched(campaign), "unasked": unasked(campaign) })
+}
+
+/// Sections of what the pipeline does not ask for. (What a diagnosis is stays where there are models: the section says how to have one.)
+fn unasked(campaign: &Campaign) -> Vec<&'static str> {
+    match (campaign.estimates.is_empty(), campaign.fits.is_empty()) {
+        (true, _) => vec!["lines", "fits", "maneuvers", "estimates", "uncertainty", "diagnosis"],
+        (false, true) => vec!["lines", "fits"],
+        (false, false) => Vec::new(),
+    }
 }
 
 fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
@@ -72,6 +81,7 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
         tables,
         inputs: inputs_of_models(campaign),
         searched: searched(campaign),
+        unasked: unasked(campaign),
         provenance: vec![
             ("program".to_string(), format!("koehler {}", env!("CARGO_PKG_VERSION"))),
             ("sources".to_string(), env!("KOEHLER_CODE").to_string()),
