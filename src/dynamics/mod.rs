@@ -37,6 +37,7 @@ mod stiffness;
 mod tangent;
 
 pub use plan::{Directions, Plan, Tier};
+pub(crate) use propagate::{AHEAD, WEIGHT};
 pub use record::{Channel, Interpolation, Record, Sampling};
 
 /// Outputs on the record's grid from its start point on.

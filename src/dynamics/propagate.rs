@@ -466,5 +466,5 @@ impl Run<'_> {
 
 /// The tableau: where a stage is in the step, its weight times six, and how far its rate leads to the next stage's state.
 pub(super) const OFFSET: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
-pub(super) const WEIGHT: [f64; 4] = [1.0, 2.0, 2.0, 1.0];
-pub(super) const AHEAD: [f64; 4] = [0.5, 0.5, 1.0, 0.0];
+pub(crate) const WEIGHT: [f64; 4] = [1.0, 2.0, 2.0, 1.0];
+pub(crate) const AHEAD: [f64; 4] = [0.5, 0.5, 1.0, 0.0];

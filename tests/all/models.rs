@@ -254,6 +254,62 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
     }
 }
 
+const LAG: &str = r#"
+title = "A lag and a curved output"
+[inputs]
+u = "rad"
+[parameters]
+T = { unit = "s", start = 0.4 }
+K = { unit = "-", start = 1.5 }
+[states]
+x = { unit = "rad", rate = "(K*sin(u) - x)/T", start = 0.2 }
+[outputs]
+y = { unit = "rad", value = "x + K*x^3" }
+"#;
+
+/// Response and sensitivities of `LAG` (or any model of its inputs) over `n` grid points.
+fn swept(model: &Model, directions: Directions, parameters: &[f64], n: usize, substeps: usize) -> koehler::dynamics::Grid {
+    let inputs = (0..n).map(|k| (k as f64 * 0.37).sin()).collect();
+    let record = Record { dt: 0.1, n, inputs, substeps, ..Default::default() };
+    Plan::new(model, directions).unwrap().run(parameters, &[], &record, true)
+}
+
+#[test]
+fn sensitivities_are_exact_however_substeps_fall_into_blocks() {
+    let model = Model::parse("lag", LAG, &Constants::default()).unwrap();
+    let all = || Directions { parameters: vec![0, 1], starts: Vec::new() };
+    for substeps in [1, 2, 3, 5, 7, 16, 33] {
+        let (p, n) = ([0.4, 1.5], 75);
+        let exact = swept(&model, all(), &p, n, substeps);
+        for d in 0..2 {
+            let run = |step: f64| {
+                swept(&model, all(), &std::array::from_fn::<f64, 2, _>(|i| p[i] + if i == d { step } else { 0.0 }), n, substeps).y
+            };
+            let (up, down) = (run(1e-5), run(-1e-5));
+            for k in 0..n {
+                let (want, got) = ((up[k] - down[k]) / 2e-5, exact.dy[k * 2 + d]);
+                assert!((got - want).abs() < 1e-7 * (1.0 + want.abs()), "{substeps} sub-steps, point {k}, {d}: {got} for {want}");
+            }
+        }
+    }
+}
+
+#[test]
+fn fault_records_and_models_of_next_to_nothing_are_run_all_the_same() {
+    let lag = Model::parse("lag", LAG, &Constants::default()).unwrap();
+    let text = "title = \"No state\"\n[inputs]\nu = \"rad\"\n[parameters]\nK = { unit = \"-\", start = 2.0 }\n[outputs]\ny = { unit = \"rad\", value = \"K*u\" }\n";
+    let algebra = Model::parse("algebra", text, &Constants::default()).unwrap();
+    for n in [0, 1, 2, 17] {
+        for parameters in [vec![], vec![0]] {
+            let directions = || Directions { parameters: parameters.clone(), starts: Vec::new() };
+            for (model, values) in [(&lag, &[0.4, 1.5][..]), (&algebra, &[2.0][..])] {
+                let grid = swept(model, directions(), values, n, 1);
+                assert_eq!((grid.finite, grid.y.len(), grid.dy.len()), (true, n, n * parameters.len()), "{n} {parameters:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn opened_constants_are_the_same_model_with_derivatives() {
     let mut opened_constants = 0;

@@ -3,7 +3,8 @@
 use super::flight::{Flight, SAME};
 use super::kinematics::{Derivatives, Evaluator, Kinematics};
 use super::levels::Levels;
-use super::matrix::{AHEAD, WEIGHT, dot, joseph, multiply, padded, predict, transition};
+use super::matrix::{dot, joseph, multiply, padded, predict, transition};
+use crate::dynamics::{AHEAD, WEIGHT};
 
 /// Longest step of the integration, s.
 const LONGEST: f64 = 0.05;

@@ -3,12 +3,10 @@
 //! A matrix of `n` columns is stored in rows of `m` values, `m` a multiple of four, the rest zero: every row is whole vectors. The same
 //! operations in the same order on every machine (nothing is fused), so the width of the vectors changes no bit.
 
+use crate::dynamics::{AHEAD, WEIGHT};
+
 /// Rows are whole vectors of this many.
 const VECTOR: usize = 4;
-
-/// The classic Runge-Kutta: the weight of a stage times six, and how far its rate leads to the next stage's state.
-pub const WEIGHT: [f64; 4] = [1.0, 2.0, 2.0, 1.0];
-pub const AHEAD: [f64; 4] = [0.5, 0.5, 1.0, 0.0];
 
 /// `n` rounded up to whole vectors.
 pub fn padded(n: usize) -> usize {

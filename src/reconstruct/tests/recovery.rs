@@ -103,18 +103,19 @@ fn recovery_constant_wind_where_ground_speed_is_logged() {
 }
 
 /// `kinematics_wind` where a position is logged.
-const POSITION: &str = r#"
-title = "Position over ground"
-use = ["path_imu", "path_ground", "path_euler", "path_altitude", "path_flat_earth", "path_vanes", "path_outputs", "path_position"]
-[inputs]
-temperature = "K"
-[constants]
-x_cg = { unit = "m", value = 0.0 }
-y_cg = { unit = "m", value = 0.0 }
-z_cg = { unit = "m", value = 0.0 }
-[equations]
-T_air = "temperature"
-"#;
+const POSITION: [&str; 8] =
+    ["path_imu", "path_ground", "path_euler", "path_altitude", "path_flat_earth", "path_vanes", "path_outputs", "path_position"];
+/// Any attitude.
+const LOOP: [&str; 7] =
+    ["path_imu", "path_air", "path_quaternion", "path_altitude", "path_flat_earth", "path_vanes", "path_outputs"];
+
+/// A kinematic model put together of parts, about a centre of gravity that stays where it is.
+fn put_together(title: &str, parts: &[&str]) -> String {
+    let constants = ["x_cg", "y_cg", "z_cg"].map(|name| format!("{name} = {{ unit = \"m\", value = 0.0 }}")).join("\n");
+    format!(
+        "title = \"{title}\"\nuse = {parts:?}\n[inputs]\ntemperature = \"K\"\n[constants]\n{constants}\n[equations]\nT_air = \"temperature\"\n"
+    )
+}
 
 #[test]
 fn recovery_position_and_wind_where_a_position_is_logged() {
@@ -139,7 +140,7 @@ fn recovery_position_and_wind_where_a_position_is_logged() {
     ["ground_speed", "track"].iter().for_each(|name| {
         flown.signals.shift_remove(*name);
     });
-    let model = from_fragments("position", POSITION);
+    let model = from_fragments("position", &put_together("Position over ground", &POSITION));
     let path = path_by(&flown, &model, &Settings { gusts: Vec::new(), ..settings() });
     within(&path, "wind_n", 9.0, 3.5);
     within(&path, "wind_e", -6.0, 3.5);
@@ -183,19 +184,6 @@ fn straight(_: f64) -> [f64; 6] {
     [110.0, 0.0, 7.7, 0.0, 0.07, 1.0]
 }
 
-const LOOP: &str = r#"
-title = "Any attitude"
-use = ["path_imu", "path_air", "path_quaternion", "path_altitude", "path_flat_earth", "path_vanes", "path_outputs"]
-[inputs]
-temperature = "K"
-[constants]
-x_cg = { unit = "m", value = 0.0 }
-y_cg = { unit = "m", value = 0.0 }
-z_cg = { unit = "m", value = 0.0 }
-[equations]
-T_air = "temperature"
-"#;
-
 /// A loop in the plane: the pitch angle runs from 0.05 on through whole turns.
 fn looping(t: f64) -> [f64; 6] {
     let s = (t / 40.0).clamp(0.0, 1.0);
@@ -224,7 +212,7 @@ fn recovery_of_a_loop_by_the_quaternion() {
         let list = flown.signals[name].1.iter_mut().zip(&inverted).filter(|(_, inverted)| **inverted);
         list.for_each(|(a, _)| *a -= half);
     }
-    let model = from_fragments("loop", LOOP);
+    let model = from_fragments("loop", &put_together("Any attitude", &LOOP));
     let path = path_by(&flown, &model, &settings());
     let of = |name: &str| model.output(name).expect("an output");
     let mut worst = [0.0f64; 3];
