@@ -1,13 +1,14 @@
 //! The base fitted as it was and as it is with what was added, in; where the gap is and what became of it, out.
 
-use super::Closing;
 use super::closure::{At, Shift, closure};
-use super::driven::driven;
+use super::coefficient::{Lack, coefficients, mean_square};
+use super::driven::{EquationError, driven, measured_states};
 use super::fit::Task;
 use super::found::Found;
 use super::gaps::{Flown, gaps};
 use super::noise::Noise;
 use super::relation::relations;
+use super::{Closing, Subject};
 use crate::error::Errors;
 use crate::estimate::Case;
 
@@ -15,13 +16,17 @@ use crate::estimate::Case;
 ///
 /// # Errors
 /// None that the base itself would not have.
-pub fn closing(first: &Found, last: &Found) -> Result<Closing, Errors> {
+pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing, Errors> {
     let (before, after) = (first.case(), last.case());
+    let states = measured_states(first);
+    let lacking = coefficients(first, subject.segments, subject.context, &states)?;
     let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
     let flown = flown(first, &before);
-    let mut closing = Closing { gaps_before: gaps(&flown, &inputs), relations: relations(&flown, &inputs), ..Closing::default() };
+    let mut closing =
+        Closing { gaps_before: gaps(&flown, &inputs), relations: relations(&flown, &inputs, &lacking), ..Closing::default() };
     closing.gaps_after = gaps(&self::flown(last, &after), &inputs);
-    (closing.driven, closing.equations) = driven(first)?;
+    (closing.driven, closing.equations) = driven(first, subject.segments, &states)?;
+    closing.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
     if first.prepared.used != last.prepared.used {
         return Ok(closing);
     }
@@ -37,6 +42,25 @@ pub fn closing(first: &Found, last: &Found) -> Result<Closing, Errors> {
     );
     closing.shifts = shifts((first, &before), (last, &after));
     Ok(closing)
+}
+
+/// What a coefficient lacks, of all maneuvers together and of each.
+fn errors(lack: &Lack, used: &[usize]) -> Vec<EquationError> {
+    let counts: Vec<f64> = lack.values.iter().map(|v| v.iter().filter(|v| v.is_finite()).count() as f64).collect();
+    let total: f64 = counts.iter().sum();
+    let squares: Vec<[f64; 2]> = lack.values.iter().zip(&lack.noise).map(|(v, noise)| [mean_square(v), noise * noise]).collect();
+    let mean =
+        |i: usize| (squares.iter().zip(&counts).filter(|(_, n)| **n > 0.0).map(|(s, n)| s[i] * n).sum::<f64>() / total).sqrt();
+    let error = |segment, rms, noise| EquationError {
+        segment,
+        name: lack.name.clone(),
+        is_rate: false,
+        unit: lack.unit.clone(),
+        rms,
+        noise,
+    };
+    let each = squares.iter().zip(used).map(|(s, &segment)| error(Some(segment), s[0].sqrt(), s[1].sqrt()));
+    std::iter::once(error(None, mean(0), mean(1))).chain(each).collect()
 }
 
 /// All maneuvers as a base models them.

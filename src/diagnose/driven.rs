@@ -9,11 +9,11 @@
 use super::found::Found;
 use super::gaps::noise;
 use crate::error::Errors;
-use crate::estimate::{Prepared, Trace};
+use crate::estimate::{Prepared, Segment, Settings, Trace};
 use crate::math::quantile;
 
 /// How fast a state follows its measurement, 1/s.
-const GAIN: f64 = 8.0;
+pub const GAIN: f64 = 8.0;
 
 /// The gap of one output with one state driven.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,26 +27,29 @@ pub struct Driven {
     pub noise: f64,
 }
 
-/// What a rate equation lacks.
+/// What an equation lacks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EquationError {
-    pub state: String,
-    /// Unit of the state; the error is per second.
+    /// Index of the segment; none for all together.
+    pub segment: Option<usize>,
+    /// The state whose rate it is, or the coefficient.
+    pub name: String,
+    pub is_rate: bool,
     pub unit: String,
     pub rms: f64,
-    /// What noise of the sensor makes of it.
+    /// What noise of the sensors makes of it.
     pub noise: f64,
 }
 
-/// Both, over all segments.
+/// Driven simulation, and what the rate equations of these measured states lack, over all segments.
 ///
 /// # Errors
 /// None that the base itself would not have.
-pub fn driven(found: &Found) -> Result<(Vec<Driven>, Vec<EquationError>), Errors> {
-    let states = measured_states(found);
+pub fn driven(found: &Found, segments: &[Segment], states: &[String]) -> Result<(Vec<Driven>, Vec<EquationError>), Errors> {
     let mut all = Vec::new();
-    let free = traces(found, &[])?;
-    let noises: Vec<(String, f64)> = outputs(&free).into_iter().map(|(name, _)| (name.clone(), noise_of(&free, &name))).collect();
+    let traces = |states: &[String]| traces(found, segments, states);
+    let free = traces(&[])?;
+    let noises = noises(found);
     let noise = |output: &str| noises.iter().find(|n| n.0 == output).map_or(f64::NAN, |n| n.1);
     let mut add = |state: Option<&String>, traces: &[Trace]| {
         for (output, unit) in outputs(traces) {
@@ -55,20 +58,22 @@ pub fn driven(found: &Found) -> Result<(Vec<Driven>, Vec<EquationError>), Errors
         }
     };
     add(None, &free);
-    for state in &states {
-        add(Some(state), &traces(found, std::slice::from_ref(state))?);
+    for state in states {
+        add(Some(state), &traces(std::slice::from_ref(state))?);
     }
-    let held = traces(found, &states)?;
-    let error = |state: &String| {
-        let unit = outputs(&held).into_iter().find(|o| o.0 == *state)?.1;
-        Some(EquationError { state: state.clone(), unit, rms: rms(&held, state, GAIN), noise: GAIN * noise(state) })
+    let held = traces(states)?;
+    let error = |name: &String| {
+        let unit = outputs(&held).into_iter().find(|o| o.0 == *name)?.1;
+        let unit = if unit == "-" { "1/s".to_string() } else { format!("{unit}/s") };
+        let (rms, noise) = (rms(&held, name, GAIN), GAIN * noise(name));
+        Some(EquationError { segment: None, name: name.clone(), is_rate: true, unit, rms, noise })
     };
     let errors = states.iter().filter_map(error).collect();
     Ok((all, errors))
 }
 
 /// States with a measured output of the same name, which are not led already.
-fn measured_states(found: &Found) -> Vec<String> {
+pub fn measured_states(found: &Found) -> Vec<String> {
     let case = found.case();
     let is_output = |name: &str| case.outputs.iter().any(|&o| case.model.outputs[o].name == name);
     let led = |name: &String| found.method.stabilise.contains_key(name);
@@ -76,12 +81,28 @@ fn measured_states(found: &Found) -> Vec<String> {
     names.filter(|name| is_output(name) && !led(name)).collect()
 }
 
-/// The responses of all segments with these states led by their measurement.
-fn traces(found: &Found, states: &[String]) -> Result<Vec<Trace>, Errors> {
-    let mut method = found.method.clone();
+/// How a model is run with these states led by their measurements.
+pub fn with_led(method: &Settings, states: &[String]) -> Settings {
+    let mut method = method.clone();
     method.stabilise.extend(states.iter().map(|name| (name.clone(), GAIN)));
+    method
+}
+
+/// The measured noise of every output.
+pub fn noises(found: &Found) -> Vec<(String, f64)> {
+    let case = found.case();
+    let of = |&o: &usize| {
+        let channels = case.records.iter().flat_map(|r| r.channels.iter().filter(move |c| c.output == o));
+        let all: Vec<f64> = channels.map(|c| noise(&c.z)).filter(|n| *n > 0.0).collect();
+        (case.model.outputs[o].name.clone(), quantile(&all, 0.5))
+    };
+    case.outputs.iter().map(of).collect()
+}
+
+/// The responses of all segments with these states led by their measurement.
+fn traces(found: &Found, segments: &[Segment], states: &[String]) -> Result<Vec<Trace>, Errors> {
     // A zero shift found for a sensor is the sensor's: the state is led to what the sensor reads less that.
-    let prepared = Prepared::new(&found.model, &found.prepared.segments, &method)?;
+    let prepared = Prepared::new(&found.model, segments, &with_led(&found.method, states))?;
     if prepared.used != found.prepared.used {
         return Ok(Vec::new());
     }
@@ -114,9 +135,4 @@ fn rms(traces: &[Trace], output: &str, factor: f64) -> f64 {
         }
     }
     (square / n).sqrt()
-}
-
-fn noise_of(traces: &[Trace], output: &str) -> f64 {
-    let all: Vec<f64> = traces.iter().filter(|t| t.name == output).map(|t| noise(&t.measured)).filter(|n| *n > 0.0).collect();
-    quantile(&all, 0.5)
 }

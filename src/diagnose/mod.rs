@@ -41,6 +41,7 @@
 //! | `search` | round after round, forward and back; the verdict |
 //! | `gaps` | how large the gap is, and where |
 //! | `driven` | what goes away when a loop is closed by its measurement; what each rate equation lacks |
+//! | `coefficient` | what each force and moment coefficient lacks, with its uncertainty |
 //! | `relation` | correlation, lag and coherence of the residuals with what moves them |
 //! | `closing`, `closure` | the gap before and after, and what the addition did to the other parameters |
 
@@ -50,6 +51,7 @@ mod absorbed;
 mod base;
 mod closing;
 mod closure;
+mod coefficient;
 mod decide;
 mod driven;
 mod fit;
@@ -95,6 +97,8 @@ pub struct Subject<'a> {
     pub held_out: &'a [bool],
     /// How the base is estimated.
     pub method: &'a estimate::Settings,
+    /// Who plays which role in the model.
+    pub context: &'a effect::Context,
     pub settings: &'a Settings,
 }
 

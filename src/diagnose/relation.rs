@@ -5,12 +5,14 @@
 //! Coherence is that of spectra averaged over maneuvers (Welch) and over the frequencies of a band; `m` averages of independent series
 //! stay below `1 - 0.01^(1/(m-1))` in 99 of 100 cases.
 
+use super::coefficient::Lack;
 use super::gaps::Flown;
 use crate::math::distribution::normal_quantile;
 
 /// How one output's residual goes with one source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relation {
+    /// An output, or a coefficient that lacks something.
     pub output: String,
     pub source: String,
     /// The largest correlation over lags, the lag (positive: the residual follows the source), s, and what noise stays below.
@@ -60,8 +62,8 @@ fn lags(dt: f64) -> (usize, usize) {
     (last, (last / 50).max(1))
 }
 
-/// Every scored output with every input and every modelled output.
-pub fn relations(flown: &[Flown], inputs: &[String]) -> Vec<Relation> {
+/// Every scored output, and what each coefficient lacks, with every input and every modelled output.
+pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack]) -> Vec<Relation> {
     let mut outputs: Vec<String> = Vec::new();
     for trace in flown.iter().flat_map(|f| &f.traces) {
         if !outputs.contains(&trace.name) {
@@ -72,14 +74,13 @@ pub fn relations(flown: &[Flown], inputs: &[String]) -> Vec<Relation> {
     let mut sources: Vec<(String, Series)> =
         inputs.iter().enumerate().map(|(i, name)| (name.clone(), input(flown, nu, i))).collect();
     sources.extend(outputs.iter().map(|name| (format!("modelled {name}"), trace(flown, name, |_, y| y))));
-    let mut all = Vec::new();
-    for output in &outputs {
-        let residual = trace(flown, output, |z, y| z - y);
-        for (name, source) in &sources {
-            all.extend(relation(output, name, &residual, source));
-        }
-    }
-    all
+    let dt = flown.first().map_or(1.0, |f| f.record.dt);
+    let residuals = outputs.iter().map(|output| (output, trace(flown, output, |z, y| z - y)));
+    let lacks = lacking.iter().map(|l| (&l.name, Series::new(dt, l.values.iter().cloned().map(centred).collect())));
+    let of = |(name, residual): (&String, Series)| -> Vec<Relation> {
+        sources.iter().filter_map(|(source, series)| relation(name, source, &residual, series)).collect()
+    };
+    residuals.chain(lacks).flat_map(of).collect()
 }
 
 /// An input on the grids, about its mean in each maneuver.

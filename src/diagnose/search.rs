@@ -111,7 +111,7 @@ impl Search<'_> {
         out.values = values(&case, &stand, &last.fit.theta);
         out.located = located.into_iter().filter(|l| l.is_real()).collect();
         out.added = added;
-        out.closing = closing(&base, last)?;
+        out.closing = closing(self.subject, &base, last)?;
         out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
         out.complete = out.located.is_empty() && out.doubts.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();

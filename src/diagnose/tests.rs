@@ -34,7 +34,7 @@ nz = {{ unit = "1/s", value = "ddt_alpha - q" }}
     )
 }
 
-fn parsed(text: &str) -> Model {
+pub fn parsed(text: &str) -> Model {
     Model::parse("short", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -66,7 +66,7 @@ fn steps(t: f64, unit: f64, amplitude: f64) -> f64 {
 }
 
 /// Segments flown by `truth`, noise of correlation `rho` between samples.
-fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
+pub fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
     let plan = Plan::new(truth, Directions::default()).expect("a plan");
     let sd = [1e-3, 2e-3, 5e-3];
     let one = |s: usize| {
@@ -97,7 +97,14 @@ fn verdict(truth: &Model, seed: u64, rho: f64, settings: &Settings) -> Diagnosis
     let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
     let held = held_out(&segments, &names, settings);
     let method = estimate::Settings::default();
-    let subject = Subject { model: &base, segments: &segments, held_out: &held.held_out, method: &method, settings };
+    let subject = Subject {
+        model: &base,
+        segments: &segments,
+        held_out: &held.held_out,
+        method: &method,
+        context: &Context::default(),
+        settings,
+    };
     let library: Vec<_> =
         effect::load(&[]).expect("the library").into_iter().filter(|e| LIBRARY.contains(&e.name.as_str())).collect();
     let offer = |model: &Model| Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()));

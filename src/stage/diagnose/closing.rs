@@ -122,11 +122,12 @@ pub fn driven(told: &Told) -> Result<Table> {
 
 pub fn equation_errors(told: &Told) -> Result<Table> {
     let rows: Vec<_> = told.diagnosis.closing.equations.iter().filter(|e| e.rms.is_finite()).collect();
-    let unit = |unit: &str| if unit == "-" { "1/s".to_string() } else { format!("{unit}/s") };
     Table::build("equation_errors")
         .repeat("diagnosis", &told.config.name())
-        .strings("state", rows.iter().map(|e| &e.state))
-        .strings("unit", rows.iter().map(|e| unit(&e.unit)))
+        .strings("equation", rows.iter().map(|e| if e.is_rate { format!("rate of {}", e.name) } else { e.name.clone() }))
+        .strings("kind", rows.iter().map(|e| if e.is_rate { "rate" } else { "coefficient" }))
+        .opt_strings("segment", rows.iter().map(|e| name(told, e.segment)))
+        .strings("unit", rows.iter().map(|e| &e.unit))
         .f64("rms", rows.iter().map(|e| e.rms).collect::<Vec<_>>())
         .f64("noise", rows.iter().map(|e| finite(e.noise)).collect::<Vec<_>>())
         .f64("ratio", rows.iter().map(|e| finite(e.rms / e.noise)).collect::<Vec<_>>())

@@ -142,8 +142,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         let offer = effect::candidates(model, &context, &config.effects);
         Ok((offer.candidates, offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect()))
     };
-    let subject =
-        Subject { model: &base.model, segments: &segments, held_out: &rule.held_out, method: &base.settings.method, settings };
+    let (held_out, method) = (&rule.held_out[..], &base.settings.method);
+    let subject = Subject { model: &base.model, segments: &segments, held_out, method, context: &context, settings };
     let diagnosis = diagnose::diagnose(&subject, &offer, &|_| {})?;
     if let Verdict::None(trouble) = &diagnosis.verdict {
         let text = format!("no verdict: {}", words::trouble(trouble));

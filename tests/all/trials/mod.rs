@@ -57,10 +57,11 @@ fn run(hidden: &Hidden, setting: &Setting) -> Option<Outcome> {
     let settings = diagnose::Settings { seed: setting.seed, ..diagnose::Settings::default() };
     let names: Vec<String> = (0..trial.segments.len()).map(|i| format!("s{i}")).collect();
     let held_out = diagnose::held_out(&trial.segments, &names, &settings).held_out;
-    let subject = Subject { model: &base, segments: &trial.segments, held_out: &held_out, method: &method, settings: &settings };
     let library = effect::load(&[]).unwrap_or_else(|e| panic!("{e}"));
     let records: Vec<_> = trial.segments.iter().map(|s| &s.record).collect();
     let context = effect::Context::of(&base, &records);
+    let (segments, held_out) = (&trial.segments[..], &held_out[..]);
+    let subject = Subject { model: &base, segments, held_out, method: &method, context: &context, settings: &settings };
     let offer = |model: &koehler::model::Model| {
         let offer = effect::candidates(model, &context, &library);
         let skipped = offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect();
