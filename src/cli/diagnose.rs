@@ -10,12 +10,12 @@ use crate::stage::{Part, diagnose};
 
 /// `koehler diagnose`
 pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
-    let plan = Plan::read_with(&args.files.pipeline, |settings| ask(settings, args))?;
+    let out = out_folder(&args.files);
+    let store = Store::open(&out);
+    let plan = Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store))?;
     if plan.campaign.diagnoses.is_empty() {
         return Err(Error::new("the pipeline file has no [[estimate]], so there is no model to diagnose").into());
     }
-    let out = out_folder(&args.files);
-    let store = Store::open(&out);
     let _lock = store.lock()?;
     let bars = Bars::new();
     let result = on_threads(args.jobs, || -> std::result::Result<_, Errors> {
@@ -25,38 +25,51 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
         Ok(pipeline::run(&plan, &store, &|event| bars.hear(event))?)
     })??;
     print_errors(&result.errors);
+    result.removed.iter().for_each(|unit| say(&format!("removed: {unit}")));
     let mut end = if result.complete() { End::Complete } else { End::Partial };
-    for (i, diagnosis) in plan.campaign.diagnoses.iter().enumerate() {
+    for (i, diagnosis) in plan.campaign.diagnoses.iter().enumerate().filter(|(_, d)| !d.settings.idle) {
         let found = told(&store, &diagnosis.name(), i)?;
         end = if end == End::Partial { end } else { found.max(end) };
-        let next = format!("models/{}.next.model.toml", diagnosis.name());
-        if result.files.contains(&next) {
-            say(&format!("next model: {}", out.join(next).display()));
+        let next = diagnosis.settings.next();
+        let file = format!("models/{next}.model.toml");
+        if result.files.contains(&file) {
+            say(&format!("next model: {}", out.join(file).display()));
+        }
+        let again = Part::Number(plan.campaign.estimates.len() + i).path("estimates");
+        if result.files.contains(&again) {
+            say(&format!("estimated with it: {next}, in the tables of estimates and in the report"));
         }
     }
-    say(&format!("\ntables: {}", out.display()));
+    let report = "report/index.html";
+    if result.files.iter().any(|file| file == report) {
+        say(&format!("\nreport: {}", out.join(report).display()));
+    }
+    say(&format!("tables: {}", out.display()));
     Ok(end)
 }
 
-/// The diagnoses that the command asks for: of the estimates it names, else those of the pipeline file, else one per estimate.
-fn ask(settings: &mut Settings, args: &DiagnoseArgs) {
+/// The diagnoses that the command asks for: of the estimates it names, else those of the pipeline file, else one per estimate. All others
+/// that there are, in the pipeline file or from an earlier command, are left as they are.
+fn ask(settings: &mut Settings, args: &DiagnoseArgs, store: &Store) {
     let wanted: Vec<String> = match (args.estimate.is_empty(), settings.diagnose.is_empty()) {
         (false, _) => args.estimate.clone(),
         (true, true) => settings.estimate.iter().map(crate::stage::estimate::Settings::name).collect(),
-        (true, false) => Vec::new(),
+        (true, false) => settings.diagnose.iter().map(|d| d.estimate.clone()).collect(),
     };
-    if !args.estimate.is_empty() {
-        settings.diagnose.retain(|d| wanted.contains(&d.estimate));
-    }
-    for name in wanted {
-        if settings.diagnose.iter().all(|d| d.estimate != name) {
-            settings.diagnose.push(diagnose::Settings::of(&name));
+    settings.keep(store);
+    for name in &wanted {
+        let fresh = diagnose::Settings::of(name);
+        match settings.diagnose.iter_mut().find(|d| d.estimate == *name) {
+            Some(earlier) if earlier.asked => *earlier = fresh,
+            Some(_) => {}
+            None => settings.diagnose.push(fresh),
         }
     }
     for d in &mut settings.diagnose {
-        d.effects.extend(args.effects.iter().cloned());
-        if args.predicted {
-            d.method.base = Base::Predicted;
+        d.idle = !wanted.contains(&d.estimate);
+        if !d.idle {
+            d.effects.extend(args.effects.iter().cloned());
+            d.method.base = if args.predicted { Base::Predicted } else { d.method.base };
         }
     }
 }

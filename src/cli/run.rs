@@ -24,9 +24,9 @@ pub fn check(pipeline: &Path) -> Result<End, Errors> {
 /// `koehler run`
 pub fn run(args: &RunArgs) -> Result<End, Errors> {
     let begin = Instant::now();
-    let plan = Plan::read(&args.files.pipeline)?;
     let out = out_folder(&args.files);
     let store = Store::open(&out);
+    let plan = Plan::read_with(&args.files.pipeline, |settings| settings.keep(&store))?;
     let _lock = store.lock()?;
     let bars = Bars::new();
     let result = on_threads(args.jobs, || -> Result<_, Errors> {
@@ -46,8 +46,8 @@ pub fn run(args: &RunArgs) -> Result<End, Errors> {
 
 /// `koehler status` and `koehler run --dry-run`
 pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
-    let plan = Plan::read(&args.pipeline)?;
     let store = Store::open(&out_folder(args));
+    let plan = Plan::read_with(&args.pipeline, |settings| settings.keep(&store))?;
     if let Some(simulation) = &plan.simulation {
         for flight in &simulation.missing {
             say(&format!("{:<12} {:<20} missing: would be simulated", "log", flight));

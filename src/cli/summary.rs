@@ -38,7 +38,7 @@ fn stages(result: &RunResult) {
     });
     table(&["stage", "run", "fresh", "failed", "not possible"], rows.map(|r| r.to_vec()).collect());
     for unit in &result.removed {
-        say(&format!("removed: {unit}, no longer part of the campaign"));
+        say(&format!("removed: {unit}"));
     }
 }
 
@@ -75,14 +75,15 @@ fn tally(words: &[&str]) -> Vec<String> {
 
 fn estimates(plan: &Plan, store: &Store) -> Result<()> {
     let mut rows = Vec::new();
-    for (i, estimate) in plan.campaign.estimates.iter().enumerate() {
+    let names = plan.campaign.estimates.iter().map(|e| e.name()).enumerate();
+    for (i, name) in names.chain(crate::stage::rerun::units(&plan.campaign)) {
         let Some(t) = read(store, "estimates", Part::Number(i))? else { continue };
         let (groups, stops) = (t.strings("group")?, t.strings("stop")?);
         let mut each: Vec<(&str, &str)> = groups.into_iter().zip(stops).collect();
         each.dedup();
         let converged = each.iter().filter(|(_, stop)| *stop == "converged").count();
         let others: Vec<&str> = each.iter().map(|(_, stop)| *stop).filter(|stop| *stop != "converged").collect();
-        rows.push(vec![estimate.name(), each.len().to_string(), converged.to_string(), tally(&others).join(", ")]);
+        rows.push(vec![name, each.len().to_string(), converged.to_string(), tally(&others).join(", ")]);
     }
     if !rows.is_empty() {
         table(&["estimate", "runs", "converged", "others"], rows);

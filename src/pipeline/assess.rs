@@ -1,10 +1,10 @@
 //! Fresh, stale or missing, and why: a plan and the output folder come in, the state of every unit of every stage goes out.
 
 use super::plan::Plan;
-use super::record::{Ingredients, Record};
+use super::record::{Ingredients, PLACE, Record};
 use super::store::Store;
 use crate::error::Result;
-use crate::stage::{Part, Per, Stage, Unit};
+use crate::stage::{Part, Per, Stage, Unit, rerun};
 use std::collections::BTreeMap;
 
 /// The state of one unit of a stage.
@@ -48,6 +48,10 @@ pub fn units(plan: &Plan, stage: &Stage) -> Vec<Unit> {
     let campaign = &plan.campaign;
     let names: Vec<String> = match stage.per {
         _ if !(stage.wanted)(campaign) => Vec::new(),
+        Per::Rerun => {
+            let unit = |(index, name)| Unit { name, index, per: stage.per };
+            return rerun::units(campaign).into_iter().map(unit).collect();
+        }
         Per::Flight => campaign.flights.clone(),
         Per::Estimate => campaign.estimates.iter().map(|e| e.name().to_string()).collect(),
         Per::Fit => campaign.fits.iter().map(|f| f.name().to_string()).collect(),
@@ -66,7 +70,7 @@ pub fn assess(plan: &Plan, store: &Store, contents: &Contents, stage: &Stage, un
     let record = store.record(stage.name, &unit.name);
     let mut ingredients = Ingredients::new(&(stage.slice)(campaign, &unit));
     if let Part::Number(i) = unit.part() {
-        ingredients.add("place in the list".into(), i.to_string());
+        ingredients.add(PLACE.into(), i.to_string());
     }
     let mut waits = Vec::new();
     let mut blocked = None;
@@ -90,6 +94,13 @@ pub fn assess(plan: &Plan, store: &Store, contents: &Contents, stage: &Stage, un
         (Some(what), _) => State::Blocked(what),
         (None, None) => State::New,
         (None, Some(record)) => compare(store, stage, &unit, &ingredients, record, waits)?,
+    };
+    let idle = unit.per == Per::Diagnose && campaign.diagnoses.get(unit.index).is_some_and(|d| d.settings.idle);
+    let state = match state {
+        State::New | State::Stale(_) if idle => State::Blocked(
+            "it is not asked for now, and what it was made from has changed: `koehler diagnose` makes it anew".into(),
+        ),
+        state => state,
     };
     Ok(Assessment { unit, state, ingredients, record })
 }

@@ -20,7 +20,13 @@ pub struct Record {
     pub notes: Vec<Note>,
     /// Why there are no outputs, where the stage failed.
     pub error: Option<String>,
+    /// Settings of a diagnosis that a command asked for, not the pipeline file: it is kept as long as it is fresh.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked: Option<Value>,
 }
+
+/// The ingredient that says which part of its tables a unit writes.
+pub const PLACE: &str = "place in the list";
 
 /// The ingredients of one unit, gathered by name.
 #[derive(Debug, Clone, Default, PartialEq)]

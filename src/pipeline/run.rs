@@ -46,7 +46,7 @@ pub struct RunResult {
     pub errors: Errors,
     /// The tables' files, relative to the output folder.
     pub files: Vec<String>,
-    /// The units removed because their flight, estimate or fit is no longer part of the campaign.
+    /// The units whose outputs were removed, and why: their flight, estimate or fit is no longer part of the campaign, or cannot be made.
     pub removed: Vec<String>,
 }
 
@@ -80,7 +80,8 @@ enum Outcome {
     Fresh(Record),
     Ran(Record),
     Failed(Errors),
-    Blocked,
+    /// Not run; why, where earlier outputs were removed.
+    Blocked(Option<String>),
 }
 
 /// Runs what is not fresh. The caller holds the folder's lock.
@@ -164,7 +165,10 @@ impl Run<'_> {
                 self.result.notes.extend(errors.0.iter().map(|e| failure_note(stage, unit, e)));
                 self.result.errors.0.extend(errors.0);
             }
-            Outcome::Blocked => counts.blocked += 1,
+            Outcome::Blocked(removed) => {
+                counts.blocked += 1;
+                self.result.removed.extend(removed.map(|why| format!("{} of {}: {why}", stage.name, unit.name)));
+            }
         }
     }
 
@@ -177,9 +181,9 @@ impl Run<'_> {
     fn unit(&self, stage: &Stage, a: Assessment) -> Result<Outcome> {
         match (a.state, a.record) {
             (State::Fresh, Some(record)) => Ok(Outcome::Fresh(record)),
-            (State::Blocked(_), record) => {
+            (State::Blocked(what), record) => {
                 record.iter().try_for_each(|record| self.store.forget(record))?;
-                Ok(Outcome::Blocked)
+                Ok(Outcome::Blocked(record.map(|_| what)))
             }
             (_, earlier) => {
                 let made = self.inputs_and_run(stage, &a.unit);
@@ -192,6 +196,7 @@ impl Run<'_> {
                     outputs: BTreeMap::new(),
                     notes: Vec::new(),
                     error: None,
+                    asked: asked(self.plan, &a.unit),
                 };
                 let outcome = match made {
                     Ok(output) => {
@@ -268,7 +273,7 @@ impl Run<'_> {
     fn remove_what_is_gone(&mut self) -> Result<()> {
         for record in gone(self.plan, self.store) {
             self.store.forget(&record)?;
-            self.result.removed.push(format!("{} of {}", record.stage, record.unit));
+            self.result.removed.push(format!("{} of {}, no longer part of the campaign", record.stage, record.unit));
         }
         Ok(())
     }
@@ -278,6 +283,12 @@ impl Run<'_> {
         let known: BTreeSet<String> = self.contents.keys().cloned().collect();
         self.store.sweep(&tables, &known)
     }
+}
+
+/// The settings of a diagnosis that a command asked for.
+fn asked(plan: &Plan, unit: &Unit) -> Option<serde_json::Value> {
+    let config = plan.campaign.diagnoses.get(unit.index).filter(|d| unit.per == Per::Diagnose && d.settings.asked)?;
+    serde_json::to_value(&config.settings).ok()
 }
 
 /// Records of units that are no longer part of the campaign.

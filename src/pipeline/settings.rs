@@ -1,5 +1,7 @@
 //! The pipeline file `pipeline.toml`: what is done with a campaign's logs, stage by stage.
 
+use super::record::PLACE;
+use super::store::Store;
 use crate::stage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,4 +44,21 @@ pub struct Settings {
     /// The report; left out, there is none.
     #[serde(default)]
     pub report: Option<stage::report::Settings>,
+}
+
+impl Settings {
+    /// Adds the diagnoses that a command asked for earlier and whose results are in the output folder: they are kept as long as they are
+    /// fresh. One whose name the pipeline file gives away, or whose estimate is gone, is not.
+    pub fn keep(&mut self, store: &Store) {
+        let place = |record: &super::record::Record| record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok());
+        let mut records: Vec<_> = store.records().into_iter().filter(|r| r.stage == stage::diagnose::STAGE.name).collect();
+        records.sort_by_key(place);
+        let earlier = records.into_iter().filter_map(|r| serde_json::from_value(r.asked?).ok());
+        for kept in earlier.map(|settings| stage::diagnose::Settings { asked: true, idle: true, ..settings }) {
+            let known = self.estimate.iter().any(|e| e.name() == kept.estimate);
+            if known && self.diagnose.iter().all(|d| d.name() != kept.name()) {
+                self.diagnose.push(kept);
+            }
+        }
+    }
 }

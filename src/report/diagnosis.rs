@@ -4,6 +4,7 @@
 use super::columns::Columns;
 use super::format::{display_unit, number, short, shorts, thin};
 use super::grid::{Cell, Grid, Level};
+use super::{again, gap};
 use serde::Serialize;
 
 /// The section of the page.
@@ -16,6 +17,9 @@ pub struct Diagnosis {
     pub closures: Grid,
     pub shifts: Grid,
     pub gaps: Grid,
+    pub equations: Grid,
+    pub again: Grid,
+    pub left: Grid,
     /// Whether there are overlays to draw.
     pub overlays: bool,
 }
@@ -70,6 +74,9 @@ pub fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, V
         closures: closures(get("closures")),
         shifts: shifts(get("shifts")),
         gaps: gaps(get("gaps")),
+        equations: gap::equations(get("equation_errors"), get("relations")),
+        again: again::parameters(get("next_models"), get("estimates")),
+        left: again::residuals(get("next_models"), get("residuals")),
         overlays: !overlays.is_empty(),
     };
     (section, overlays)

@@ -3,6 +3,7 @@
 //! `page.html` is the frame, filled with escaped text; `page.js` draws the plots from numbers embedded as JSON; the plotting script
 //! comes out of the `plotly` crate. What is not there is said on the page, it never fails it.
 
+mod again;
 mod checks;
 mod columns;
 mod consistency;
@@ -10,6 +11,7 @@ mod diagnosis;
 mod estimates;
 mod flights;
 mod format;
+mod gap;
 mod grid;
 mod lines;
 mod logs;
@@ -71,6 +73,7 @@ struct Data<'a> {
     overview: Vec<flights::Flight>,
     profiles: Vec<uncertainty::ProfilePlot>,
     overlays: Vec<diagnosis::Overlay>,
+    gaps: Vec<gap::Where>,
     paths: Vec<paths::PathPlot>,
 }
 
@@ -114,7 +117,7 @@ struct Heading {
 }
 
 /// The tables a page is made from.
-pub const TABLES: [&str; 27] = [
+pub const TABLES: [&str; 31] = [
     "segments",
     "estimates",
     "correlations",
@@ -140,6 +143,10 @@ pub const TABLES: [&str; 27] = [
     "shifts",
     "gaps",
     "overlays",
+    "driven",
+    "relations",
+    "equation_errors",
+    "next_models",
     "notes",
     "stages",
 ];
@@ -202,8 +209,16 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
     };
     let paths = paths::paths(get("pathmatch"));
     let compared = !paths.is_empty();
-    let data =
-        json(&Data { flights: &styles, lines: line_plots, maneuvers: histories, overview: flights, profiles, overlays, paths })?;
+    let data = json(&Data {
+        flights: &styles,
+        lines: line_plots,
+        maneuvers: histories,
+        overview: flights,
+        profiles,
+        overlays,
+        gaps: gap::figures(get),
+        paths,
+    })?;
     render(&Page {
         title: &input.title,
         subtitle: &input.subtitle,

@@ -15,8 +15,8 @@
   function theme() {
     const d = dark.matches && !printing;
     return d
-      ? { ink: "#e4e9ee", soft: "#a3afbb", grid: "#2c353f", line: "#4a5663", back: "#161b21", model: "#ffb454", measured: "#8ec7f5", band: "163,175,187" }
-      : { ink: "#1b2430", soft: "#566270", grid: "#e6eaee", line: "#aeb7c0", back: "#ffffff", model: "#c24a00", measured: "#0072b2", band: "60,75,90" };
+      ? { ink: "#e4e9ee", soft: "#a3afbb", grid: "#2c353f", line: "#4a5663", back: "#161b21", model: "#ffb454", measured: "#8ec7f5", band: "163,175,187", cold: "#1e252d", warm: "#8a5a1c", hot: "#ffb454", gone: "#3f9d7d" }
+      : { ink: "#1b2430", soft: "#566270", grid: "#e6eaee", line: "#aeb7c0", back: "#ffffff", model: "#c24a00", measured: "#0072b2", band: "60,75,90", cold: "#f4f6f8", warm: "#f2b880", hot: "#b33c00", gone: "#5fb897" };
   }
   function layout(extra) {
     const t = theme();
@@ -166,6 +166,59 @@
   }
   if (byId("overlay-select")) fill(byId("overlay-select"), data.overlays.map((o) => o.label), (i) => { overlay = i; drawOverlay(); });
 
+  // ---- where the gap is: panels of {title, map} side by side; every panel has the rows of the first ----
+  function heat(element, panels, scale) {
+    panels = panels.filter((p) => p.map.columns.length > 0);
+    if (panels.length === 0) { Plotly.purge(element); element.style.height = "auto"; element.textContent = "Nothing to show."; return; }
+    const t = theme(), rows = panels[0].map.rows.slice().reverse(), columns = panels.reduce((n, p) => n + p.map.columns.length, 0);
+    const longest = Math.max(...panels.map((p) => Math.max(...p.map.columns.map((c) => c.length))));
+    const bottom = Math.min(170, 16 + 6 * longest), top = 44, height = 24 * rows.length + top + bottom;
+    const l = layout({ height: height, margin: { l: 20, r: 10, t: top, b: bottom }, annotations: [] });
+    const traces = [], gap = 0.022, room = 1 - gap * (panels.length - 1);
+    let from = 0;
+    panels.forEach((p, i) => {
+      const n = i === 0 ? "" : String(i + 1), to = from + room * p.map.columns.length / columns;
+      const of = (row, table, none) => { const k = p.map.rows.indexOf(row); return k < 0 ? p.map.columns.map(() => none) : table[k]; };
+      const values = rows.map((row) => of(row, p.map.values, null));
+      const shown = values.map((line) => line.map((v) => (v === null ? null : scale.height(v))));
+      const text = values.map((line) => line.map((v) => (v === null || columns > 40 ? "" : scale.text(v))));
+      traces.push({ type: "heatmap", x: p.map.columns.map((_, k) => k), y: rows.map((_, k) => k), z: shown, text: text, texttemplate: "%{text}",
+        textfont: { size: 10.5 }, customdata: rows.map((row) => of(row, p.map.words, "").map(escape)), hovertemplate: "%{customdata}<extra></extra>",
+        zmin: 0, zmax: 1, colorscale: scale.colours, showscale: false, xgap: 1, ygap: 1, xaxis: "x" + n, yaxis: "y" + n });
+      l["xaxis" + n] = axis("", { domain: [from, to], anchor: "y" + n, tickvals: p.map.columns.map((_, k) => k), ticktext: p.map.columns.map(escape), tickangle: -60, showgrid: false, zeroline: false, tickfont: { size: 10.5 }, automargin: false });
+      l["yaxis" + n] = axis("", { anchor: "x" + n, tickvals: rows.map((_, k) => k), ticktext: i === 0 ? rows.map(escape) : rows.map(() => ""), showgrid: false, zeroline: false, ticks: i === 0 ? "outside" : "", automargin: i === 0 });
+      l.annotations.push({ text: p.title, x: from, xref: "paper", xanchor: "left", y: 1, yref: "paper", yanchor: "bottom", yshift: 4, showarrow: false, font: { size: 12 } });
+      from = to + gap;
+    });
+    element.style.height = height + "px";
+    Plotly.react(element, traces, l, config);
+  }
+  const brief = (v) => (v >= 9.95 ? v.toFixed(0) : v.toFixed(1));
+  const clip = (v) => Math.max(0, Math.min(1, v));
+  let whose = 0, regime = 0;
+  function drawGap() {
+    const g = data.gaps[whose];
+    if (!g || !byId("gap-maneuvers")) return;
+    const t = theme(), colours = [[0, t.cold], [0.5, t.warm], [1, t.hot]];
+    const sizes = { height: (v) => clip(Math.log10(Math.max(v, 1))), text: brief, colours: colours };
+    const both = (split) => [{ title: split.by + (split.after.columns.length ? ": before" : ""), map: split.before }, { title: "after", map: split.after }];
+    heat(byId("gap-maneuvers"), both(g.maneuvers), sizes);
+    heat(byId("gap-splits"), [g.bands, g.times].concat(g.regimes[regime] ? [g.regimes[regime]] : []).flatMap(both), sizes);
+    heat(byId("gap-driven"), [{ title: "led state", map: g.driven }], { height: (v) => clip(1 - v), text: (v) => (100 * v).toFixed(0), colours: [[0, t.cold], [1, t.gone]] });
+    heat(byId("gap-relations"), [{ title: "correlation over its limit", map: g.relations }], { height: (v) => clip((v - 1) / 4), text: (v) => (v > 1 ? brief(v) : ""), colours: colours });
+  }
+  function fillRegimes() {
+    const select = byId("gap-regime"), g = data.gaps[whose];
+    select.replaceChildren();
+    regime = 0;
+    g.regimes.forEach((s, i) => { const option = document.createElement("option"); option.value = String(i); option.textContent = s.by; select.appendChild(option); });
+  }
+  if (byId("gap-select") && data.gaps.length > 0) {
+    fill(byId("gap-select"), data.gaps.map((g) => g.name), (i) => { whose = i; fillRegimes(); drawGap(); });
+    fillRegimes();
+    byId("gap-regime").addEventListener("change", () => { regime = Number(byId("gap-regime").value); drawGap(); });
+  }
+
   // ---- whole flights ----
   let flight = 0;
   function drawFlight() {
@@ -192,6 +245,7 @@
     drawProfiles();
     drawManeuver();
     drawOverlay();
+    drawGap();
     drawFlight();
     drawPath();
   }

@@ -12,6 +12,7 @@ pub mod fit;
 pub mod ingest;
 pub mod reconstruct;
 pub mod report;
+pub mod rerun;
 pub mod segment;
 
 use crate::error::{Errors, Result};
@@ -57,6 +58,8 @@ pub enum Per {
     Fit,
     /// One `[[diagnose]]` of the pipeline file.
     Diagnose,
+    /// One `[[diagnose]]` whose estimate is run again with what was added.
+    Rerun,
     /// The whole campaign.
     Campaign,
 }
@@ -66,7 +69,7 @@ pub enum Per {
 pub struct Unit {
     /// Flight id, name of the estimate, fit or diagnosis, or `campaign`.
     pub name: String,
-    /// Place in the list of flights, estimates, fits or diagnoses.
+    /// Place in the list of flights, estimates, fits or diagnoses; reruns follow the estimates.
     pub index: usize,
     pub per: Per,
 }
@@ -168,6 +171,7 @@ pub const STAGES: &[Stage] = &[
     estimate::STAGE,
     fit::STAGE,
     diagnose::STAGE,
+    rerun::STAGE,
     report::STAGE,
 ];
 

@@ -50,7 +50,7 @@ fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
         all.extend(match table {
             NOTES | STAGES_TABLE => Read::parts(&[table], 1),
             _ if per_flight => Read::flights(&[table], campaign),
-            _ => Read::parts(&[table], campaign.estimates.len().max(campaign.fits.len()).max(campaign.diagnoses.len())),
+            _ => Read::parts(&[table], (campaign.estimates.len() + campaign.diagnoses.len()).max(campaign.fits.len())),
         });
     }
     all
@@ -58,7 +58,8 @@ fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
 
 /// Columns of the samples table that drive each model.
 fn inputs_of_models(campaign: &Campaign) -> BTreeMap<String, Vec<String>> {
-    campaign.estimates.iter().map(|e| (e.name(), e.columns())).collect()
+    let again = campaign.diagnoses.iter().filter_map(|d| Some((d.settings.next(), campaign.estimates.get(d.estimate)?)));
+    campaign.estimates.iter().map(|e| (e.name(), e)).chain(again).map(|(name, e)| (name, e.columns())).collect()
 }
 
 /// The signal in which each input of the segments is searched.

@@ -45,6 +45,7 @@ const FILES: &[(&str, &str)] = &[
     ("overlays", include_str!("../../schemas/tables/overlays.json")),
     ("relations", include_str!("../../schemas/tables/relations.json")),
     ("driven", include_str!("../../schemas/tables/driven.json")),
+    ("next_models", include_str!("../../schemas/tables/next_models.json")),
     ("equation_errors", include_str!("../../schemas/tables/equation_errors.json")),
     ("stages", include_str!("../../schemas/tables/stages.json")),
 ];

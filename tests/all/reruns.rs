@@ -174,3 +174,60 @@ fn a_dry_run_writes_nothing() {
     assert!(dry.out.contains("missing: never run"), "{}", dry.out);
     assert!(!c.path("out").exists());
 }
+
+/// The gain grows with airspeed, and an effect of one's own says so; the model does not know it.
+const EFFECT: &str = r#"
+title     = "The gain grows with airspeed"
+family    = "aerodynamic"
+signature = "Answers are larger at higher airspeed."
+separate  = "Steps at several airspeeds."
+
+[bind]
+V = "airspeed"
+
+[parameters]
+k = { name = "K_V", unit = "s/m", null = 0.0, typical = 0.01 }
+
+[replace]
+K = "K + {k}*{V}"
+"#;
+
+/// A campaign whose diagnosis a command asks for, and its results.
+fn diagnosed() -> Campaign {
+    let c = Campaign::new();
+    c.edit("lag.model.toml", "u = \"rad\"", "u = \"rad\"\nV = \"m/s\"");
+    let all = "[[estimate]]\nname = \"all\"\nmodel = \"lag.model.toml\"\ninput = \"drive\"\ngroup = \"all\"\n\n[[fit]]";
+    c.edit("pipeline.toml", "[[fit]]", all);
+    std::fs::create_dir(c.path("effects")).expect("made");
+    c.write("effects/gain-speed.toml", EFFECT);
+    let told = c.koehler("diagnose", &["--estimate", "all", "--effects", "effects"]).ended(3);
+    assert!(told.out.contains("The gain grows with airspeed"), "{}", told.out);
+    c
+}
+
+#[test]
+fn what_a_diagnosis_adds_is_estimated_as_the_pipeline_does() {
+    let c = diagnosed();
+    let t = koehler::table::read_dataset(&c.path("out"), "estimates").expect("estimates");
+    let (models, parameters, values) =
+        (t.strings("model").expect("column"), t.strings("parameter").expect("column"), t.f64("value").expect("column"));
+    let of = |name: &str| {
+        let row = (0..t.rows()).find(|&i| models[i] == "all.next" && parameters[i] == name);
+        values[row.unwrap_or_else(|| panic!("{name} of all.next"))]
+    };
+    // As above: a step between two samples of the drive is 5 ms uncertain.
+    for (name, truth) in [("K_V", SLOPE), ("T", LAG)] {
+        assert!((of(name) - truth).abs() < 0.02 * truth, "{name}: {}", of(name));
+    }
+    let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a report");
+    assert!(page.contains("Estimated again with what was added"));
+
+    // A run keeps what the command asked for, as long as nothing behind it changes, and says when it goes.
+    let before = tables(&c.path("out"));
+    assert!(c.run().ended(0).out.contains("nothing to do"));
+    assert_eq!(before, tables(&c.path("out")));
+    c.edit("lag.model.toml", "start = 0.3", "start = 0.31");
+    let run = c.run().ended(0);
+    assert!(run.out.contains("removed: diagnose of all"), "{}", run.out);
+    assert!(!c.path("out/findings").exists() && !c.path("out/models").exists());
+}

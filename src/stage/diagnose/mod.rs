@@ -35,6 +35,7 @@ pub const STAGE: Stage = Stage {
         "closures",
         "shifts",
         "overlays",
+        "next_models",
     ],
     reads,
     reads_log: false,
@@ -60,6 +61,19 @@ pub struct Settings {
     /// How the diagnosis is run.
     #[serde(default)]
     pub method: diagnose::Settings,
+    /// Whether the estimate is run again with what was added; its rows are named after the diagnosis, with `.next` behind.
+    #[serde(default = "default_rerun")]
+    pub rerun: bool,
+    /// A command asked for it, not the pipeline file.
+    #[serde(skip)]
+    pub asked: bool,
+    /// It is kept as long as it is fresh, and not run.
+    #[serde(skip)]
+    pub idle: bool,
+}
+
+fn default_rerun() -> bool {
+    true
 }
 
 impl Settings {
@@ -67,7 +81,12 @@ impl Settings {
         self.name.clone().unwrap_or_else(|| self.estimate.clone())
     }
 
-    /// The diagnosis of an estimate by default settings.
+    /// Name of the estimate with what was added.
+    pub fn next(&self) -> String {
+        format!("{}.next", self.name())
+    }
+
+    /// The diagnosis of an estimate by default settings, as a command asks for it.
     pub fn of(estimate: &str) -> Settings {
         Settings {
             name: None,
@@ -75,6 +94,9 @@ impl Settings {
             effects: Vec::new(),
             roles: IndexMap::new(),
             method: diagnose::Settings::default(),
+            rerun: default_rerun(),
+            asked: true,
+            idle: false,
         }
     }
 }
@@ -158,10 +180,14 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     }
     let told = Told { config, model: &base.model.name, names, rule, diagnosis };
     let mut files = Vec::new();
-    if let Some(text) = next_model(&told, base) {
-        files.push((format!("models/{}.next.model.toml", told.config.name()), text.into_bytes()));
+    let added = added(&told, base);
+    if !added.is_empty() {
+        let text = base.model.own_text().to_string() + &added;
+        files.push((format!("models/{}.model.toml", told.config.settings.next()), text.into_bytes()));
     }
-    Ok(Output { tables: tables::all(&told)?, files, notes })
+    let mut tables = tables::all(&told)?;
+    tables.push(("next_models", tables::next_models(&told, &base.name(), &added)?));
+    Ok(Output { tables, files, notes })
 }
 
 /// What effects may want to know of the campaign: roles, half range and middle of every input and measured output of the model.
@@ -170,11 +196,11 @@ fn context(roles: &IndexMap<String, Vec<String>>, model: &Model, segments: &[Seg
     Context { roles: roles.clone(), ..Context::of(model, &records) }
 }
 
-/// The model's own file with everything that was added, one block per round; none where nothing was.
-fn next_model(told: &Told, base: &estimate::Config) -> Option<String> {
+/// Everything that was added, as it stands behind the model's own file: one block per effect; empty where nothing was.
+fn added(told: &Told, base: &estimate::Config) -> String {
     let values: BTreeMap<String, f64> = told.diagnosis.values.iter().cloned().collect();
     let mut model = &base.model;
-    let mut text = None;
+    let mut text = String::new();
     for (candidate, finding) in told.diagnosis.added.iter().zip(&told.diagnosis.findings) {
         let round = told.diagnosis.rounds.get(finding.round);
         let judged = round.and_then(|r| Some((r.judged.get(finding.added)?, r.limit)));
@@ -182,8 +208,7 @@ fn next_model(told: &Told, base: &estimate::Config) -> Option<String> {
         // Each candidate's base is the model with those before it: its text has their starting values, so blocks are joined by hand.
         let own = model.own_text().len();
         let whole = candidate.text(model, &values, &provenance);
-        let block = whole.get(own..).unwrap_or_default().to_string();
-        text = Some(text.unwrap_or_else(|| base.model.own_text().to_string()) + &block);
+        text += whole.get(own..).unwrap_or_default();
         model = &candidate.model;
     }
     text

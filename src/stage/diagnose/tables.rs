@@ -22,6 +22,17 @@ pub fn all(told: &Told) -> Result<Vec<(&'static str, Table)>> {
     ])
 }
 
+/// The lines added to the model; no row where there are none.
+pub fn next_models(told: &Told, estimate: &str, added: &str) -> Result<Table> {
+    let lines = [added].into_iter().filter(|lines| !lines.is_empty());
+    Table::build("next_models")
+        .repeat("diagnosis", &told.config.name())
+        .repeat("estimate", estimate)
+        .repeat("next", &told.config.settings.next())
+        .strings("added", lines)
+        .finish()
+}
+
 /// One effect of a finding's class.
 struct Member<'a> {
     /// Number of the round that tested it, from 1.

@@ -131,7 +131,11 @@ struct Stretch {
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
-    let Some(config) = campaign.estimates.get(unit.index) else { return Ok(Output::default()) };
+    campaign.estimates.get(unit.index).map_or_else(|| Ok(Output::default()), |config| estimated(config, campaign, inputs))
+}
+
+/// One estimate of the campaign's maneuvers.
+pub(super) fn estimated(config: &Config, campaign: &Campaign, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let mut notes = Vec::new();
     let mut ready = Vec::new();
     for flight in &campaign.flights {

@@ -1,0 +1,191 @@
+//! `gaps`, `driven`, `relations` and `equation_errors` in; the figures and the table of where models and flights disagree out.
+
+use super::columns::Columns;
+use super::format::{number, short};
+use super::grid::{Cell, Grid, Level};
+use serde::Serialize;
+
+/// The figures of one diagnosis (JSON): rows are outputs, in units of the measured noise.
+#[derive(Debug, Serialize)]
+pub struct Where {
+    pub name: String,
+    pub maneuvers: Split,
+    pub bands: Split,
+    pub times: Split,
+    pub regimes: Vec<Split>,
+    pub driven: Map,
+    pub relations: Map,
+}
+
+/// The gap split by something, before and after what was added; `after` is empty where nothing was.
+#[derive(Debug, Default, Serialize)]
+pub struct Split {
+    pub by: String,
+    pub before: Map,
+    pub after: Map,
+}
+
+/// A matrix `[row][column]` with words for the pointer.
+#[derive(Debug, Default, Serialize)]
+pub struct Map {
+    pub rows: Vec<String>,
+    pub columns: Vec<String>,
+    pub values: Vec<Vec<Option<f64>>>,
+    pub words: Vec<Vec<String>>,
+}
+
+impl Map {
+    /// Rows and columns in order of first appearance; `of` gives row, column, value and words of a table's row.
+    fn of(rows: &[usize], of: impl Fn(usize) -> (String, String, f64, String)) -> Map {
+        let mut map = Map::default();
+        let all: Vec<_> = rows.iter().map(|&row| of(row)).collect();
+        let place = |list: &mut Vec<String>, name: &String| {
+            if !list.contains(name) {
+                list.push(name.clone());
+            }
+        };
+        for (row, column, ..) in &all {
+            place(&mut map.rows, row);
+            place(&mut map.columns, column);
+        }
+        map.values = vec![vec![None; map.columns.len()]; map.rows.len()];
+        map.words = vec![vec![String::new(); map.columns.len()]; map.rows.len()];
+        for (row, column, value, words) in all {
+            let at = |list: &[String], name: &str| list.iter().position(|n| n == name).unwrap_or_default();
+            let (i, j) = (at(&map.rows, &row), at(&map.columns, &column));
+            (map.values[i][j], map.words[i][j]) = (short(value), words);
+        }
+        map
+    }
+}
+
+/// The figures, one set per diagnosis.
+pub fn figures<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Vec<Where> {
+    let Some(gaps) = get("gaps") else { return Vec::new() };
+    let one = |([name], rows): ([String; 1], Vec<usize>)| {
+        let split = |by: &str| split(gaps, &rows, by);
+        let mut all: Vec<String> = Vec::new();
+        for by in rows.iter().map(|&r| gaps.text("by", r)) {
+            if !["all", "band", "time since input"].contains(&by.as_str()) && !all.contains(&by) {
+                all.push(by);
+            }
+        }
+        // A quantity that hardly moved has one range only.
+        let regimes = all.iter().map(|by| split(by)).filter(|s| s.before.columns.len() > 1).collect();
+        let [driven, relations] = [("driven", driven as fn(_, _) -> _), ("relations", related)]
+            .map(|(table, map)| get(table).map_or_else(Map::default, |t| map(t, &name)));
+        Where { maneuvers: split("all"), bands: split("band"), times: split("time since input"), regimes, driven, relations, name }
+    };
+    gaps.groups(["diagnosis"]).into_iter().map(one).collect()
+}
+
+/// The gap by maneuver ("all") or by ranges of a quantity.
+fn split(gaps: &Columns, rows: &[usize], by: &str) -> Split {
+    let whole = by == "all";
+    let of = |when: &str| {
+        let wanted = |r: &usize| gaps.text("when", *r) == when && gaps.text("by", *r) == by;
+        let these: Vec<usize> =
+            rows.iter().copied().filter(wanted).filter(|&r| gaps.text("segment", r).is_empty() != whole).collect();
+        Map::of(&these, |r| {
+            let column = if whole { gaps.text("segment", r) } else { range(gaps.number("from", r), gaps.number("to", r), by) };
+            let (output, ratio) = (gaps.text("output", r), gaps.number("ratio", r));
+            let words = format!("{output}, {column}: {} times the noise", number(ratio, 3));
+            (output, column, ratio, words)
+        })
+    };
+    let by = match by {
+        "all" => "maneuver",
+        "band" => "frequency, Hz",
+        "time since input" => "time since an input moved, s",
+        other => other,
+    };
+    Split { by: by.to_string(), before: of("before"), after: of("after") }
+}
+
+fn range(from: f64, to: f64, by: &str) -> String {
+    let low = from.is_finite() && !(by == "band" && from == 0.0);
+    match (low, to.is_finite()) {
+        (true, true) => format!("{} to {}", number(from, 2), number(to, 2)),
+        (true, false) => format!("> {}", number(from, 2)),
+        (false, true) => format!("< {}", number(to, 2)),
+        (false, false) => "all".to_string(),
+    }
+}
+
+/// The share of an output's gap that is left with a state led.
+fn driven(table: &Columns, diagnosis: &str) -> Map {
+    let rows: Vec<usize> =
+        (0..table.rows()).filter(|&r| table.text("diagnosis", r) == diagnosis && !table.text("state", r).is_empty()).collect();
+    Map::of(&rows, |r| {
+        let (state, output, share) = (table.text("state", r), table.text("output", r), table.number("share", r));
+        let noise = table.number("rms", r) / table.number("noise", r);
+        let words = format!(
+            "{output} with {state} led: {}% of its gap is left, {} times the noise",
+            number(100.0 * share, 3),
+            number(noise, 3)
+        );
+        (output, state, share, words)
+    })
+}
+
+/// Correlations, over the limit of series without relation.
+fn related(table: &Columns, diagnosis: &str) -> Map {
+    let rows: Vec<usize> = (0..table.rows()).filter(|&r| table.text("diagnosis", r) == diagnosis).collect();
+    Map::of(&rows, |r| {
+        let of = |column: &str, digits: usize| number(table.number(column, r), digits);
+        let (output, source) = (table.text("output", r), table.text("source", r));
+        let words = format!(
+            "{output} and {source}: correlation {} (limit {}) at {} s; coherence {} (limit {}) from {} to {} Hz",
+            of("correlation", 2),
+            of("limit", 2),
+            of("lag", 2),
+            of("coherence", 2),
+            of("coherence_limit", 2),
+            of("from", 2),
+            of("to", 2)
+        );
+        (output, source, table.number("correlation", r).abs() / table.number("limit", r), words)
+    })
+}
+
+/// What equations lack: all maneuvers together, the one where it is most, and what it goes with.
+pub fn equations(table: Option<&Columns>, relations: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("No equation was looked at.") };
+    let mut grid =
+        Grid::new(["diagnosis", "equation", "#lacks|r.m.s.", "#noise|sd", "#r.m.s. / noise", "most in", "~goes with (lag)"]);
+    for ([name, equation], rows) in table.groups(["diagnosis", "equation"]) {
+        let ratio = |r: usize| table.number("ratio", r);
+        let (whole, mut each): (Vec<usize>, Vec<usize>) = rows.iter().partition(|&&r| table.text("segment", r).is_empty());
+        let Some(&row) = whole.first() else { continue };
+        each.sort_by(|&a, &b| ratio(b).total_cmp(&ratio(a)));
+        let most = each.first().map(|&r| format!("{} ({})", table.text("segment", r), number(ratio(r), 2)));
+        grid.push(vec![
+            Cell::new(&name),
+            Cell::new(&equation).sub(table.text("unit", row)),
+            Cell::new(number(table.number("rms", row), 3)),
+            Cell::new(number(table.number("noise", row), 2)),
+            Cell::new(number(ratio(row), 3)).level_if(ratio(row) > 2.0, Level::Warn),
+            Cell::new(most.unwrap_or_default()),
+            Cell::new(relations.map(|r| partners(r, &name, &equation)).unwrap_or_default()),
+        ]);
+    }
+    grid.note = Some(
+        "A coefficient lacks the increment along the maneuvers that makes the model agree with all sensors, all coefficients at once; a rate \
+         what leads its state to the measurement. The noise is what white noise of the sensors alone makes of it."
+            .into(),
+    );
+    grid.or_missing("No equation was looked at.")
+}
+
+/// Up to three sources whose correlation is above its limit, the strongest first.
+fn partners(relations: &Columns, diagnosis: &str, equation: &str) -> String {
+    let over = |r: usize| relations.number("correlation", r).abs() / relations.number("limit", r);
+    let ours = |r: &usize| relations.text("diagnosis", *r) == diagnosis && relations.text("output", *r) == equation;
+    let mut all: Vec<usize> = (0..relations.rows()).filter(ours).filter(|&r| over(r) > 1.0).collect();
+    all.sort_by(|&a, &b| over(b).total_cmp(&over(a)));
+    let word = |&r: &usize| {
+        let of = |column: &str| number(relations.number(column, r), 2);
+        format!("{} {} ({} s)", relations.text("source", r), of("correlation"), of("lag"))
+    };
+    all.iter().take(3).map(word).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,69 @@
+//! What a diagnosis adds to its model, and the maneuvers, come in; the same estimate with the amended model goes out.
+
+use super::estimate::{self, Config};
+use super::{Campaign, Inputs, Output, Part, Per, Read, Severity, Stage, Unit, slice_of};
+use crate::error::{Error, Errors};
+use serde_json::{Value, json};
+
+pub const STAGE: Stage = Stage {
+    name: "rerun",
+    about: "estimate amended models",
+    per: Per::Rerun,
+    wanted: |_| true,
+    writes: estimate::STAGE.writes,
+    reads,
+    reads_log: false,
+    slice,
+    run,
+};
+
+/// The estimates that are run again: place and name.
+pub fn units(campaign: &Campaign) -> Vec<(usize, String)> {
+    let wanted = campaign.diagnoses.iter().enumerate().filter(|(_, d)| d.settings.rerun);
+    wanted.map(|(i, d)| (campaign.estimates.len() + i, d.settings.next())).collect()
+}
+
+/// Place of the diagnosis, its name, and the estimate that it is of.
+fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(usize, &'a Config)> {
+    let place = unit.index.checked_sub(campaign.estimates.len())?;
+    Some((place, campaign.estimates.get(campaign.diagnoses.get(place)?.estimate)?))
+}
+
+fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
+    let Some((place, base)) = parts(campaign, unit) else { return Vec::new() };
+    let additions = Read { table: "next_models", part: Part::Number(place), optional: false };
+    estimate::tables_read(base, campaign).into_iter().chain([additions]).collect()
+}
+
+fn slice(campaign: &Campaign, unit: &Unit) -> Value {
+    let Some((_, base)) = parts(campaign, unit) else { return Value::Null };
+    json!({ "name": unit.name, "estimate": slice_of(&base.settings), "model": super::said(&base.model) })
+}
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
+    let Some((place, base)) = parts(campaign, unit) else { return Ok(Output::default()) };
+    let Some(table) = inputs.get("next_models", Part::Number(place)) else { return Ok(Output::default()) };
+    let Some(added) = table.strings("added")?.first().map(ToString::to_string) else { return Ok(Output::default()) };
+    let mut output = estimate::estimated(&amended(base, &unit.name, &added)?, campaign, inputs)?;
+    for note in &mut output.notes {
+        note.stage = STAGE.name.to_string();
+        // Nobody asked for this model by name: that it cannot be estimated is said, and is no failure of the campaign.
+        note.severity = note.severity.min(Severity::Warning);
+    }
+    Ok(output)
+}
+
+/// The estimate with the lines of a diagnosis behind its model.
+fn amended(base: &Config, name: &str, added: &str) -> Result<Config, Errors> {
+    let model = base.model.amended(added)?;
+    if (&model.inputs, &model.outputs) != (&base.model.inputs, &base.model.outputs) {
+        return Err(Error::new(format!("{name}: what was added changes the inputs or outputs of the model")).into());
+    }
+    let mut settings = base.settings.clone();
+    settings.name = Some(name.to_string());
+    if let Some(free) = &mut settings.method.free {
+        let new = model.parameters.iter().filter(|p| !p.fixed && base.model.parameter(&p.quantity.name).is_none());
+        free.extend(new.map(|p| p.quantity.name.clone()));
+    }
+    Ok(Config { settings, model, inputs: base.inputs.clone(), outputs: base.outputs.clone() })
+}
