@@ -12,7 +12,7 @@ fn pairs(table: Option<&Columns>) -> Vec<[String; 3]> {
 
 /// Parameters of both, without those that belong to one maneuver of several and initial values.
 pub fn parameters(next_models: Option<&Columns>, estimates: Option<&Columns>) -> Grid {
-    let mut grid = Grid::new(["estimate", "parameter", "group", "#as it was", "#with what was added", "#shift|sd"]);
+    let mut grid = Grid::new(["estimate", "parameter", "group", "#as it was", "#with what was added", "#shift|sd", "ended"]);
     let Some(table) = estimates else { return Grid::missing("Nothing was estimated again.") };
     let key = |r: usize| ["group", "parameter", "of"].map(|column| table.text(column, r));
     let rows = |model: &str| -> Vec<usize> {
@@ -41,6 +41,7 @@ pub fn parameters(next_models: Option<&Columns>, estimates: Option<&Columns>) ->
                 } else {
                     Cell::new(if old.is_none() { "new" } else { "" })
                 },
+                Cell::new(table.text("stop", row)).level_if(table.text("stop", row) != "converged", Level::Bad),
             ]);
         }
     }

@@ -95,8 +95,8 @@ fn split(gaps: &Columns, rows: &[usize], by: &str) -> Split {
     };
     let by = match by {
         "all" => "maneuver",
-        "band" => "frequency, Hz",
-        "time since input" => "time since an input moved, s",
+        "band" => "frequency [Hz]",
+        "time since input" => "since input [s]",
         other => other,
     };
     Split { by: by.to_string(), before: of("before"), after: of("after") }

@@ -15,8 +15,8 @@
   function theme() {
     const d = dark.matches && !printing;
     return d
-      ? { ink: "#e4e9ee", soft: "#a3afbb", grid: "#2c353f", line: "#4a5663", back: "#161b21", model: "#ffb454", measured: "#8ec7f5", band: "163,175,187", cold: "#1e252d", warm: "#8a5a1c", hot: "#ffb454", gone: "#3f9d7d" }
-      : { ink: "#1b2430", soft: "#566270", grid: "#e6eaee", line: "#aeb7c0", back: "#ffffff", model: "#c24a00", measured: "#0072b2", band: "60,75,90", cold: "#f4f6f8", warm: "#f2b880", hot: "#b33c00", gone: "#5fb897" };
+      ? { ink: "#e4e9ee", soft: "#a3afbb", grid: "#2c353f", line: "#4a5663", back: "#161b21", model: "#ffb454", measured: "#8ec7f5", band: "163,175,187", cold: "#1e252d", warm: "#5c4117", hot: "#a3620f", gone: "#2c7a60" }
+      : { ink: "#1b2430", soft: "#566270", grid: "#e6eaee", line: "#aeb7c0", back: "#ffffff", model: "#c24a00", measured: "#0072b2", band: "60,75,90", cold: "#f4f6f8", warm: "#fbd9ae", hot: "#f0923f", gone: "#74c9a8" };
   }
   function layout(extra) {
     const t = theme();
@@ -170,20 +170,23 @@
   function heat(element, panels, scale) {
     panels = panels.filter((p) => p.map.columns.length > 0);
     if (panels.length === 0) { Plotly.purge(element); element.style.height = "auto"; element.textContent = "Nothing to show."; return; }
-    const t = theme(), rows = panels[0].map.rows.slice().reverse(), columns = panels.reduce((n, p) => n + p.map.columns.length, 0);
+    const t = theme(), rows = panels[0].map.rows.slice().reverse();
+    // Panels of few columns are wide enough for their titles.
+    const width = (p) => Math.max(p.map.columns.length, 3.5);
+    const columns = panels.reduce((n, p) => n + p.map.columns.length, 0), wide = panels.reduce((n, p) => n + width(p), 0);
     const longest = Math.max(...panels.map((p) => Math.max(...p.map.columns.map((c) => c.length))));
     const bottom = Math.min(170, 16 + 6 * longest), top = 44, height = 24 * rows.length + top + bottom;
     const l = layout({ height: height, margin: { l: 20, r: 10, t: top, b: bottom }, annotations: [] });
     const traces = [], gap = 0.022, room = 1 - gap * (panels.length - 1);
     let from = 0;
     panels.forEach((p, i) => {
-      const n = i === 0 ? "" : String(i + 1), to = from + room * p.map.columns.length / columns;
+      const n = i === 0 ? "" : String(i + 1), to = from + room * width(p) / wide;
       const of = (row, table, none) => { const k = p.map.rows.indexOf(row); return k < 0 ? p.map.columns.map(() => none) : table[k]; };
       const values = rows.map((row) => of(row, p.map.values, null));
       const shown = values.map((line) => line.map((v) => (v === null ? null : scale.height(v))));
       const text = values.map((line) => line.map((v) => (v === null || columns > 40 ? "" : scale.text(v))));
       traces.push({ type: "heatmap", x: p.map.columns.map((_, k) => k), y: rows.map((_, k) => k), z: shown, text: text, texttemplate: "%{text}",
-        textfont: { size: 10.5 }, customdata: rows.map((row) => of(row, p.map.words, "").map(escape)), hovertemplate: "%{customdata}<extra></extra>",
+        textfont: { size: 10.5, color: t.ink }, customdata: rows.map((row) => of(row, p.map.words, "").map(escape)), hovertemplate: "%{customdata}<extra></extra>",
         zmin: 0, zmax: 1, colorscale: scale.colours, showscale: false, xgap: 1, ygap: 1, xaxis: "x" + n, yaxis: "y" + n });
       l["xaxis" + n] = axis("", { domain: [from, to], anchor: "y" + n, tickvals: p.map.columns.map((_, k) => k), ticktext: p.map.columns.map(escape), tickangle: -60, showgrid: false, zeroline: false, tickfont: { size: 10.5 }, automargin: false });
       l["yaxis" + n] = axis("", { anchor: "x" + n, tickvals: rows.map((_, k) => k), ticktext: i === 0 ? rows.map(escape) : rows.map(() => ""), showgrid: false, zeroline: false, ticks: i === 0 ? "outside" : "", automargin: i === 0 });

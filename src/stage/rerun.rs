@@ -31,8 +31,8 @@ fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(usize, &'a Config)>
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let Some((place, base)) = parts(campaign, unit) else { return Vec::new() };
-    let additions = Read { table: "next_models", part: Part::Number(place), optional: false };
-    estimate::tables_read(base, campaign).into_iter().chain([additions]).collect()
+    let told = ["next_models", "shifts"].map(|table| Read { table, part: Part::Number(place), optional: false });
+    estimate::tables_read(base, campaign).into_iter().chain(told).collect()
 }
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
@@ -44,7 +44,15 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let Some((place, base)) = parts(campaign, unit) else { return Ok(Output::default()) };
     let Some(table) = inputs.get("next_models", Part::Number(place)) else { return Ok(Output::default()) };
     let Some(added) = table.strings("added")?.first().map(ToString::to_string) else { return Ok(Output::default()) };
-    let mut output = estimate::estimated(&amended(base, &unit.name, &added)?, campaign, inputs)?;
+    let mut config = amended(base, &unit.name, &added)?;
+    if let Some(shifts) = inputs.get("shifts", Part::Number(place)) {
+        // The diagnosis has a fit with what was added: thresholds and delays are far from anything the model's own starts fit.
+        let found = shifts.strings("parameter")?.into_iter().zip(shifts.f64("after")?);
+        let known = found.filter(|(name, value)| config.model.parameter(name).is_some() && value.is_finite());
+        let starts: Vec<(String, f64)> = known.map(|(name, value)| (name.to_string(), *value)).collect();
+        config.settings.method.starts.extend(starts);
+    }
+    let mut output = estimate::estimated(&config, campaign, inputs)?;
     for note in &mut output.notes {
         note.stage = STAGE.name.to_string();
         // Nobody asked for this model by name: that it cannot be estimated is said, and is no failure of the campaign.

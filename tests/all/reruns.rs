@@ -198,6 +198,7 @@ fn diagnosed() -> Campaign {
     c.edit("lag.model.toml", "u = \"rad\"", "u = \"rad\"\nV = \"m/s\"");
     let all = "[[estimate]]\nname = \"all\"\nmodel = \"lag.model.toml\"\ninput = \"drive\"\ngroup = \"all\"\n\n[[fit]]";
     c.edit("pipeline.toml", "[[fit]]", all);
+    std::fs::remove_file(c.path("logs/flight-3.mcap")).expect("removed");
     std::fs::create_dir(c.path("effects")).expect("made");
     c.write("effects/gain-speed.toml", EFFECT);
     let told = c.koehler("diagnose", &["--estimate", "all", "--effects", "effects"]).ended(3);
