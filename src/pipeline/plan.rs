@@ -201,6 +201,15 @@ impl Reader {
         if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
             self.push("derive.rate_hz", format!("the rate of the grid is a positive number of Hz, not {}", settings.rate_hz), "");
         }
+        for (name, window) in &settings.smooth {
+            let key = format!("derive.smooth.{name}");
+            if !(*window > 0.0 && *window <= 3600.0) {
+                self.push(&key, format!("a signal is smoothed over a positive number of seconds, not {window}"), "");
+            }
+            if let Some(columns) = columns {
+                columns.look_up(name, "signal or column", &self.doc, &key, &mut self.errors);
+            }
+        }
         let model = match &settings.model {
             Some(file) => {
                 let model = self.model("derive.model", &file.clone(), aircraft)?;

@@ -5,6 +5,7 @@ use crate::dynamics::{Directions, Plan, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
 use crate::signal::resample::{Grid, linear};
+use crate::signal::smooth::smooth;
 use crate::table::Table;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -35,6 +36,10 @@ pub struct Settings {
     /// A gap of a signal longer than this many of its usual spacings is masked, not bridged.
     #[serde(default = "default_gap")]
     pub max_gap: f64,
+    /// Signals, or columns of the flight path, that are smoothed on the grid, by a cubic fitted to so many seconds around every point: `smooth = { thrust = 1.0 }`. For what
+    /// changes slowly and drives a model, which takes its noise for motion; not for surfaces, whose edges it would round.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub smooth: IndexMap<String, f64>,
     /// A model file without states: its outputs become columns of the samples table.
     #[serde(default)]
     pub model: Option<String>,
@@ -117,6 +122,11 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     if let (Some(path), Some(reconstruct)) = (path, &campaign.reconstruct) {
         add_flight_path(path, &reconstruct.model, &grid, config.settings.max_gap, &mut columns)?;
     }
+    for (name, window) in &config.settings.smooth {
+        if let Some(column) = columns.get_mut(name) {
+            column.values = smooth(&column.values, points(*window, dt), 3)?;
+        }
+    }
     if let Some(model) = &config.model {
         add_model(model, &config.inputs, &grid, &mut columns)?;
     }
@@ -171,6 +181,11 @@ fn add_model(model: &Model, inputs: &[String], grid: &Grid, columns: &mut IndexM
     Ok(())
 }
 
+/// Points of the grid in a window of so many seconds: an odd number, enough for a cubic.
+fn points(window: f64, dt: f64) -> usize {
+    (2 * libm::round(window / dt / 2.0) as usize + 1).max(5)
+}
+
 /// The usual spacing of ascending times, s: the median.
 fn spacing(t: &[f64]) -> f64 {
     let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
@@ -197,4 +212,14 @@ fn masked(flight: &str, columns: &IndexMap<String, Column>) -> Vec<Note> {
         }
     }
     notes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::points;
+
+    #[test]
+    fn windows_have_a_middle_and_room_for_a_cubic() {
+        assert_eq!([points(2.0, 0.01), points(0.6, 0.02), points(1e-3, 0.02)], [201, 31, 5]);
+    }
 }

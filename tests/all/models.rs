@@ -63,6 +63,7 @@ fn point(model: &Model) -> Vec<f64> {
             "Pa" => 55000.0,
             "kg/m^3" => 0.8,
             "N" => 6000.0,
+            "kg" => 20000.0,
             _ => spread(i) * 0.3,
         };
         if model.inputs[i].name == "u" {
