@@ -34,7 +34,9 @@
 //! | `surrogate` | what luck gains |
 //! | `refit` | a candidate in full, and on held-out maneuvers |
 //! | `held_out` | which maneuvers are held out |
-//! | `located` | whether an output still answers to an input |
+//! | `sources` | what an output may answer to |
+//! | `located` | whether an output still answers to a source |
+//! | `innovation` | whether a source foretells what is new in an output at each instant |
 //! | `decide` | the tests that a candidate must pass, and the class of those that pass alike |
 //! | `found` | the base fitted as it stands |
 //! | `round` | all candidates held against a base |
@@ -59,6 +61,7 @@ mod found;
 mod gaps;
 mod gram;
 mod held_out;
+mod innovation;
 mod joint;
 mod located;
 mod noise;
@@ -68,6 +71,7 @@ mod round;
 mod screen;
 mod search;
 mod settings;
+mod sources;
 mod surrogate;
 #[cfg(test)]
 mod tests;

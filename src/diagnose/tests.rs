@@ -195,6 +195,42 @@ fn recovery_an_effect_that_no_candidate_resembles_is_located() {
 }
 
 #[test]
+fn recovery_an_effect_that_comes_and_goes_is_located_by_what_is_new_at_each_instant() {
+    let truth = text("w = { unit = \"1/s^2\", start = 1.5 }\n", "+ w*sin(2.3*t/sec)*de", "alpha");
+    let truth = parsed(&truth.replace("[parameters]", "[constants]\nsec = { unit = \"s\", value = 1.0 }\n[parameters]"));
+    let d = verdict(&truth, 6, 0.97, &Settings::default());
+    assert_eq!(d.verdict, Verdict::Located, "{}", told(&d));
+    assert!(d.located[0].source.starts_with("de, coming and going"), "{}", told(&d));
+    assert!(d.located[0].source.ends_with(innovation::HOW), "{}", told(&d));
+}
+
+#[test]
+fn truth_what_is_new_at_each_instant_is_foretold_by_chance_only_where_nothing_is_missing() {
+    let base = model("", "", "alpha");
+    let (mut all, mut above, mut sum) = (0.0, 0.0, 0.0);
+    for seed in 200..204 {
+        let segments = campaign(&base, seed, 0.8);
+        let held_out: Vec<bool> = (0..segments.len()).map(|i| i % 3 == 2).collect();
+        let (method, settings) = (estimate::Settings::default(), Settings::default());
+        let subject = Subject { model: &base, segments: &segments, held_out: &held_out, method: &method, settings: &settings };
+        let stand = base::Stand::first(&base, &method, settings.base);
+        let found = found::at_first(&stand, &subject).expect("settings").expect("a base");
+        let (case, theta) = (found.case(), &found.fit.theta);
+        let sources = sources::Sources::of(&case, &found.places.training, 0.01, true);
+        let of = |s: usize| innovation::sums(&case, &found.noise, &sources, s, theta);
+        for gram in located::together(&case, &sources, &found.places.training, &of) {
+            let Some((gain, b)) = located::best(&gram) else { continue };
+            let dof = b.len() as f64;
+            all += 1.0;
+            sum += 2.0 * gain / dof;
+            above += f64::from(2.0 * gain > crate::math::distribution::chi2_quantile(0.95, dof));
+        }
+    }
+    // Inputs that do not move say nothing; the others are chi-square, a little less because of what the fit absorbs.
+    assert!((0.8..1.1).contains(&(sum / all)) && (0.01..0.07).contains(&(above / all)), "{all} {} {}", sum / all, above / all);
+}
+
+#[test]
 fn truth_the_same_to_the_bit_with_one_thread_and_with_three() {
     let p = "L = { unit = \"1/s^2\", start = 1.5 }\nr_H = { unit = \"m\", start = 16.0 }\n";
     let truth = model(p, "+ L*delay(de, r_H/V)", "alpha");

@@ -1,44 +1,24 @@
 //! Hidden-effect trials: does the diagnosis name what was hidden in a campaign that it knows nothing about?
 //!
-//! A fixed selection runs with the slow tests (`KOEHLER_SLOW=1`). `KOEHLER_TRIALS=60 cargo test --release --test all -- trials::matrix --nocapture` runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the
-//! whole one, `KOEHLER_TRIALS="flap lag#3"` one trial in detail, `"flap#1-9"` all whose name has that in it, with these seeds.
+//! A fixed selection runs with the slow tests (`KOEHLER_SLOW=1`). `KOEHLER_TRIALS=60 cargo test --release --test all -- trials::matrix --nocapture`
+//! runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the whole one, `KOEHLER_TRIALS="flap lag#3"` one trial in detail, `"flap#1-9"` all whose
+//! name has that in it, with these seeds; `"inside#1"`, `"outside#1-3"` all of a kind. A matrix keeps every trial that has ended in a file, and goes on from there when
+//! it is started again with the same program.
 
 mod campaign;
+mod summary;
 mod truth;
 
-use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use campaign::Setting;
 use koehler::diagnose::{self, Diagnosis, Subject, Verdict, effect};
-use rayon::prelude::*;
+use summary::{End, Kind, Row};
 use truth::{Hidden, INSIDE, NOTHING, OUTSIDE};
-
-/// How a trial ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum End {
-    /// The truth, or a class of at most three with the truth in it, and nothing else.
-    Right,
-    /// A class with the truth in it that is larger.
-    Broad,
-    /// Located but unexplained.
-    Located,
-    /// Nothing missing.
-    Nothing,
-    /// A name that is not the truth.
-    Wrong,
-    /// No verdict.
-    None,
-}
-
-const ENDS: [(End, &str); 6] = [
-    (End::Right, "right"),
-    (End::Broad, "class > 3"),
-    (End::Located, "located"),
-    (End::Nothing, "nothing"),
-    (End::Wrong, "wrong"),
-    (End::None, "no verdict"),
-];
 
 struct Outcome {
     end: End,
@@ -108,18 +88,20 @@ fn graded(hidden: &Hidden, setting: &Setting, diagnosis: &Diagnosis) -> End {
     }
 }
 
-/// Log-likelihood for each effect named.
-fn evidence(diagnosis: &Diagnosis) -> String {
-    let of = |f: &diagnose::Finding| format!("{:.0}", diagnosis.rounds[f.round].judged[f.added].evidence);
-    diagnosis.findings.iter().map(of).collect::<Vec<_>>().join(" + ")
+fn kind(hidden: &Hidden) -> Kind {
+    match hidden.name {
+        name if name == NOTHING.name => Kind::Nothing,
+        _ if hidden.is.is_empty() => Kind::Outside,
+        _ => Kind::Inside,
+    }
 }
 
 /// Whether a trial ended as it should.
 fn expected(hidden: &Hidden, end: End) -> bool {
-    match hidden.name {
-        name if name == NOTHING.name => end == End::Nothing,
-        _ if hidden.is.is_empty() => end == End::Located,
-        _ => end == End::Right,
+    match kind(hidden) {
+        Kind::Nothing => end == End::Nothing,
+        Kind::Outside => end == End::Located,
+        Kind::Inside => end == End::Right,
     }
 }
 
@@ -179,7 +161,14 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     };
     let nothing = |n: u64| (1..=n).map(|s| (&NOTHING, setting(900_000 + s, s as usize))).collect::<Vec<_>>();
     if wanted == "full" {
-        return [of(INSIDE, 20), nothing(200), of(OUTSIDE, 20)].concat();
+        // All three side by side, so that what has ended is a sample of the whole at any time.
+        let share = |list: Vec<(&'static Hidden, Setting)>| {
+            let n = list.len();
+            list.into_iter().enumerate().map(move |(i, trial)| (i as f64 / n as f64, trial))
+        };
+        let mut all: Vec<_> = share(of(INSIDE, 20)).chain(share(nothing(200))).chain(share(of(OUTSIDE, 20))).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        return all.into_iter().map(|(_, trial)| trial).collect();
     }
     if let Ok(n) = wanted.parse::<usize>() {
         let (outside, null) = (n / 8, n / 6);
@@ -190,61 +179,91 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     let (name, seed) = wanted.split_once('#').unwrap_or((wanted, "1"));
     let (first, last) = seed.split_once('-').unwrap_or((seed, seed));
     let (first, last): (u64, u64) = (first.parse().unwrap_or(1), last.parse().unwrap_or(1));
-    let all = INSIDE.iter().chain(OUTSIDE).chain([&NOTHING]).filter(|h| h.name.contains(name));
+    let wanted = |h: &&Hidden| match name {
+        "inside" => kind(h) == Kind::Inside,
+        "outside" => kind(h) == Kind::Outside,
+        name => h.name.contains(name),
+    };
+    let all = INSIDE.iter().chain(OUTSIDE).chain([&NOTHING]).filter(wanted);
     let seeds = |h| (first..=last).map(move |seed| (h, setting(seed, (seed % 1000 + seed / 1000) as usize)));
     all.flat_map(seeds).collect()
 }
 
-/// Counts of the ends by what was hidden.
-fn table(done: &[(&Hidden, Setting, Option<Outcome>)]) -> String {
-    let mut rows: Vec<(&str, BTreeMap<End, usize>, Vec<String>)> = Vec::new();
-    for (hidden, setting, outcome) in done {
-        let Some(outcome) = outcome else { continue };
-        let at = rows.iter().position(|r| r.0 == hidden.name).unwrap_or_else(|| {
-            rows.push((hidden.name, BTreeMap::new(), Vec::new()));
-            rows.len() - 1
-        });
-        *rows[at].1.entry(outcome.end).or_default() += 1;
-        if outcome.end != End::Right {
-            let names: Vec<String> = named(&outcome.diagnosis).iter().map(|c| c.join("|")).collect();
-            rows[at].2.push(format!("#{} {:.1} {}", setting.seed, outcome.size, names.join(" then ")));
+/// Runs a trial and tells it.
+fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
+    let outcome = run(hidden, setting);
+    let mut row = Row {
+        kind: kind(hidden),
+        hidden: hidden.name.to_string(),
+        seed: setting.seed,
+        turbulence: setting.turbulence,
+        size: setting.size,
+        channel: String::new(),
+        end: End::Unflown,
+        names: String::new(),
+        seconds: 0.0,
+    };
+    if let Some(o) = outcome {
+        let names: Vec<String> = named(&o.diagnosis).iter().map(|c| c.join("|")).collect();
+        row = Row { size: o.size, channel: o.channel.clone(), end: o.end, names: names.join(" then "), seconds: o.seconds, ..row };
+        if alone || !expected(hidden, o.end) {
+            println!("{}\n", story(hidden, setting, &o));
         }
     }
-    let mut text = format!("{:<38}", "hidden");
-    ENDS.iter().for_each(|(_, name)| text += &format!("{name:>11}"));
-    for (name, counts, notes) in rows {
-        let _ = write!(text, "\n{name:<38}");
-        ENDS.iter().for_each(|(end, _)| text += &format!("{:>11}", counts.get(end).map_or(String::new(), usize::to_string)));
-        let _ = write!(text, "   {}", notes.join("; "));
-    }
-    text
+    println!("{}", row.line());
+    row
 }
 
-/// Shares that the requirements speak of.
-fn shares(done: &[(&Hidden, Setting, Option<Outcome>)]) -> String {
-    let count = |kind: &dyn Fn(&Hidden) -> bool, end: &dyn Fn(&Outcome) -> bool| {
-        done.iter().filter(|(h, _, o)| kind(h) && o.as_ref().is_some_and(end)).count()
+/// Where the trials of a matrix are kept; none for a selection.
+fn kept(wanted: &str) -> Option<PathBuf> {
+    let matrix = wanted == "full" || wanted.parse::<usize>().is_ok();
+    matrix.then(|| Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("trials-{wanted}.tsv")))
+}
+
+/// The program's fingerprint (FNV-1a): what another one has found is not gone on from.
+fn program() -> String {
+    let bytes = std::env::current_exe().and_then(std::fs::read).unwrap_or_default();
+    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
+    format!("# program {hash:016x}")
+}
+
+/// How many trials end between two prints of the totals.
+const EVERY: usize = 100;
+
+/// Runs a list of trials, every one on a single thread, as many at once as there are cores; those that `file` has already are taken from it.
+fn all(list: &[(&'static Hidden, Setting)], file: Option<&Path>) -> Vec<Row> {
+    let program = program();
+    let old = file.and_then(|file| std::fs::read_to_string(file).ok()).filter(|text| text.lines().next() == Some(&program));
+    let rows: Vec<Row> = old.as_deref().unwrap_or_default().lines().filter_map(Row::parse).collect();
+    let has = |(hidden, setting): &&(&Hidden, Setting)| rows.iter().any(|r| r.hidden == hidden.name && r.seed == setting.seed);
+    let left: Vec<_> = list.iter().filter(|trial| !has(trial)).collect();
+    let mut out = file.map(|file| {
+        println!("{} of {} trials are in {} already", list.len() - left.len(), list.len(), file.display());
+        let new = std::fs::OpenOptions::new().create(true).append(old.is_some()).write(true).truncate(old.is_none()).open(file);
+        new.unwrap_or_else(|e| panic!("{}: {e}", file.display()))
+    });
+    if let Some(out) = out.as_mut().filter(|_| old.is_none()) {
+        writeln!(out, "{program}").expect("written");
+    }
+    let (next, done) = (AtomicUsize::new(0), Mutex::new((rows, out)));
+    let work = || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+        while let Some((hidden, setting)) = left.get(next.fetch_add(1, Ordering::SeqCst)) {
+            let row = pool.install(|| ended(hidden, setting, list.len() <= 3));
+            let (rows, out) = &mut *done.lock().expect("no panic");
+            if let Some(out) = out {
+                writeln!(out, "{}", row.line()).expect("written");
+            }
+            rows.push(row);
+            if rows.len().is_multiple_of(EVERY) {
+                println!("\n{} of {} trials\n{}\n", rows.len(), list.len(), summary::totals(rows));
+            }
+        }
     };
-    let (inside, null) = (|h: &Hidden| !h.is.is_empty(), |h: &Hidden| h.name == NOTHING.name);
-    let outside = |h: &Hidden| h.is.is_empty() && h.name != NOTHING.name;
-    let large = |o: &Outcome| o.size >= 0.84;
-    let percent = |part: usize, all: usize| 100.0 * part as f64 / all.max(1) as f64;
-    let n_in = count(&inside, &large);
-    let (right, wrong) =
-        (count(&inside, &|o| large(o) && o.end == End::Right), count(&inside, &|o| large(o) && o.end == End::Wrong));
-    let n_out = count(&outside, &|_| true);
-    let (located, confident) = (count(&outside, &|o| o.end == End::Located), count(&outside, &|o| o.end == End::Wrong));
-    let (n_null, any) = (count(&null, &|_| true), count(&null, &|o| o.end != End::Nothing && o.end != End::Located));
-    let slowest = done.iter().filter_map(|d| d.2.as_ref()).map(|o| o.seconds).fold(0.0, f64::max);
-    format!(
-        "inside the library: {right} of {n_in} right ({:.0}%), {wrong} wrong ({:.1}%)\nnothing hidden: {any} of {n_null} name anything\n\
-         outside the library: {located} of {n_out} located ({:.0}%), {confident} confident wrong names ({:.0}%)\n\
-         slowest diagnosis {slowest:.1} s",
-        percent(right, n_in),
-        percent(wrong, n_in),
-        percent(located, n_out),
-        percent(confident, n_out)
-    )
+    let cores = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok());
+    let cores = cores.or(std::thread::available_parallelism().ok().map(usize::from)).unwrap_or(1);
+    std::thread::scope(|scope| (0..cores).for_each(|_| drop(scope.spawn(work))));
+    done.into_inner().expect("no panic").0
 }
 
 #[test]
@@ -253,28 +272,26 @@ fn matrix_of_hidden_effects() {
         println!("skipped: set KOEHLER_TRIALS to 60, full, or the name of what is hidden");
         return;
     };
-    let list = trials(&wanted);
-    let alone = list.len() <= 3;
-    let one = |(hidden, setting): &(&'static Hidden, Setting)| {
-        let outcome = run(hidden, setting);
-        match &outcome {
-            Some(o) if alone || !expected(hidden, o.end) => println!("{}\n", story(hidden, setting, o)),
-            Some(o) => println!(
-                "{:<38} #{:<7} size {:.1} {:>8}: {:?}, evidence {}, {:.1} s",
-                hidden.name,
-                setting.seed,
-                o.size,
-                o.channel,
-                o.end,
-                evidence(&o.diagnosis),
-                o.seconds
-            ),
-            None => println!("{:<38} #{:<7} does not fly", hidden.name, setting.seed),
-        }
-        (*hidden, *setting, outcome)
+    let rows = all(&trials(&wanted), kept(&wanted).as_deref());
+    println!("\n{}\n\n{}", summary::table(&rows), summary::totals(&rows));
+}
+
+#[test]
+fn a_trial_is_read_as_it_was_written() {
+    let row = Row {
+        kind: Kind::Outside,
+        hidden: "two structural modes".into(),
+        seed: 1002,
+        turbulence: true,
+        size: 1.25,
+        channel: "q".into(),
+        end: End::Wrong,
+        names: "sensor-lag:q|sensor-delay:q then upwash".into(),
+        seconds: 3.5,
     };
-    let done: Vec<_> = list.par_iter().map(one).collect();
-    println!("\n{}\n\n{}", table(&done), shares(&done));
+    assert_eq!(Row::parse(&row.line()), Some(row.clone()));
+    let empty = Row { channel: String::new(), names: String::new(), end: End::Unflown, ..row };
+    assert_eq!(Row::parse(&empty.line()), Some(empty));
 }
 
 /// As `KOEHLER_TRIALS` names them.
