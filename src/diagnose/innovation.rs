@@ -32,31 +32,34 @@ pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f6
     let white = noise.whiten(s, &blocks).pop().unwrap_or_default();
     let mut all = Vec::new();
     // Outputs that are sampled together have the same columns, and the same products of these.
-    let mut made: (&[f64], Vec<bool>, Vec<Vec<Vec<f64>>>, Vec<Gram>) = (&[], Vec::new(), Vec::new(), Vec::new());
+    let (mut of, mut made): ((&[f64], Vec<bool>), Made) = Default::default();
     let mut from = 0;
     for (times, block) in times.into_iter().zip(&blocks) {
         let new = &white[from..from + block.e.len()];
         from += block.e.len();
         let known: Vec<bool> = block.e.iter().map(|e| e.is_finite()).collect();
-        if made.0 != times || made.1 != known {
-            let mut columns = columns(&sources.all, &case.records[s], &signals, times);
-            columns.iter_mut().flatten().for_each(|column| silence(column, &known));
-            let products = columns.iter().map(|columns| Gram::of(columns)).collect();
-            made = (times, known, columns, products);
+        if of != (times, known.clone()) {
+            made = columns(&sources.all, &case.records[s], &signals, times).into_iter().map(|one| silenced(one, &known)).collect();
+            of = (times, known);
         }
-        for (source, (columns, products)) in made.2.iter().zip(&made.3).enumerate() {
+        for (source, (columns, products)) in made.iter().enumerate() {
             all.push(Sums { output: block.output, source, gram: joined(products, columns, new) });
         }
     }
     all
 }
 
-/// Nothing where a sample is not known, and nowhere anything if the column is not finite.
-fn silence(column: &mut [f64], known: &[bool]) {
-    if !column.iter().all(|v| v.is_finite()) {
-        column.fill(0.0);
+/// Columns of every source and their products.
+type Made = Vec<(Vec<Vec<f64>>, Gram)>;
+
+/// Columns with nothing where a sample is not known, and nothing anywhere in one that is not finite; and their products.
+fn silenced(mut columns: Vec<Vec<f64>>, known: &[bool]) -> (Vec<Vec<f64>>, Gram) {
+    for column in &mut columns {
+        let finite = column.iter().all(|v| v.is_finite());
+        column.iter_mut().zip(known).filter(|(_, known)| !finite || !**known).for_each(|(v, _)| *v = 0.0);
     }
-    column.iter_mut().zip(known).filter(|(_, known)| !**known).for_each(|(v, _)| *v = 0.0);
+    let products = Gram::of(&columns);
+    (columns, products)
 }
 
 /// Products of columns with those of one more behind them.
