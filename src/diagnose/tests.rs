@@ -212,7 +212,9 @@ fn truth_what_is_new_at_each_instant_is_foretold_by_chance_only_where_nothing_is
         let segments = campaign(&base, seed, 0.8);
         let held_out: Vec<bool> = (0..segments.len()).map(|i| i % 3 == 2).collect();
         let (method, settings) = (estimate::Settings::default(), Settings::default());
-        let subject = Subject { model: &base, segments: &segments, held_out: &held_out, method: &method, settings: &settings };
+        let context = Context::default();
+        let (segments, held_out) = (&segments[..], &held_out[..]);
+        let subject = Subject { model: &base, segments, held_out, method: &method, context: &context, settings: &settings };
         let stand = base::Stand::first(&base, &method, settings.base);
         let found = found::at_first(&stand, &subject).expect("settings").expect("a base");
         let (case, theta) = (found.case(), &found.fit.theta);
