@@ -189,3 +189,52 @@ fn partners(relations: &Columns, diagnosis: &str, equation: &str) -> String {
     };
     all.iter().take(3).map(word).collect::<Vec<_>>().join(", ")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::Table;
+
+    /// What it is by, maneuver, output, from, to, ratio.
+    type Row = (&'static str, Option<&'static str>, &'static str, f64, f64, f64);
+
+    /// Two outputs in two maneuvers, and one output in two bands; nothing was added.
+    fn gaps() -> Columns {
+        let rows: [Row; 6] = [
+            ("all", Some("a"), "q", f64::NAN, f64::NAN, 2.0),
+            ("all", Some("b"), "q", f64::NAN, f64::NAN, 3.0),
+            ("all", Some("b"), "V", f64::NAN, f64::NAN, 1.0),
+            ("all", None, "q", f64::NAN, f64::NAN, 2.5),
+            ("band", None, "q", 0.0, 0.3, 5.0),
+            ("band", None, "q", 8.0, f64::NAN, 0.5),
+        ];
+        let number = |of: fn(&Row) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
+        let table = Table::build("gaps")
+            .repeat("diagnosis", "d")
+            .repeat("when", "before")
+            .opt_strings("segment", rows.iter().map(|r| r.1))
+            .strings("output", rows.iter().map(|r| r.2))
+            .strings("by", rows.iter().map(|r| r.0))
+            .f64("from", number(|r| r.3))
+            .f64("to", number(|r| r.4))
+            .i64("n", vec![10; rows.len()])
+            .f64("mean", vec![0.0; rows.len()])
+            .f64("rms", number(|r| r.5))
+            .f64("noise", vec![1.0; rows.len()])
+            .f64("ratio", number(|r| r.5))
+            .finish();
+        Columns::of(&table.expect("gaps"))
+    }
+
+    #[test]
+    fn figures_have_outputs_down_and_maneuvers_or_ranges_across() {
+        let gaps = gaps();
+        let all = figures(|name| (name == "gaps").then_some(&gaps));
+        let of = &all[0].maneuvers.before;
+        assert_eq!((of.rows.join(" "), of.columns.join(" ")), ("q V".into(), "a b".into()));
+        assert_eq!(of.values, [[Some(2.0), Some(3.0)], [None, Some(1.0)]]);
+        let bands = &all[0].bands;
+        assert_eq!((bands.before.columns.join(" "), bands.after.columns.len()), ("< 0.30 > 8.0".into(), 0));
+        assert!(all[0].regimes.is_empty());
+    }
+}
