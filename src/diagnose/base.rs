@@ -5,11 +5,11 @@ use super::fit::{Fit, Task};
 use super::noise::Noise;
 use super::settings::Base as Kind;
 use crate::error::Errors;
-use crate::estimate::{self, Case, Estimation, Prepared, Segment};
+use crate::estimate::{self, Case, Estimation, Prepared, Segment, Unknown};
 use crate::model::{Model, Scope};
 
 /// Iterations of a fit to whitened residuals: it starts from an estimate, or near one.
-pub const ITERATIONS: usize = 12;
+pub const ITERATIONS: usize = 20;
 
 /// A model with what was added to it so far, as it is estimated.
 #[derive(Debug, Clone)]
@@ -89,21 +89,30 @@ pub fn placed(case: &Case, prepared: &Prepared, subject: &Subject, found: &Estim
     (0..case.unknowns.len()).map(value).collect()
 }
 
-/// The same from the parameter vector of another model's case over the same segments; what that one does not have keeps its start.
-pub fn carried(case: &Case, prepared: &Prepared, from: &Case, from_prepared: &Prepared, theta: &[f64]) -> Vec<f64> {
-    let segment = |prepared: &Prepared, at: Option<usize>| at.map(|at| prepared.used[at]);
-    let value = |i: usize| {
-        let unknown = &case.unknowns[i];
-        let same = |other: &&estimate::Unknown| {
-            other.name == unknown.name
-                && other.group == unknown.group
-                && segment(from_prepared, other.segment) == segment(prepared, unknown.segment)
+/// What a fit found, to be carried into another model's case over the same segments.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Known(Vec<(Unknown, f64)>);
+
+impl Known {
+    pub fn of(case: &Case, prepared: &Prepared, theta: &[f64]) -> Known {
+        let named = |(unknown, value): (&Unknown, &f64)| (among_all(unknown, prepared), *value);
+        Known(case.unknowns.iter().zip(theta).map(named).collect())
+    }
+
+    /// The parameter vector of `case`; what is not known keeps its start.
+    pub fn placed(&self, case: &Case, prepared: &Prepared) -> Vec<f64> {
+        let value = |i: usize| {
+            let unknown = among_all(&case.unknowns[i], prepared);
+            let found = self.0.iter().find(|(known, _)| *known == unknown).map_or(case.layout.start[i], |(_, value)| *value);
+            found.clamp(case.layout.lower[i], case.layout.upper[i])
         };
-        let found = from.unknowns.iter().position(|other| same(&other));
-        let value = found.map_or(case.layout.start[i], |k| theta[k]);
-        value.clamp(case.layout.lower[i], case.layout.upper[i])
-    };
-    (0..case.unknowns.len()).map(value).collect()
+        (0..case.unknowns.len()).map(value).collect()
+    }
+}
+
+/// An unknown whose segment is counted among all segments, used or not.
+fn among_all(unknown: &Unknown, prepared: &Prepared) -> Unknown {
+    Unknown { segment: unknown.segment.map(|at| prepared.used[at]), ..unknown.clone() }
 }
 
 /// Takes the integration steps that the model asks for at `theta` where records leave them open, and at least those given.

@@ -8,7 +8,7 @@
 //! Its uncertainty is found by measuring once more: white noise of the measured size is added to all measurements, and what that does to
 //! `d(t)` is noise.
 
-use super::base::carried;
+use super::base::Known;
 use super::driven::{GAIN, noises, with_led};
 use super::effect::{Context, roles};
 use super::found::Found;
@@ -130,7 +130,7 @@ impl<'a> Led<'a> {
     /// Residuals and sensitivities of a maneuver.
     fn blocks(&self, case: &Case, s: usize, sensitivities: bool) -> Option<Vec<Block>> {
         let found = self.found;
-        let theta = carried(case, &self.prepared, &found.case(), &found.prepared, &found.theta(s));
+        let theta = Known::of(&found.case(), &found.prepared, &found.theta(s)).placed(case, &self.prepared);
         case.evaluate(s, &case.layout.local(s, &theta), sensitivities)
     }
 }

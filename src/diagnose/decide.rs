@@ -20,8 +20,10 @@ pub enum Standing {
     Bounds,
     /// The flights do not determine its parameters.
     Unidentifiable,
-    /// Held-out maneuvers contradict it, or do not tell.
+    /// Held-out maneuvers contradict it.
     HeldOut,
+    /// Held-out maneuvers cannot tell: it predicts next to nothing there.
+    Untold,
     /// Its size differs from maneuver to maneuver by more than its uncertainty.
     Inconsistent,
     /// It passes, but with little more evidence than luck gives where the noise is what it is taken for.
@@ -46,6 +48,7 @@ impl Standing {
             Standing::Bounds => "against physics",
             Standing::Unidentifiable => "not identifiable",
             Standing::HeldOut => "fails held out",
+            Standing::Untold => "not told held out",
             Standing::Inconsistent => "inconsistent",
             Standing::Faint => "faint",
             Standing::Beaten => "beaten",
@@ -93,8 +96,8 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     if let Some(v) = refit.values.iter().find(|v| !v.held && !v.own && is_loose(v)) {
         return Some((Standing::Unidentifiable, format!("the flights do not determine {}", v.name)));
     }
-    if let Some(why) = held_out_objection(&refit.held_out, settings) {
-        return Some((Standing::HeldOut, why));
+    if let Some(objection) = held_out_objection(&refit.held_out, settings) {
+        return Some(objection);
     }
     let scatter = refit.consistency.filter(|c| c.p < RARE && c.share > SCATTER)?;
     let words = format!("its size differs from maneuver to maneuver by {:.0}% more than its uncertainty", 100.0 * scatter.share);
@@ -107,11 +110,12 @@ fn is_against(v: &Value, expected: f64, within: f64) -> bool {
     off > 2.0 * v.sd.unwrap_or(0.0)
 }
 
+/// A size whose sd is a large share of it; a shape whose interval (2 sd) is as wide as what physics allows it.
 fn is_loose(v: &Value) -> bool {
     match (v.sd, v.null) {
         (None, _) => true,
         (Some(sd), Some(null)) => !(sd < LOOSE * (v.value - null).abs()),
-        (Some(sd), None) => !sd.is_finite(),
+        (Some(sd), None) => !(sd.is_finite() && 4.0 * sd < v.bounds.1 - v.bounds.0),
     }
 }
 
@@ -124,21 +128,23 @@ fn least(predicted: f64, decisive: f64) -> f64 {
 }
 
 /// The rule of the held-out maneuvers, one by one and together.
-fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<String> {
+fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, String)> {
     if gains.is_empty() {
-        return Some("no maneuver is held out".into());
+        return Some((Standing::Untold, "no maneuver is held out".into()));
     }
     let predicted: f64 = gains.iter().map(|g| g.predicted).sum();
     let realised: f64 = gains.iter().map(|g| g.realised).sum();
     if !(predicted > settings.decisive) {
-        return Some(format!("on held-out maneuvers it predicts a gain of {predicted:.1} only: they cannot tell"));
+        let why = format!("on held-out maneuvers it predicts a gain of {predicted:.1} only: they cannot tell");
+        return Some((Standing::Untold, why));
     }
     if !(realised > settings.decisive) {
-        return Some(format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted"));
+        return Some((Standing::HeldOut, format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted")));
     }
     let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings.decisive));
     let worst = gains.iter().filter(fails).min_by(|a, b| a.realised.total_cmp(&b.realised))?;
-    Some(format!("a held-out maneuver gains {:.1} where {:.1} is predicted", worst.realised, worst.predicted))
+    let why = format!("a held-out maneuver gains {:.1} where {:.1} is predicted", worst.realised, worst.predicted);
+    Some((Standing::HeldOut, why))
 }
 
 /// Those that pass and come near to the best, best evidence first, errors of sensors before physics.

@@ -6,6 +6,7 @@
 //! *Equation error*: with all measured states led so, `K (z - y)` is what each rate equation lacks, smoothed over `1/K`. Noise of the
 //! sensor alone makes it `K` times as large.
 
+use super::base::Known;
 use super::found::Found;
 use super::gaps::noise;
 use crate::error::Errors;
@@ -110,7 +111,7 @@ fn traces(found: &Found, segments: &[Segment], states: &[String]) -> Result<Vec<
     let mut case = prepared.case();
     case.records.iter_mut().zip(&base.records).for_each(|(to, from)| to.substeps = from.substeps.max(2));
     let all = (0..case.records.len()).flat_map(|s| {
-        let theta = super::base::carried(&case, &prepared, &base, &found.prepared, &found.theta(s));
+        let theta = Known::of(&base, &found.prepared, &found.theta(s)).placed(&case, &prepared);
         case.traces(s, &theta)
     });
     Ok(all.collect())

@@ -2,8 +2,8 @@
 //!
 //! With the noise's colour fixed (that of the base fit), the negative log-likelihood is half the sum of squares of the whitened
 //! residuals, `J = 1/2 sum_s |W (z - y)|^2`, so that differences of `J` between models are gains in log-likelihood. Gauss and Newton's
-//! steps with `W dy/dtheta`, every segment's own parameters eliminated first; a step that does not lower `J` is halved; a parameter that
-//! would leave its bounds is put on them and the rest of the step found again.
+//! steps with `W dy/dtheta`, every segment's own parameters eliminated first; a step that does not lower `J` is halved, and then damped
+//! (Levenberg, Marquardt) more and more; a parameter that would leave its bounds is put on them and the rest of the step found again.
 
 use super::gram::Gram;
 use super::noise::Noise;
@@ -52,7 +52,8 @@ pub struct Spread {
 
 /// A promise of less than this much log-likelihood ends the iteration.
 const SETTLED: f64 = 0.01;
-const HALVINGS: usize = 8;
+/// Damping of a step (a share of each parameter's information) and the share of it that is taken, one after the other until `J` is lower.
+const TRIES: [(f64, f64); 7] = [(0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0)];
 
 /// Sums of one segment: own parameters eliminated.
 struct Part {
@@ -67,21 +68,28 @@ impl Task<'_> {
     pub fn fit(&self, mut theta: Vec<f64>, iterations: usize) -> Option<Fit> {
         let mut costs = self.costs(&theta)?;
         for _ in 0..iterations {
-            let Some((step, promise)) = self.step(&theta) else { break };
+            let Some(slopes) = self.slopes(&theta) else { break };
+            let Some((_, promise)) = self.step(&theta, &slopes, 0.0) else { break };
             if promise < SETTLED {
                 return Some(Fit { theta, costs, converged: true });
             }
             let before: f64 = costs.iter().sum::<f64>() + self.prior(&theta);
-            let better = (0..=HALVINGS).find_map(|halvings| {
-                let share = 1.0 / (1u32 << halvings) as f64;
+            let better = TRIES.iter().find_map(|&(damping, share)| {
+                let (step, _) = self.step(&theta, &slopes, damping)?;
                 let trial = self.moved(&theta, &step, share);
                 let costs = self.costs(&trial)?;
                 (costs.iter().sum::<f64>() + self.prior(&trial) < before).then_some((trial, costs))
             });
             let Some(better) = better else { break };
+            let gained = costs.iter().sum::<f64>() - better.1.iter().sum::<f64>();
             (theta, costs) = better;
+            // It creeps: what is promised is not to be had.
+            if gained < SETTLED {
+                break;
+            }
         }
-        let converged = self.step(&theta).is_some_and(|(_, promise)| promise < 10.0 * SETTLED);
+        let last = self.slopes(&theta).and_then(|slopes| self.step(&theta, &slopes, 0.0));
+        let converged = last.is_some_and(|(_, promise)| promise < 10.0 * SETTLED);
         Some(Fit { theta, costs, converged })
     }
 
@@ -144,11 +152,18 @@ impl Task<'_> {
         all
     }
 
-    /// The step from `theta`, and how much it promises to lower the cost.
-    fn step(&self, theta: &[f64]) -> Option<(Vec<f64>, f64)> {
+    /// What a step is made from: sums of every segment, and of all together.
+    fn slopes(&self, theta: &[f64]) -> Option<(Vec<Part>, Gram)> {
         let parts = self.parts(theta)?;
-        let (n, layout) = (self.free.len(), &self.case.layout);
         let all = self.together(&parts, theta);
+        Some((parts, all))
+    }
+
+    /// The step from `theta`, shared parameters damped, and how much it promises to lower the cost (undamped).
+    fn step(&self, theta: &[f64], (parts, all): &(Vec<Part>, Gram), damping: f64) -> Option<(Vec<f64>, f64)> {
+        let (n, layout) = (self.free.len(), &self.case.layout);
+        let mut all = all.clone();
+        (0..n).for_each(|k| all.sums[k * (n + 1) + k] += damping * all.scale[k]);
         let mut pinned: Vec<Option<f64>> = vec![None; n];
         let shared = loop {
             let x = solve_pinned(&all, &pinned);
@@ -165,7 +180,7 @@ impl Task<'_> {
         let mut step = vec![0.0; theta.len()];
         self.free.iter().zip(&shared).for_each(|(&i, x)| step[i] = *x);
         let mut promise = 0.0;
-        for (&s, part) in self.segments.iter().zip(&parts) {
+        for (&s, part) in self.segments.iter().zip(parts) {
             let m = part.gram.n;
             let mut x = vec![0.0; m];
             part.to[..part.to.len() - 1].iter().enumerate().for_each(|(k, &place)| x[part.own + k] = shared[place]);

@@ -1,8 +1,8 @@
 //! A base as it stands in; its fit to the training maneuvers, the noise it leaves, and the held-out maneuvers with its derivatives, out.
 
 use super::absorbed::Fitted;
-use super::base::{Places, Stand, carried, estimation, fitted, placed, seen, settle_steps};
-use super::fit::Fit;
+use super::base::{Known, Places, Stand, estimation, fitted, placed, seen, settle_steps};
+use super::fit::{Fit, Task};
 use super::located::Answers;
 use super::noise::Noise;
 use super::refit::{self, Frozen};
@@ -33,6 +33,11 @@ impl Found {
         place.and_then(|p| self.frozen[p].as_ref()).map_or_else(|| self.fit.theta.clone(), |f| f.theta.clone())
     }
 
+    /// What the fit to the training maneuvers found.
+    pub fn known(&self) -> Known {
+        Known::of(&self.prepared.case(), &self.prepared, &self.fit.theta)
+    }
+
     pub fn case(&self) -> Case<'_> {
         let mut case = self.prepared.case();
         case.records.iter_mut().zip(&self.substeps).for_each(|(record, steps)| record.substeps = *steps);
@@ -50,30 +55,31 @@ pub fn at_first(stand: &Stand, subject: &Subject) -> Result<Result<Found, Troubl
         return Ok(Err(Trouble::Base("the base model is not finite at its start".into())));
     }
     let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
-    let start = |case: &Case| (placed(case, &prepared, subject, &estimated), None, Vec::new());
+    let start = |case: &Case| (vec![placed(case, &prepared, subject, &estimated)], None, Vec::new());
     let found = fit(stand, subject, &prepared, &start);
     Ok(found.ok_or(Trouble::Base("the base model is not finite at its own estimate".into())))
 }
 
-/// Fits the base with what was added, from where it was fitted without; the noise is that of what is left now.
+/// Fits the base with what was added, from where it was fitted without or from what is known besides, whichever is better; the noise is that
+/// of what is left now.
 ///
 /// # Errors
 /// Settings that do not fit the model.
-pub fn at_next(stand: &Stand, subject: &Subject, from: &Found) -> Result<Option<Found>, Errors> {
+pub fn at_next(stand: &Stand, subject: &Subject, from: &Found, known: Option<&Known>) -> Result<Option<Found>, Errors> {
     let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
     if prepared.used != from.prepared.used {
         return Ok(None);
     }
+    let before = from.known();
     let start = |case: &Case| {
-        let before = from.case();
-        let theta = carried(case, &prepared, &before, &from.prepared, &from.fit.theta);
-        (theta, Some(from.noise.clone()), from.substeps.clone())
+        let starts = [Some(&before), known].into_iter().flatten().map(|known| known.placed(case, &prepared)).collect();
+        (starts, Some(from.noise.clone()), from.substeps.clone())
     };
     Ok(fit(stand, subject, &prepared, &start))
 }
 
-/// Where a fit begins: parameters, noise if it is known, least integration steps.
-type Start<'a> = dyn Fn(&Case) -> (Vec<f64>, Option<Noise>, Vec<usize>) + 'a;
+/// Where a fit begins: parameters (the best of these), noise if it is known, least integration steps.
+type Start<'a> = dyn Fn(&Case) -> (Vec<Vec<f64>>, Option<Noise>, Vec<usize>) + 'a;
 
 /// How often the noise of the start is found again with what the estimation absorbed of it.
 const AGAIN: usize = 3;
@@ -82,8 +88,9 @@ const AGAIN: usize = 3;
 fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> Option<Found> {
     let places = Places::of(prepared, subject.held_out);
     let mut case = prepared.case();
-    let (theta, known, least) = start(&case);
-    settle_steps(&mut case, &theta, &least);
+    let (starts, known, least) = start(&case);
+    starts.iter().for_each(|theta| settle_steps(&mut case, theta, &least));
+    let theta = best(&case, known.as_ref(), &places.training, starts)?;
     let free = seen(&case, &places.training);
     let nothing = Answers::default();
     let again = |theta: &[f64], noise: &Noise, answers: &Answers| {
@@ -120,6 +127,15 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
         fit,
         free,
     })
+}
+
+/// The start at which the model is best; the first one where no noise is known to measure by.
+fn best(case: &Case, noise: Option<&Noise>, segments: &[usize], starts: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+    let cost = |theta: &Vec<f64>| {
+        let costs = noise.and_then(|noise| Task { case, noise, segments, free: &[] }.costs(theta));
+        costs.map_or(f64::INFINITY, |costs| costs.iter().sum::<f64>())
+    };
+    starts.into_iter().map(|theta| (cost(&theta), theta)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, theta)| theta)
 }
 
 pub fn values(case: &Case, stand: &Stand, theta: &[f64]) -> Vec<(String, f64)> {

@@ -2,8 +2,7 @@
 //! time first.
 
 use super::Settings;
-use crate::dynamics::{Channel, Record};
-use crate::estimate::Segment;
+use crate::estimate::{Segment, Stretch};
 
 /// How the held-out maneuvers were chosen.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,60 +32,54 @@ pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> 
     Rule { held_out, words: format!("every {every}th maneuver of each input, in the order of flights and time") }
 }
 
+/// Blocks of one record, at most.
+const BLOCKS: usize = 48;
+
 /// Segments and their names as they are, or, where there are fewer than `hold_every`, cut into blocks of equal time (of at least
-/// `block_s`), so that some can be held out. A block begins with initial values of its own.
+/// `block_s`), so that some can be held out. The model runs through a record from its beginning all the same, once for each block, so that
+/// what is slow in it stays visible: start values come from the blocks of the training.
 pub fn cut(segments: Vec<Segment>, names: Vec<String>, settings: &Settings) -> (Vec<Segment>, Vec<String>) {
     if segments.len() >= settings.hold_every.max(2) || !settings.held_out.is_empty() {
         return (segments, names);
     }
     let (mut blocks, mut block_names) = (Vec::new(), Vec::new());
-    for (segment, name) in segments.iter().zip(&names) {
-        let record = &segment.record;
+    for (segment, name) in segments.into_iter().zip(names) {
+        let (record, dt) = (&segment.record, segment.record.dt);
         let steps = record.n.saturating_sub(record.start + 1);
-        let most = (steps as f64 * record.dt / settings.block_s.max(record.dt)).floor() as usize;
-        let count = most.clamp(1, 4 * settings.hold_every.max(2));
-        for i in 0..count {
-            let edge = |i: usize| record.start + i * steps / count;
-            blocks.push(Segment { record: block(record, edge(i), edge(i + 1)), labels: segment.labels.clone() });
-            block_names.push(if count == 1 { name.clone() } else { format!("{name}/{}", i + 1) });
+        let most = (steps as f64 * dt / settings.block_s.max(dt)).floor() as usize;
+        let count = most.clamp(1, BLOCKS);
+        // half a step before a point of the grid: rounding never moves a sample into another block
+        let edge = |i: usize| record.t0 + ((record.start + i * steps / count) as f64 - 0.5) * dt;
+        let stretch =
+            |i: usize| Stretch { of: name.clone(), from: edge(i), to: if i + 1 == count { f64::INFINITY } else { edge(i + 1) } };
+        if count == 1 {
+            block_names.push(name);
+            blocks.push(segment);
+            continue;
         }
+        blocks.extend((0..count).map(|i| Segment { stretch: Some(stretch(i)), ..segment.clone() }));
+        block_names.extend((1..=count).map(|i| format!("{name}/{i}")));
     }
     (blocks, block_names)
-}
-
-/// The points `from..=to` of a record; what lies before only feeds delays.
-fn block(record: &Record, from: usize, to: usize) -> Record {
-    let nu = record.inputs.len() / record.n.max(1);
-    let time = |k: usize| record.t0 + k as f64 * record.dt;
-    let inside = |t: &f64| *t >= time(from) - 0.5 * record.dt && *t < time(to) - 0.5 * record.dt;
-    let channel = |c: &Channel| {
-        let kept: Vec<usize> = (0..c.t.len()).filter(|&k| inside(&c.t[k])).collect();
-        Channel { output: c.output, t: kept.iter().map(|&k| c.t[k]).collect(), z: kept.iter().map(|&k| c.z[k]).collect() }
-    };
-    Record {
-        n: to + 1,
-        inputs: record.inputs[..(to + 1) * nu].to_vec(),
-        start: from,
-        channels: record.channels.iter().map(channel).collect(),
-        ..record.clone()
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::{Channel, Record};
 
     #[test]
     fn one_long_record_is_cut_into_blocks_that_cover_it() {
         let t: Vec<f64> = (0..=400).map(|k| 5.0 + 0.1 * f64::from(k)).collect();
         let channel = Channel { output: 0, t: t.clone(), z: t.clone() };
         let record = Record { t0: 5.0, dt: 0.1, n: 401, inputs: t.clone(), channels: vec![channel], ..Record::default() };
-        let (blocks, names) = cut(vec![Segment::from(record)], vec!["f".into()], &Settings::default());
+        let (blocks, names) =
+            cut(vec![Segment::from(record)], vec!["f".into()], &Settings { block_s: 10.0, ..Settings::default() });
         assert_eq!(names, ["f/1", "f/2", "f/3", "f/4"]);
-        let samples: Vec<f64> = blocks.iter().flat_map(|b| b.record.channels[0].z.clone()).collect();
-        assert_eq!(samples, t[..400]);
+        let samples: Vec<f64> = blocks.iter().flat_map(|b| b.scored().channels[0].z.clone()).collect();
+        assert_eq!(samples, t);
         for b in blocks {
-            let r = b.record;
+            let r = b.scored();
             assert!(r.channels[0].t.iter().all(|t| r.weights(*t).is_some()), "{} {}", r.start, r.n);
             assert_eq!(r.inputs.len(), r.n);
         }

@@ -117,6 +117,8 @@ pub struct Value {
     pub sd: Option<f64>,
     /// The value at which it is nothing; none for a shape.
     pub null: Option<f64>,
+    /// Physical bounds.
+    pub bounds: (f64, f64),
     /// It sits on a physical bound.
     pub at_bound: bool,
     /// It was not fitted.

@@ -4,7 +4,7 @@
 //! (initial states, zero shifts) is found again. The two predictions then differ by `d` (whitened), and if the candidate is true and its
 //! parameters right, the gain in log-likelihood is normal with mean `d'd/2` and variance `d'd`: that is the gain predicted.
 
-use super::base::{Places, Stand, carried, fitted, seen, settle_steps};
+use super::base::{Known, Places, Stand, fitted, seen, settle_steps};
 use super::effect::{Added, Candidate};
 use super::fit::{Fit, Spread, Task};
 use super::gram::dot;
@@ -50,6 +50,8 @@ pub struct Refit {
     pub consistency: Option<Consistency>,
     /// The training maneuvers' gains.
     pub training: Vec<Gain>,
+    /// Everything that the fit found.
+    pub known: Known,
 }
 
 /// Scatter of a size from maneuver to maneuver.
@@ -61,7 +63,10 @@ pub struct Consistency {
     pub share: f64,
 }
 
-/// Fits a candidate from where the screening saw it best.
+/// Shares of the screening's size that a fit may start from: the sizes were found with everything else moving along.
+const SHARES: [f64; 4] = [1.0, 0.25, 0.05, 0.01];
+
+/// Fits a candidate from where the screening saw it best, or nearer to nothing where the model is better there.
 ///
 /// # Errors
 /// Its model does not fit the settings of the base's estimation.
@@ -72,10 +77,11 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
         return Ok(None);
     }
     let mut case = prepared.case();
-    let theta = carried(&case, &prepared, ground.case, ground.prepared, &ground.fit.theta);
+    let theta = Known::of(ground.case, ground.prepared, &ground.fit.theta).placed(&case, &prepared);
     let least: Vec<usize> = ground.case.records.iter().map(|r| r.substeps).collect();
     settle_steps(&mut case, &theta, &least);
     let names: Vec<String> = candidate.added.iter().map(|a| a.name.clone()).collect();
+    let theta = nearest(ground, &case, candidate, &theta);
     let (free, fit) = fitted(&case, ground.noise, ground.places, theta, &names);
     let Some(fit) = fit else { return Ok(None) };
     let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
@@ -99,7 +105,26 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
         values,
         held_out: gains,
         training: training.collect(),
+        known: Known::of(&case, &prepared, &fit.theta),
     }))
+}
+
+/// The best of the starts in which a share of the sizes is taken.
+fn nearest(ground: &Ground, case: &Case, candidate: &Candidate, theta: &[f64]) -> Vec<f64> {
+    let task = Task { case, noise: ground.noise, segments: &ground.places.training, free: &[] };
+    let shared = |share: f64| -> Vec<f64> {
+        let mut theta = theta.to_vec();
+        for (unknown, value) in case.unknowns.iter().zip(&mut theta) {
+            let null = candidate.added.iter().find(|a| a.name == unknown.name).and_then(|a| a.null);
+            null.iter().for_each(|null| *value = null + share * (*value - null));
+        }
+        theta
+    };
+    let cost = |theta: &Vec<f64>| task.costs(theta).map_or(f64::INFINITY, |costs| costs.iter().sum());
+    let starts = SHARES.map(shared);
+    let costs: Vec<f64> = starts.iter().map(cost).collect();
+    let best = (0..starts.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or_default();
+    starts.into_iter().nth(best).unwrap_or_else(|| theta.to_vec())
 }
 
 /// The base with a candidate whose parameters start at `at`.
@@ -167,6 +192,7 @@ fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fi
             value,
             sd,
             null: added.null,
+            bounds: (added.min, added.max),
             at_bound: bound,
             held: added.hold.is_some(),
             own: added.scope == Scope::Segment,

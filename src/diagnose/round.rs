@@ -10,14 +10,15 @@ use super::screen::{self, Screened, screen};
 use super::surrogate::{best_of_surrogates, luck};
 use super::{Judged, Round, Subject};
 use crate::error::Errors;
-use crate::estimate::Case;
+use crate::estimate::{Case, Segment};
 use crate::math::quantile;
 use crate::model::Scope;
 
 /// A candidate is refitted if its score reaches this share of the best one's: less than that is not made up for by a full fit.
 const WORTH: f64 = 0.25;
 
-/// Screens all candidates, refits and judges the best.
+/// Screens all candidates, refits and judges the best. Luck gains at least `least`: fewer candidates may take part than one of them was
+/// found among.
 ///
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
@@ -26,15 +27,15 @@ pub fn held_against(
     found: &Found,
     case: &Case,
     located: Vec<Located>,
-    candidates: &[Candidate],
+    (candidates, least): (&[Candidate], f64),
     subject: &Subject,
     progress: &dyn Fn(&str),
 ) -> Result<Round, Errors> {
     let settings = subject.settings;
     progress(&format!("screening {} candidates", candidates.len()));
-    let labels: Vec<_> = found.prepared.used.iter().map(|&s| &subject.segments[s].labels).collect();
+    let of: Vec<&Segment> = found.prepared.used.iter().map(|&s| &subject.segments[s]).collect();
     let ground = screen::Ground {
-        labels: &labels,
+        of: &of,
         case,
         noise: &found.noise,
         method: &stand.method,
@@ -44,7 +45,7 @@ pub fn held_against(
     };
     let screening = screen(&ground, candidates)?;
     let best = best_of_surrogates(&screening, settings.surrogates, settings.seed);
-    let limit = if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) };
+    let limit = least.max(if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) });
     let mut judged: Vec<Judged> = candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit)).collect();
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
     let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > limit && judged[i].score > WORTH * best).collect();

@@ -10,10 +10,9 @@ use super::gram::{DEPENDENT, Gram};
 use super::noise::Noise;
 use crate::dynamics::{Directions, Plan};
 use crate::error::Errors;
-use crate::estimate::{self, Block, Case};
+use crate::estimate::{self, Block, Case, Grouping, SEGMENT, Segment};
 use crate::math::dense;
 use crate::model::{Scope, StartKind};
-use indexmap::IndexMap;
 use rayon::prelude::*;
 
 /// A candidate's column is of the base's making if less than this share of it is left.
@@ -91,8 +90,8 @@ pub struct Ground<'a> {
     pub segments: &'a [usize],
     /// Shared parameters that move.
     pub free: &'a [usize],
-    /// Labels of every segment of the case.
-    pub labels: &'a [&'a IndexMap<String, String>],
+    /// The segments of the case.
+    pub of: &'a [&'a Segment],
 }
 
 impl Probe {
@@ -198,18 +197,14 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
 fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
     let column = match scope {
         Scope::Campaign => return vec![None],
-        Scope::Segment => return ground.segments.iter().map(|&s| Some(vec![s])).collect(),
+        Scope::Segment => SEGMENT,
         Scope::Column(column) => column,
     };
-    let mut sets: Vec<(Option<&String>, Vec<usize>)> = Vec::new();
-    for &s in ground.segments {
-        let value = ground.labels[s].get(column);
-        match sets.iter_mut().find(|set| set.0 == value) {
-            Some(set) => set.1.push(s),
-            None => sets.push((value, vec![s])),
-        }
-    }
-    sets.into_iter().map(|set| Some(set.1)).collect()
+    let these: Vec<&Segment> = ground.segments.iter().map(|&s| ground.of[s]).collect();
+    let grouping = Grouping::by(column, &these);
+    let members =
+        |group: usize| ground.segments.iter().zip(&grouping.of).filter(move |(_, of)| **of == group).map(|(&s, _)| s).collect();
+    (0..grouping.values.len()).map(|group| Some(members(group))).collect()
 }
 
 /// Products of one segment: own parameters eliminated, then the free shared ones, the candidates' columns, the residuals.

@@ -7,7 +7,7 @@
 //! does not is replaced by the one that does, or dropped for good, and the search goes on. One that explains most and is contradicted all
 //! the same stays in the model without being named: the others are judged with it in place.
 
-use super::base::Stand;
+use super::base::{Known, Stand};
 use super::closing::closing;
 use super::decide::Standing;
 use super::effect::Candidate;
@@ -41,10 +41,14 @@ struct Link {
     name: String,
     values: Vec<f64>,
     evidence: f64,
+    /// What luck gains among all candidates of the round in which it was found.
+    limit: f64,
     /// Candidates that came near it in its round.
     rivals: Vec<String>,
     /// Why it is not believed although nothing explains more.
     doubt: Option<String>,
+    /// Everything that the fit found in which it was added.
+    known: Known,
 }
 
 /// The search while it goes on.
@@ -150,7 +154,7 @@ impl Search<'_> {
                 self.out.skipped = skipped;
             }
             candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
-            let round = self.round(&stand, found, &candidates)?;
+            let round = self.round(&stand, found, &candidates, 0.0)?;
             let chosen = to_add(&round, self.subject.settings.apart);
             let link = chosen.and_then(|c| link(&round, &round.judged[c]));
             self.out.rounds.push(round);
@@ -164,7 +168,8 @@ impl Search<'_> {
 
     /// The base with what was added; none where nothing was, or where it does not run.
     fn with(&self, stand: &Stand, base: &Found) -> Result<Option<Found>, Errors> {
-        if stand.added.is_empty() { Ok(None) } else { at_next(stand, self.subject, base) }
+        let known = self.links.last().map(|link| &link.known);
+        if stand.added.is_empty() { Ok(None) } else { at_next(stand, self.subject, base, known) }
     }
 
     /// Tests every link with all others in place, the weakest first; true where all of them hold.
@@ -238,19 +243,21 @@ impl Search<'_> {
                 base: Vec::new(),
                 strict: true,
             },
-            _ => self.round(&stand, made.as_ref().unwrap_or(base), &candidates)?,
+            // Few take part, but it was found as the best of all.
+            _ => self.round(&stand, made.as_ref().unwrap_or(base), &candidates, this.limit)?,
         };
         round.base = others.iter().map(|l| l.name.clone()).collect();
         round.strict = true;
         Ok(round)
     }
 
-    fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate]) -> Result<Round, Errors> {
+    /// `least`: luck gains at least this.
+    fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate], least: f64) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();
         let located = locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings.quantile);
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
-        let mut round = held_against(stand, found, &case, located, candidates, self.subject, &tell)?;
+        let mut round = held_against(stand, found, &case, located, (candidates, least), self.subject, &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();
         Ok(round)
     }
@@ -281,8 +288,10 @@ fn link(round: &Round, judged: &Judged) -> Option<Link> {
         name: judged.name.clone(),
         values: refit.values.iter().map(|v| v.value).collect(),
         evidence: judged.evidence,
+        limit: round.limit,
         rivals: near.iter().take(RIVALS).map(|j| j.name.clone()).collect(),
         doubt: None,
+        known: refit.known.clone(),
     })
 }
 

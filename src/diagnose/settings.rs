@@ -14,7 +14,8 @@ pub struct Settings {
     pub held_out: Vec<String>,
     /// Every how many-th maneuver of an input is held out (2 or more).
     pub hold_every: usize,
-    /// Where there are fewer maneuvers than that, records are cut into blocks of at least this length, s.
+    /// Where there are fewer maneuvers than that, records are cut into blocks of at least this length, s (at most 48 of them): shorter than what
+    /// is flown in them, so that those held out see a part of it.
     pub block_s: f64,
     /// Surrogate campaigns in which nothing is missing.
     pub surrogates: usize,
@@ -51,7 +52,7 @@ impl Default for Settings {
             base: Base::default(),
             held_out: Vec::new(),
             hold_every: 3,
-            block_s: 10.0,
+            block_s: 5.0,
             surrogates: 500,
             seed: 1,
             quantile: 0.99,

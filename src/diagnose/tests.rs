@@ -86,7 +86,7 @@ pub fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
                 v = rho * v + (1.0 - rho * rho).sqrt() * stream.normal();
             }
         }
-        Segment { record, labels: [("input".to_string(), "de".to_string())].into() }
+        Segment { record, labels: [("input".to_string(), "de".to_string())].into(), ..Segment::default() }
     };
     (0..9).map(one).collect()
 }

@@ -6,12 +6,13 @@ use super::noise::Structure;
 use super::problem::{Block, Layout, Part};
 use super::profile::{Profile, profiles};
 use super::regression::{Regression, regress};
-use super::segment::{CAMPAIGN, Grouping, Segment, instants};
+use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::solution::{Solution, solve};
 use super::{Label, NoiseKind, Settings, StartFrom, Trace};
 use crate::dynamics::{Directions, Plan, Record, Response, Sampling};
 use crate::error::Result;
 use crate::model::{Model, Scope};
+use std::ops::Range;
 
 /// A variance is never taken smaller than this share of the mean square of the measurements; the second where outputs may be
 /// correlated, since a combination of outputs can vanish altogether.
@@ -57,10 +58,10 @@ impl<'a> Case<'a> {
         given: Vec<Vec<f64>>,
         settings: &Settings,
     ) -> Case<'a> {
-        let records: Vec<Record> = segments.iter().map(|s| s.record.clone()).collect();
+        let records: Vec<Record> = segments.iter().map(|s| s.scored()).collect();
         let automatic = records.iter().map(|r| r.substeps == 0).collect();
         let outputs = plan.outputs.clone();
-        let (layout, unknowns) = layout(model, plan, segments, settings, chosen, &given);
+        let (layout, unknowns) = layout(model, plan, (segments, &records), settings, chosen, &given);
         let sampling = records.iter().map(Record::sampling).collect();
         Case { model, chosen, plan, records, sampling, automatic, given, outputs, layout, unknowns }
     }
@@ -208,7 +209,7 @@ fn scored(model: &Model, segments: &[Segment]) -> Vec<usize> {
 fn layout(
     model: &Model,
     plan: &Plan,
-    segments: &[&Segment],
+    (segments, scored): (&[&Segment], &[Record]),
     settings: &Settings,
     chosen: &Chosen,
     given: &[Vec<f64>],
@@ -239,21 +240,40 @@ fn layout(
         }
     }
     let shared = values.len();
+    // What belongs to a segment is common to the stretches of one record, and stands among the shared ones then.
+    let mut own = |s: usize, place: Option<usize>, group: Option<Label>| {
+        let from = values.len();
+        values.extend(chosen.own.iter().map(|&p| bounds(p)));
+        unknowns.extend(chosen.own.iter().map(|&p| unknown(p, place, group.clone())));
+        for (state, value) in plan.given().iter().zip(&given[s]).filter(|(state, _)| chosen.initial.contains(state)) {
+            let q = &model.states[*state].quantity;
+            values.push([*value, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
+            unknowns.push(Unknown { name: format!("{}(0)", q.name), unit: q.unit.clone(), segment: place, group: group.clone() });
+        }
+        from..values.len()
+    };
+    let mut records: Vec<(&str, Range<usize>)> = Vec::new();
+    for (s, stretch) in segments.iter().enumerate().filter_map(|(s, segment)| Some((s, segment.stretch.as_ref()?))) {
+        let range = match records.iter().find(|(of, _)| *of == stretch.of) {
+            Some((_, range)) => range.clone(),
+            None => {
+                let range = own(s, None, Some(Label { column: SEGMENT.to_string(), value: stretch.of.clone() }));
+                records.push((&stretch.of, range.clone()));
+                range
+            }
+        };
+        seen[s].extend(range);
+    }
+    let shared = records.last().map_or(shared, |(_, range)| range.end);
     let noise = Grouping::by(&settings.noise_per, segments);
     let full = settings.noise == NoiseKind::Full;
     let mut parts = Vec::with_capacity(segments.len());
-    for (s, given) in given.iter().enumerate() {
-        let offset = values.len();
-        values.extend(chosen.own.iter().map(|&p| bounds(p)));
-        unknowns.extend(chosen.own.iter().map(|&p| unknown(p, Some(s), None)));
-        for (state, value) in plan.given().iter().zip(given).filter(|(state, _)| chosen.initial.contains(state)) {
-            let q = &model.states[*state].quantity;
-            values.push([*value, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
-            unknowns.push(Unknown { name: format!("{}(0)", q.name), unit: q.unit.clone(), segment: Some(s), group: None });
-        }
-        let instants = if full { instants(&segments[s].record) } else { Vec::new() };
+    for (s, segment) in segments.iter().enumerate() {
+        let alone = segment.stretch.is_none();
+        let range = if alone { own(s, Some(s), None) } else { shared..shared };
+        let instants = if full { instants(&scored[s]) } else { Vec::new() };
         let shared = std::mem::take(&mut seen[s]);
-        parts.push(Part { shared, offset, own: values.len() - offset, group: noise.of[s], instants });
+        parts.push(Part { shared, offset: range.start, own: range.len(), group: noise.of[s], instants });
     }
     let floor = plan.outputs.iter().map(|&o| floor(model, segments, o, settings)).collect();
     let noise = Structure { outputs: plan.outputs.len(), groups: noise.values.len().max(1), full, floor };

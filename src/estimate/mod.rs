@@ -65,7 +65,7 @@ pub use prepared::Prepared;
 pub use problem::{Block, Layout, Part};
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
-pub use segment::Segment;
+pub use segment::{Grouping, SEGMENT, Segment, Stretch};
 pub use selection::{Decision, Support};
 pub use settings::{InitialFrom, NoiseKind, OrderCriterion, Settings, Shifts, StartFrom, StepControl};
 

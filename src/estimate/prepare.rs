@@ -43,7 +43,7 @@ pub fn prepare<'a>(
     if carried.is_empty() {
         return Ok((model, Cow::Borrowed(segments)));
     }
-    let fed = |s: &Segment| Segment { record: fed(&s.record, nu, &carried), labels: s.labels.clone() };
+    let fed = |s: &Segment| Segment { record: fed(&s.record, nu, &carried), ..s.clone() };
     Ok((model, segments.iter().map(fed).collect()))
 }
 

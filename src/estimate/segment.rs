@@ -1,6 +1,6 @@
 //! Records with labels in; groups of segments, and which samples of different outputs belong together, out.
 
-use crate::dynamics::Record;
+use crate::dynamics::{Channel, Record};
 use indexmap::IndexMap;
 use std::borrow::Cow;
 
@@ -10,11 +10,46 @@ pub struct Segment {
     pub record: Record,
     /// For example `flight = "f3"`, `flap = "15"`.
     pub labels: IndexMap<String, String>,
+    /// Which part of the record is scored; all of it unless given.
+    pub stretch: Option<Stretch>,
+}
+
+/// A stretch of a longer record. The model runs from the record's beginning, with start values and segment parameters that all stretches
+/// of the record have in common; only what was measured within the stretch is scored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stretch {
+    /// Name of the record, the same in all of its stretches.
+    pub of: String,
+    /// From this time on, s, and before that one.
+    pub from: f64,
+    pub to: f64,
+}
+
+impl Segment {
+    /// The record as far as it is run, with the samples that are scored.
+    pub fn scored(&self) -> Record {
+        let record = &self.record;
+        let Some(stretch) = &self.stretch else { return record.clone() };
+        let nu = record.inputs.len() / record.n.max(1);
+        let channel = |c: &Channel| {
+            let kept: Vec<usize> = (0..c.t.len()).filter(|&k| c.t[k] >= stretch.from && c.t[k] < stretch.to).collect();
+            Channel { output: c.output, t: kept.iter().map(|&k| c.t[k]).collect(), z: kept.iter().map(|&k| c.z[k]).collect() }
+        };
+        // up to the first point of the grid that no sample of the stretch lies behind
+        let points = (((stretch.to - record.t0) / record.dt).ceil().max(0.0) as usize).saturating_add(1);
+        let n = points.clamp(record.n.min(record.start + 1), record.n);
+        Record {
+            n,
+            inputs: record.inputs[..n * nu].to_vec(),
+            channels: record.channels.iter().map(channel).collect(),
+            ..record.clone()
+        }
+    }
 }
 
 impl From<Record> for Segment {
     fn from(record: Record) -> Segment {
-        Segment { record, labels: IndexMap::new() }
+        Segment { record, ..Segment::default() }
     }
 }
 
@@ -27,7 +62,7 @@ pub struct Grouping {
     pub of: Vec<usize>,
 }
 
-/// The column that tells every segment from every other, without being written down in `labels`.
+/// The column that tells every segment from every other (stretches of one record count as one), without being written down in `labels`.
 pub const SEGMENT: &str = "segment";
 /// All segments together.
 pub const CAMPAIGN: &str = "campaign";
@@ -37,12 +72,14 @@ impl Grouping {
     pub fn by(column: &str, segments: &[&Segment]) -> Grouping {
         let mut grouping = Grouping::default();
         for (s, segment) in segments.iter().enumerate() {
-            let value: Cow<str> = match column {
-                CAMPAIGN => "".into(),
-                SEGMENT => s.to_string().into(),
+            let alone = column == SEGMENT && segment.stretch.is_none();
+            let value: Cow<str> = match (column, &segment.stretch) {
+                (CAMPAIGN, _) => "".into(),
+                (SEGMENT, Some(stretch)) => stretch.of.as_str().into(),
+                (SEGMENT, None) => s.to_string().into(),
                 _ => segment.labels.get(column).map(String::as_str).unwrap_or_default().into(),
             };
-            let at = if column == SEGMENT { None } else { grouping.values.iter().position(|v| *v == value) };
+            let at = if alone { None } else { grouping.values.iter().position(|v| *v == value) };
             grouping.of.push(at.unwrap_or(grouping.values.len()));
             if at.is_none() {
                 grouping.values.push(value.into_owned());
@@ -82,7 +119,6 @@ pub fn instants(record: &Record) -> Vec<Vec<u32>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::Channel;
 
     #[test]
     fn samples_of_one_time_share_an_instant() {

@@ -2,7 +2,7 @@
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
-use crate::estimate::{Estimation, Label, NoiseKind, Row, Segment, Settings, StepControl, Stop, estimate_segments};
+use crate::estimate::{Estimation, Label, NoiseKind, Row, Segment, Settings, StepControl, Stop, Stretch, estimate_segments};
 use crate::model::{Constants, Model};
 
 const TEXT: &str = r#"
@@ -54,7 +54,7 @@ pub fn segments(model: &Model, seed: u64, n: usize, sd: impl Fn(usize) -> [f64; 
                 channel.z = y.iter().map(|y| y + sd(s)[k] * normal(&mut rng)).collect();
             }
             let labels = [("flap", flap), ("flight", flight)].map(|(a, b)| (a.to_string(), b.to_string())).into();
-            Segment { record, labels }
+            Segment { record, labels, stretch: None }
         })
         .collect()
 }
@@ -107,6 +107,35 @@ fn groups_that_share_nothing_are_separate_estimates() {
     }
 }
 
+/// Stretches of a record have its start and its own parameters in common: all of them together say what the record says.
+#[test]
+fn stretches_of_a_record_are_the_record() {
+    let model = model();
+    let whole = segments(&model, 5, 4, |_| [0.01; 2]);
+    let pieces = |(s, segment): (usize, &Segment)| -> Vec<Segment> {
+        let edges = [f64::NEG_INFINITY, 1.5, 3.1, f64::INFINITY];
+        let stretch = |i: usize| Stretch { of: format!("record {s}"), from: edges[i], to: edges[i + 1] };
+        (0..3).map(|i| Segment { stretch: Some(stretch(i)), ..segment.clone() }).collect()
+    };
+    let cut: Vec<Segment> = whole.iter().enumerate().flat_map(pieces).collect();
+    for noise in [NoiseKind::Diagonal, NoiseKind::Full] {
+        let settings = Settings { noise, tolerance: 1e-12, step_tolerance: 1e-7, ..Settings::default() };
+        let (whole, cut) =
+            (estimate_segments(&model, &whole, &settings).unwrap(), estimate_segments(&model, &cut, &settings).unwrap());
+        assert_eq!((whole.stop, cut.stop, cut.left_out.len()), (Stop::Converged, Stop::Converged, 0));
+        assert_eq!(cut.rows.len(), whole.rows.len());
+        for a in &whole.rows {
+            let of = |b: &&Row| match a.segment {
+                Some(s) => b.name == a.name && b.group.as_ref().is_some_and(|g| g.value == format!("record {s}")),
+                None => b.name == a.name && b.group == a.group,
+            };
+            let b = cut.rows.iter().find(of).unwrap();
+            assert!((a.value - b.value).abs() < 1e-5 * a.sd_crlb.unwrap(), "{a:?} {b:?}");
+            assert!((a.sd_crlb.unwrap() / b.sd_crlb.unwrap() - 1.0).abs() < 1e-4, "{a:?} {b:?}");
+        }
+    }
+}
+
 /// Segments of another rate, another length, and with only one of the outputs.
 #[test]
 fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
@@ -122,7 +151,7 @@ fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
         let y = plan.respond(&[0.3, gain, shift, 0.0], &[], &record, false).y;
         record.channels[0].z = y[0].iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
         let labels = [("flap", flap), ("flight", flight)].map(|(a, b)| (a.to_string(), b.to_string())).into();
-        all[s] = Segment { record, labels };
+        all[s] = Segment { record, labels, stretch: None };
     }
     for noise in [NoiseKind::Diagonal, NoiseKind::Full] {
         for noise_per in ["campaign", "segment"] {

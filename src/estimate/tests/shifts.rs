@@ -64,7 +64,7 @@ fn shifted(count: usize) -> Vec<Segment> {
                 channel.z = y.iter().map(|y| y + shift + 1e-3 * normal(&mut rng)).collect();
             }
             record.inputs.iter_mut().for_each(|u| *u += 0.01 * (s + 1) as f64);
-            Segment { record, labels: [("flight".to_string(), flight.0.to_string())].into() }
+            Segment { record, labels: [("flight".to_string(), flight.0.to_string())].into(), ..Segment::default() }
         })
         .collect()
 }

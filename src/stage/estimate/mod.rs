@@ -197,7 +197,7 @@ pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, not
                     let text = format!("{masked} masked samples of the outputs are not scored in {segment}");
                     notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
                 }
-                ready.push(Ready { flight: flight.to_string(), segment, labelled: Segment { record, labels } });
+                ready.push(Ready { flight: flight.to_string(), segment, labelled: Segment { record, labels, stretch: None } });
             }
             Err(why) => {
                 notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}")))

@@ -141,7 +141,7 @@ fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Se
             let channels = (0..6).map(channel).collect();
             let record = Record { inputs: u, channels, substeps: 0, ..truth };
             let labels = [("input".to_string(), KINDS[kind].to_string()), ("flight".to_string(), format!("f{turn}"))];
-            segments.push(Segment { record, labels: labels.into_iter().collect() });
+            segments.push(Segment { record, labels: labels.into_iter().collect(), ..Segment::default() });
         }
     }
     Some(segments)
