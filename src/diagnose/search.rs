@@ -58,6 +58,8 @@ struct Search<'a> {
     progress: &'a (dyn Fn(&str) + Sync),
     links: Vec<Link>,
     dropped: Vec<String>,
+    /// Links are only taken out any more.
+    ending: bool,
     out: Diagnosis,
 }
 
@@ -83,7 +85,7 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
         let why = Trouble::Segments("there must be maneuvers to train on and maneuvers held out".into());
         return Ok(Diagnosis { verdict: Verdict::None(why), ..out });
     }
-    let mut search = Search { subject, offer, progress, links: Vec::new(), dropped: Vec::new(), out };
+    let mut search = Search { subject, offer, progress, links: Vec::new(), dropped: Vec::new(), ending: false, out };
     match search.run()? {
         Ok(()) => {}
         Err(trouble) => search.out.verdict = Verdict::None(trouble),
@@ -98,10 +100,12 @@ impl Search<'_> {
             Err(trouble) => return Ok(Err(trouble)),
         };
         let most = 3 * self.subject.settings.effects + 2;
-        loop {
-            self.forward(&base)?;
-            if self.back(&base)? || self.out.rounds.len() >= most {
-                break;
+        self.forward(&base)?;
+        while !self.back(&base)? {
+            // No end of it: what does not hold is taken out, and nothing comes in any more.
+            self.ending = self.out.rounds.len() >= most;
+            if !self.ending {
+                self.forward(&base)?;
             }
         }
         let named: Vec<Link> = self.links.iter().filter(|l| l.doubt.is_none()).cloned().collect();
@@ -198,7 +202,7 @@ impl Search<'_> {
             let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
             let this = round.judged.iter().find(|j| j.name == name);
             let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
-            let better = round.class.iter().filter_map(judged).find(others).filter(|j| !(j.evidence < evidence));
+            let better = round.class.iter().filter_map(judged).find(others).filter(|j| !self.ending && !(j.evidence < evidence));
             if let Some(better) = better.and_then(|j| link(round, j)) {
                 self.links[i] = better;
                 return Ok(false);
