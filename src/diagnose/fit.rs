@@ -27,7 +27,7 @@ pub struct Fit {
     pub theta: Vec<f64>,
     /// Cost of each segment of the task.
     pub costs: Vec<f64>,
-    /// No step promised a gain worth a hundredth of a unit of log-likelihood any more.
+    /// What a step still promises is less than luck gives one parameter.
     pub converged: bool,
 }
 
@@ -52,6 +52,8 @@ pub struct Spread {
 
 /// A promise of less than this much log-likelihood ends the iteration.
 const SETTLED: f64 = 0.01;
+/// Half the mean of chi-square with one degree of freedom.
+const LUCK: f64 = 0.5;
 /// Damping of a step (a share of each parameter's information) and the share of it that is taken, one after the other until `J` is lower.
 const TRIES: [(f64, f64); 7] = [(0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0)];
 
@@ -89,7 +91,7 @@ impl Task<'_> {
             }
         }
         let last = self.slopes(&theta).and_then(|slopes| self.step(&theta, &slopes, 0.0));
-        let converged = last.is_some_and(|(_, promise)| promise < 10.0 * SETTLED);
+        let converged = last.is_some_and(|(_, promise)| promise < LUCK);
         Some(Fit { theta, costs, converged })
     }
 
