@@ -105,9 +105,9 @@ fn rows_of<'a>(table: &'a Table, column: &str) -> Vec<&'a str> {
     table.strings(column).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Derivatives about the centre of gravity, by differences of the simulator's own forces and moments. It integrates angular velocity by Euler's
-/// steps of 1 ms, which take `w^2 h/2` of the damping of a mode of frequency `w`: 1.2e-3 1/s at 160 m/s, 0.5% of what C_n_r gives there, so
-/// rate derivatives may be off by this much beside their intervals.
+/// Derivatives about the centre of gravity, by differences of the simulator's own forces and moments. Euler's steps of 1 ms would take
+/// `w^2 h/2` of the damping of a mode of frequency `w`: 1.2e-3 1/s at 160 m/s, 0.5% of what C_n_r gives there. Whether the simulator steps so
+/// is not known; rate derivatives may be off by this much beside their intervals.
 #[test]
 fn recovery_derivatives_of_another_simulator() {
     let Some(data) = flights() else { return };
