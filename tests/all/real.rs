@@ -28,7 +28,7 @@ fn recovery_of_the_stall_of_the_attas() {
     let (verdict, named) = findings(&folder.path().join("out/stall"));
     println!("{verdict}, {named:?}");
     assert_eq!(code, Some(3));
-    assert_eq!((verdict.as_str(), named), ("named", vec!["stall-separation".to_string()]));
+    assert_eq!(named, ["stall-separation"], "{verdict}");
 }
 
 /// The HFB-320's own estimates with one term of the model taken out, diagnosed as predicted; the candidates named, and value and sd of the
