@@ -7,6 +7,7 @@ use super::settings::Base as Kind;
 use crate::error::Errors;
 use crate::estimate::{self, Case, Estimation, Prepared, Segment, Unknown};
 use crate::model::{Model, Scope};
+use std::collections::BTreeMap;
 
 /// Iterations of a fit to whitened residuals: it starts from an estimate, or near one.
 pub const ITERATIONS: usize = 20;
@@ -89,9 +90,9 @@ pub fn placed(case: &Case, prepared: &Prepared, subject: &Subject, found: &Estim
     (0..case.unknowns.len()).map(value).collect()
 }
 
-/// What a fit found, to be carried into another model's case over the same segments.
+/// What a fit found, to be carried into another model's case over the same segments. Ordered, so that it also prints the same every time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Known(Vec<(Unknown, f64)>);
+pub struct Known(BTreeMap<Unknown, f64>);
 
 impl Known {
     pub fn of(case: &Case, prepared: &Prepared, theta: &[f64]) -> Known {
@@ -103,7 +104,7 @@ impl Known {
     pub fn placed(&self, case: &Case, prepared: &Prepared) -> Vec<f64> {
         let value = |i: usize| {
             let unknown = among_all(&case.unknowns[i], prepared);
-            let found = self.0.iter().find(|(known, _)| *known == unknown).map_or(case.layout.start[i], |(_, value)| *value);
+            let found = self.0.get(&unknown).copied().unwrap_or(case.layout.start[i]);
             found.clamp(case.layout.lower[i], case.layout.upper[i])
         };
         (0..case.unknowns.len()).map(value).collect()

@@ -60,7 +60,8 @@ pub fn coefficients(found: &Found, segments: &[Segment], context: &Context, stat
     if let Some(free) = &mut method.free {
         free.extend(targets.iter().map(|t| t.increment.clone()));
     }
-    let Some(led) = Led::new(found, &model, segments, &method)? else { return Ok(Vec::new()) };
+    let base = found.case();
+    let Some(led) = Led::new((found, &base), &model, segments, &method)? else { return Ok(Vec::new()) };
     let noise = noises(found);
     let Some(sums) = led.with(|case| sums(case, &led, &targets, &noise)) else { return Ok(Vec::new()) };
     let told = told(&sums);
@@ -68,7 +69,7 @@ pub fn coefficients(found: &Found, segments: &[Segment], context: &Context, stat
     let mut squares = vec![vec![0.0; told.len()]; values.len()];
     for repeat in 0..REPEATS {
         let again = measured_again(segments, &found.prepared.model, &noise, repeat);
-        let Some(other) = Led::new(found, &model, &again, &method)? else { return Ok(Vec::new()) };
+        let Some(other) = Led::new((found, &base), &model, &again, &method)? else { return Ok(Vec::new()) };
         let Some(residuals) = other.with(|case| residuals(case, &other)) else { return Ok(Vec::new()) };
         for ((s, residuals), squares) in sums.iter().zip(&residuals).zip(&mut squares) {
             let moved: Vec<f64> = residuals.iter().zip(&s.residuals).map(|(a, b)| a - b).collect();
@@ -110,27 +111,32 @@ fn increments(targets: &[Target]) -> String {
 /// The model with its increments, led, at the base's fit.
 struct Led<'a> {
     found: &'a Found,
+    base: &'a Case<'a>,
     prepared: Prepared,
 }
 
 impl<'a> Led<'a> {
     /// None where other maneuvers can be used than for the base.
-    fn new(found: &'a Found, model: &Model, segments: &[Segment], method: &Settings) -> Result<Option<Led<'a>>, Errors> {
+    fn new(
+        (found, base): (&'a Found, &'a Case<'a>),
+        model: &Model,
+        segments: &[Segment],
+        method: &Settings,
+    ) -> Result<Option<Led<'a>>, Errors> {
         let prepared = Prepared::new(model, segments, method)?;
-        Ok((prepared.used == found.prepared.used).then_some(Led { found, prepared }))
+        Ok((prepared.used == found.prepared.used).then_some(Led { found, base, prepared }))
     }
 
     fn with<T>(&self, of: impl FnOnce(&Case) -> T) -> T {
-        let base = self.found.case();
         let mut case = self.prepared.case();
-        case.records.iter_mut().zip(&base.records).for_each(|(to, from)| to.substeps = from.substeps.max(2));
+        case.records.iter_mut().zip(&self.base.records).for_each(|(to, from)| to.substeps = from.substeps.max(2));
         of(&case)
     }
 
     /// Residuals and sensitivities of a maneuver.
     fn blocks(&self, case: &Case, s: usize, sensitivities: bool) -> Option<Vec<Block>> {
         let found = self.found;
-        let theta = Known::of(&found.case(), &found.prepared, &found.theta(s)).placed(case, &self.prepared);
+        let theta = Known::of(self.base, &found.prepared, &found.theta(s)).placed(case, &self.prepared);
         case.evaluate(s, &case.layout.local(s, &theta), sensitivities)
     }
 }

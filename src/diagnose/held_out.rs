@@ -29,7 +29,12 @@ pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> 
         counts[at].1.is_multiple_of(every)
     };
     let held_out: Vec<bool> = segments.iter().map(&mut hold).collect();
-    Rule { held_out, words: format!("every {every}th maneuver of each input, in the order of flights and time") }
+    let which = match every {
+        2 => "second".to_string(),
+        3 => "third".to_string(),
+        _ => format!("{every}th"),
+    };
+    Rule { held_out, words: format!("every {which} maneuver of each input, in the order of flights and time") }
 }
 
 /// Blocks of one record, at most.

@@ -63,3 +63,56 @@ impl Default for Settings {
         }
     }
 }
+
+impl Settings {
+    /// Settings that make no sense: name, and what is wanted and what is there.
+    pub fn faults(&self) -> Vec<(&'static str, String)> {
+        let mut all = Vec::new();
+        let mut ask = |fits: bool, name: &'static str, what: String| {
+            if !fits {
+                all.push((name, what));
+            }
+        };
+        let (q, n) = (self.quantile, self.surrogates);
+        ask(q > 0.0 && q < 1.0, "quantile", format!("a quantile is between 0 and 1, not {q}"));
+        ask(
+            self.hold_every >= 2,
+            "hold_every",
+            format!("every second maneuver at most is held out, not every {}", self.hold_every),
+        );
+        let block = self.block_s;
+        ask(block > 0.0 && block.is_finite(), "block_s", format!("blocks have a positive length in seconds, not {block}"));
+        // Fewer have no such quantile.
+        let enough = !(q < 1.0) || n as f64 * (1.0 - q) >= 1.0;
+        ask(enough, "surrogates", format!("{n} campaigns do not tell what one in {:.0} gains by luck", 1.0 / (1.0 - q)));
+        ask(self.refits >= 1, "refits", "without a refit nothing can be named: at least 1".into());
+        ask(self.effects >= 1, "effects", "without an effect nothing can be named: at least 1".into());
+        for (name, gain) in [("decisive", self.decisive), ("apart", self.apart)] {
+            ask(gain >= 0.0 && gain.is_finite(), name, format!("a gain in log-likelihood is not negative, but this is {gain}"));
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fault_settings_without_sense_are_all_told() {
+        assert!(Settings::default().faults().is_empty());
+        let wrong = Settings {
+            hold_every: 0,
+            block_s: -2.5,
+            surrogates: 50,
+            refits: 0,
+            effects: 0,
+            decisive: f64::NAN,
+            apart: -1.0,
+            ..Settings::default()
+        };
+        let names: Vec<&str> = wrong.faults().iter().map(|f| f.0).collect();
+        assert_eq!(names, ["hold_every", "block_s", "surrogates", "refits", "effects", "decisive", "apart"]);
+        assert_eq!(Settings { quantile: 1.0, ..Settings::default() }.faults().len(), 1);
+    }
+}

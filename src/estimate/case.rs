@@ -20,7 +20,7 @@ const FLOOR: f64 = 1e-20;
 const FLOOR_FULL: f64 = 1e-12;
 
 /// One unknown.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Unknown {
     pub name: String,
     pub unit: String,

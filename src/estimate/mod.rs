@@ -107,7 +107,7 @@ impl std::fmt::Display for Stop {
 }
 
 /// What a group of segments has in common.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Label {
     pub column: String,
     pub value: String,

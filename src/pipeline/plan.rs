@@ -377,16 +377,15 @@ impl Reader {
         settings: diagnose::Settings,
         estimates: &[Option<estimate::Config>],
     ) -> Option<diagnose::Config> {
+        for (name, what) in settings.method.faults() {
+            self.push(&format!("{key}.method.{name}"), what, "");
+        }
         let names: Vec<String> = self.settings.estimate.iter().map(estimate::Settings::name).collect();
         let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
             let error = names::unknown(&self.doc, &format!("{key}.estimate"), "[[estimate]]", &settings.estimate, &names);
             self.errors.push(error);
             return None;
         };
-        let method = &settings.method;
-        if !(method.quantile > 0.0 && method.quantile < 1.0) {
-            self.push(&format!("{key}.method.quantile"), format!("a quantile is between 0 and 1, not {}", method.quantile), "");
-        }
         let folders: Vec<PathBuf> = settings.effects.iter().map(|folder| self.path(folder)).collect();
         for (i, folder) in folders.iter().enumerate().filter(|(_, folder)| !folder.is_dir()) {
             self.push(&format!("{key}.effects.{i}"), format!("there is no folder {}", folder.display()), "");
