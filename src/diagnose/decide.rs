@@ -58,9 +58,6 @@ impl Standing {
     }
 }
 
-/// A parameter determined no better than this share of its value says nothing of its size.
-const LOOSE: f64 = 0.5;
-
 /// A size that scatters so improbably, and by more than this share of itself beyond its uncertainty, is not one number.
 const RARE: f64 = 1e-3;
 const SCATTER: f64 = 0.35;
@@ -68,7 +65,7 @@ const SCATTER: f64 = 0.35;
 /// A name takes this many times the evidence that the best of all candidates has by luck in one of a hundred campaigns. That limit supposes the
 /// noise's colour to be known; it is estimated, from maneuvers that have a few samples only of what is slow (gusts), so that its level there may be
 /// wrong by a factor.
-const SOLID: f64 = 3.0;
+const SOLID: f64 = 5.0;
 
 /// Why a candidate that passes is not named yet, at the round's limit of luck.
 pub fn is_faint(judged: &Judged, limit: f64) -> Option<String> {
@@ -93,8 +90,8 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
             return Some((Standing::Bounds, words));
         }
     }
-    if let Some(v) = refit.values.iter().find(|v| !v.held && !v.own && is_loose(v)) {
-        return Some((Standing::Unidentifiable, format!("the flights do not determine {}", v.name)));
+    if let Some(name) = undetermined(&refit.values) {
+        return Some((Standing::Unidentifiable, format!("the flights do not determine {name}")));
     }
     if let Some(objection) = held_out_objection(&refit.held_out, settings) {
         return Some(objection);
@@ -110,13 +107,13 @@ fn is_against(v: &Value, expected: f64, within: f64) -> bool {
     off > 2.0 * v.sd.unwrap_or(0.0)
 }
 
-/// A size whose sd is a large share of it; a shape whose interval (2 sd) is as wide as what physics allows it.
-fn is_loose(v: &Value) -> bool {
-    match (v.sd, v.null) {
-        (None, _) => true,
-        (Some(sd), Some(null)) => !(sd < LOOSE * (v.value - null).abs()),
-        (Some(sd), None) => !(sd.is_finite() && 4.0 * sd < v.bounds.1 - v.bounds.0),
-    }
+/// The parameter without which an effect is not known. One with a size of its own needs all it has: what size it is hangs on its shape. One that is there
+/// or not (its size held) needs one shape: of two stops the flights may reach one, of a stall show where it begins, not how late it ends.
+fn undetermined(values: &[Value]) -> Option<&str> {
+    let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && !v.own).collect();
+    let loose = fitted.iter().find(|v| !v.is_determined())?;
+    let sized = fitted.iter().any(|v| v.null.is_some());
+    (sized || fitted.iter().all(|v| !v.is_determined())).then_some(&loose.name)
 }
 
 /// The least that a maneuver must gain. A gain predicted to be `g` is normal about `g` with the sd `sqrt(2 g)`: where more than

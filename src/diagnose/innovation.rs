@@ -11,7 +11,7 @@
 //! (`1 - W G P G' W'`), so that gains are at most those of chance.
 
 use super::gram::{Gram, dot};
-use super::located::Sums;
+use super::located::{Size, Sums};
 use super::noise::Noise;
 use super::sources::{Sources, columns, signals};
 use crate::estimate::{Block, Case, Trace};
@@ -20,7 +20,7 @@ use crate::estimate::{Block, Case, Trace};
 pub const HOW: &str = ", acting at once";
 
 /// Sums of one segment.
-pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f64]) -> Vec<Sums> {
+pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f64], size: Size) -> Vec<Sums> {
     let traces = case.traces(s, theta);
     let signals = signals(case, s, &traces);
     let place = |output: usize| case.outputs.iter().position(|&o| o == output);
@@ -43,7 +43,11 @@ pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f6
             of = (times, known);
         }
         for (source, (columns, products)) in made.iter().enumerate() {
-            all.push(Sums { output: block.output, source, gram: joined(products, columns, new) });
+            let gram = match size {
+                Size::Alike => joined(products, columns, new),
+                Size::AsItIs => size.products(columns.clone(), new),
+            };
+            all.push(Sums { output: block.output, source, gram });
         }
     }
     all

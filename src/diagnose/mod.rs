@@ -18,7 +18,8 @@
 //!    test and come within `apart` of the best are not told from it. Errors of sensors come before physics among equals.
 //! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes; then each one is taken out again and
 //!    tested with everything else in place.
-//! 7. *What is left* is asked without any candidate: does an output still answer to an input? Then something is located, not explained.
+//! 7. *What is left* is asked without any candidate: does an output still answer to an input? Is a held-out maneuver missed by more than all
+//!    others? Then something is located, not explained.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -37,6 +38,7 @@
 //! | `sources` | what an output may answer to |
 //! | `located` | whether an output still answers to a source |
 //! | `innovation` | whether a source foretells what is new in an output at each instant |
+//! | `unseen` | held-out maneuvers that show what no other does |
 //! | `decide` | the tests that a candidate must pass, and the class of those that pass alike |
 //! | `found` | the base fitted as it stands |
 //! | `round` | all candidates held against a base |
@@ -75,6 +77,7 @@ mod sources;
 mod surrogate;
 #[cfg(test)]
 mod tests;
+mod unseen;
 
 use crate::estimate::{self, Segment};
 use crate::model::Model;
@@ -90,6 +93,7 @@ pub use relation::Relation;
 pub use screen::Screened;
 pub use search::diagnose;
 pub use settings::{Base, Settings};
+pub use unseen::Missed;
 
 /// What is diagnosed.
 #[derive(Debug, Clone, Copy)]
@@ -129,6 +133,21 @@ pub struct Value {
     pub left: Option<f64>,
     /// What physics expects: in words, the value, and within what share of it.
     pub check: Option<(String, f64, f64)>,
+}
+
+/// A size determined no better than this share of itself says nothing.
+const LOOSE: f64 = 0.5;
+
+impl Value {
+    /// A size is where its sd is a small share of it; a shape where its interval (2 sd) is narrower than what physics allows it.
+    pub fn is_determined(&self) -> bool {
+        self.held
+            || match (self.sd, self.null) {
+                (None, _) => false,
+                (Some(sd), Some(null)) => sd < LOOSE * (self.value - null).abs(),
+                (Some(sd), None) => 4.0 * sd < self.bounds.1 - self.bounds.0,
+            }
+    }
 }
 
 /// Gain in log-likelihood of one maneuver.
@@ -239,6 +258,8 @@ pub struct Diagnosis {
     pub values: Vec<(String, f64)>,
     /// Outputs that still answer to a source in the end.
     pub located: Vec<Located>,
+    /// Held-out maneuvers that show more than the training ones do, in the end.
+    pub missed: Vec<Missed>,
     /// Effects of the library that could not be attached to this model, and why.
     pub skipped: Vec<(String, String)>,
     pub closing: Closing,

@@ -16,6 +16,7 @@ use super::located::locate;
 use super::refit::joined;
 use super::round::held_against;
 use super::surrogate::luck;
+use super::unseen::missed;
 use super::{Closing, Diagnosis, Finding, Judged, Round, Subject, Trouble, Verdict};
 use crate::error::Errors;
 use crate::model::Model;
@@ -32,6 +33,8 @@ const RIVALS: usize = 12;
 const TAKEN: f64 = 0.2;
 /// Evidence of so many times the limit of luck is not dropped for what held-out maneuvers say against it.
 const SURE: f64 = 5.0;
+/// Explains something, and may not be named all the same.
+const DOUBTED: [Standing; 3] = [Standing::HeldOut, Standing::Inconsistent, Standing::Unidentifiable];
 /// What is left is too much for an effect to be named if it answers by more than this share of what was explained.
 const SHARE: f64 = 0.2;
 
@@ -77,6 +80,7 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
         added: Vec::new(),
         values: Vec::new(),
         located: Vec::new(),
+        missed: Vec::new(),
         skipped: Vec::new(),
         closing: Closing::default(),
     };
@@ -118,10 +122,11 @@ impl Search<'_> {
         let out = &mut self.out;
         out.values = values(&case, &stand, &last.fit.theta);
         out.located = located.into_iter().filter(|l| l.is_real()).collect();
+        out.missed = missed(last, &case, quantile);
         out.added = added;
         out.closing = closing(self.subject, &base, last)?;
         out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
-        out.complete = out.located.is_empty() && out.doubts.is_empty();
+        out.complete = out.located.is_empty() && out.doubts.is_empty() && out.missed.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
         out.verdict = verdict(out, doubted);
         Ok(Ok(()))
@@ -207,9 +212,7 @@ impl Search<'_> {
                 self.links[i] = better;
                 return Ok(false);
             }
-            let doubt = this
-                .filter(|j| matches!(j.standing, Standing::HeldOut | Standing::Inconsistent) && evidence > SURE * round.limit)
-                .map(|j| j.why.clone());
+            let doubt = this.filter(|j| DOUBTED.contains(&j.standing) && evidence > SURE * round.limit).map(|j| j.why.clone());
             if doubt.is_some() {
                 self.links[i].doubt = doubt;
                 continue;
@@ -267,11 +270,13 @@ impl Search<'_> {
     }
 }
 
-/// The candidate to add: the first of the class, unless another one has more evidence by far that held-out maneuvers hardly take away.
+/// The candidate to add: the first of the class, unless another one has more evidence by far that held-out maneuvers hardly take away. Beside a name that one may be one
+/// that the flights do not determine: the name would be wrong where something else explains far more.
 fn to_add(round: &Round, apart: f64) -> Option<usize> {
     let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
     let held = |j: &Judged| {
-        matches!(j.standing, Standing::HeldOut | Standing::Inconsistent)
+        DOUBTED.contains(&j.standing)
+            && !(j.standing == Standing::Unidentifiable && round.class.is_empty())
             && j.evidence > round.limit
             && j.evidence > (1.0 - TAKEN) * gain(j)
     };
@@ -307,7 +312,7 @@ fn verdict(out: &Diagnosis, doubted: f64) -> Verdict {
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
         let shown = out.rounds.first().is_some_and(|r| r.judged.iter().any(|j| j.score > 2.0 * r.limit + luck(1)));
-        return if out.located.is_empty() && out.doubts.is_empty() && !shown { Verdict::NothingMissing } else { Verdict::Located };
+        return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }
     let alone = |f: &Finding| out.rounds.get(f.round).is_some_and(|r| r.class.len() == 1);
     match left > SHARE * explained {

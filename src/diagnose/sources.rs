@@ -16,6 +16,7 @@ const DAMPING: f64 = 0.03;
 const FREQUENCIES: usize = 60;
 
 /// What an output may answer to.
+#[derive(Debug, Clone)]
 pub struct Source {
     pub name: String,
     /// Those of one group are one row of the result: the best of them.
@@ -96,6 +97,12 @@ impl Sources {
             source.limit = 0.5 * chi2_quantile(1.0 - share, source.kind.columns() as f64);
         }
         sources
+    }
+
+    /// Some of them, each once, in their order; and which these are.
+    pub fn only(&self, of: &[usize]) -> (Sources, Vec<usize>) {
+        let places: Vec<usize> = (0..self.all.len()).filter(|i| of.contains(i)).collect();
+        (Sources { all: places.iter().map(|&i| self.all[i].clone()).collect(), groups: self.groups }, places)
     }
 
     fn group(&mut self, of: Vec<(String, Kind)>) {

@@ -114,7 +114,7 @@ fn candidate<'a>(
     let added: Vec<Added> = file.parameters.iter().map(|(key, size)| binding.added(key, size)).collect();
     let block = binding.block();
     let skipped = |why: String| Skipped { effect: name.clone(), why };
-    let nulls = block.text(&added, &BTreeMap::new(), false, "");
+    let nulls = block.text(&added, &BTreeMap::new(), false, &[], "");
     let model = base.amended(&format!("\n{nulls}")).map_err(|e| skipped(e.to_string()))?;
     if model.inputs != base.inputs || model.outputs != base.outputs {
         return Err(skipped("it would change the inputs or outputs".into()));

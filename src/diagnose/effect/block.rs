@@ -22,8 +22,8 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// `found`: as the model goes on with it (switches held) instead of as it is tried (everything free at null).
-    pub fn text(&self, added: &[Added], values: &BTreeMap<String, f64>, found: bool, provenance: &str) -> String {
+    /// `found`: as the model goes on with it (switches held) instead of as it is tried (everything free at null). `held`: further parameters that are held.
+    pub fn text(&self, added: &[Added], values: &BTreeMap<String, f64>, found: bool, held: &[&str], provenance: &str) -> String {
         let mut out = String::new();
         for line in provenance.lines() {
             let _ = writeln!(out, "# {line}");
@@ -40,7 +40,8 @@ impl Block {
         }
         out += "\n[effect.parameters]\n";
         for (a, doc) in added.iter().zip(&self.docs) {
-            out += &parameter(a, values.get(&a.name).copied(), found, doc);
+            let fixed = (found && a.hold.is_some()) || held.contains(&a.name.as_str());
+            out += &parameter(a, values.get(&a.name).copied(), found, fixed, doc);
         }
         section(&mut out, "equations", &self.equations);
         if !self.states.is_empty() {
@@ -55,7 +56,7 @@ impl Block {
     }
 }
 
-fn parameter(a: &Added, value: Option<f64>, found: bool, doc: &str) -> String {
+fn parameter(a: &Added, value: Option<f64>, found: bool, fixed: bool, doc: &str) -> String {
     let start = value.or(a.hold.filter(|_| found)).or(a.null).or(a.starts.first().copied()).unwrap_or(0.0);
     let mut line = format!("{} = {{ unit = {}, start = {start:?}", key(&a.name), quoted(&a.unit));
     for (bound, x) in [("min", a.min), ("max", a.max)] {
@@ -66,7 +67,7 @@ fn parameter(a: &Added, value: Option<f64>, found: bool, doc: &str) -> String {
     if a.scope != Scope::Campaign {
         let _ = write!(line, ", per = {}", quoted(a.scope.name()));
     }
-    if found && a.hold.is_some() {
+    if fixed {
         line += ", fixed = true";
     }
     if !doc.is_empty() {

@@ -144,10 +144,10 @@ impl Candidate {
     }
 
     /// The text of the base model's own file with the effect behind it. `values`: by name, what the added parameters are (absent ones
-    /// stay at their starts); switches are held. `provenance`: lines for a comment above the effect.
-    pub fn text(&self, base: &Model, values: &BTreeMap<String, f64>, provenance: &str) -> String {
+    /// stay at their starts); switches are held, and `held`. `provenance`: lines for a comment above the effect.
+    pub fn text(&self, base: &Model, values: &BTreeMap<String, f64>, held: &[&str], provenance: &str) -> String {
         let own = base.own_text();
         let gap = if own.ends_with('\n') { "\n" } else { "\n\n" };
-        format!("{own}{gap}{}", self.block.text(&self.added, values, true, provenance))
+        format!("{own}{gap}{}", self.block.text(&self.added, values, true, held, provenance))
     }
 }

@@ -182,7 +182,7 @@ fn a_model_with_an_effect_found_is_its_text_with_lines_added() {
     let lag = offer.candidates.iter().find(|c| c.name == "downwash-lag:eta").unwrap();
     assert_eq!(lag.added[1].check, Some(Check { text: "r_H".into(), value: lag.added[1].starts[0], within: 0.2 }));
     let values = [("C_m_eta_lag".to_string(), 0.25)].into();
-    let text = lag.text(&base, &values, "found by a test\nin two lines");
+    let text = lag.text(&base, &values, &[], "found by a test\nin two lines");
     assert!(text.starts_with(base.own_text()) && text.contains("# found by a test\n# in two lines\n[[effect]]"));
     assert!(text.contains("C_m = \"C_m_eta_lag*delay((eta_L + eta_R)/2, r_H_eta/V)\""), "{text}");
     // the same flaps again: names stay free

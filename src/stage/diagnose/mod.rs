@@ -7,7 +7,7 @@ mod words;
 use super::estimate::{self, Ready};
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, said, slice_of};
 use crate::diagnose::effect::{self, Context, Effect};
-use crate::diagnose::{self, Diagnosis, Rule, Subject, Verdict};
+use crate::diagnose::{self, Diagnosis, Judged, Rule, Subject, Verdict};
 use crate::error::Errors;
 use crate::estimate::Segment;
 use crate::model::Model;
@@ -205,11 +205,18 @@ fn added(told: &Told, base: &estimate::Config) -> String {
         let round = told.diagnosis.rounds.get(finding.round);
         let judged = round.and_then(|r| Some((r.judged.get(finding.added)?, r.limit)));
         let provenance = judged.map(|(j, limit)| words::provenance(told, j, limit)).unwrap_or_default();
+        let held = judged.map(|(j, _)| undetermined(j)).unwrap_or_default();
         // Each candidate's base is the model with those before it: its text has their starting values, so blocks are joined by hand.
         let own = model.own_text().len();
-        let whole = candidate.text(model, &values, &provenance);
+        let whole = candidate.text(model, &values, &held, &provenance);
         text += whole.get(own..).unwrap_or_default();
         model = &candidate.model;
     }
     text
+}
+
+/// What the flights do not determine of an effect: held where it was found, because an estimation could not move it.
+fn undetermined(judged: &Judged) -> Vec<&str> {
+    let values = judged.refit.iter().flat_map(|refit| &refit.values);
+    values.filter(|v| !v.is_determined()).map(|v| v.name.as_str()).collect()
 }

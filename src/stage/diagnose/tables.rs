@@ -69,7 +69,7 @@ fn findings(told: &Told) -> Result<Table> {
         let (j, limit) = (m.judged, m.round.limit);
         format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, limit))
     };
-    let sentences = std::iter::once(words::verdict(d)).chain(members.iter().map(sentence));
+    let sentences = std::iter::once(words::verdict(told)).chain(members.iter().map(sentence));
     let held: Vec<&str> = told.names.iter().zip(&told.rule.held_out).filter(|(_, h)| **h).map(|(n, _)| n.as_str()).collect();
     Table::build("findings")
         .repeat("diagnosis", &told.config.name())

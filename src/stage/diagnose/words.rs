@@ -1,7 +1,8 @@
 //! A diagnosis in; what a person should know of it, in words, out.
 
 use super::Told;
-use crate::diagnose::{Diagnosis, Finding, Judged, Trouble, Value, Verdict};
+use crate::diagnose::effect::Family;
+use crate::diagnose::{Diagnosis, Finding, Judged, Missed, Standing, Trouble, Value, Verdict};
 
 /// Why there is no verdict.
 pub fn trouble(trouble: &Trouble) -> &str {
@@ -13,6 +14,9 @@ pub fn trouble(trouble: &Trouble) -> &str {
 /// `C_m_eta_lag = 0.279 +- 0.002 1/rad`
 pub fn value(v: &Value) -> String {
     let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
+    if !v.is_determined() {
+        return format!("{} not determined (best at {}{unit})", v.name, digits(v.value));
+    }
     let sd = v.sd.map(|sd| format!(" +- {}", digits(1.96 * sd))).unwrap_or_default();
     let check = v.check.as_ref().map(|(text, expected, _)| format!(" ({text} = {})", digits(*expected))).unwrap_or_default();
     format!("{} = {}{sd}{unit}{check}", v.name, digits(v.value))
@@ -58,15 +62,46 @@ pub fn provenance(told: &Told, judged: &Judged, limit: f64) -> String {
     )
 }
 
-/// The verdict as a sentence or two.
-pub fn verdict(d: &Diagnosis) -> String {
+/// The verdict in a few sentences, and what errors of the data alone would explain.
+pub fn verdict(told: &Told) -> String {
+    format!("{}{}", missing(told), data_first(&told.diagnosis))
+}
+
+/// The error of a sensor or of the recording that comes furthest, before anything is added; nothing where the flights could show none.
+fn data_first(d: &Diagnosis) -> String {
+    let first = d.rounds.first().map(|r| &r.judged[..]).unwrap_or_default();
+    let shown = |j: &&Judged| j.family == Family::Sensor && !matches!(j.standing, Standing::Absorbed | Standing::Silent);
+    // Those that were refitted before those that were only screened.
+    let far = |j: &Judged| if j.evidence.is_finite() { (true, j.evidence) } else { (false, j.score) };
+    let order = |a: &&Judged, b: &&Judged| far(a).0.cmp(&far(b).0).then(far(a).1.total_cmp(&far(b).1));
+    let tried = first.iter().filter(shown).count();
+    let furthest = first.iter().filter(shown).max_by(order);
+    let told = |j: &Judged| {
+        let (standing, why) = (j.standing.as_str(), &j.why);
+        format!(" Data first: of {tried} errors of sensors and recording, {} comes furthest: {standing} ({why}).", j.name)
+    };
+    furthest.map(told).unwrap_or_default()
+}
+
+/// A held-out maneuver that shows what no other does.
+fn missed(told: &Told, m: &Missed) -> String {
+    let name = told.names.get(m.segment).map_or("", String::as_str);
+    let (is, limit) = (digits(m.per_sample), digits(m.limit));
+    format!(
+        "{name} was held out and is missed by more than any maneuver of the training ({is} per whitened sample, {limit} at most expected)"
+    )
+}
+
+fn missing(told: &Told) -> String {
+    let d = &told.diagnosis;
     let classes = || d.findings.iter().map(|f| class(d, f)).collect::<Vec<_>>().join("; and ");
     let left = || {
         let first: Vec<String> = d.located.iter().take(3).map(|l| format!("{} answers to {}", l.output, l.source)).collect();
         first.join("; ")
     };
     let doubts = || d.doubts.iter().map(|(name, why)| format!("{name} explains most of something, but {why}")).collect::<Vec<_>>();
-    let rest = || match [d.located.first().map(|_| left()).into_iter().collect(), doubts()].concat() {
+    let missed = || d.missed.iter().map(|m| self::missed(told, m)).collect::<Vec<_>>();
+    let rest = || match [d.located.first().map(|_| left()).into_iter().collect(), doubts(), missed()].concat() {
         all if all.is_empty() => String::new(),
         all => format!(" It is not all: {}.", all.join("; ")),
     };
@@ -79,6 +114,9 @@ pub fn verdict(d: &Diagnosis) -> String {
                 left(),
                 classes()
             )
+        }
+        Verdict::Located if d.located.is_empty() && !d.missed.is_empty() => {
+            format!("Something is missing that only held-out maneuvers show: {}.", missed().join("; "))
         }
         Verdict::Located if d.located.is_empty() => {
             format!("Something is missing, and no effect of the library passes: {}.", best(d))
