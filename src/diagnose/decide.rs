@@ -162,6 +162,36 @@ mod tests {
         held_out_objection(&gains, &Settings::default()).is_some()
     }
 
+    /// A parameter of value 1 between 0 and 10: a size where `null` says so.
+    fn value(name: &str, null: Option<f64>, sd: Option<f64>) -> Value {
+        let (name, unit) = (name.to_string(), "-".to_string());
+        Value {
+            name,
+            unit,
+            value: 1.0,
+            sd,
+            null,
+            bounds: (0.0, 10.0),
+            at_bound: false,
+            held: false,
+            own: false,
+            left: None,
+            check: None,
+        }
+    }
+
+    #[test]
+    fn an_effect_that_is_there_or_not_needs_one_shape_and_one_with_a_size_all() {
+        let there = Value { held: true, ..value("k", Some(0.0), None) };
+        let (low, high) = (value("low", None, None), value("high", None, Some(0.2)));
+        assert_eq!(undetermined(&[there.clone(), low.clone(), high.clone()]), None);
+        assert_eq!(undetermined(&[there, low.clone(), value("high", None, Some(2.6))]), Some("low"));
+        let size = value("size", Some(0.0), Some(0.1));
+        assert_eq!(undetermined(&[size.clone(), high.clone()]), None);
+        assert_eq!(undetermined(&[size, low]), Some("low"));
+        assert_eq!(undetermined(&[value("size", Some(0.0), Some(0.6)), high]), Some("size"));
+    }
+
     #[test]
     fn every_held_out_maneuver_must_agree_as_far_as_noise_allows() {
         assert!(!objects(&[(20.0, 18.0), (5.0, 2.0), (0.5, -1.0)]));

@@ -311,7 +311,8 @@ fn verdict(out: &Diagnosis, doubted: f64) -> Verdict {
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
-        let shown = out.rounds.first().is_some_and(|r| r.judged.iter().any(|j| j.score > 2.0 * r.limit + luck(1)));
+        let shows = |r: &Round| r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > 2.0 * r.limit + luck(1));
+        let shown = out.rounds.first().is_some_and(shows);
         return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }
     let alone = |f: &Finding| out.rounds.get(f.round).is_some_and(|r| r.class.len() == 1);

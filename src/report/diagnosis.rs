@@ -261,7 +261,21 @@ fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
             None => all.push(Overlay { label, outputs: vec![curve] }),
         }
     }
+    // What changed most is shown first.
+    all.sort_by(|a, b| changed(b).total_cmp(&changed(a)));
     all
+}
+
+/// What the addition moved, as a share of what was measured, over all outputs.
+fn changed(overlay: &Overlay) -> f64 {
+    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
+    let one = |curve: &Curve| {
+        let known: Vec<f64> = curve.measured.iter().flatten().copied().collect();
+        let mean = known.iter().sum::<f64>() / known.len() as f64;
+        let moved = squares(&mut curve.before.iter().zip(&curve.after).filter_map(|(b, a)| Some((*b)? - (*a)?)));
+        Some(moved / squares(&mut known.iter().map(|v| v - mean))).filter(|share| share.is_finite()).unwrap_or(0.0)
+    };
+    overlay.outputs.iter().map(one).sum()
 }
 
 /// The sentence of the checks.

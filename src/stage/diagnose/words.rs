@@ -95,35 +95,27 @@ fn missed(told: &Told, m: &Missed) -> String {
 fn missing(told: &Told) -> String {
     let d = &told.diagnosis;
     let classes = || d.findings.iter().map(|f| class(d, f)).collect::<Vec<_>>().join("; and ");
-    let left = || {
-        let first: Vec<String> = d.located.iter().take(3).map(|l| format!("{} answers to {}", l.output, l.source)).collect();
-        first.join("; ")
-    };
-    let doubts = || d.doubts.iter().map(|(name, why)| format!("{name} explains most of something, but {why}")).collect::<Vec<_>>();
-    let missed = || d.missed.iter().map(|m| self::missed(told, m)).collect::<Vec<_>>();
-    let rest = || match [d.located.first().map(|_| left()).into_iter().collect(), doubts(), missed()].concat() {
-        all if all.is_empty() => String::new(),
-        all => format!(" It is not all: {}.", all.join("; ")),
-    };
+    let left = left(told);
+    let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
-        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{}", classes(), rest()),
+        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{rest}", classes()),
         Verdict::Located if !d.findings.is_empty() => {
-            format!(
-                "Something is missing that no effect of the library explains: {}. It is made smaller by: {}.",
-                left(),
-                classes()
-            )
+            format!("Something is missing that no effect of the library explains: {left}. It is made smaller by: {}.", classes())
         }
-        Verdict::Located if d.located.is_empty() && !d.missed.is_empty() => {
-            format!("Something is missing that only held-out maneuvers show: {}.", missed().join("; "))
-        }
-        Verdict::Located if d.located.is_empty() => {
-            format!("Something is missing, and no effect of the library passes: {}.", best(d))
-        }
-        Verdict::Located => format!("Something is missing that no effect of the library explains: {}.", left()),
+        Verdict::Located if left.is_empty() => format!("Something is missing, and no effect of the library passes: {}.", best(d)),
+        Verdict::Located => format!("Something is missing that no effect of the library explains: {left}."),
         Verdict::None(why) => format!("No verdict: {}.", trouble(why)),
     }
+}
+
+/// What is not explained: the first outputs that still answer, what explains something and is not believed, held-out maneuvers that are missed.
+fn left(told: &Told) -> String {
+    let d = &told.diagnosis;
+    let answers = d.located.iter().take(3).map(|l| format!("{} answers to {}", l.output, l.source));
+    let doubts = d.doubts.iter().map(|(name, why)| format!("{name} explains most of something, but {why}"));
+    let missed = d.missed.iter().map(|m| missed(told, m));
+    answers.chain(doubts).chain(missed).collect::<Vec<_>>().join("; ")
 }
 
 /// The candidate that gains most before anything is added, and why it was not believed.
