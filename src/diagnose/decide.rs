@@ -2,6 +2,7 @@
 
 use super::effect::Family;
 use super::{Gain, Judged, Settings, Value};
+use crate::math::distribution::normal_quantile;
 
 /// What became of a candidate in a round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -117,11 +118,12 @@ fn undetermined(values: &[Value]) -> Option<&str> {
 }
 
 /// The least that a maneuver must gain. A gain predicted to be `g` is normal about `g` with the sd `sqrt(2 g)`: where more than
-/// `decisive` is predicted, it must be a gain, or lie within what noise allows in 99 of 100 cases (only below `g = 11` can that be a loss);
-/// elsewhere it must be no loss beyond noise.
-fn least(predicted: f64, decisive: f64) -> f64 {
+/// `decisive` is predicted, it must be a gain, or lie within what noise allows all `count` of them together in 99 of 100 cases (only below
+/// `g = 11` can that be a loss for one, below 17 for six); elsewhere it must be no loss beyond noise.
+fn least(predicted: f64, decisive: f64, count: usize) -> f64 {
     let noise = (2.0 * predicted.max(0.5)).sqrt();
-    if predicted > decisive { (predicted - 2.33 * noise).min(0.0) } else { -3.0 * noise }
+    let allowed = normal_quantile(1.0 - 0.01 / count as f64);
+    if predicted > decisive { (predicted - allowed * noise).min(0.0) } else { -allowed.max(3.0) * noise }
 }
 
 /// The rule of the held-out maneuvers, one by one and together.
@@ -138,7 +140,7 @@ fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, 
     if !(realised > settings.decisive) {
         return Some((Standing::HeldOut, format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted")));
     }
-    let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings.decisive));
+    let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings.decisive, gains.len()));
     let worst = gains.iter().filter(fails).min_by(|a, b| a.realised.total_cmp(&b.realised))?;
     let why = format!("a held-out maneuver gains {:.1} where {:.1} is predicted", worst.realised, worst.predicted);
     Some((Standing::HeldOut, why))

@@ -52,8 +52,12 @@ pub struct Spread {
 
 /// A promise of less than this much log-likelihood ends the iteration.
 const SETTLED: f64 = 0.01;
-/// Half the mean of chi-square with one degree of freedom.
-const LUCK: f64 = 0.5;
+/// What is still promised where a fit ends, at most: half the mean of chi-square with one degree of freedom, or a tenth of that with as many as there are free
+/// parameters. Where a model has kinks, steps of many parameters promise more than is to be had.
+fn luck(free: usize) -> f64 {
+    0.5 * (0.1 * free as f64).max(1.0)
+}
+
 /// Damping of a step (a share of each parameter's information) and the share of it that is taken, one after the other until `J` is lower.
 const TRIES: [(f64, f64); 7] = [(0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0)];
 
@@ -91,7 +95,7 @@ impl Task<'_> {
             }
         }
         let last = self.slopes(&theta).and_then(|slopes| self.step(&theta, &slopes, 0.0));
-        let converged = last.is_some_and(|(_, promise)| promise < LUCK);
+        let converged = last.is_some_and(|(_, promise)| promise < luck(self.free.len()));
         Some(Fit { theta, costs, converged })
     }
 
