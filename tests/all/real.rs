@@ -5,7 +5,7 @@ use koehler::table::{Table, read_dataset};
 use std::path::Path;
 
 /// Runs `koehler diagnose`, whose exit code tells what it found: 0 nothing, 3 something.
-fn diagnose(folder: &Path, data: &Path, args: &[&str]) -> Option<i32> {
+pub fn diagnose(folder: &Path, data: &Path, args: &[&str]) -> Option<i32> {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
     let output = command.current_dir(folder).env("KOEHLER_DATA", data).arg("diagnose").args(args).output().expect("started");
     println!("{}", String::from_utf8_lossy(&output.stdout));
@@ -13,7 +13,7 @@ fn diagnose(folder: &Path, data: &Path, args: &[&str]) -> Option<i32> {
 }
 
 /// Verdict, and the candidates named.
-fn findings(out: &Path) -> (String, Vec<String>) {
+pub fn findings(out: &Path) -> (String, Vec<String>) {
     let table: Table = read_dataset(out, "findings").expect("findings");
     let (verdicts, candidates) = (table.strings("verdict").expect("column"), table.strings("candidate").expect("column"));
     (verdicts[0].to_string(), candidates.iter().map(|c| c.to_string()).filter(|c| !c.is_empty()).collect())

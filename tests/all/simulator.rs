@@ -2,6 +2,7 @@
 //! what its aircraft has besides found by name?
 
 use crate::flightdata::{copy, data, koehler};
+use crate::real::{diagnose, findings};
 use koehler::table::{Table, read_dataset};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -160,4 +161,45 @@ fn recovery_derivatives_of_another_simulator() {
         let damping = flight["derivatives_effective_no_alphadot"]["Cm"]["qhat"].as_f64().expect("a number");
         near("Cm_q, effective", value("C_m_q") + value("C_m_alphadot"), found["C_m_q"].1, damping, 0.0);
     }
+}
+
+/// Half of the records' rate is enough for a diagnosis, and half of its time.
+const HALF: (&str, &str, &str) = ("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
+
+/// Names that the noise of the recorded surfaces (0.02 deg) has: it drives the model as if it were real.
+fn is_of_the_record(name: &str) -> bool {
+    ["surface-noise:", "actuator-deadzone:"].iter().any(|start| name.starts_with(start))
+}
+
+#[test]
+fn recovery_nothing_but_the_noise_of_the_records_is_named_where_the_model_fits() {
+    let Some(data) = flights() else { return };
+    let folder = campaign("complete", &[HALF]);
+    diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "complete"]);
+    let (verdict, named) = findings(&folder.path().join("out"));
+    println!("{verdict}, {named:?}");
+    assert!(["named", "one of these", "nothing missing"].contains(&&*verdict), "{verdict}");
+    assert!(named.iter().all(|name| is_of_the_record(name)), "{named:?}");
+}
+
+/// `C_n_r r b/(2 V)` is brought back as `C_n_r_more r/V`.
+#[test]
+fn recovery_a_derivative_that_is_withheld_is_named() {
+    let Some(data) = flights() else { return };
+    let declared = ("linear.model.toml", "C_n_r    = { unit = \"1/rad\", start = -0.2 }\n", "");
+    let folder = campaign("complete", &[HALF, declared, ("linear.model.toml", " + C_n_r*r_norm", "")]);
+    diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "complete"]);
+    let out = folder.path().join("out");
+    let (verdict, named) = findings(&out);
+    println!("{verdict}, {named:?}");
+    assert!(["named", "one of these"].contains(&&*verdict), "{verdict}");
+    assert_eq!(named[0], "rate-derivative-lateral:C_n,r");
+    let table = read_dataset(&out, "additions").expect("additions");
+    let row = rows_of(&table, "candidate").iter().rposition(|name| *name == named[0]).expect("it was refitted");
+    let at = |column: &str| table.f64(column).expect("column")[row];
+    let per_half_span = 2.0 / 28.3464;
+    let (value, sd) = (at("value") * per_half_span, at("sd") * per_half_span);
+    println!("C_n_r: {value:.5} +- {sd:.5}");
+    // One percent, as above, for what its integration takes.
+    assert!((value - -0.15).abs() < 3.0 * sd + 0.01 * 0.15, "{value} +- {sd}");
 }
