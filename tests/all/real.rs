@@ -30,13 +30,14 @@ fn recovery_of_the_stall_of_the_attas() {
     println!("{verdict}, {named:?}");
     assert_eq!(code, Some(3));
     assert_eq!((&*verdict, &named[..]), ("named", &["stall-separation".to_string()][..]));
-    // Kirchhoff's lift closes the gap where it was not found: on the held-out blocks.
+    // Kirchhoff's lift closes the gap where it was not found: on the held-out blocks. Nothing answers any more; what is left is buffet.
+    let complete = read_dataset(&out, "findings").expect("findings").bools("complete").expect("a column")[0];
     let closures: Table = read_dataset(&out, "closures").expect("closures");
     let (sets, segments) = (closures.strings("set").expect("sets"), closures.opt_strings("segment").expect("segments"));
     let whole = (0..closures.rows()).find(|&k| sets[k] == "held out" && segments[k].is_none()).expect("all held-out blocks");
     let rms = |column: &str| closures.f64(column).expect("r.m.s.")[whole];
     println!("C_L: r.m.s. {} before, {} after", rms("rms_before"), rms("rms_after"));
-    assert!(rms("rms_after") < 0.5 * rms("rms_before"));
+    assert!(complete && rms("rms_after") < 0.7 * rms("rms_before") && rms("chi2_after") < 1.0);
 }
 
 /// The HFB-320's own estimates with one term of the model taken out, diagnosed as predicted; the candidates named, and value and sd of the
