@@ -66,7 +66,7 @@ const SCATTER: f64 = 0.35;
 /// A name takes this many times the evidence that the best of all candidates has by luck in one of a hundred campaigns. That limit supposes the
 /// noise's colour to be known; it is estimated, from maneuvers that have a few samples only of what is slow (gusts), so that its level there may be
 /// wrong by a factor.
-const SOLID: f64 = 5.0;
+const SOLID: f64 = 4.5;
 
 /// Why a candidate that passes is not named yet, at the round's limit of luck.
 pub fn is_faint(judged: &Judged, limit: f64) -> Option<String> {
