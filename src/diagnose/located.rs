@@ -109,7 +109,9 @@ fn rows(case: &Case, sources: &Sources, places: &Places, how: &str, of: &Of) -> 
     let mut most: Vec<(f64, Vec<f64>, usize)> = most.into_iter().flatten().collect();
     let clear = |m: &(f64, Vec<f64>, usize)| m.0 > sources.all[m.2 % n].limit;
     let asked = sources.only(&most.iter().filter(|m| clear(m)).map(|m| m.2 % n).collect::<Vec<_>>());
-    let varied = together(case, &asked.0, &places.training, &|s| of(&asked.0, s, Size::AsItIs));
+    // Nothing is asked of the flights again where nothing is clear.
+    let again: &[usize] = if asked.1.is_empty() { &[] } else { &places.training };
+    let varied = together(case, &asked.0, again, &|s| of(&asked.0, s, Size::AsItIs));
     for (gain, _, i) in most.iter_mut().filter(|m| clear(m)) {
         let at = asked.1.iter().position(|&source| source == *i % n).unwrap_or_default();
         *gain = gain.min(by_size(&training[*i], &varied[*i / n * asked.1.len() + at]));
