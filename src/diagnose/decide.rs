@@ -167,19 +167,7 @@ mod tests {
     /// A parameter of value 1 between 0 and 10: a size where `null` says so.
     fn value(name: &str, null: Option<f64>, sd: Option<f64>) -> Value {
         let (name, unit) = (name.to_string(), "-".to_string());
-        Value {
-            name,
-            unit,
-            value: 1.0,
-            sd,
-            null,
-            bounds: (0.0, 10.0),
-            at_bound: false,
-            held: false,
-            own: false,
-            left: None,
-            check: None,
-        }
+        Value { name, unit, value: 1.0, sd, null, span: 10.0, at_bound: false, held: false, own: false, left: None, check: None }
     }
 
     #[test]

@@ -31,6 +31,7 @@
 //! | `joint` | what several outputs' residuals have in common |
 //! | `base` | the base as it stands with what was added, its fit |
 //! | `fit` | maximum of the likelihood of the whitened residuals, bounds kept |
+//! | `probe` | a candidate's sensitivities where the base stands |
 //! | `screen` | score tests of all candidates |
 //! | `surrogate` | what luck gains |
 //! | `refit` | a candidate in full, and on held-out maneuvers |
@@ -67,6 +68,7 @@ mod innovation;
 mod joint;
 mod located;
 mod noise;
+mod probe;
 mod refit;
 mod relation;
 mod round;
@@ -121,8 +123,8 @@ pub struct Value {
     pub sd: Option<f64>,
     /// The value at which it is nothing; none for a shape.
     pub null: Option<f64>,
-    /// Physical bounds.
-    pub bounds: (f64, f64),
+    /// How wide an interval physics and the flights allow a shape; infinite where neither says.
+    pub span: f64,
     /// It sits on a physical bound.
     pub at_bound: bool,
     /// It was not fitted.
@@ -139,13 +141,13 @@ pub struct Value {
 const LOOSE: f64 = 0.5;
 
 impl Value {
-    /// A size is where its sd is a small share of it; a shape where its interval (2 sd) is narrower than what physics allows it.
+    /// A size is where its sd is a small share of it; a shape where its interval (2 sd) is narrower than what physics and the flights allow it.
     pub fn is_determined(&self) -> bool {
         self.held
             || match (self.sd, self.null) {
                 (None, _) => false,
                 (Some(sd), Some(null)) => sd < LOOSE * (self.value - null).abs(),
-                (Some(sd), None) => 4.0 * sd < self.bounds.1 - self.bounds.0,
+                (Some(sd), None) => 4.0 * sd < self.span,
             }
     }
 }

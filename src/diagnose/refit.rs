@@ -192,7 +192,7 @@ fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fi
             value,
             sd,
             null: added.null,
-            bounds: (added.min, added.max),
+            span: added.span,
             at_bound: bound,
             held: added.hold.is_some(),
             own: added.scope == Scope::Segment,

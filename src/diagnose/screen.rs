@@ -3,16 +3,16 @@
 //! At the base fit, with `e` the whitened residuals and `H` the whitened sensitivities of the outputs to what a candidate adds (at its
 //! null), projected on what the base's own free parameters cannot imitate: `u = H~'e`, `F = H~'H~`, gain `= max_b (b'u - b'Fb/2)` within
 //! the candidate's bounds (Rao's score test; `u'F^-1 u/2` inside them). Shapes (a delay, a threshold) matter only once the size is not
-//! null: every row of their starts has columns of its own.
+//! null: every row of their starts has columns of its own. A fit starts from the row that is best once switches are held.
 
 use super::effect::Candidate;
 use super::gram::{DEPENDENT, Gram};
 use super::noise::Noise;
-use crate::dynamics::{Directions, Plan};
+use super::probe::Probe;
 use crate::error::Errors;
-use crate::estimate::{self, Block, Case, Grouping, SEGMENT, Segment};
+use crate::estimate::{self, Case, Grouping, SEGMENT, Segment};
 use crate::math::dense;
-use crate::model::{Scope, StartKind};
+use crate::model::Scope;
 use rayon::prelude::*;
 
 /// A candidate's column is of the base's making if less than this share of it is left.
@@ -44,7 +44,7 @@ pub struct Screened {
     pub gain: f64,
     /// Parameters that this gain takes.
     pub taken: usize,
-    /// Values of the added parameters there (of the first segment, for those per segment).
+    /// Values of the added parameters that a fit may start from (of the first segment, for those per segment).
     pub at: Vec<f64>,
     /// Share of the column that the base's parameters cannot imitate.
     pub left: f64,
@@ -66,20 +66,6 @@ pub struct Screening {
     raw: Vec<f64>,
 }
 
-/// A candidate's model, to be run where the base stands.
-struct Probe {
-    plan: Plan,
-    starts: Vec<f64>,
-    /// Per parameter of the candidate's model: its index in the base's.
-    base: Vec<Option<usize>>,
-    /// Per state that needs a start value: its place among the base's.
-    given: Vec<Option<usize>>,
-    /// Index of each added parameter in the candidate's model.
-    added: Vec<usize>,
-    /// Directions of the plan: indices into `added`.
-    sizes: Vec<usize>,
-}
-
 /// What is screened against.
 pub struct Ground<'a> {
     pub case: &'a Case<'a>,
@@ -92,59 +78,6 @@ pub struct Ground<'a> {
     pub free: &'a [usize],
     /// The segments of the case.
     pub of: &'a [&'a Segment],
-}
-
-impl Probe {
-    fn new(candidate: &Candidate, ground: &Ground) -> Result<Probe, Errors> {
-        let model = estimate::extended(&candidate.model, ground.method)?.into_owned();
-        let added: Vec<usize> = candidate.added.iter().filter_map(|a| model.parameter(&a.name)).collect();
-        let sizes: Vec<usize> = (0..candidate.added.len()).filter(|&i| candidate.added[i].null.is_some()).collect();
-        let case = ground.case;
-        let index = |name: &str| case.model.parameter(name);
-        // Free initial states need no directions here, only a place for their values: those that start measured have one anyway.
-        let names = case.plan.directions.starts.iter().map(|&i| &case.model.states[i].quantity.name);
-        let free: Vec<usize> =
-            names.filter_map(|name| model.state(name)).filter(|&i| model.states[i].start != StartKind::Measured).collect();
-        let directions = Directions { parameters: sizes.iter().filter_map(|&i| added.get(i).copied()).collect(), starts: free };
-        let plan = Plan::of_outputs(&model, directions, case.outputs.clone())?;
-        let place = |&state: &usize| {
-            let name = &model.states[state].quantity.name;
-            case.plan.given().iter().position(|&b| case.model.states[b].quantity.name == *name)
-        };
-        Ok(Probe {
-            given: plan.given().iter().map(place).collect(),
-            base: model.parameters.iter().map(|p| index(&p.quantity.name)).collect(),
-            starts: model.parameter_starts(),
-            plan,
-            added,
-            sizes,
-        })
-    }
-
-    /// The blocks of segment `s` with the added parameters at `at`: residuals, and sensitivities to the sizes.
-    fn run(&self, ground: &Ground, s: usize, at: &[f64]) -> Option<Vec<Block>> {
-        let case = ground.case;
-        let (base, given) = case.place(s, &case.layout.local(s, ground.theta));
-        let mut parameters: Vec<f64> =
-            self.base.iter().zip(&self.starts).map(|(from, start)| from.map_or(*start, |i| base[i])).collect();
-        self.added.iter().zip(at).for_each(|(&i, value)| parameters[i] = *value);
-        let given: Vec<f64> = self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
-        let response = self.plan.respond(&parameters, &given, &case.records[s], true);
-        if !response.finite {
-            return None;
-        }
-        let nd = self.plan.directions.len();
-        let mut dy = response.dy.into_iter();
-        let block = |(channel, y): (&crate::dynamics::Channel, Vec<f64>)| {
-            let output = case.outputs.iter().position(|&o| o == channel.output)?;
-            let e: Vec<f64> = channel.z.iter().zip(y).map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN }).collect();
-            // Only the sizes' directions: those of the initial states stand behind them.
-            let g = dy.next().unwrap_or_default();
-            let g = g.chunks_exact(nd.max(1)).flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied()).collect();
-            Some(Block { output, e, g })
-        };
-        case.records[s].channels.iter().zip(response.y).map(block).collect()
-    }
 }
 
 fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
@@ -252,6 +185,16 @@ fn of_trial(ground: &Ground, probe: &Probe, trial: &Trial, s: usize) -> Option<V
 impl Screening {
     /// Best trial of a candidate for slopes `u` of all columns: gain, trial, coefficients.
     fn best(&self, candidate: usize, u: &dyn Fn(usize) -> f64) -> Option<(f64, usize, Vec<f64>)> {
+        self.most(candidate, u, &|c| self.bounds[c])
+    }
+
+    /// The same with the columns within other bounds.
+    fn most(
+        &self,
+        candidate: usize,
+        u: &dyn Fn(usize) -> f64,
+        bounds: &dyn Fn(usize) -> (f64, f64),
+    ) -> Option<(f64, usize, Vec<f64>)> {
         let mut best: Option<(f64, usize, Vec<f64>)> = None;
         for (t, trial) in self.trials.iter().enumerate().filter(|(_, t)| t.candidate == candidate) {
             let sound: Vec<usize> = trial.columns.iter().copied().filter(|&c| self.is_sound(c)).collect();
@@ -260,7 +203,7 @@ impl Screening {
             }
             let f = self.rest.block(&sound);
             let slopes: Vec<f64> = sound.iter().map(|&c| u(c)).collect();
-            let bounds: Vec<(f64, f64)> = sound.iter().map(|&c| self.bounds[c]).collect();
+            let bounds: Vec<(f64, f64)> = sound.iter().map(|&c| bounds(c)).collect();
             let (gain, b) = gain(&f, &slopes, &bounds);
             if best.as_ref().is_none_or(|(g, _, _)| gain > *g) {
                 let all = trial.columns.iter().map(|c| sound.iter().position(|k| k == c).map_or(0.0, |k| b[k])).collect();
@@ -268,6 +211,20 @@ impl Screening {
             }
         }
         best
+    }
+
+    /// Where a fit starts: the best trial once switches are held. With a size that is free as well, much play at half its size looks like half
+    /// of it, and a fit from there does not find back.
+    fn start(&self, candidate: usize, candidates: &[Candidate]) -> Option<(f64, usize, Vec<f64>)> {
+        let added = &candidates[candidate].added;
+        let bounds = |c: usize| {
+            let size = &added[self.columns[c].size];
+            size.hold.map_or(self.bounds[c], |hold| {
+                let b = hold - size.null.unwrap_or_default();
+                (b, b)
+            })
+        };
+        self.most(candidate, &|c| self.rest.at(c, self.columns.len()), &bounds)
     }
 
     fn is_sound(&self, column: usize) -> bool {
@@ -281,7 +238,9 @@ impl Screening {
         let left = mine.iter().filter(|&&c| self.raw[c] > 0.0).map(|&c| self.rest.at(c, c) / self.raw[c]).fold(0.0, f64::max);
         let silent = mine.iter().all(|&c| self.raw[c] <= 0.0);
         let none = Screened { gain: 0.0, taken: 0, at: Vec::new(), left, absorbed_by: Vec::new(), silent };
-        let Some((gain, t, b)) = self.best(candidate, &|c| self.rest.at(c, e)) else {
+        let (Some((gain, ..)), Some((_, t, b))) =
+            (self.best(candidate, &|c| self.rest.at(c, e)), self.start(candidate, candidates))
+        else {
             let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
             let absorbed_by = by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
             return Screened { absorbed_by, ..none };
@@ -334,7 +293,7 @@ fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
     names.cloned().collect()
 }
 
-/// Largest `b'u - b'Fb/2` within bounds, and where.
+/// Largest `b'u - b'Fb/2` within bounds, and where: nothing where zero is within them and nothing else is better.
 pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
     let k = u.len();
     let inside = |b: &[f64]| b.iter().zip(bounds).all(|(b, (low, high))| b >= low && b <= high);
@@ -349,7 +308,7 @@ pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
     };
     let quadratic: f64 = (0..k).map(|i| b[i] * (0..k).map(|j| f[i * k + j] * b[j]).sum::<f64>()).sum();
     let value: f64 = b.iter().zip(u).map(|(b, u)| b * u).sum::<f64>() - 0.5 * quadratic;
-    if value > 0.0 { (value, b) } else { (0.0, vec![0.0; k]) }
+    if value.is_finite() { (value, b) } else { (0.0, vec![0.0; k]) }
 }
 
 /// One coefficient after the other at its best within its bounds, until none moves.

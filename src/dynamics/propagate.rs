@@ -186,7 +186,8 @@ fn finite(numbers: &[f64]) -> bool {
     zeros.iter().all(|zero| *zero == 0.0) && rest.iter().all(|x| x.is_finite())
 }
 
-/// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record.
+/// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record, and where each of them is
+/// at its extremes: what is stiff only beyond a threshold (the end of a play, a stop) shows there.
 pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record) -> usize {
     let n = record.n.saturating_sub(record.start);
     if n == 0 || record.inputs.len() < record.n * plan.layout.inputs {
@@ -197,10 +198,10 @@ pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record)
     let mut taus = Single::new(&plan.delay_values, plan, parameters);
     let mut stiffness = Stiffness::new(plan, parameters);
     let mut most = 1;
-    for i in 0..5 {
+    for k in looks(plan, record) {
         let mut chunk = Chunk::default();
         (run.times, run.x_history, run.f_history) = (vec![0.0], x.clone(), vec![0.0; x.len()]);
-        run.point(i * (n - 1) / 4, &x, &mut taus, &mut chunk);
+        run.point(k, &x, &mut taus, &mut chunk);
         most = most.max(stiffness.substeps(&chunk.points, record.dt));
         // a delayed state is read from finished steps where the delay is not absurdly short
         for (k, d) in plan.delays.iter().enumerate() {
@@ -211,6 +212,20 @@ pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record)
         }
     }
     most.min(MOST_SUBSTEPS)
+}
+
+/// Grid points after the start: five along the record, and those with the least and the most of every input; each once.
+fn looks(plan: &Plan, record: &Record) -> Vec<usize> {
+    let (n, nu) = (record.n - record.start, plan.layout.inputs);
+    let mut looks: Vec<usize> = (0..5).map(|i| i * (n - 1) / 4).collect();
+    for input in 0..nu {
+        let value = |k: &usize| record.inputs[(record.start + k) * nu + input];
+        looks.extend((0..n).min_by(|a, b| value(a).total_cmp(&value(b))));
+        looks.extend((0..n).max_by(|a, b| value(a).total_cmp(&value(b))));
+    }
+    looks.sort_unstable();
+    looks.dedup();
+    looks
 }
 
 /// Central differences of the inputs on the grid, one-sided at the ends.

@@ -68,6 +68,35 @@ pub fn spectral_radius(a: &[f64], n: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::spectral_radius;
+    use crate::dynamics::{Directions, Plan, Record};
+    use crate::model::{Constants, Model};
+
+    /// A surface with play: nothing pushes it until the input has taken the play up, and then within 10 ms.
+    const PLAY: &str = r#"title = "play"
+[inputs]
+de = "rad"
+[parameters]
+b = { unit = "rad", start = 0.02 }
+[constants]
+follow = { unit = "s", value = 0.01 }
+[states]
+z = { unit = "rad", rate = "deadband(de - z, b)/follow", start = "de" }
+[outputs]
+z = { unit = "rad", value = "z" }
+"#;
+
+    #[test]
+    fn what_is_stiff_beyond_a_threshold_only_is_found_wherever_the_input_passes_it() {
+        let model = Model::parse("play", PLAY, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+        let plan = Plan::new(&model, Directions::default()).expect("a plan");
+        // Between the points that are looked at along the record.
+        let inputs: Vec<f64> = (0..400).map(|k| if (130..150).contains(&k) { 0.05 } else { 0.0 }).collect();
+        let record = Record { dt: 0.04, n: 400, inputs, ..Record::default() };
+        let steps = plan.substeps(&model.parameter_starts(), &[], &record);
+        assert!((8..=9).contains(&steps), "a rate of 100 1/s over 0.04 s, half of one in a step: {steps}");
+        let grid = plan.run(&model.parameter_starts(), &[], &Record { substeps: steps, ..record }, false);
+        assert!((grid.y[149] - 0.03).abs() < 1e-6 && (grid.y[399] - 0.02).abs() < 1e-6, "{} {}", grid.y[149], grid.y[399]);
+    }
 
     #[test]
     fn the_spectral_radius_is_that_of_known_matrices() {

@@ -220,6 +220,8 @@ impl<'a> Binding<'a> {
         {
             starts.insert(0, check.value);
         }
+        let (min, max) = (size.min.map_or(f64::NEG_INFINITY, |v| v * scale), size.max.map_or(f64::INFINITY, |v| v * scale));
+        let range = if size.about.is_some() { 2.0 * scale } else { f64::INFINITY };
         let step = size.typical.or(size.starts.first().copied()).unwrap_or(1.0);
         Added {
             name: self.names[key].clone(),
@@ -227,8 +229,9 @@ impl<'a> Binding<'a> {
             null: size.null,
             hold: size.hold,
             starts,
-            min: size.min.map_or(f64::NEG_INFINITY, |v| v * scale),
-            max: size.max.map_or(f64::INFINITY, |v| v * scale),
+            min,
+            max,
+            span: range.min(max - min),
             typical: step.abs() * scale,
             scope: Scope::parse(&size.per),
             check,

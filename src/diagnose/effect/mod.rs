@@ -115,6 +115,8 @@ pub struct Added {
     pub starts: Vec<f64>,
     pub min: f64,
     pub max: f64,
+    /// How wide an interval its bounds and, for a shape counted from the middle of a signal, the range of that signal allow.
+    pub span: f64,
     /// A step that is worth seeing.
     pub typical: f64,
     pub scope: Scope,

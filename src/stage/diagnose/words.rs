@@ -101,10 +101,13 @@ fn missing(told: &Told) -> String {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
         Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{rest}", classes()),
         Verdict::Located if !d.findings.is_empty() => {
-            format!("Something is missing that no effect of the library explains: {left}. It is made smaller by: {}.", classes())
+            format!(
+                "Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by: {}.",
+                classes()
+            )
         }
         Verdict::Located if left.is_empty() => format!("Something is missing, and no effect of the library passes: {}.", best(d)),
-        Verdict::Located => format!("Something is missing that no effect of the library explains: {left}."),
+        Verdict::Located => format!("Something is missing that no effect of the library is trusted to explain: {left}."),
         Verdict::None(why) => format!("No verdict: {}.", trouble(why)),
     }
 }
@@ -113,7 +116,7 @@ fn missing(told: &Told) -> String {
 fn left(told: &Told) -> String {
     let d = &told.diagnosis;
     let answers = d.located.iter().take(3).map(|l| format!("{} answers to {}", l.output, l.source));
-    let doubts = d.doubts.iter().map(|(name, why)| format!("{name} explains most of something, but {why}"));
+    let doubts = d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
     let missed = d.missed.iter().map(|m| missed(told, m));
     answers.chain(doubts).chain(missed).collect::<Vec<_>>().join("; ")
 }
