@@ -66,7 +66,7 @@ pub struct Consistency {
 /// Shares of the screening's size that a fit may start from: the sizes were found with everything else moving along.
 const SHARES: [f64; 4] = [1.0, 0.25, 0.05, 0.01];
 
-/// Fits a candidate from where the screening saw it best, or nearer to nothing where the model is better there.
+/// Fits a candidate from where the screening saw it best with its switch held, or with smaller sizes where the model is better there.
 ///
 /// # Errors
 /// Its model does not fit the settings of the base's estimation.

@@ -293,7 +293,7 @@ fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
     names.cloned().collect()
 }
 
-/// Largest `b'u - b'Fb/2` within bounds, and where: nothing where zero is within them and nothing else is better.
+/// Largest `b'u - b'Fb/2` within bounds, and where; where zero is within them, it is never less than nothing.
 pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
     let k = u.len();
     let inside = |b: &[f64]| b.iter().zip(bounds).all(|(b, (low, high))| b >= low && b <= high);
@@ -308,7 +308,12 @@ pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
     };
     let quadratic: f64 = (0..k).map(|i| b[i] * (0..k).map(|j| f[i * k + j] * b[j]).sum::<f64>()).sum();
     let value: f64 = b.iter().zip(u).map(|(b, u)| b * u).sum::<f64>() - 0.5 * quadratic;
-    if value.is_finite() { (value, b) } else { (0.0, vec![0.0; k]) }
+    match inside(&vec![0.0; k]) {
+        true if value > 0.0 => (value, b),
+        true => (0.0, vec![0.0; k]),
+        false if value.is_finite() => (value, b),
+        false => (f64::NEG_INFINITY, b),
+    }
 }
 
 /// One coefficient after the other at its best within its bounds, until none moves.

@@ -187,7 +187,8 @@ fn finite(numbers: &[f64]) -> bool {
 }
 
 /// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record, and where each of them is
-/// at its extremes: what is stiff only beyond a threshold (the end of a play, a stop) shows there.
+/// at its extremes: what is stiff only where an input has passed a threshold (the end of a play) shows there. A threshold between two states does
+/// not.
 pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record) -> usize {
     let n = record.n.saturating_sub(record.start);
     if n == 0 || record.inputs.len() < record.n * plan.layout.inputs {

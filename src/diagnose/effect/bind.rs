@@ -221,7 +221,7 @@ impl<'a> Binding<'a> {
             starts.insert(0, check.value);
         }
         let (min, max) = (size.min.map_or(f64::NEG_INFINITY, |v| v * scale), size.max.map_or(f64::INFINITY, |v| v * scale));
-        let range = if size.about.is_some() { 2.0 * scale } else { f64::INFINITY };
+        let range = size.about.as_ref().map_or(f64::INFINITY, |about| 2.0 * self.size(about));
         let step = size.typical.or(size.starts.first().copied()).unwrap_or(1.0);
         Added {
             name: self.names[key].clone(),
