@@ -44,6 +44,8 @@ struct Link {
     name: String,
     values: Vec<f64>,
     evidence: f64,
+    /// The round in which it was found.
+    round: usize,
     /// What luck gains among all candidates of the round in which it was found.
     limit: f64,
     /// Candidates that came near it in its round.
@@ -165,7 +167,7 @@ impl Search<'_> {
             candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
             let round = self.round(&stand, found, &candidates, 0.0)?;
             let chosen = to_add(&round, self.subject.settings.apart);
-            let link = chosen.and_then(|c| link(&round, &round.judged[c]));
+            let link = chosen.and_then(|c| link(&round, &round.judged[c], self.out.rounds.len()));
             self.out.rounds.push(round);
             match link {
                 Some(link) => self.links.push(link),
@@ -198,6 +200,7 @@ impl Search<'_> {
                     self.out.rounds.len() - 1
                 }
             };
+            self.keep_alike(i, at);
             let round = &self.out.rounds[at];
             let judged = |c: &usize| round.judged.get(*c);
             if let Some(c) = round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name)) {
@@ -208,7 +211,7 @@ impl Search<'_> {
             let this = round.judged.iter().find(|j| j.name == name);
             let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
             let better = round.class.iter().filter_map(judged).find(others).filter(|j| !self.ending && !(j.evidence < evidence));
-            if let Some(better) = better.and_then(|j| link(round, j)) {
+            if let Some(better) = better.and_then(|j| link(round, j, at)) {
                 self.links[i] = better;
                 return Ok(false);
             }
@@ -223,6 +226,28 @@ impl Search<'_> {
         }
         self.out.findings = findings.into_iter().flatten().collect();
         Ok(true)
+    }
+
+    /// Puts link `i`, beaten in round `at`, back among those that are alike there if it was better where it was found and the two rounds together
+    /// do not tell it from any that beat it: each round has the noise of its own base, and what is missing there is in it.
+    fn keep_alike(&mut self, i: usize, at: usize) {
+        let Some(was) = self.out.rounds.get(self.links[i].round).filter(|_| self.links[i].round != at) else { return };
+        let evidence =
+            |round: &Round, name: &str| round.judged.iter().find(|j| j.name == name).map(|j| j.evidence).filter(|e| e.is_finite());
+        let (now, name) = (&self.out.rounds[at], &self.links[i].name);
+        let ahead = |round: &Round, other: &str| Some(evidence(round, other)? - evidence(round, name)?);
+        let apart = self.subject.settings.apart;
+        let told = |c: &usize| {
+            let other = &now.judged[*c].name;
+            let both = ahead(now, other).zip(ahead(was, other));
+            both.is_none_or(|(now, before)| now + before > apart)
+        };
+        let beaten = now.judged.iter().position(|j| j.name == *name && j.standing == Standing::Beaten);
+        let Some(this) = beaten.filter(|_| !now.class.is_empty() && !now.class.iter().any(told)) else { return };
+        let round = &mut self.out.rounds[at];
+        round.class.push(this);
+        round.judged[this].standing = Standing::Alike;
+        round.judged[this].why.push_str(", and more than that of the others where it was found");
     }
 
     /// The round that tested the only link already: the one it was found in, if that was strict enough.
@@ -289,7 +314,8 @@ fn to_add(round: &Round, apart: f64) -> Option<usize> {
     }
 }
 
-fn link(round: &Round, judged: &Judged) -> Option<Link> {
+/// `at`: index of the round.
+fn link(round: &Round, judged: &Judged, at: usize) -> Option<Link> {
     let refit = judged.refit.as_ref()?;
     let mut near: Vec<&Judged> = round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
     near.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -297,6 +323,7 @@ fn link(round: &Round, judged: &Judged) -> Option<Link> {
         name: judged.name.clone(),
         values: refit.values.iter().map(|v| v.value).collect(),
         evidence: judged.evidence,
+        round: at,
         limit: round.limit,
         rivals: near.iter().take(RIVALS).map(|j| j.name.clone()).collect(),
         doubt: None,
