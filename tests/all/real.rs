@@ -41,9 +41,12 @@ fn recovery_of_the_stall_of_the_attas() {
     assert!(complete && rms("rms_after") < 0.7 * rms("rms_before") && rms("chi2_after") < 1.0);
 }
 
-/// The HFB-320's own estimates with one term of the model taken out, diagnosed as predicted; the candidates named, and value and sd of the
-/// parameter that should bring the term back, where it was fitted first and last.
-fn crippled(parameter: &str, term: &str, effect: &str) -> Option<(Vec<String>, [(f64, f64); 2])> {
+/// Names, and value and sd where it was fitted first and last.
+type Crippled = (Vec<String>, [(f64, f64); 2]);
+
+/// The HFB-320's own estimates with one term of the model taken out, diagnosed as predicted; the candidates named, and the
+/// parameter that should bring the term back.
+fn crippled(parameter: &str, term: &str, effect: &str) -> Option<Crippled> {
     if std::env::var("KOEHLER_SLOW").as_deref() != Ok("1") {
         println!("skipped: set KOEHLER_SLOW=1 (a minute in release mode)");
         return None;
