@@ -4,8 +4,9 @@
 //! *Forward*: the candidate of most evidence is added, and all begins again. Where several things are missing, held-out maneuvers may
 //! contradict one of them only because of the others, so here a candidate needs only evidence that they do not take away. *Back*: each
 //! one is taken out of the whole again and must come out of a strict round on what is left, against those that came near it; one that
-//! does not is replaced by the one that does, or dropped for good, and the search goes on. One that explains most and is contradicted all
-//! the same stays in the model without being named: the others are judged with it in place.
+//! does not is replaced by the one that does, or dropped for good, and the search goes on; unless it was ahead of that one where it was
+//! found and both rounds together do not tell them apart. One that explains most and is contradicted all the same stays in the model without
+//! being named: the others are judged with it in place.
 
 use super::base::{Known, Stand};
 use super::closing::closing;
