@@ -116,11 +116,13 @@ fn among_all(unknown: &Unknown, prepared: &Prepared) -> Unknown {
     Unknown { segment: unknown.segment.map(|at| prepared.used[at]), ..unknown.clone() }
 }
 
-/// Takes the integration steps that the model asks for at `theta` where records leave them open, and at least those given.
+/// Takes the integration steps that the model asks for at `theta` where they are left to the program, and at least those given.
 pub fn settle_steps(case: &mut Case, theta: &[f64], least: &[usize]) {
+    case.stiffen(theta);
     for s in 0..case.records.len() {
-        if case.records[s].substeps == 0 {
-            case.records[s].substeps = case.substeps(s, theta).max(least.get(s).copied().unwrap_or(1));
+        if case.is_automatic(s) {
+            let steps = &mut case.records[s].substeps;
+            *steps = (*steps).max(least.get(s).copied().unwrap_or(1));
         }
     }
 }

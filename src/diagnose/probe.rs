@@ -4,7 +4,7 @@ use super::effect::Candidate;
 use super::screen::Ground;
 use crate::dynamics::{Channel, Directions, Plan, Record};
 use crate::error::Errors;
-use crate::estimate::{self, Block};
+use crate::estimate::{self, Block, Case};
 use crate::model::StartKind;
 use std::borrow::Cow;
 
@@ -20,8 +20,8 @@ pub struct Probe {
     added: Vec<usize>,
     /// Directions of the plan: indices into `added`.
     pub sizes: Vec<usize>,
-    /// It has more states than the base.
-    adds_states: bool,
+    /// It has more states or delays than the base.
+    adds_dynamics: bool,
 }
 
 impl Probe {
@@ -50,13 +50,15 @@ impl Probe {
             plan,
             added,
             sizes,
-            adds_states: model.states.len() > case.model.states.len(),
+            adds_dynamics: model.states.len() > case.model.states.len() || model.delays.len() > case.model.delays.len(),
         })
     }
 
-    /// A base's record with steps as small as states that a candidate adds ask for: a play's end pushes back within milliseconds.
-    fn record<'r>(&self, base: &'r Record, parameters: &[f64], given: &[f64]) -> Cow<'r, Record> {
-        let steps = if self.adds_states { self.plan.substeps(parameters, given, base) } else { 1 };
+    /// A base's record with steps as small as states that a candidate adds ask for (a play's end pushes back within milliseconds), where the
+    /// user leaves that to the program.
+    fn record<'r>(&self, case: &'r Case, s: usize, parameters: &[f64], given: &[f64]) -> Cow<'r, Record> {
+        let base = &case.records[s];
+        let steps = if self.adds_dynamics && case.is_automatic(s) { self.plan.substeps(parameters, given, base) } else { 1 };
         if steps <= base.substeps.max(1) {
             return Cow::Borrowed(base);
         }
@@ -71,7 +73,7 @@ impl Probe {
             self.base.iter().zip(&self.starts).map(|(from, start)| from.map_or(*start, |i| base[i])).collect();
         self.added.iter().zip(at).for_each(|(&i, value)| parameters[i] = *value);
         let given: Vec<f64> = self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
-        let response = self.plan.respond(&parameters, &given, &self.record(&case.records[s], &parameters, &given), true);
+        let response = self.plan.respond(&parameters, &given, &self.record(case, s, &parameters, &given), true);
         if !response.finite {
             return None;
         }

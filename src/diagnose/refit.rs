@@ -82,7 +82,11 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
     settle_steps(&mut case, &theta, &least);
     let names: Vec<String> = candidate.added.iter().map(|a| a.name.clone()).collect();
     let theta = nearest(ground, &case, candidate, &theta);
-    let (free, fit) = fitted(&case, ground.noise, ground.places, theta, &names);
+    let (mut free, mut fit) = fitted(&case, ground.noise, ground.places, theta, &names);
+    // What is stiffer where the fit ended than where it began (a play that became smaller) was not integrated well on the way.
+    if let Some(found) = fit.as_ref().filter(|found| case.stiffen(&found.theta)).map(|found| found.theta.clone()) {
+        (free, fit) = fitted(&case, ground.noise, ground.places, found, &names);
+    }
     let Some(fit) = fit else { return Ok(None) };
     let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
     let task = Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free };

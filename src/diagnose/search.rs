@@ -4,9 +4,8 @@
 //! *Forward*: the candidate of most evidence is added, and all begins again. Where several things are missing, held-out maneuvers may
 //! contradict one of them only because of the others, so here a candidate needs only evidence that they do not take away. *Back*: each
 //! one is taken out of the whole again and must come out of a strict round on what is left, against those that came near it; one that
-//! does not is replaced by the one that does, or dropped for good, and the search goes on; unless it was ahead of that one where it was
-//! found and both rounds together do not tell them apart. One that explains most and is contradicted all the same stays in the model without
-//! being named: the others are judged with it in place.
+//! does not is replaced by the one that does, or dropped for good, and the search goes on. One that explains most and is contradicted all
+//! the same stays in the model without being named: the others are judged with it in place.
 
 use super::base::{Known, Stand};
 use super::closing::closing;
@@ -45,8 +44,6 @@ struct Link {
     name: String,
     values: Vec<f64>,
     evidence: f64,
-    /// The round in which it was found.
-    round: usize,
     /// What luck gains among all candidates of the round in which it was found.
     limit: f64,
     /// Candidates that came near it in its round.
@@ -168,7 +165,7 @@ impl Search<'_> {
             candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
             let round = self.round(&stand, found, &candidates, 0.0)?;
             let chosen = to_add(&round, self.subject.settings.apart);
-            let link = chosen.and_then(|c| link(&round, &round.judged[c], self.out.rounds.len()));
+            let link = chosen.and_then(|c| link(&round, &round.judged[c]));
             self.out.rounds.push(round);
             match link {
                 Some(link) => self.links.push(link),
@@ -201,7 +198,6 @@ impl Search<'_> {
                     self.out.rounds.len() - 1
                 }
             };
-            self.keep_alike(i, at);
             let round = &self.out.rounds[at];
             let judged = |c: &usize| round.judged.get(*c);
             if let Some(c) = round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name)) {
@@ -212,7 +208,7 @@ impl Search<'_> {
             let this = round.judged.iter().find(|j| j.name == name);
             let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
             let better = round.class.iter().filter_map(judged).find(others).filter(|j| !self.ending && !(j.evidence < evidence));
-            if let Some(better) = better.and_then(|j| link(round, j, at)) {
+            if let Some(better) = better.and_then(|j| link(round, j)) {
                 self.links[i] = better;
                 return Ok(false);
             }
@@ -227,28 +223,6 @@ impl Search<'_> {
         }
         self.out.findings = findings.into_iter().flatten().collect();
         Ok(true)
-    }
-
-    /// Puts link `i`, beaten in round `at`, back among those that are alike there if it was better where it was found and the two rounds together
-    /// do not tell it from any that beat it: each round has the noise of its own base, and what is missing there is in it.
-    fn keep_alike(&mut self, i: usize, at: usize) {
-        let Some(was) = self.out.rounds.get(self.links[i].round).filter(|_| self.links[i].round != at) else { return };
-        let evidence =
-            |round: &Round, name: &str| round.judged.iter().find(|j| j.name == name).map(|j| j.evidence).filter(|e| e.is_finite());
-        let (now, name) = (&self.out.rounds[at], &self.links[i].name);
-        let ahead = |round: &Round, other: &str| Some(evidence(round, other)? - evidence(round, name)?);
-        let apart = self.subject.settings.apart;
-        let told = |c: &usize| {
-            let other = &now.judged[*c].name;
-            let both = ahead(now, other).zip(ahead(was, other));
-            both.is_none_or(|(now, before)| now + before > apart)
-        };
-        let beaten = now.judged.iter().position(|j| j.name == *name && j.standing == Standing::Beaten);
-        let Some(this) = beaten.filter(|_| !now.class.is_empty() && !now.class.iter().any(told)) else { return };
-        let round = &mut self.out.rounds[at];
-        round.class.push(this);
-        round.judged[this].standing = Standing::Alike;
-        round.judged[this].why.push_str(", and more than that of the others where it was found");
     }
 
     /// The round that tested the only link already: the one it was found in, if that was strict enough.
@@ -315,8 +289,7 @@ fn to_add(round: &Round, apart: f64) -> Option<usize> {
     }
 }
 
-/// `at`: index of the round.
-fn link(round: &Round, judged: &Judged, at: usize) -> Option<Link> {
+fn link(round: &Round, judged: &Judged) -> Option<Link> {
     let refit = judged.refit.as_ref()?;
     let mut near: Vec<&Judged> = round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
     near.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -324,7 +297,6 @@ fn link(round: &Round, judged: &Judged, at: usize) -> Option<Link> {
         name: judged.name.clone(),
         values: refit.values.iter().map(|v| v.value).collect(),
         evidence: judged.evidence,
-        round: at,
         limit: round.limit,
         rivals: near.iter().take(RIVALS).map(|j| j.name.clone()).collect(),
         doubt: None,

@@ -36,6 +36,7 @@ mod rows;
 mod stiffness;
 mod tangent;
 
+pub use history::{integral as input_integral, mean as input_mean};
 pub use plan::{Directions, Plan, Tier};
 pub(crate) use propagate::{AHEAD, WEIGHT};
 pub use record::{Channel, Interpolation, Record, Sampling};

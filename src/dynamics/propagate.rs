@@ -64,6 +64,8 @@ pub(super) struct Run<'p> {
     pub(super) record: &'p Record,
     /// Time derivatives of the inputs on the grid (only where the model uses them).
     slopes: Vec<f64>,
+    /// Integrals of the inputs of which a mean is taken, one per delay (empty for the others).
+    integrals: Vec<Vec<f64>>,
     /// Limits of the states: lower, upper.
     bounds: Vec<f64>,
     /// Times at which sub-steps begin; states and their rates there (delayed states need them).
@@ -78,8 +80,13 @@ pub(super) struct Run<'p> {
 impl<'p> Run<'p> {
     fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>) -> Self {
         let slopes = if plan.uses_input_rates { input_slopes(record, plan.layout.inputs) } else { Vec::new() };
+        let integral = |delay: &crate::model::Delay| match delay.of {
+            Delayed::Mean(j) => history::integral(&record.inputs[..record.n * plan.layout.inputs], plan.layout.inputs, j),
+            _ => Vec::new(),
+        };
+        let integrals = plan.delays.iter().map(integral).collect();
         let (times, x_history, f_history, stage, sum) = Default::default();
-        Run { plan, record, slopes, bounds, times, x_history, f_history, stage, sum }
+        Run { plan, record, slopes, integrals, bounds, times, x_history, f_history, stage, sum }
     }
 }
 
@@ -285,6 +292,12 @@ impl Run<'_> {
                     let at = t / record.dt + record.start as f64;
                     let (value, slope) = history::input(&record.inputs[..record.n * l.inputs], l.inputs, j, record.dt, at);
                     past.slope[0] = slope;
+                    value
+                }
+                Delayed::Mean(j) => {
+                    let (at, width) = (now / record.dt + record.start as f64, taus.get(k) / record.dt);
+                    let (value, by_width) = history::mean(&record.inputs, l.inputs, j, &self.integrals[k], at, width);
+                    past.slope[0] = -by_width / record.dt;
                     value
                 }
                 Delayed::State(i) => {

@@ -278,7 +278,7 @@ fn delayed(
     for (k, (delay, past)) in plan.delays.iter().zip(pasts).enumerate() {
         let row = &mut out[k * lanes..(k + 1) * lanes];
         let slope = match delay.of {
-            Delayed::Input(_) => past.slope[0],
+            Delayed::Input(_) | Delayed::Mean(_) => past.slope[0],
             Delayed::State(i) => run.past_value(i, past, &past.slope),
         };
         row.iter_mut().for_each(|v| *v *= -slope);

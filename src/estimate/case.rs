@@ -72,20 +72,33 @@ impl<'a> Case<'a> {
     pub fn solve(&mut self, settings: &Settings) -> Solution {
         let mut needed = self.layout.start.clone();
         loop {
-            let mut changed = false;
-            for s in (0..self.records.len()).filter(|&s| self.automatic[s]).collect::<Vec<_>>() {
-                let steps = self.substeps(s, &needed);
-                changed |= steps > self.records[s].substeps;
-                self.records[s].substeps = self.records[s].substeps.max(steps);
-            }
+            let changed = self.stiffen(&needed);
             let evaluate = |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
             let solution = solve(&self.layout, &evaluate, settings);
-            let stiffer = |s: usize| self.automatic[s] && self.substeps(s, &solution.fit.theta) > self.records[s].substeps;
+            let stiffer = |s: usize| self.is_automatic(s) && self.substeps(s, &solution.fit.theta) > self.records[s].substeps;
             if !changed || !(0..self.records.len()).any(stiffer) {
                 return solution;
             }
             needed = solution.fit.theta;
         }
+    }
+
+    /// Whether the number of integration steps of segment `s` is left to the program.
+    pub fn is_automatic(&self, s: usize) -> bool {
+        self.automatic[s]
+    }
+
+    /// Raises the integration steps that are left to the program to what the model asks for at `theta`; whether any rose.
+    pub fn stiffen(&mut self, theta: &[f64]) -> bool {
+        let mut rose = false;
+        for s in 0..self.records.len() {
+            if self.automatic[s] {
+                let steps = self.substeps(s, theta);
+                rose |= steps > self.records[s].substeps;
+                self.records[s].substeps = self.records[s].substeps.max(steps);
+            }
+        }
+        rose
     }
 
     /// Starts from the result of a regression on the equations, if the settings ask for it and it fits better.

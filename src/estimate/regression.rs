@@ -14,12 +14,12 @@ use super::problem::{Block, Layout, each};
 use super::rank::NONE;
 use super::solution::{Solution, solve};
 use super::{Settings, Stop};
-use crate::dynamics::Record;
+use crate::dynamics::{Record, input_integral, input_mean};
 use crate::error::Result;
 use crate::math::distribution::normal_cdf;
 use crate::model::graph::{Leaf, Node};
 use crate::model::linear::{Entry, Linear};
-use crate::model::{Delayed, Model, Program};
+use crate::model::{Delay, Delayed, Model, Program};
 use crate::signal::smooth::SavitzkyGolay;
 
 /// What became of one parameter.
@@ -233,6 +233,11 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
     let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
     let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
     let taus = delays(model, &parameters);
+    let integral = |delay: &Delay| match delay.of {
+        Delayed::Mean(j) => input_integral(&record.inputs[..record.n * l.inputs], l.inputs, j),
+        _ => Vec::new(),
+    };
+    let integrals: Vec<Vec<f64>> = model.delays.iter().map(integral).collect();
     for k in 0..n {
         let point = &mut points[k * width..(k + 1) * width];
         smoothed.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
@@ -249,6 +254,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
             };
             point[l.delayed() + d] = match delay.of {
                 Delayed::Input(j) => back((k + first) as f64, &|i| input(i, j)),
+                Delayed::Mean(j) => input_mean(&record.inputs, l.inputs, j, &integrals[d], (k + first) as f64, taus[d] / dt).0,
                 Delayed::State(i) => back(k as f64, &|m| smoothed[i].get(m).copied().unwrap_or(f64::NAN)),
             };
         }

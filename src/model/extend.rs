@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use indexmap::IndexMap;
 
 use super::graph::{Leaf, Node};
-use super::{Delayed, Model, Parameter, Quantity, Scope, StartKind};
+use super::{Model, Parameter, Quantity, Scope, StartKind};
 use crate::error::{Error, Errors, Result};
 use crate::units::Unit;
 
@@ -53,7 +53,7 @@ impl Model {
             if let Some(input) = input
                 && let Some(p) = errors.take(model.add_shift(input_shift(name), &self.inputs[input], scope))
             {
-                let delays = self.delays.iter().enumerate().filter(|(_, d)| d.of == Delayed::Input(input));
+                let delays = self.delays.iter().enumerate().filter(|(_, d)| d.of.now() == Leaf::Input(input));
                 let leaves = delays.map(|(k, _)| Leaf::Delayed(k)).chain([Leaf::Input(input)]);
                 for leaf in leaves {
                     let (read, shift) = (model.graph.leaf(leaf), model.graph.leaf(Leaf::Parameter(p)));

@@ -139,12 +139,18 @@ impl Model {
         (sparse, nodes)
     }
 
+    /// What stands for delayed values where nothing has changed for long: the present ones.
+    pub fn steady(&self, graph: &mut Graph) -> BTreeMap<Leaf, Node> {
+        self.delays.iter().enumerate().map(|(k, delay)| (Leaf::Delayed(k), graph.leaf(delay.of.now()))).collect()
+    }
+
     /// The program of the start values. `given` states (ascending) start at values from outside, `free` parameters give directions.
     ///
     /// # Errors
     /// A start that depends on itself through other starts.
     pub fn starts(&self, given: &[usize], free: &[usize]) -> Result<Starts> {
         let mut g = self.graph.clone();
+        let steady = self.steady(&mut g);
         let mut known: BTreeMap<Leaf, Node> = BTreeMap::new();
         for &i in given {
             let node = g.leaf(Leaf::StartValue(i));
@@ -161,6 +167,7 @@ impl Model {
                 let node = match self.states[i].start {
                     StartKind::Measured => g.leaf(Leaf::StartValue(i)),
                     StartKind::Expression(node) => {
+                        let node = g.substitute(node, &steady);
                         let ready = g.leaves(&[node]).iter().all(|l| !matches!(l, Leaf::State(_)) || known.contains_key(l));
                         if !ready {
                             continue;

@@ -122,17 +122,29 @@ pub struct State {
     pub hidden: bool,
 }
 
-/// What a `delay()` is of.
+/// What a `delay()` or a `mean()` is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delayed {
     Input(usize),
     State(usize),
+    /// The mean of an input between `t` and `t + tau`, before `t` where `tau` is negative.
+    Mean(usize),
+}
+
+impl Delayed {
+    /// What it is of, at the present time.
+    pub fn now(self) -> Leaf {
+        match self {
+            Delayed::Input(i) | Delayed::Mean(i) => Leaf::Input(i),
+            Delayed::State(i) => Leaf::State(i),
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Delay {
     pub of: Delayed,
-    /// Node of the delay time, s.
+    /// Node of the delay time, or of the width of the mean, s.
     pub tau: Node,
 }
 

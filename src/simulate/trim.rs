@@ -3,8 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::dense::solve;
 use crate::model::graph::{Leaf, Node};
-use crate::model::{Delayed, Model, Program};
-use std::collections::BTreeMap;
+use crate::model::{Model, Program};
 
 /// A steady condition: every state, input and parameter of the model.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,14 +129,7 @@ impl<'m> Search<'m> {
     fn new(model: &'m Model) -> Self {
         let mut graph = model.graph.clone();
         // Steady: a delayed value is the present one, inputs do not change.
-        let mut known: BTreeMap<Leaf, Node> = BTreeMap::new();
-        for (k, delay) in model.delays.iter().enumerate() {
-            let leaf = match delay.of {
-                Delayed::Input(i) => Leaf::Input(i),
-                Delayed::State(i) => Leaf::State(i),
-            };
-            known.insert(Leaf::Delayed(k), graph.leaf(leaf));
-        }
+        let mut known = model.steady(&mut graph);
         let zero = graph.c(0.0);
         known.extend((0..model.inputs.len()).map(|i| (Leaf::InputRate(i), zero)));
         let mut nodes: Vec<Node> = model.trim.zero.iter().map(|(_, node)| graph.substitute(*node, &known)).collect();

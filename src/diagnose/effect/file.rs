@@ -135,7 +135,7 @@ pub struct Size {
     pub starts: Vec<f64>,
     /// Starts, bounds and typical value are multiples of the half range of what is bound to this name in the data.
     pub of: Option<String>,
-    /// Starts are counted from the middle of the range of what is bound to this name.
+    /// Starts are counted from the middle of the range of what is bound to this name; known better than that range, it is determined.
     pub about: Option<String>,
     /// Physical bounds.
     pub min: Option<f64>,
