@@ -101,7 +101,7 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
         predicted: f64::NAN,
         realised: base - with - own as f64,
     });
-    let values = values(&case, candidate, &free, k, &fit, spread.as_ref());
+    let values = values(&case, (candidate, at), &free, k, &fit, spread.as_ref());
     Ok(Some(Refit {
         consistency: spread.as_ref().and_then(|spread| consistency(spread, &values)),
         gain: ground.fit.cost() - fit.cost(),
@@ -137,12 +137,8 @@ pub fn joined(stand: &Stand, candidate: &Candidate, at: &[f64]) -> Stand {
         Some(hold) => hold,
         None => value.clamp(added.min, added.max),
     };
-    let values: Vec<(String, f64, bool)> = candidate
-        .added
-        .iter()
-        .zip(at)
-        .map(|(added, value)| (added.name.clone(), inside(added, *value), added.hold.is_some()))
-        .collect();
+    let values: Vec<(String, f64, bool)> =
+        candidate.added.iter().zip(at).map(|(added, value)| (added.name.clone(), inside(added, *value), added.is_held())).collect();
     stand.with(&candidate.model, &values)
 }
 
@@ -173,8 +169,9 @@ fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, 
     Gain { segment, predicted: (predicted - luck).max(0.0), realised: base.cost - with.cost - luck }
 }
 
-fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fit, spread: Option<&Spread>) -> Vec<Value> {
-    let one = |added: &Added| {
+/// `tried`: the candidate, and the values of its parameters from which it was fitted.
+fn values(case: &Case, tried: (&Candidate, &[f64]), free: &[usize], k: usize, fit: &Fit, spread: Option<&Spread>) -> Vec<Value> {
+    let one = |(added, start): (&Added, &f64)| {
         let at = free[free.len() - k..].iter().position(|&i| case.unknowns[i].name == added.name);
         let index = at.map(|at| free[free.len() - k + at]);
         let own = || {
@@ -184,6 +181,7 @@ fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fi
         let value = match (index, added.hold) {
             (Some(i), _) => fit.theta[i],
             (None, Some(hold)) => hold,
+            (None, None) if added.chosen => *start,
             // One per maneuver: the largest.
             (None, None) => own(),
         };
@@ -198,13 +196,13 @@ fn values(case: &Case, candidate: &Candidate, free: &[usize], k: usize, fit: &Fi
             null: added.null,
             span: added.span,
             at_bound: bound,
-            held: added.hold.is_some(),
+            held: added.is_held(),
             own: added.scope == Scope::Segment,
             left,
             check: added.check.as_ref().map(|c| (c.text.clone(), c.value, c.within)),
         }
     };
-    candidate.added.iter().map(one).collect()
+    tried.0.added.iter().zip(tried.1).map(one).collect()
 }
 
 /// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against chi-square; its excess over the

@@ -1,5 +1,4 @@
-//! Past values: of inputs from the grid (cubic convolution), of delayed states from their own history (cubic Hermite). Means of inputs over
-//! some time before or after.
+//! Past values: of inputs from the grid (cubic convolution), of delayed states from their own history (cubic Hermite).
 
 /// Value and time derivative of grid column `column` at fractional grid position `at`; constant before the first and after the last
 /// point.
@@ -24,42 +23,6 @@ pub fn input(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> 
     // Catmull-Rom: passes through the points, slope continuous
     let (c1, c2, c3) = (0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d, 0.5 * (d - a) + 1.5 * (b - c));
     (b + s * (c1 + s * (c2 + s * c3)), (c1 + s * (2.0 * c2 + 3.0 * s * c3)) / dt)
-}
-
-/// Integral of grid column `column` from the first point to each one, in grid steps: the points joined by straight lines.
-pub fn integral(inputs: &[f64], stride: usize, column: usize) -> Vec<f64> {
-    let u = inputs.iter().skip(column).step_by(stride.max(1));
-    let mut before = None;
-    let step = |sum: &mut f64, &u: &f64| {
-        *sum += before.map_or(0.0, |v: f64| (v + u) / 2.0);
-        before = Some(u);
-        Some(*sum)
-    };
-    u.scan(0.0, step).collect()
-}
-
-/// Mean of grid column `column` over the `width` grid steps behind position `at` (negative: before it), and its derivative with respect to
-/// `width`; the first and the last value hold outside. `integral`: of that column.
-pub fn mean(inputs: &[f64], stride: usize, column: usize, integral: &[f64], at: f64, width: f64) -> (f64, f64) {
-    let last = integral.len().saturating_sub(1);
-    if integral.is_empty() || !(at.is_finite() && width.is_finite()) {
-        return (f64::NAN, f64::NAN);
-    }
-    let u = |i: usize| inputs[i.min(last) * stride + column];
-    let value = |at: f64| {
-        let i = at.clamp(0.0, last as f64).floor();
-        u(i as usize) + (at.clamp(0.0, last as f64) - i) * (u(i as usize + 1) - u(i as usize))
-    };
-    let upto = |at: f64| {
-        let inside = at.clamp(0.0, last as f64);
-        let i = inside.floor();
-        integral[i as usize] + (inside - i) * (u(i as usize) + value(inside)) / 2.0 + (at - inside) * value(inside)
-    };
-    if width.abs() < 1e-6 {
-        return (value(at), 0.0);
-    }
-    let mean = (upto(at + width) - upto(at)) / width;
-    (mean, (value(at + width) - mean) / width)
 }
 
 /// How a past value is put together from the history: `value = w[0] x_i + w[1] x'_i + w[2] x_j + w[3] x'_j`, its slope with `slope`.
@@ -111,22 +74,6 @@ mod tests {
         assert!((value - f(0.73)).abs() < 1e-12);
         assert!((slope - (-2.0 + 0.73)).abs() < 1e-10);
         assert_eq!(input(&column, 1, 0, 0.1, -3.0), (1.0, 0.0));
-    }
-
-    #[test]
-    fn a_mean_is_that_of_the_lines_between_the_points() {
-        let column = [0.0, 1.0, 3.0, 2.0, 2.0];
-        let sums = integral(&column, 1, 0);
-        assert_eq!(sums, [0.0, 0.5, 2.5, 5.0, 7.0]);
-        let of = |at: f64, width: f64| mean(&column, 1, 0, &sums, at, width);
-        assert!((of(1.0, 2.0).0 - 2.25).abs() < 1e-15);
-        assert!((of(3.0, -2.0).0 - 2.25).abs() < 1e-15);
-        assert!((of(1.0, -2.0).0 - 0.25).abs() < 1e-15, "the first value holds before the record");
-        assert_eq!(of(1.5, 0.0), (2.0, 0.0));
-        for (at, width) in [(2.2, 0.3), (0.4, 1.3), (3.9, 0.7), (3.2, -0.6), (0.4, -1.3)] {
-            let slope = (of(at, width + 1e-6).0 - of(at, width - 1e-6).0) / 2e-6;
-            assert!((of(at, width).1 - slope).abs() < 1e-6, "{at} {width}: {} {slope}", of(at, width).1);
-        }
     }
 
     #[test]

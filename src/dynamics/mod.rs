@@ -33,13 +33,14 @@ mod plan;
 mod propagate;
 mod record;
 mod rows;
+mod sigma;
 mod stiffness;
 mod tangent;
 
-pub use history::{integral as input_integral, mean as input_mean};
 pub use plan::{Directions, Plan, Tier};
 pub(crate) use propagate::{AHEAD, WEIGHT};
 pub use record::{Channel, Interpolation, Record, Sampling};
+pub use sigma::Smooth;
 
 /// Outputs on the record's grid from its start point on.
 #[derive(Debug, Clone, Default, PartialEq)]

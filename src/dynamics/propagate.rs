@@ -3,12 +3,13 @@
 use super::evaluate::{Many, Single};
 use super::history::{self, Past};
 use super::plan::Plan;
+use super::sigma::Smooth;
 use super::stiffness::Stiffness;
 use super::tangent::Tangent;
 use super::{Grid, Interpolation, Record};
 use crate::math::pool;
 use crate::model::linear::Starts;
-use crate::model::{Delayed, Layout, Tables};
+use crate::model::{Delay, Delayed, Layout, Tables};
 
 /// Grid steps per chunk.
 const CHUNK: usize = 32;
@@ -64,8 +65,8 @@ pub(super) struct Run<'p> {
     pub(super) record: &'p Record,
     /// Time derivatives of the inputs on the grid (only where the model uses them).
     slopes: Vec<f64>,
-    /// Integrals of the inputs of which a mean is taken, one per delay (empty for the others).
-    integrals: Vec<Vec<f64>>,
+    /// Inputs without their small movements, per delay.
+    smooth: Vec<Option<Smooth>>,
     /// Limits of the states: lower, upper.
     bounds: Vec<f64>,
     /// Times at which sub-steps begin; states and their rates there (delayed states need them).
@@ -78,16 +79,27 @@ pub(super) struct Run<'p> {
 }
 
 impl<'p> Run<'p> {
-    fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>) -> Self {
+    fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>, taus: &mut Single) -> Self {
+        let smooth = smoothed(plan, record, taus);
         let slopes = if plan.uses_input_rates { input_slopes(record, plan.layout.inputs) } else { Vec::new() };
-        let integral = |delay: &crate::model::Delay| match delay.of {
-            Delayed::Mean(j) => history::integral(&record.inputs[..record.n * plan.layout.inputs], plan.layout.inputs, j),
-            _ => Vec::new(),
-        };
-        let integrals = plan.delays.iter().map(integral).collect();
         let (times, x_history, f_history, stage, sum) = Default::default();
-        Run { plan, record, slopes, integrals, bounds, times, x_history, f_history, stage, sum }
+        Run { plan, record, slopes, smooth, bounds, times, x_history, f_history, stage, sum }
     }
+}
+
+/// The inputs of which a model wants the movements that did happen, per delay.
+fn smoothed(plan: &Plan, record: &Record, taus: &mut Single) -> Vec<Option<Smooth>> {
+    if !plan.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
+        return Vec::new();
+    }
+    // Its parameters are the same all along a record.
+    taus.at(&[]);
+    let (inputs, stride) = (&record.inputs[..record.n * plan.layout.inputs], plan.layout.inputs);
+    let one = |(k, delay): (usize, &Delay)| match delay.of {
+        Delayed::Smooth(j) => Some(Smooth::new(inputs, (stride, j), record.dt, taus.get(k), taus.get(k + 1))),
+        _ => None,
+    };
+    plan.delays.iter().enumerate().map(one).collect()
 }
 
 /// What one chunk keeps for the later passes.
@@ -137,11 +149,11 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
     let mut bounds = Single::new(&plan.limits, plan, parameters);
     bounds.at(&[]);
     let bounds: Vec<f64> = (0..2 * nx).map(|k| bounds.get(k)).collect();
-    let mut run = Run::new(plan, record, bounds);
     let mut rates = Single::new(&plan.rates, plan, parameters);
     rates.native = plan.native.as_deref();
     let mut outputs = Many::new(&plan.output_values, plan, parameters);
     let mut taus = Single::new(&plan.delay_values, plan, parameters);
+    let mut run = Run::new(plan, record, bounds, &mut taus);
     let mut tangent = sensitivities.then(|| Tangent::new(plan, parameters, &file, n));
     let mut stiffness: Option<Stiffness> = None;
     let mut chunk = Chunk::default();
@@ -202,8 +214,8 @@ pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record)
         return 1;
     }
     let x = evaluate_starts(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
-    let mut run = Run::new(plan, record, Vec::new());
     let mut taus = Single::new(&plan.delay_values, plan, parameters);
+    let mut run = Run::new(plan, record, Vec::new(), &mut taus);
     let mut stiffness = Stiffness::new(plan, parameters);
     let mut most = 1;
     for k in looks(plan, record) {
@@ -294,12 +306,13 @@ impl Run<'_> {
                     past.slope[0] = slope;
                     value
                 }
-                Delayed::Mean(j) => {
-                    let (at, width) = (now / record.dt + record.start as f64, taus.get(k) / record.dt);
-                    let (value, by_width) = history::mean(&record.inputs, l.inputs, j, &self.integrals[k], at, width);
-                    past.slope[0] = -by_width / record.dt;
+                Delayed::Smooth(_) => {
+                    let at = now / record.dt + record.start as f64;
+                    let [value, by_reach, by_width] = self.smooth[k].as_ref().map_or([f64::NAN; 3], |smooth| smooth.at(at));
+                    past.slope = [by_reach, by_width, 0.0, 0.0];
                     value
                 }
+                Delayed::Within(_) => 0.0,
                 Delayed::State(i) => {
                     past = history::locate(&self.times, t, slope_known);
                     self.past_value(i, &past, &past.w)

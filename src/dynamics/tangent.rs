@@ -276,9 +276,15 @@ fn delayed(
     // SAFETY: the width is this machine's; delay times do not depend on delayed values.
     unsafe { product(width, taus, point % LANES, s, out) };
     for (k, (delay, past)) in plan.delays.iter().zip(pasts).enumerate() {
-        let row = &mut out[k * lanes..(k + 1) * lanes];
+        let (row, next) = out[k * lanes..].split_at_mut(lanes);
         let slope = match delay.of {
-            Delayed::Input(_) | Delayed::Mean(_) => past.slope[0],
+            Delayed::Input(_) => past.slope[0],
+            Delayed::Smooth(_) => {
+                // d smooth = by_reach dT + by_width dw; the row of w stands behind that of T.
+                row.iter_mut().zip(&next[..lanes]).for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
+                continue;
+            }
+            Delayed::Within(_) => 0.0,
             Delayed::State(i) => run.past_value(i, past, &past.slope),
         };
         row.iter_mut().for_each(|v| *v *= -slope);

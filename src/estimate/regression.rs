@@ -14,7 +14,7 @@ use super::problem::{Block, Layout, each};
 use super::rank::NONE;
 use super::solution::{Solution, solve};
 use super::{Settings, Stop};
-use crate::dynamics::{Record, input_integral, input_mean};
+use crate::dynamics::{Record, Smooth};
 use crate::error::Result;
 use crate::math::distribution::normal_cdf;
 use crate::model::graph::{Leaf, Node};
@@ -233,11 +233,11 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
     let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
     let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
     let taus = delays(model, &parameters);
-    let integral = |delay: &Delay| match delay.of {
-        Delayed::Mean(j) => input_integral(&record.inputs[..record.n * l.inputs], l.inputs, j),
-        _ => Vec::new(),
+    let smooth = |(d, delay): (usize, &Delay)| match delay.of {
+        Delayed::Smooth(j) => Some(Smooth::new(&record.inputs[..record.n * l.inputs], (l.inputs, j), dt, taus[d], taus[d + 1])),
+        _ => None,
     };
-    let integrals: Vec<Vec<f64>> = model.delays.iter().map(integral).collect();
+    let smooth: Vec<Option<Smooth>> = model.delays.iter().enumerate().map(smooth).collect();
     for k in 0..n {
         let point = &mut points[k * width..(k + 1) * width];
         smoothed.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
@@ -254,7 +254,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
             };
             point[l.delayed() + d] = match delay.of {
                 Delayed::Input(j) => back((k + first) as f64, &|i| input(i, j)),
-                Delayed::Mean(j) => input_mean(&record.inputs, l.inputs, j, &integrals[d], (k + first) as f64, taus[d] / dt).0,
+                Delayed::Smooth(_) | Delayed::Within(_) => smooth[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0]),
                 Delayed::State(i) => back(k as f64, &|m| smoothed[i].get(m).copied().unwrap_or(f64::NAN)),
             };
         }

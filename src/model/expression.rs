@@ -190,18 +190,26 @@ impl Compiler<'_> {
         Some(self.model.graph.substitute(node, &with))
     }
 
-    /// The mean of an input between `t` and `t + width`.
-    pub(super) fn mean(&mut self, node: Node, width: Node, offset: usize, at: &At) -> Option<Node> {
-        let leaves = self.leaves(node);
-        let [leaf @ Leaf::Input(i)] = leaves[..] else {
-            self.error(at, offset, "mean() is of an input: what is not recorded has no future");
-            return None;
+    /// An input without its small movements: `[input, reach, width]`, one for equal arguments.
+    pub(super) fn smooth(&mut self, [input, reach, within]: [Node; 3], offset: usize, at: &At) -> Option<Node> {
+        let input = match self.leaves(input)[..] {
+            [leaf @ Leaf::Input(i)] if self.model.graph.leaf(leaf) == input => i,
+            _ => {
+                self.error(at, offset, "smooth() is of an input: what is not recorded has no future");
+                return None;
+            }
         };
-        if self.model.graph.leaf(leaf) != node {
-            self.error(at, offset, "mean() is of an input, not of an expression of one");
+        if self.model.graph.leaves(&[reach, within]).iter().any(|l| !matches!(l, Leaf::Parameter(_))) {
+            self.error(at, offset, "the reach and the width of smooth() cannot change during a record");
             return None;
         }
-        Some(self.delay(Delayed::Mean(i), width))
+        let pair = [Delay { of: Delayed::Smooth(input), tau: reach }, Delay { of: Delayed::Within(input), tau: within }];
+        let known = self.model.delays.windows(2).position(|d| *d == pair);
+        let k = known.unwrap_or_else(|| {
+            self.model.delays.extend(pair);
+            self.model.delays.len() - 2
+        });
+        Some(self.model.graph.leaf(Leaf::Delayed(k)))
     }
 
     fn delay(&mut self, of: Delayed, tau: Node) -> Node {
@@ -241,7 +249,6 @@ impl Compiler<'_> {
                 Leaf::Input(i) => self.model.graph.leaf(Leaf::InputRate(i)),
                 Leaf::Time => self.model.graph.c(1.0),
                 Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
-                Leaf::Delayed(k) if let Delayed::Mean(i) = self.model.delays[k].of => self.mean_rate(i, self.model.delays[k].tau),
                 Leaf::Delayed(_) | Leaf::InputRate(_) => {
                     self.error(at, offset, "rate() of a delayed value or of a rate is not available");
                     return None;
@@ -253,16 +260,6 @@ impl Compiler<'_> {
             total = g.add(total, term);
         }
         Some(total)
-    }
-
-    /// d/dt of the mean of input `i`: what comes in at one end less what goes out at the other, over its width.
-    fn mean_rate(&mut self, i: usize, width: Node) -> Node {
-        let ahead = self.model.graph.neg(width);
-        let then = self.delay(Delayed::Input(i), ahead);
-        let g = &mut self.model.graph;
-        let now = g.leaf(Leaf::Input(i));
-        let change = g.sub(then, now);
-        g.div(change, width)
     }
 
     pub(super) fn leaves(&self, node: Node) -> Vec<Leaf> {

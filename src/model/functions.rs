@@ -28,7 +28,7 @@ const FUNCTIONS: &[(&str, &[usize], &str)] = &[
     ("deadband", &[2], "deadband(x, w)"),
     ("select", &[3], "select(c, a, b)"),
     ("delay", &[2], "delay(x, tau)"),
-    ("mean", &[2], "mean(u, T)"),
+    ("smooth", &[3], "smooth(u, T, w)"),
     ("lag", &[2], "lag(x, T)"),
     ("rate", &[1], "rate(x)"),
     ("slope", &[2], "slope(y, x)"),
@@ -70,7 +70,7 @@ pub(super) fn call(c: &mut Compiler, name: &str, arguments: &[Expr], offset: usi
         return None;
     }
     match name {
-        "delay" | "mean" => return delay(c, name, arguments, offset, at),
+        "delay" => return delay(c, arguments, offset, at),
         "table" => return table(c, arguments, at),
         "slope" | "without" => return varied(c, name == "slope", arguments, at),
         "output" => return output(c, arguments, at),
@@ -136,6 +136,11 @@ pub(super) fn call(c: &mut Compiler, name: &str, arguments: &[Expr], offset: usi
             let node = c.lag(x, a[1].node);
             Some(Typed { node, dim: x.dim })
         }
+        "smooth" => {
+            seconds(c, a[1], arguments[1].at, at, "the reach of smooth()")?;
+            c.same_unit(x, a[2], arguments[2].at, at, "compared with")?;
+            Some(Typed { node: c.smooth([x.node, a[1].node, a[2].node], offset, at)?, dim: x.dim })
+        }
         "rate" => {
             let node = c.total_rate(x.node, offset, at)?;
             Some(Typed { node, dim: Some(x.dim.unwrap_or(Dim::NONE).over(SECOND)) })
@@ -164,25 +169,15 @@ fn seconds(c: &mut Compiler, x: Typed, offset: usize, at: &At, what: &str) -> Op
     }
 }
 
-/// `delay(x, tau)`, `mean(u, T)`: values of other times.
-fn delay(c: &mut Compiler, name: &str, arguments: &[Expr], offset: usize, at: &At) -> Option<Typed> {
+fn delay(c: &mut Compiler, arguments: &[Expr], offset: usize, at: &At) -> Option<Typed> {
     let (x, tau) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
     let (x, tau) = (x?, tau?);
-    seconds(c, tau, arguments[1].at, at, if name == "mean" { "the width of a mean" } else { "a delay" })?;
+    seconds(c, tau, arguments[1].at, at, "a delay")?;
     if c.leaves(tau.node).iter().any(|l| matches!(l, Leaf::Delayed(_))) {
         c.report(at, offset, "a delay time cannot itself depend on a delayed value".into());
         return None;
     }
-    if name == "mean" && c.leaves(tau.node).iter().any(|l| !matches!(l, Leaf::Parameter(_))) {
-        c.report(at, arguments[1].at, "the width of a mean cannot change during a record".into());
-        return None;
-    }
-    let node = if name == "mean" {
-        c.mean(x.node, tau.node, arguments[0].at, at)?
-    } else {
-        c.delayed(x.node, tau.node, arguments[0].at, at)?
-    };
-    Some(Typed { node, dim: x.dim })
+    Some(Typed { node: c.delayed(x.node, tau.node, arguments[0].at, at)?, dim: x.dim })
 }
 
 /// `slope(y, x)`: dy/dx; `without(y, x)`: y where x is zero. Both for an input, a state or a parameter x.

@@ -122,20 +122,22 @@ pub struct State {
     pub hidden: bool,
 }
 
-/// What a `delay()` or a `mean()` is of.
+/// What a `delay()` or a `smooth()` is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delayed {
     Input(usize),
     State(usize),
-    /// The mean of an input between `t` and `t + tau`, before `t` where `tau` is negative.
-    Mean(usize),
+    /// An input without its small movements: `tau` is the reach of the filter, `Within` stands behind it.
+    Smooth(usize),
+    /// How small these movements are (`tau`, in the input's unit); no value of its own.
+    Within(usize),
 }
 
 impl Delayed {
     /// What it is of, at the present time.
     pub fn now(self) -> Leaf {
         match self {
-            Delayed::Input(i) | Delayed::Mean(i) => Leaf::Input(i),
+            Delayed::Input(i) | Delayed::Smooth(i) | Delayed::Within(i) => Leaf::Input(i),
             Delayed::State(i) => Leaf::State(i),
         }
     }
@@ -144,7 +146,7 @@ impl Delayed {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Delay {
     pub of: Delayed,
-    /// Node of the delay time, or of the width of the mean, s.
+    /// Node of the delay time, s.
     pub tau: Node,
 }
 

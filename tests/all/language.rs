@@ -99,8 +99,8 @@ fn every_example_has_exact_sensitivities() {
 /// What came before the record was like its first point.
 #[test]
 fn a_lag_of_a_past_value_starts_at_rest() {
-    let lag = "title = \"t\"\n[inputs]\nu = \"-\"\n[parameters]\ntau = { unit = \"s\", start = 0.1 }\nT = { unit = \"s\", start = 0.5 }\n\
-               [outputs]\ny = { unit = \"-\", value = \"lag(delay(u, tau) + mean(u, -tau), T)\" }";
+    let lag = "title = \"t\"\n[inputs]\nu = \"-\"\n[parameters]\ntau = { unit = \"s\", start = 0.1 }\nT = { unit = \"s\", start = 0.5 }\none = { unit = \"-\", start = 1.0 }\n\
+               [outputs]\ny = { unit = \"-\", value = \"lag(delay(u, tau) + smooth(u, tau, one), T)\" }";
     let model = Model::parse("lag", lag, &Constants::default()).expect("a model");
     let plan = Plan::new(&model, Directions::default()).expect("a plan");
     let record = record(&model, &[("u".to_string(), "3.0".to_string())], 1.0);
@@ -136,11 +136,9 @@ fn mistakes_are_named_with_line_and_column() {
         ("[[effect]]\ntitle = \"e\"\n[effect.add]\nV = \"rho\"", "m.model.toml:10:6: kg/m^3 cannot be added to m/s"),
         ("[[effect]]\ntitle = \"e\"\n[effect.replace]\n\"rate(V)\" = \"1.0\"", "there is no rate(V) to replace"),
         ("[equations]\na = \"delay(V, rho)\"", "a delay must be in s"),
-        ("[equations]\na = \"mean(V, t)\"", "the width of a mean cannot change during a record"),
-        (
-            "[parameters]\nT = { unit = \"s\", start = 1.0 }\n[equations]\na = \"mean(2*V, T)\"",
-            "mean() is of an input, not of an expression of one",
-        ),
+        ("[equations]\na = \"smooth(V, t, V)\"", "the reach and the width of smooth() cannot change during a record"),
+        ("[equations]\na = \"smooth(2*V, t, V)\"", "smooth() is of an input"),
+        ("[equations]\na = \"smooth(V, t, rho)\"", "kg/m^3 cannot be compared with m/s"),
         ("[equations]\na = \"table(nil, V)\"", "unknown table \"nil\""),
         ("[constants]\nk = \"deg\"", "unit \"deg\" is not a coherent SI unit\n    models are in SI: use rad"),
         ("[constants]\nk = \"N m\"\n[equations]\na = \"k*2\"", "constant \"k\" has no value\n    add to the aircraft file: k ="),

@@ -228,6 +228,7 @@ impl<'a> Binding<'a> {
             unit: self.unit(&size.unit),
             null: size.null,
             hold: size.hold,
+            chosen: size.chosen,
             starts,
             min,
             max,

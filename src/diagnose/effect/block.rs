@@ -40,7 +40,7 @@ impl Block {
         }
         out += "\n[effect.parameters]\n";
         for (a, doc) in added.iter().zip(&self.docs) {
-            let fixed = (found && a.hold.is_some()) || held.contains(&a.name.as_str());
+            let fixed = (found && a.is_held()) || held.contains(&a.name.as_str());
             out += &parameter(a, values.get(&a.name).copied(), found, fixed, doc);
         }
         section(&mut out, "equations", &self.equations);

@@ -130,6 +130,9 @@ pub struct Size {
     pub null: Option<f64>,
     /// Value at which a size is held once the effect is in the model: 1 for a switch between with and without.
     pub hold: Option<f64>,
+    /// A shape is one of its starts, the best one, and not estimated: for what the data choose without telling it exactly.
+    #[serde(default)]
+    pub chosen: bool,
     /// Values of a shape that are tried; those of several shapes go together, the first with the first.
     #[serde(default)]
     pub starts: Vec<f64>,
@@ -280,6 +283,9 @@ fn check_sizes(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
         }
         if size.hold.is_some() && size.null.is_none() {
             wrong("only a size is held");
+        }
+        if size.chosen && size.null.is_some() {
+            wrong("only a shape is chosen among its starts");
         }
         let (min, max) = (size.min.unwrap_or(f64::NEG_INFINITY), size.max.unwrap_or(f64::INFINITY));
         let starts = if size.about.is_some() { &[][..] } else { &size.starts };

@@ -111,6 +111,8 @@ pub struct Added {
     pub null: Option<f64>,
     /// Of a switch: the value at which it is held, and not estimated, once the effect is in the model.
     pub hold: Option<f64>,
+    /// Of a shape: it is one of its starts, and not estimated.
+    pub chosen: bool,
     /// Of a shape: the values tried. Several shapes go together: row i has start i of each (its last one where it has fewer).
     pub starts: Vec<f64>,
     pub min: f64,
@@ -131,6 +133,13 @@ pub struct Check {
     pub value: f64,
     /// Largest relative difference that agrees.
     pub within: f64,
+}
+
+impl Added {
+    /// Whether it is not estimated once the effect is in the model.
+    pub fn is_held(&self) -> bool {
+        self.hold.is_some() || self.chosen
+    }
 }
 
 impl Candidate {

@@ -1,0 +1,107 @@
+//! A recorded input in; its values without small movements out (sigma filter), with their derivatives.
+//!
+//! Lee, J.-S.: Digital image smoothing and the sigma filter. Computer Vision, Graphics and Image Processing 24 (1983): the mean of those
+//! neighbours that agree with the present value. A step stays a step, noise about a level goes, and what is slow against the window stays.
+//! Here neighbours fade out, so that the result is smooth in both of its parameters: `a = 1 - (s/T)^2` with their distance `s` in time,
+//! Tukey's `b = (1 - (d/w)^2)^2` with their difference `d`.
+
+/// What the filter gives at every grid point of one input, and its derivatives with respect to `T` (per s) and `w`.
+pub struct Smooth(Vec<[f64; 3]>);
+
+impl Smooth {
+    /// Of grid column `column` with `stride` columns and `dt` s between points: over `reach` s before and after, for differences below `within`
+    /// (in the input's unit). The input as it is where either is not positive.
+    pub fn new(inputs: &[f64], (stride, column): (usize, usize), dt: f64, reach: f64, within: f64) -> Smooth {
+        let u: Vec<f64> = inputs.iter().skip(column).step_by(stride.max(1)).copied().collect();
+        if reach.is_nan() || within.is_nan() {
+            return Smooth(vec![[f64::NAN; 3]; u.len()]);
+        }
+        if reach <= 0.0 || within <= 0.0 {
+            return Smooth(u.into_iter().map(|u| [u, 0.0, 0.0]).collect());
+        }
+        let far = (reach / dt) as usize;
+        Smooth((0..u.len()).map(|i| at(&u, i, far, dt / reach, [reach, within])).collect())
+    }
+
+    /// At fractional grid position `at`; the first and the last value hold outside.
+    pub fn at(&self, at: f64) -> [f64; 3] {
+        let last = self.0.len().saturating_sub(1);
+        let inside = at.clamp(0.0, last as f64);
+        let (i, part) = (inside.floor() as usize, inside - inside.floor());
+        let [Some(a), Some(b)] = [i, i + 1].map(|i| self.0.get(i.min(last))) else { return [f64::NAN; 3] };
+        std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
+    }
+}
+
+/// The filter at point `i`: of points up to `far` away, which are `step` apart as a share of `reach`.
+fn at(u: &[f64], i: usize, far: usize, step: f64, [reach, within]: [f64; 2]) -> [f64; 3] {
+    let from = i.saturating_sub(far);
+    let near = &u[from..(i + far + 1).min(u.len())];
+    // Sums of weights and of weights times difference: of the filter, of its derivatives by reach and by width.
+    let (mut sum, mut first) = ([0.0; 3], [0.0; 3]);
+    for (j, v) in near.iter().enumerate() {
+        let (s, d) = (((from + j) as f64 - i as f64) * step, v - u[i]);
+        let r = d / within;
+        if r.abs() < 1.0 {
+            let (a, b) = (1.0 - s * s, 1.0 - r * r);
+            let weights = [a * b * b, 2.0 * s * s / reach * b * b, a * 4.0 * b * r * r / within];
+            for (k, weight) in weights.into_iter().enumerate() {
+                sum[k] += weight;
+                first[k] += weight * d;
+            }
+        }
+    }
+    let moved = first[0] / sum[0];
+    let by = |k: usize| (first[k] - moved * sum[k]) / sum[0];
+    [u[i] + moved, by(1), by(2)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// A step of 1 at the middle, in noise of sd 0.01.
+    fn step(n: usize) -> Vec<f64> {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(7);
+        let mut noise = || -> f64 { StandardNormal.sample(&mut rng) };
+        (0..n).map(|k| if 2 * k < n { 0.0 } else { 1.0 } + 0.01 * noise()).collect()
+    }
+
+    #[test]
+    fn noise_about_a_level_goes_and_a_step_stays() {
+        let u = step(400);
+        let smooth = Smooth::new(&u, (1, 0), 0.02, 1.0, 0.1);
+        let worst = (0..400).map(|k| (smooth.at(k as f64)[0] - if k < 200 { 0.0 } else { 1.0 }).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.01, "{worst}: one sd of the noise, which has passed 2.5 of them");
+        assert_eq!(smooth.at(-3.0), smooth.at(0.0));
+        assert_eq!(Smooth::new(&u, (1, 0), 0.02, 0.0, 0.1).at(7.0)[0], u[7]);
+        // What is slow stays: a parabola within the window, but for the curvature over it.
+        let slow: Vec<f64> = (0..400).map(|k| 1e-8 * f64::from(k * k)).collect();
+        let left = Smooth::new(&slow, (1, 0), 0.02, 0.2, 0.1).at(200.0)[0] - slow[200];
+        assert!(left.abs() < 1e-8 * 100.0, "{left}");
+    }
+
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let u = step(120);
+        let of = |reach: f64, within: f64| Smooth::new(&u, (1, 0), 0.02, reach, within);
+        for (reach, within) in [(0.37, 0.05), (0.83, 0.021), (0.51, 3.0)] {
+            let exact = of(reach, within);
+            let h = 1e-6;
+            let by = [[of(reach + h, within), of(reach - h, within)], [of(reach, within + h), of(reach, within - h)]];
+            for k in 0..119 {
+                let at = f64::from(k) + 0.3;
+                for (i, [high, low]) in by.iter().enumerate() {
+                    let slope = (high.at(at)[0] - low.at(at)[0]) / (2.0 * h);
+                    assert!(
+                        (exact.at(at)[i + 1] - slope).abs() < 1e-5,
+                        "{reach} {within} {k} {i}: {} {slope}",
+                        exact.at(at)[i + 1]
+                    );
+                }
+            }
+        }
+    }
+}
