@@ -3,7 +3,8 @@
 //! Lee, J.-S.: Digital image smoothing and the sigma filter. Computer Vision, Graphics and Image Processing 24 (1983): the mean of those
 //! neighbours that agree with the present value. A step stays a step, noise about a level goes, and what is slow against the window stays.
 //! Here neighbours fade out, so that the result is smooth in both of its parameters: `a = 1 - (s/T)^2` with their distance `s` in time,
-//! Tukey's `b = (1 - (d/w)^2)^2` with their difference `d`.
+//! Tukey's `b = (1 - (d/w)^2)^2` with their difference `d`. The present value's own noise draws such a mean towards itself (by a sixth of that noise
+//! where `w` is five times its sd), so the differences of a second pass are those of what the first one gave.
 
 /// What the filter gives at every grid point of one input, and its derivatives with respect to `T` (per s) and `w`.
 pub struct Smooth(Vec<[f64; 3]>);
@@ -20,7 +21,9 @@ impl Smooth {
             return Smooth(u.into_iter().map(|u| [u, 0.0, 0.0]).collect());
         }
         let far = (reach / dt) as usize;
-        Smooth((0..u.len()).map(|i| at(&u, i, far, dt / reach, [reach, within])).collect())
+        let pass = |from: &[[f64; 3]]| (0..u.len()).map(|i| at(&u, from, i, far, dt / reach, [reach, within])).collect::<Vec<_>>();
+        let first: Vec<[f64; 3]> = u.iter().map(|u| [*u, 0.0, 0.0]).collect();
+        Smooth(pass(&pass(&first)))
     }
 
     /// At fractional grid position `at`; the first and the last value hold outside.
@@ -33,27 +36,28 @@ impl Smooth {
     }
 }
 
-/// The filter at point `i`: of points up to `far` away, which are `step` apart as a share of `reach`.
-fn at(u: &[f64], i: usize, far: usize, step: f64, [reach, within]: [f64; 2]) -> [f64; 3] {
+/// The filter at point `i`: of points up to `far` away, which are `step` apart as a share of `reach`; `by` tells their differences.
+fn at(u: &[f64], by: &[[f64; 3]], i: usize, far: usize, step: f64, [reach, within]: [f64; 2]) -> [f64; 3] {
     let from = i.saturating_sub(far);
-    let near = &u[from..(i + far + 1).min(u.len())];
-    // Sums of weights and of weights times difference: of the filter, of its derivatives by reach and by width.
+    let near = from..(i + far + 1).min(u.len());
+    // Sums of weights and of weights times values: of the filter, of its derivatives by reach and by width.
     let (mut sum, mut first) = ([0.0; 3], [0.0; 3]);
-    for (j, v) in near.iter().enumerate() {
-        let (s, d) = (((from + j) as f64 - i as f64) * step, v - u[i]);
-        let r = d / within;
+    for j in near {
+        let s = (j as f64 - i as f64) * step;
+        let r = (by[j][0] - by[i][0]) / within;
         if r.abs() < 1.0 {
             let (a, b) = (1.0 - s * s, 1.0 - r * r);
-            let weights = [a * b * b, 2.0 * s * s / reach * b * b, a * 4.0 * b * r * r / within];
+            let change = |k: usize, own: f64| -4.0 * a * b * r * ((by[j][k] - by[i][k]) / within - own);
+            let weights = [a * b * b, 2.0 * s * s / reach * b * b + change(1, 0.0), change(2, r / within)];
             for (k, weight) in weights.into_iter().enumerate() {
                 sum[k] += weight;
-                first[k] += weight * d;
+                first[k] += weight * (u[j] - u[i]);
             }
         }
     }
     let moved = first[0] / sum[0];
-    let by = |k: usize| (first[k] - moved * sum[k]) / sum[0];
-    [u[i] + moved, by(1), by(2)]
+    let slope = |k: usize| (first[k] - moved * sum[k]) / sum[0];
+    [u[i] + moved, slope(1), slope(2)]
 }
 
 #[cfg(test)]

@@ -190,15 +190,20 @@ impl Compiler<'_> {
         Some(self.model.graph.substitute(node, &with))
     }
 
-    /// An input without its small movements: `[input, reach, width]`, one for equal arguments.
-    pub(super) fn smooth(&mut self, [input, reach, within]: [Node; 3], offset: usize, at: &At) -> Option<Node> {
-        let input = match self.leaves(input)[..] {
-            [leaf @ Leaf::Input(i)] if self.model.graph.leaf(leaf) == input => i,
-            _ => {
-                self.error(at, offset, "smooth() is of an input: what is not recorded has no future");
-                return None;
-            }
+    /// `x` with its input, one of the same unit, without small movements: `[x, reach, width]`.
+    pub(super) fn smooth(&mut self, [x, reach, within]: [Node; 3], dim: Option<Dim>, offset: usize, at: &At) -> Option<Node> {
+        let leaves = self.leaves(x);
+        let inputs = leaves.iter().filter_map(|l| if let Leaf::Input(i) = l { Some(*i) } else { None });
+        let inputs: Vec<usize> = inputs.filter(|&i| dim.is_none_or(|dim| self.dims[&self.model.inputs[i].name] == dim)).collect();
+        let past = leaves.iter().any(|l| matches!(l, Leaf::Delayed(_) | Leaf::InputRate(_)));
+        let [input] = inputs[..] else {
+            self.error(at, offset, "smooth() is of one input in the unit of its width: what is not recorded has no future");
+            return None;
         };
+        if past {
+            self.error(at, offset, "smooth() of a delayed value or of a rate is not available");
+            return None;
+        }
         if self.model.graph.leaves(&[reach, within]).iter().any(|l| !matches!(l, Leaf::Parameter(_))) {
             self.error(at, offset, "the reach and the width of smooth() cannot change during a record");
             return None;
@@ -209,7 +214,8 @@ impl Compiler<'_> {
             self.model.delays.extend(pair);
             self.model.delays.len() - 2
         });
-        Some(self.model.graph.leaf(Leaf::Delayed(k)))
+        let smooth = self.model.graph.leaf(Leaf::Delayed(k));
+        Some(self.model.graph.substitute(x, &BTreeMap::from([(Leaf::Input(input), smooth)])))
     }
 
     fn delay(&mut self, of: Delayed, tau: Node) -> Node {

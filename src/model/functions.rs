@@ -28,7 +28,7 @@ const FUNCTIONS: &[(&str, &[usize], &str)] = &[
     ("deadband", &[2], "deadband(x, w)"),
     ("select", &[3], "select(c, a, b)"),
     ("delay", &[2], "delay(x, tau)"),
-    ("smooth", &[3], "smooth(u, T, w)"),
+    ("smooth", &[3], "smooth(x, T, w)"),
     ("lag", &[2], "lag(x, T)"),
     ("rate", &[1], "rate(x)"),
     ("slope", &[2], "slope(y, x)"),
@@ -139,7 +139,7 @@ pub(super) fn call(c: &mut Compiler, name: &str, arguments: &[Expr], offset: usi
         "smooth" => {
             seconds(c, a[1], arguments[1].at, at, "the reach of smooth()")?;
             c.same_unit(x, a[2], arguments[2].at, at, "compared with")?;
-            Some(Typed { node: c.smooth([x.node, a[1].node, a[2].node], offset, at)?, dim: x.dim })
+            Some(Typed { node: c.smooth([x.node, a[1].node, a[2].node], x.dim, offset, at)?, dim: x.dim })
         }
         "rate" => {
             let node = c.total_rate(x.node, offset, at)?;
