@@ -5,8 +5,13 @@ use super::screen::Ground;
 use crate::dynamics::{Channel, Directions, Plan, Record};
 use crate::error::Errors;
 use crate::estimate::{self, Block, Case};
-use crate::model::StartKind;
+use crate::model::{Delayed, Model, StartKind};
 use std::borrow::Cow;
+
+/// States, delayed ones besides.
+fn dynamics(model: &Model) -> usize {
+    model.states.len() + model.delays.iter().filter(|d| matches!(d.of, Delayed::State(_))).count()
+}
 
 /// A candidate's model, to be run where the base stands.
 pub struct Probe {
@@ -20,7 +25,7 @@ pub struct Probe {
     added: Vec<usize>,
     /// Directions of the plan: indices into `added`.
     pub sizes: Vec<usize>,
-    /// It has more states or delays than the base.
+    /// It has more states, or more of them delayed, than the base.
     adds_dynamics: bool,
 }
 
@@ -50,7 +55,7 @@ impl Probe {
             plan,
             added,
             sizes,
-            adds_dynamics: model.states.len() > case.model.states.len() || model.delays.len() > case.model.delays.len(),
+            adds_dynamics: dynamics(&model) > dynamics(case.model),
         })
     }
 

@@ -40,7 +40,7 @@ mod tangent;
 pub use plan::{Directions, Plan, Tier};
 pub(crate) use propagate::{AHEAD, WEIGHT};
 pub use record::{Channel, Interpolation, Record, Sampling};
-pub use sigma::Smooth;
+pub use sigma::{Smooth, smoothed};
 
 /// Outputs on the record's grid from its start point on.
 #[derive(Debug, Clone, Default, PartialEq)]

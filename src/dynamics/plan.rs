@@ -3,6 +3,7 @@
 use super::propagate;
 use super::record::{Sampling, Weights};
 use super::rows::Rows;
+use super::stiffness;
 use super::{Grid, Record, Response};
 use crate::error::{Error, Result};
 use crate::math::pool;
@@ -200,7 +201,7 @@ impl Plan {
 
     /// Integration steps per grid step that the model's Jacobian asks for at the start of a record (and at its inputs' extremes).
     pub fn substeps(&self, parameters: &[f64], given: &[f64], record: &Record) -> usize {
-        propagate::substeps(self, parameters, given, record)
+        stiffness::substeps(self, parameters, given, record)
     }
 
     /// Runs a record and reads the predictions at the samples of its channels.

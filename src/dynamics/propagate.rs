@@ -3,13 +3,13 @@
 use super::evaluate::{Many, Single};
 use super::history::{self, Past};
 use super::plan::Plan;
-use super::sigma::Smooth;
+use super::sigma::{Smooth, smoothed};
 use super::stiffness::Stiffness;
 use super::tangent::Tangent;
 use super::{Grid, Interpolation, Record};
 use crate::math::pool;
 use crate::model::linear::Starts;
-use crate::model::{Delay, Delayed, Layout, Tables};
+use crate::model::{Delayed, Layout, Tables};
 
 /// Grid steps per chunk.
 const CHUNK: usize = 32;
@@ -79,27 +79,17 @@ pub(super) struct Run<'p> {
 }
 
 impl<'p> Run<'p> {
-    fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>, taus: &mut Single) -> Self {
-        let smooth = smoothed(plan, record, taus);
+    pub(super) fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>, taus: &mut Single) -> Self {
+        let smooth = if plan.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
+            taus.at(&[]); // their parameters are the same all along a record
+            smoothed(&plan.delays, &record.inputs[..record.n * plan.layout.inputs], plan.layout.inputs, record.dt, |k| taus.get(k))
+        } else {
+            Vec::new()
+        };
         let slopes = if plan.uses_input_rates { input_slopes(record, plan.layout.inputs) } else { Vec::new() };
         let (times, x_history, f_history, stage, sum) = Default::default();
         Run { plan, record, slopes, smooth, bounds, times, x_history, f_history, stage, sum }
     }
-}
-
-/// The inputs of which a model wants the movements that did happen, per delay.
-fn smoothed(plan: &Plan, record: &Record, taus: &mut Single) -> Vec<Option<Smooth>> {
-    if !plan.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
-        return Vec::new();
-    }
-    // Its parameters are the same all along a record.
-    taus.at(&[]);
-    let (inputs, stride) = (&record.inputs[..record.n * plan.layout.inputs], plan.layout.inputs);
-    let one = |(k, delay): (usize, &Delay)| match delay.of {
-        Delayed::Smooth(j) => Some(Smooth::new(inputs, (stride, j), record.dt, taus.get(k), taus.get(k + 1))),
-        _ => None,
-    };
-    plan.delays.iter().enumerate().map(one).collect()
 }
 
 /// What one chunk keeps for the later passes.
@@ -203,49 +193,6 @@ fn finite(numbers: &[f64]) -> bool {
         zeros.iter_mut().zip(block).for_each(|(zero, x)| *zero += 0.0 * x);
     }
     zeros.iter().all(|zero| *zero == 0.0) && rest.iter().all(|x| x.is_finite())
-}
-
-/// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record, and where each of them is
-/// at its extremes: what is stiff only where an input has passed a threshold (the end of a play) shows there. A threshold between two states does
-/// not.
-pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record) -> usize {
-    let n = record.n.saturating_sub(record.start);
-    if n == 0 || record.inputs.len() < record.n * plan.layout.inputs {
-        return 1;
-    }
-    let x = evaluate_starts(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
-    let mut taus = Single::new(&plan.delay_values, plan, parameters);
-    let mut run = Run::new(plan, record, Vec::new(), &mut taus);
-    let mut stiffness = Stiffness::new(plan, parameters);
-    let mut most = 1;
-    for k in looks(plan, record) {
-        let mut chunk = Chunk::default();
-        (run.times, run.x_history, run.f_history) = (vec![0.0], x.clone(), vec![0.0; x.len()]);
-        run.point(k, &x, &mut taus, &mut chunk);
-        most = most.max(stiffness.substeps(&chunk.points, record.dt));
-        // a delayed state is read from finished steps where the delay is not absurdly short
-        for (k, d) in plan.delays.iter().enumerate() {
-            let tau = taus.get(k);
-            if matches!(d.of, Delayed::State(_)) && tau > 0.0 {
-                most = most.max(((record.dt / tau).ceil() as usize).min(16));
-            }
-        }
-    }
-    most.min(MOST_SUBSTEPS)
-}
-
-/// Grid points after the start: five along the record, and those with the least and the most of every input; each once.
-fn looks(plan: &Plan, record: &Record) -> Vec<usize> {
-    let (n, nu) = (record.n - record.start, plan.layout.inputs);
-    let mut looks: Vec<usize> = (0..5).map(|i| i * (n - 1) / 4).collect();
-    for input in 0..nu {
-        let value = |k: &usize| record.inputs[(record.start + k) * nu + input];
-        looks.extend((0..n).min_by(|a, b| value(a).total_cmp(&value(b))));
-        looks.extend((0..n).max_by(|a, b| value(a).total_cmp(&value(b))));
-    }
-    looks.sort_unstable();
-    looks.dedup();
-    looks
 }
 
 /// Central differences of the inputs on the grid, one-sided at the ends.
@@ -416,6 +363,14 @@ impl Run<'_> {
 
     pub(super) fn keeps_history(&self) -> bool {
         self.plan.delays.iter().any(|d| matches!(d.of, Delayed::State(_)))
+    }
+
+    /// The arguments at grid point `k` where the states have always been `x`.
+    pub(super) fn at_rest(&mut self, k: usize, x: &[f64], taus: &mut Single) -> Chunk {
+        let mut chunk = Chunk::default();
+        (self.times, self.x_history, self.f_history) = (vec![0.0], x.to_vec(), vec![0.0; x.len()]);
+        self.point(k, x, taus, &mut chunk);
+        chunk
     }
 
     /// The arguments at a grid point.

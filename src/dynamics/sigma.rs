@@ -6,6 +6,8 @@
 //! Tukey's `b = (1 - (d/w)^2)^2` with their difference `d`. The present value's own noise draws such a mean towards itself (by a sixth of that noise
 //! where `w` is five times its sd), so the differences of a second pass are those of what the first one gave.
 
+use crate::model::{Delay, Delayed};
+
 /// What the filter gives at every grid point of one input, and its derivatives with respect to `T` (per s) and `w`.
 pub struct Smooth(Vec<[f64; 3]>);
 
@@ -20,7 +22,7 @@ impl Smooth {
         if reach <= 0.0 || within <= 0.0 {
             return Smooth(u.into_iter().map(|u| [u, 0.0, 0.0]).collect());
         }
-        let far = (reach / dt) as usize;
+        let far = (reach / dt).min(u.len() as f64) as usize;
         let pass = |from: &[[f64; 3]]| (0..u.len()).map(|i| at(&u, from, i, far, dt / reach, [reach, within])).collect::<Vec<_>>();
         let first: Vec<[f64; 3]> = u.iter().map(|u| [*u, 0.0, 0.0]).collect();
         Smooth(pass(&pass(&first)))
@@ -34,6 +36,16 @@ impl Smooth {
         let [Some(a), Some(b)] = [i, i + 1].map(|i| self.0.get(i.min(last))) else { return [f64::NAN; 3] };
         std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
     }
+}
+
+/// For each delay of a model that is a `smooth()`: the filter of its input, with the values that `tau` tells of the delays. `inputs`: the grid
+/// of a record, `stride` in a row, `dt` s apart.
+pub fn smoothed(delays: &[Delay], inputs: &[f64], stride: usize, dt: f64, tau: impl Fn(usize) -> f64) -> Vec<Option<Smooth>> {
+    let one = |(k, delay): (usize, &Delay)| match delay.of {
+        Delayed::Smooth(j) => Some(Smooth::new(inputs, (stride, j), dt, tau(k), tau(k + 1))),
+        _ => None,
+    };
+    delays.iter().enumerate().map(one).collect()
 }
 
 /// The filter at point `i`: of points up to `far` away, which are `step` apart as a share of `reach`; `by` tells their differences.
@@ -81,6 +93,8 @@ mod tests {
         assert!(worst < 0.01, "{worst}: one sd of the noise, which has passed 2.5 of them");
         assert_eq!(smooth.at(-3.0), smooth.at(0.0));
         assert_eq!(Smooth::new(&u, (1, 0), 0.02, 0.0, 0.1).at(7.0)[0], u[7]);
+        // A reach beyond the record is all of it.
+        assert!((Smooth::new(&u, (1, 0), 0.02, f64::INFINITY, 0.1).at(7.0)[0]).abs() < 0.005);
         // What is slow stays: a parabola within the window, but for the curvature over it.
         let slow: Vec<f64> = (0..400).map(|k| 1e-8 * f64::from(k * k)).collect();
         let left = Smooth::new(&slow, (1, 0), 0.02, 0.2, 0.1).at(200.0)[0] - slow[200];

@@ -1,8 +1,10 @@
 //! How fast the fastest mode is: the spectral radius of the compiled Jacobian at a point, and the sub-steps it asks for.
 
-use super::evaluate::Many;
+use super::Record;
+use super::evaluate::{Many, Single};
 use super::plan::Plan;
-use super::propagate::{MOST_SUBSTEPS, STIFF};
+use super::propagate::{MOST_SUBSTEPS, Run, STIFF, evaluate_starts};
+use crate::model::Delayed;
 
 pub struct Stiffness<'p> {
     plan: &'p Plan,
@@ -27,6 +29,47 @@ impl<'p> Stiffness<'p> {
         let needed = spectral_radius(&a, nx) * dt / STIFF;
         if needed.is_nan() { 1 } else { (needed.ceil() as usize).clamp(1, MOST_SUBSTEPS + 1) }
     }
+}
+
+/// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record, and where each of them is
+/// at its extremes: what is stiff only where an input has passed a threshold (the end of a play) shows there. A threshold between two states does
+/// not.
+pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record) -> usize {
+    let n = record.n.saturating_sub(record.start);
+    if n == 0 || record.inputs.len() < record.n * plan.layout.inputs {
+        return 1;
+    }
+    let x = evaluate_starts(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
+    let mut taus = Single::new(&plan.delay_values, plan, parameters);
+    let mut run = Run::new(plan, record, Vec::new(), &mut taus);
+    let mut stiffness = Stiffness::new(plan, parameters);
+    let mut most = 1;
+    for k in looks(plan, record) {
+        let chunk = run.at_rest(k, &x, &mut taus);
+        most = most.max(stiffness.substeps(&chunk.points, record.dt));
+        // a delayed state is read from finished steps where the delay is not absurdly short
+        for (k, d) in plan.delays.iter().enumerate() {
+            let tau = taus.get(k);
+            if matches!(d.of, Delayed::State(_)) && tau > 0.0 {
+                most = most.max(((record.dt / tau).ceil() as usize).min(16));
+            }
+        }
+    }
+    most.min(MOST_SUBSTEPS)
+}
+
+/// Grid points after the start: five along the record, and those with the least and the most of every input; each once.
+fn looks(plan: &Plan, record: &Record) -> Vec<usize> {
+    let (n, nu) = (record.n - record.start, plan.layout.inputs);
+    let mut looks: Vec<usize> = (0..5).map(|i| i * (n - 1) / 4).collect();
+    for input in 0..nu {
+        let value = |k: &usize| record.inputs[(record.start + k) * nu + input];
+        looks.extend((0..n).min_by(|a, b| value(a).total_cmp(&value(b))));
+        looks.extend((0..n).max_by(|a, b| value(a).total_cmp(&value(b))));
+    }
+    looks.sort_unstable();
+    looks.dedup();
+    looks
 }
 
 /// Spectral radius by Gelfand's formula, |A^k|^(1/k), with k = 1024 by repeated squaring (scaled, so nothing overflows).

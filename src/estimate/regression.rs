@@ -14,12 +14,12 @@ use super::problem::{Block, Layout, each};
 use super::rank::NONE;
 use super::solution::{Solution, solve};
 use super::{Settings, Stop};
-use crate::dynamics::{Record, Smooth};
+use crate::dynamics::{self, Record};
 use crate::error::Result;
 use crate::math::distribution::normal_cdf;
 use crate::model::graph::{Leaf, Node};
 use crate::model::linear::{Entry, Linear};
-use crate::model::{Delay, Delayed, Model, Program};
+use crate::model::{Delayed, Model, Program};
 use crate::signal::smooth::SavitzkyGolay;
 
 /// What became of one parameter.
@@ -233,11 +233,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
     let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
     let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
     let taus = delays(model, &parameters);
-    let smooth = |(d, delay): (usize, &Delay)| match delay.of {
-        Delayed::Smooth(j) => Some(Smooth::new(&record.inputs[..record.n * l.inputs], (l.inputs, j), dt, taus[d], taus[d + 1])),
-        _ => None,
-    };
-    let smooth: Vec<Option<Smooth>> = model.delays.iter().enumerate().map(smooth).collect();
+    let without_noise = dynamics::smoothed(&model.delays, &record.inputs[..record.n * l.inputs], l.inputs, dt, |d| taus[d]);
     for k in 0..n {
         let point = &mut points[k * width..(k + 1) * width];
         smoothed.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
@@ -254,7 +250,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
             };
             point[l.delayed() + d] = match delay.of {
                 Delayed::Input(j) => back((k + first) as f64, &|i| input(i, j)),
-                Delayed::Smooth(_) | Delayed::Within(_) => smooth[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0]),
+                Delayed::Smooth(_) | Delayed::Within(_) => without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0]),
                 Delayed::State(i) => back(k as f64, &|m| smoothed[i].get(m).copied().unwrap_or(f64::NAN)),
             };
         }
