@@ -1,6 +1,8 @@
 //! A refitted candidate in; whether it may be believed, and why not, out. And the class of those that may be, alike.
 
 use super::effect::Family;
+use super::gram::dot;
+use super::refit::Left;
 use super::{Gain, Judged, Settings, Value};
 use crate::math::distribution::normal_quantile;
 
@@ -146,17 +148,34 @@ fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, 
     Some((Standing::HeldOut, why))
 }
 
-/// Those that pass and come near to the best, best evidence first, errors of sensors before physics.
-pub fn class(judged: &[Judged], passing: &[usize], settings: &Settings) -> Vec<usize> {
-    let best = passing.iter().map(|&i| judged[i].evidence).fold(f64::NEG_INFINITY, f64::max);
-    let mut class: Vec<usize> = passing.iter().copied().filter(|&i| judged[i].evidence > best - settings.apart).collect();
+/// Those that pass and come near to the best, best evidence first, errors of sensors before physics. A difference of evidence counts for as much less
+/// as it scatters more than noise lets it.
+pub fn class(judged: &[Judged], passing: &[(usize, Left)], settings: &Settings) -> Vec<usize> {
+    let evidence = |i: usize| judged[i].evidence;
+    let Some((best, left)) = passing.iter().max_by(|a, b| evidence(a.0).total_cmp(&evidence(b.0))) else { return Vec::new() };
+    let near = |(i, other): &&(usize, Left)| evidence(*best) - evidence(*i) < settings.apart * dispersion(left, other);
+    let mut class: Vec<usize> = passing.iter().filter(near).map(|(i, _)| *i).collect();
     let data = |i: usize| judged[i].family == Family::Sensor;
-    class.sort_by(|&a, &b| data(b).cmp(&data(a)).then(judged[b].evidence.total_cmp(&judged[a].evidence)));
+    class.sort_by(|&a, &b| data(b).cmp(&data(a)).then(evidence(b).total_cmp(&evidence(a))));
     class
+}
+
+/// Variance of a difference of log-likelihood over what it is by noise, at least 1 (quasi-likelihood; Wedderburn, Biometrika 61, 1974).
+/// In a maneuver the better of two leaves `a`, and the other one `a + d`, so that they differ by `d'd/2 + a'd`. If the better one is right, `a` is white
+/// noise and `a'd` has the variance `d'd`. Where both are wrong it has more: each follows in its own way what neither explains.
+fn dispersion(better: &Left, other: &Left) -> f64 {
+    let (mut found, mut noise) = (0.0, 0.0);
+    for (a, b) in better.iter().zip(other) {
+        let d: Vec<f64> = b.iter().zip(a).map(|(b, a)| b - a).collect();
+        found += dot(a, &d).powi(2);
+        noise += dot(&d, &d);
+    }
+    (found / noise).max(1.0)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Screened;
     use super::*;
 
     fn objects(gains: &[(f64, f64)]) -> bool {
@@ -180,6 +199,50 @@ mod tests {
         assert_eq!(undetermined(&[size.clone(), high.clone()]), None);
         assert_eq!(undetermined(&[size, low]), Some("low"));
         assert_eq!(undetermined(&[value("size", Some(0.0), Some(0.6)), high]), Some("size"));
+    }
+
+    /// A candidate that passes with this evidence.
+    fn judged(name: &str, family: Family, evidence: f64) -> Judged {
+        let (name, text) = (name.to_string(), String::new);
+        let screened = Screened { gain: 0.0, taken: 1, at: Vec::new(), left: 1.0, absorbed_by: Vec::new(), silent: false };
+        Judged {
+            effect: name.clone(),
+            name,
+            family,
+            sentence: text(),
+            signature: text(),
+            separate: text(),
+            screened,
+            score: 0.0,
+            refit: None,
+            evidence,
+            standing: Standing::Luck,
+            why: text(),
+        }
+    }
+
+    #[test]
+    fn two_are_told_apart_by_less_where_neither_explains_what_is_left() {
+        let noise = |s: usize, k: usize| libm::sin((7919 * s + 104_729 * k * k) as f64) * std::f64::consts::SQRT_2;
+        let shape = |k: usize| 0.2 * libm::sin(0.1 * k as f64);
+        let left = |of: &dyn Fn(usize, usize) -> f64| -> Left { (0..9).map(|s| (0..200).map(|k| of(s, k)).collect()).collect() };
+        // The better one leaves noise, or half of what the other one leaves more of.
+        let (white, half) = (left(&noise), left(&|s, k| noise(s, k) + shape(k)));
+        let other = left(&|s, k| noise(s, k) + 2.0 * shape(k));
+        assert!(dispersion(&white, &half) < 1.5, "{}", dispersion(&white, &half));
+        assert!(dispersion(&half, &other) > 3.0, "{}", dispersion(&half, &other));
+        assert_eq!(dispersion(&white, &white), 1.0);
+        // Evidence 10 apart: enough of it there, not here. One that is as good is told first where it is an error of a sensor.
+        let all = [
+            judged("best", Family::Aerodynamic, 50.0),
+            judged("next", Family::Aerodynamic, 40.0),
+            judged("late", Family::Sensor, 48.0),
+        ];
+        let class = |first: &Left, second: &Left| {
+            class(&all, &[(0, first.clone()), (1, second.clone()), (2, first.clone())], &Settings::default())
+        };
+        assert_eq!(class(&white, &half), [2, 0]);
+        assert_eq!(class(&half, &other), [2, 0, 1]);
     }
 
     #[test]

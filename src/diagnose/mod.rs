@@ -15,7 +15,8 @@
 //! 4. *Refits* in full of the few best, with everything free; held-out maneuvers then, all derivatives frozen: the effect predicts
 //!    the gain `d'd/2` from the whitened difference `d` of the two predictions, and has to bring it.
 //! 5. *Evidence* of a candidate: gain of the training less luck, plus the gain realised on held-out maneuvers. Those that pass every
-//!    test and come within `apart` of the best are not told from it. Errors of sensors come before physics among equals.
+//!    test and come within `apart` of the best are not told from it (further, where the difference scatters more than noise lets it). Errors of
+//!    sensors come before physics among equals.
 //! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes; then each one is taken out again and
 //!    tested with everything else in place.
 //! 7. *What is left* is asked without any candidate: does an output still answer to an input? Is a held-out maneuver missed by more than all

@@ -54,6 +54,9 @@ pub struct Refit {
     pub known: Known,
 }
 
+/// What a fit leaves: white residuals, maneuver by maneuver, those of the training first.
+pub type Left = Vec<Vec<f64>>;
+
 /// Scatter of a size from maneuver to maneuver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Consistency {
@@ -70,7 +73,7 @@ const SHARES: [f64; 4] = [1.0, 0.25, 0.05, 0.01];
 ///
 /// # Errors
 /// Its model does not fit the settings of the base's estimation.
-pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Option<Refit>, Errors> {
+pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Option<(Refit, Left)>, Errors> {
     let stand = joined(ground.stand, candidate, at);
     let prepared = Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?;
     if prepared.used != ground.prepared.used {
@@ -102,7 +105,8 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
         realised: base - with - own as f64,
     });
     let values = values(&case, (candidate, at), &free, k, &fit, spread.as_ref());
-    Ok(Some(Refit {
+    let left = left(ground, &case, &fit.theta, &held_out);
+    let refit = Refit {
         consistency: spread.as_ref().and_then(|spread| consistency(spread, &values)),
         gain: ground.fit.cost() - fit.cost(),
         converged: fit.converged,
@@ -110,7 +114,17 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
         held_out: gains,
         training: training.collect(),
         known: Known::of(&case, &prepared, &fit.theta),
-    }))
+    };
+    Ok(Some((refit, left)))
+}
+
+fn left(ground: &Ground, case: &Case, theta: &[f64], held_out: &[Option<Frozen>]) -> Left {
+    let white = |s: usize, blocks: &[Block]| ground.noise.whiten(s, blocks).pop();
+    let trained = |&s: &usize| white(s, &case.evaluate(s, &case.layout.local(s, theta), false)?);
+    let unseen = |(&s, with): (&usize, &Option<Frozen>)| white(s, &with.as_ref()?.blocks);
+    let trained = ground.places.training.par_iter().map(trained).map(Option::unwrap_or_default);
+    let unseen = ground.places.held_out.par_iter().zip(held_out).map(unseen).map(Option::unwrap_or_default);
+    trained.chain(unseen).collect()
 }
 
 /// The best of the starts in which a share of the sizes is taken.

@@ -64,7 +64,7 @@ pub fn held_against(
         progress(&format!("refitting {}", judged[i].name));
         let one = refit(&ground, &candidates[i], &judged[i].screened.at)?;
         let judged = &mut judged[i];
-        let Some(one) = one else {
+        let Some((one, left)) = one else {
             (judged.standing, judged.why) = (Standing::FitFailed, "its model does not run over all maneuvers".into());
             continue;
         };
@@ -74,11 +74,11 @@ pub fn held_against(
         let faint = || is_faint(judged, limit).map(|why| (Standing::Faint, why));
         match objection(judged, settings).or_else(faint) {
             Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
-            None => passing.push(i),
+            None => passing.push((i, left)),
         }
     }
     let class = class(&judged, &passing, settings);
-    for &i in &passing {
+    for (i, _) in passing {
         let evidence = judged[i].evidence;
         let words = format!("evidence {evidence:.1} in log-likelihood");
         let standing = match class.iter().position(|&c| c == i) {

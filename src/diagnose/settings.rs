@@ -30,7 +30,7 @@ pub struct Settings {
     /// A held-out maneuver decides where the effect predicts a gain in log-likelihood above this.
     pub decisive: f64,
     /// Candidates whose evidence (log-likelihood) comes this near to the best one's are not told from it. 4.6 is a ratio of 100: the
-    /// wrong one of two leads by so much in at most 1 of 100 campaigns.
+    /// wrong one of two leads by so much in at most 1 of 100 campaigns. Where both leave more than noise, it is taken as many times more.
     pub apart: f64,
 }
 

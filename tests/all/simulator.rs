@@ -163,7 +163,7 @@ fn recovery_derivatives_of_another_simulator() {
     }
 }
 
-/// Half of the records' rate is enough for a diagnosis, and half of its time.
+/// Half of the records' rate, in half the time: it clips the corners of the surfaces' ramps, which a large effect that is withheld stands above.
 const HALF: (&str, &str, &str) = ("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
 
 /// The noise of the recorded surfaces (0.02 deg) drives the model as if it were real: that it did not happen is true.
@@ -174,7 +174,7 @@ fn is_of_the_record(name: &str) -> bool {
 #[test]
 fn recovery_nothing_but_the_noise_of_recorded_surfaces_is_named_where_the_model_fits() {
     let Some(data) = flights() else { return };
-    let folder = campaign("complete", &[HALF]);
+    let folder = campaign("complete", &[]);
     diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "complete"]);
     let (verdict, named) = findings(&folder.path().join("out"));
     println!("{verdict}, {named:?}");
