@@ -82,12 +82,13 @@ fn told(store: &Store, name: &str, index: usize) -> Result<End> {
     }
     let table = store.table("findings", &part)?;
     let (verdicts, texts) = (table.strings("verdict")?, table.strings("text")?);
-    let candidates = table.opt_strings("candidate")?;
+    let (candidates, roles) = (table.opt_strings("candidate")?, table.opt_strings("role")?);
     let verdict = verdicts.first().copied().unwrap_or_default();
     say(&format!("\n{name}: {}", verdict.to_uppercase()));
-    for (text, candidate) in texts.iter().zip(candidates) {
+    for ((text, candidate), role) in texts.iter().zip(candidates).zip(roles) {
+        let or = if role == Some("alike") { "  or " } else { "" };
         match candidate {
-            Some(candidate) => say(&format!("  {candidate}: {text}")),
+            Some(candidate) => say(&format!("  {or}{candidate}: {text}")),
             None => say(&format!("  {text}")),
         }
     }

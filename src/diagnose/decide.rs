@@ -148,13 +148,23 @@ fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, 
     Some((Standing::HeldOut, why))
 }
 
-/// Those that pass and come near to the best, best evidence first, errors of sensors before physics. A difference of evidence counts for as much less
-/// as it scatters more than noise lets it.
-pub fn class(judged: &[Judged], passing: &[(usize, Left)], settings: &Settings) -> Vec<usize> {
+/// A candidate that passes: its place among those judged, and what its fit leaves.
+pub type Passing = (usize, Left);
+
+/// For each that passes, by how much less evidence than the best one's it is told from it: a difference counts for as much less as it scatters more
+/// than noise lets it.
+pub fn margins(judged: &[Judged], passing: &[Passing], settings: &Settings) -> Vec<f64> {
+    let best = passing.iter().max_by(|a, b| judged[a.0].evidence.total_cmp(&judged[b.0].evidence));
+    let margin = |best: &Passing| passing.iter().map(|other| settings.apart * dispersion(&best.1, &other.1)).collect();
+    best.map(margin).unwrap_or_default()
+}
+
+/// Those that pass and are not told from the best, best evidence first, errors of sensors before physics.
+pub fn class(judged: &[Judged], passing: &[Passing], margins: &[f64]) -> Vec<usize> {
     let evidence = |i: usize| judged[i].evidence;
-    let Some((best, left)) = passing.iter().max_by(|a, b| evidence(a.0).total_cmp(&evidence(b.0))) else { return Vec::new() };
-    let near = |(i, other): &&(usize, Left)| evidence(*best) - evidence(*i) < settings.apart * dispersion(left, other);
-    let mut class: Vec<usize> = passing.iter().filter(near).map(|(i, _)| *i).collect();
+    let best = passing.iter().map(|(i, _)| evidence(*i)).fold(f64::NEG_INFINITY, f64::max);
+    let near = |((i, _), margin): (&Passing, &f64)| (evidence(*i) > best - margin).then_some(*i);
+    let mut class: Vec<usize> = passing.iter().zip(margins).filter_map(near).collect();
     let data = |i: usize| judged[i].family == Family::Sensor;
     class.sort_by(|&a, &b| data(b).cmp(&data(a)).then(evidence(b).total_cmp(&evidence(a))));
     class
@@ -239,7 +249,8 @@ mod tests {
             judged("late", Family::Sensor, 48.0),
         ];
         let class = |first: &Left, second: &Left| {
-            class(&all, &[(0, first.clone()), (1, second.clone()), (2, first.clone())], &Settings::default())
+            let passing = [(0, first.clone()), (1, second.clone()), (2, first.clone())];
+            class(&all, &passing, &margins(&all, &passing, &Settings::default()))
         };
         assert_eq!(class(&white, &half), [2, 0]);
         assert_eq!(class(&half, &other), [2, 0, 1]);

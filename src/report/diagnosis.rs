@@ -95,13 +95,14 @@ fn verdicts(table: &Columns) -> Vec<Verdict> {
     let one = |([name], rows): ([String; 1], Vec<usize>)| {
         let first = rows.first().copied().unwrap_or_default();
         let verdict = table.text("verdict", first);
+        let or = |row: usize| if table.text("role", row) == "alike" { "or: " } else { "" };
         let incomplete = table.flag("complete", first) == Some(false) && ["named", "one of these"].contains(&verdict.as_str());
         Verdict {
             name,
             level: level(&verdict),
             verdict: if incomplete { format!("{verdict}, incomplete") } else { verdict },
             text: table.text("text", first),
-            effects: rows.iter().skip(1).map(|&row| table.text("text", row)).collect(),
+            effects: rows.iter().skip(1).map(|&row| format!("{}{}", or(row), table.text("text", row))).collect(),
             held_out: table.text("held_out", first),
         }
     };

@@ -42,8 +42,9 @@ pub fn evidence(judged: &Judged, limit: f64) -> String {
     let Some(refit) = &judged.refit else { return judged.why.clone() };
     let realised: f64 = refit.held_out.iter().map(|g| g.realised).sum();
     let predicted: f64 = refit.held_out.iter().map(|g| g.predicted).sum();
+    let less = if judged.standing == Standing::Alike { format!("; {}", judged.why) } else { String::new() };
     format!(
-        "log-likelihood gains {} on the training maneuvers (luck: {}), and {} on the held-out ones, where {} is predicted",
+        "log-likelihood gains {} on the training maneuvers (luck: {}), and {} on the held-out ones, where {} is predicted{less}",
         digits(refit.gain),
         digits(limit),
         digits(realised),
@@ -99,11 +100,11 @@ fn missing(told: &Told) -> String {
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
-        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{rest}", classes()),
+        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{rest}", classes().trim_end_matches('.')),
         Verdict::Located if !d.findings.is_empty() => {
             format!(
                 "Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by: {}.",
-                classes()
+                classes().trim_end_matches('.')
             )
         }
         Verdict::Located if left.is_empty() => format!("Something is missing, and no effect of the library passes: {}.", best(d)),
