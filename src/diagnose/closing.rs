@@ -35,7 +35,7 @@ pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing
     (closing.channels, closing.overlays) = closure(
         &At { case: &before, theta: &at },
         &At { case: &after, theta: &then },
-        &first.noise,
+        &last.noise,
         &first.places.held_out,
         &first.places.training,
         &first.prepared.used,

@@ -31,7 +31,8 @@ pub struct Match {
     pub rms: f64,
     /// Theil's inequality coefficient.
     pub theil: f64,
-    /// Squares of the residuals, whitened by the base's noise, per sample: 1 where nothing but noise is left.
+    /// Squares of the residuals, whitened by the noise that is left in the end, per sample: 1 where there is nothing but noise. The base's own noise has
+    /// part of what it lacks in it.
     pub chi2: f64,
 }
 
@@ -69,7 +70,8 @@ struct Sums {
     chi2: (f64, f64),
 }
 
-/// Channels of every held-out segment, and of the held-out and of the training segments together; overlays of the held-out ones.
+/// Channels of every held-out segment, and of the held-out and of the training segments together; overlays of the held-out ones. `noise` whitens
+/// both, before and after.
 pub fn closure(
     before: &At,
     after: &At,

@@ -187,6 +187,7 @@ fn closures(table: Option<&Columns>) -> Grid {
             figure("chi2_after"),
         ]);
     }
+    grid.note = Some("χ² is of residuals whitened by the noise that is left with what was added: 1 is nothing but noise.".into());
     grid.or_missing("Nothing was held out.")
 }
 
