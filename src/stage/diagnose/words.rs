@@ -95,21 +95,30 @@ fn missed(told: &Told, m: &Missed) -> String {
 
 fn missing(told: &Told) -> String {
     let d = &told.diagnosis;
-    let classes = || d.findings.iter().map(|f| class(d, f)).collect::<Vec<_>>().join("; and ");
+    let classes = || counted(d.findings.iter().map(|f| class(d, f)));
     let left = left(told);
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
-        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{rest}", classes().trim_end_matches('.')),
+        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{rest}", classes()),
         Verdict::Located if !d.findings.is_empty() => {
             format!(
                 "Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by: {}.",
-                classes().trim_end_matches('.')
+                classes()
             )
         }
         Verdict::Located if left.is_empty() => format!("Something is missing, and no effect of the library passes: {}.", best(d)),
         Verdict::Located => format!("Something is missing that no effect of the library is trusted to explain: {left}."),
         Verdict::None(why) => format!("No verdict: {}.", trouble(why)),
+    }
+}
+
+/// One text as it is, several with their numbers, without a full stop at the end.
+fn counted(texts: impl Iterator<Item = String>) -> String {
+    let texts: Vec<String> = texts.map(|text| text.trim_end_matches('.').to_string()).collect();
+    match &texts[..] {
+        [one] => one.clone(),
+        several => several.iter().enumerate().map(|(i, text)| format!("({}) {text}", i + 1)).collect::<Vec<_>>().join("; "),
     }
 }
 
