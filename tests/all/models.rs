@@ -18,7 +18,10 @@ fn shipped() -> Vec<(PathBuf, Constants)> {
         for entry in std::fs::read_dir(dir).unwrap().flatten() {
             let path = entry.path();
             if path.is_dir() {
-                stack.push(path);
+                // What a run has left there was not shipped.
+                if !path.ends_with("out") {
+                    stack.push(path);
+                }
             } else if path.to_string_lossy().ends_with(".model.toml") {
                 let aircraft = path.with_file_name("aircraft.toml");
                 let constants =
