@@ -22,6 +22,9 @@
 //! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
 //! | `cli` | verbs, progress, the one place that prints errors |
 
+// A user's file is never a reason to panic: what can be wrong with it is an error with a place.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo))]
+
 pub mod cli;
 pub mod config;
 pub mod diagnose;

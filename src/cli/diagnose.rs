@@ -93,6 +93,6 @@ fn told(store: &Store, name: &str, index: usize) -> Result<End> {
         }
     }
     let held_out = table.strings("held_out")?;
-    held_out.first().into_iter().for_each(|words| say(&format!("  held out: {words}\n  after +- : 95% intervals")));
+    held_out.first().into_iter().for_each(|words| say(&format!("  held out: {words}")));
     Ok(if verdict == "nothing missing" { End::Complete } else { End::Found })
 }

@@ -151,23 +151,32 @@ fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, 
 /// A candidate that passes: its place among those judged, and what its fit leaves.
 pub type Passing = (usize, Left);
 
-/// For each that passes, by how much less evidence than the best one's it is told from it: a difference counts for as much less as it scatters more
-/// than noise lets it.
-pub fn margins(judged: &[Judged], passing: &[Passing], settings: &Settings) -> Vec<f64> {
-    let best = passing.iter().max_by(|a, b| judged[a.0].evidence.total_cmp(&judged[b.0].evidence));
-    let margin = |best: &Passing| passing.iter().map(|other| settings.apart * dispersion(&best.1, &other.1)).collect();
-    best.map(margin).unwrap_or_default()
+/// How far a candidate that passes is from the best one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distance {
+    /// Its place among those judged.
+    pub at: usize,
+    /// By how much less evidence it has.
+    pub less: f64,
+    /// By how much less it is told from it: a difference counts for as much less as it scatters more than noise lets it.
+    pub margin: f64,
 }
 
-/// Those that pass and are not told from the best, best evidence first, errors of sensors before physics.
-pub fn class(judged: &[Judged], passing: &[Passing], margins: &[f64]) -> Vec<usize> {
-    let evidence = |i: usize| judged[i].evidence;
-    let best = passing.iter().map(|(i, _)| evidence(*i)).fold(f64::NEG_INFINITY, f64::max);
-    let near = |((i, _), margin): (&Passing, &f64)| (evidence(*i) > best - margin).then_some(*i);
-    let mut class: Vec<usize> = passing.iter().zip(margins).filter_map(near).collect();
-    let data = |i: usize| judged[i].family == Family::Sensor;
-    class.sort_by(|&a, &b| data(b).cmp(&data(a)).then(evidence(b).total_cmp(&evidence(a))));
-    class
+/// The distance of each that passes.
+pub fn distances(judged: &[Judged], passing: &[Passing], settings: &Settings) -> Vec<Distance> {
+    let evidence = |p: &Passing| judged[p.0].evidence;
+    let Some(best) = passing.iter().max_by(|a, b| evidence(a).total_cmp(&evidence(b))) else { return Vec::new() };
+    let one =
+        |p: &Passing| Distance { at: p.0, less: evidence(best) - evidence(p), margin: settings.apart * dispersion(&best.1, &p.1) };
+    passing.iter().map(one).collect()
+}
+
+/// Those that are not told from the best, best evidence first, errors of sensors before physics.
+pub fn class(judged: &[Judged], distances: &[Distance]) -> Vec<usize> {
+    let data = |d: &Distance| judged[d.at].family == Family::Sensor;
+    let mut class: Vec<&Distance> = distances.iter().filter(|d| d.less < d.margin).collect();
+    class.sort_by(|a, b| data(b).cmp(&data(a)).then(a.less.total_cmp(&b.less)));
+    class.into_iter().map(|d| d.at).collect()
 }
 
 /// Variance of a difference of log-likelihood over what it is by noise, at least 1 (quasi-likelihood; Wedderburn, Biometrika 61, 1974).
@@ -250,7 +259,7 @@ mod tests {
         ];
         let class = |first: &Left, second: &Left| {
             let passing = [(0, first.clone()), (1, second.clone()), (2, first.clone())];
-            class(&all, &passing, &margins(&all, &passing, &Settings::default()))
+            class(&all, &distances(&all, &passing, &Settings::default()))
         };
         assert_eq!(class(&white, &half), [2, 0]);
         assert_eq!(class(&half, &other), [2, 0, 1]);

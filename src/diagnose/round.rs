@@ -1,7 +1,7 @@
 //! A fitted base and candidates in; all of them screened, the best refitted and judged, out.
 
 use super::base::Stand;
-use super::decide::{Standing, class, is_faint, margins, objection};
+use super::decide::{Distance, Standing, class, distances, is_faint, objection};
 use super::effect::Candidate;
 use super::found::Found;
 use super::located::Located;
@@ -77,17 +77,13 @@ pub fn held_against(
             None => passing.push((i, left)),
         }
     }
-    let margins = margins(&judged, &passing, settings);
-    let class = class(&judged, &passing, &margins);
-    let best = passing.iter().map(|(i, _)| judged[*i].evidence).fold(f64::NEG_INFINITY, f64::max);
-    for ((i, _), margin) in passing.into_iter().zip(margins) {
-        let evidence = judged[i].evidence;
-        let words = match best - evidence {
-            0.0 => format!("evidence {evidence:.1} in log-likelihood"),
-            less => format!(
-                "evidence {evidence:.1} in log-likelihood, {less:.1} less than the best one's; {margin:.1} less tells them apart"
-            ),
-        };
+    let distances = distances(&judged, &passing, settings);
+    let class = class(&judged, &distances);
+    for Distance { at: i, less, margin } in distances {
+        let mut words = format!("evidence {:.1} in log-likelihood", judged[i].evidence);
+        if less > 0.0 {
+            words += &format!(", {less:.1} less than the best one's; {margin:.1} less tells them apart");
+        }
         let standing = match class.iter().position(|&c| c == i) {
             Some(0) => Standing::Chosen,
             Some(_) => Standing::Alike,

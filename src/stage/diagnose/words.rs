@@ -100,10 +100,10 @@ fn missing(told: &Told) -> String {
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
-        Verdict::Named | Verdict::OneOfThese => format!("The model lacks: {}.{rest}", classes()),
+        Verdict::Named | Verdict::OneOfThese => format!("The model lacks (+- is 95%): {}.{rest}", classes()),
         Verdict::Located if !d.findings.is_empty() => {
             format!(
-                "Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by: {}.",
+                "Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by (+- is 95%): {}.",
                 classes()
             )
         }
