@@ -117,7 +117,7 @@ impl Kind {
 impl Column {
     /// The Arrow field, unit and meaning in its metadata.
     pub(super) fn field(&self) -> Field {
-        let metadata = [("unit".to_string(), self.unit.clone()), ("doc".to_string(), self.doc.clone())];
+        let metadata = [("unit".to_string(), self.unit.clone()), ("doc".to_string(), self.doc.clone())].into();
         Field::new(&self.name, self.kind.data_type(), self.nullable).with_metadata(metadata)
     }
 }
