@@ -8,7 +8,8 @@
 //! | `error` | the one error type: where, what was wanted, what was there, what to do |
 //! | `units` | unit strings, dimensions, conversions to SI |
 //! | `config` | TOML files with positions, checked against the schema of their settings struct, all errors at once |
-//! | `math` | small linear algebra, distributions, autoregressive models |
+//! | `math` | small linear algebra, distributions |
+//! | `noise` | the colour of residuals: autoregressive models, whitening, what a fit absorbed |
 //! | `signal` | resampling, smoothing, differentiation of sampled signals |
 //! | `table` | schemas, Parquet datasets, atomic writes, campaign-level joins |
 //! | `log` | MCAP in and out, channel map, decoders, imports |
@@ -35,6 +36,7 @@ pub mod fit;
 pub mod log;
 pub mod math;
 pub mod model;
+pub mod noise;
 pub mod pipeline;
 pub mod reconstruct;
 pub mod report;

@@ -3,7 +3,7 @@
 
 use super::noise::Noise;
 use crate::estimate::{Block, Case, Trace};
-use crate::math::whiteness::theil;
+use crate::noise::theil;
 
 /// A model at its fit: parameters per segment place (held-out ones with their own).
 pub struct At<'a> {

@@ -1,10 +1,10 @@
 //! A refitted candidate in; whether it may be believed, and why not, out. And the class of those that may be, alike.
 
 use super::effect::Family;
-use super::gram::dot;
 use super::refit::Left;
 use super::{Gain, Judged, Settings, Value};
 use crate::math::distribution::normal_quantile;
+use crate::math::products::dot;
 
 /// What became of a candidate in a round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

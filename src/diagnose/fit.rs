@@ -5,9 +5,9 @@
 //! steps with `W dy/dtheta`, every segment's own parameters eliminated first; a step that does not lower `J` is halved, and then damped
 //! (Levenberg, Marquardt) more and more; a parameter that would leave its bounds is put on them and the rest of the step found again.
 
-use super::gram::Gram;
 use super::noise::Noise;
 use crate::estimate::Case;
+use crate::math::products::Gram;
 use rayon::prelude::*;
 
 /// Which segments and which shared parameters take part.
@@ -225,7 +225,7 @@ impl Task<'_> {
             one.eliminate(0, k - 1);
             let information = one.at(k - 1, k - 1);
             left[i] = if rest.scale[i] > 0.0 { information / rest.scale[i] } else { 0.0 };
-            sd[i] = (left[i] > super::gram::DEPENDENT).then(|| 1.0 / information.sqrt());
+            sd[i] = (left[i] > crate::math::products::DEPENDENT).then(|| 1.0 / information.sqrt());
         }
         rest.eliminate(0, k);
         let by_segment = parts.iter().map(|part| wanted.iter().map(|&place| local(part, place)).collect()).collect();

@@ -93,12 +93,14 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let theta = best(&case, known.as_ref(), &places.training, starts)?;
     let free = seen(&case, &places.training);
     let nothing = Answers::default();
+    let rule = stand.method.colour();
     let again = |theta: &[f64], noise: &Noise, answers: &Answers| {
-        Some(Noise::of(&Fitted::new(&case, &places.training, &free, theta, answers).weighted(noise)?))
+        Some(Noise::of(&Fitted::new(&case, &places.training, &free, theta, answers, rule).weighted(noise)?))
     };
     // What demonstrably answers to something is taken out before, as long as anything does.
     let settled = |theta: &[f64], mut noise: Noise| {
-        let (fitted, mut answers) = (Fitted::new(&case, &places.training, &free, theta, &nothing), Answers::default());
+        let fitted = Fitted::new(&case, &places.training, &free, theta, &nothing, rule);
+        let mut answers = Answers::default();
         while answers.more(&fitted, &noise, subject.settings.quantile) {
             noise = again(theta, &noise, &answers)?;
         }
@@ -107,7 +109,7 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let noise = match known {
         Some(noise) => noise,
         None => {
-            let plain = Noise::of(&Fitted::new(&case, &places.training, &free, &theta, &nothing));
+            let plain = Noise::of(&Fitted::new(&case, &places.training, &free, &theta, &nothing, rule));
             (0..AGAIN).try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?
         }
     };

@@ -10,11 +10,11 @@
 //! Sources are modelled signals and inputs, never measured outputs: those have the noise itself in them. What the fit absorbed makes `w` smaller than white
 //! (`1 - W G P G' W'`), so that gains are at most those of chance.
 
-use super::gram::{Gram, dot};
 use super::located::{Size, Sums};
 use super::noise::Noise;
 use super::sources::{Sources, columns, signals};
 use crate::estimate::{Block, Case, Trace};
+use crate::math::products::{Gram, dot};
 
 /// How a source does what it does here, in words after its name.
 pub const HOW: &str = ", acting at once";

@@ -4,9 +4,9 @@
 //! `w_t = B_1 w_(t-1) + ... + B_q w_(t-q) + v_t`, `cov(v) = L L'`, over the outputs that are sampled at the same instants; `L^-1 v` has unit
 //! covariance. Like the filters of single outputs it restarts at each segment: sample `t` is predicted from the `min(t, q)` before it.
 
-use super::gram::dot;
 use crate::estimate::Case;
 use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
+use crate::math::products::dot;
 
 /// Highest order.
 const ORDER: usize = 6;

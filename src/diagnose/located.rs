@@ -17,12 +17,12 @@
 
 use super::absorbed::Fitted;
 use super::base::Places;
-use super::gram::Gram;
 use super::innovation;
 use super::noise::Noise;
 use super::screen::gain;
 use super::sources::{Source, Sources, columns, signals};
 use crate::estimate::Case;
+use crate::math::products::Gram;
 use rayon::prelude::*;
 
 /// Answers taken out of one output's residuals before its noise is made, at most.
@@ -190,11 +190,11 @@ fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f64], 
             e.iter_mut().zip(less).for_each(|(e, less)| *e -= less);
         }
         let masked: Vec<bool> = e.iter().map(|e| !e.is_finite()).collect();
-        filter.apply(&mut e, &masked);
+        filter.whiten(&mut e, &masked);
         for (source, columns) in made.1.iter().enumerate() {
             let white = |x: &Vec<f64>| {
                 let mut x = x.clone();
-                filter.apply(&mut x, &masked);
+                filter.whiten(&mut x, &masked);
                 if x.iter().all(|v| v.is_finite()) { x } else { vec![0.0; e.len()] }
             };
             all.push(Sums { output, source, gram: size.products(columns.iter().map(white).collect(), &e) });

@@ -26,7 +26,6 @@
 //! |---|---|
 //! | `effect` | the library of candidate effects and their attachment to a model |
 //! | `settings` | how a diagnosis is run |
-//! | `gram` | sums of products, columns eliminated one after the other |
 //! | `noise` | the colour of the base's residuals, and whitening by it |
 //! | `absorbed` | what the fit took of it |
 //! | `joint` | what several outputs' residuals have in common |
@@ -63,7 +62,6 @@ mod driven;
 mod fit;
 mod found;
 mod gaps;
-mod gram;
 mod held_out;
 mod innovation;
 mod joint;

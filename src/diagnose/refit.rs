@@ -7,12 +7,12 @@
 use super::base::{Known, Places, Stand, fitted, seen, settle_steps};
 use super::effect::{Added, Candidate};
 use super::fit::{Fit, Spread, Task};
-use super::gram::dot;
 use super::noise::Noise;
 use super::{Gain, Value};
 use crate::error::Errors;
 use crate::estimate::{Block, Case, Prepared};
 use crate::math::distribution::chi2_cdf;
+use crate::math::products::dot;
 use crate::model::Scope;
 use rayon::prelude::*;
 

@@ -6,12 +6,12 @@
 //! null: every row of their starts has columns of its own. A fit starts from the row that is best once switches are held.
 
 use super::effect::Candidate;
-use super::gram::{DEPENDENT, Gram};
 use super::noise::Noise;
 use super::probe::Probe;
 use crate::error::Errors;
 use crate::estimate::{self, Case, Grouping, SEGMENT, Segment};
 use crate::math::dense;
+use crate::math::products::{DEPENDENT, Gram};
 use crate::model::Scope;
 use rayon::prelude::*;
 

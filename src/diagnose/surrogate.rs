@@ -4,9 +4,9 @@
 //! `w` of unit variance, and the slopes of the candidates' projected columns `u = H~'w` are normal with covariance `F = H~'H~`: so a
 //! surrogate is drawn as `u = L z` with `F = L L'` and takes the very projections of the screening, without a single simulation.
 
-use super::gram::factor;
 use super::screen::Screening;
 use crate::math::distribution::chi2_quantile;
+use crate::math::products::factor;
 use crate::simulate::Stream;
 use rayon::prelude::*;
 
@@ -24,7 +24,7 @@ pub fn best_of_surrogates(screening: &Screening, count: usize, seed: u64) -> Vec
     let one = |i: usize| {
         let mut stream = Stream::new(seed, &["diagnose", "surrogate", &i.to_string()]);
         let z: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
-        let u: Vec<f64> = (0..n).map(|i| super::gram::dot(&l[i * n..i * n + i + 1], &z[..i + 1])).collect();
+        let u: Vec<f64> = (0..n).map(|i| crate::math::products::dot(&l[i * n..i * n + i + 1], &z[..i + 1])).collect();
         screening.gains(&u).iter().zip(&lucks).map(|(gain, luck)| gain - luck).fold(0.0, f64::max)
     };
     let mut best: Vec<f64> = (0..count).into_par_iter().map(one).collect();

@@ -1,11 +1,7 @@
 //! Residuals and sensitivities at the estimate in; the covariance of the estimates under coloured residuals and the colour out.
 //!
-//! Morelli & Klein: `cov = M^-1 [sum G' R^-1 Sigma R^-1 G] M^-1`, summed over segments and outputs. `Sigma` is the Toeplitz matrix
-//! of an autoregressive model per noise class, restarted at every segment. The residuals `r` are smaller and less coloured than
-//! the noise, because the fit absorbed a part of it: `E[r r'] = (I-H) Sigma (I-H)'` with `H = G M^-1 G' R^-1`. So the sums of
-//! products of residuals at each lag are raised by what was absorbed,
-//! `sum_i [u_i' s_(i+k) + s_i' u_(i+k) - g_i' P g_(i+k)]` with `u = M^-1 g`, `s` the rows of `Sigma R^-1 G` and `P` the covariance
-//! above, and the model is fitted to that; since `s` and `P` depend on the model, this is repeated.
+//! Morelli & Klein: `cov = M^-1 [sum G' R^-1 Sigma R^-1 G] M^-1`, summed over segments and outputs. `Sigma` is the covariance
+//! of an autoregressive model per noise class, restarted at every segment, with what the fit absorbed put back (`noise`).
 //!
 //! Samples count as equally spaced: with uneven time stamps, lag means number of samples. A masked sample keeps its place.
 //!
@@ -21,16 +17,17 @@ use super::arrow::{Arrow, Factor, Own};
 use super::noise::Covariance;
 use super::problem::{Block, Evaluate, Layout};
 use super::sigma::Sigma;
-use super::{OrderCriterion, Settings};
-use crate::math::ar::{self, Ar, Order};
+use crate::noise::{Absorbed, Direction, Modelled, Part, Prior, Products, Rule, burg};
 use rayon::prelude::*;
 
 /// Blocks are kept while they need fewer numbers than this (256 MB); those of later segments are evaluated again when needed.
 const KEPT: usize = 1 << 25;
 /// Segments at a time, as in the pass over all segments.
 const CHUNK: usize = 64;
-/// How often the colour is fitted again after the absorbed part is known better.
-const ROUNDS: usize = 6;
+/// How often the colour is fitted again after the absorbed part is known better, at most.
+const ROUNDS: usize = 20;
+/// Settled: what matters for slow noise, its level at frequency zero, moves by less than this share.
+const SETTLED: f64 = 1e-3;
 
 /// Covariance and colour.
 #[derive(Debug, Clone)]
@@ -40,7 +37,9 @@ pub struct Colour {
     /// Blocks of the covariance on the border and of every segment with itself and the border.
     pub covariance: Arrow,
     /// Per group of segments and output (`group * outputs + output`), in the unit of its residuals.
-    pub models: Vec<Ar>,
+    pub models: Vec<Modelled>,
+    /// Whether another round would have changed nothing.
+    pub settled: bool,
 }
 
 /// The segments at one parameter vector.
@@ -103,29 +102,85 @@ pub fn coloured<F: Evaluate>(
     matrix: &Arrow,
     held: &[bool],
     noise: &[Covariance],
-    settings: &Settings,
+    rule: Rule,
 ) -> Option<Colour> {
     let factor = matrix.factor()?;
     let mut inverse = factor.sandwich(matrix);
     clear(&mut inverse, held);
-    let lags = settings.max_ar_order;
-    let count: Vec<usize> = noise.iter().flat_map(|r| r.count.iter().copied()).collect();
-    let raw = products(source, count.len(), lags)?;
-    let mut models = fit(&raw.sums, &raw, &count, settings);
-    let mut sigma = Sigma::new(source.layout, noise, &models)?;
-    let mut covariance = spread(source, &factor, held, &sigma)?;
+    let classes = noise.iter().map(|r| r.count.len()).sum();
+    let mut models = fit(source, classes, rule, None)?;
+    let mut settled = false;
     for _ in 0..ROUNDS {
-        let absorbed = absorbed(source, &inverse, &covariance, &sigma, lags)?;
-        let total: Vec<Vec<f64>> = raw.sums.iter().zip(&absorbed).map(|(a, b)| add(a, b)).collect();
-        let next = fit(&total, &raw, &count, settings);
-        if next.iter().zip(&models).all(|(a, b)| same(a, b)) {
+        let sigma = Sigma::new(source.layout, noise, &plain(&models));
+        if !sigma.is_definite() {
             break;
         }
+        let next = fit(source, classes, rule, Some(&absorbed(source, &sigma, held)?))?;
+        settled = next.iter().zip(&models).all(|(a, b)| same(a, b));
         models = next;
-        sigma = Sigma::new(source.layout, noise, &models)?;
-        covariance = spread(source, &factor, held, &sigma)?;
+        if settled {
+            break;
+        }
     }
-    Some(Colour { crlb: inverse, covariance, models })
+    let covariance = spread(source, &factor, held, &Sigma::new(source.layout, noise, &plain(&models)))?;
+    Some(Colour { crlb: inverse, covariance, models, settled })
+}
+
+fn plain(models: &[Modelled]) -> Vec<crate::noise::Ar> {
+    models.iter().map(|m| m.model.clone()).collect()
+}
+
+fn same(a: &Modelled, b: &Modelled) -> bool {
+    let (a, b) = (a.model.level(), b.model.level());
+    (a - b).abs() <= SETTLED * b.abs()
+}
+
+/// What each segment's part of the fit absorbed under this noise, with the step that the noise asks for.
+struct Taken {
+    parts: Vec<Part>,
+    all: Absorbed,
+}
+
+fn absorbed<F: Evaluate>(source: &Source<F>, sigma: &Sigma, held: &[bool]) -> Option<Taken> {
+    let layout = source.layout;
+    let is_held = |i: usize| held.get(i).copied().unwrap_or(false);
+    let prior = |i: usize| {
+        let weight = layout.prior_weight(i);
+        let pull = if weight > 0.0 { weight * (layout.centre[i] - source.theta[i]) } else { 0.0 };
+        Prior { weight, pull }
+    };
+    let part = |s: usize, blocks: &[Block]| {
+        let of = &layout.parts[s];
+        let own = of.offset..of.offset + of.own;
+        let shared = of.shared.iter().map(|&i| if is_held(i) { Direction::Held } else { Direction::Shared(i) });
+        let directions: Vec<Direction> =
+            shared.chain(own.clone().map(|i| if is_held(i) { Direction::Held } else { Direction::Own })).collect();
+        let priors: Vec<Prior> = of.shared.iter().copied().chain(own).map(prior).collect();
+        Part::new(&directions, &sigma.whiten(s, blocks), &priors)
+    };
+    let mut parts = Vec::with_capacity(layout.parts.len());
+    source.each(part, |_, part| parts.extend(part))?;
+    let shared: Vec<Prior> = (0..layout.shared).map(|i| if is_held(i) { Prior::default() } else { prior(i) }).collect();
+    (parts.len() == layout.parts.len()).then(|| Taken { all: Absorbed::new(&parts, &shared), parts })
+}
+
+/// One model per class, of the residuals and of what was absorbed beside them.
+fn fit<F: Evaluate>(source: &Source<F>, classes: usize, rule: Rule, taken: Option<&Taken>) -> Option<Vec<Modelled>> {
+    let mut all = vec![Products::new(rule.highest); classes];
+    let of = |s: usize, blocks: &[Block]| {
+        let taken = taken.map(|taken| taken.all.of(&taken.parts[s]));
+        let one = |block: &Block| {
+            let mut products = Products::new(rule.highest);
+            match &taken {
+                None => products.take(&block.e),
+                Some(taken) => products.take_all(&taken.series(&block.e, &block.g)),
+            }
+            (Sigma::class(source.layout, s, block), products)
+        };
+        blocks.iter().map(one).collect::<Vec<_>>()
+    };
+    source.each(of, |_, parts| parts.iter().for_each(|(class, products)| all[*class].add(products)))?;
+    Some(all.iter().map(|products| burg::fit(products, rule.criterion)).collect())
 }
 
 fn empty_masked(e: &[f64], rows: &mut [f64], nd: usize) {
@@ -134,63 +189,6 @@ fn empty_masked(e: &[f64], rows: &mut [f64], nd: usize) {
             rows[k * nd..(k + 1) * nd].fill(0.0);
         }
     }
-}
-
-/// Settled: the same order, and what matters for slow noise, its level at frequency zero, moves by less than 0.1%.
-fn same(a: &Ar, b: &Ar) -> bool {
-    let level = |m: &Ar| m.variance.sqrt() / (1.0 - m.coefficients.iter().sum::<f64>());
-    a.order == b.order && (level(a) - level(b)).abs() <= 1e-3 * level(a).abs()
-}
-
-/// Sums of products of residuals per class and lag, and the number of pairs in each.
-struct Products {
-    sums: Vec<Vec<f64>>,
-    pairs: Vec<Vec<f64>>,
-}
-
-fn products<F: Evaluate>(source: &Source<F>, classes: usize, lags: usize) -> Option<Products> {
-    let mut all = Products { sums: vec![vec![0.0; lags + 1]; classes], pairs: vec![vec![0.0; lags + 1]; classes] };
-    source.each(
-        |s, blocks| {
-            let one = |b: &Block| {
-                let pairs = |k| b.e.iter().zip(b.e.iter().skip(k)).map(|(x, y)| x * y).filter(|v: &f64| !v.is_nan());
-                (Sigma::class(source.layout, s, b), lagged(lags, |k| pairs(k).sum()), lagged(lags, |k| pairs(k).count() as f64))
-            };
-            blocks.iter().map(one).collect::<Vec<_>>()
-        },
-        |_, parts| {
-            for (class, sums, pairs) in parts {
-                all.sums[class] = add(&all.sums[class], &sums);
-                all.pairs[class] = add(&all.pairs[class], &pairs);
-            }
-        },
-    )?;
-    Some(all)
-}
-
-fn lagged(lags: usize, f: impl Fn(usize) -> f64) -> Vec<f64> {
-    (0..=lags).map(f).collect()
-}
-
-fn add(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a + b).collect()
-}
-
-/// One model per class. The autocovariance is the sum of products per pair: dividing by the number of samples, as usual, would
-/// make slow noise look faster than it is.
-fn fit(sums: &[Vec<f64>], raw: &Products, count: &[usize], settings: &Settings) -> Vec<Ar> {
-    (0..sums.len())
-        .map(|j| {
-            let lags = sums[j].iter().zip(&raw.pairs[j]).take_while(|(_, pairs)| **pairs > 0.0);
-            let c: Vec<f64> = lags.map(|(sum, pairs)| sum / pairs).collect();
-            let by = match settings.ar_order {
-                OrderCriterion::White => Order::White,
-                OrderCriterion::Aic => Order::Penalty(2.0),
-                OrderCriterion::Bic => Order::Penalty(libm::log(count[j] as f64)),
-            };
-            ar::fit_by(&c, count[j], settings.max_ar_order, by)
-        })
-        .collect()
 }
 
 /// Covariance `M^-1 Q M^-1` with `Q = sum G' R^-1 Sigma R^-1 G`, plus the information of the priors.
@@ -238,87 +236,6 @@ fn add_local(q: &mut Arrow, layout: &Layout, s: usize, local: &[f64]) {
     q.own.push(own);
 }
 
-/// Rows and columns of a segment's directions out of an arrow.
-fn local(matrix: &Arrow, layout: &Layout, s: usize) -> Vec<f64> {
-    let (part, nc) = (&layout.parts[s], layout.shared);
-    let (nl, nd) = (part.shared.len(), part.directions());
-    let own = &matrix.own[s];
-    let mut out = vec![0.0; nd * nd];
-    for (i, &gi) in part.shared.iter().enumerate() {
-        for (j, &gj) in part.shared.iter().enumerate() {
-            out[i * nd + j] = matrix.cc[gi * nc + gj];
-        }
-        for k in 0..own.n {
-            out[(nl + k) * nd + i] = own.sc[k * nl + i];
-            out[i * nd + nl + k] = own.sc[k * nl + i];
-        }
-    }
-    for i in 0..own.n {
-        for j in 0..own.n {
-            out[(nl + i) * nd + nl + j] = own.ss[i * own.n + j];
-        }
-    }
-    out
-}
-
-/// What the fit absorbed of the sums of products, per class and lag.
-fn absorbed<F: Evaluate>(
-    source: &Source<F>,
-    inverse: &Arrow,
-    covariance: &Arrow,
-    sigma: &Sigma,
-    lags: usize,
-) -> Option<Vec<Vec<f64>>> {
-    let layout = source.layout;
-    let mut all = vec![vec![0.0; lags + 1]; layout.noise.groups * layout.noise.outputs];
-    let mut known = true;
-    source.each(
-        |s, blocks| {
-            let (m, p) = (local(inverse, layout, s), local(covariance, layout, s));
-            let rows = sigma.rows(s, blocks)?;
-            let one = |(b, rows)| (Sigma::class(layout, s, b), absorbed_block(b, layout.parts[s].directions(), &m, &p, rows, lags));
-            Some(blocks.iter().zip(rows).map(one).collect::<Vec<_>>())
-        },
-        |_, parts| {
-            known &= parts.is_some();
-            for (class, sums) in parts.into_iter().flatten() {
-                all[class] = add(&all[class], &sums);
-            }
-        },
-    )?;
-    known.then_some(all)
-}
-
-/// `s` are the block's rows of `Sigma R^-1 G`.
-fn absorbed_block(block: &Block, nd: usize, m: &[f64], p: &[f64], mut s: Vec<f64>, lags: usize) -> Vec<f64> {
-    let n = block.e.len();
-    let u = rows_times(&block.g, m, nd);
-    let v = rows_times(&block.g, p, nd);
-    empty_masked(&block.e, &mut s, nd);
-    let row = |a: &[f64], b: &[f64], i: usize, j: usize| -> f64 {
-        a[i * nd..(i + 1) * nd].iter().zip(&b[j * nd..(j + 1) * nd]).map(|(x, y)| x * y).sum()
-    };
-    lagged(lags, |k| {
-        (0..n.saturating_sub(k))
-            .filter(|&i| i + k < n)
-            .map(|i| row(&u, &s, i, i + k) + row(&u, &s, i + k, i) - row(&v, &block.g, i, i + k))
-            .sum()
-    })
-}
-
-/// Every row of `g` times the symmetric matrix `m`.
-fn rows_times(g: &[f64], m: &[f64], nd: usize) -> Vec<f64> {
-    let mut out = vec![0.0; g.len()];
-    if nd > 0 {
-        for (o, g) in out.chunks_exact_mut(nd).zip(g.chunks_exact(nd)) {
-            for (gi, row) in g.iter().zip(m.chunks_exact(nd)) {
-                o.iter_mut().zip(row).for_each(|(o, m)| *o += gi * m);
-            }
-        }
-    }
-    out
-}
-
 fn clear(matrix: &mut Arrow, held: &[bool]) {
     for (i, &held) in held.iter().enumerate() {
         if held {
@@ -331,18 +248,24 @@ fn clear(matrix: &mut Arrow, held: &[bool]) {
 pub mod tests_only {
     //! What the tests compare with full matrices.
     use super::*;
+    use crate::noise::Ar;
 
-    pub fn spread_and_absorbed<F: Evaluate>(
+    /// The covariance under these models of the noise, and the series that stand in for the noise: `[segment][block][series]`.
+    pub fn spread_and_series<F: Evaluate>(
         source: &Source<F>,
         matrix: &Arrow,
         noise: &[Covariance],
         models: &[Ar],
-        lags: usize,
-    ) -> Option<(Arrow, Vec<Vec<f64>>)> {
-        let factor = matrix.factor()?;
-        let sigma = Sigma::new(source.layout, noise, models)?;
-        let covariance = spread(source, &factor, &[], &sigma)?;
-        let absorbed = absorbed(source, &factor.sandwich(matrix), &covariance, &sigma, lags)?;
-        Some((covariance, absorbed))
+    ) -> Option<(Arrow, Vec<Vec<Vec<Vec<f64>>>>)> {
+        let sigma = Sigma::new(source.layout, noise, models);
+        let covariance = spread(source, &matrix.factor()?, &[], &sigma)?;
+        let taken = absorbed(source, &sigma, &[])?;
+        let mut series = Vec::new();
+        let of = |s: usize, blocks: &[Block]| {
+            let one = taken.all.of(&taken.parts[s]);
+            blocks.iter().map(|b| one.series(&b.e, &b.g)).collect::<Vec<_>>()
+        };
+        source.each(of, |_, one| series.push(one))?;
+        Some((covariance, series))
     }
 }

@@ -15,8 +15,7 @@
 //! | `gauss` | the iteration: step, bounds, halving or damping, stopping |
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
-//! | `sigma` | products of a segment's sensitivities with the covariance of coloured noise |
-//! | `filter` | products with the covariance matrix of an autoregressive process |
+//! | `sigma` | products of a segment's sensitivities with the covariance of coloured noise, and its rows made white |
 //! | `solution` | the four together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
@@ -36,7 +35,6 @@ mod budget;
 mod case;
 mod choice;
 mod colour;
-mod filter;
 mod gauss;
 mod gram;
 mod noise;
@@ -57,6 +55,8 @@ mod solution;
 #[cfg(test)]
 mod tests;
 
+use crate::noise::Modelled;
+
 pub use budget::Influence;
 pub use case::{Case, Unknown};
 pub use output_error::{estimate, estimate_segments};
@@ -67,7 +67,7 @@ pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::{Grouping, SEGMENT, Segment, Stretch};
 pub use selection::{Decision, Support};
-pub use settings::{InitialFrom, NoiseKind, OrderCriterion, Settings, Shifts, StartFrom, StepControl};
+pub use settings::{InitialFrom, NoiseKind, Settings, Shifts, StartFrom, StepControl};
 
 /// Why the iteration ended. Only `Converged` comes with standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -212,8 +212,8 @@ pub struct OutputScatter {
     pub masked: usize,
     /// Correlation of the noise with that of each output in the list; empty where outputs count as independent.
     pub correlation: Vec<f64>,
-    /// Coefficients `a_1..a_p` of the residuals' autoregressive model `r_k = a_1 r_{k-1} + ... + w_k`; empty for white.
-    pub ar: Vec<f64>,
+    /// The autoregressive model of the noise behind the residuals; none unless converged.
+    pub colour: Option<Modelled>,
 }
 
 /// Measured and modelled values of one output in one segment.
@@ -256,6 +256,8 @@ pub struct Estimation {
     pub profiles: Vec<Profile>,
     /// What became of the candidates: those that are held, in the order in which they were, then those that are estimated.
     pub decisions: Vec<Decision>,
+    /// The colour of the residuals and what the fit absorbed of it agree with each other; false where the search for both was ended before.
+    pub settled: bool,
     /// Segments that could not be used, ascending.
     pub left_out: Vec<LeftOut>,
     /// Measured outputs without a sample that is not masked, or that never change, segment by segment.

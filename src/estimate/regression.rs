@@ -375,7 +375,7 @@ impl Problem<'_> {
             equation.n = n as usize;
             equation.rms = (square / n).sqrt();
             equation.r2 = 1.0 - square / (total - sum * sum / n);
-            equation.ar_order = solution.colour.get(k).map_or(0, |ar| ar.order);
+            equation.ar_order = solution.colour.get(k).map_or(0, |of| of.model.order());
         }
     }
 }

@@ -32,6 +32,7 @@ pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solutio
         correlations: correlations(&case.layout, &solution),
         det_r: libm::exp(solution.fit.ln_det),
         outputs: scatter(model, case, &solution, &responses, &noise_groups),
+        settled: solution.settled,
         noise_groups,
         responses,
         verdict: Verdict { condition: solution.condition, singular: solution.singular, combinations },
@@ -130,7 +131,7 @@ fn scatter(
                 count: r.count[j],
                 masked: samples - r.count[j],
                 correlation: if case.layout.noise.full { (0..n).map(|i| r.correlation(j, i)).collect() } else { Vec::new() },
-                ar: colour.map(|ar| ar.coefficients.clone()).unwrap_or_default(),
+                colour: colour.cloned(),
             });
         }
     }

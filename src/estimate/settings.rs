@@ -1,6 +1,7 @@
 //! How an estimation is run: the settings, every one with a default.
 
 use crate::dynamics::Tier;
+use crate::noise::{OrderCriterion, Rule};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -141,19 +142,11 @@ pub enum StepControl {
     LevenbergMarquardt,
 }
 
-/// How the order of the residuals' autoregressive model is chosen. Slow noise of a small part of the white noise's size widens
-/// intervals a lot and is easily missed: the figures are the coverage of intervals said to be 95%, measured over 500 simulated
-/// campaigns with white noise and a third of it with correlation 0.97 between samples (`estimate::tests::coverage`).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum OrderCriterion {
-    /// The order of `bic`, raised until the residuals it leaves pass as white: the sum of squares of the partial autocorrelations of all
-    /// higher orders is below its median for white noise. Covers 94 to 95%.
-    White,
-    /// Least `N ln(variance) + 2 p`. Covers 93 to 94%.
-    Aic,
-    /// Least `N ln(variance) + p ln N`. Covers 83 to 87%.
-    Bic,
+impl Settings {
+    /// How the colour of residuals is modelled.
+    pub fn colour(&self) -> Rule {
+        Rule { highest: self.max_ar_order, criterion: self.ar_order }
+    }
 }
 
 impl Default for Settings {
@@ -181,8 +174,8 @@ impl Default for Settings {
             tier: Tier::Auto,
             max_halvings: 20,
             priors: true,
-            max_ar_order: 24,
-            ar_order: OrderCriterion::White,
+            max_ar_order: Rule::default().highest,
+            ar_order: Rule::default().criterion,
             profile: Vec::new(),
             profile_level: 0.95,
         }

@@ -1,13 +1,12 @@
-//! A segment's sensitivities and the noise as modelled in; its part of `G' R^-1 Sigma R^-1 G`, and the rows of `Sigma R^-1 G`, out.
+//! A segment's sensitivities and the noise as modelled in; its part of `G' R^-1 Sigma R^-1 G`, and its rows made white by `Sigma`, out.
 //!
 //! `Sigma = A^-1 D^1/2 c D^1/2 A^-T` over all samples of a segment (see `colour` for what it says), so that with `V = A^-T R^-1 G` the
-//! first is `V' D^1/2 c D^1/2 V` and the second `A^-1 D^1/2 c D^1/2 V`, each in time linear in the number of samples.
+//! first is `V' D^1/2 c D^1/2 V`; the second are `c^-1/2 D^-1/2 A [G | e]`. Both take time linear in the number of samples.
 
-use super::filter::{Filter, filters};
 use super::noise::Covariance;
 use super::problem::{Block, Layout, Samples, at_instants};
-use crate::math::ar::Ar;
-use crate::math::dense::symmetric_eigen;
+use crate::math::dense::{cholesky, forward, symmetric_eigen};
+use crate::noise::{Ar, Filter};
 
 /// The smallest eigenvalue that the correlation matrix of innovations is left with.
 const LEAST: f64 = 1e-6;
@@ -23,12 +22,12 @@ pub struct Sigma<'a> {
 }
 
 impl<'a> Sigma<'a> {
-    /// `models` per class; `None` where one is not stationary.
-    pub fn new(layout: &'a Layout, noise: &'a [Covariance], models: &[Ar]) -> Option<Sigma<'a>> {
-        let filters = filters(models)?;
+    /// `models` per class.
+    pub fn new(layout: &'a Layout, noise: &'a [Covariance], models: &[Ar]) -> Sigma<'a> {
+        let filters: Vec<Filter> = models.iter().map(Filter::new).collect();
         let groups = if layout.noise.full { noise } else { &[] };
         let mix = groups.iter().enumerate().map(|(g, r)| mix(r, &filters[g * r.n..(g + 1) * r.n])).collect();
-        Some(Sigma { layout, noise, filters, mix })
+        Sigma { layout, noise, filters, mix }
     }
 
     /// The noise class of a block of segment `s`.
@@ -93,13 +92,59 @@ impl<'a> Sigma<'a> {
         Some(q)
     }
 
-    /// `Sigma R^-1 G` of segment `s`, per block.
-    pub fn rows(&self, s: usize, blocks: &[Block]) -> Option<Vec<Vec<f64>>> {
+    /// Whether every output that was measured has noise to divide by.
+    pub fn is_definite(&self) -> bool {
+        let counts = self.noise.iter().flat_map(|r| &r.count);
+        self.filters.iter().zip(counts).all(|(filter, count)| *count == 0 || filter.is_definite())
+    }
+
+    /// Sensitivities and residuals of segment `s` made white: one column per direction, then the residuals, scored samples block by block.
+    pub fn whiten(&self, s: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
         let nd = self.layout.parts[s].directions();
-        let v = self.backward(s, blocks)?;
-        let mut rows = self.couple(s, blocks, &v);
-        blocks.iter().zip(&mut rows).for_each(|(b, rows)| self.filter(s, b).forward(rows, nd));
-        Some(rows)
+        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); nd + 1];
+        let mut begins = Vec::new();
+        for block in blocks {
+            begins.push(columns[0].len());
+            let masked: Vec<bool> = block.e.iter().map(|e| e.is_nan()).collect();
+            for (d, column) in columns.iter_mut().enumerate() {
+                let mut x: Vec<f64> = match d == nd {
+                    true => block.e.clone(),
+                    false => block.g.iter().skip(d).step_by(nd).copied().collect(),
+                };
+                self.filter(s, block).whiten(&mut x, &masked);
+                column.extend(x);
+            }
+        }
+        self.separate(s, blocks, &begins, &mut columns);
+        let scored: Vec<bool> = blocks.iter().flat_map(|block| block.e.iter().map(|e| !e.is_nan())).collect();
+        for column in &mut columns {
+            let mut scored = scored.iter();
+            column.retain(|_| scored.next().copied().unwrap_or(false));
+        }
+        columns
+    }
+
+    /// `c^-1/2` at every instant: what outputs share is taken out.
+    fn separate(&self, s: usize, blocks: &[Block], begins: &[usize], columns: &mut [Vec<f64>]) {
+        let Some(mix) = self.mix.get(self.layout.parts[s].group) else { return };
+        let n = self.layout.noise.outputs;
+        let mut roots: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
+        at_instants(self.layout, s, blocks, Samples::Scored, |present| {
+            let outputs: Vec<usize> = present.iter().map(|&(b, _)| blocks[b].output).collect();
+            let m = outputs.len();
+            let known = roots.iter().position(|(of, _)| *of == outputs).unwrap_or_else(|| {
+                let c: Vec<f64> = outputs.iter().flat_map(|&i| outputs.iter().map(move |&j| mix[i * n + j])).collect();
+                // `mix` is positive definite, and so is every block of it.
+                roots.push((outputs, cholesky(&c, m).unwrap_or_default()));
+                roots.len() - 1
+            });
+            let root = &roots[known].1;
+            for column in columns.iter_mut().filter(|_| root.len() == m * m) {
+                let mut x: Vec<f64> = present.iter().map(|&(b, k)| column[begins[b] + k]).collect();
+                forward(root, m, &mut x);
+                present.iter().zip(x).for_each(|(&(b, k), x)| column[begins[b] + k] = x);
+            }
+        });
     }
 }
 

@@ -6,7 +6,7 @@ use super::gauss::{Fit, Rule, minimise};
 use super::problem::{Evaluate, Layout};
 use super::rank::{Weak, judge};
 use super::{Settings, Stop};
-use crate::math::ar::Ar;
+use crate::noise::Modelled;
 
 /// What an estimation yields before names are put to it.
 #[derive(Debug, Clone)]
@@ -17,7 +17,9 @@ pub struct Solution {
     /// The same with coloured residuals allowed for; none unless converged.
     pub covariance: Option<Arrow>,
     /// Colour per group of segments and output (`group * outputs + output`); empty unless converged.
-    pub colour: Vec<Ar>,
+    pub colour: Vec<Modelled>,
+    /// Whether that colour and what the fit absorbed of it agree with each other.
+    pub settled: bool,
     pub condition: f64,
     pub singular: bool,
     pub weak: Vec<Weak>,
@@ -41,6 +43,7 @@ pub fn solve<F: Evaluate>(layout: &Layout, evaluate: &F, settings: &Settings) ->
         crlb: None,
         covariance: None,
         colour: Vec::new(),
+        settled: true,
         condition: f64::NAN,
         singular: false,
         weak: Vec::new(),
@@ -59,11 +62,12 @@ pub fn solve<F: Evaluate>(layout: &Layout, evaluate: &F, settings: &Settings) ->
     if solution.fit.stop == Stop::Converged {
         let fit = &solution.fit;
         let source = Source::new(layout, evaluate, &fit.theta);
-        let colour = coloured(&source, &matrix, &fit.held, &fit.noise, settings);
+        let colour = coloured(&source, &matrix, &fit.held, &fit.noise, settings.colour());
         if let Some(colour) = colour {
             solution.crlb = Some(colour.crlb);
             solution.covariance = Some(colour.covariance);
             solution.colour = colour.models;
+            solution.settled = colour.settled;
         }
     }
     solution

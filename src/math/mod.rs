@@ -1,12 +1,11 @@
-//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of distributions, autoregressive models, vectors of
+//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of distributions, vectors of
 //! the width the machine has.
 
-pub mod ar;
 pub mod dense;
 pub mod distribution;
 pub mod pool;
+pub mod products;
 pub mod simd;
-pub mod whiteness;
 
 /// The median of finite values (the mean of the middle two of an even number); NaN for none.
 pub fn median(values: &[f64]) -> f64 {

@@ -10,7 +10,7 @@
 //! The trend takes up what the others cannot know (an attitude's start, a drift by a gyro's bias). `k` is the scale and its sign, `tau`
 //! the delay, the correlation is of what the trend leaves. So pressure altitude stands against integrated vertical motion, the vane against
 //! the inertial angle of attack, attitude against integrated rates, one recorder's clock against the others'. Standard deviations allow
-//! for coloured errors `e` by the sum of their autocorrelations.
+//! for the colour of `e`.
 
 use super::smoother::backward::Visit;
 use super::smoother::filter::Tape;
@@ -18,6 +18,7 @@ use super::smoother::grid::Outputs;
 use super::smoother::levels::Levels;
 use super::smoother::{Innovation, Smoother};
 use crate::math::dense;
+use crate::noise::{Products, Rule, burg};
 use crate::signal::resample::Grid;
 use rayon::prelude::*;
 
@@ -312,20 +313,15 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
     })
 }
 
-/// By how much coloured errors widen: one plus twice the sum of their autocorrelations, up to where those of all `parts` end being
-/// positive. (An autoregressive model of first order would miss gusts under white noise.)
+/// By how much coloured errors of all `parts` widen the variance of what is slow: their power at frequency zero over that of white ones of their
+/// size; never less than one.
 fn colour(errors: &[f64], parts: &[usize]) -> f64 {
-    let longest = parts.iter().copied().max().unwrap_or(0) / 2;
-    let product = |lag: usize| {
-        let mut from = 0;
-        let mut sum = 0.0;
-        for &n in parts {
-            let part = &errors[from..from + n];
-            sum += part.iter().zip(part.iter().skip(lag)).map(|(a, b)| a * b).sum::<f64>();
-            from += n;
-        }
-        sum
-    };
-    let square = product(0).max(1e-300);
-    1.0 + 2.0 * (1..longest).map(|lag| product(lag) / square).take_while(|rho| *rho > 0.0).sum::<f64>()
+    let rule = Rule::default();
+    let mut products = Products::new(rule.highest);
+    let mut from = 0;
+    for &n in parts {
+        products.take(&errors[from..from + n]);
+        from += n;
+    }
+    burg::fit(&products, rule.criterion).model.colour().max(1.0)
 }

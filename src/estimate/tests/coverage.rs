@@ -1,7 +1,8 @@
 //! 95% intervals cover the truth about 95 times in 100, with white and with coloured noise.
 
 use super::{Settings, TOY_TRUTH, Toy, noise, normal, rng, sds, toy_response};
-use crate::estimate::{OrderCriterion, Stop};
+use crate::estimate::Stop;
+use crate::noise::OrderCriterion;
 use rayon::prelude::*;
 
 /// Share of intervals `value +- 1.96 sd` over the truth, pooled and per parameter, for `sd` and for `sd_crlb`.
@@ -65,9 +66,11 @@ fn oscillation(seed: u64, n: usize) -> Vec<f64> {
     v.split_off(302)
 }
 
-const COLOURS: [(&str, Noise); 5] = [
+const COLOURS: [(&str, Noise); 7] = [
     ("white", |seed, n| noise(&mut rng(seed), n, 0.1, 0.0)),
     ("AR(1) 0.9", |seed, n| noise(&mut rng(seed), n, 0.1, 0.9)),
+    ("AR(1) 0.97", |seed, n| noise(&mut rng(seed), n, 0.1, 0.97)),
+    ("AR(1) 0.99", |seed, n| noise(&mut rng(seed), n, 0.1, 0.99)),
     ("white + 1/3 slow 0.97", |seed, n| slow(seed, n, 0.97)),
     ("white + 1/3 slow 0.99", |seed, n| slow(seed, n, 0.99)),
     ("AR(2) oscillation", oscillation),

@@ -54,7 +54,7 @@ const NAMES: [&str; 11] = ["CD0", "CDV", "CDa", "CL0", "CLV", "CLa", "Cm0", "CmV
 /// The rule behind the reference values: stop at a relative change of det R below 1e-4. The colour's order by AIC is what the range of
 /// sd over the bound was found with (the default takes longer models: up to 7.5 times).
 fn rule() -> Settings {
-    let ar_order = crate::estimate::OrderCriterion::Aic;
+    let ar_order = crate::noise::OrderCriterion::Aic;
     Settings { ar_order, tolerance: 1e-4, step_tolerance: 0.0, gradient_tolerance: 0.0, ..Settings::default() }
 }
 
@@ -101,10 +101,18 @@ fn truth_hfb320_case_a() {
         );
         close(name, row.value, value, 1e-6);
         close(name, row.sd_crlb.unwrap(), sd, 0.02);
-        // The residuals are coloured: honest standard deviations are 2.4 to 5 times the bounds before, up to 6.5 times after what the
-        // fit absorbed of the slow attitude residual (correlation 0.97 over 1.5 s) is put back.
+    }
+}
+
+/// The residuals are coloured, the attitude's most of all (correlation 0.97 over 1.5 s, and the fit absorbed much of that): honest standard
+/// deviations are several times the bounds.
+#[test]
+fn the_bounds_are_several_times_too_small() {
+    let Some((model, record)) = hfb320() else { return };
+    let e = estimate(&model, &[record], &rule()).unwrap();
+    for row in NAMES.iter().map(|name| row(&e, name)) {
         let ratio = row.sd.unwrap() / row.sd_crlb.unwrap();
-        assert!((2.2..7.0).contains(&ratio), "{name}: {ratio}");
+        assert!((2.2..9.0).contains(&ratio), "{}: {ratio}", row.name);
     }
 }
 

@@ -5,8 +5,8 @@ use crate::estimate::arrow::{Arrow, Own};
 use crate::estimate::colour::{Source, tests_only};
 use crate::estimate::noise::Covariance;
 use crate::estimate::problem::Layout;
-use crate::math::ar::{Ar, autocovariance};
 use crate::math::dense::{cholesky, cholesky_inverse, multiply, transpose};
+use crate::noise::Ar;
 
 /// A random positive definite arrow: the sum of squares of random rows, each over the border and one segment.
 fn random_arrow(seed: u64, nc: usize, own: &[usize]) -> Arrow {
@@ -122,23 +122,23 @@ fn pinned_component_is_taken_and_the_rest_solved_for() {
     }
 }
 
-/// `E[r r'] = (I-H) Sigma (I-H)'` summed along diagonals, and `M^-1 G' R^-1 Sigma R^-1 G M^-1`, with full matrices over two segments
-/// of unequal length, one of them with masked samples.
+/// The sandwich `M^-1 G' R^-1 Sigma R^-1 G M^-1`, and the series that stand in for the noise: with `P = (G' Sigma^-1 G)^-1` their products are
+/// those of `(e - G P G' Sigma^-1 e)(...)' + G P G'`. With full matrices over two segments of unequal length.
 #[test]
 fn spread_and_absorbed_part_equal_the_full_matrices() {
     let mut toy = Toy::simulate(1, 2, 40, 0.1, 0.5);
     toy.z[1].truncate(30);
-    [4, 5, 17].into_iter().for_each(|k| toy.z[0][k] = f64::NAN);
     let layout: Layout = toy.layout();
     let theta = [0.93, 0.11, 0.02, 0.13];
     let evaluate = |s: usize, p: &[f64], _: bool| toy.evaluate(s, p);
-    let model = Ar { coefficients: vec![0.6, 0.25], variance: 0.01, order: 2 };
-    let (r, lags, np) = (0.02, 6, 4);
-    // Rows of the observed samples.
+    let model = Ar::with_coefficients(&[0.6, 0.25], 0.01).unwrap();
+    let (r, np) = (0.02, 4);
     let mut rows: Vec<(usize, usize, Vec<f64>)> = vec![];
+    let mut e = vec![];
     for s in 0..2 {
         let block = &evaluate(s, &layout.local(s, &theta), true).unwrap()[0];
-        for k in (0..block.e.len()).filter(|&k| !block.e[k].is_nan()) {
+        e.extend(&block.e);
+        for k in 0..block.e.len() {
             let mut g = vec![0.0; np];
             g[..2].copy_from_slice(&block.g[3 * k..3 * k + 2]);
             g[2 + s] = block.g[3 * k + 2];
@@ -146,7 +146,7 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
         }
     }
     let n = rows.len();
-    let c = autocovariance(&model, 40);
+    let c = model.autocovariance(40);
     let sigma: Vec<f64> = (0..n * n)
         .map(|k| {
             let ((s, i, _), (t, j, _)) = (&rows[k / n], &rows[k % n]);
@@ -159,28 +159,29 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
     let inverse = cholesky_inverse(&cholesky(&m, np).unwrap(), np);
     let q: Vec<f64> = multiply(&multiply(&gt, &sigma, np, n, n), &g, np, n, np).iter().map(|v| v / (r * r)).collect();
     let p = multiply(&multiply(&inverse, &q, np, np, np), &inverse, np, np, np);
-    let h: Vec<f64> = multiply(&multiply(&g, &inverse, n, np, np), &gt, n, np, n).iter().map(|v| v / r).collect();
-    let rest: Vec<f64> = (0..n * n).map(|k| f64::from(u8::from(k / n == k % n)) - h[k]).collect();
-    let left = multiply(&multiply(&rest, &sigma, n, n, n), &transpose(&rest, n, n), n, n, n);
 
     let (_, totals) = crate::estimate::problem::pass(&layout, &evaluate, &theta).unwrap();
     let (matrix, _) = totals.weigh(&layout, &[1.0 / r]);
     let source = Source::new(&layout, &evaluate, &theta);
-    let (covariance, absorbed) =
-        tests_only::spread_and_absorbed(&source, &matrix, &[Covariance::diagonal(&[r], &[n])], &[model], lags).unwrap();
+    let (covariance, series) =
+        tests_only::spread_and_series(&source, &matrix, &[Covariance::diagonal(&[r], &[n])], &[model]).unwrap();
     let want = blocks(&p, np, &covariance);
     close(&covariance.cc, &want.cc);
     for (g, w) in covariance.own.iter().zip(&want.own) {
         close(&g.ss, &w.ss);
         close(&g.sc, &w.sc);
     }
-    let lag_sums: Vec<f64> = (0..=lags)
-        .map(|lag| {
-            (0..n * n)
-                .filter(|k| rows[k / n].0 == rows[k % n].0 && rows[k % n].1 == rows[k / n].1 + lag)
-                .map(|k| sigma[k] - left[k])
-                .sum()
-        })
-        .collect();
-    close(&absorbed[0], &lag_sums);
+    let weights = cholesky_inverse(&cholesky(&sigma, n).unwrap(), n);
+    let gw = multiply(&gt, &weights, np, n, n);
+    let known = cholesky_inverse(&cholesky(&multiply(&gw, &g, np, n, np), np).unwrap(), np);
+    let step = multiply(&known, &multiply(&gw, &e, np, n, 1), np, np, 1);
+    let left: Vec<f64> = e.iter().zip(multiply(&g, &step, n, np, 1)).map(|(e, y)| e - y).collect();
+    let mut wanted = multiply(&multiply(&g, &known, n, np, np), &gt, n, np, n);
+    (0..n * n).for_each(|k| wanted[k] += left[k / n] * left[k % n]);
+    for (s, from) in [(0, 0), (1, 40)] {
+        let (series, n_s) = (&series[s][0], if s == 0 { 40 } else { 30 });
+        let products = |k: usize| series.iter().map(|x| x[k / n_s] * x[k % n_s]).sum();
+        let block: Vec<f64> = (0..n_s * n_s).map(|k| wanted[(from + k / n_s) * n + from + k % n_s]).collect();
+        close(&(0..n_s * n_s).map(products).collect::<Vec<f64>>(), &block);
+    }
 }

@@ -6,8 +6,8 @@ use crate::estimate::noise::{Covariance, Scatter, Structure};
 use crate::estimate::problem::{Block, Layout, Part, scatter, weighed};
 use crate::estimate::solution::solve;
 use crate::estimate::{Settings, Stop};
-use crate::math::ar::{Ar, autocovariance};
 use crate::math::dense::{cholesky, cholesky_inverse, cholesky_log_det, multiply, symmetric_eigen, transpose};
+use crate::noise::Ar;
 
 const OUTPUTS: usize = 3;
 
@@ -173,6 +173,11 @@ struct Lines {
 
 impl Lines {
     fn new(seed: u64, sizes: &[usize]) -> Lines {
+        Lines::masked(seed, sizes, |k, j| (k * 7 + j) % 23 == 0)
+    }
+
+    /// `mask` says of instants and outputs which are masked.
+    fn masked(seed: u64, sizes: &[usize], mask: fn(usize, usize) -> bool) -> Lines {
         let mut rng = rng(seed);
         let (mut z, mut instants) = (Vec::new(), Vec::new());
         for &n in sizes {
@@ -183,7 +188,7 @@ impl Lines {
                 for j in 0..OUTPUTS {
                     last[j] = 0.6 * last[j] + e[j];
                     if pattern(k).contains(&j) {
-                        let masked = (k * 7 + j) % 23 == 0;
+                        let masked = mask(k, j);
                         series[j].0.push(if masked { f64::NAN } else { model(&[0.3, 1.0], j, k) + last[j] });
                         series[j].1.push(k as u32);
                     }
@@ -281,30 +286,9 @@ fn normal_equations_with_missing_samples_are_the_full_ones() {
     }
 }
 
-/// `M^-1 G' W Sigma W G M^-1` and the lag sums of what the fit absorbed, `Sigma` written out: autoregressive outputs whose innovations
-/// are correlated at the same instant.
-#[test]
-fn coloured_noise_of_correlated_outputs_is_the_full_product() {
-    let lines = Lines::new(26, &[30, 20]);
-    let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
-    let theta = [0.25, 0.9, 1.1];
-    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
-    // Two first-order outputs and a white one, so that every response is a power.
-    let a = [0.6, 0.3, 0.0];
-    let models: Vec<Ar> = (0..3)
-        .map(|j| {
-            let coefficients = if a[j] == 0.0 { vec![] } else { vec![a[j]] };
-            Ar { order: coefficients.len(), coefficients, variance: r.r[j * 4] * (1.0 - a[j] * a[j]) }
-        })
-        .collect();
-    // Innovations' correlation: R's over sum a_i^k a_j^k / sqrt(sum a_i^2k sum a_j^2k).
-    let c = |i: usize, j: usize| {
-        let like = ((1.0 - a[i] * a[i]) * (1.0 - a[j] * a[j])).sqrt() / (1.0 - a[i] * a[j]);
-        if i == j { 1.0 } else { r.correlation(i, j) / like }
-    };
-    let all: Vec<f64> = (0..9).map(|k| c(k / 3, k % 3)).collect();
-    assert!(symmetric_eigen(&all, 3).values[0] > 0.0, "{all:?}");
-    // All samples, masked ones too: Sigma = L C L' with L = A^-1 D^1/2 of each channel.
+/// Segment, output and place in its block of every sample, masked ones too; and `Sigma = L C L'` over them, `L = A^-1 D^1/2` of each output,
+/// first-order ones of coefficients `a`, and `C` the correlations `c` of innovations of one instant.
+fn sigma_of(lines: &Lines, a: &[f64; 3], models: &[Ar], c: &dyn Fn(usize, usize) -> f64) -> (Vec<(usize, usize, usize)>, Vec<f64>) {
     let mut samples: Vec<(usize, usize, usize)> = Vec::new();
     for s in 0..2 {
         for j in 0..3 {
@@ -327,9 +311,37 @@ fn coloured_noise_of_correlated_outputs_is_the_full_product() {
     }
     let sigma = multiply(&multiply(&l, &mix, n, n, n), &transpose(&l, n, n), n, n, n);
     for (x, &(_, j, k)) in samples.iter().enumerate() {
-        close(sigma[x * n + x], autocovariance(&models[j], 0)[0], 1e-12);
+        close(sigma[x * n + x], models[j].errors()[0], 1e-12);
         assert!(k < 100);
     }
+    (samples, sigma)
+}
+
+/// Two first-order outputs and a white one, so that every response is a power, as the residuals `r` are sized; and the innovations' correlation: R's over
+/// `sum a_i^k a_j^k / sqrt(sum a_i^2k sum a_j^2k)`.
+fn first_order(r: &Covariance, a: [f64; 3]) -> (Vec<Ar>, impl Fn(usize, usize) -> f64) {
+    let partial = |j: usize| if a[j] == 0.0 { vec![] } else { vec![a[j]] };
+    let models = (0..3).map(|j| Ar { partial: partial(j), variance: r.r[j * 4] * (1.0 - a[j] * a[j]) }).collect();
+    let c = move |i: usize, j: usize| {
+        let like = ((1.0 - a[i] * a[i]) * (1.0 - a[j] * a[j])).sqrt() / (1.0 - a[i] * a[j]);
+        if i == j { 1.0 } else { r.correlation(i, j) / like }
+    };
+    (models, c)
+}
+
+/// `M^-1 G' W Sigma W G M^-1`, `Sigma` written out: autoregressive outputs whose innovations are correlated at the same instant.
+#[test]
+fn coloured_noise_of_correlated_outputs_is_the_full_product() {
+    let lines = Lines::new(26, &[30, 20]);
+    let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
+    let theta = [0.25, 0.9, 1.1];
+    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
+    let a = [0.6, 0.3, 0.0];
+    let (models, c) = first_order(&r, a);
+    let all: Vec<f64> = (0..9).map(|k| c(k / 3, k % 3)).collect();
+    assert!(symmetric_eigen(&all, 3).values[0] > 0.0, "{all:?}");
+    let (samples, sigma) = sigma_of(&lines, &a, &models, &c);
+    let n = samples.len();
     // Rows of W G and G over the scored samples, zero elsewhere.
     let rows = lines.rows(&theta);
     let (m, np) = (rows.len(), 3);
@@ -347,25 +359,56 @@ fn coloured_noise_of_correlated_outputs_is_the_full_product() {
     let q = multiply(&multiply(&transpose(&wg, m, np), &scored, np, m, m), &wg, np, m, np);
     let p = multiply(&multiply(&inverse, &q, np, np, np), &inverse, np, np, np);
     let source = Source::new(&lines.layout, &evaluate, &theta);
-    let (covariance, absorbed) = tests_only::spread_and_absorbed(&source, &matrix, std::slice::from_ref(&r), &models, 4).unwrap();
+    let (covariance, _) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
     close(covariance.cc[0], p[0], 1e-9);
     for s in 0..2 {
         close(covariance.own[s].ss[0], p[(1 + s) * np + 1 + s], 1e-9);
         close(covariance.own[s].sc[0], p[(1 + s) * np], 1e-8);
     }
-    let h = multiply(&multiply(&g, &inverse, m, np, np), &transpose(&wg, m, np), m, np, m);
-    let rest: Vec<f64> = (0..m * m).map(|k| f64::from(u8::from(k / m == k % m)) - h[k]).collect();
-    let left = multiply(&multiply(&rest, &scored, m, m, m), &transpose(&rest, m, m), m, m, m);
-    for (j, absorbed) in absorbed.iter().enumerate() {
-        for (lag, absorbed) in absorbed.iter().enumerate() {
-            let apart = |k: &usize| {
-                let (x, y) = (samples[place[k / m]], samples[place[k % m]]);
-                (x.0, x.1, y.1) == (y.0, j, j) && x.2 + lag == y.2
-            };
-            let want: f64 = (0..m * m).filter(apart).map(|k| scored[k] - left[k]).sum();
-            close(*absorbed, want, 1e-7);
+}
+
+/// The series that stand in for correlated noise: their products are those of the generalised least-squares residuals and `G P G'`,
+/// `Sigma` written out.
+#[test]
+fn what_a_fit_absorbed_of_correlated_outputs_is_the_full_product() {
+    let lines = Lines::masked(26, &[30, 20], |_, _| false);
+    let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
+    let theta = [0.25, 0.9, 1.1];
+    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
+    let a = [0.6, 0.3, 0.0];
+    let (models, c) = first_order(&r, a);
+    let (samples, sigma) = sigma_of(&lines, &a, &models, &c);
+    let (n, np) = (samples.len(), 3);
+    let rows = lines.rows(&theta);
+    assert_eq!(rows.len(), n);
+    let place = |row: &(usize, usize, u32, f64, Vec<f64>)| {
+        samples.iter().position(|&(s, j, k)| (s, j) == (row.0, row.1) && lines.instants[s][j][k] == row.2).unwrap()
+    };
+    let at: Vec<usize> = rows.iter().map(place).collect();
+    let m = at.len();
+    let scored: Vec<f64> = (0..m * m).map(|k| sigma[at[k / m] * n + at[k % m]]).collect();
+    let weights = cholesky_inverse(&cholesky(&scored, m).unwrap(), m);
+    let g: Vec<f64> = rows.iter().flat_map(|row| row.4.clone()).collect();
+    let e: Vec<f64> = rows.iter().map(|row| row.3).collect();
+    let gw = multiply(&transpose(&g, m, np), &weights, np, m, m);
+    let known = cholesky_inverse(&cholesky(&multiply(&gw, &g, np, m, np), np).unwrap(), np);
+    let step = multiply(&known, &multiply(&gw, &e, np, m, 1), np, np, 1);
+    let left: Vec<f64> = e.iter().zip(multiply(&g, &step, m, np, 1)).map(|(e, y)| e - y).collect();
+    let put_back = multiply(&multiply(&g, &known, m, np, np), &transpose(&g, m, np), m, np, m);
+    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
+    let source = Source::new(&lines.layout, &evaluate, &theta);
+    let (_, series) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
+    let mut compared = 0;
+    for x in 0..m {
+        for y in (0..m).filter(|&y| (rows[x].0, rows[x].1) == (rows[y].0, rows[y].1)) {
+            let (one, other) = (samples[at[x]], samples[at[y]]);
+            let product: f64 = series[one.0][one.1].iter().map(|of| of[one.2] * of[other.2]).sum();
+            let want = left[x] * left[y] + put_back[x * m + y];
+            assert!((product - want).abs() < 1e-9, "{x} {y}: {product} {want}");
+            compared += 1;
         }
     }
+    assert!(compared > 1000);
 }
 
 /// With white noise the sandwich around `W Sigma W` is the Cramer-Rao bound, whatever the correlation.
@@ -377,9 +420,9 @@ fn white_correlated_noise_has_the_bound_for_its_covariance() {
     let r: Covariance = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
     let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
     let bound = matrix.factor().unwrap().sandwich(&matrix);
-    let white: Vec<Ar> = r.variances().iter().map(|&variance| Ar { coefficients: vec![], variance, order: 0 }).collect();
+    let white: Vec<Ar> = r.variances().iter().map(|&variance| Ar::white(variance)).collect();
     let source = Source::new(&lines.layout, &evaluate, &theta);
-    let (covariance, _) = tests_only::spread_and_absorbed(&source, &matrix, std::slice::from_ref(&r), &white, 2).unwrap();
+    let (covariance, _) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &white).unwrap();
     sds(&covariance).iter().zip(sds(&bound)).for_each(|(a, b)| close(*a, b, 1e-9));
 }
 
@@ -445,13 +488,10 @@ fn very_different_colours_leave_a_covariance() {
     let theta = [0.25, 0.9, 1.1];
     let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
     let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
-    let models: Vec<Ar> = [0.98, -0.9, 0.5]
-        .iter()
-        .zip(r.variances())
-        .map(|(a, v)| Ar { coefficients: vec![*a], variance: v * (1.0 - a * a), order: 1 })
-        .collect();
+    let models: Vec<Ar> =
+        [0.98, -0.9, 0.5].iter().zip(r.variances()).map(|(a, v)| Ar { partial: vec![*a], variance: v * (1.0 - a * a) }).collect();
     let source = Source::new(&lines.layout, &evaluate, &theta);
-    let (covariance, _) = tests_only::spread_and_absorbed(&source, &matrix, std::slice::from_ref(&r), &models, 2).unwrap();
+    let (covariance, _) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
     let own = &covariance.own;
     assert!(covariance.cc[0] > 0.0);
     for own in own {

@@ -3,7 +3,8 @@
 use super::{Settings, Toy, normal, rng, sds, toy_response};
 use crate::estimate::problem::{Block, Layout};
 use crate::estimate::solution::{Solution, solve};
-use crate::estimate::{OrderCriterion, StepControl, Stop};
+use crate::estimate::{StepControl, Stop};
+use crate::noise::OrderCriterion;
 
 /// Straight lines `y = c + m t`: rows `[1, t]`, one class per line.
 fn lines(z: &[Vec<f64>], t: &[Vec<f64>], p: &[f64]) -> Vec<Block> {

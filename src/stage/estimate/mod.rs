@@ -311,10 +311,25 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         let text = format!("output {} of {segment}: {}", doubtful.output, doubtful.why);
         notes.push(note(config, "", Severity::Warning, segment, 1, text));
     }
+    notes.extend(colour_notes(config, batch, estimation));
     for combination in &estimation.verdict.combinations {
         notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, format!("{}: {combination}", batch.group)));
     }
     notes
+}
+
+/// What was cut off where the colour of the residuals was found.
+fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let of = |text: String| note(config, "", Severity::Info, batch.group.clone(), 1, text);
+    let cut = |output: &estimate::OutputScatter| {
+        let order = output.colour.as_ref()?.cut?;
+        let why = "what is left is rounding, or no stretch without masked samples is longer";
+        Some(of(format!("{}: the noise of {} is modelled to order {order} and no further: {why}", batch.group, output.name)))
+    };
+    let unsettled = (!estimation.settled).then(|| {
+        of(format!("{}: the colour of the residuals still changed in the last round: sd may be off by some percent", batch.group))
+    });
+    estimation.outputs.iter().filter_map(cut).chain(unsettled).collect()
 }
 
 fn note(config: &Config, flight: &str, severity: Severity, subject: String, count: usize, text: String) -> Note {

@@ -3,8 +3,7 @@
 use super::{Batch, uncertainty};
 use crate::error::Result;
 use crate::estimate::{Estimation, Iteration, Profile, Row, Trace};
-use crate::math::ar::{self, Ar};
-use crate::math::whiteness::{Whiteness, theil, whiteness};
+use crate::noise::{Modelled, Whiteness, theil, whiteness};
 use crate::table::Table;
 
 pub(super) type Done<'a> = (&'a Batch, &'a Estimation);
@@ -145,8 +144,8 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
     };
     let rms = |v: &Vec<f64>| (v.iter().map(|e| e * e).sum::<f64>() / v.len() as f64).sqrt();
     let white: Vec<Whiteness> = rows.iter().map(Left::whiteness).collect();
-    let ar: Vec<Option<&[f64]>> =
-        rows.iter().map(|l| l.estimation.scatter(l.segment, &l.trace.name).map(|o| o.ar.as_slice())).collect();
+    let colour: Vec<Option<&Modelled>> =
+        rows.iter().map(|l| l.estimation.scatter(l.segment, &l.trace.name)?.colour.as_ref()).collect();
     Table::build("residuals")
         .repeat("model", model)
         .strings("group", rows.iter().map(|l| &l.batch.group))
@@ -160,16 +159,9 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         .f64("theil", rows.iter().map(|l| theil(&l.trace.measured, &l.trace.modelled)).collect::<Vec<_>>())
         .f64("white_p", white.iter().map(|w| w.p).collect::<Vec<_>>())
         .f64("outside", white.iter().map(|w| w.outside).collect::<Vec<_>>())
-        .opt_i64("ar_order", ar.iter().map(|a| a.map(|a| a.len() as i64)).collect::<Vec<_>>())
-        .f64("colour", ar.iter().map(|a| a.map_or(f64::NAN, colour)).collect::<Vec<_>>())
+        .opt_i64("ar_order", colour.iter().map(|c| c.map(|c| c.model.order() as i64)).collect::<Vec<_>>())
+        .f64("colour", colour.iter().map(|c| c.map_or(f64::NAN, |c| c.model.colour())).collect::<Vec<_>>())
         .finish()
-}
-
-/// Variance at frequency zero over the variance of an autoregressive process: `1 / (1 - sum a)^2 / c(0)` for unit driving noise.
-fn colour(coefficients: &[f64]) -> f64 {
-    let model = Ar { coefficients: coefficients.to_vec(), variance: 1.0, order: coefficients.len() };
-    let left = 1.0 - coefficients.iter().sum::<f64>();
-    1.0 / (left * left) / ar::autocovariance(&model, 0)[0]
 }
 
 fn responses(model: &str, done: &[Done]) -> Result<Table> {

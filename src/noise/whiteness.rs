@@ -1,7 +1,6 @@
 //! Residuals in; how far they are from white noise, and how well two signals match, out.
 
-use super::ar::sample_autocovariance;
-use super::distribution::chi2_cdf;
+use crate::math::distribution::chi2_cdf;
 
 /// Answers to "is it white?"
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +19,7 @@ pub fn whiteness(e: &[f64]) -> Whiteness {
     let lags = 20.min(n / 5);
     let mean = e.iter().filter(|v| !v.is_nan()).sum::<f64>() / n as f64;
     let centred: Vec<f64> = e.iter().map(|v| v - mean).collect();
-    let c = sample_autocovariance(&centred, lags);
+    let c = autocovariances(&centred, lags);
     let scale = c.first().copied().unwrap_or(0.0);
     if lags == 0 || !(scale > 0.0) {
         return Whiteness { p: f64::NAN, outside: f64::NAN, lags };
@@ -31,6 +30,13 @@ pub fn whiteness(e: &[f64]) -> Whiteness {
     let q: f64 = rho.iter().enumerate().map(|(k, r)| r * r / (nf - 1.0 - k as f64)).sum::<f64>() * nf * (nf + 2.0);
     let outside = rho.iter().filter(|r| r.abs() > 1.96 / nf.sqrt()).count() as f64 / lags as f64;
     Whiteness { p: 1.0 - chi2_cdf(q, lags as f64), outside, lags }
+}
+
+/// Autocovariances at lags `0..=lags` over the number of valid samples, as the statistic is defined; pairs with a masked sample are left out.
+fn autocovariances(r: &[f64], lags: usize) -> Vec<f64> {
+    let valid = r.iter().filter(|v| !v.is_nan()).count().max(1) as f64;
+    let products = |lag: usize| r.iter().zip(r.iter().skip(lag)).map(|(a, b)| a * b).filter(|v| !v.is_nan()).sum::<f64>();
+    (0..=lags).map(|lag| products(lag) / valid).collect()
 }
 
 /// Theil's inequality coefficient of two signals, `rms(a - b) / (rms(a) + rms(b))`: 0 where they are equal, 1 where they have nothing in

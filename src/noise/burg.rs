@@ -1,0 +1,198 @@
+//! Series of residuals in; the autoregressive model of the noise behind them, by Burg's recursion, out.
+//!
+//! Burg's recursion chooses each partial autocorrelation `k_p` so that the forward and backward prediction errors together are least,
+//!
+//! `k_p = 2 sum f_t b_(t-1) / sum (f_t^2 + b_(t-1)^2)`, `f' = f - k b`, `b' = b - k f` (Burg 1975; Kay, Modern Spectral Estimation, 7.5.3),
+//!
+//! the sums taken over all series, each with errors of its own that never reach over its ends. `|k_p| <= 1` by construction, so the
+//! model is stationary whatever the data; and it does not take slow noise for faster than it is, as lagged products over the number of samples do.
+//!
+//! The errors need not be kept: with the coefficients `alpha` of the forward error (`alpha_0 = 1`) and `beta` the same backwards,
+//! all sums are quadratic forms of `R_p(i, j) = sum_t x_(t-i) x_(t-j)`, `t >= p` (Vos, A fast implementation of Burg's method, 2013). So a
+//! series is reduced to its products once, products of many series are added, and the recursion runs over the sums alone.
+//!
+//! A masked sample (NaN) ends a series, and the next valid one begins another.
+
+use super::ar::{Ar, step_up};
+use crate::math::distribution::chi2_cdf;
+use crate::math::products::dot;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What is so unlikely in white noise is not modelled as white.
+const NOT_WHITE: f64 = 1.0 - 1e-4;
+/// A prediction error below this share of the series' own power is rounding: the recursion ends there.
+const ROUNDING: f64 = 1e-12;
+
+/// Products of series, enough for models up to an order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Products {
+    order: usize,
+    /// Residuals that were measured.
+    pub count: usize,
+    /// Sum of their squares, and of what was absorbed of them.
+    square: f64,
+    /// For `t = 0..order` the products `x_(t-i) x_(t-j)`, `j <= i <= t`, of the sample `t` of each run, and last those of all `t >= order`:
+    /// lower triangles, one behind the other.
+    sums: Vec<f64>,
+}
+
+/// Where the triangle of sample `t` begins.
+fn begins(t: usize) -> usize {
+    t * (t + 1) * (t + 2) / 6
+}
+
+impl Products {
+    pub fn new(order: usize) -> Products {
+        Products { order, count: 0, square: 0.0, sums: vec![0.0; begins(order + 1)] }
+    }
+
+    /// Counts the samples of a measured series and adds its products.
+    pub fn take(&mut self, x: &[f64]) {
+        self.count += x.iter().filter(|v| !v.is_nan()).count();
+        self.beside(x);
+    }
+
+    /// Adds the products of a series that stands beside measured ones: what a fit absorbed of them. It counts no samples.
+    pub fn beside(&mut self, x: &[f64]) {
+        for run in x.split(|v| v.is_nan()).filter(|run| !run.is_empty()) {
+            self.run(run);
+        }
+    }
+
+    /// A measured series and all that was absorbed of it.
+    pub fn take_all(&mut self, series: &[Vec<f64>]) {
+        let mut series = series.iter();
+        series.next().iter().for_each(|x| self.take(x));
+        series.for_each(|x| self.beside(x));
+    }
+
+    fn run(&mut self, x: &[f64]) {
+        self.square += x.iter().map(|v| v * v).sum::<f64>();
+        for t in 0..self.order.min(x.len()) {
+            let triangle = &mut self.sums[begins(t)..begins(t + 1)];
+            let mut at = 0;
+            for i in 0..=t {
+                for j in 0..=i {
+                    triangle[at + j] += x[t - i] * x[t - j];
+                }
+                at += i + 1;
+            }
+        }
+        let (m, n) = (self.order, x.len());
+        if n <= m {
+            return;
+        }
+        // R(0, j) by its sum, R(i + 1, j + 1) = R(i, j) + what enters before the first sample - what leaves at the last.
+        let triangle = &mut self.sums[begins(m)..];
+        let late = &x[m..];
+        for j in 0..=m {
+            let mut r = dot(late, &x[m - j..]);
+            triangle[j * (j + 1) / 2] += r;
+            for i in 1..=m - j {
+                r += x[m - i] * x[m - i - j] - x[n - i] * x[n - i - j];
+                let row = i + j;
+                triangle[row * (row + 1) / 2 + i] += r;
+            }
+        }
+    }
+
+    pub fn add(&mut self, other: &Products) {
+        self.count += other.count;
+        self.square += other.square;
+        self.sums.iter_mut().zip(&other.sums).for_each(|(a, b)| *a += b);
+    }
+
+    /// Mean square.
+    pub fn variance(&self) -> f64 {
+        self.square / self.count.max(1) as f64
+    }
+}
+
+/// How the order of the residuals' autoregressive model is chosen. Slow noise of a small part of the white noise's size widens
+/// intervals a lot and is easily missed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum OrderCriterion {
+    /// The order of `bic`, raised until the residuals it leaves pass as white: the sum of squares of the partial autocorrelations of all
+    /// higher orders is below its median for white noise. Covers 94 to 95%.
+    White,
+    /// Least `N ln(variance) + 2 p`. Covers 93 to 94%.
+    Aic,
+    /// Least `N ln(variance) + p ln N`. Covers 83 to 87%.
+    Bic,
+}
+
+/// A model, and whether it could have been longer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Modelled {
+    pub model: Ar,
+    /// The recursion ended at this order, below the highest asked for, and the criterion wanted no less: what is left is rounding, or no
+    /// series is longer.
+    pub cut: Option<usize>,
+}
+
+/// Partial autocorrelations of the orders from 1 up.
+pub(super) fn partial(products: &Products) -> Vec<f64> {
+    let m = products.order;
+    let mut partial = Vec::new();
+    // `r` is R_p, `p` ascending: what is summed from the first sample on is taken off sample by sample.
+    let mut r = vec![0.0; (m + 1) * (m + 2) / 2];
+    for t in 0..=m {
+        r.iter_mut().zip(&products.sums[begins(t)..begins(t + 1)]).for_each(|(r, s)| *r += s);
+    }
+    let mut predictor: Vec<f64> = Vec::new();
+    for p in 1..=m.min(products.count.saturating_sub(2)) {
+        r.iter_mut().zip(&products.sums[begins(p - 1)..begins(p)]).for_each(|(r, s)| *r -= s);
+        let at = |i: usize, j: usize| r[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
+        let alpha: Vec<f64> = std::iter::once(1.0).chain(predictor.iter().map(|a| -a)).collect();
+        let (mut cross, mut power) = (0.0, 0.0);
+        for i in 0..p {
+            for j in 0..p {
+                let product = alpha[i] * alpha[j];
+                cross += product * at(i, p - j);
+                power += product * (at(i, j) + at(p - i, p - j));
+            }
+        }
+        let k = 2.0 * cross / power;
+        if !(power > ROUNDING * (at(0, 0) + at(p, p)) && k.abs() < 1.0) {
+            break;
+        }
+        predictor = step_up(&predictor, k);
+        partial.push(k);
+    }
+    partial
+}
+
+/// The model of these series' noise; white noise of variance 0 where there is nothing.
+pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
+    let c0 = products.variance();
+    if !(c0 > 0.0 && c0.is_finite()) {
+        return Modelled { model: Ar::white(0.0), cut: None };
+    }
+    let partial = partial(products);
+    let n = products.count as f64;
+    // n ln(variance) of every order, but for a constant.
+    let mut costs = vec![0.0];
+    partial.iter().for_each(|k| costs.push(costs[costs.len() - 1] + n * libm::log1p(-k * k)));
+    // Portmanteau test of what an order leaves (Monti): probability of less in white noise.
+    let unlikely = |p: usize| {
+        let rest = &partial[p..];
+        let q: f64 = n * rest.iter().map(|k| k * k).sum::<f64>();
+        if rest.is_empty() { 0.0 } else { chi2_cdf(q, rest.len() as f64) }
+    };
+    // Many small correlations that no single order is worth are not white noise either.
+    let first = usize::from(unlikely(0) > NOT_WHITE);
+    let least = |penalty: f64| {
+        let cost = |p: usize| costs[p] + p as f64 * penalty;
+        (first..costs.len()).fold(first, |best, p| if cost(p) < cost(best) { p } else { best })
+    };
+    let order = match criterion {
+        OrderCriterion::Aic => least(2.0),
+        OrderCriterion::Bic => least(libm::log(n)),
+        OrderCriterion::White => (least(libm::log(n))..=partial.len()).find(|&p| unlikely(p) < 0.5).unwrap_or(partial.len()),
+    };
+    let cut = (order == partial.len() && order < products.order).then_some(order);
+    let variance = partial[..order].iter().fold(c0, |variance, k| variance * (1.0 - k * k));
+    Modelled { model: Ar { partial: partial[..order].to_vec(), variance }, cut }
+}
