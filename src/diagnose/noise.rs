@@ -9,6 +9,7 @@
 use super::absorbed::{Fitted, Series};
 use super::gram::dot;
 use super::joint::{Joint, Lagged, together};
+use super::thresholds::noise::ORDER;
 use crate::estimate::Block;
 use crate::math::ar::{self, Ar, Order, step_down};
 use rayon::prelude::*;
@@ -170,9 +171,6 @@ impl Noise {
         columns.last().map_or(0.0, |e| 0.5 * dot(e, e))
     }
 }
-
-/// Highest order of the models that are fitted here.
-const ORDER: usize = 24;
 
 /// Sums of products of one output's series in one segment.
 struct Products {
