@@ -1,16 +1,13 @@
 //! A model, segments and which of them are held out, in; the model's best fit to the training segments, with the noise that it leaves, out.
 
-use super::Subject;
 use super::fit::{Fit, Task};
 use super::noise::Noise;
 use super::settings::Base as Kind;
+use super::{Subject, Thresholds};
 use crate::error::Errors;
 use crate::estimate::{self, Case, Estimation, Prepared, Segment, Unknown};
 use crate::model::{Model, Scope};
 use std::collections::BTreeMap;
-
-/// Iterations of a fit to whitened residuals: it starts from an estimate, or near one.
-pub const ITERATIONS: usize = 20;
 
 /// A model with what was added to it so far, as it is estimated.
 #[derive(Debug, Clone)]
@@ -134,9 +131,16 @@ pub fn seen(case: &Case, segments: &[usize]) -> Vec<usize> {
 
 /// The best fit of a case to its training segments under the given noise, from `theta`. The parameters named stand last among the free
 /// ones returned.
-pub fn fitted(case: &Case, noise: &Noise, places: &Places, theta: Vec<f64>, last: &[String]) -> (Vec<usize>, Option<Fit>) {
+pub fn fitted(
+    case: &Case,
+    noise: &Noise,
+    places: &Places,
+    theta: Vec<f64>,
+    last: &[String],
+    thresholds: &Thresholds,
+) -> (Vec<usize>, Option<Fit>) {
     let mut free = seen(case, &places.training);
     free.sort_by_key(|&i| last.contains(&case.unknowns[i].name));
-    let fit = Task { case, noise, segments: &places.training, free: &free }.fit(theta, ITERATIONS);
+    let fit = Task { case, noise, segments: &places.training, free: &free, thresholds }.fit(theta);
     (free, fit)
 }

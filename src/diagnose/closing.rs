@@ -8,7 +8,7 @@ use super::found::Found;
 use super::gaps::{Flown, gaps};
 use super::noise::Noise;
 use super::relation::relations;
-use super::{Closing, Subject};
+use super::{Closing, Subject, Thresholds};
 use crate::error::Errors;
 use crate::estimate::Case;
 
@@ -17,15 +17,18 @@ use crate::estimate::Case;
 /// # Errors
 /// None that the base itself would not have.
 pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing, Errors> {
-    let (before, after) = (first.case(), last.case());
+    let (before, after, thresholds) = (first.case(), last.case(), &subject.settings.thresholds);
     let states = measured_states(first);
-    let lacking = coefficients(first, subject.segments, subject.context, &states)?;
+    let lacking = coefficients(first, subject.segments, subject.context, &states, thresholds)?;
     let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
     let flown = flown(first, &before);
-    let mut closing =
-        Closing { gaps_before: gaps(&flown, &inputs), relations: relations(&flown, &inputs, &lacking), ..Closing::default() };
-    closing.gaps_after = gaps(&self::flown(last, &after), &inputs);
-    (closing.driven, closing.equations) = driven(first, subject.segments, &states)?;
+    let mut closing = Closing {
+        gaps_before: gaps(&flown, &inputs, thresholds),
+        relations: relations(&flown, &inputs, &lacking, thresholds),
+        ..Closing::default()
+    };
+    closing.gaps_after = gaps(&self::flown(last, &after), &inputs, thresholds);
+    (closing.driven, closing.equations) = driven(first, subject.segments, &states, thresholds.leading)?;
     closing.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
     if first.prepared.used != last.prepared.used {
         return Ok(closing);
@@ -40,7 +43,7 @@ pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing
         &first.places.training,
         &first.prepared.used,
     );
-    closing.shifts = shifts((first, &before), (last, &after));
+    closing.shifts = shifts((first, &before), (last, &after), thresholds);
     Ok(closing)
 }
 
@@ -71,9 +74,9 @@ fn flown<'a>(found: &Found, case: &'a Case) -> Vec<Flown<'a>> {
 }
 
 /// Shared parameters of the base, before and after.
-fn shifts((first, before): (&Found, &Case), (last, after): (&Found, &Case)) -> Vec<Shift> {
+fn shifts((first, before): (&Found, &Case), (last, after): (&Found, &Case), thresholds: &Thresholds) -> Vec<Shift> {
     let sds = |found: &Found, case: &Case, noise: &Noise| {
-        let task = Task { case, noise, segments: &found.places.training, free: &found.free };
+        let task = Task { case, noise, segments: &found.places.training, free: &found.free, thresholds };
         task.spread(&found.fit.theta, found.free.len()).map(|s| s.sd).unwrap_or_else(|| vec![None; found.free.len()])
     };
     let (sd_before, sd_after) = (sds(first, before, &first.noise), sds(last, after, &last.noise));

@@ -8,8 +8,9 @@
 //! Its uncertainty is found by measuring once more: white noise of the measured size is added to all measurements, and what that does to
 //! `d(t)` is noise.
 
+use super::Thresholds;
 use super::base::Known;
-use super::driven::{GAIN, noises, with_led};
+use super::driven::{noises, with_led};
 use super::effect::{Context, roles};
 use super::found::Found;
 use crate::dynamics::Channel;
@@ -20,12 +21,6 @@ use crate::model::Model;
 use crate::simulate::Stream;
 use rayon::prelude::*;
 
-/// Half the window, s.
-const HALF: f64 = 0.25;
-/// How often the measurements are repeated.
-const REPEATS: usize = 4;
-/// A coefficient of which less than this share of its information is left when the others are unknown too is not told from them.
-const TOLD: f64 = 1e-4;
 const ROLES: [&str; 6] = ["lift", "drag", "side-force", "roll-moment", "pitch-moment", "yaw-moment"];
 
 /// What a coefficient lacks.
@@ -53,27 +48,33 @@ struct Target {
 ///
 /// # Errors
 /// None that the base itself would not have.
-pub fn coefficients(found: &Found, segments: &[Segment], context: &Context, states: &[String]) -> Result<Vec<Lack>, Errors> {
+pub fn coefficients(
+    found: &Found,
+    segments: &[Segment],
+    context: &Context,
+    states: &[String],
+    thresholds: &Thresholds,
+) -> Result<Vec<Lack>, Errors> {
     let targets = targets(&found.model, context);
     let Ok(model) = found.model.amended(&increments(&targets)) else { return Ok(Vec::new()) };
-    let mut method = with_led(&found.method, states);
+    let mut method = with_led(&found.method, states, thresholds.leading);
     if let Some(free) = &mut method.free {
         free.extend(targets.iter().map(|t| t.increment.clone()));
     }
     let base = found.case();
     let Some(led) = Led::new((found, &base), &model, segments, &method)? else { return Ok(Vec::new()) };
     let noise = noises(found);
-    let Some(sums) = led.with(|case| sums(case, &led, &targets, &noise)) else { return Ok(Vec::new()) };
-    let told = told(&sums);
+    let Some(sums) = led.with(|case| sums(case, &led, &targets, &noise, thresholds)) else { return Ok(Vec::new()) };
+    let told = told(&sums, thresholds.distinguishable);
     let values: Vec<Vec<Vec<f64>>> = sums.iter().map(|s| s.solve(&told, &s.residuals)).collect();
     let mut squares = vec![vec![0.0; told.len()]; values.len()];
-    for repeat in 0..REPEATS {
+    for repeat in 0..thresholds.repeats {
         let again = measured_again(segments, &found.prepared.model, &noise, repeat);
         let Some(other) = Led::new((found, &base), &model, &again, &method)? else { return Ok(Vec::new()) };
         let Some(residuals) = other.with(|case| residuals(case, &other)) else { return Ok(Vec::new()) };
         for ((s, residuals), squares) in sums.iter().zip(&residuals).zip(&mut squares) {
             let moved: Vec<f64> = residuals.iter().zip(&s.residuals).map(|(a, b)| a - b).collect();
-            s.solve(&told, &moved).iter().zip(squares).for_each(|(d, sum)| *sum += mean_square(d) / REPEATS as f64);
+            s.solve(&told, &moved).iter().zip(squares).for_each(|(d, sum)| *sum += mean_square(d) / thresholds.repeats as f64);
         }
     }
     let lack = |(j, &t): (usize, &usize)| Lack {
@@ -166,7 +167,7 @@ struct Sums {
     rows: Vec<(usize, f64, Vec<f64>)>,
 }
 
-fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)]) -> Option<Vec<Sums>> {
+fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)], thresholds: &Thresholds) -> Option<Vec<Sums>> {
     let one = |s: usize| {
         let (record, part) = (&case.records[s], &case.layout.parts[s]);
         let place = |t: &Target| part.shared.iter().position(|&i| case.unknowns[i].name == t.increment);
@@ -187,7 +188,7 @@ fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)]) -> 
         }
         let steps = |time: f64| (time / record.dt).round() as usize;
         // A led state answers with the lag `1/K`: what it shows now was then.
-        let (late, half) = (steps(1.0 / GAIN), steps(HALF).max(1));
+        let (late, half) = (steps(1.0 / thresholds.leading), steps(thresholds.half_window).max(1));
         let (from, back) = (late.saturating_sub(half), half.saturating_sub(late));
         Some(Sums { n, width: targets.len(), ahead: (from, late + half), back, residuals, rows })
     };
@@ -239,8 +240,9 @@ fn running(sums: &mut [f64], size: usize) {
     (size..sums.len()).for_each(|i| sums[i] += sums[i - size]);
 }
 
-/// The coefficients that the data tell apart, in their order: those with the most information left go first.
-fn told(sums: &[Sums]) -> Vec<usize> {
+/// The coefficients that the data tell apart, in their order: those with the most information left go first, and one of which no more than `least` is
+/// left is not told from them.
+fn told(sums: &[Sums], least: f64) -> Vec<usize> {
     let m = sums.first().map_or(0, |s| s.width);
     let all: Vec<usize> = (0..m).collect();
     let mut gram = vec![0.0; m * m];
@@ -253,7 +255,7 @@ fn told(sums: &[Sums]) -> Vec<usize> {
     loop {
         let left = |i: &usize| if own[*i] > 0.0 { gram[i * m + i] / own[*i] } else { 0.0 };
         let rest = all.iter().copied().filter(|i| !told.contains(i));
-        let Some(best) = rest.max_by(|a, b| left(a).total_cmp(&left(b))).filter(|i| left(i) > TOLD) else { break };
+        let Some(best) = rest.max_by(|a, b| left(a).total_cmp(&left(b))).filter(|i| left(i) > least) else { break };
         let row: Vec<f64> = gram[best * m..(best + 1) * m].to_vec();
         for i in 0..m {
             (0..m).for_each(|j| gram[i * m + j] -= row[i] * row[j] / row[best]);

@@ -2,7 +2,7 @@
 
 use super::effect::Family;
 use super::refit::Left;
-use super::{Gain, Judged, Settings, Value};
+use super::{Gain, Judged, Settings, Thresholds, Value};
 use crate::math::distribution::normal_quantile;
 use crate::math::products::dot;
 
@@ -61,24 +61,16 @@ impl Standing {
     }
 }
 
-/// A size that scatters so improbably, and by more than this share of itself beyond its uncertainty, is not one number.
-const RARE: f64 = 1e-3;
-const SCATTER: f64 = 0.35;
-
-/// A name takes this many times the evidence that the best of all candidates has by luck in one of a hundred campaigns. That limit supposes the
-/// noise's colour to be known; it is estimated, from maneuvers that have a few samples only of what is slow (gusts), so that its level there may be
-/// wrong by a factor.
-const SOLID: f64 = 4.5;
-
 /// Why a candidate that passes is not named yet, at the round's limit of luck.
-pub fn is_faint(judged: &Judged, limit: f64) -> Option<String> {
-    let words = format!("evidence {:.1}, where {:.1} makes a name", judged.evidence, SOLID * limit);
-    (!(judged.evidence > SOLID * limit)).then_some(words)
+pub fn is_faint(judged: &Judged, limit: f64, thresholds: &Thresholds) -> Option<String> {
+    let wanted = thresholds.name_factor * limit;
+    let words = format!("evidence {:.1}, where {wanted:.1} makes a name", judged.evidence);
+    (!(judged.evidence > wanted)).then_some(words)
 }
 
 /// Why a refitted candidate may not be believed; none where it may.
 pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, String)> {
-    let refit = judged.refit.as_ref()?;
+    let (refit, thresholds) = (judged.refit.as_ref()?, &settings.thresholds);
     if !refit.converged {
         return Some((Standing::FitFailed, "its full fit did not settle".into()));
     }
@@ -87,7 +79,7 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     }
     for v in &refit.values {
         if let Some((text, expected, within)) = &v.check
-            && is_against(v, *expected, *within)
+            && is_against(v, *expected, *within, thresholds.physics_sds)
         {
             let words = format!("{} = {:.4} {}, where physics expects {text} = {expected:.4}", v.name, v.value, v.unit);
             return Some((Standing::Bounds, words));
@@ -99,33 +91,37 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     if let Some(objection) = held_out_objection(&refit.held_out, settings) {
         return Some(objection);
     }
-    let scatter = refit.consistency.filter(|c| c.p < RARE && c.share > SCATTER)?;
+    let scatter = refit.consistency.filter(|c| c.p < thresholds.scatter_p && c.share > thresholds.scatter_share)?;
     let words = format!("its size differs from maneuver to maneuver by {:.0}% more than its uncertainty", 100.0 * scatter.share);
     Some((Standing::Inconsistent, words))
 }
 
 /// Further from what physics expects than its tolerance, by more than the estimate's own uncertainty.
-fn is_against(v: &Value, expected: f64, within: f64) -> bool {
+fn is_against(v: &Value, expected: f64, within: f64, sds: f64) -> bool {
     let off = (v.value - expected).abs() - within * expected.abs();
-    off > 2.0 * v.sd.unwrap_or(0.0)
+    off > sds * v.sd.unwrap_or(0.0)
 }
 
 /// The parameter without which an effect is not known. One with a size of its own needs all it has: what size it is hangs on its shape. One that is there
 /// or not (its size held) needs one shape: of two stops the flights may reach one, of a stall show where it begins, not how late it ends.
 fn undetermined(values: &[Value]) -> Option<&str> {
     let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && !v.own).collect();
-    let loose = fitted.iter().find(|v| !v.is_determined())?;
+    let loose = fitted.iter().find(|v| !v.is_determined)?;
     let sized = fitted.iter().any(|v| v.null.is_some());
-    (sized || fitted.iter().all(|v| !v.is_determined())).then_some(&loose.name)
+    (sized || fitted.iter().all(|v| !v.is_determined)).then_some(&loose.name)
 }
 
 /// The least that a maneuver must gain. A gain predicted to be `g` is normal about `g` with the sd `sqrt(2 g)`: where more than
 /// `decisive` is predicted, it must be a gain, or lie within what noise allows all `count` of them together in 99 of 100 cases (only below
 /// `g = 11` can that be a loss for one, below 17 for six); elsewhere it must be no loss beyond noise.
-fn least(predicted: f64, decisive: f64, count: usize) -> f64 {
-    let noise = (2.0 * predicted.max(0.5)).sqrt();
-    let allowed = normal_quantile(1.0 - 0.01 / count as f64);
-    if predicted > decisive { (predicted - allowed * noise).min(0.0) } else { -allowed.max(3.0) * noise }
+fn least(predicted: f64, settings: &Settings, count: usize) -> f64 {
+    let thresholds = &settings.thresholds;
+    let noise = (2.0 * predicted.max(thresholds.least_predicted)).sqrt();
+    let allowed = normal_quantile(1.0 - thresholds.held_out_p / count as f64);
+    match predicted > settings.decisive {
+        true => (predicted - allowed * noise).min(0.0),
+        false => -allowed.max(thresholds.loss_sds) * noise,
+    }
 }
 
 /// The rule of the held-out maneuvers, one by one and together.
@@ -142,7 +138,7 @@ fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, 
     if !(realised > settings.decisive) {
         return Some((Standing::HeldOut, format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted")));
     }
-    let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings.decisive, gains.len()));
+    let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings, gains.len()));
     let worst = gains.iter().filter(fails).min_by(|a, b| a.realised.total_cmp(&b.realised))?;
     let why = format!("a held-out maneuver gains {:.1} where {:.1} is predicted", worst.realised, worst.predicted);
     Some((Standing::HeldOut, why))
@@ -205,7 +201,10 @@ mod tests {
     /// A parameter of value 1 between 0 and 10: a size where `null` says so.
     fn value(name: &str, null: Option<f64>, sd: Option<f64>) -> Value {
         let (name, unit) = (name.to_string(), "-".to_string());
-        Value { name, unit, value: 1.0, sd, null, span: 10.0, at_bound: false, held: false, own: false, left: None, check: None }
+        let (at_bound, held, own, is_determined) = (false, false, false, false);
+        let value =
+            Value { name, unit, value: 1.0, sd, null, span: 10.0, at_bound, held, own, left: None, check: None, is_determined };
+        value.judged(&Thresholds::default())
     }
 
     #[test]

@@ -13,9 +13,6 @@ use crate::error::Errors;
 use crate::estimate::{Prepared, Segment, Settings, Trace};
 use crate::math::quantile;
 
-/// How fast a state follows its measurement, 1/s.
-pub const GAIN: f64 = 8.0;
-
 /// The gap of one output with one state driven.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Driven {
@@ -42,13 +39,19 @@ pub struct EquationError {
     pub noise: f64,
 }
 
-/// Driven simulation, and what the rate equations of these measured states lack, over all segments.
+/// Driven simulation, and what the rate equations of these measured states lack, over all segments. `gain`: how fast a state follows its
+/// measurement, 1/s.
 ///
 /// # Errors
 /// None that the base itself would not have.
-pub fn driven(found: &Found, segments: &[Segment], states: &[String]) -> Result<(Vec<Driven>, Vec<EquationError>), Errors> {
+pub fn driven(
+    found: &Found,
+    segments: &[Segment],
+    states: &[String],
+    gain: f64,
+) -> Result<(Vec<Driven>, Vec<EquationError>), Errors> {
     let mut all = Vec::new();
-    let traces = |states: &[String]| traces(found, segments, states);
+    let traces = |states: &[String]| traces(found, segments, states, gain);
     let free = traces(&[])?;
     let noises = noises(found);
     let noise = |output: &str| noises.iter().find(|n| n.0 == output).map_or(f64::NAN, |n| n.1);
@@ -66,7 +69,7 @@ pub fn driven(found: &Found, segments: &[Segment], states: &[String]) -> Result<
     let error = |name: &String| {
         let unit = outputs(&held).into_iter().find(|o| o.0 == *name)?.1;
         let unit = if unit == "-" { "1/s".to_string() } else { format!("{unit}/s") };
-        let (rms, noise) = (rms(&held, name, GAIN), GAIN * noise(name));
+        let (rms, noise) = (rms(&held, name, gain), gain * noise(name));
         Some(EquationError { segment: None, name: name.clone(), is_rate: true, unit, rms, noise })
     };
     let errors = states.iter().filter_map(error).collect();
@@ -83,9 +86,9 @@ pub fn measured_states(found: &Found) -> Vec<String> {
 }
 
 /// How a model is run with these states led by their measurements.
-pub fn with_led(method: &Settings, states: &[String]) -> Settings {
+pub fn with_led(method: &Settings, states: &[String], gain: f64) -> Settings {
     let mut method = method.clone();
-    method.stabilise.extend(states.iter().map(|name| (name.clone(), GAIN)));
+    method.stabilise.extend(states.iter().map(|name| (name.clone(), gain)));
     method
 }
 
@@ -101,9 +104,9 @@ pub fn noises(found: &Found) -> Vec<(String, f64)> {
 }
 
 /// The responses of all segments with these states led by their measurement.
-fn traces(found: &Found, segments: &[Segment], states: &[String]) -> Result<Vec<Trace>, Errors> {
+fn traces(found: &Found, segments: &[Segment], states: &[String], gain: f64) -> Result<Vec<Trace>, Errors> {
     // A zero shift found for a sensor is the sensor's: the state is led to what the sensor reads less that.
-    let prepared = Prepared::new(&found.model, segments, &with_led(&found.method, states))?;
+    let prepared = Prepared::new(&found.model, segments, &with_led(&found.method, states, gain))?;
     if prepared.used != found.prepared.used {
         return Ok(Vec::new());
     }

@@ -5,6 +5,7 @@
 //! steps with `W dy/dtheta`, every segment's own parameters eliminated first; a step that does not lower `J` is halved, and then damped
 //! (Levenberg, Marquardt) more and more; a parameter that would leave its bounds is put on them and the rest of the step found again.
 
+use super::Thresholds;
 use super::noise::Noise;
 use crate::estimate::Case;
 use crate::math::products::Gram;
@@ -19,6 +20,7 @@ pub struct Task<'a> {
     /// Shared parameters that move, by index into the parameter vector; those whose covariance is wanted stand last. The segments' own
     /// parameters always move.
     pub free: &'a [usize],
+    pub thresholds: &'a Thresholds,
 }
 
 /// Where a fit ended.
@@ -50,14 +52,6 @@ pub struct Spread {
     pub by_segment: Vec<Vec<(f64, f64)>>,
 }
 
-/// A promise of less than this much log-likelihood ends the iteration.
-const SETTLED: f64 = 0.01;
-/// What is still promised where a fit ends, at most: half the mean of chi-square with one degree of freedom, or a tenth of that with as many as there are free
-/// parameters. Where a model has kinks, steps of many parameters promise more than is to be had.
-fn luck(free: usize) -> f64 {
-    0.5 * (0.1 * free as f64).max(1.0)
-}
-
 /// Damping of a step (a share of each parameter's information) and the share of it that is taken, one after the other until `J` is lower.
 const TRIES: [(f64, f64); 7] = [(0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0)];
 
@@ -71,12 +65,13 @@ struct Part {
 
 impl Task<'_> {
     /// Improves `theta`; `None` where the model is not finite at the start.
-    pub fn fit(&self, mut theta: Vec<f64>, iterations: usize) -> Option<Fit> {
+    pub fn fit(&self, mut theta: Vec<f64>) -> Option<Fit> {
         let mut costs = self.costs(&theta)?;
-        for _ in 0..iterations {
+        let least = self.thresholds.least_promise;
+        for _ in 0..self.thresholds.iterations {
             let Some(slopes) = self.slopes(&theta) else { break };
             let Some((_, promise)) = self.step(&theta, &slopes, 0.0) else { break };
-            if promise < SETTLED {
+            if promise < least {
                 return Some(Fit { theta, costs, converged: true });
             }
             let before: f64 = costs.iter().sum::<f64>() + self.prior(&theta);
@@ -90,13 +85,18 @@ impl Task<'_> {
             let gained = costs.iter().sum::<f64>() - better.1.iter().sum::<f64>();
             (theta, costs) = better;
             // It creeps: what is promised is not to be had.
-            if gained < SETTLED {
+            if gained < least {
                 break;
             }
         }
         let last = self.slopes(&theta).and_then(|slopes| self.step(&theta, &slopes, 0.0));
-        let converged = last.is_some_and(|(_, promise)| promise < luck(self.free.len()));
+        let converged = last.is_some_and(|(_, promise)| promise < self.promise());
         Some(Fit { theta, costs, converged })
+    }
+
+    /// What may still be promised where a fit has converged. Where a model has kinks, steps of many parameters promise more than is to be had.
+    fn promise(&self) -> f64 {
+        self.thresholds.promise.max(self.thresholds.promise_per_parameter * self.free.len() as f64)
     }
 
     /// Costs of the segments at `theta`.

@@ -6,7 +6,7 @@ use super::fit::{Fit, Task};
 use super::located::Answers;
 use super::noise::Noise;
 use super::refit::{self, Frozen};
-use super::{Subject, Trouble};
+use super::{Subject, Thresholds, Trouble};
 use crate::error::Errors;
 use crate::estimate::{Case, Prepared, Settings, Stop};
 use crate::model::Model;
@@ -81,16 +81,13 @@ pub fn at_next(stand: &Stand, subject: &Subject, from: &Found, known: Option<&Kn
 /// Where a fit begins: parameters (the best of these), noise if it is known, least integration steps.
 type Start<'a> = dyn Fn(&Case) -> (Vec<Vec<f64>>, Option<Noise>, Vec<usize>) + 'a;
 
-/// How often the noise of the start is found again with what the estimation absorbed of it.
-const AGAIN: usize = 3;
-
 /// Fits, and once more with the noise that the first fit leaves.
 fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> Option<Found> {
-    let places = Places::of(prepared, subject.held_out);
+    let (places, thresholds) = (Places::of(prepared, subject.held_out), &subject.settings.thresholds);
     let mut case = prepared.case();
     let (starts, known, least) = start(&case);
     starts.iter().for_each(|theta| settle_steps(&mut case, theta, &least));
-    let theta = best(&case, known.as_ref(), &places.training, starts)?;
+    let theta = best(&case, known.as_ref(), (&places.training, thresholds), starts)?;
     let free = seen(&case, &places.training);
     let nothing = Answers::default();
     let rule = stand.method.colour();
@@ -101,7 +98,7 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let settled = |theta: &[f64], mut noise: Noise| {
         let fitted = Fitted::new(&case, &places.training, &free, theta, &nothing, rule);
         let mut answers = Answers::default();
-        while answers.more(&fitted, &noise, subject.settings.quantile) {
+        while answers.more(&fitted, &noise, subject.settings) {
             noise = again(theta, &noise, &answers)?;
         }
         Some(noise)
@@ -110,19 +107,20 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
         Some(noise) => noise,
         None => {
             let plain = Noise::of(&Fitted::new(&case, &places.training, &free, &theta, &nothing, rule));
-            (0..AGAIN).try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?
+            // With what the estimation absorbed of it.
+            (0..thresholds.noise_passes).try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?
         }
     };
-    let (_, first) = fitted(&case, &noise, &places, theta, &stand.added);
+    let (_, first) = fitted(&case, &noise, &places, theta, &stand.added, thresholds);
     let first = first?;
     let noise = settled(&first.theta, again(&first.theta, &noise, &nothing)?)?;
-    let (free, fit) = fitted(&case, &noise, &places, first.theta, &stand.added);
+    let (free, fit) = fitted(&case, &noise, &places, first.theta, &stand.added, thresholds);
     let fit = fit?;
     Some(Found {
         model: stand.model.clone(),
         method: stand.method.clone(),
         prepared: prepared.clone(),
-        frozen: refit::frozen(&case, &noise, &places, &fit.theta),
+        frozen: refit::frozen(&case, &noise, &places, &fit.theta, thresholds),
         substeps: case.records.iter().map(|r| r.substeps).collect(),
         places,
         noise,
@@ -132,9 +130,14 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
 }
 
 /// The start at which the model is best; the first one where no noise is known to measure by.
-fn best(case: &Case, noise: Option<&Noise>, segments: &[usize], starts: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+fn best(
+    case: &Case,
+    noise: Option<&Noise>,
+    (segments, thresholds): (&[usize], &Thresholds),
+    starts: Vec<Vec<f64>>,
+) -> Option<Vec<f64>> {
     let cost = |theta: &Vec<f64>| {
-        let costs = noise.and_then(|noise| Task { case, noise, segments, free: &[] }.costs(theta));
+        let costs = noise.and_then(|noise| Task { case, noise, segments, free: &[], thresholds }.costs(theta));
         costs.map_or(f64::INFINITY, |costs| costs.iter().sum::<f64>())
     };
     starts.into_iter().map(|theta| (cost(&theta), theta)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, theta)| theta)

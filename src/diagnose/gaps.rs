@@ -4,6 +4,7 @@
 //! smooth on the scale of two samples do not reach (white noise of variance 1 has second differences of variance 6). So a ratio of 1
 //! is a model as good as the sensor. Frequency bands share the mean square by Fourier sums over the maneuver's residual.
 
+use super::Thresholds;
 use crate::dynamics::Record;
 use crate::estimate::Trace;
 use crate::math::{mad_sd, quantile};
@@ -36,13 +37,9 @@ pub struct Flown<'a> {
     pub traces: Vec<Trace>,
 }
 
-/// Edges of frequency bands, Hz.
-const BANDS: [f64; 4] = [0.3, 1.0, 3.0, 8.0];
-/// Edges of times since an input last moved, s.
-const TIMES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
-
 /// All gaps: per segment and output; then per output, over all segments, by band, time since input and regime.
-pub fn gaps(flown: &[Flown], inputs: &[String]) -> Vec<Gap> {
+pub fn gaps(flown: &[Flown], inputs: &[String], thresholds: &Thresholds) -> Vec<Gap> {
+    let edges = &thresholds.gap_bands;
     let mut names: Vec<(String, String)> = Vec::new();
     for trace in flown.iter().flat_map(|f| &f.traces) {
         if names.iter().all(|(name, _)| *name != trace.name) {
@@ -69,14 +66,15 @@ pub fn gaps(flown: &[Flown], inputs: &[String]) -> Vec<Gap> {
             all.push(gap(Some(f.segment), "all", everything.0, everything.1, &mut residuals(t)));
         }
         let whole = gap(None, "all", everything.0, everything.1, &mut traces.iter().flat_map(|(_, t)| residuals(t)));
-        for (i, square) in bands(&traces.iter().map(|(_, t)| *t).collect::<Vec<_>>()).into_iter().enumerate() {
-            let edge = |i: Option<usize>, open: f64| i.and_then(|i| BANDS.get(i)).copied().unwrap_or(open);
+        for (i, square) in bands(&traces.iter().map(|(_, t)| *t).collect::<Vec<_>>(), edges).into_iter().enumerate() {
+            let edge = |i: Option<usize>, open: f64| i.and_then(|i| edges.get(i)).copied().unwrap_or(open);
             let (from, to) = (edge(i.checked_sub(1), 0.0), edge(Some(i), f64::INFINITY));
             all.push(Gap { by: "band".into(), from, to, n: 0, mean: f64::NAN, rms: square.sqrt(), ..whole.clone() });
         }
         all.push(whole);
-        let since: Vec<Vec<f64>> = traces.iter().map(|(f, t)| since_input(f.record, inputs.len(), &t.t)).collect();
-        split(&mut all, &traces, &since, "time since input", &TIMES, &gap);
+        let since: Vec<Vec<f64>> =
+            traces.iter().map(|(f, t)| since_input(f.record, inputs.len(), &t.t, thresholds.moving)).collect();
+        split(&mut all, &traces, &since, "time since input", &thresholds.gap_times, &gap);
         for (i, name) in inputs.iter().enumerate() {
             let values: Vec<Vec<f64>> = traces.iter().map(|(f, t)| input_at(f.record, inputs.len(), i, &t.t)).collect();
             split(&mut all, &traces, &values, name, &thirds(&values), &gap);
@@ -140,12 +138,12 @@ fn modelled_at(flown: &Flown, name: &str, t: &[f64]) -> Vec<f64> {
     t.iter().map(at).collect()
 }
 
-/// Time since any input last moved by more than a tenth of its fastest move in the maneuver.
-fn since_input(record: &Record, nu: usize, t: &[f64]) -> Vec<f64> {
+/// Time since any input last moved by more than a share of its fastest move in the maneuver.
+fn since_input(record: &Record, nu: usize, t: &[f64], share: f64) -> Vec<f64> {
     let u = |k: usize, i: usize| record.inputs[k * nu + i];
     let steps: Vec<f64> = (0..nu).map(|i| (1..record.n).map(|k| (u(k, i) - u(k - 1, i)).abs()).fold(0.0, f64::max)).collect();
     let moved: Vec<f64> = (1..record.n)
-        .filter(|&k| (0..nu).any(|i| steps[i] > 0.0 && (u(k, i) - u(k - 1, i)).abs() > 0.1 * steps[i]))
+        .filter(|&k| (0..nu).any(|i| steps[i] > 0.0 && (u(k, i) - u(k - 1, i)).abs() > share * steps[i]))
         .map(|k| record.t0 + k as f64 * record.dt)
         .collect();
     let since = |t: &f64| moved.partition_point(|m| m <= t).checked_sub(1).map_or(f64::NAN, |k| t - moved[k]);
@@ -153,8 +151,8 @@ fn since_input(record: &Record, nu: usize, t: &[f64]) -> Vec<f64> {
 }
 
 /// Mean squares of the residuals by band, over all traces.
-fn bands(traces: &[&Trace]) -> Vec<f64> {
-    let mut squares = vec![0.0; BANDS.len() + 1];
+fn bands(traces: &[&Trace], edges: &[f64]) -> Vec<f64> {
+    let mut squares = vec![0.0; edges.len() + 1];
     let mut samples = 0.0;
     for trace in traces {
         let r: Vec<f64> = residuals(trace).map(|e| if e.is_finite() { e } else { 0.0 }).collect();
@@ -167,7 +165,7 @@ fn bands(traces: &[&Trace]) -> Vec<f64> {
         samples += n as f64;
         for k in 0..=n / 2 {
             let frequency = k as f64 / (n as f64 * dt);
-            let band = BANDS.iter().position(|edge| frequency < *edge).unwrap_or(BANDS.len());
+            let band = edges.iter().position(|edge| frequency < *edge).unwrap_or(edges.len());
             // Parseval: every frequency but zero and half the sampling rate stands for two.
             let twice = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
             squares[band] += twice * power(&r, k) / n as f64;
@@ -202,7 +200,7 @@ mod tests {
     #[test]
     fn bands_share_the_mean_square_and_a_tone_falls_into_its_own() {
         let tone = |f: f64| (0..500).map(|k| libm::sin(2.0 * std::f64::consts::PI * f * 0.02 * f64::from(k))).collect::<Vec<f64>>();
-        let squares = bands(&[&trace(tone(2.0)), &trace(tone(2.0))]);
+        let squares = bands(&[&trace(tone(2.0)), &trace(tone(2.0))], &Thresholds::default().gap_bands);
         assert!((squares[2] - 0.5).abs() < 1e-6 && squares.iter().sum::<f64>() - squares[2] < 1e-6, "{squares:?}");
     }
 
@@ -219,7 +217,7 @@ mod tests {
         let inputs: Vec<f64> = (0..n).map(|k| if (100..200).contains(&k) { 1.0 } else { 0.0 }).collect();
         let record = Record { dt: 0.02, n, inputs: inputs.clone(), ..Record::default() };
         let traces = vec![trace(inputs.iter().map(|u| 0.3 * u).collect())];
-        let all = gaps(&[Flown { segment: 0, record: &record, traces }], &["u".into()]);
+        let all = gaps(&[Flown { segment: 0, record: &record, traces }], &["u".into()], &Thresholds::default());
         let soon: Vec<&Gap> = all.iter().filter(|g| g.by == "time since input" && g.rms > 0.0).collect();
         assert!(soon.iter().all(|g| g.to <= 2.0 || g.from >= 1.0) && !soon.is_empty(), "{soon:?}");
         let whole = all.iter().find(|g| g.by == "all" && g.segment.is_none()).expect("all");

@@ -37,9 +37,6 @@ pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> 
     Rule { held_out, words: format!("every {which} maneuver of each input, in the order of flights and time") }
 }
 
-/// Blocks of one record, at most.
-const BLOCKS: usize = 48;
-
 /// Segments and their names as they are, or, where there are fewer than `hold_every`, cut into blocks of equal time (of at least
 /// `block_s`), so that some can be held out. The model runs through a record from its beginning all the same, once for each block, so that
 /// what is slow in it stays visible: start values come from the blocks of the training.
@@ -52,7 +49,7 @@ pub fn cut(segments: Vec<Segment>, names: Vec<String>, settings: &Settings) -> (
         let (record, dt) = (&segment.record, segment.record.dt);
         let steps = record.n.saturating_sub(record.start + 1);
         let most = (steps as f64 * dt / settings.block_s.max(dt)).floor() as usize;
-        let count = most.clamp(1, BLOCKS);
+        let count = most.clamp(1, settings.thresholds.blocks);
         // half a step before a point of the grid: rounding never moves a sample into another block
         let edge = |i: usize| record.t0 + ((record.start + i * steps / count) as f64 - 0.5) * dt;
         let stretch =

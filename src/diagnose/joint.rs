@@ -8,8 +8,7 @@ use crate::estimate::Case;
 use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
 use crate::math::products::dot;
 
-/// Highest order.
-const ORDER: usize = 6;
+use super::thresholds::noise::{JOINT_ORDER as ORDER, SAMPLES_PER_COEFFICIENT};
 
 /// A vector autoregressive model of outputs sampled together.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,7 +23,7 @@ impl Joint {
     /// Of the sums of products of white residuals, the order by BIC; `None` where there is nothing in common to be known of.
     pub fn new(outputs: Vec<usize>, sums: Lagged) -> Option<Joint> {
         let m = outputs.len();
-        if m < 2 || sums.count < 20 * m * m {
+        if m < 2 || sums.count < SAMPLES_PER_COEFFICIENT * m * m {
             return None;
         }
         let n = sums.count as f64;

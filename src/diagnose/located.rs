@@ -15,6 +15,7 @@
 //! at the same instants. A pair is therefore only real if its gain also exceeds luck with `u`'s variance as it is, `X' diag(e^2) X` (White,
 //! Econometrica 48, 1980).
 
+use super::Settings;
 use super::absorbed::Fitted;
 use super::base::Places;
 use super::innovation;
@@ -24,11 +25,6 @@ use super::sources::{Source, Sources, columns, signals};
 use crate::estimate::Case;
 use crate::math::products::Gram;
 use rayon::prelude::*;
-
-/// Answers taken out of one output's residuals before its noise is made, at most.
-const ANSWERS: usize = 4;
-/// A little of the diagonal: neighbouring lags of a slow source say nearly the same.
-const RIDGE: f64 = 1e-6;
 
 /// An output that still answers to a source.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,15 +71,17 @@ pub struct Sums {
 }
 
 /// Every pair of output and source. `theta`: parameters per segment place (held-out ones have own parameters of theirs).
-pub fn locate(case: &Case, noise: &Noise, places: &Places, theta: &dyn Fn(usize) -> Vec<f64>, quantile: f64) -> Vec<Located> {
+pub fn locate(case: &Case, noise: &Noise, places: &Places, theta: &dyn Fn(usize) -> Vec<f64>, settings: &Settings) -> Vec<Located> {
+    let thresholds = &settings.thresholds;
     let at: Vec<Vec<f64>> = (0..case.records.len()).map(theta).collect();
     // Half of what luck is allowed for each of both questions.
-    let sources = |motion: bool| Sources::of(case, &places.training, 0.5 * (1.0 - quantile), motion);
+    let luck = thresholds.question_share * (1.0 - settings.quantile);
+    let sources = |motion: bool| Sources::of(case, &places.training, luck, motion, thresholds);
     let (answering, foretelling) = (sources(false), sources(true));
     let answers = |of: &Sources, s: usize, size| sums(case, noise, of, s, &at[s], &|_| Some(&None), size);
-    let mut found = rows(case, &answering, places, "", &answers);
+    let mut found = rows(case, &answering, places, "", &answers, thresholds.ridge);
     let foretold = |of: &Sources, s: usize, size| innovation::sums(case, noise, of, s, &at[s], size);
-    found.extend(rows(case, &foretelling, places, innovation::HOW, &foretold));
+    found.extend(rows(case, &foretelling, places, innovation::HOW, &foretold, thresholds.ridge));
     found.sort_by(|a, b| (b.gain - b.limit).total_cmp(&(a.gain - a.limit)));
     found
 }
@@ -92,7 +90,7 @@ pub fn locate(case: &Case, noise: &Noise, places: &Places, theta: &dyn Fn(usize)
 type Of<'a> = dyn Fn(&Sources, usize, Size) -> Vec<Sums> + Sync + 'a;
 
 /// The best source of every group for every output.
-fn rows(case: &Case, sources: &Sources, places: &Places, how: &str, of: &Of) -> Vec<Located> {
+fn rows(case: &Case, sources: &Sources, places: &Places, how: &str, of: &Of, ridge: f64) -> Vec<Located> {
     let alike = |s: usize| of(sources, s, Size::Alike);
     let (training, held_out) =
         (together(case, sources, &places.training, &alike), together(case, sources, &places.held_out, &alike));
@@ -100,7 +98,7 @@ fn rows(case: &Case, sources: &Sources, places: &Places, how: &str, of: &Of) -> 
     // Gain, coefficients and pair.
     let mut most: Vec<Option<(f64, Vec<f64>, usize)>> = vec![None; case.outputs.len() * sources.groups];
     for (i, gram) in training.iter().enumerate() {
-        let Some((gain, b)) = best(gram) else { continue };
+        let Some((gain, b)) = best(gram, ridge) else { continue };
         let row = &mut most[i / n * sources.groups + sources.all[i % n].group];
         if row.as_ref().is_none_or(|row| row.0 < gain) {
             *row = Some((gain, b, i));
@@ -114,7 +112,7 @@ fn rows(case: &Case, sources: &Sources, places: &Places, how: &str, of: &Of) -> 
     let varied = together(case, &asked.0, again, &|s| of(&asked.0, s, Size::AsItIs));
     for (gain, _, i) in most.iter_mut().filter(|m| clear(m)) {
         let at = asked.1.iter().position(|&source| source == *i % n).unwrap_or_default();
-        *gain = gain.min(by_size(&training[*i], &varied[*i / n * asked.1.len() + at]));
+        *gain = gain.min(by_size(&training[*i], &varied[*i / n * asked.1.len() + at], ridge));
     }
     let row = |(gain, b, i): (f64, Vec<f64>, usize)| {
         let (source, hold, e) = (&sources.all[i % n], &held_out[i], b.len());
@@ -132,11 +130,11 @@ fn rows(case: &Case, sources: &Sources, places: &Places, how: &str, of: &Of) -> 
 }
 
 /// Gain of the best response, the residuals' size taken as it is.
-fn by_size(alike: &Gram, varied: &Gram) -> f64 {
+fn by_size(alike: &Gram, varied: &Gram, ridge: f64) -> f64 {
     let e = alike.n - 1;
     let sound: Vec<usize> = (0..e).filter(|&k| varied.at(k, k) > 0.0).collect();
     let mut f = varied.block(&sound);
-    (0..sound.len()).for_each(|k| f[k * (sound.len() + 1)] *= 1.0 + RIDGE);
+    (0..sound.len()).for_each(|k| f[k * (sound.len() + 1)] *= 1.0 + ridge);
     let u: Vec<f64> = sound.iter().map(|&k| alike.at(k, e)).collect();
     gain(&f, &u, &vec![(f64::NEG_INFINITY, f64::INFINITY); sound.len()]).0
 }
@@ -153,8 +151,9 @@ pub fn together(case: &Case, sources: &Sources, segments: &[usize], of: &(dyn Fn
     all
 }
 
-/// Gain of the best response, and its coefficients; none where the source does nothing.
-pub fn best(gram: &Gram) -> Option<(f64, Vec<f64>)> {
+/// Gain of the best response, and its coefficients; none where the source does nothing. `ridge`: a little of the diagonal, as neighbouring
+/// lags of a slow source say nearly the same.
+pub fn best(gram: &Gram, ridge: f64) -> Option<(f64, Vec<f64>)> {
     let e = gram.n - 1;
     let sound: Vec<usize> = (0..e).filter(|&k| gram.at(k, k) > 0.0).collect();
     if sound.is_empty() {
@@ -162,7 +161,7 @@ pub fn best(gram: &Gram) -> Option<(f64, Vec<f64>)> {
     }
     let open = vec![(f64::NEG_INFINITY, f64::INFINITY); sound.len()];
     let mut f = gram.block(&sound);
-    (0..sound.len()).for_each(|k| f[k * (sound.len() + 1)] *= 1.0 + RIDGE);
+    (0..sound.len()).for_each(|k| f[k * (sound.len() + 1)] *= 1.0 + ridge);
     let (gain, some) = gain(&f, &sound.iter().map(|&k| gram.at(k, e)).collect::<Vec<_>>(), &open);
     let mut b = vec![0.0; e];
     sound.iter().zip(some).for_each(|(&k, x)| b[k] = x);
@@ -214,9 +213,9 @@ pub struct Answers {
 
 impl Answers {
     /// One more for every output that answers above the limit of luck under this noise; false where none does.
-    pub fn more(&mut self, fitted: &Fitted, noise: &Noise, quantile: f64) -> bool {
-        let case = fitted.case;
-        let sources = Sources::of(case, fitted.segments, 1.0 - quantile, false);
+    pub fn more(&mut self, fitted: &Fitted, noise: &Noise, settings: &Settings) -> bool {
+        let (case, thresholds) = (fitted.case, &settings.thresholds);
+        let sources = Sources::of(case, fitted.segments, 1.0 - settings.quantile, false, thresholds);
         self.values.resize(fitted.segments.len(), vec![None; case.outputs.len()]);
         self.taken.resize(case.outputs.len(), 0);
         self.done.resize(case.outputs.len(), false);
@@ -230,7 +229,7 @@ impl Answers {
         let mut chosen: Vec<(usize, usize, Vec<f64>)> = Vec::new();
         for (output, grams) in grams.chunks(n.max(1)).enumerate() {
             let above = |(i, gram): (usize, &Gram)| {
-                let (gain, b) = best(gram)?;
+                let (gain, b) = best(gram, thresholds.ridge)?;
                 (gain > sources.all[i].limit).then_some((gain - sources.all[i].limit, i, b))
             };
             let most = grams.iter().enumerate().filter_map(above).max_by(|a, b| a.0.total_cmp(&b.0));
@@ -251,7 +250,7 @@ impl Answers {
         }
         chosen.iter().for_each(|(output, ..)| self.taken[*output] += 1);
         for output in 0..case.outputs.len() {
-            self.done[output] = self.taken[output] >= ANSWERS || chosen.iter().all(|c| c.0 != output);
+            self.done[output] = self.taken[output] >= thresholds.answers || chosen.iter().all(|c| c.0 != output);
         }
         !chosen.is_empty()
     }
@@ -274,7 +273,8 @@ mod tests {
         let noise = |x: &f64| (1.0 + bursts * x) * random.sample::<f64, _>(StandardNormal) + answer * x;
         let e: Vec<f64> = columns[0].iter().map(noise).collect();
         let alike = Size::Alike.products(columns.clone(), &e);
-        [best(&alike).expect("a source").0, by_size(&alike, &Size::AsItIs.products(columns, &e))]
+        let ridge = Settings::default().thresholds.ridge;
+        [best(&alike, ridge).expect("a source").0, by_size(&alike, &Size::AsItIs.products(columns, &e), ridge)]
     }
 
     #[test]

@@ -26,6 +26,7 @@
 //! |---|---|
 //! | `effect` | the library of candidate effects and their attachment to a model |
 //! | `settings` | how a diagnosis is run |
+//! | `thresholds` | all numbers that decide |
 //! | `noise` | the colour of the base's residuals, and whitening by it |
 //! | `absorbed` | what the fit took of it |
 //! | `joint` | what several outputs' residuals have in common |
@@ -78,6 +79,7 @@ mod sources;
 mod surrogate;
 #[cfg(test)]
 mod tests;
+pub mod thresholds;
 mod unseen;
 
 use crate::estimate::{self, Segment};
@@ -94,6 +96,7 @@ pub use relation::Relation;
 pub use screen::Screened;
 pub use search::diagnose;
 pub use settings::{Base, Settings};
+pub use thresholds::Thresholds;
 pub use unseen::Missed;
 
 /// What is diagnosed.
@@ -134,20 +137,21 @@ pub struct Value {
     pub left: Option<f64>,
     /// What physics expects: in words, the value, and within what share of it.
     pub check: Option<(String, f64, f64)>,
+    /// The flights say what it is.
+    pub is_determined: bool,
 }
 
-/// A size determined no better than this share of itself says nothing.
-const LOOSE: f64 = 0.5;
-
 impl Value {
-    /// A size is where its sd is a small share of it; a shape where its interval (2 sd) is narrower than what physics and the flights allow it.
-    pub fn is_determined(&self) -> bool {
-        self.held
+    /// With whether it is determined: a size is where its sd is a small share of it; a shape where its interval (2 sd) is narrower than what
+    /// physics and the flights allow it.
+    fn judged(mut self, thresholds: &Thresholds) -> Value {
+        self.is_determined = self.held
             || match (self.sd, self.null) {
                 (None, _) => false,
-                (Some(sd), Some(null)) => sd < LOOSE * (self.value - null).abs(),
-                (Some(sd), None) => 4.0 * sd < self.span,
-            }
+                (Some(sd), Some(null)) => sd < thresholds.relative_sd * (self.value - null).abs(),
+                (Some(sd), None) => thresholds.shape_sds * sd < self.span,
+            };
+        self
     }
 }
 

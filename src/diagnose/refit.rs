@@ -8,7 +8,7 @@ use super::base::{Known, Places, Stand, fitted, seen, settle_steps};
 use super::effect::{Added, Candidate};
 use super::fit::{Fit, Spread, Task};
 use super::noise::Noise;
-use super::{Gain, Value};
+use super::{Gain, Thresholds, Value};
 use crate::error::Errors;
 use crate::estimate::{Block, Case, Prepared};
 use crate::math::distribution::chi2_cdf;
@@ -26,6 +26,7 @@ pub struct Ground<'a> {
     pub fit: &'a Fit,
     /// Costs and parameters of the held-out maneuvers with the base frozen.
     pub frozen: &'a [Option<Frozen>],
+    pub thresholds: &'a Thresholds,
 }
 
 /// One held-out maneuver at frozen derivatives.
@@ -66,9 +67,6 @@ pub struct Consistency {
     pub share: f64,
 }
 
-/// Shares of the screening's size that a fit may start from: the sizes were found with everything else moving along.
-const SHARES: [f64; 4] = [1.0, 0.25, 0.05, 0.01];
-
 /// Fits a candidate from where the screening saw it best with its switch held, or with smaller sizes where the model is better there.
 ///
 /// # Errors
@@ -85,17 +83,18 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
     settle_steps(&mut case, &theta, &least);
     let names: Vec<String> = candidate.added.iter().map(|a| a.name.clone()).collect();
     let theta = nearest(ground, &case, candidate, &theta);
-    let (mut free, mut fit) = fitted(&case, ground.noise, ground.places, theta, &names);
+    let (mut free, mut fit) = fitted(&case, ground.noise, ground.places, theta, &names, ground.thresholds);
     // What is stiffer where the fit ended than where it began (a play that became smaller) was not integrated well on the way.
     if let Some(found) = fit.as_ref().filter(|found| case.stiffen(&found.theta)).map(|found| found.theta.clone()) {
-        (free, fit) = fitted(&case, ground.noise, ground.places, found, &names);
+        (free, fit) = fitted(&case, ground.noise, ground.places, found, &names, ground.thresholds);
     }
     let Some(fit) = fit else { return Ok(None) };
     let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
-    let task = Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free };
+    let task =
+        Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free, thresholds: ground.thresholds };
     let spread = task.spread(&fit.theta, k);
     let own = candidate.added.iter().filter(|a| a.hold.is_none() && a.scope == Scope::Segment).count();
-    let held_out = frozen(&case, ground.noise, ground.places, &fit.theta);
+    let held_out = frozen(&case, ground.noise, ground.places, &fit.theta, ground.thresholds);
     let gains = ground.frozen.iter().zip(&held_out).zip(&ground.places.held_out);
     let gains = gains.map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s, own)).collect();
     let training = ground.places.training.iter().zip(ground.fit.costs.iter().zip(&fit.costs));
@@ -104,10 +103,10 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
         predicted: f64::NAN,
         realised: base - with - own as f64,
     });
-    let values = values(&case, (candidate, at), &free, k, &fit, spread.as_ref());
+    let values = values(&case, (candidate, at), (&free, k), &fit, spread.as_ref(), ground.thresholds);
     let left = left(ground, &case, &fit.theta, &held_out);
     let refit = Refit {
-        consistency: spread.as_ref().and_then(|spread| consistency(spread, &values)),
+        consistency: spread.as_ref().and_then(|spread| consistency(spread, &values, ground.thresholds.telling_share)),
         gain: ground.fit.cost() - fit.cost(),
         converged: fit.converged,
         values,
@@ -127,9 +126,9 @@ fn left(ground: &Ground, case: &Case, theta: &[f64], held_out: &[Option<Frozen>]
     trained.chain(unseen).collect()
 }
 
-/// The best of the starts in which a share of the sizes is taken.
+/// The best of the starts in which a share of the screening's sizes is taken: those were found with everything else moving along.
 fn nearest(ground: &Ground, case: &Case, candidate: &Candidate, theta: &[f64]) -> Vec<f64> {
-    let task = Task { case, noise: ground.noise, segments: &ground.places.training, free: &[] };
+    let task = Task { case, noise: ground.noise, segments: &ground.places.training, free: &[], thresholds: ground.thresholds };
     let shared = |share: f64| -> Vec<f64> {
         let mut theta = theta.to_vec();
         for (unknown, value) in case.unknowns.iter().zip(&mut theta) {
@@ -139,7 +138,7 @@ fn nearest(ground: &Ground, case: &Case, candidate: &Candidate, theta: &[f64]) -
         theta
     };
     let cost = |theta: &Vec<f64>| task.costs(theta).map_or(f64::INFINITY, |costs| costs.iter().sum());
-    let starts = SHARES.map(shared);
+    let starts = ground.thresholds.start_shares.map(shared);
     let costs: Vec<f64> = starts.iter().map(cost).collect();
     let best = (0..starts.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or_default();
     starts.into_iter().nth(best).unwrap_or_else(|| theta.to_vec())
@@ -157,11 +156,11 @@ pub fn joined(stand: &Stand, candidate: &Candidate, at: &[f64]) -> Stand {
 }
 
 /// The held-out maneuvers at frozen derivatives; what the training has never seen (a flight's zero shifts) moves.
-pub fn frozen(case: &Case, noise: &Noise, places: &Places, theta: &[f64]) -> Vec<Option<Frozen>> {
+pub fn frozen(case: &Case, noise: &Noise, places: &Places, theta: &[f64], thresholds: &Thresholds) -> Vec<Option<Frozen>> {
     let known = seen(case, &places.training);
     let of = |&s: &usize| {
         let free: Vec<usize> = seen(case, &[s]).into_iter().filter(|i| !known.contains(i)).collect();
-        let fit = Task { case, noise, segments: &[s], free: &free }.fit(theta.to_vec(), super::base::ITERATIONS)?;
+        let fit = Task { case, noise, segments: &[s], free: &free, thresholds }.fit(theta.to_vec())?;
         let blocks = case.evaluate(s, &case.layout.local(s, &fit.theta), false)?;
         Some(Frozen { cost: fit.cost(), theta: fit.theta, blocks })
     };
@@ -184,7 +183,14 @@ fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, 
 }
 
 /// `tried`: the candidate, and the values of its parameters from which it was fitted.
-fn values(case: &Case, tried: (&Candidate, &[f64]), free: &[usize], k: usize, fit: &Fit, spread: Option<&Spread>) -> Vec<Value> {
+fn values(
+    case: &Case,
+    tried: (&Candidate, &[f64]),
+    (free, k): (&[usize], usize),
+    fit: &Fit,
+    spread: Option<&Spread>,
+    thresholds: &Thresholds,
+) -> Vec<Value> {
     let one = |(added, start): (&Added, &f64)| {
         let at = free[free.len() - k..].iter().position(|&i| case.unknowns[i].name == added.name);
         let index = at.map(|at| free[free.len() - k + at]);
@@ -214,20 +220,22 @@ fn values(case: &Case, tried: (&Candidate, &[f64]), free: &[usize], k: usize, fi
             own: added.scope == Scope::Segment,
             left,
             check: added.check.as_ref().map(|c| (c.text.clone(), c.value, c.within)),
+            is_determined: false,
         }
+        .judged(thresholds)
     };
     tried.0.added.iter().zip(tried.1).map(one).collect()
 }
 
 /// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against chi-square; its excess over the
 /// uncertainties by DerSimonian and Laird. The worst of the sizes.
-fn consistency(spread: &Spread, values: &[Value]) -> Option<Consistency> {
+fn consistency(spread: &Spread, values: &[Value], telling_share: f64) -> Option<Consistency> {
     let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && v.left.is_some()).collect();
     let one = |(i, v): (usize, &&Value)| {
         let null = v.null?;
         let all: Vec<(f64, f64)> = spread.by_segment.iter().filter_map(|s| s.get(i).copied()).collect();
         let total: f64 = all.iter().map(|s| s.1).sum();
-        let telling: Vec<(f64, f64)> = all.into_iter().filter(|s| s.1 > 1e-3 * total).collect();
+        let telling: Vec<(f64, f64)> = all.into_iter().filter(|s| s.1 > telling_share * total).collect();
         let dof = telling.len().checked_sub(1).filter(|dof| *dof > 0)? as f64;
         let q: f64 = telling.iter().map(|(slope, information)| slope * slope / information).sum();
         let (sum, squares) = telling.iter().fold((0.0, 0.0), |s, t| (s.0 + t.1, s.1 + t.1 * t.1));

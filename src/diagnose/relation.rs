@@ -5,6 +5,7 @@
 //! Coherence is that of spectra averaged over maneuvers (Welch) and over the frequencies of a band; `m` averages of independent series
 //! stay below `1 - 0.01^(1/(m-1))` in 99 of 100 cases.
 
+use super::Thresholds;
 use super::coefficient::Lack;
 use super::gaps::Flown;
 use crate::math::distribution::normal_quantile;
@@ -26,10 +27,16 @@ pub struct Relation {
     pub coherence_limit: f64,
 }
 
-/// Longest lag, s.
-const LONGEST: f64 = 2.0;
-/// Edges of bands, Hz.
-const BANDS: [f64; 6] = [0.1, 0.3, 1.0, 2.0, 4.0, 8.0];
+/// What is looked at.
+#[derive(Debug, Clone, Copy)]
+struct Look<'a> {
+    /// Longest lag, s.
+    longest: f64,
+    /// Edges of bands, Hz.
+    bands: &'a [f64],
+    /// Probability that noise exceeds a limit.
+    p: f64,
+}
 
 /// One series per maneuver on one grid, with what every pair asks of it.
 struct Series {
@@ -42,14 +49,15 @@ struct Series {
 }
 
 impl Series {
-    fn new(dt: f64, values: Vec<Vec<f64>>) -> Series {
+    fn new(look: Look, dt: f64, values: Vec<Vec<f64>>) -> Series {
+        let highest = look.bands.last().copied().unwrap_or_default();
         let spectrum = |x: &Vec<f64>| {
-            let last = (BANDS[BANDS.len() - 1] * x.len() as f64 * dt).ceil() as usize;
+            let last = (highest * x.len() as f64 * dt).ceil() as usize;
             (0..last.min(x.len() / 2)).map(|k| fourier(x, k)).collect()
         };
         let spectra = values.iter().map(spectrum).collect();
         let mut series = Series { dt, values, auto: Vec::new(), spectra };
-        let (last, step) = lags(dt);
+        let (last, step) = lags(look, dt);
         let whole = products(&series, &series, 0);
         series.auto = (0..=last).step_by(step).map(|k| products(&series, &series, k as isize) / whole).collect();
         series
@@ -57,13 +65,14 @@ impl Series {
 }
 
 /// The longest lag in samples, and every how many-th is looked at: correlation changes little from one to the next.
-fn lags(dt: f64) -> (usize, usize) {
-    let last = (LONGEST / dt).round() as usize;
+fn lags(look: Look, dt: f64) -> (usize, usize) {
+    let last = (look.longest / dt).round() as usize;
     (last, (last / 50).max(1))
 }
 
 /// Every scored output, and what each coefficient lacks, with every input and every modelled output.
-pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack]) -> Vec<Relation> {
+pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack], thresholds: &Thresholds) -> Vec<Relation> {
+    let look = Look { longest: thresholds.longest_lag, bands: &thresholds.coherence_bands, p: thresholds.relation_p };
     let mut outputs: Vec<String> = Vec::new();
     for trace in flown.iter().flat_map(|f| &f.traces) {
         if !outputs.contains(&trace.name) {
@@ -72,25 +81,25 @@ pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack]) -> Vec<Re
     }
     let nu = inputs.len();
     let mut sources: Vec<(String, Series)> =
-        inputs.iter().enumerate().map(|(i, name)| (name.clone(), input(flown, nu, i))).collect();
-    sources.extend(outputs.iter().map(|name| (format!("modelled {name}"), trace(flown, name, |_, y| y))));
+        inputs.iter().enumerate().map(|(i, name)| (name.clone(), input(look, flown, nu, i))).collect();
+    sources.extend(outputs.iter().map(|name| (format!("modelled {name}"), trace(look, flown, name, |_, y| y))));
     let dt = flown.first().map_or(1.0, |f| f.record.dt);
-    let residuals = outputs.iter().map(|output| (output, trace(flown, output, |z, y| z - y)));
-    let lacks = lacking.iter().map(|l| (&l.name, Series::new(dt, l.values.iter().cloned().map(centred).collect())));
+    let residuals = outputs.iter().map(|output| (output, trace(look, flown, output, |z, y| z - y)));
+    let lacks = lacking.iter().map(|l| (&l.name, Series::new(look, dt, l.values.iter().cloned().map(centred).collect())));
     let of = |(name, residual): (&String, Series)| -> Vec<Relation> {
-        sources.iter().filter_map(|(source, series)| relation(name, source, &residual, series)).collect()
+        sources.iter().filter_map(|(source, series)| relation(look, (name, source), &residual, series)).collect()
     };
     residuals.chain(lacks).flat_map(of).collect()
 }
 
 /// An input on the grids, about its mean in each maneuver.
-fn input(flown: &[Flown], nu: usize, i: usize) -> Series {
+fn input(look: Look, flown: &[Flown], nu: usize, i: usize) -> Series {
     let one = |f: &Flown| centred((f.record.start..f.record.n).map(|k| f.record.inputs[k * nu + i]).collect());
-    Series::new(flown.first().map_or(1.0, |f| f.record.dt), flown.iter().map(one).collect())
+    Series::new(look, flown.first().map_or(1.0, |f| f.record.dt), flown.iter().map(one).collect())
 }
 
 /// An output's residual, or its modelled values, at the points of the grid, about the mean in each maneuver; gaps are zero.
-fn trace(flown: &[Flown], output: &str, of: fn(f64, f64) -> f64) -> Series {
+fn trace(look: Look, flown: &[Flown], output: &str, of: fn(f64, f64) -> f64) -> Series {
     let one = |f: &Flown| {
         let n = f.record.n.saturating_sub(f.record.start);
         let mut values = vec![f64::NAN; n];
@@ -104,7 +113,7 @@ fn trace(flown: &[Flown], output: &str, of: fn(f64, f64) -> f64) -> Series {
         }
         centred(values)
     };
-    Series::new(flown.first().map_or(1.0, |f| f.record.dt), flown.iter().map(one).collect())
+    Series::new(look, flown.first().map_or(1.0, |f| f.record.dt), flown.iter().map(one).collect())
 }
 
 fn centred(mut values: Vec<f64>) -> Vec<f64> {
@@ -123,9 +132,9 @@ fn products(x: &Series, y: &Series, lag: isize) -> f64 {
     x.values.iter().zip(&y.values).map(one).sum()
 }
 
-fn relation(output: &str, name: &str, residual: &Series, source: &Series) -> Option<Relation> {
+fn relation(look: Look, (output, name): (&str, &str), residual: &Series, source: &Series) -> Option<Relation> {
     let samples: usize = residual.values.iter().map(Vec::len).sum();
-    let (last, step) = lags(residual.dt);
+    let (last, step) = lags(look, residual.dt);
     let (rr, ss) = (products(residual, residual, 0), products(source, source, 0));
     if !(rr > 0.0 && ss > 0.0) {
         return None;
@@ -135,9 +144,9 @@ fn relation(output: &str, name: &str, residual: &Series, source: &Series) -> Opt
     let (correlation, lag) = looked.iter().copied().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?;
     let both: f64 = residual.auto.iter().zip(&source.auto).skip(1).map(|(a, b)| a * b).sum();
     let variance = step as f64 * (1.0 + 2.0 * both) / samples as f64;
-    let limit = normal_quantile(1.0 - 0.005 / looked.len() as f64) * variance.max(1.0 / samples as f64).sqrt();
-    let (coherence, from, to, averages) = coherence(residual, source)?;
-    let coherence_limit = if averages > 1 { 1.0 - libm::pow(0.01, 1.0 / (averages - 1) as f64) } else { 1.0 };
+    let limit = normal_quantile(1.0 - 0.5 * look.p / looked.len() as f64) * variance.max(1.0 / samples as f64).sqrt();
+    let (coherence, from, to, averages) = coherence(look, residual, source)?;
+    let coherence_limit = if averages > 1 { 1.0 - libm::pow(look.p, 1.0 / (averages - 1) as f64) } else { 1.0 };
     Some(Relation {
         output: output.to_string(),
         source: name.to_string(),
@@ -152,9 +161,9 @@ fn relation(output: &str, name: &str, residual: &Series, source: &Series) -> Opt
 }
 
 /// The band of largest coherence above what its number of averages allows: coherence, edges, averages.
-fn coherence(residual: &Series, source: &Series) -> Option<(f64, f64, f64, usize)> {
+fn coherence(look: Look, residual: &Series, source: &Series) -> Option<(f64, f64, f64, usize)> {
     let mut best: Option<(f64, f64, f64, usize, f64)> = None;
-    for band in BANDS.windows(2) {
+    for band in look.bands.windows(2) {
         let (mut xx, mut yy, mut re, mut im, mut averages) = (0.0, 0.0, 0.0, 0.0, 0usize);
         for ((x, y), values) in source.spectra.iter().zip(&residual.spectra).zip(&source.values) {
             let length = values.len() as f64 * residual.dt;
@@ -173,7 +182,7 @@ fn coherence(residual: &Series, source: &Series) -> Option<(f64, f64, f64, usize
             continue;
         }
         let value = (re * re + im * im) / (xx * yy);
-        let above = value - (1.0 - libm::pow(0.01, 1.0 / (averages - 1) as f64));
+        let above = value - (1.0 - libm::pow(look.p, 1.0 / (averages - 1) as f64));
         if best.is_none_or(|b| above > b.4) {
             best = Some((value, band[0], band[1], averages, above));
         }
@@ -211,8 +220,10 @@ mod tests {
         centred((0..n).map(next).collect())
     }
 
+    const LOOK: Look = Look { longest: 2.0, bands: &[0.1, 0.3, 1.0, 2.0, 4.0, 8.0], p: 0.01 };
+
     fn series(seeds: std::ops::Range<u64>) -> Series {
-        Series::new(0.02, seeds.map(|s| coloured(s, 600)).collect())
+        Series::new(LOOK, 0.02, seeds.map(|s| coloured(s, 600)).collect())
     }
 
     #[test]
@@ -221,15 +232,15 @@ mod tests {
         let late = |x: &Vec<f64>| (0..x.len()).map(|k| if k >= 10 { 0.5 * x[k - 10] } else { 0.0 }).collect();
         let mut values: Vec<Vec<f64>> = source.values.iter().map(late).collect();
         values.iter_mut().zip(series(50..56).values).for_each(|(r, n)| r.iter_mut().zip(n).for_each(|(r, n)| *r += 0.3 * n));
-        let residual = Series::new(0.02, values);
-        let found = relation("q", "de", &residual, &source).expect("a relation");
+        let residual = Series::new(LOOK, 0.02, values);
+        let found = relation(LOOK, ("q", "de"), &residual, &source).expect("a relation");
         assert!((found.lag - 0.2).abs() < 1e-9 && found.correlation > 0.7 && found.coherence > found.coherence_limit, "{found:?}");
     }
 
     #[test]
     fn coloured_series_without_relation_stay_below_the_limits() {
         let above = (0..60).filter(|i| {
-            let found = relation("q", "de", &series(100 + 20 * i..106 + 20 * i), &series(5000 + 20 * i..5006 + 20 * i))
+            let found = relation(LOOK, ("q", "de"), &series(100 + 20 * i..106 + 20 * i), &series(5000 + 20 * i..5006 + 20 * i))
                 .expect("a relation");
             found.correlation.abs() > found.limit
         });

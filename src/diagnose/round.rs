@@ -8,14 +8,11 @@ use super::located::Located;
 use super::refit::{self, refit};
 use super::screen::{self, Screened, screen};
 use super::surrogate::{best_of_surrogates, luck};
-use super::{Judged, Round, Subject};
+use super::{Judged, Round, Settings, Subject};
 use crate::error::Errors;
 use crate::estimate::{Case, Segment};
 use crate::math::quantile;
 use crate::model::Scope;
-
-/// A candidate is refitted if its score reaches this share of the best one's: less than that is not made up for by a full fit.
-const WORTH: f64 = 0.25;
 
 /// Screens all candidates, refits and judges the best. Luck gains at least `least`: fewer candidates may take part than one of them was
 /// found among.
@@ -36,6 +33,7 @@ pub fn held_against(
     let of: Vec<&Segment> = found.prepared.used.iter().map(|&s| &subject.segments[s]).collect();
     let ground = screen::Ground {
         of: &of,
+        thresholds: &settings.thresholds,
         case,
         noise: &found.noise,
         method: &stand.method,
@@ -44,11 +42,14 @@ pub fn held_against(
         free: &found.free,
     };
     let screening = screen(&ground, candidates)?;
-    let best = best_of_surrogates(&screening, settings.surrogates, settings.seed);
+    let best = best_of_surrogates(&screening, settings);
     let limit = least.max(if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) });
-    let mut judged: Vec<Judged> = candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit)).collect();
+    let mut judged: Vec<Judged> =
+        candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit, settings)).collect();
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
-    let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > limit && judged[i].score > WORTH * best).collect();
+    // Less than a share of the best one's score is not made up for by a full fit.
+    let worth = limit.max(settings.thresholds.refit_share * best);
+    let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > worth).collect();
     order.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
     let ground = refit::Ground {
         stand,
@@ -58,6 +59,7 @@ pub fn held_against(
         places: &found.places,
         fit: &found.fit,
         frozen: &found.frozen,
+        thresholds: &settings.thresholds,
     };
     let mut passing = Vec::new();
     for &i in order.iter().take(settings.refits) {
@@ -69,9 +71,10 @@ pub fn held_against(
             continue;
         };
         let held_out: f64 = one.held_out.iter().map(|g| g.realised).sum();
-        judged.evidence = one.gain - luck(judged.screened.taken.max(fitted_count(&one))) + held_out;
+        judged.evidence =
+            one.gain - luck(judged.screened.taken.max(fitted_count(&one)), settings.thresholds.false_alarm) + held_out;
         judged.refit = Some(one);
-        let faint = || is_faint(judged, limit).map(|why| (Standing::Faint, why));
+        let faint = || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
         match objection(judged, settings).or_else(faint) {
             Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
             None => passing.push((i, left)),
@@ -98,10 +101,10 @@ fn fitted_count(refit: &super::Refit) -> usize {
     refit.values.iter().filter(|v| !v.held).count()
 }
 
-fn screened(candidate: &Candidate, screened: &Screened, limit: f64) -> Judged {
+fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &Settings) -> Judged {
     // What has a value for every maneuver can be fitted to a held-out one, and so never confirmed by it: it is told, and takes no part.
     let own = candidate.added.iter().any(|a| a.scope == Scope::Segment);
-    let score = if own { 0.0 } else { screened.gain - luck(screened.taken) };
+    let score = if own { 0.0 } else { screened.gain - luck(screened.taken, settings.thresholds.false_alarm) };
     let (standing, why) = if own {
         let why = format!("gains {:.1} with a value for every maneuver, which held-out ones cannot confirm", screened.gain);
         (Standing::Unidentifiable, why)

@@ -5,6 +5,7 @@
 //! the candidate's bounds (Rao's score test; `u'F^-1 u/2` inside them). Shapes (a delay, a threshold) matter only once the size is not
 //! null: every row of their starts has columns of its own. A fit starts from the row that is best once switches are held.
 
+use super::Thresholds;
 use super::effect::Candidate;
 use super::noise::Noise;
 use super::probe::Probe;
@@ -14,9 +15,6 @@ use crate::math::dense;
 use crate::math::products::{DEPENDENT, Gram};
 use crate::model::Scope;
 use rayon::prelude::*;
-
-/// A candidate's column is of the base's making if less than this share of it is left.
-pub const ABSORBED: f64 = 1e-7;
 
 /// One column of a candidate.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,6 +62,8 @@ pub struct Screening {
     /// Products of the projected columns, then of the residuals.
     rest: Gram,
     raw: Vec<f64>,
+    /// A column is of the base's making if less than this share of it is left.
+    collinear: f64,
 }
 
 /// What is screened against.
@@ -78,6 +78,7 @@ pub struct Ground<'a> {
     pub free: &'a [usize],
     /// The segments of the case.
     pub of: &'a [&'a Segment],
+    pub thresholds: &'a Thresholds,
 }
 
 fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
@@ -121,7 +122,8 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
     all.eliminate(0, n);
     let rest = all.rest(n);
     let raw = rest.scale.clone();
-    let mut screening = Screening { screened: Vec::new(), trials, columns, bounds, rest, raw };
+    let collinear = ground.thresholds.collinear;
+    let mut screening = Screening { screened: Vec::new(), trials, columns, bounds, rest, raw, collinear };
     screening.screened = (0..candidates.len()).map(|c| screening.judge(c, candidates, ground, &before)).collect();
     Ok(screening)
 }
@@ -228,7 +230,7 @@ impl Screening {
     }
 
     fn is_sound(&self, column: usize) -> bool {
-        self.raw[column] > 0.0 && self.rest.at(column, column) > ABSORBED.max(DEPENDENT) * self.raw[column]
+        self.raw[column] > 0.0 && self.rest.at(column, column) > self.collinear.max(DEPENDENT) * self.raw[column]
     }
 
     fn judge(&self, candidate: usize, candidates: &[Candidate], ground: &Ground, before: &Gram) -> Screened {

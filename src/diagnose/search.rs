@@ -17,7 +17,7 @@ use super::refit::joined;
 use super::round::held_against;
 use super::surrogate::luck;
 use super::unseen::missed;
-use super::{Closing, Diagnosis, Finding, Judged, Round, Subject, Trouble, Verdict};
+use super::{Closing, Diagnosis, Finding, Judged, Round, Settings, Subject, Thresholds, Trouble, Verdict};
 use crate::error::Errors;
 use crate::model::Model;
 
@@ -27,16 +27,8 @@ pub type Offered = (Vec<Candidate>, Vec<(String, String)>);
 /// Attaches the library to a model.
 pub type Offer<'a> = dyn Fn(&Model) -> Result<Offered, Errors> + 'a;
 
-/// Rivals that take part when an effect is tested with everything else in place.
-const RIVALS: usize = 12;
-/// Held-out maneuvers may take this share of a candidate's gain on the training before it is not even tried.
-const TAKEN: f64 = 0.2;
-/// Evidence of so many times the limit of luck is not dropped for what held-out maneuvers say against it.
-const SURE: f64 = 5.0;
 /// Explains something, and may not be named all the same.
 const DOUBTED: [Standing; 3] = [Standing::HeldOut, Standing::Inconsistent, Standing::Unidentifiable];
-/// What is left is too much for an effect to be named if it answers by more than this share of what was explained.
-const SHARE: f64 = 0.2;
 
 /// An effect in the model as it stands.
 #[derive(Debug, Clone)]
@@ -103,7 +95,7 @@ impl Search<'_> {
             Ok(base) => base,
             Err(trouble) => return Ok(Err(trouble)),
         };
-        let most = 3 * self.subject.settings.effects + 2;
+        let most = self.subject.settings.thresholds.rounds_per_effect * self.subject.settings.effects + 2;
         self.forward(&base)?;
         while !self.back(&base)? {
             // No end of it: what does not hold is taken out, and nothing comes in any more.
@@ -117,23 +109,27 @@ impl Search<'_> {
         let last = self.with(&stand, &base)?;
         let last = last.as_ref().unwrap_or(&base);
         let case = last.case();
-        let quantile = self.subject.settings.quantile;
-        let located = locate(&case, &last.noise, &last.places, &|s| last.theta(s), quantile);
+        let settings = self.subject.settings;
+        let located = locate(&case, &last.noise, &last.places, &|s| last.theta(s), settings);
         let out = &mut self.out;
         out.values = values(&case, &stand, &last.fit.theta);
         out.located = located.into_iter().filter(|l| l.is_real()).collect();
-        out.missed = missed(last, &case, quantile);
+        out.missed = missed(last, &case, settings);
         out.added = added;
         out.closing = closing(self.subject, &base, last)?;
         out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
         out.complete = out.located.is_empty() && out.doubts.is_empty() && out.missed.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
-        out.verdict = verdict(out, doubted);
+        out.verdict = verdict(out, doubted, &settings.thresholds);
         Ok(Ok(()))
     }
 
     fn first(&self) -> Stand {
         Stand::first(self.subject.model, self.subject.method, self.subject.settings.base)
+    }
+
+    fn rivals(&self) -> usize {
+        self.subject.settings.thresholds.rivals
     }
 
     /// The base with these links, and the candidates that they are.
@@ -164,8 +160,8 @@ impl Search<'_> {
             }
             candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
             let round = self.round(&stand, found, &candidates, 0.0)?;
-            let chosen = to_add(&round, self.subject.settings.apart);
-            let link = chosen.and_then(|c| link(&round, &round.judged[c]));
+            let chosen = to_add(&round, self.subject.settings);
+            let link = chosen.and_then(|c| link(&round, &round.judged[c], self.rivals()));
             self.out.rounds.push(round);
             match link {
                 Some(link) => self.links.push(link),
@@ -208,11 +204,12 @@ impl Search<'_> {
             let this = round.judged.iter().find(|j| j.name == name);
             let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
             let better = round.class.iter().filter_map(judged).find(others).filter(|j| !self.ending && !(j.evidence < evidence));
-            if let Some(better) = better.and_then(|j| link(round, j)) {
+            if let Some(better) = better.and_then(|j| link(round, j, self.rivals())) {
                 self.links[i] = better;
                 return Ok(false);
             }
-            let doubt = this.filter(|j| DOUBTED.contains(&j.standing) && evidence > SURE * round.limit).map(|j| j.why.clone());
+            let kept = self.subject.settings.thresholds.kept_factor * round.limit;
+            let doubt = this.filter(|j| DOUBTED.contains(&j.standing) && evidence > kept).map(|j| j.why.clone());
             if doubt.is_some() {
                 self.links[i].doubt = doubt;
                 continue;
@@ -262,7 +259,7 @@ impl Search<'_> {
     fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate], least: f64) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();
-        let located = locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings.quantile);
+        let located = locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings);
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
         let mut round = held_against(stand, found, &case, located, (candidates, least), self.subject, &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();
@@ -272,24 +269,26 @@ impl Search<'_> {
 
 /// The candidate to add: the first of the class, unless another one has more evidence by far that held-out maneuvers hardly take away. Beside a name that one may be one
 /// that the flights do not determine: the name would be wrong where something else explains far more.
-fn to_add(round: &Round, apart: f64) -> Option<usize> {
+fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
     let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
     let held = |j: &Judged| {
         DOUBTED.contains(&j.standing)
             && !(j.standing == Standing::Unidentifiable && round.class.is_empty())
             && j.evidence > round.limit
-            && j.evidence > (1.0 - TAKEN) * gain(j)
+            && j.evidence > (1.0 - settings.thresholds.held_out_taken) * gain(j)
     };
     let passing = |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
     let able = (0..round.judged.len()).filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]));
     let top = able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;
     match round.class.first() {
-        Some(&first) if round.class.iter().any(|&c| round.judged[c].evidence > round.judged[top].evidence - apart) => Some(first),
+        Some(&first) if round.class.iter().any(|&c| round.judged[c].evidence > round.judged[top].evidence - settings.apart) => {
+            Some(first)
+        }
         _ => Some(top),
     }
 }
 
-fn link(round: &Round, judged: &Judged) -> Option<Link> {
+fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
     let refit = judged.refit.as_ref()?;
     let mut near: Vec<&Judged> = round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
     near.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -298,7 +297,7 @@ fn link(round: &Round, judged: &Judged) -> Option<Link> {
         values: refit.values.iter().map(|v| v.value).collect(),
         evidence: judged.evidence,
         limit: round.limit,
-        rivals: near.iter().take(RIVALS).map(|j| j.name.clone()).collect(),
+        rivals: near.iter().take(rivals).map(|j| j.name.clone()).collect(),
         doubt: None,
         known: refit.known.clone(),
     })
@@ -306,17 +305,18 @@ fn link(round: &Round, judged: &Judged) -> Option<Link> {
 
 /// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be little beside what is named: a name given
 /// while more than that is not understood would be one among other things that are wrong.
-fn verdict(out: &Diagnosis, doubted: f64) -> Verdict {
+fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
     let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
-        let shows = |r: &Round| r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > 2.0 * r.limit + luck(1));
+        let much = |r: &Round| thresholds.shown_factor * r.limit + luck(1, thresholds.false_alarm);
+        let shows = |r: &Round| r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r));
         let shown = out.rounds.first().is_some_and(shows);
         return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }
     let alone = |f: &Finding| out.rounds.get(f.round).is_some_and(|r| r.class.len() == 1);
-    match left > SHARE * explained {
+    match left > thresholds.rest_share * explained {
         true => Verdict::Located,
         false if out.findings.iter().all(alone) => Verdict::Named,
         false => Verdict::OneOfThese,

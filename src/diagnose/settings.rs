@@ -1,5 +1,6 @@
 //! How a diagnosis is run: the settings, every one with a default.
 
+use super::thresholds::{Thresholds, defaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +33,9 @@ pub struct Settings {
     /// Candidates whose evidence (log-likelihood) comes this near to the best one's are not told from it. 4.6 is a ratio of 100: the
     /// wrong one of two leads by so much in at most 1 of 100 campaigns. Where both leave more than noise, it is taken as many times more.
     pub apart: f64,
+    /// The numbers behind the rules: not for users, and in no file.
+    #[serde(skip)]
+    pub thresholds: Thresholds,
 }
 
 /// Whether the base model's parameters are estimated.
@@ -51,15 +55,16 @@ impl Default for Settings {
         Settings {
             base: Base::default(),
             held_out: Vec::new(),
-            hold_every: 3,
-            block_s: 5.0,
-            surrogates: 500,
-            seed: 1,
-            quantile: 0.99,
-            refits: 6,
-            effects: 4,
-            decisive: 3.0,
-            apart: 4.6,
+            hold_every: defaults::HOLD_EVERY,
+            block_s: defaults::BLOCK_S,
+            surrogates: defaults::SURROGATES,
+            seed: defaults::SEED,
+            quantile: defaults::QUANTILE,
+            refits: defaults::REFITS,
+            effects: defaults::EFFECTS,
+            decisive: defaults::DECISIVE,
+            apart: defaults::APART,
+            thresholds: Thresholds::default(),
         }
     }
 }

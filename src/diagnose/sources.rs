@@ -4,16 +4,13 @@
 //! such a signal rings at one frequency (a lightly damped oscillation that its changes excite); the time since the start, as waves of one frequency
 //! (what repeats itself in every maneuver is no noise); or an input whose effect comes and goes with such a wave.
 
+use super::Thresholds;
 use crate::dynamics::Record;
 use crate::estimate::{Case, Trace};
 use crate::math::distribution::chi2_quantile;
 
-/// Lags of the impulse response, s.
-pub const LAGS: [f64; 8] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2];
-/// Damping of what rings, as a share of the critical one; of what repeats itself from the start of the maneuver there is none.
-const DAMPING: f64 = 0.03;
-/// Frequencies looked at, at most: multiples of one period per maneuver, up to half of what the record resolves.
-const FREQUENCIES: usize = 60;
+/// Lags of an impulse response.
+const LAGS: usize = 8;
 
 /// What an output may answer to.
 #[derive(Debug, Clone)]
@@ -26,16 +23,18 @@ pub struct Source {
     pub limit: f64,
 }
 
-/// Signals by their place among inputs and modelled outputs; angular frequencies in rad/s.
+/// Signals by their place among inputs and modelled outputs; lags in s; angular frequencies in rad/s; damping as a share of the critical one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     Lagged {
         signal: usize,
         squared: bool,
+        lags: [f64; LAGS],
     },
     Ringing {
         signal: usize,
         frequency: f64,
+        damping: f64,
     },
     /// The time since the start.
     Wave {
@@ -50,7 +49,7 @@ pub enum Kind {
 
 impl Kind {
     pub fn columns(&self) -> usize {
-        if matches!(self, Kind::Lagged { .. }) { LAGS.len() } else { 2 }
+        if matches!(self, Kind::Lagged { .. }) { LAGS } else { 2 }
     }
 }
 
@@ -66,25 +65,26 @@ pub struct Sources {
 impl Sources {
     /// `luck`: share of the campaigns with nothing missing in which one of them may exceed its limit at one of the outputs. `motion`: whether
     /// what the motion rings, and what inputs do that come and go, are among them.
-    pub fn of(case: &Case, segments: &[usize], luck: f64, motion: bool) -> Sources {
+    pub fn of(case: &Case, segments: &[usize], luck: f64, motion: bool, thresholds: &Thresholds) -> Sources {
         let inputs = case.model.inputs.iter().map(|i| i.name.clone());
         let modelled = case.outputs.iter().map(|&o| format!("modelled {}", case.model.outputs[o].name));
         let names: Vec<String> = inputs.chain(modelled).collect();
         let controls = case.model.inputs.len();
         let mut sources = Sources { all: Vec::new(), groups: 0 };
+        let (lags, damping) = (thresholds.lags, thresholds.ringing);
         for squared in [false, true] {
             for (signal, name) in names.iter().enumerate() {
                 let name = if squared { format!("the square of {name}") } else { name.clone() };
-                sources.group(vec![(name, Kind::Lagged { signal, squared })]);
+                sources.group(vec![(name, Kind::Lagged { signal, squared, lags })]);
             }
         }
         let lagged = sources.all.len();
-        let frequencies = frequencies(case, segments);
+        let frequencies = frequencies(case, segments, thresholds);
         let mut waves = |what: &str, kind: &dyn Fn(f64) -> Kind| {
             sources.group(frequencies.iter().map(|&f| (format!("{what} at {f:.2} rad/s"), kind(f))).collect());
         };
         for (signal, name) in names.iter().enumerate().take(if motion { names.len() } else { controls }) {
-            waves(&format!("{name}, ringing"), &|frequency| Kind::Ringing { signal, frequency });
+            waves(&format!("{name}, ringing"), &|frequency| Kind::Ringing { signal, frequency, damping });
         }
         waves("the time since the start", &|frequency| Kind::Wave { frequency });
         for (signal, name) in names.iter().enumerate().take(if motion { controls } else { 0 }) {
@@ -93,7 +93,7 @@ impl Sources {
         // Half of what luck is allowed for those with lags.
         let counts = [lagged, sources.all.len() - lagged];
         for (i, source) in sources.all.iter_mut().enumerate() {
-            let share = 0.5 * luck / (counts[usize::from(i >= lagged)] * case.outputs.len()).max(1) as f64;
+            let share = thresholds.question_share * luck / (counts[usize::from(i >= lagged)] * case.outputs.len()).max(1) as f64;
             source.limit = 0.5 * chi2_quantile(1.0 - share, source.kind.columns() as f64);
         }
         sources
@@ -112,8 +112,8 @@ impl Sources {
     }
 }
 
-/// Multiples of one period per maneuver of middle length.
-fn frequencies(case: &Case, segments: &[usize]) -> Vec<f64> {
+/// Multiples of one period per maneuver of middle length, up to a share of what the record resolves.
+fn frequencies(case: &Case, segments: &[usize], thresholds: &Thresholds) -> Vec<f64> {
     let mut lengths: Vec<(f64, f64)> = segments
         .iter()
         .map(|&s| &case.records[s])
@@ -123,7 +123,7 @@ fn frequencies(case: &Case, segments: &[usize]) -> Vec<f64> {
     lengths.sort_by(|a, b| a.0.total_cmp(&b.0));
     let Some(&(length, dt)) = lengths.get(lengths.len() / 2) else { return Vec::new() };
     let lowest = 2.0 * std::f64::consts::PI / length;
-    let count = ((0.5 * std::f64::consts::PI / dt / lowest) as usize).min(FREQUENCIES);
+    let count = ((thresholds.highest_frequency * std::f64::consts::PI / dt / lowest) as usize).min(thresholds.frequencies);
     (1..=count).map(|k| k as f64 * lowest).collect()
 }
 
@@ -156,9 +156,9 @@ pub fn columns(sources: &[Source], record: &Record, signals: &Signals, times: &[
     let on = |times: &[f64]| signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect::<Vec<_>>();
     let (on_grid, now) = (on(&grid), on(times));
     let of = |source: &Source| match source.kind {
-        Kind::Lagged { signal, squared } => {
+        Kind::Lagged { signal, squared, lags } => {
             let (t, v) = &signals[signal];
-            let mut lagged = LAGS.map(|lag| sampled(t, v, times, lag));
+            let mut lagged = lags.map(|lag| sampled(t, v, times, lag));
             if squared {
                 lagged.iter_mut().flatten().for_each(|v| *v *= *v);
             }
@@ -170,8 +170,8 @@ pub fn columns(sources: &[Source], record: &Record, signals: &Signals, times: &[
             both.iter_mut().for_each(|wave| wave.iter_mut().zip(&now[signal]).for_each(|(wave, v)| *wave *= v));
             both
         }
-        Kind::Ringing { signal, frequency } => {
-            let rung = rung(&on_grid[signal], frequency, record.dt);
+        Kind::Ringing { signal, frequency, damping } => {
+            let rung = rung(&on_grid[signal], frequency, damping, record.dt);
             rung.iter().map(|v| sampled(&grid, v, times, 0.0)).collect()
         }
     };
@@ -185,9 +185,9 @@ fn waves(times: &[f64], begin: f64, frequency: f64) -> Vec<Vec<f64>> {
 }
 
 /// Both parts of a lightly damped oscillation that the changes of a signal start.
-fn rung(v: &[f64], frequency: f64, dt: f64) -> [Vec<f64>; 2] {
+fn rung(v: &[f64], frequency: f64, damping: f64, dt: f64) -> [Vec<f64>; 2] {
     let (sin, cos) = libm::sincos(frequency * dt);
-    let keep = libm::exp(-DAMPING * frequency * dt);
+    let keep = libm::exp(-damping * frequency * dt);
     let (mut x, mut y, mut last) = (0.0, 0.0, v.first().copied().unwrap_or(0.0));
     let mut parts = [Vec::with_capacity(v.len()), Vec::with_capacity(v.len())];
     for &v in v {
@@ -231,10 +231,10 @@ mod tests {
     #[test]
     fn a_step_rings_at_its_frequency_and_dies_out() {
         let v: Vec<f64> = (0..2000).map(|k| if k < 10 { 0.0 } else { 1.0 }).collect();
-        let [x, _] = rung(&v, 2.0 * std::f64::consts::PI, 0.01);
+        let [x, _] = rung(&v, 2.0 * std::f64::consts::PI, 0.03, 0.01);
         // one period after the step, and half of one
         let after = |s: f64| x[10 + (s / 0.01) as usize];
-        let kept = libm::exp(-DAMPING * 2.0 * std::f64::consts::PI);
+        let kept = libm::exp(-0.03 * 2.0 * std::f64::consts::PI);
         assert!((after(1.0) - kept).abs() < 1e-3 && (after(0.5) + kept.sqrt()).abs() < 1e-3 && x[9] == 0.0);
     }
 }

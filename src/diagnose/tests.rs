@@ -218,10 +218,10 @@ fn truth_what_is_new_at_each_instant_is_foretold_by_chance_only_where_nothing_is
         let stand = base::Stand::first(&base, &method, settings.base);
         let found = found::at_first(&stand, &subject).expect("settings").expect("a base");
         let (case, theta) = (found.case(), &found.fit.theta);
-        let sources = sources::Sources::of(&case, &found.places.training, 0.01, true);
+        let sources = sources::Sources::of(&case, &found.places.training, 0.01, true, &Thresholds::default());
         let of = |s: usize| innovation::sums(&case, &found.noise, &sources, s, theta, located::Size::Alike);
         for gram in located::together(&case, &sources, &found.places.training, &of) {
-            let Some((gain, b)) = located::best(&gram) else { continue };
+            let Some((gain, b)) = located::best(&gram, Thresholds::default().ridge) else { continue };
             let dof = b.len() as f64;
             all += 1.0;
             sum += 2.0 * gain / dof;

@@ -4,6 +4,7 @@
 //! false. Maneuvers differ, in gusts above all: the squares per sample, whitened, of the training ones are taken as draws of a lognormal, and a held-out one is
 //! one more of them unless it lies above their prediction limit, Student's t on the logarithms (no narrower than chi-square's own scatter).
 
+use super::Settings;
 use super::found::Found;
 use crate::estimate::Case;
 use crate::math::distribution::t_quantile;
@@ -19,7 +20,7 @@ pub struct Missed {
 }
 
 /// Held-out maneuvers above the limit; in one of `1/(1 - quantile)` campaigns with nothing missing there is one.
-pub fn missed(found: &Found, case: &Case, quantile: f64) -> Vec<Missed> {
+pub fn missed(found: &Found, case: &Case, settings: &Settings) -> Vec<Missed> {
     let samples = |s: usize| -> usize {
         let channels = &case.records[s].channels;
         channels.iter().map(|channel| channel.z.iter().filter(|z| z.is_finite()).count()).sum()
@@ -34,9 +35,9 @@ pub fn missed(found: &Found, case: &Case, quantile: f64) -> Vec<Missed> {
         .filter_map(|(&s, frozen)| Some((s, frozen.as_ref()?.cost, samples(s))))
         .filter(|h| h.2 > 0)
         .collect();
-    let share = (1.0 - quantile) / held_out.len().max(1) as f64;
+    let share = (1.0 - settings.quantile) / held_out.len().max(1) as f64;
     let above = |(s, cost, n): (usize, f64, usize)| {
-        let limit = limit(&training, n, share)?;
+        let limit = limit(&training, n, share, settings.thresholds.fewest)?;
         let per_sample = 2.0 * cost / n as f64;
         (per_sample > limit).then_some(Missed { segment: found.prepared.used[s], per_sample, limit })
     };
@@ -44,10 +45,10 @@ pub fn missed(found: &Found, case: &Case, quantile: f64) -> Vec<Missed> {
 }
 
 /// What another maneuver of `n` samples exceeds with this probability; none where too few are known. `training`: cost and samples of each.
-fn limit(training: &[(f64, usize)], n: usize, share: f64) -> Option<f64> {
+fn limit(training: &[(f64, usize)], n: usize, share: f64, fewest: usize) -> Option<f64> {
     let logs: Vec<f64> = training.iter().map(|&(cost, n)| libm::log(2.0 * cost / n as f64)).filter(|v| v.is_finite()).collect();
     let count = logs.len() as f64;
-    if logs.len() < 3 {
+    if logs.len() < fewest {
         return None;
     }
     let mean = logs.iter().sum::<f64>() / count;
@@ -76,10 +77,10 @@ mod tests {
         let hits = (0..trials).filter(|_| {
             let training: Vec<(f64, usize)> = (0..8).map(|_| one(200)).collect();
             let (cost, n) = one(200);
-            2.0 * cost / n as f64 > limit(&training, n, 0.05).expect("enough")
+            2.0 * cost / n as f64 > limit(&training, n, 0.05, 3).expect("enough")
         });
         let share = hits.count() as f64 / f64::from(trials);
         assert!((share - 0.05).abs() < 3.0 * (0.05f64 * 0.95 / f64::from(trials)).sqrt(), "{share}");
-        assert_eq!(limit(&[(100.0, 200), (100.0, 200)], 200, 0.05), None);
+        assert_eq!(limit(&[(100.0, 200), (100.0, 200)], 200, 0.05, 3), None);
     }
 }

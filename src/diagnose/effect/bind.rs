@@ -9,6 +9,7 @@ use super::file::{Bind, Effect, Size};
 use super::fill::{fill, placeholders, unit_factor};
 use super::roles::{self, Bound};
 use super::{Added, Candidate, Check, Context, Offer, Skipped};
+use crate::diagnose::thresholds::SIZES;
 use crate::model::file::Value;
 use crate::model::{Model, Scope};
 
@@ -189,15 +190,8 @@ impl<'a> Binding<'a> {
         let of = |name: &str| self.context.sizes.get(name).copied();
         let parts = [b.text.as_str(), b.ident.as_str()].into_iter().chain(b.fields.values().map(String::as_str));
         let known = parts.filter_map(of).filter(|s| *s > 0.0).fold(0.0, f64::max);
-        let plausible = match b.unit.as_str() {
-            "rad" | "rad/s" => 0.1,
-            "m/s" => 10.0,
-            "m/s^2" => 2.0,
-            "Pa" => 3000.0,
-            "N" => 10000.0,
-            _ => 1.0,
-        };
-        if known > 0.0 { known } else { plausible }
+        let plausible = || SIZES.iter().find(|(unit, _)| *unit == b.unit).map_or(1.0, |(_, size)| *size);
+        if known > 0.0 { known } else { plausible() }
     }
 
     /// The middle of the range of what is bound to `key`.

@@ -218,5 +218,5 @@ fn added(told: &Told, base: &estimate::Config) -> String {
 /// What the flights do not determine of an effect: held where it was found, because an estimation could not move it.
 fn undetermined(judged: &Judged) -> Vec<&str> {
     let values = judged.refit.iter().flat_map(|refit| &refit.values);
-    values.filter(|v| !v.is_determined()).map(|v| v.name.as_str()).collect()
+    values.filter(|v| !v.is_determined).map(|v| v.name.as_str()).collect()
 }

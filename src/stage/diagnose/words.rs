@@ -14,7 +14,7 @@ pub fn trouble(trouble: &Trouble) -> &str {
 /// `C_m_eta_lag = 0.279 +- 0.002 1/rad`
 pub fn value(v: &Value) -> String {
     let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
-    if !v.is_determined() {
+    if !v.is_determined {
         return format!("{} not determined (best at {}{unit})", v.name, digits(v.value));
     }
     let sd = v.sd.map(|sd| format!(" +- {}", digits(1.96 * sd))).unwrap_or_default();

@@ -6,6 +6,7 @@
 //! it is started again with the same program.
 
 mod campaign;
+mod sensitivity;
 mod summary;
 mod truth;
 
@@ -15,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use campaign::Setting;
+use campaign::{Setting, Trial};
 use koehler::diagnose::{self, Diagnosis, Subject, Verdict, effect};
 use summary::{End, Kind, Row};
 use truth::{Hidden, INSIDE, NOTHING, OUTSIDE};
@@ -32,9 +33,14 @@ struct Outcome {
 /// Hides, flies and diagnoses. `None` where the size wanted cannot be flown.
 fn run(hidden: &Hidden, setting: &Setting) -> Option<Outcome> {
     let trial = campaign::trial(hidden, setting)?;
+    Some(diagnosed(hidden, setting, &trial, &diagnose::Settings::default()))
+}
+
+/// Diagnoses what was flown.
+fn diagnosed(hidden: &Hidden, setting: &Setting, trial: &Trial, settings: &diagnose::Settings) -> Outcome {
     let clock = std::time::Instant::now();
     let (base, method) = (campaign::base(), campaign::method());
-    let settings = diagnose::Settings { seed: setting.seed, ..diagnose::Settings::default() };
+    let settings = diagnose::Settings { seed: setting.seed, ..settings.clone() };
     let names: Vec<String> = (0..trial.segments.len()).map(|i| format!("s{i}")).collect();
     let held_out = diagnose::held_out(&trial.segments, &names, &settings).held_out;
     let library = effect::load(&[]).unwrap_or_else(|e| panic!("{e}"));
@@ -49,14 +55,14 @@ fn run(hidden: &Hidden, setting: &Setting) -> Option<Outcome> {
     };
     let diagnosis = diagnose::diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", hidden.name));
     let end = graded(hidden, setting, &diagnosis);
-    Some(Outcome {
+    Outcome {
         end,
         size: trial.size,
-        channel: trial.channel,
+        channel: trial.channel.clone(),
         amount: trial.amount,
         diagnosis,
         seconds: clock.elapsed().as_secs_f64(),
-    })
+    }
 }
 
 /// The classes that were named, one per effect that was added.
@@ -192,7 +198,15 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
 /// Runs a trial and tells it.
 fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     let outcome = run(hidden, setting);
-    let mut row = Row {
+    let told = |o: &&Outcome| alone || !expected(hidden, o.end);
+    outcome.iter().filter(told).for_each(|o| println!("{}\n", story(hidden, setting, o)));
+    let row = row(hidden, setting, outcome.as_ref());
+    println!("{}", row.line());
+    row
+}
+
+fn row(hidden: &Hidden, setting: &Setting, outcome: Option<&Outcome>) -> Row {
+    let row = Row {
         kind: kind(hidden),
         hidden: hidden.name.to_string(),
         seed: setting.seed,
@@ -203,15 +217,9 @@ fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
         names: String::new(),
         seconds: 0.0,
     };
-    if let Some(o) = outcome {
-        let names: Vec<String> = named(&o.diagnosis).iter().map(|c| c.join("|")).collect();
-        row = Row { size: o.size, channel: o.channel.clone(), end: o.end, names: names.join(" then "), seconds: o.seconds, ..row };
-        if alone || !expected(hidden, o.end) {
-            println!("{}\n", story(hidden, setting, &o));
-        }
-    }
-    println!("{}", row.line());
-    row
+    let Some(o) = outcome else { return row };
+    let names: Vec<String> = named(&o.diagnosis).iter().map(|c| c.join("|")).collect();
+    Row { size: o.size, channel: o.channel.clone(), end: o.end, names: names.join(" then "), seconds: o.seconds, ..row }
 }
 
 /// Where the trials of a matrix are kept; none for a selection.
@@ -260,15 +268,20 @@ fn all(list: &[(&'static Hidden, Setting)], file: Option<&Path>) -> Vec<Row> {
             }
         }
     };
-    let cores = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok());
-    let cores = cores.or(std::thread::available_parallelism().ok().map(usize::from)).unwrap_or(1);
-    std::thread::scope(|scope| (0..cores).for_each(|_| drop(scope.spawn(work))));
+    std::thread::scope(|scope| (0..cores()).for_each(|_| drop(scope.spawn(work))));
     done.into_inner().expect("no panic").0
+}
+
+/// How many trials run at once.
+fn cores() -> usize {
+    let wanted = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok());
+    wanted.or(std::thread::available_parallelism().ok().map(usize::from)).unwrap_or(1)
 }
 
 #[test]
 fn matrix_of_hidden_effects() {
-    let Ok(wanted) = std::env::var("KOEHLER_TRIALS") else {
+    let wanted = std::env::var("KOEHLER_TRIALS").ok().filter(|wanted| !wanted.starts_with(sensitivity::WANTED));
+    let Some(wanted) = wanted else {
         println!("skipped: set KOEHLER_TRIALS to 60, full, or the name of what is hidden");
         return;
     };

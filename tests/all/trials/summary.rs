@@ -32,6 +32,10 @@ const ENDS: [(End, &str); 7] = [
     (End::Unflown, "unflown"),
 ];
 
+pub fn word(end: End) -> &'static str {
+    ENDS.iter().find(|e| e.0 == end).map_or("", |e| e.1)
+}
+
 /// What is hidden in a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
@@ -61,7 +65,6 @@ pub struct Row {
 impl Row {
     /// As a line of tab-separated fields, without its end.
     pub fn line(&self) -> String {
-        let word = |all: &[(End, &'static str)]| all.iter().find(|e| e.0 == self.end).map_or("", |e| e.1);
         let kind = KINDS.iter().find(|k| k.0 == self.kind).map_or("", |k| k.1);
         let air = if self.turbulence { "turbulence" } else { "clear" };
         format!(
@@ -70,7 +73,7 @@ impl Row {
             self.seed,
             self.size,
             self.channel,
-            word(&ENDS),
+            word(self.end),
             self.names,
             self.seconds
         )
@@ -110,7 +113,7 @@ pub fn table(rows: &[Row]) -> String {
             Kind::Nothing => End::Nothing,
         };
         if row.end != expected {
-            let end = ENDS.iter().find(|e| e.0 == row.end).map_or("", |e| e.1);
+            let end = word(row.end);
             groups[at].2.push(format!("#{} {:.1} {end} {}", row.seed, row.size, row.names).trim_end().to_string());
         }
     }
