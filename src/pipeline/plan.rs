@@ -98,6 +98,9 @@ impl Reader {
             (Some(columns), Some(derive)) => Some(columns.with_derived(derive)),
             _ => None,
         };
+        if let (Some(columns), Some(channels)) = (&columns, &channels) {
+            columns.distinct(channels, &self.doc, &mut self.errors);
+        }
         let segment = self.segment(&flights, columns.as_ref());
         let estimates = self.estimates(aircraft.as_ref(), columns.as_ref());
         let fits = self.fits(&estimates, columns.as_ref());

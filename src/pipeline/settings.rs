@@ -17,7 +17,7 @@ pub struct Settings {
     pub aircraft: Option<String>,
     /// The channel map: which topic and field of a log is which signal.
     pub channels: String,
-    /// The logs: paths or patterns such as "logs/*.mcap"; one that begins with "$NAME/" lies in the folder that this variable of the
+    /// The logs: paths or patterns such as "logs/*.mcap", absolute ones as well; one that begins with "$NAME/" lies in the folder that this variable of the
     /// environment names. The flight's id is the file's name without its ending.
     pub logs: Vec<String>,
     /// A campaign file that simulates the logs that are not there yet. Logs that are there are data: after a change of the campaign file,

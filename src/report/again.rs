@@ -16,7 +16,7 @@ pub fn parameters(next_models: Option<&Columns>, estimates: Option<&Columns>) ->
     let Some(table) = estimates else { return Grid::missing("Nothing was estimated again.") };
     let key = |r: usize| ["group", "parameter", "of"].map(|column| table.text(column, r));
     let rows = |model: &str| -> Vec<usize> {
-        let shown = |r: &usize| table.text("segment", *r).is_empty() && !table.text("parameter", *r).ends_with("(0)");
+        let shown = |r: &usize| table.text("per", *r) != "segment" && !table.text("parameter", *r).ends_with("(0)");
         (0..table.rows()).filter(|&r| table.text("model", r) == model).filter(shown).collect()
     };
     for [_, estimate, next] in pairs(next_models) {

@@ -126,6 +126,7 @@ fn results(all: &[Maneuver], noise: &mut impl Rng) -> [Table; 4] {
         let known = |v: f64| (0..used.len()).map(|i| if failed(i) { f64::NAN } else { v * sds[i] }).collect::<Vec<_>>();
         let table =
             Table::build("estimates").repeat("model", "elevator").strings("group", segments()).strings("segment", segments());
+        let table = table.strings("flight", used.iter().map(|m| m.flight.as_str()));
         let table = table.repeat("parameter", name).repeat("per", "segment").strings("of", segments()).repeat("unit", unit);
         let table = table.f64("value", values.clone()).f64("sd", known(1.0));
         let table = table.f64("sd_crlb", known(0.37)).f64("start", vec![0.9 * intercept; used.len()]);

@@ -165,17 +165,17 @@ fn repeats(table: Option<&Columns>) -> Grid {
 fn profiles(table: Option<&Columns>, estimates: Option<&Columns>) -> (Vec<Caption>, Vec<ProfilePlot>) {
     let (mut captions, mut plots) = (Vec::new(), Vec::new());
     let Some(table) = table.filter(|t| t.rows() > 0) else { return (captions, plots) };
-    for ([model, group, segment, parameter], rows) in table.groups(["model", "group", "segment", "parameter"]) {
+    for ([model, group, of, parameter], rows) in table.groups(["model", "group", "of", "parameter"]) {
         let Some(&first) = rows.first() else { continue };
         let index = plots.len();
         let column = |name: &str| shorts(rows.iter().map(|&r| table.number(name, r)), 1.0);
         let unit = table.unit_in("unit", first);
-        let key = [&model, &group, &segment, &parameter];
+        let key = [&model, &group, &of, &parameter];
         let same =
-            |t: &Columns, row: usize| ["model", "group", "segment", "parameter"].iter().zip(key).all(|(c, k)| t.text(c, row) == *k);
+            |t: &Columns, row: usize| ["model", "group", "of", "parameter"].iter().zip(key).all(|(c, k)| t.text(c, row) == *k);
         let interval =
             estimates.and_then(|t| (0..t.rows()).find(|&row| same(t, row)).map(|row| interval(t, row))).unwrap_or_default();
-        captions.push(Caption { index, text: format!("{parameter} of {} ({model}): {interval}", name(&group, &segment)) });
+        captions.push(Caption { index, text: format!("{parameter} of {} ({model}): {interval}", name(&group, &of)) });
         plots.push(ProfilePlot {
             index,
             parameter,

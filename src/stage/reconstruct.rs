@@ -81,6 +81,16 @@ impl Config {
                 measured += 1;
             }
         }
+        // An output that is meant for a column of the flight path and does not reach it would be lost in silence.
+        let columns = || crate::table::schema("flightpath").into_iter().flat_map(|s| &s.columns).map(|c| c.name.as_str());
+        for name in model.outputs.iter().map(|o| o.name.as_str()).filter(|name| columns().all(|c| c != *name)) {
+            if let Some(column) = columns().find(|c| c.to_lowercase() == name.to_lowercase()) {
+                let what =
+                    format!("output \"{name}\" of the kinematic model differs from the flight path's \"{column}\" by case only");
+                let help = if name == "v" { "the lateral velocity is \"v_body\"" } else { "call it the same, or something else" };
+                errors.push(doc.error("reconstruct", what).help(help));
+            }
+        }
         if measured == 0 {
             let known: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
             errors.push(

@@ -112,8 +112,8 @@ impl Builder {
     /// The table.
     ///
     /// # Errors
-    /// A column is missing, unknown, given twice, of another type or length, or lacks values that it must have: all of it in one
-    /// error.
+    /// A column is missing, unknown, given twice (also when spelled with other capitals), of another type or length, or lacks values that
+    /// it must have: all of it in one error.
     pub fn finish(self) -> Result<Table> {
         let schema = schema(&self.table)?;
         let rows = self.given.iter().find_map(|g| g.rows()).unwrap_or(0);
@@ -129,6 +129,7 @@ impl Builder {
                 }
             }
         }
+        wrong.extend(alike(&columns).map(|(one, other)| format!("columns \"{one}\" and \"{other}\" differ by case only")));
         let mut arrays = Vec::new();
         for column in &columns {
             match self.given.iter().find(|g| g.name == column.name) {
@@ -142,6 +143,13 @@ impl Builder {
             Err(Error::new(format!("table \"{}\": {}", self.table, wrong.join("; "))))
         }
     }
+}
+
+/// The columns whose names differ by case only, each with the one before it: DuckDB and Spark take the two for one.
+pub(super) fn alike(columns: &[Column]) -> impl Iterator<Item = (&str, &str)> {
+    let lower: Vec<String> = columns.iter().map(|c| c.name.to_lowercase()).collect();
+    let before = move |i: usize| (0..i).find(|&k| lower[k] == lower[i] && columns[k].name != columns[i].name);
+    (0..columns.len()).filter_map(move |i| before(i).map(|k| (columns[k].name.as_str(), columns[i].name.as_str())))
 }
 
 impl Given {

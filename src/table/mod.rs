@@ -56,6 +56,10 @@ impl Table {
     }
 
     fn from_arrays(schema: &'static Schema, columns: Vec<Column>, arrays: Vec<ArrayRef>) -> Result<Table> {
+        if let Some((one, other)) = build::alike(&columns).next() {
+            let what = format!("table \"{}\": columns \"{one}\" and \"{other}\" differ by case only", schema.name);
+            return Err(Error::new(what).help("many readers take them for one: give one of the signals another name"));
+        }
         let batch = RecordBatch::try_new(schema::arrow(&columns), arrays)
             .map_err(|e| Error::new(format!("table \"{}\": {e}", schema.name)))?;
         Ok(Table { schema, columns: columns.into(), batch })

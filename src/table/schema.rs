@@ -157,6 +157,11 @@ mod tests {
             assert_eq!(schema.name, *name);
             let names: std::collections::BTreeSet<&str> = schema.columns.iter().map(|c| c.name.as_str()).collect();
             assert_eq!(names.len(), schema.columns.len(), "{name} has a column twice");
+            assert_eq!(
+                super::super::build::alike(&schema.columns).next(),
+                None,
+                "{name}: readers such as DuckDB take these for one"
+            );
             assert_eq!(schema.per_flight, schema.per_flight && names.contains("flight"), "{name} lacks the flight");
             assert!(schema.sorted_by.iter().all(|s| names.contains(s.as_str())), "{name}: sorted_by");
             assert!(schema.columns.iter().all(|c| c.doc.ends_with('.') && !c.unit.is_empty()), "{name}: doc or unit");

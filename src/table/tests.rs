@@ -129,6 +129,45 @@ fn dynamic_columns_keep_unit_and_meaning_and_are_nan_where_a_flight_lacks_them()
 }
 
 #[test]
+fn columns_that_differ_by_case_only_are_refused() {
+    let build = |name: &str| {
+        let table =
+            Table::build("samples").repeat("flight", "f1").f64("t_s", vec![0.0]).dynamic("V", "m/s", "Airspeed.", vec![90.0]);
+        table.dynamic(name, "m/s", "Lateral velocity.", vec![0.0]).finish()
+    };
+    assert!(build("v_body").is_ok());
+    assert_eq!(build("v").unwrap_err().to_string(), "table \"samples\": columns \"V\" and \"v\" differ by case only");
+    assert!(build("T_s").unwrap_err().to_string().contains("columns \"t_s\" and \"T_s\" differ by case only"));
+    // Each of two flights is fine by itself, both together are not.
+    let one = |name: &str| {
+        Table::build("samples").repeat("flight", "f1").f64("t_s", vec![0.0]).dynamic(name, "m/s", "", vec![1.0]).finish().unwrap()
+    };
+    let e = Table::concat("samples", &[one("tas"), one("TAS")]).unwrap_err().to_string();
+    assert!(e.contains("\"tas\" and \"TAS\" differ by case only") && e.contains("another name"), "{e}");
+}
+
+/// The IEEE total order, which later versions of the crate write for numbers, makes polars before 2 refuse a file.
+#[test]
+fn every_column_has_the_order_of_its_type_in_the_footer() {
+    use ::parquet::basic::ColumnOrder;
+    use ::parquet::file::reader::{FileReader, SerializedFileReader};
+    let tables = schemas().iter().map(|s| Table::empty(&s.name).unwrap());
+    let full = [samples(100), segments("f1", &["a", "b"], vec![true, false])];
+    let mut kinds = std::collections::BTreeSet::new();
+    for table in tables.chain(full) {
+        let reader = SerializedFileReader::new(bytes::Bytes::from(table.to_parquet().unwrap())).unwrap();
+        let file = reader.metadata().file_metadata();
+        let orders = file.column_orders().unwrap_or_else(|| panic!("{} has no column orders", table.name()));
+        assert_eq!(orders.len(), file.schema_descr().num_columns());
+        for (column, order) in file.schema_descr().columns().iter().zip(orders) {
+            assert!(matches!(order, ColumnOrder::TYPE_DEFINED_ORDER(_)), "{} {}: {order:?}", table.name(), column.name());
+            kinds.insert(column.physical_type().to_string());
+        }
+    }
+    assert_eq!(kinds.len(), 4, "numbers, whole numbers, truth values and texts: {kinds:?}");
+}
+
+#[test]
 fn the_same_table_gives_the_same_bytes_and_comes_back() {
     let table = samples(5000);
     let bytes = table.to_parquet().unwrap();
@@ -256,6 +295,7 @@ mod campaign_level {
         Table::build("estimates")
             .repeat("model", "m")
             .strings("group", rows.iter().map(|r| r.0))
+            .opt_strings("flight", rows.iter().map(|_| None::<&str>))
             .opt_strings("segment", rows.iter().map(|r| r.1))
             .repeat("parameter", "C")
             .repeat("per", "segment")

@@ -15,6 +15,7 @@ mod models;
 mod pages;
 mod path;
 mod phlab;
+mod readers;
 mod real;
 mod recovery;
 mod reruns;

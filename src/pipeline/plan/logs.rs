@@ -51,6 +51,7 @@ pub fn find(settings: &Settings, doc: &Doc, folder: &Path, simulation: Option<&S
 /// The logs that one pattern stands for, simulated ones included.
 fn matches(doc: &Doc, key: &str, folder: &Path, pattern: &str, to_simulate: &[(String, PathBuf)]) -> Result<Vec<PathBuf>, Error> {
     let (folder, pattern) = match pattern.strip_prefix('$').and_then(|rest| rest.split_once('/')) {
+        None if Path::new(pattern).is_absolute() => (PathBuf::new(), pattern),
         None => (folder.to_path_buf(), pattern),
         Some((name, tail)) => match std::env::var_os(name) {
             Some(root) => (PathBuf::from(root), tail),

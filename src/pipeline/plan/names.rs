@@ -44,6 +44,31 @@ impl Columns {
         self
     }
 
+    /// Files an error for every two columns of the samples table whose names differ by case only, at what a person can rename: a signal,
+    /// else the model of `[derive]`.
+    pub fn distinct(&self, channels: &Channels, doc: &Doc, errors: &mut Errors) {
+        let of = |table: &str| schema(table).iter().flat_map(|s| &s.columns).map(|c| c.name.as_str()).collect::<Vec<_>>();
+        let (own, path) = (of("samples"), of("flightpath"));
+        let all: Vec<&str> = own.iter().copied().chain(self.names()).collect();
+        for (i, &name) in all.iter().enumerate() {
+            let Some(&other) = all[..i].iter().find(|other| other.to_lowercase() == name.to_lowercase()) else { continue };
+            let what = format!(
+                "\"{other}\" and \"{name}\" would both be columns of the table `samples`, and many readers (DuckDB, Spark) take them for one"
+            );
+            let signals = &channels.map.signal;
+            let (error, rest) = match [name, other].into_iter().find(|n| signals.contains_key(*n)) {
+                Some(signal) => (channels.doc.error(&format!("signal.{signal}"), what), if signal == name { other } else { name }),
+                None => (doc.error("derive.model", what), ""),
+            };
+            errors.push(error.help(match path.contains(&rest) && !own.contains(&rest) {
+                true => {
+                    format!("call the signal \"{rest}\" as the flight path does, which then takes its place, or something else")
+                }
+                false => "give one of them another name".to_string(),
+            }));
+        }
+    }
+
     fn put(&mut self, name: &str, unit: &str) {
         let signal = self.0.get(name).and_then(|c| c.signal.clone());
         self.0.insert(name.to_string(), Column { unit: unit.to_string(), signal });
@@ -110,6 +135,10 @@ fn driver(
         let mut error = unknown(doc, &at, "signal or column", name, &columns.names());
         if mapped.is_none() {
             error.what = format!("input \"{}\" of the model has no column of this name, and none is mapped to it", input.name);
+        }
+        if name == "v" && columns.0.contains_key("v_body") {
+            let help = format!("the flight path's v is the column \"v_body\": inputs = {{ {} = \"v_body\" }}", input.name);
+            error.help = Some(help);
         }
         errors.push(error);
         return None;

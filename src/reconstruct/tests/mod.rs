@@ -240,7 +240,7 @@ fn path_by(flown: &Flown, model: &Model, settings: &Settings) -> FlightPath {
     reconstruct(model, get, settings).unwrap_or_else(|e| panic!("{e}"))
 }
 
-const STATES: [&str; 7] = ["u", "v", "w", "phi", "theta", "psi", "h"];
+const STATES: [&str; 7] = ["u", "v_body", "w", "phi", "theta", "psi", "h"];
 
 /// (value - truth)/sd of every state at the grid points `keep` accepts.
 fn normed(flown: &Flown, heights: &[f64], path: &FlightPath, keep: impl Fn(f64) -> bool) -> Vec<Vec<f64>> {

@@ -13,7 +13,7 @@ use crate::estimate::Segment;
 use crate::model::Model;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -52,8 +52,9 @@ pub struct Settings {
     pub name: Option<String>,
     /// Name of the `[[estimate]]`: its model, its maneuvers (all of them together, whatever its `group`) and its method.
     pub estimate: String,
-    /// Folders of effects of your own, searched besides the library; relative to the pipeline file.
-    #[serde(default)]
+    /// A folder of effects of your own, or several, searched besides the library; relative to the pipeline file.
+    #[serde(default, deserialize_with = "one_or_several")]
+    #[schemars(with = "estimate::Used")]
     pub effects: Vec<String>,
     /// What plays a role that effects speak of, where the model's names do not tell: `control = ["eta"]`.
     #[serde(default)]
@@ -74,6 +75,10 @@ pub struct Settings {
 
 fn default_rerun() -> bool {
     true
+}
+
+fn one_or_several<'de, D: Deserializer<'de>>(given: D) -> Result<Vec<String>, D::Error> {
+    estimate::Used::deserialize(given).map(|used| used.names().to_vec())
 }
 
 impl Settings {

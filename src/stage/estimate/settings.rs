@@ -74,7 +74,7 @@ pub struct Settings {
     pub method: estimate::Settings,
 }
 
-/// One input, or several.
+/// One name, or several.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Used {

@@ -39,13 +39,34 @@ pub(super) fn per(batch: &Batch, row: &Row) -> (String, Option<String>) {
     }
 }
 
+/// The one segment that a row is of: its own, or the only one of the batch.
+fn of_segment<'a>(batch: &'a Batch, row: &Row) -> Option<&'a str> {
+    match batch.segments.as_slice() {
+        [only] => Some(only),
+        _ => segment(batch, row.segment),
+    }
+}
+
+/// The one flight whose segments a row is of; none where they are of several.
+fn of_flight<'a>(batch: &'a Batch, row: &Row) -> Option<&'a str> {
+    let holds = |s: &usize| match (row.segment, &row.group) {
+        (Some(own), _) => own == *s,
+        (None, Some(label)) => batch.labelled[*s].labels.get(&label.column) == Some(&label.value),
+        (None, None) => true,
+    };
+    let mut flights = (0..batch.labelled.len()).filter(holds).map(|s| batch.labelled[s].labels.get("flight").map(String::as_str));
+    let first = flights.next()??;
+    flights.all(|flight| flight == Some(first)).then_some(first)
+}
+
 fn estimates(model: &str, done: &[Done]) -> Result<Table> {
     let mut rows: Vec<_> = done.iter().flat_map(|(b, e)| e.rows.iter().map(move |row| (b, e, row))).collect();
     rows.sort_by_key(|(b, _, r)| (&b.group, &r.name, segment(b, r.segment), per(b, r).1));
     Table::build("estimates")
         .repeat("model", model)
         .strings("group", rows.iter().map(|(b, _, _)| &b.group))
-        .opt_strings("segment", rows.iter().map(|(b, _, r)| segment(b, r.segment)))
+        .opt_strings("flight", rows.iter().map(|(b, _, r)| of_flight(b, r)))
+        .opt_strings("segment", rows.iter().map(|(b, _, r)| of_segment(b, r)))
         .strings("parameter", rows.iter().map(|(_, _, r)| &r.name))
         .strings("per", rows.iter().map(|(b, _, r)| per(b, r).0))
         .opt_strings("of", rows.iter().map(|(b, _, r)| per(b, r).1))
