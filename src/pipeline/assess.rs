@@ -4,7 +4,7 @@ use super::plan::Plan;
 use super::record::{Ingredients, PLACE, Record};
 use super::store::Store;
 use crate::error::Result;
-use crate::stage::{Part, Per, Stage, Unit, rerun};
+use crate::stage::{Part, Per, Stage, Unit};
 use std::collections::BTreeMap;
 
 /// The state of one unit of a stage.
@@ -41,24 +41,6 @@ pub struct Assessment {
     pub state: State,
     pub ingredients: Ingredients,
     pub record: Option<Record>,
-}
-
-/// The units of a stage.
-pub fn units(plan: &Plan, stage: &Stage) -> Vec<Unit> {
-    let campaign = &plan.campaign;
-    let names: Vec<String> = match stage.per {
-        _ if !(stage.wanted)(campaign) => Vec::new(),
-        Per::Rerun => {
-            let unit = |(index, name)| Unit { name, index, per: stage.per };
-            return rerun::units(campaign).into_iter().map(unit).collect();
-        }
-        Per::Flight => campaign.flights.clone(),
-        Per::Estimate => campaign.estimates.iter().map(|e| e.name().to_string()).collect(),
-        Per::Fit => campaign.fits.iter().map(|f| f.name().to_string()).collect(),
-        Per::Diagnose => campaign.diagnoses.iter().map(|d| d.name()).collect(),
-        Per::Campaign => vec!["campaign".to_string()],
-    };
-    names.into_iter().enumerate().map(|(index, name)| Unit { name, index, per: stage.per }).collect()
 }
 
 /// Holds one unit against the record of its last run.

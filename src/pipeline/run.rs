@@ -1,11 +1,11 @@
 //! The run: a plan and an output folder come in; stale units are run in order of stages, in parallel over flights; tables go out.
 
-use super::assess::{Assessment, Content, Contents, State, assess, contents_after, units};
+use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::plan::Plan;
 use super::record::{Record, hash_bytes};
 use super::store::Store;
 use crate::error::{Error, Errors, Result};
-use crate::stage::{Inputs, NOTES, Note, Output, Part, Per, STAGES, STAGES_TABLE, Severity, Stage, Unit};
+use crate::stage::{Inputs, NOTES, Note, Output, Part, Per, STAGES, STAGES_TABLE, Severity, Stage, Unit, units};
 use crate::table::Table;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -117,7 +117,7 @@ impl Run<'_> {
     fn drop_tables(&mut self, later: &[Stage]) {
         let reads = |stage: &Stage| -> BTreeSet<String> {
             let of = |unit: Unit| (stage.reads)(&self.plan.campaign, &unit).into_iter().map(|r| r.part.path(r.table));
-            units(self.plan, stage).into_iter().flat_map(of).collect()
+            units(&self.plan.campaign, stage).into_iter().flat_map(of).collect()
         };
         let wanted: BTreeSet<String> = later.iter().flat_map(reads).collect();
         self.tables.lock().unwrap_or_else(|p| p.into_inner()).retain(|path, _| wanted.contains(path));
@@ -125,8 +125,10 @@ impl Run<'_> {
 
     fn stage(&mut self, stage: &'static Stage) -> Result<()> {
         let (plan, store, contents) = (self.plan, self.store, &self.contents);
-        let assessments: Vec<Assessment> =
-            units(plan, stage).into_par_iter().map(|unit| assess(plan, store, contents, stage, unit)).collect::<Result<_>>()?;
+        let assessments: Vec<Assessment> = units(&plan.campaign, stage)
+            .into_par_iter()
+            .map(|unit| assess(plan, store, contents, stage, unit))
+            .collect::<Result<_>>()?;
         if assessments.is_empty() {
             return Ok(());
         }
@@ -294,7 +296,7 @@ fn asked(plan: &Plan, unit: &Unit) -> Option<serde_json::Value> {
 /// Records of units that are no longer part of the campaign.
 pub fn gone(plan: &Plan, store: &Store) -> Vec<Record> {
     let wanted: BTreeSet<(String, String)> =
-        STAGES.iter().flat_map(|s| units(plan, s).into_iter().map(|u| (s.name.to_string(), u.name))).collect();
+        STAGES.iter().flat_map(|s| units(&plan.campaign, s).into_iter().map(|u| (s.name.to_string(), u.name))).collect();
     store.records().into_iter().filter(|r| !wanted.contains(&(r.stage.clone(), r.unit.clone()))).collect()
 }
 
@@ -320,8 +322,10 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
             }
         }
         let known = &contents;
-        let of_stage: Vec<Assessment> =
-            units(plan, stage).into_par_iter().map(|unit| assess(plan, store, known, stage, unit)).collect::<Result<_>>()?;
+        let of_stage: Vec<Assessment> = units(&plan.campaign, stage)
+            .into_par_iter()
+            .map(|unit| assess(plan, store, known, stage, unit))
+            .collect::<Result<_>>()?;
         for a in &of_stage {
             contents_after(stage, a, &mut contents);
             match (&mut fresh, &a.state, &a.record) {

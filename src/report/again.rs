@@ -1,7 +1,7 @@
 //! `next_models`, `estimates` and `residuals` in; an estimate and the same with what a diagnosis added, side by side, out.
 
 use super::columns::Columns;
-use super::format::{number, with_sd};
+use super::format::{number, plus_minus};
 use super::grid::{Cell, Grid, Level};
 
 /// Amended estimates: diagnosis, estimate, name of the amended one.
@@ -23,10 +23,7 @@ pub fn parameters(next_models: Option<&Columns>, estimates: Option<&Columns>) ->
         let before = rows(&estimate);
         for row in rows(&next) {
             let old = before.iter().copied().find(|&r| key(r) == key(row));
-            let value = |r: usize| {
-                let (text, sd) = with_sd(table.number("value", r), table.number("sd", r));
-                Cell::new(sd.map_or(text.clone(), |sd| format!("{text} ± {sd}")))
-            };
+            let value = |r: usize| Cell::new(plus_minus(table.number("value", r), table.number("sd", r)));
             let sd = |r: usize| table.number("sd", r);
             let shift = old.map_or(f64::NAN, |r| (table.number("value", row) - table.number("value", r)) / sd(r));
             let [group, name, of] = key(row);

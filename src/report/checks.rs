@@ -4,9 +4,28 @@ use super::columns::Columns;
 use super::format::{count, number};
 use super::grid::Level;
 use super::lines::EXCESS;
-use super::maneuvers::{self, Match};
-use super::{consistency, diagnosis, estimates, flights, lines, logs, uncertainty};
+use super::section::{Body, Given, Section};
+use super::{SECTIONS, consistency, diagnosis, estimates, flights, lines, logs, maneuvers, uncertainty};
+use crate::error::Result;
 use serde::Serialize;
+
+pub const SECTION: Section = Section {
+    id: "checks",
+    heading: "Can these results be trusted?",
+    tables: &[
+        "notes",
+        "channels",
+        "consistency",
+        "segments",
+        "estimates",
+        "correlations",
+        "responses",
+        "repeats",
+        "fits",
+        "findings",
+    ],
+    build,
+};
 
 /// One number of the header.
 #[derive(Debug, Serialize)]
@@ -17,74 +36,97 @@ pub struct Tile {
 }
 
 /// One checked question, with its answer.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Check {
     pub level: Level,
     pub mark: &'static str,
     pub word: &'static str,
     pub text: String,
-    /// The section with the details.
-    pub link: &'static str,
+    /// Where the details are; none where the page has no place for them.
+    pub link: Option<Link>,
 }
 
-/// The tables that the header and the checks look at.
-#[derive(Clone, Copy)]
-pub struct Facts<'a> {
-    pub flights: &'a [String],
-    pub segments: Option<&'a Columns>,
-    pub estimates: Option<&'a Columns>,
-    pub correlations: Option<&'a Columns>,
-    pub repeats: Option<&'a Columns>,
-    pub fits: Option<&'a Columns>,
-    pub channels: Option<&'a Columns>,
-    pub consistency: Option<&'a Columns>,
-    pub findings: Option<&'a Columns>,
-    pub notes: Option<&'a Columns>,
-    pub responses: Option<&'a Columns>,
-    pub matches: &'a [Match],
+/// A place on the page.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Link {
+    /// The section or, in it, what has this `id`.
+    pub id: &'static str,
+    /// Heading of the section.
+    pub heading: &'static str,
 }
 
-/// Flights, maneuvers found and used, estimations converged, lines, notes.
-pub fn tiles(facts: Facts, asked: impl Fn(&str) -> bool) -> Vec<Tile> {
+#[derive(Serialize)]
+struct Shown {
+    checks: Vec<Check>,
+}
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    Ok(Some(Body::new(include_str!("html/checks.html"), Shown { checks: answers(given) })))
+}
+
+/// Flights, maneuvers found and used, estimations converged, lines, notes: what the campaign asks for.
+pub fn tiles(given: &Given) -> Vec<Tile> {
     let tile = |value: String, label: &str, level| Tile { value, label: label.into(), level };
-    let found = facts.segments.map_or(0, Columns::rows);
-    let used = facts.responses.map_or(0, |r| r.rows_by(["segment"]).len());
-    let (all, good) = estimates::counts(facts.estimates);
-    let lines = facts.fits.map_or(0, Columns::rows);
-    let remarks = facts.notes.map_or(0, Columns::rows);
-    let noted = facts.notes.and_then(|n| logs::remarks(Some(n))).map(|(level, _)| level).filter(|l| *l != Level::Good);
-    let tiles = [
-        ("", tile(facts.flights.len().to_string(), if facts.flights.len() == 1 { "flight" } else { "flights" }, None)),
-        ("estimates", tile(found.to_string(), "maneuvers found", (found == 0).then_some(Level::Bad))),
-        ("estimates", tile(used.to_string(), "maneuvers estimated", (used == 0).then_some(Level::Bad))),
-        ("estimates", tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad))),
-        ("fits", tile(lines.to_string(), "fitted lines", None)),
-        ("", tile(remarks.to_string(), "notes", noted)),
-    ];
-    tiles.into_iter().filter(|(section, _)| asked(section)).map(|(_, tile)| tile).collect()
+    let asked = |table: &str| !given.input.unasked.contains(&table);
+    let mut tiles = vec![tile(given.flights.len().to_string(), if given.flights.len() == 1 { "flight" } else { "flights" }, None)];
+    let found = given.get("segments").map_or(0, Columns::rows);
+    let used = flights::used(given.get("responses"), given.get("segments"));
+    // Records that are estimated as they are need no maneuvers.
+    if asked("segments") && (asked("estimates") || found > 0) {
+        tiles.push(tile(found.to_string(), "maneuvers found", (found == 0 && used.records == 0).then_some(Level::Bad)));
+    }
+    if asked("estimates") {
+        if used.maneuvers > 0 || used.records == 0 {
+            tiles.push(tile(used.maneuvers.to_string(), "maneuvers estimated", (used.maneuvers == 0).then_some(Level::Bad)));
+        }
+        if used.records > 0 {
+            let label = if used.records == 1 { "record estimated as one segment" } else { "records estimated as they are" };
+            tiles.push(tile(used.records.to_string(), label, None));
+        }
+        let (all, good) = estimates::counts(given.get("estimates"));
+        tiles.push(tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad)));
+    }
+    if asked("fits") {
+        tiles.push(tile(given.get("fits").map_or(0, Columns::rows).to_string(), "fitted lines", None));
+    }
+    let notes = given.get("notes");
+    let noted = logs::remarks(notes).map(|(level, _)| level).filter(|l| *l != Level::Good);
+    tiles.push(tile(notes.map_or(0, Columns::rows).to_string(), "notes", noted));
+    tiles
 }
 
 /// The checks, in the order of the processing.
-pub fn checks(facts: Facts) -> Vec<Check> {
+pub fn answers(given: &Given) -> Vec<Check> {
+    let get = |table: &str| given.get(table);
+    let matches = maneuvers::matches(get("responses"));
     let answers = [
-        (logs::losses(facts.channels), "channels"),
-        (consistency::summary(facts.consistency), "consistency"),
-        (flights::summary(facts.segments, facts.flights), "flights"),
-        (by_hand(facts.segments), "flights"),
-        (estimates::convergence(facts.estimates), "estimates"),
-        (maneuvers::summary(facts.matches), "maneuvers"),
-        (estimates::colour(facts.estimates), "estimates"),
-        (estimates::separation(facts.correlations), "estimates"),
-        (uncertainty::honesty(facts.repeats), "uncertainty"),
-        (scatter(facts.fits), "fits"),
-        (few_points(facts.fits), "fits"),
-        (diagnosis::summary(facts.findings), "diagnosis"),
-        (logs::remarks(facts.notes), "notes"),
+        (logs::losses(get("channels")), "channels", "channels"),
+        (consistency::summary(get("consistency")), "consistency", "consistency"),
+        (flights::summary(get("segments"), get("responses"), &given.ids()), "flights", "segments"),
+        (by_hand(get("segments")), "flights", "segments"),
+        (estimates::convergence(get("estimates")), "estimates", "estimates"),
+        (maneuvers::summary(&matches), "maneuvers", "matches"),
+        (estimates::colour(get("estimates")), "estimates", "estimates"),
+        (estimates::separation(get("correlations")), "correlations", "correlations"),
+        (uncertainty::honesty(get("repeats")), "uncertainty", "repeats"),
+        (scatter(get("fits")), "fits", "fits"),
+        (few_points(get("fits")), "fits", "fits"),
+        (diagnosis::summary(get("findings"), get("estimates")), "verdict", "verdict"),
+        (logs::remarks(get("notes")), "notes", "notes"),
     ];
-    answers.into_iter().filter_map(|(answer, link)| answer.map(|(level, text)| check(level, text, link))).collect()
+    let link = |section: &str, id| {
+        let section = SECTIONS.iter().find(|s| s.id == section).filter(|s| given.input.asks_for(s))?;
+        Some(Link { id, heading: section.heading })
+    };
+    // A check without a finding has nothing to show.
+    let found = |id: &str| id != "verdict" || get("findings").is_some_and(|t| t.rows() > 0);
+    let check = |(answer, section, id): (Option<(Level, String)>, &str, &'static str)| {
+        answer.map(|(level, text)| check(level, text, link(section, id).filter(|_| found(id))))
+    };
+    answers.into_iter().filter_map(check).collect()
 }
 
-fn check(level: Level, text: String, link: &'static str) -> Check {
+fn check(level: Level, text: String, link: Option<Link>) -> Check {
     let (mark, word) = match level {
         Level::Good => ("✓", "good"),
         Level::Info | Level::Dim => ("·", "note"),

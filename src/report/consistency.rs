@@ -4,6 +4,26 @@ use super::columns::Columns;
 use super::estimates::few;
 use super::format::{count, number};
 use super::grid::{Cell, Grid, Level};
+use super::paths;
+use super::section::{Body, Given, Section};
+use crate::error::Result;
+use serde::Serialize;
+
+pub const SECTION: Section =
+    Section { id: "consistency", heading: "Do the sensors agree?", tables: &["consistency", "pathmatch"], build };
+
+#[derive(Serialize)]
+struct Shown {
+    consistency: Grid,
+    /// There are measured channels to be drawn beside the flight path.
+    compared: bool,
+}
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let paths = paths::paths(given.get("pathmatch"));
+    let section = Shown { consistency: table(given.get("consistency")), compared: !paths.is_empty() };
+    Body::new(include_str!("html/consistency.html"), section).plot("paths", &paths).map(Some)
+}
 
 /// Checks with a column of their own, and its heading.
 const SHOWN: [(&str, &str); 8] = [
@@ -14,7 +34,7 @@ const SHOWN: [(&str, &str); 8] = [
     ("innovation size", "#innovations²|/ predicted"),
     ("whiteness", "#correlation|of neighbours"),
     ("rejected", "#rejected|share"),
-    ("noise", "#noise|SI"),
+    ("noise", "#noise sd"),
 ];
 /// Verdicts that are remarks, not faults.
 const REMARKS: [&str; 6] = ["coloured", "slow errors", "too small", "gaps", "significant", "not significant"];
@@ -38,7 +58,12 @@ pub fn table(table: Option<&Columns>) -> Grid {
         cells.push(if words.is_empty() { "good".to_string() } else { words.join(", ") }.into());
         cells.push(text.join("; ").into());
         let known = |check: &str| value(check).filter(|v| v.is_finite()).map(|v| number(v, 3)).unwrap_or_default();
-        cells.extend(SHOWN.map(|(check, _)| Cell::new(known(check))));
+        // Only the noise has the unit of its channel; the others stand in the heading.
+        let unit = rows.iter().find(|&&row| table.text("check", row) == "noise").map(|&row| table.unit_in("unit", row));
+        cells.extend(SHOWN.map(|(check, _)| match &unit {
+            Some(unit) if check == "noise" => Cell::new(known(check)).sub(unit),
+            _ => Cell::new(known(check)),
+        }));
         grid.push(cells);
         if let Some(last) = grid.rows.last_mut() {
             last.level = words.iter().map(|w| level(w)).max_by_key(|l| *l == Level::Bad).filter(|_| !words.is_empty());

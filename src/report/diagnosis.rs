@@ -2,16 +2,48 @@
 //! out.
 
 use super::columns::Columns;
-use super::format::{display_unit, number, short, shorts, thin};
+use super::format::{display_unit, number, plus_minus, short, shorts, thin};
 use super::grid::{Cell, Grid, Level};
-use super::{again, gap};
+use super::section::{Body, Given, Section};
+use super::{again, gap, used};
+use crate::error::Result;
 use serde::Serialize;
+
+pub const SECTION: Section = Section {
+    id: "diagnosis",
+    heading: "What the models lack: the evidence",
+    tables: &[
+        "findings",
+        "candidates",
+        "additions",
+        "held_out",
+        "closures",
+        "shifts",
+        "gaps",
+        "overlays",
+        "driven",
+        "relations",
+        "equation_errors",
+        "next_models",
+        "estimates",
+        "residuals",
+        "samples",
+    ],
+    build,
+};
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let (section, overlays) = diagnosis(|table| given.get(table));
+    let gaps = gap::figures(|table| given.get(table));
+    Body::new(include_str!("html/diagnosis.html"), section).plot("overlays", &overlays)?.plot("gaps", &gaps).map(Some)
+}
 
 /// The section of the page.
 #[derive(Debug, Default, Serialize)]
 pub struct Diagnosis {
     pub missing: Option<String>,
     pub verdicts: Vec<Verdict>,
+    pub added: Grid,
     pub candidates: Grid,
     pub held_out: Grid,
     pub closures: Grid,
@@ -36,13 +68,15 @@ pub struct Verdict {
 }
 
 /// One held-out maneuver, before and after (JSON).
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Overlay {
     pub label: String,
+    pub diagnosis: String,
+    pub segment: String,
     pub outputs: Vec<Curve>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Curve {
     pub name: String,
     pub unit: String,
@@ -60,7 +94,7 @@ const SHOWN: usize = 5;
 const WIDE: f64 = 1.3;
 
 /// The section and its overlays.
-pub fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<Overlay>) {
+fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<Overlay>) {
     let Some(findings) = get("findings").filter(|t| t.rows() > 0) else {
         let missing = "No model was diagnosed: `koehler diagnose`, or a [[diagnose]] section in the pipeline file, does it.";
         return (Diagnosis { missing: Some(missing.into()), ..Diagnosis::default() }, Vec::new());
@@ -69,11 +103,17 @@ pub fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, V
     let section = Diagnosis {
         missing: None,
         verdicts: verdicts(findings),
+        added: used::table(&used::Sources {
+            findings: Some(findings),
+            additions: get("additions"),
+            next_models: get("next_models"),
+            estimates: get("estimates"),
+        }),
         candidates: candidates(get("candidates")),
         held_out: held_out(get("held_out")),
         closures: closures(get("closures")),
         shifts: shifts(get("shifts")),
-        gaps: gaps(get("gaps")),
+        gaps: gaps(&get),
         equations: gap::equations(get("equation_errors"), get("relations")),
         again: again::parameters(get("next_models"), get("estimates")),
         left: again::residuals(get("next_models"), get("residuals")),
@@ -91,7 +131,7 @@ fn level(verdict: &str) -> Level {
     }
 }
 
-fn verdicts(table: &Columns) -> Vec<Verdict> {
+pub fn verdicts(table: &Columns) -> Vec<Verdict> {
     let one = |([name], rows): ([String; 1], Vec<usize>)| {
         let first = rows.first().copied().unwrap_or_default();
         let verdict = table.text("verdict", first);
@@ -195,12 +235,12 @@ fn shifts(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("Nothing was added.") };
     let mut grid = Grid::new(["diagnosis", "parameter", "#before", "#after", "#shift|sd"]);
     for row in 0..table.rows() {
-        let (shift, sd) = (table.number("shift", row), table.number("after_sd", row));
+        let shift = table.number("shift", row);
         grid.push(vec![
             Cell::new(table.text("diagnosis", row)),
             Cell::new(table.text("parameter", row)).sub(table.text("unit", row)),
-            Cell::new(number(table.number("before", row), 4)).sub(number(table.number("before_sd", row), 2)),
-            Cell::new(number(table.number("after", row), 4)).sub(number(sd, 2)),
+            Cell::new(plus_minus(table.number("before", row), table.number("before_sd", row))),
+            Cell::new(plus_minus(table.number("after", row), table.number("after_sd", row))),
             Cell::new(number(shift, 3)).level_if(shift.abs() > 3.0, Level::Warn),
         ]);
     }
@@ -208,8 +248,8 @@ fn shifts(table: Option<&Columns>) -> Grid {
 }
 
 /// Where the gap is widest: the whole of every output, and ranges that stand out of it.
-fn gaps(table: Option<&Columns>) -> Grid {
-    let Some(table) = table else { return Grid::missing("Nothing was compared.") };
+fn gaps<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Grid {
+    let Some(table) = get("gaps") else { return Grid::missing("Nothing was compared.") };
     let mut grid = Grid::new(["diagnosis", "when", "output", "where", "#r.m.s. / noise", "#mean / noise"]);
     for ([name, when, output], rows) in table.groups(["diagnosis", "when", "output"]) {
         let all = rows.iter().copied().filter(|&r| table.text("segment", r).is_empty());
@@ -219,11 +259,7 @@ fn gaps(table: Option<&Columns>) -> Grid {
         let mut wide: Vec<usize> = all.filter(|&r| table.text("by", r) != "all" && ratio(r) > WIDE * level.max(1.0)).collect();
         wide.sort_by(|&a, &b| ratio(b).total_cmp(&ratio(a)));
         for row in whole.into_iter().chain(wide.into_iter().take(SHOWN)) {
-            let edge = |column: &str, open: &str| {
-                Some(table.number(column, row)).filter(|v| v.is_finite()).map_or(open.to_string(), |v| number(v, 3))
-            };
-            let by = table.text("by", row);
-            let place = if by == "all" { by } else { format!("{by}: {} to {}", edge("from", "…"), edge("to", "…")) };
+            let place = gap::place(table, row, &get);
             grid.push(vec![
                 Cell::new(name.clone()),
                 Cell::new(when.clone()),
@@ -240,7 +276,8 @@ fn gaps(table: Option<&Columns>) -> Grid {
     grid.or_missing("Nothing was compared.")
 }
 
-fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
+/// Every held-out maneuver, what changed most first.
+pub fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
     let Some(table) = table else { return Vec::new() };
     let mut all: Vec<Overlay> = Vec::new();
     for ([diagnosis, segment, output], rows) in table.groups(["diagnosis", "segment", "output"]) {
@@ -260,29 +297,32 @@ fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
         };
         match all.iter_mut().find(|o| o.label == label) {
             Some(overlay) => overlay.outputs.push(curve),
-            None => all.push(Overlay { label, outputs: vec![curve] }),
+            None => all.push(Overlay { label, diagnosis, segment, outputs: vec![curve] }),
         }
     }
     // What changed most is shown first.
+    let changed = |overlay: &Overlay| overlay.outputs.iter().map(Curve::moved).sum::<f64>();
     all.sort_by(|a, b| changed(b).total_cmp(&changed(a)));
     all
 }
 
-/// What the addition moved, as a share of what was measured, over all outputs.
-fn changed(overlay: &Overlay) -> f64 {
-    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
-    let one = |curve: &Curve| {
-        let known: Vec<f64> = curve.measured.iter().flatten().copied().collect();
+impl Curve {
+    /// What the addition moved, as a share of what was measured.
+    pub fn moved(&self) -> f64 {
+        let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
+        let known: Vec<f64> = self.measured.iter().flatten().copied().collect();
         let mean = known.iter().sum::<f64>() / known.len() as f64;
-        let moved = squares(&mut curve.before.iter().zip(&curve.after).filter_map(|(b, a)| Some((*b)? - (*a)?)));
+        let moved = squares(&mut self.before.iter().zip(&self.after).filter_map(|(b, a)| Some((*b)? - (*a)?)));
         Some(moved / squares(&mut known.iter().map(|v| v - mean))).filter(|share| share.is_finite()).unwrap_or(0.0)
-    };
-    overlay.outputs.iter().map(one).sum()
+    }
 }
 
-/// The sentence of the checks.
-pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
-    let table = table.filter(|t| t.rows() > 0)?;
+/// The sentence of the checks; where models were estimated and none was diagnosed, how to have one.
+pub fn summary(table: Option<&Columns>, estimates: Option<&Columns>) -> Option<(Level, String)> {
+    let Some(table) = table.filter(|t| t.rows() > 0) else {
+        let text = "No model was diagnosed: `koehler diagnose`, or a [[diagnose]] section in the pipeline file, does it.";
+        return estimates.filter(|t| t.rows() > 0).map(|_| (Level::Info, text.to_string()));
+    };
     let all = verdicts(table);
     let worst = all
         .iter()

@@ -1,10 +1,19 @@
 //! `estimates` and `correlations` in, the tables of estimates and what the checks say about them out.
 
 use super::columns::Columns;
-use super::format::{count, every, number, with_sd};
+use super::correlations::CLOSE;
+use super::format::{count, every, number, plus_minus};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
+use super::section::{Body, Section};
 use serde::Serialize;
+
+pub const SECTION: Section = Section {
+    id: "estimates",
+    heading: "Estimates",
+    tables: &["estimates"],
+    build: |given| Ok(Some(Body::new(include_str!("html/estimates.html"), estimates(given.get("estimates"))))),
+};
 
 /// The estimates of the page: one table per model and group.
 #[derive(Debug, Default, Serialize)]
@@ -119,16 +128,15 @@ fn across(table: &Columns, parameters: &[String], runs: &[Run]) -> Grid {
 }
 
 fn down(table: &Columns, runs: &[Run]) -> Grid {
-    let mut grid = Grid::new(["maneuver", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#sd_total", "#start", "stop"]);
+    let mut grid = Grid::new(["maneuver", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#total", "#start", "stop"]);
     let listed = |row: &usize| !is_initial(&table.text("parameter", *row));
     for (run, row) in runs.iter().flat_map(|run| run.rows.iter().copied().filter(listed).map(move |row| (run, row))) {
         let (sd, bound) = (table.number("sd", row), table.number("sd_crlb", row));
-        let (value, sd_text) = with_sd(table.number("value", row), sd);
         let mut cells = vec![Cell::new(&run.name)];
         cells.extend(["parameter", "unit"].map(|name| Cell::new(table.text(name, row))));
         cells.extend([
-            value.into(),
-            sd_text.unwrap_or("none".into()).into(),
+            plus_minus(table.number("value", row), sd).into(),
+            number(sd, 2).into(),
             number(bound, 2).into(),
             number(sd / bound, 2).into(),
             number(table.number("sd_total", row), 2).into(),
@@ -142,12 +150,11 @@ fn down(table: &Columns, runs: &[Run]) -> Grid {
 }
 
 fn value(table: &Columns, row: usize) -> Cell {
-    let (value, sd) = with_sd(table.number("value", row), table.number("sd", row));
-    let bound = table.number("sd_crlb", row);
-    let text = sd.map_or(value.clone(), |sd| format!("{value} ± {sd}"));
-    let total = table.number("sd_total", row);
-    let more = if total > 1.005 * table.number("sd", row) { format!(", total {}", number(total, 2)) } else { String::new() };
-    if bound.is_finite() { Cell::new(text).sub(format!("CR {}{more}", number(bound, 2))) } else { Cell::new(text) }
+    let (sd, bound, total) = (table.number("sd", row), table.number("sd_crlb", row), table.number("sd_total", row));
+    let text = plus_minus(table.number("value", row), sd);
+    let more = if total > 1.005 * sd { format!(", total {}", number(total, 2)) } else { String::new() };
+    let below = format!("sd {}, CR {}{more}", number(sd, 2), number(bound, 2));
+    if sd.is_finite() { Cell::new(text).sub(below) } else { Cell::new(text) }
 }
 
 fn stop(table: &Columns, row: usize) -> Cell {
@@ -225,8 +232,6 @@ pub fn separation(correlations: Option<&Columns>) -> Option<(Level, String)> {
         (Level::Warn, format!("Correlated above {CLOSE} in some estimation, so hardly separable there: {}.", few(&pairs)))
     })
 }
-
-const CLOSE: f64 = 0.95;
 
 /// At most six names, and how many more there are.
 pub fn few(names: &[String]) -> String {

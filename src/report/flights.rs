@@ -4,8 +4,60 @@ use super::columns::Columns;
 use super::format::{count, display_unit, every, number, plain, shorts, thin};
 use super::grid::{Cell, Grid, Level, Row};
 use super::maneuvers::times;
+use super::section::{Body, Given, Section};
+use crate::error::Result;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+pub const SECTION: Section = Section {
+    id: "flights",
+    heading: "Flights and the maneuvers found",
+    tables: &["samples", "flightpath", "segments", "channels"],
+    build,
+};
+
+#[derive(Serialize)]
+struct Shown {
+    overview: Overview,
+    segments: Grid,
+}
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let (flightpath, samples, segments) = (given.get("flightpath"), given.get("samples"), given.get("segments"));
+    let searched = &given.input.searched;
+    let (overview, flights) = overview(flightpath, samples, segments, searched, &given.ids());
+    let unit = |input: &str| unit_of(searched.get(input).map_or(input, String::as_str), samples, given.get("channels"));
+    let section = Shown { overview, segments: table(segments, given.input.unasked.contains(&"segments"), unit) };
+    Body::new(include_str!("html/flights.html"), section).plot("overview", &flights).map(Some)
+}
+
+/// SI unit of a column of the samples, or of a signal of the logs; "" where neither says.
+fn unit_of(name: &str, samples: Option<&Columns>, channels: Option<&Columns>) -> String {
+    let column = samples.map(|s| s.unit(name)).filter(|unit| !unit.is_empty());
+    let signal = || channels.and_then(|t| (0..t.rows()).find(|&r| t.text("signal", r) == name).map(|r| t.unit_in("unit", r)));
+    column.map(String::from).or_else(signal).unwrap_or_default()
+}
+
+/// Whether a segment is the record of a flight, or one of its equal pieces (`flight-003`).
+pub fn is_record(segment: &str, flight: &str) -> bool {
+    let piece = segment.strip_prefix(flight).and_then(|rest| rest.strip_prefix('-'));
+    segment == flight || piece.is_some_and(|n| n.len() >= 3 && n.chars().all(|c| c.is_ascii_digit()))
+}
+
+/// What was estimated: maneuvers that were found, and records (or pieces of them) that were taken as they are.
+#[derive(Debug, Default, PartialEq)]
+pub struct Used {
+    pub maneuvers: usize,
+    pub records: usize,
+}
+
+pub fn used(responses: Option<&Columns>, segments: Option<&Columns>) -> Used {
+    let Some(responses) = responses else { return Used::default() };
+    let found = segments.map(|s| s.rows_by(["segment"])).unwrap_or_default();
+    let all = responses.rows_by(["segment"]);
+    let maneuvers = all.keys().filter(|segment| found.contains_key(*segment)).count();
+    Used { maneuvers, records: all.len() - maneuvers }
+}
 
 /// What one flight's plot is drawn from (JSON).
 #[derive(Debug, Serialize)]
@@ -117,9 +169,12 @@ pub fn included(segments: &Columns, row: usize) -> bool {
     segments.flag("included", row).unwrap_or(true)
 }
 
-/// The table of maneuvers found.
-pub fn segments(table: Option<&Columns>) -> Grid {
-    let Some(table) = table else { return Grid::missing("No table of segments: the segment stage has not run.") };
+/// The table of maneuvers found; `unit` is that of an input.
+fn table(table: Option<&Columns>, unasked: bool, unit: impl Fn(&str) -> String) -> Grid {
+    let Some(table) = table else {
+        let why = "No maneuvers are searched for in this campaign: records are used as they are.";
+        return Grid::missing(if unasked { why } else { "No table of segments: the segment stage has not run." });
+    };
     let columns =
         ["flight", "segment", "kind", "input", "#start|s", "#end|s", "#unit time|s", "#amplitude", "#score", "used", "~reason"];
     let mut grid = Grid::new(columns);
@@ -131,7 +186,7 @@ pub fn segments(table: Option<&Columns>) -> Grid {
             plain(table.number("t_start_s", row), 2).into(),
             plain(table.number("t_end_s", row), 2).into(),
             number(table.number("unit_time_s", row), 3).into(),
-            number(table.number("amplitude", row), 3).into(),
+            Cell::new(number(table.number("amplitude", row), 3)).sub(unit(&table.text("input", row))),
             number(table.number("score", row), 3).into(),
             Cell::new(if used { "yes" } else { "no" }),
             table.text("reason", row).into(),
@@ -141,14 +196,27 @@ pub fn segments(table: Option<&Columns>) -> Grid {
     grid.or_missing("No maneuver was found.")
 }
 
-/// The sentence of the checks about flights without a maneuver that is used.
-pub fn summary(segments: Option<&Columns>, flights: &[String]) -> Option<(Level, String)> {
-    let segments = segments?;
-    let used = |flight: &&String| (0..segments.rows()).any(|r| segments.text("flight", r) == **flight && included(segments, r));
-    let without: Vec<&str> = flights.iter().filter(|f| !used(f)).map(String::as_str).collect();
-    Some(if without.is_empty() {
-        (Level::Good, format!("{} has a maneuver that is used.", every(flights.len(), "flight")))
-    } else {
+/// The sentence of the checks about flights without a maneuver that is used. A record that is estimated as it is needs none.
+pub fn summary(segments: Option<&Columns>, responses: Option<&Columns>, flights: &[String]) -> Option<(Level, String)> {
+    let records: Vec<String> = responses.map(|r| r.rows_by(["segment"]).into_keys().flatten().collect()).unwrap_or_default();
+    let whole = |flight: &str| records.iter().any(|segment| is_record(segment, flight));
+    let searched = |flight: &str| segments.is_some_and(|s| (0..s.rows()).any(|r| s.text("flight", r) == *flight && included(s, r)));
+    if segments.is_none() && !flights.iter().any(|f| whole(f)) {
+        return None;
+    }
+    let without: Vec<&str> = flights.iter().map(String::as_str).filter(|f| !searched(f) && !whole(f)).collect();
+    let as_they_are = flights.iter().filter(|f| whole(f) && !searched(f)).count();
+    Some(if !without.is_empty() {
         (Level::Bad, format!("{} without a maneuver that is used: {}.", count(without.len(), "flight"), without.join(", ")))
+    } else if as_they_are == flights.len() {
+        (Level::Good, format!("{} is estimated as it was recorded.", every(flights.len(), "flight")))
+    } else if as_they_are > 0 {
+        let n = flights.len();
+        (
+            Level::Good,
+            format!("{} has a maneuver that is used, or is estimated as it was recorded ({as_they_are}).", every(n, "flight")),
+        )
+    } else {
+        (Level::Good, format!("{} has a maneuver that is used.", every(flights.len(), "flight")))
     })
 }

@@ -2,6 +2,35 @@
 
 use std::f64::consts::PI;
 
+/// Half width of the 95% interval in standard deviations.
+pub const INTERVAL: f64 = 1.959_963_984_540_054;
+
+/// What `±` and units mean, once for the whole page.
+pub const MEANING: &str = "± is half of the 95% interval, 1.96 standard deviations, everywhere on this page; what is called sd is one standard \
+    deviation. Plots, and what is printed with them, are in the units of their axes, angles in degrees; tables are in SI units, angles in rad, \
+    unless a unit stands there.";
+
+/// `-0.372 ± 0.008`: an estimate with half of its 95% interval; alone where it has no standard deviation. No other place writes a `±`.
+pub fn plus_minus(value: f64, sd: f64) -> String {
+    let (text, half) = with_sd(value, INTERVAL * sd);
+    half.map_or(text.clone(), |half| format!("{text} ± {half}"))
+}
+
+/// The unit of a slope: that of `y` over that of `x`, as it is read.
+pub fn slope_unit(y: &str, x: &str) -> String {
+    match (y, x) {
+        ("" | "1", "" | "1") => String::new(),
+        ("" | "1", x) => format!("1/{x}"),
+        (y, "" | "1") => y.to_string(),
+        (y, x) => format!("{y} per {x}"),
+    }
+}
+
+/// ` [1/rad]`, or nothing.
+pub fn bracketed(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" [{unit}]") }
+}
+
 /// `value` and `sd` as text: two significant digits of `sd`, and `value` to the same decimal place.
 pub fn with_sd(value: f64, sd: f64) -> (String, Option<String>) {
     if !value.is_finite() {
@@ -120,6 +149,18 @@ mod tests {
         assert_eq!(with_sd(3.016e-24, 2e-26), ("3.016e-24".into(), Some("2.0e-26".into())));
         assert_eq!(with_sd(0.25, f64::NAN), ("0.25000".into(), None));
         assert_eq!(with_sd(f64::NAN, 1.0), ("none".into(), None));
+    }
+
+    #[test]
+    fn an_interval_is_95_percent_wide_to_either_side() {
+        assert_eq!(plus_minus(-0.372_149, 0.004_21), "-0.3721 ± 0.0083");
+        assert_eq!(plus_minus(0.25, f64::NAN), "0.25000");
+    }
+
+    #[test]
+    fn a_slope_has_the_units_of_both_axes() {
+        let units = [("", "deg"), ("1/rad", "deg"), ("1/rad", ""), ("1", "")].map(|(y, x)| slope_unit(y, x));
+        assert_eq!(units, ["1/deg", "1/rad per deg", "1/rad", ""]);
     }
 
     #[test]

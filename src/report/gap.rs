@@ -1,7 +1,7 @@
 //! `gaps`, `driven`, `relations` and `equation_errors` in; the figures and the table of where models and flights disagree out.
 
 use super::columns::Columns;
-use super::format::{number, short};
+use super::format::{bracketed, display_unit, number, short};
 use super::grid::{Cell, Grid, Level};
 use serde::Serialize;
 
@@ -63,7 +63,7 @@ impl Map {
 pub fn figures<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Vec<Where> {
     let Some(gaps) = get("gaps") else { return Vec::new() };
     let one = |([name], rows): ([String; 1], Vec<usize>)| {
-        let split = |by: &str| split(gaps, &rows, by);
+        let split = |by: &str| split(gaps, &rows, by, &get);
         let mut all: Vec<String> = Vec::new();
         for by in rows.iter().map(|&r| gaps.text("by", r)) {
             if !["all", "band", "time since input"].contains(&by.as_str()) && !all.contains(&by) {
@@ -79,27 +79,56 @@ pub fn figures<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Vec<Where> {
     gaps.groups(["diagnosis"]).into_iter().map(one).collect()
 }
 
+/// SI unit of an output, or of a column of the samples; "SI" where neither says.
+fn unit_of<'a>(name: &str, get: &impl Fn(&str) -> Option<&'a Columns>) -> String {
+    let output = |table: &str| {
+        let t = get(table)?;
+        (0..t.rows()).find(|&r| t.text("output", r) == name).map(|r| t.text("unit", r))
+    };
+    let column = || get("samples").map(|s| s.unit(name).to_string()).filter(|unit| !unit.is_empty());
+    output("closures").or_else(|| output("driven")).or_else(column).unwrap_or_else(|| "SI".into())
+}
+
+/// What a gap is split by, as a heading, and the factor from its SI unit to the unit of the heading.
+fn heading<'a>(by: &str, get: &impl Fn(&str) -> Option<&'a Columns>) -> (String, f64) {
+    match by {
+        "all" => ("maneuver".to_string(), 1.0),
+        "band" => ("frequency [Hz]".to_string(), 1.0),
+        "time since input" => ("since input [s]".to_string(), 1.0),
+        other => {
+            let unit = unit_of(other.strip_prefix("modelled ").unwrap_or(other), get);
+            let (factor, unit) = display_unit(&unit);
+            (format!("{other}{}", bracketed(if unit == "-" { "" } else { &unit })), factor)
+        }
+    }
+}
+
+/// Where a row of `gaps` looks, in words: `modelled alpha [deg]: 1.2 to 3.4`.
+pub fn place<'a>(gaps: &Columns, row: usize, get: &impl Fn(&str) -> Option<&'a Columns>) -> String {
+    let by = gaps.text("by", row);
+    let (heading, factor) = heading(&by, get);
+    let range = range(factor * gaps.number("from", row), factor * gaps.number("to", row), &by);
+    if by == "all" { by } else { format!("{heading}: {range}") }
+}
+
 /// The gap by maneuver ("all") or by ranges of a quantity.
-fn split(gaps: &Columns, rows: &[usize], by: &str) -> Split {
+fn split<'a>(gaps: &Columns, rows: &[usize], by: &str, get: &impl Fn(&str) -> Option<&'a Columns>) -> Split {
     let whole = by == "all";
+    let (heading, factor) = heading(by, get);
     let of = |when: &str| {
         let wanted = |r: &usize| gaps.text("when", *r) == when && gaps.text("by", *r) == by;
         let these: Vec<usize> =
             rows.iter().copied().filter(wanted).filter(|&r| gaps.text("segment", r).is_empty() != whole).collect();
         Map::of(&these, |r| {
-            let column = if whole { gaps.text("segment", r) } else { range(gaps.number("from", r), gaps.number("to", r), by) };
+            let span = || range(factor * gaps.number("from", r), factor * gaps.number("to", r), by);
+            let column = if whole { gaps.text("segment", r) } else { span() };
             let (output, ratio) = (gaps.text("output", r), gaps.number("ratio", r));
             let words = format!("{output}, {column}: {} times the noise", number(ratio, 3));
             (output, column, ratio, words)
         })
     };
-    let by = match by {
-        "all" => "maneuver",
-        "band" => "frequency [Hz]",
-        "time since input" => "since input [s]",
-        other => other,
-    };
-    Split { by: by.to_string(), before: of("before"), after: of("after") }
+    let (before, after) = (of("before"), of("after"));
+    Split { by: heading, before, after }
 }
 
 fn range(from: f64, to: f64, by: &str) -> String {

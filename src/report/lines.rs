@@ -1,9 +1,33 @@
 //! `fits`, `bands` and `points` in, the plots of coefficients versus angle of attack and the table of fitted lines out.
 
+use super::FlightStyle;
 use super::columns::Columns;
-use super::format::{display_unit, number, plain, shorts, with_sd};
+use super::format::{INTERVAL, bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit};
 use super::grid::{Cell, Grid, Level};
+use super::section::{Body, Given, Section};
+use crate::error::Result;
 use serde::Serialize;
+
+pub const PLOTS: Section =
+    Section { id: "lines", heading: "Coefficients versus angle of attack", tables: &["fits", "bands", "points"], build };
+
+pub const TABLE: Section = Section {
+    id: "fits",
+    heading: "Fitted lines",
+    tables: &["fits"],
+    build: |given| Ok(Some(Body::grid(table(given.get("fits"))))),
+};
+
+#[derive(Serialize)]
+struct Shown<'a> {
+    lines: Lines,
+    flights: &'a [FlightStyle],
+}
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let (lines, plots) = lines(given.get("fits"), given.get("bands"), given.get("points"));
+    Body::new(include_str!("html/lines.html"), Shown { lines, flights: given.flights }).plot("lines", &plots).map(Some)
+}
 
 /// What the plot of one line is drawn from (JSON).
 #[derive(Debug, Serialize)]
@@ -66,8 +90,6 @@ pub struct Caption {
 pub const EXCESS: f64 = 2.5;
 
 const KEY: [&str; 3] = ["model", "parameter", "against"];
-/// Half width of the 95% interval in standard deviations.
-const INTERVAL: f64 = 1.959_963_984_540_054;
 
 /// The plots and their captions, in the order of `fits`.
 pub fn lines(fits: Option<&Columns>, bands: Option<&Columns>, points: Option<&Columns>) -> (Lines, Vec<LinePlot>) {
@@ -140,24 +162,25 @@ fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
     flights.into_iter().map(of_flight).collect()
 }
 
-/// `C_h_alpha = -0.4229 (± 0.031) alpha - 0.0107 (± 0.0021)`, alpha in SI units.
+/// `C_h_alpha = (-0.00738 ± 0.00021) [1/rad per deg] * alpha + (-0.0107 ± 0.0041) [1/rad]`, in the units of the axes.
 fn equation(fits: &Columns, row: usize) -> String {
     let [_, parameter, against] = KEY.map(|name| fits.text(name, row));
     if !fits.number("slope", row).is_finite() {
         return format!("{parameter}: no line ({})", fits.text("stop", row));
     }
-    let (slope, slope_sd) = with_sd(fits.number("slope", row), fits.number("slope_sd", row));
-    let (intercept, intercept_sd) = with_sd(fits.number("intercept", row), fits.number("intercept_sd", row));
-    let sd = |sd: Option<String>| sd.map_or(String::new(), |sd| format!(" (sd {sd})"));
-    let (sign, intercept) = intercept.strip_prefix('-').map_or(("+", intercept.as_str()), |rest| ("-", rest));
-    format!("{parameter} = {slope}{} * {against} {sign} {intercept}{}", sd(slope_sd), sd(intercept_sd))
+    let (factor, x_unit) = display_unit(&fits.unit_in("unit_x", row));
+    let unit = fits.unit_in("unit", row);
+    let slope = plus_minus(fits.number("slope", row) / factor, fits.number("slope_sd", row) / factor);
+    let intercept = plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row));
+    let of_slope = bracketed(&slope_unit(&unit, &x_unit));
+    format!("{parameter} = ({slope}){of_slope} * {against}{} + ({intercept}){}", bracketed(&x_unit), bracketed(&unit))
 }
 
 fn facts(fits: &Columns, row: usize) -> String {
     let mut facts = vec![format!("n = {}", plain(fits.number("n", row), 0))];
     let tau = fits.number("scatter_sd", row);
     if tau.is_finite() {
-        facts.push(format!("scatter between maneuvers {}", number(tau, 2)));
+        facts.push(format!("scatter between maneuvers, sd {}{}", number(tau, 2), bracketed(&fits.unit_in("unit", row))));
     }
     let chi = reduced_chi2(fits, row);
     if chi.is_finite() {
@@ -180,28 +203,41 @@ fn correlation(fits: &Columns, row: usize) -> f64 {
 /// The table of fitted lines.
 pub fn table(fits: Option<&Columns>) -> Grid {
     let Some(fits) = fits.filter(|f| f.rows() > 0) else { return Grid::missing("No fitted line.") };
-    let columns =
-        ["model", "parameter", "against", "#slope", "#intercept", "#correlation", "#n", "#scatter sd", "#reduced chi-square"];
+    let columns = [
+        "model",
+        "parameter",
+        "against",
+        "#slope",
+        "#the same|per SI unit",
+        "#intercept",
+        "#correlation",
+        "#n",
+        "#scatter sd",
+        "#reduced chi-square",
+    ];
     let mut grid = Grid::new(columns);
     for row in 0..fits.rows() {
-        let estimate = |value: &str, sd: &str| {
-            let (value, sd) = with_sd(fits.number(value, row), fits.number(sd, row));
-            Cell { text: value, sub: sd.map(|sd| format!("sd {sd}")), level: None }
+        let (unit, unit_x) = (fits.unit_in("unit", row), fits.unit_in("unit_x", row));
+        let slope = |factor: f64, x: &str| {
+            let value = plus_minus(fits.number("slope", row) / factor, fits.number("slope_sd", row) / factor);
+            Cell::new(value).sub(slope_unit(&unit, x))
         };
+        let (factor, shown_x) = display_unit(&unit_x);
         let chi = reduced_chi2(fits, row);
         let mut cells: Vec<Cell> = KEY.iter().map(|name| Cell::new(fits.text(name, row))).collect();
         cells.extend([
-            estimate("slope", "slope_sd"),
-            estimate("intercept", "intercept_sd"),
+            slope(factor, &shown_x),
+            slope(1.0, &unit_x),
+            Cell::new(plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row))).sub(&unit),
             plain(correlation(fits, row), 3).into(),
             Cell::new(plain(fits.number("n", row), 0)).level_if(fits.number("n", row) < 5.0, Level::Warn),
-            number(fits.number("scatter_sd", row), 2).into(),
+            Cell::new(number(fits.number("scatter_sd", row), 2)).sub(&unit),
             Cell::new(number(chi, 2)).level_if(chi > EXCESS, Level::Warn),
         ]);
         grid.push(cells);
     }
     grid.note = Some(
-        "SI units, angles in rad: coefficient = slope * against + intercept. The covariance of slope and intercept includes the scatter \
+        "Coefficient = slope * against + intercept: as drawn above, and in the units of the table fits. The covariance of slope and intercept includes the scatter \
          between maneuvers; reduced chi-square is against the estimates' own sd, before that scatter is added."
             .into(),
     );

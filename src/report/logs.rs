@@ -4,6 +4,24 @@ use super::columns::Columns;
 use super::estimates::few;
 use super::format::{count, number, plain, with_sd};
 use super::grid::{Cell, Grid, Level};
+use super::section::{Body, Section};
+
+pub const CHANNELS: Section = Section {
+    id: "channels",
+    heading: "Channels as read from the logs",
+    tables: &["channels"],
+    build: |given| Ok(Some(Body::grid(channels(given.get("channels"))))),
+};
+
+pub const BIASES: Section = Section {
+    id: "biases",
+    heading: "Sensor biases from flight-path reconstruction",
+    tables: &["biases", "consistency"],
+    build: |given| Ok(Some(Body::grid(biases(given.get("biases"), given.get("consistency"))))),
+};
+
+pub const NOTES: Section =
+    Section { id: "notes", heading: "Notes", tables: &["notes"], build: |given| Ok(Some(Body::grid(notes(given.get("notes"))))) };
 
 /// Counts of what was lost, with the words for them.
 const DROPPED: [(&str, &str); 5] = [

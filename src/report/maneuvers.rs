@@ -1,10 +1,33 @@
 //! `responses`, `segments` and `samples` in, the time histories of every maneuver and the table of how well each one fits out.
 
 use super::columns::Columns;
+use super::flights;
 use super::format::{count, display_unit, number, plain, short, shorts, thin};
 use super::grid::{Cell, Grid, Level, Row};
+use super::section::{Body, Given, Section};
+use crate::error::Result;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+pub const SECTION: Section = Section {
+    id: "maneuvers",
+    heading: "Measured and modelled, maneuver by maneuver",
+    tables: &["responses", "segments", "samples", "estimates", "residuals"],
+    build,
+};
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let sources = Sources {
+        responses: given.get("responses"),
+        segments: given.get("segments"),
+        samples: given.get("samples"),
+        estimates: given.get("estimates"),
+        residuals: given.get("residuals"),
+        inputs: &given.input.inputs,
+    };
+    let (section, histories) = maneuvers(&sources);
+    Body::new(include_str!("html/maneuvers.html"), section).plot("maneuvers", &histories).map(Some)
+}
 
 /// What one maneuver's plot is drawn from (JSON). Times are seconds of the flight.
 #[derive(Debug, Serialize)]
@@ -82,11 +105,11 @@ struct Lookup<'a> {
 /// Model, group and segment of a maneuver.
 type Key = [String; 3];
 
-/// Time histories in the order of `responses`, their table, and the match of every output.
-pub fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>, Vec<Match>) {
+/// Time histories in the order of `responses`, and their table.
+fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>) {
     let Some(responses) = from.responses.filter(|r| r.rows() > 0) else {
         let missing = Some("No time history: no maneuver has been estimated.".into());
-        return (Maneuvers { missing, ..Maneuvers::default() }, Vec::new(), Vec::new());
+        return (Maneuvers { missing, ..Maneuvers::default() }, Vec::new());
     };
     let groups = responses.groups(["model", "group", "segment"]);
     let limit = (BUDGET / (3 * groups.len().max(1))).clamp(150, 1200);
@@ -101,15 +124,13 @@ pub fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>, Vec<Match>) {
     };
     let columns = ["model", "maneuver", "output", "#samples", "#residual r.m.s.", "#part of measured variation|%", "#colour"];
     let mut table = Grid::new(columns);
-    let (mut all, mut matches, mut thinned) = (Vec::new(), Vec::new(), false);
+    let (mut all, mut thinned) = (Vec::new(), false);
     for (key, rows) in &groups {
         let pick = format!("m{}", all.len());
         let (maneuver, was_thinned) = look.maneuver(key, rows);
         thinned |= was_thinned;
         for (output, rows) in by_output(responses, rows) {
-            let (row, found) = look.match_of(key, &output, &rows, &pick);
-            table.rows.push(row);
-            matches.push(found);
+            table.rows.push(look.row(key, &output, &rows, &pick));
         }
         all.push(maneuver);
     }
@@ -121,7 +142,39 @@ pub fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>, Vec<Match>) {
     } else {
         "Every sample is drawn.".into()
     };
-    (Maneuvers { missing: None, shown, table }, all, matches)
+    (Maneuvers { missing: None, shown, table }, all)
+}
+
+/// The match of every output of every maneuver, in the order of `responses`.
+pub fn matches(responses: Option<&Columns>) -> Vec<Match> {
+    let Some(responses) = responses else { return Vec::new() };
+    let mut all = Vec::new();
+    for ([_, group, segment], rows) in responses.groups(["model", "group", "segment"]) {
+        let each = by_output(responses, &rows).into_iter();
+        all.extend(each.map(|(output, rows)| Match {
+            misfit: misfit(responses, &rows).part,
+            name: format!("{output} of {}", name(&group, &segment)),
+        }));
+    }
+    all
+}
+
+/// How far one output of one maneuver is from what was measured.
+struct Misfit {
+    n: usize,
+    rms: f64,
+    /// r.m.s. over the standard deviation of what was measured.
+    part: f64,
+}
+
+fn misfit(responses: &Columns, rows: &[usize]) -> Misfit {
+    let [measured, modelled] = ["measured", "modelled"].map(|c| pick(responses.column(c), rows));
+    let pairs: Vec<(f64, f64)> = measured.into_iter().zip(modelled).filter(|(z, y)| z.is_finite() && y.is_finite()).collect();
+    let n = pairs.len() as f64;
+    let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
+    let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
+    let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
+    Misfit { n: pairs.len(), rms, part: rms / variation }
 }
 
 fn by_output(responses: &Columns, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
@@ -166,7 +219,8 @@ impl Lookup<'_> {
         if names.is_empty() {
             names.push(text("input"));
         }
-        let inputs = self.inputs(&text("flight"), span, &names);
+        let flight = Some(text("flight")).filter(|f| !f.is_empty()).or_else(|| self.record_of(segment)).unwrap_or_default();
+        let inputs = self.inputs(&flight, span, &names);
         let label = [model.as_str(), &name(group, segment), &text("kind")]
             .into_iter()
             .filter(|s| !s.is_empty())
@@ -174,6 +228,11 @@ impl Lookup<'_> {
             .join(" / ");
         let caption = self.stop(key).map_or(label.clone(), |stop| format!("{label}: {stop}"));
         (Maneuver { label, caption, start: short(start), end: short(end), outputs, inputs }, thinned)
+    }
+
+    /// The flight whose record (or a piece of it) is the segment.
+    fn record_of(&self, segment: &str) -> Option<String> {
+        self.samples.keys().flatten().find(|flight| flights::is_record(segment, flight)).cloned()
     }
 
     fn output(&self, key: &Key, name: String, rows: &[usize]) -> Output {
@@ -219,15 +278,9 @@ impl Lookup<'_> {
         names.iter().filter_map(curve).collect()
     }
 
-    /// A row of the table of matches, and the match itself.
-    fn match_of(&self, key: &Key, output: &str, rows: &[usize], picked: &str) -> (Row, Match) {
-        let [measured, modelled] = ["measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
-        let pairs: Vec<(f64, f64)> = measured.into_iter().zip(modelled).filter(|(z, y)| z.is_finite() && y.is_finite()).collect();
-        let n = pairs.len() as f64;
-        let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
-        let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
-        let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
-        let misfit = rms / variation;
+    /// A row of the table of matches.
+    fn row(&self, key: &Key, output: &str, rows: &[usize], picked: &str) -> Row {
+        let found = misfit(self.responses, rows);
         let residual = self.residual(key, output);
         let unit = residual.map_or(String::new(), |(table, row)| table.unit_in("unit", row));
         let [model, group, segment] = key;
@@ -235,13 +288,12 @@ impl Lookup<'_> {
             model.as_str().into(),
             name(group, segment).into(),
             output.into(),
-            plain(n, 0).into(),
-            format!("{} {unit}", number(rms, 3)).into(),
-            Cell::new(plain(100.0 * misfit, 1)).level_if(misfit > POOR, Level::Warn),
+            found.n.to_string().into(),
+            Cell::new(number(found.rms, 3)).sub(unit),
+            Cell::new(plain(100.0 * found.part, 1)).level_if(found.part > POOR, Level::Warn),
             number(residual.map_or(f64::NAN, |(table, row)| table.number("colour", row)), 3).into(),
         ];
-        let found = Match { name: format!("{output} of {}", name(group, segment)), misfit };
-        (Row { pick: Some(picked.into()), cells, level: None }, found)
+        Row { pick: Some(picked.into()), cells, level: None }
     }
 }
 

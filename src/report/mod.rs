@@ -1,12 +1,14 @@
 //! The tables of a run in, one self-contained HTML page for a flight-test engineer out; it works offline and holds no clock.
 //!
-//! `page.html` is the frame, filled with escaped text; `page.js` draws the plots from numbers embedded as JSON; the plotting script
+//! [`SECTIONS`] is the one list of what is on the page: its order, its navigation and the tables that it is made from follow. The
+//! templates in `html/` are filled with escaped text; `html/page.js` draws the plots from numbers embedded as JSON; the plotting script
 //! comes out of the `plotly` crate. What is not there is said on the page, it never fails it.
 
 mod again;
 mod checks;
 mod columns;
 mod consistency;
+mod correlations;
 mod diagnosis;
 mod estimates;
 mod flights;
@@ -17,14 +19,51 @@ mod lines;
 mod logs;
 mod maneuvers;
 mod paths;
+mod provenance;
+mod section;
 mod uncertainty;
+mod used;
+mod verdict;
 
 use crate::error::{Error, Result};
 use crate::table::Table;
 use columns::Columns;
-use grid::Grid;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+pub use checks::Check;
+pub use grid::Level;
+pub use section::{Body, Given, Section};
+
+/// The sections in the order of the page. Adding one is adding a file that has it, and a line here.
+pub const SECTIONS: &[Section] = &[
+    checks::SECTION,
+    verdict::SECTION,
+    lines::PLOTS,
+    lines::TABLE,
+    maneuvers::SECTION,
+    estimates::SECTION,
+    correlations::SECTION,
+    uncertainty::SECTION,
+    diagnosis::SECTION,
+    flights::SECTION,
+    logs::CHANNELS,
+    consistency::SECTION,
+    logs::BIASES,
+    logs::NOTES,
+    provenance::SECTION,
+];
+
+/// The tables that the page is made from, each once.
+pub fn tables() -> Vec<&'static str> {
+    let mut all: Vec<&str> = Vec::new();
+    for table in SECTIONS.iter().flat_map(|s| s.tables) {
+        if !all.contains(table) {
+            all.push(table);
+        }
+    }
+    all
+}
 
 /// What a page is made from.
 #[derive(Debug, Default)]
@@ -33,21 +72,28 @@ pub struct ReportInput {
     pub title: String,
     /// One line under the title: what was run (pipeline, stages, models).
     pub subtitle: String,
-    /// Tables by name, as listed in [`TABLES`], all flights of a table in one. Others are ignored; absent ones are said to be absent.
+    /// Tables by name, as listed by [`tables`], all flights of a table in one. Others are ignored; absent ones are said to be absent.
     pub tables: BTreeMap<String, Table>,
     /// Columns of `samples` that drive each model, drawn below its outputs; without an entry the segment's own input is drawn.
     pub inputs: BTreeMap<String, Vec<String>>,
     /// Column of `samples` in which each input of `segments` was searched; without an entry it has the input's own name.
     pub searched: BTreeMap<String, String>,
-    /// Sections (by their names in [`CONTENTS`]) that have no place on the page, because the campaign does not ask for what they show.
+    /// Tables that no stage of this campaign writes: sections about them have no place on the page.
     pub unasked: Vec<&'static str>,
     /// Name and value of everything that says where the numbers come from: program version, code hash, configuration hashes.
     pub provenance: Vec<(String, String)>,
 }
 
+impl ReportInput {
+    /// Whether this campaign asks for what a section is about.
+    fn asks_for(&self, section: &Section) -> bool {
+        section.tables.first().is_none_or(|table| !self.unasked.contains(table))
+    }
+}
+
 /// One flight in the legend.
-#[derive(Debug, Serialize)]
-struct FlightStyle {
+#[derive(Debug, Clone, Serialize)]
+pub struct FlightStyle {
     id: String,
     colour: &'static str,
     symbol: &'static str,
@@ -64,203 +110,96 @@ const STYLES: [(&str, &str, &str); 6] = [
     ("#4ba3d9", "cross", "M-2-5.5H2V-2H5.5V2H2V5.5H-2V2H-5.5V-2H-2Z"),
 ];
 
-/// The numbers that `page.js` draws.
-#[derive(Serialize)]
-struct Data<'a> {
-    flights: &'a [FlightStyle],
-    lines: Vec<lines::LinePlot>,
-    maneuvers: Vec<maneuvers::Maneuver>,
-    overview: Vec<flights::Flight>,
-    profiles: Vec<uncertainty::ProfilePlot>,
-    overlays: Vec<diagnosis::Overlay>,
-    gaps: Vec<gap::Where>,
-    paths: Vec<paths::PathPlot>,
-}
-
-/// What the template is filled with.
+/// What the frame is filled with.
 #[derive(Serialize)]
 struct Page<'a> {
     title: &'a str,
     subtitle: &'a str,
-    contents: Vec<Heading>,
-    unasked: &'a [&'static str],
     tiles: Vec<checks::Tile>,
-    checks: Vec<checks::Check>,
-    flights: &'a [FlightStyle],
-    lines: lines::Lines,
-    fits: Grid,
-    maneuvers: maneuvers::Maneuvers,
-    estimates: estimates::Estimates,
-    uncertainty: uncertainty::Uncertainty,
-    diagnosis: diagnosis::Diagnosis,
-    overview: flights::Overview,
-    segments: Grid,
-    channels: Grid,
-    consistency: Grid,
-    /// There are measured channels to be drawn beside the flight path.
-    compared: bool,
-    biases: Grid,
-    notes: Grid,
-    provenance: Grid,
-    stages: Option<Grid>,
-    /// JSON of [`Data`].
+    /// What an interval is, and which units stand where.
+    meaning: &'static str,
+    sections: Vec<Built>,
+    /// JSON: what the plots are drawn from, by name.
     data: String,
     style: &'static str,
     script: &'static str,
     plotly: String,
 }
 
+/// A section as it stands on the page.
 #[derive(Serialize)]
-struct Heading {
+struct Built {
     id: &'static str,
     heading: &'static str,
+    body: String,
 }
-
-/// The tables a page is made from.
-pub const TABLES: [&str; 31] = [
-    "segments",
-    "estimates",
-    "correlations",
-    "separability",
-    "budget",
-    "profiles",
-    "repeats",
-    "responses",
-    "residuals",
-    "fits",
-    "bands",
-    "points",
-    "samples",
-    "flightpath",
-    "pathmatch",
-    "channels",
-    "biases",
-    "consistency",
-    "findings",
-    "candidates",
-    "held_out",
-    "closures",
-    "shifts",
-    "gaps",
-    "overlays",
-    "driven",
-    "relations",
-    "equation_errors",
-    "next_models",
-    "notes",
-    "stages",
-];
-
-pub const CONTENTS: [(&str, &str); 13] = [
-    ("checks", "Can these results be trusted?"),
-    ("lines", "Coefficients versus angle of attack"),
-    ("fits", "Fitted lines"),
-    ("maneuvers", "Measured and modelled"),
-    ("estimates", "Estimates"),
-    ("uncertainty", "What the uncertainties are made of"),
-    ("diagnosis", "What the models lack"),
-    ("flights", "Flights and maneuvers"),
-    ("channels", "Channels"),
-    ("consistency", "Do the sensors agree?"),
-    ("biases", "Sensor biases"),
-    ("notes", "Notes"),
-    ("provenance", "Provenance"),
-];
 
 /// The page as HTML. The same input gives the same bytes. An error is a fault of the program, not of the tables.
 pub fn page(input: &ReportInput) -> Result<String> {
-    let wanted = |(name, _): &(&String, &Table)| TABLES.contains(&name.as_str());
-    let tables = input.tables.iter().filter(wanted).map(|(name, table)| (name.clone(), Columns::of(table))).collect();
-    page_of(input, &tables)
+    page_with(SECTIONS, input)
 }
 
-fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<String> {
-    let get = |name: &str| tables.get(name);
-    let asked = |section: &str| !input.unasked.contains(&section);
-    let styles = flight_styles(tables);
-    let ids: Vec<String> = styles.iter().map(|f| f.id.clone()).collect();
+/// The answers to "can these results be trusted?", in the order of the processing: tables by name in, as the page shows them out.
+pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
+    let columns = columns(checks::SECTION.tables, tables);
+    let flights = flight_styles(&columns);
+    let input = ReportInput::default();
+    checks::answers(&Given { input: &input, flights: &flights, tables: &columns, named: checks::SECTION.tables })
+}
 
-    let (lines, line_plots) = lines::lines(get("fits"), get("bands"), get("points"));
-    let sources = maneuvers::Sources {
-        responses: get("responses"),
-        segments: get("segments"),
-        samples: get("samples"),
-        estimates: get("estimates"),
-        residuals: get("residuals"),
-        inputs: &input.inputs,
-    };
-    let (maneuvers, histories, matches) = maneuvers::maneuvers(&sources);
-    let (overview, flights) = flights::overview(get("flightpath"), get("samples"), get("segments"), &input.searched, &ids);
-    let (uncertainty, profiles) = uncertainty::uncertainty(get);
-    let (diagnosis, overlays) = diagnosis::diagnosis(get);
-    let facts = checks::Facts {
-        flights: &ids,
-        segments: get("segments"),
-        estimates: get("estimates"),
-        correlations: get("correlations"),
-        repeats: get("repeats"),
-        fits: get("fits"),
-        channels: get("channels"),
-        consistency: get("consistency"),
-        findings: get("findings"),
-        notes: get("notes"),
-        responses: get("responses"),
-        matches: &matches,
-    };
-    let paths = paths::paths(get("pathmatch"));
-    let compared = !paths.is_empty();
-    let data = json(&Data {
-        flights: &styles,
-        lines: line_plots,
-        maneuvers: histories,
-        overview: flights,
-        profiles,
-        overlays,
-        gaps: gap::figures(get),
-        paths,
-    })?;
-    render(&Page {
+fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String, Columns> {
+    let named = wanted.iter().filter_map(|name| Some((name.to_string(), tables.get(*name)?)));
+    named.map(|(name, table)| (name, Columns::of(table))).collect()
+}
+
+fn page_with(sections: &'static [Section], input: &ReportInput) -> Result<String> {
+    let named: Vec<&str> = sections.iter().flat_map(|s| s.tables).copied().collect();
+    let tables = columns(&named, &input.tables);
+    let flights = flight_styles(&tables);
+    let given = |section: &Section| Given { input, flights: &flights, tables: &tables, named: section.tables };
+    let environment = environment()?;
+    let mut built = Vec::new();
+    let mut plots = vec![("flights", json(&flights)?)];
+    for section in sections.iter().filter(|s| input.asks_for(s)) {
+        if let Some(mut body) = (section.build)(&given(section))? {
+            built.push(Built { id: section.id, heading: section.heading, body: body.html(&environment)? });
+            plots.append(&mut body.plots);
+        }
+    }
+    let page = Page {
         title: &input.title,
         subtitle: &input.subtitle,
-        contents: CONTENTS.into_iter().filter(|(id, _)| asked(id)).map(|(id, heading)| Heading { id, heading }).collect(),
-        unasked: &input.unasked,
-        tiles: checks::tiles(facts, asked),
-        checks: checks::checks(facts),
-        flights: &styles,
-        lines,
-        fits: lines::table(get("fits")),
-        maneuvers,
-        estimates: estimates::estimates(get("estimates")),
-        uncertainty,
-        diagnosis,
-        overview,
-        segments: flights::segments(get("segments")),
-        channels: logs::channels(get("channels")),
-        consistency: consistency::table(get("consistency")),
-        compared,
-        biases: logs::biases(get("biases"), get("consistency")),
-        notes: logs::notes(get("notes")),
-        provenance: provenance(&input.provenance),
-        stages: stages(get("stages")),
-        data,
-        style: include_str!("page.css"),
-        script: include_str!("page.js"),
+        tiles: checks::tiles(&given(&checks::SECTION)),
+        meaning: format::MEANING,
+        sections: built,
+        data: object(&plots),
+        style: include_str!("html/page.css"),
+        script: include_str!("html/page.js"),
         plotly: plotly_script(),
-    })
+    };
+    environment.get_template("page.html").and_then(|template| template.render(minijinja::value::Serde(&page))).map_err(fault)
 }
 
-fn render(page: &Page) -> Result<String> {
-    let fault = |e: minijinja::Error| Error::new(format!("the report page could not be written: {e:#}"));
+fn environment() -> Result<minijinja::Environment<'static>> {
     let mut environment = minijinja::Environment::new();
-    // The name decides the escaping: everything in a .html template is escaped unless it is marked safe.
-    environment.add_template("page.html", include_str!("page.html")).map_err(fault)?;
-    environment.get_template("page.html").and_then(|template| template.render(minijinja::value::Serde(page))).map_err(fault)
+    for (name, text) in [("grid.html", include_str!("html/grid.html")), ("page.html", include_str!("html/page.html"))] {
+        environment.add_template(name, text).map_err(fault)?;
+    }
+    Ok(environment)
+}
+
+fn fault(e: minijinja::Error) -> Error {
+    Error::new(format!("the report page could not be written: {e:#}"))
+}
+
+fn json(value: &impl Serialize) -> Result<String> {
+    serde_json::to_string(value).map_err(|e| Error::new(format!("the report's numbers could not be written: {e}")))
 }
 
 /// JSON that may stand inside a script element: no `<` can end the element.
-fn json(data: &Data) -> Result<String> {
-    let text = serde_json::to_string(data).map_err(|e| Error::new(format!("the report's numbers could not be written: {e}")))?;
-    Ok(text.replace('<', "\\u003c"))
+fn object(plots: &[(&str, String)]) -> String {
+    let fields: Vec<String> = plots.iter().map(|(name, text)| format!("\"{name}\":{text}")).collect();
+    format!("{{{}}}", fields.join(",")).replace('<', "\\u003c")
 }
 
 /// The plotting library without its formula typesetter, which is another 2 MB and not used.
@@ -281,27 +220,6 @@ fn flight_styles(tables: &BTreeMap<String, Columns>) -> Vec<FlightStyle> {
         FlightStyle { id, colour, symbol, path }
     };
     ids.into_iter().enumerate().map(style).collect()
-}
-
-fn provenance(entries: &[(String, String)]) -> Grid {
-    let mut grid = Grid::new(["what", "~value"]);
-    for (name, value) in entries {
-        grid.push(vec![name.as_str().into(), value.as_str().into()]);
-    }
-    grid.or_missing("Nothing is recorded about the origin of this page.")
-}
-
-/// One row per stage and unit of work: the key that covers all it was made from.
-fn stages(table: Option<&Columns>) -> Option<Grid> {
-    let table = table.filter(|t| t.rows() > 0)?;
-    let mut grid = Grid::new(["stage", "for", "key", "code", "#ingredients"]);
-    for (key, rows) in table.groups(["stage", "unit", "key", "code"]) {
-        let mut cells: Vec<grid::Cell> = key.into_iter().map(grid::Cell::new).collect();
-        cells.push(rows.len().to_string().into());
-        grid.push(cells);
-    }
-    grid.note = Some("A key is a hash over inputs, settings and program; the table stages lists what each covers.".into());
-    Some(grid)
 }
 
 #[cfg(test)]

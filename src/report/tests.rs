@@ -314,7 +314,7 @@ fn uncertainties() -> [Table; 4] {
         .repeat("model", "elevator")
         .strings("parameter", ["C_h_delta", "C_h_delta"])
         .repeat("unit", "1/rad");
-    let repeats = repeats.strings("set", ["flight and kind", "kind"]).opt_strings("flight", [Some("flight-1"), None]);
+    let repeats = repeats.strings("set", ["condition", "kind"]).opt_strings("condition", [Some("V 82.0 m/s"), None]);
     let repeats = repeats.opt_strings("input", [None::<&str>; 2]).opt_strings("kind", [Some("3211"); 2]).i64("n", [2, 4]);
     let repeats =
         repeats.f64("mean", [-0.33, -0.34]).f64("scatter_sd", [0.01, 0.03]).f64("rms_sd", [0.01, 0.01]).f64("ratio", [1.0, 3.0]);
@@ -341,7 +341,17 @@ fn uncertainties_are_told_in_words() {
     for text in ["K_te 69.2 %", "no effect", "tau has no effect on the measured outputs", "id=\"profile-0\"", "&lt; 0.0001"] {
         assert!(page.contains(text), "{text}");
     }
-    assert!(page.contains("Repeated maneuvers of one flight scatter as their standard deviations say"));
+    assert!(page.contains("Maneuvers repeated at the same condition scatter as their standard deviations say"));
+}
+
+/// Two parameters that go together in every estimation.
+fn correlations(all: &[Maneuver]) -> Table {
+    let n = all.len();
+    let table = Table::build("correlations").repeat("model", "elevator").strings("group", all.iter().map(|m| &m.segment));
+    let table = table.strings("parameter", vec!["C_h_delta"; n]).opt_strings("segment", vec![None::<&str>; n]);
+    let table = table.opt_strings("of", vec![None::<&str>; n]).strings("other", vec!["C_h_0"; n]);
+    let table = table.opt_strings("other_segment", vec![None::<&str>; n]).opt_strings("other_of", vec![None::<&str>; n]);
+    table.f64("value", vec![-0.97; n]).f64("value_crlb", vec![-0.9; n]).finish().expect("correlations")
 }
 
 fn campaign() -> Tables {
@@ -352,6 +362,7 @@ fn campaign() -> Tables {
         segments(&all),
         responses,
         residuals(&all),
+        correlations(&all),
         samples,
         channels(),
         biases(),
@@ -378,7 +389,7 @@ fn a_campaign_becomes_one_self_contained_page() {
     if let Ok(path) = std::env::var("KOEHLER_REPORT_PAGE") {
         std::fs::write(path, &html).expect("written");
     }
-    assert!(html.contains("C_h_delta = -0.3"), "no equation");
+    assert!(html.contains("C_h_delta = (-0.00"), "no equation");
     assert!(html.contains("10 &#x2f; 11</b>"), "no count of converged estimations");
     assert!(html.contains("singular"), "the failed estimate is not shown");
     assert!(html.contains("Every one of the 3 flights has a maneuver"));
@@ -400,11 +411,168 @@ fn text_from_logs_is_escaped_everywhere() {
 
 #[test]
 fn what_is_not_asked_for_has_no_place_on_the_page() {
-    let html = page(&ReportInput { unasked: vec!["lines", "fits"], ..frame(Tables::new()) }).expect("page");
+    let html = page(&ReportInput { unasked: vec!["fits", "bands", "points"], ..frame(Tables::new()) }).expect("page");
     for section in ["lines", "fits"] {
         assert!(!html.contains(&format!("id=\"{section}\"")) && !html.contains(&format!("href=\"#{section}\"")), "{section}");
     }
     assert!(!html.contains("fitted lines") && html.contains("id=\"estimates\"") && html.contains("estimates converged"));
+}
+
+/// Everything between `before` and the next quotation mark.
+fn all_of<'a>(html: &'a str, before: &str) -> Vec<&'a str> {
+    html.split(before).skip(1).filter_map(|rest| rest.split('"').next()).collect()
+}
+
+#[test]
+fn every_link_has_its_target_and_every_target_one_name() {
+    let mut without = campaign();
+    without.remove("correlations");
+    let pages = [
+        frame(campaign()),
+        frame(Tables::new()),
+        ReportInput { unasked: vec!["fits", "bands", "points", "repeats", "budget", "correlations"], ..frame(without) },
+    ];
+    for input in pages {
+        let html = page(&input).expect("page");
+        let html = html.split("<script type=\"application/json\"").next().expect("a page");
+        let (links, ids) = (all_of(html, "href=\"#"), all_of(html, " id=\""));
+        assert!(links.len() > 10 && !ids.is_empty());
+        for link in links {
+            assert_eq!(ids.iter().filter(|id| **id == link).count(), 1, "#{link} among {ids:?}");
+        }
+        let mut once = ids.clone();
+        once.sort_unstable();
+        once.dedup();
+        assert_eq!(once.len(), ids.len(), "an id stands twice: {ids:?}");
+    }
+}
+
+#[test]
+fn a_check_leads_to_what_it_speaks_of() {
+    let html = page(&frame(campaign())).expect("page");
+    let link = |sentence: &str, to: &str| {
+        let line = html.split("<li class=").find(|line| line.contains(sentence)).unwrap_or_else(|| panic!("{sentence}"));
+        assert!(line.contains(&format!("href=\"#{to}\"")), "{line}");
+    };
+    link("hardly separable there", "correlations");
+    assert!(html.contains("id=\"correlation-plot\"") && html.contains("\"correlations\":[{"), "no heat map");
+    link("Maneuvers repeated", "repeats");
+    link("found but left out", "segments");
+}
+
+#[test]
+fn sections_are_named_once_and_their_tables_have_schemas() {
+    let mut ids: Vec<&str> = SECTIONS.iter().map(|s| s.id).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), SECTIONS.len());
+    for table in tables() {
+        assert!(crate::table::schema(table).is_ok(), "{table}");
+    }
+    let html = page(&frame(campaign())).expect("page");
+    let order = |pattern: &str| all_of(&html, pattern);
+    let there: Vec<&str> = SECTIONS.iter().map(|s| s.id).filter(|id| *id != "verdict").collect();
+    assert_eq!(order("<section id=\""), there, "the page has the order of the list");
+    assert_eq!(order("<li><a href=\"#"), there, "and so has its navigation");
+}
+
+/// A section of a table that the page had nothing to do with: one value in a list is all it takes.
+#[test]
+fn a_new_section_is_one_value() {
+    const TOY: Section = Section {
+        id: "toy",
+        heading: "Iterations",
+        tables: &["iterations"],
+        build: |given| {
+            let Some(table) = given.get("iterations") else { return Ok(None) };
+            let mut grid = grid::Grid::new(["model", "#cost"]);
+            (0..table.rows()).for_each(|r| grid.push(vec![table.text("model", r).into(), table.text("cost", r).into()]));
+            Body::grid(grid).plot("toy", &table.column("cost")).map(Some)
+        },
+    };
+    static WITH: &[Section] = &[TOY, logs::NOTES];
+    let table =
+        Table::build("iterations").repeat("model", "elevator").repeat("group", "s1").i64("iteration", [0]).f64("cost", [12.5]);
+    let table = table.f64("det_r", [1.0]).f64("change", [f64::NAN]).f64("step", [f64::NAN]).f64("gradient", [1.0]);
+    let table = table.i64("halvings", [0]).f64("damping", [0.0]).finish().expect("iterations");
+    let with = frame([("iterations".to_string(), table)].into());
+    let html = page_with(WITH, &with).expect("page");
+    for part in ["<section id=\"toy\">", "href=\"#toy\">Iterations", "12.5</td>", "\"toy\":[12.5]"] {
+        assert!(html.contains(part), "{part}");
+    }
+    assert!(!page_with(WITH, &frame(Tables::new())).expect("page").contains("id=\"toy\""), "nothing to show, no place");
+}
+
+/// The numbers in the round brackets of `equation`, in the order in which they stand.
+fn numbers(equation: &str) -> Vec<f64> {
+    let inside = equation.split('(').skip(1).filter_map(|rest| rest.split(')').next());
+    inside.flat_map(|pair| pair.split('±')).map(|word| word.trim().parse().expect("a number")).collect()
+}
+
+#[test]
+fn a_printed_line_is_the_drawn_one_and_its_interval_is_95_percent() {
+    let all = campaign();
+    let of = |name: &str| Columns::of(&all[name]);
+    let (fits, bands, points) = (of("fits"), of("bands"), of("points"));
+    let (text, plots) = lines::lines(Some(&fits), Some(&bands), Some(&points));
+    for (row, (caption, plot)) in text.models[0].plots.iter().zip(&plots).enumerate() {
+        assert_eq!(plot.x_unit, "deg");
+        let line = numbers(caption.equation.split_once('=').expect("an equation").1);
+        let [slope, half, intercept, of_intercept] = line[..] else { panic!("{}", caption.equation) };
+        let band = plot.band.as_ref().expect("a band");
+        let (x, drawn) = (band.x[50].expect("x"), band.value[50].expect("y"));
+        let sd = |column: &str| fits.number(column, row);
+        let (a, b) = (1.959_963_985 * sd("slope_sd") / 180.0 * std::f64::consts::PI, 1.959_963_985 * sd("intercept_sd"));
+        assert!((slope * x + intercept - drawn).abs() < 0.1 * a * x + 0.1 * b, "{} at {x}: {drawn}", caption.equation);
+        assert!((half - a).abs() < 0.06 * a && (of_intercept - b).abs() < 0.06 * b, "{}: {a} {b}", caption.equation);
+        assert!(caption.equation.contains("per deg]") || caption.equation.contains("[1/deg]"), "{}", caption.equation);
+    }
+}
+
+#[test]
+fn the_meaning_of_an_interval_is_said_once_and_written_in_one_place() {
+    let all = campaign();
+    let html = page(&frame(all.clone())).expect("page");
+    assert_eq!(html.matches("half of the 95% interval").count(), 1);
+    let estimates = Columns::of(&all["estimates"]);
+    for row in [0, 12, 23] {
+        let text = format::plus_minus(estimates.number("value", row), estimates.number("sd", row));
+        assert!(text.contains(" ± ") && html.contains(&text), "{text}");
+    }
+    // Whoever writes the sign by hand would have to know what it means: only format.rs does, and bars drawn as it says.
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report");
+    for folder in [folder.clone(), folder.join("html")] {
+        for entry in std::fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path()).filter(|p| p.is_file()) {
+            let name = entry.file_name().expect("a name").to_string_lossy().into_owned();
+            let text = std::fs::read_to_string(&entry).expect("text");
+            let code = text.lines().take_while(|l| l.trim() != "#[cfg(test)]").filter(|l| !l.trim_start().starts_with("//"));
+            let hand = code.filter(|l| l.contains('±') || l.contains("+-") || l.contains("&plusmn;")).count();
+            assert!(hand == 0 || ["format.rs", "tests.rs", "page.js"].contains(&name.as_str()), "{name} writes ± by hand");
+        }
+    }
+}
+
+#[test]
+fn a_record_that_is_estimated_as_it_is_needs_no_maneuvers_and_shows_its_inputs() {
+    let mut all = campaign();
+    let rename = |name: &str, all: &mut Tables| {
+        let t = &all[name];
+        let names: Vec<String> = t.strings("segment").expect("segments").iter().map(|_| "flight-1".to_string()).collect();
+        (t.clone(), names)
+    };
+    all.remove("segments");
+    let (t, names) = rename("responses", &mut all);
+    let of = |c: &str| t.f64(c).expect("column").to_vec();
+    let responses = Table::build("responses").repeat("model", "elevator").strings("group", &names).strings("segment", &names);
+    let responses = responses.repeat("output", "delta_e").f64("t_s", of("t_s")).f64("measured", of("measured"));
+    let responses = responses.f64("modelled", of("modelled")).f64("residual", of("residual")).finish().expect("responses");
+    all.insert("responses".into(), responses);
+    let inputs = [("elevator".to_string(), vec!["servo_torque".to_string()])].into();
+    let unasked = vec!["segments", "conditions"];
+    let html = page(&ReportInput { inputs, unasked, ..frame(all) }).expect("page");
+    assert!(!html.contains("maneuvers found</span>") && html.contains("record estimated as one segment"));
+    assert!(html.contains("\"inputs\":[{\"name\":\"servo_torque\""), "the inputs of the record are not drawn");
+    assert!(html.contains("No maneuvers are searched for in this campaign"));
 }
 
 #[test]

@@ -2,10 +2,24 @@
 
 use super::columns::Columns;
 use super::estimates::few;
-use super::format::{number, shorts};
+use super::format::{bracketed, number, shorts};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
+use super::section::{Body, Given, Section};
+use crate::error::Result;
 use serde::Serialize;
+
+pub const SECTION: Section = Section {
+    id: "uncertainty",
+    heading: "What the uncertainties are made of",
+    tables: &["budget", "separability", "repeats", "profiles", "estimates"],
+    build,
+};
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let (section, profiles) = uncertainty(|table| given.get(table));
+    Body::new(include_str!("html/uncertainty.html"), section).plot("profiles", &profiles).map(Some)
+}
 
 /// The section of the page.
 #[derive(Debug, Serialize)]
@@ -39,7 +53,7 @@ const SHOWN: usize = 3;
 const RARE: f64 = 0.05;
 
 /// The section and its plots.
-pub fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, Vec<ProfilePlot>) {
+fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, Vec<ProfilePlot>) {
     let (profiles, plots) = profiles(get("profiles"), get("estimates"));
     (
         Uncertainty {
@@ -136,27 +150,35 @@ fn separability(table: Option<&Columns>) -> Grid {
     grid.or_missing(&format!("In all {good} estimations the data determine all parameters."))
 }
 
-/// The scatter of repeats, all flights together where there are several.
+/// The scatter of repeats: every condition at which there are some, then all maneuvers whatever their condition.
 fn repeats(table: Option<&Columns>) -> Grid {
     let none = "No two maneuvers were estimated each by itself, so there is nothing to compare.";
     let Some(table) = table.filter(|t| t.rows() > 0) else { return Grid::missing(none) };
-    let mut grid = Grid::new(["model", "parameter", "unit", "kind", "#n", "#mean", "#scatter", "#rms sd", "#ratio", "#p"]);
-    for row in (0..table.rows()).filter(|&row| table.text("set", row) != "flight and kind") {
+    let columns =
+        ["model", "parameter", "unit", "input", "kind", "~condition", "#n", "#mean", "#scatter sd", "#rms sd", "#ratio", "#p"];
+    let mut grid = Grid::new(columns);
+    for row in 0..table.rows() {
+        let repeated = table.text("set", row) == "condition";
         let mut cells: Vec<Cell> = ["model", "parameter", "unit"].map(|c| Cell::new(table.text(c, row))).to_vec();
         let kind = table.text("kind", row);
+        cells.push(table.text("input", row).into());
         cells.push(Cell::new(if kind.is_empty() { "all".to_string() } else { kind }));
+        cells.push(if repeated { table.text("condition", row).into() } else { Cell::new("all").level(Level::Dim) });
         cells.push(format!("{:.0}", table.number("n", row)).into());
         cells.extend(
             [("mean", 4), ("scatter_sd", 2), ("rms_sd", 2), ("ratio", 2)]
                 .map(|(c, digits)| Cell::new(number(table.number(c, row), digits))),
         );
         let p = table.number("p", row);
-        cells.push(Cell::new(if p < 1e-4 { "< 0.0001".to_string() } else { number(p, 2) }).level_if(p < RARE, Level::Warn));
+        cells.push(
+            Cell::new(if p < 1e-4 { "< 0.0001".to_string() } else { number(p, 2) }).level_if(repeated && p < RARE, Level::Warn),
+        );
         grid.push(cells);
     }
     grid.note = Some(
-        "A ratio near 1 says that the standard deviations are honest. A small p says that they are too small, or that the parameter \
-         differs between the maneuvers, for example with the angle of attack: then the fitted lines above are the answer."
+        "A ratio near 1 says that the standard deviations are honest. At one condition a small p says that they are too small. Over all \
+         conditions it may as well say that the parameter differs between them, for example with the angle of attack: then a fitted line \
+         is the answer. What one condition is, the table repeats says."
             .into(),
     );
     grid.or_missing(none)
@@ -193,24 +215,25 @@ fn interval(estimates: &Columns, row: usize) -> String {
     let words = estimates.text("interval", row);
     let value = number(estimates.number("value", row), 4);
     let open = if words == "closed" { String::new() } else { format!(" ({words})") };
-    format!("{value}, interval {} to {}{open}", end("lower"), end("upper"))
+    format!("{value}, 95% interval {} to {}{open}{}", end("lower"), end("upper"), bracketed(&estimates.unit_in("unit", row)))
 }
 
-/// The sentence of the checks about the scatter of repeats.
+/// The sentence of the checks about the scatter of repeats, of those at the same condition only.
 pub fn honesty(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table.filter(|t| t.rows() > 0)?;
-    let rows: Vec<usize> = (0..table.rows()).filter(|&row| table.text("set", row) == "flight and kind").collect();
+    let rows: Vec<usize> = (0..table.rows()).filter(|&row| table.text("set", row) == "condition").collect();
     if rows.is_empty() {
         return None;
     }
     let rare: Vec<String> = rows
         .iter()
         .filter(|&&row| table.number("p", row) < RARE / rows.len() as f64)
-        .map(|&row| format!("{} in {}", table.text("parameter", row), table.text("flight", row)))
+        .map(|&row| format!("{} at {}", table.text("parameter", row), table.text("condition", row)))
         .collect();
     Some(if rare.is_empty() {
-        (Level::Good, "Repeated maneuvers of one flight scatter as their standard deviations say.".into())
+        (Level::Good, "Maneuvers repeated at the same condition scatter as their standard deviations say.".into())
     } else {
-        (Level::Warn, format!("Repeated maneuvers of one flight scatter more than their standard deviations say: {}.", few(&rare)))
+        let text = "Maneuvers repeated at the same condition scatter more than their standard deviations say";
+        (Level::Warn, format!("{text}: {}.", few(&rare)))
     })
 }

@@ -175,6 +175,23 @@ pub const STAGES: &[Stage] = &[
     report::STAGE,
 ];
 
+/// The units of a stage: what it is run for in this campaign.
+pub fn units(campaign: &Campaign, stage: &Stage) -> Vec<Unit> {
+    let names: Vec<String> = match stage.per {
+        _ if !(stage.wanted)(campaign) => Vec::new(),
+        Per::Rerun => {
+            let unit = |(index, name)| Unit { name, index, per: stage.per };
+            return rerun::units(campaign).into_iter().map(unit).collect();
+        }
+        Per::Flight => campaign.flights.clone(),
+        Per::Estimate => campaign.estimates.iter().map(|e| e.name().to_string()).collect(),
+        Per::Fit => campaign.fits.iter().map(|f| f.name().to_string()).collect(),
+        Per::Diagnose => campaign.diagnoses.iter().map(|d| d.name()).collect(),
+        Per::Campaign => vec!["campaign".to_string()],
+    };
+    names.into_iter().enumerate().map(|(index, name)| Unit { name, index, per: stage.per }).collect()
+}
+
 /// The table that the pipeline itself writes from the notes of all stages, before the report.
 pub const NOTES: &str = "notes";
 

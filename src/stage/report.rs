@@ -1,9 +1,9 @@
 //! All tables come in, the pages that a person reads go out.
 
-use super::{Campaign, Inputs, NOTES, Output, Per, Read, STAGES_TABLE, Stage, Unit};
+use super::{Campaign, Inputs, NOTES, Output, Part, Per, Read, STAGES, STAGES_TABLE, Stage, Unit, units};
 use crate::error::Errors;
-use crate::report::{self, ReportInput, TABLES};
-use crate::table::{Table, schema};
+use crate::report::{self, ReportInput};
+use crate::table::Table;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -34,26 +34,24 @@ fn slice(campaign: &Campaign, _: &Unit) -> Value {
     json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign), "searched": searched(campaign), "unasked": unasked(campaign) })
 }
 
-/// Sections of what the pipeline does not ask for. (What a diagnosis is stays where there are models: the section says how to have one.)
-fn unasked(campaign: &Campaign) -> Vec<&'static str> {
-    match (campaign.estimates.is_empty(), campaign.fits.is_empty()) {
-        (true, _) => vec!["lines", "fits", "maneuvers", "estimates", "uncertainty", "diagnosis"],
-        (false, true) => vec!["lines", "fits"],
-        (false, false) => Vec::new(),
+/// The parts of a table that this campaign's units write: whatever stage they belong to, all of them.
+fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
+    if [NOTES, STAGES_TABLE].contains(&table) {
+        // The pipeline writes these itself.
+        return vec![Part::Number(0)];
     }
+    let writers = STAGES.iter().filter(|stage| stage.writes.contains(&table));
+    writers.flat_map(|stage| units(campaign, stage)).map(|unit| unit.part()).collect()
+}
+
+/// Tables that no unit of this campaign writes: sections about them have no place on the page.
+fn unasked(campaign: &Campaign) -> Vec<&'static str> {
+    report::tables().into_iter().filter(|table| parts(campaign, table).is_empty()).collect()
 }
 
 fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
-    let mut all = Vec::new();
-    for table in TABLES {
-        let per_flight = schema(table).is_ok_and(|s| s.per_flight);
-        all.extend(match table {
-            NOTES | STAGES_TABLE => Read::parts(&[table], 1),
-            _ if per_flight => Read::flights(&[table], campaign),
-            _ => Read::parts(&[table], (campaign.estimates.len() + campaign.diagnoses.len()).max(campaign.fits.len())),
-        });
-    }
-    all
+    let of = |table| parts(campaign, table).into_iter().map(move |part| Read { table, part, optional: true });
+    report::tables().into_iter().flat_map(of).collect()
 }
 
 /// Columns of the samples table that drive each model.
@@ -70,7 +68,7 @@ fn searched(campaign: &Campaign) -> BTreeMap<String, String> {
 
 fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let mut tables = BTreeMap::new();
-    for name in TABLES {
+    for name in report::tables() {
         let parts: Vec<Table> = inputs.all(name).into_iter().cloned().collect();
         if !parts.is_empty() {
             tables.insert(name.to_string(), Table::concat(name, &parts)?);
@@ -90,4 +88,49 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
     };
     let page = report::page(&input)?;
     Ok(Output { tables: Vec::new(), files: vec![("report/index.html".to_string(), page.into_bytes())], notes: Vec::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::Plan;
+    use std::path::Path;
+
+    /// Campaigns with several estimates, fits, diagnoses and reruns.
+    fn campaigns() -> Vec<Campaign> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
+        let read = |name: &str| Plan::read(&folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).campaign;
+        vec![read("citation/pipeline.toml"), read("attas/pipeline.toml")]
+    }
+
+    #[test]
+    fn every_part_that_any_stage_writes_is_read() {
+        for campaign in campaigns() {
+            let unit = Unit { name: "campaign".into(), index: 0, per: Per::Campaign };
+            let reads = reads(&campaign, &unit);
+            let mut most = 0;
+            for stage in STAGES {
+                for unit in units(&campaign, stage) {
+                    for table in stage.writes.iter().filter(|table| report::tables().contains(table)) {
+                        let part = unit.part();
+                        most = most.max(if let Part::Number(i) = part { i } else { 0 });
+                        let read = Read { table, part, optional: true };
+                        assert!(reads.contains(&read), "{} of {} is not read", read.part.words(table), stage.name);
+                    }
+                }
+            }
+            let diagnosed = campaign.estimates.len() + campaign.diagnoses.len();
+            assert_eq!(most + 1, diagnosed.max(campaign.fits.len()).max(1));
+        }
+    }
+
+    #[test]
+    fn a_table_of_the_page_is_written_by_a_stage() {
+        let written: Vec<&str> = STAGES.iter().flat_map(|s| s.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+        for section in report::SECTIONS {
+            for table in section.tables {
+                assert!(written.contains(table), "{}: no stage writes {table}", section.id);
+            }
+        }
+    }
 }

@@ -3,6 +3,7 @@
 mod records;
 mod settings;
 mod tables;
+mod trim;
 mod uncertainty;
 
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, series, slice_of};
@@ -17,6 +18,7 @@ use records::{Grid, Measured, Source, Window, record};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use trim::Trim;
 
 pub use settings::{Group, Settings, Used};
 
@@ -113,6 +115,7 @@ pub(super) struct Ready {
     flight: String,
     pub(super) segment: String,
     pub(super) labelled: Segment,
+    trim: Trim,
 }
 
 /// The maneuvers that are estimated together.
@@ -121,6 +124,8 @@ struct Batch {
     /// Segment ids.
     segments: Vec<String>,
     labelled: Vec<Segment>,
+    /// What is known of the condition before each.
+    trims: Vec<Trim>,
 }
 
 /// A stretch of flight and what is known of it.
@@ -184,6 +189,7 @@ pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, not
         };
         measured.push(Measured { output: scored.output, t, z });
     }
+    let telling: Vec<String> = config.columns().into_iter().chain(config.outputs.iter().map(|s| s.measured.clone())).collect();
     let mut ready = Vec::new();
     for Stretch { segment, window, mut labels } in stretches(config, flight, inputs, t)? {
         let held = held(inputs.flight("conditions", flight), &segment)?;
@@ -197,7 +203,13 @@ pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, not
                     let text = format!("{masked} masked samples of the outputs are not scored in {segment}");
                     notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
                 }
-                ready.push(Ready { flight: flight.to_string(), segment, labelled: Segment { record, labels, stretch: None } });
+                let trim = Trim::of(inputs.flight("conditions", flight), &segment, &telling)?;
+                ready.push(Ready {
+                    flight: flight.to_string(),
+                    segment,
+                    labelled: Segment { record, labels, stretch: None },
+                    trim,
+                });
             }
             Err(why) => {
                 notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}")))
@@ -287,8 +299,9 @@ fn batches(group: Group, ready: Vec<Ready>) -> Vec<Batch> {
             Some(batch) => {
                 batch.segments.push(r.segment);
                 batch.labelled.push(r.labelled);
+                batch.trims.push(r.trim);
             }
-            None => batches.push(Batch { group: name, segments: vec![r.segment], labelled: vec![r.labelled] }),
+            None => batches.push(Batch { group: name, segments: vec![r.segment], labelled: vec![r.labelled], trims: vec![r.trim] }),
         }
     }
     batches

@@ -2,6 +2,7 @@
 
 use super::Batch;
 use super::tables::{Done, per, segment};
+use super::trim::Trim;
 use crate::error::Result;
 use crate::estimate::regression::{Equation, Regressed, Regression};
 use crate::estimate::repeats::{Repeats, compare};
@@ -24,6 +25,8 @@ struct Finding<'a> {
     text: String,
 }
 
+/// Half width of the 95% interval in standard deviations.
+const INTERVAL: f64 = 1.96;
 /// Below this share of information nothing is left of it but rounding.
 const NOTHING: f64 = 1e-12;
 
@@ -109,9 +112,9 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
 fn decided(d: &Decision) -> String {
     let Decision { parameter, value, sd, start, .. } = d;
     if !d.held() {
-        format!("{parameter} {value:.4e} +- {sd:.1e}: estimated")
+        format!("{parameter} {value:.4e} +- {:.1e} (95%): estimated", INTERVAL * sd)
     } else if value.is_finite() {
-        format!("{parameter} {value:.4e} +- {sd:.1e} if it were estimated: held at {start}")
+        format!("{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}", INTERVAL * sd)
     } else {
         format!("{parameter} is not told from others by these data: held at {start}")
     }
@@ -260,7 +263,7 @@ pub fn equations(model: &str, done: &[Done]) -> Result<Table> {
 /// One maneuver's estimate of one parameter.
 struct One<'a> {
     row: &'a Row,
-    flight: Option<&'a str>,
+    trim: &'a Trim,
     input: Option<&'a str>,
     kind: Option<&'a str>,
 }
@@ -269,7 +272,7 @@ struct One<'a> {
 struct Set<'a> {
     row: &'a Row,
     set: &'static str,
-    flight: Option<&'a str>,
+    trim: Option<&'a Trim>,
     input: Option<&'a str>,
     kind: Option<&'a str>,
     found: Repeats,
@@ -283,9 +286,9 @@ pub fn repeats(model: &str, done: &[Done]) -> Result<Table> {
     let mut rows: Vec<Set> = Vec::new();
     for name in names {
         let mine: Vec<&One> = all.iter().filter(|one| one.row.name == name).collect();
-        rows.extend(sets("flight and kind", &mine, |one| (one.flight, one.kind)));
-        rows.extend(sets("kind", &mine, |one| (None, one.kind)));
-        rows.extend(sets("all", &mine, |_| (None, None)));
+        rows.extend(conditions(&mine));
+        rows.extend(sets("kind", &mine, |one| one.kind));
+        rows.extend(sets("all", &mine, |_| None));
     }
     let number = |of: fn(&Repeats) -> f64| rows.iter().map(|s| of(&s.found)).collect::<Vec<f64>>();
     Table::build("repeats")
@@ -293,7 +296,7 @@ pub fn repeats(model: &str, done: &[Done]) -> Result<Table> {
         .strings("parameter", rows.iter().map(|s| &s.row.name))
         .strings("unit", rows.iter().map(|s| &s.row.unit))
         .strings("set", rows.iter().map(|s| s.set))
-        .opt_strings("flight", rows.iter().map(|s| s.flight))
+        .opt_strings("condition", rows.iter().map(|s| s.trim.map(Trim::words)))
         .opt_strings("input", rows.iter().map(|s| s.input))
         .opt_strings("kind", rows.iter().map(|s| s.kind))
         .i64("n", rows.iter().map(|s| s.found.n as i64).collect::<Vec<_>>())
@@ -310,28 +313,48 @@ pub fn repeats(model: &str, done: &[Done]) -> Result<Table> {
 fn ones<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<One<'a>> {
     let alone = batch.labelled.len() == 1;
     let one = |row: &'a Row| {
-        let labelled = batch.labelled.get(row.segment.or(alone.then_some(0))?)?;
+        let place = row.segment.or(alone.then_some(0))?;
+        let (labelled, trim) = (batch.labelled.get(place)?, batch.trims.get(place)?);
         let label = |name: &str| labelled.labels.get(name).map(String::as_str);
         let wanted = row.sd.is_some() && !row.name.ends_with("(0)");
-        wanted.then(|| One { row, flight: label("flight"), input: label("input"), kind: label("kind") })
+        wanted.then(|| One { row, trim, input: label("input"), kind: label("kind") })
     };
     e.rows.iter().filter_map(one).collect()
 }
 
+/// The sets of maneuvers of one input and kind at the same trimmed condition, each as the first of it tells: repeats of one another.
+fn conditions<'a>(ones: &[&One<'a>]) -> Vec<Set<'a>> {
+    let mut all: Vec<Vec<&One<'a>>> = Vec::new();
+    for one in ones.iter().filter(|one| one.trim.is_known()) {
+        let same = |first: &One| (first.input, first.kind) == (one.input, one.kind) && first.trim.is_like(one.trim);
+        match all.iter_mut().find(|set| set.first().is_some_and(|first| same(first))) {
+            Some(set) => set.push(one),
+            None => all.push(vec![one]),
+        }
+    }
+    let of = |mine: &Vec<&One<'a>>| Some(Set { trim: Some(mine.first()?.trim), ..set("condition", mine)? });
+    all.iter().filter_map(of).collect()
+}
+
 /// The sets of at least two estimates that are alike in `key`, in the order in which they come.
-fn sets<'a>(set: &'static str, ones: &[&One<'a>], key: impl Fn(&One<'a>) -> (Option<&'a str>, Option<&'a str>)) -> Vec<Set<'a>> {
-    let mut keys: Vec<(Option<&str>, Option<&str>)> = Vec::new();
+fn sets<'a>(name: &'static str, ones: &[&One<'a>], key: impl Fn(&One<'a>) -> Option<&'a str>) -> Vec<Set<'a>> {
+    let mut keys: Vec<Option<&str>> = Vec::new();
     for one in ones {
         if !keys.contains(&key(one)) {
             keys.push(key(one));
         }
     }
-    let of = |&(flight, kind): &(Option<&'a str>, Option<&'a str>)| {
-        let mine: Vec<&&One> = ones.iter().filter(|one| key(one) == (flight, kind)).collect();
-        let values: Vec<f64> = mine.iter().map(|one| one.row.value).collect();
-        let sds: Vec<f64> = mine.iter().filter_map(|one| one.row.sd).collect();
-        let first = mine.first()?;
-        Some(Set { row: first.row, set, flight, input: first.input, kind, found: compare(&values, &sds)? })
+    let of = |kind: &Option<&'a str>| {
+        let mine: Vec<&One> = ones.iter().filter(|one| key(one) == *kind).copied().collect();
+        Some(Set { kind: *kind, ..set(name, &mine)? })
     };
     keys.iter().filter_map(of).collect()
+}
+
+/// Estimates that are compared; none for fewer than two.
+fn set<'a>(set: &'static str, mine: &[&One<'a>]) -> Option<Set<'a>> {
+    let first = mine.first()?;
+    let values: Vec<f64> = mine.iter().map(|one| one.row.value).collect();
+    let sds: Vec<f64> = mine.iter().filter_map(|one| one.row.sd).collect();
+    Some(Set { row: first.row, set, trim: None, input: first.input, kind: first.kind, found: compare(&values, &sds)? })
 }

@@ -2,6 +2,8 @@
 // Draws the plots of the report from the numbers in #data. Everything else on the page is plain HTML.
 (function () {
   const data = JSON.parse(document.getElementById("data").textContent);
+  // A section that has no place on the page leaves no numbers.
+  ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths"].forEach((name) => { data[name] = data[name] || []; });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const byId = (id) => document.getElementById(id);
   const colourOf = {}, symbolOf = {};
@@ -15,8 +17,8 @@
   function theme() {
     const d = dark.matches && !printing;
     return d
-      ? { ink: "#e4e9ee", soft: "#a3afbb", grid: "#2c353f", line: "#4a5663", back: "#161b21", model: "#ffb454", measured: "#8ec7f5", band: "163,175,187", cold: "#1e252d", warm: "#5c4117", hot: "#a3620f", gone: "#2c7a60" }
-      : { ink: "#1b2430", soft: "#566270", grid: "#e6eaee", line: "#aeb7c0", back: "#ffffff", model: "#c24a00", measured: "#0072b2", band: "60,75,90", cold: "#f4f6f8", warm: "#fbd9ae", hot: "#f0923f", gone: "#74c9a8" };
+      ? { ink: "#e4e9ee", soft: "#a3afbb", grid: "#2c353f", line: "#4a5663", back: "#161b21", model: "#ffb454", measured: "#8ec7f5", band: "163,175,187", cold: "#1e252d", warm: "#5c4117", hot: "#a3620f", gone: "#2c7a60", minus: "#1f5f8f" }
+      : { ink: "#1b2430", soft: "#566270", grid: "#e6eaee", line: "#aeb7c0", back: "#ffffff", model: "#c24a00", measured: "#0072b2", band: "60,75,90", cold: "#f4f6f8", warm: "#fbd9ae", hot: "#f0923f", gone: "#74c9a8", minus: "#6fb1dd" };
   }
   function layout(extra) {
     const t = theme();
@@ -153,8 +155,9 @@
 
   // ---- held-out maneuvers before and after an addition ----
   let overlay = 0;
-  function drawOverlay() {
-    const o = data.overlays[overlay], element = byId("overlay-plot");
+  function drawOverlay() { beforeAndAfter(data.overlays[overlay], byId("overlay-plot")); }
+  const drawVerdicts = () => data.verdicts.forEach((o, i) => beforeAndAfter(o, byId("verdict-" + i)));
+  function beforeAndAfter(o, element) {
     if (!o || !element) return;
     const t = theme();
     const rows = o.outputs.map((c, i) => ({ title: withUnit(c.name, c.unit), height: 110, traces: [
@@ -177,7 +180,9 @@
     const longest = Math.max(...panels.map((p) => Math.max(...p.map.columns.map((c) => c.length))));
     const bottom = Math.min(170, 16 + 6 * longest), top = 44, height = 24 * rows.length + top + bottom;
     const l = layout({ height: height, margin: { l: 20, r: 10, t: top, b: bottom }, annotations: [] });
-    const traces = [], gap = 0.022, room = 1 - gap * (panels.length - 1);
+    // A square map is no wider than its cells ask for.
+    const share = scale.square ? Math.min(1, (90 + 62 * columns) / Math.max(element.clientWidth, 1)) : 1;
+    const traces = [], gap = 0.022, room = share * (1 - gap * (panels.length - 1));
     let from = 0;
     panels.forEach((p, i) => {
       const n = i === 0 ? "" : String(i + 1), to = from + room * width(p) / wide;
@@ -196,6 +201,18 @@
     element.style.height = height + "px";
     Plotly.react(element, traces, l, config);
   }
+  // ---- which parameters go together ----
+  let correlation = 0;
+  function drawCorrelation() {
+    const m = data.correlations[correlation], element = byId("correlation-plot");
+    if (!m || !element) return;
+    const t = theme();
+    const words = m.names.map((a, i) => m.names.map((b, j) => a + " and " + b + ": " + (m.values[i][j] === null ? "none" : m.values[i][j].toFixed(3))));
+    const map = { rows: m.names, columns: m.names, values: m.values, words: words };
+    heat(element, [{ title: "", map: map }], { height: (v) => (v + 1) / 2, text: (v) => (m.names.length > 16 ? "" : v.toFixed(2)), colours: [[0, t.minus], [0.5, t.cold], [1, t.hot]], square: true });
+  }
+  if (byId("correlation-select")) fill(byId("correlation-select"), data.correlations.map((m) => m.label), (i) => { correlation = i; drawCorrelation(); });
+
   const brief = (v) => (v >= 9.95 ? v.toFixed(0) : v.toFixed(1));
   const clip = (v) => Math.max(0, Math.min(1, v));
   let whose = 0, regime = 0;
@@ -248,6 +265,8 @@
     drawProfiles();
     drawManeuver();
     drawOverlay();
+    drawVerdicts();
+    drawCorrelation();
     drawGap();
     drawFlight();
     drawPath();
