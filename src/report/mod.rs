@@ -167,14 +167,31 @@ pub const CONTENTS: [(&str, &str); 13] = [
     ("provenance", "Provenance"),
 ];
 
+/// A page, and what it calls a problem.
+#[derive(Debug)]
+pub struct Report {
+    /// HTML.
+    pub page: String,
+    /// The sentences that the page marks as problems.
+    pub problems: Vec<String>,
+}
+
 /// The page as HTML. The same input gives the same bytes. An error is a fault of the program, not of the tables.
 pub fn page(input: &ReportInput) -> Result<String> {
+    report(input).map(|report| report.page)
+}
+
+/// The page, and the problems that stand on it, from one look at the tables.
+///
+/// # Errors
+/// As `page`.
+pub fn report(input: &ReportInput) -> Result<Report> {
     let wanted = |(name, _): &(&String, &Table)| TABLES.contains(&name.as_str());
     let tables = input.tables.iter().filter(wanted).map(|(name, table)| (name.clone(), Columns::of(table))).collect();
     page_of(input, &tables)
 }
 
-fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<String> {
+fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<Report> {
     let get = |name: &str| tables.get(name);
     let asked = |section: &str| !input.unasked.contains(&section);
     let styles = flight_styles(tables);
@@ -219,13 +236,15 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         gaps: gap::figures(get),
         paths,
     })?;
-    render(&Page {
+    let checks = checks::checks(facts);
+    let problems = checks::problems(&checks);
+    let page = render(&Page {
         title: &input.title,
         subtitle: &input.subtitle,
         contents: CONTENTS.into_iter().filter(|(id, _)| asked(id)).map(|(id, heading)| Heading { id, heading }).collect(),
         unasked: &input.unasked,
         tiles: checks::tiles(facts, asked),
-        checks: checks::checks(facts),
+        checks,
         flights: &styles,
         lines,
         fits: lines::table(get("fits")),
@@ -246,7 +265,8 @@ fn page_of(input: &ReportInput, tables: &BTreeMap<String, Columns>) -> Result<St
         style: include_str!("page.css"),
         script: include_str!("page.js"),
         plotly: plotly_script(),
-    })
+    })?;
+    Ok(Report { page, problems })
 }
 
 fn render(page: &Page) -> Result<String> {
