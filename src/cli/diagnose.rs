@@ -1,7 +1,7 @@
 //! The verb diagnose: a pipeline file comes in; what its models lack goes out, in words, as tables, and as the exit code.
 
 use super::progress::Bars;
-use super::run::out_folder;
+use super::run::{look_at_logs, out_folder};
 use super::{DiagnoseArgs, End, on_threads, print_errors, say};
 use crate::diagnose::Base;
 use crate::error::{Error, Errors, Result};
@@ -22,6 +22,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
         if let Some(simulation) = &plan.simulation {
             super::simulate::make(simulation, false)?;
         }
+        look_at_logs(&plan)?;
         Ok(pipeline::run(&plan, &store, &|event| bars.hear(event))?)
     })??;
     print_errors(&result.errors);

@@ -33,7 +33,8 @@ enum Verb {
     /// Tell what a run would do and why: fresh, stale or missing
     #[command(after_help = text::STATUS)]
     Status(PipelineArgs),
-    /// Check all configuration files of a campaign without reading a log
+    /// Check all configuration files of a campaign, and that its logs have the topics, fields and units they name
+    #[command(after_help = text::CHECK)]
     Check {
         /// The pipeline file
         pipeline: PathBuf,

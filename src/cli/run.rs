@@ -2,14 +2,20 @@
 
 use super::progress::Bars;
 use super::{End, PipelineArgs, RunArgs, on_threads, print_errors, say, summary};
+use crate::config;
 use crate::error::Errors;
-use crate::pipeline::{self, Assessment, Plan, State, Store};
+use crate::pipeline::{self, Assessment, Plan, State, Store, Summaries};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// `koehler check`
 pub fn check(pipeline: &Path) -> Result<End, Errors> {
     let plan = Plan::read(pipeline)?;
+    let seen = pipeline::summaries(&plan);
+    said(&seen);
+    let mut errors = seen.mistakes;
+    errors.0.extend(seen.unreadable.0);
+    errors.or(())?;
     let campaign = &plan.campaign;
     say(&format!(
         "{}: no mistakes found; {}, {}, {}",
@@ -18,7 +24,37 @@ pub fn check(pipeline: &Path) -> Result<End, Errors> {
         summary::count(campaign.estimates.len(), "estimate"),
         summary::count(campaign.fits.len(), "fit"),
     ));
+    let later = plan.logs.len() - seen.looked_at - seen.without.len();
+    let later = if later > 0 { format!("; {later} more to be simulated first") } else { String::new() };
+    say(&format!("topics, fields and units of the channel map are those of {}{later}", summary::count(seen.looked_at, "log")));
     Ok(End::Complete)
+}
+
+/// Says what is no mistake of the configuration: units that cannot be compared, logs without a summary.
+fn said(seen: &Summaries) {
+    seen.remarks.iter().for_each(|remark| eprintln!("note: {remark}"));
+    if !seen.without.is_empty() {
+        eprintln!(
+            "note: not checked before they are read, because they have no summary section at their end (cut off, or their recorder \
+             writes none): {}",
+            config::list(&seen.without)
+        );
+    }
+}
+
+/// Holds the channel map against all logs before work starts. Where no log fits, that is a mistake of the configuration; where some do, the
+/// others are named, and their flights will have no results.
+///
+/// # Errors
+/// No log fits: every mistake.
+pub(super) fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
+    let seen = pipeline::summaries(plan);
+    said(&seen);
+    if seen.hopeless() {
+        return Err(seen.mistakes);
+    }
+    seen.mistakes.0.iter().for_each(|mistake| eprintln!("warning: no results of this flight: {mistake}"));
+    Ok(())
 }
 
 /// `koehler run`
@@ -33,6 +69,7 @@ pub fn run(args: &RunArgs) -> Result<End, Errors> {
         if let Some(simulation) = &plan.simulation {
             super::simulate::make(simulation, false)?;
         }
+        look_at_logs(&plan)?;
         Ok(pipeline::run(&plan, &store, &|event| bars.hear(event))?)
     })??;
     print_errors(&result.errors);

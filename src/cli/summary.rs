@@ -7,8 +7,8 @@ use crate::stage::{Note, Part, Severity};
 use crate::table::Table;
 use std::path::Path;
 
-/// Groups of notes shown before the rest is left to the table.
-const GROUPS_SHOWN: usize = 10;
+/// Kinds of notes shown before the rest is left to the table.
+const GROUPS_SHOWN: usize = 20;
 
 /// Prints stages, flights, estimates, lines, notes, and where the report is.
 ///
@@ -123,24 +123,73 @@ fn number(value: f64) -> String {
 }
 
 fn notes(notes: &[Note]) {
-    for (severity, heading) in [(Severity::Missing, "missing"), (Severity::Warning, "warning")] {
-        let all: Vec<&Note> = notes.iter().filter(|n| n.severity == severity).collect();
-        if all.is_empty() {
+    for (severity, heading) in [(Severity::Missing, "missing"), (Severity::Problem, "problem"), (Severity::Warning, "warning")] {
+        let groups = grouped(notes, severity);
+        if groups.is_empty() {
             continue;
         }
         say(&format!("\n{heading}:"));
-        // Many notes of one stage about one flight tend to say the same thing of several signals: the first one stands for them.
-        let groups: Vec<&[&Note]> = all.chunk_by(|a, b| (&a.stage, &a.flight) == (&b.stage, &b.flight)).collect();
-        for group in groups.iter().take(GROUPS_SHOWN) {
-            let flight = if group[0].flight.is_empty() { String::new() } else { format!("{}: ", group[0].flight) };
-            let more = if group.len() > 1 { format!(" (and {} more of this kind)", group.len() - 1) } else { String::new() };
-            say(&format!("  {}: {flight}{}{more}", group[0].stage, group[0].text.replace('\n', " ")));
-        }
-        let hidden: usize = groups.iter().skip(GROUPS_SHOWN).map(|g| g.len()).sum();
-        if hidden > 0 || groups.len() < all.len() {
+        groups.iter().take(GROUPS_SHOWN).for_each(|group| say(&format!("  {}", line(group))));
+        let hidden = groups.len().saturating_sub(GROUPS_SHOWN);
+        if hidden > 0 {
+            say(&format!("  and {} of note; all of them are in the table `notes`", count(hidden, "other kind")));
+        } else if groups.iter().any(|group| group.len() > 1) {
             say("  all of them are in the table `notes`");
         }
     }
+}
+
+/// Notes of one severity by stage and kind, in the order in which the kinds first come.
+fn grouped(notes: &[Note], severity: Severity) -> Vec<Vec<&Note>> {
+    let mut groups: Vec<((&str, String), Vec<&Note>)> = Vec::new();
+    for note in notes.iter().filter(|n| n.severity == severity) {
+        let key = (note.stage.as_str(), kind(note));
+        match groups.iter_mut().find(|(known, _)| *known == key) {
+            Some((_, group)) => group.push(note),
+            None => groups.push((key, vec![note])),
+        }
+    }
+    groups.into_iter().map(|(_, group)| group).collect()
+}
+
+/// What a note says without its numbers and names: notes of one kind differ in nothing else.
+fn kind(note: &Note) -> String {
+    let mut text = note.text.as_str();
+    if let Some((_, rest)) = text.split_once(": ").filter(|_| text.starts_with('/')) {
+        // topic and field of the log
+        text = rest;
+    }
+    let part_of_word = |c: char| c.is_alphanumeric() || "_.-".contains(c);
+    let mut kind = String::new();
+    for piece in text.split_inclusive(|c: char| !part_of_word(c)) {
+        let word = piece.trim_end_matches(|c: char| !part_of_word(c));
+        let name = [&note.subject, &note.flight].contains(&&word.to_string());
+        kind += if name {
+            "~"
+        } else if word.contains(|c: char| c.is_ascii_digit()) {
+            "#"
+        } else {
+            word
+        };
+        kind += &piece[word.len()..];
+    }
+    kind
+}
+
+/// One line for the notes of one kind: the one with the largest count stands for them.
+fn line(group: &[&Note]) -> String {
+    // the first of equals
+    let Some(worst) = group.iter().rev().max_by_key(|n| n.count) else { return String::new() };
+    let flight = if worst.flight.is_empty() { String::new() } else { format!("{}: ", worst.flight) };
+    let mut flights: Vec<&str> = group.iter().map(|n| n.flight.as_str()).collect();
+    flights.sort_unstable();
+    flights.dedup();
+    let more = match (group.len() - 1, flights.len()) {
+        (0, _) => String::new(),
+        (n, 1) => format!(" (and {n} more of this kind)"),
+        (n, m) => format!(" (and {n} more of this kind; {m} flights)"),
+    };
+    format!("{}: {flight}{}{more}", worst.stage, worst.text.replace('\n', " "))
 }
 
 /// Prints columns, the first one flush left.
@@ -173,6 +222,38 @@ mod tests {
         for (value, text) in [(-0.37171, "-0.3717"), (12.3456, "12.35"), (0.0, "0.000"), (1.5e-7, "1.500e-7"), (f64::NAN, "-")] {
             assert_eq!(number(value), text);
         }
+    }
+
+    #[test]
+    fn notes_of_one_text_are_one_line_and_the_worst_stands_for_them() {
+        let note = |severity, flight: &str, subject: &str, count, text: &str| Note {
+            flight: flight.into(),
+            stage: "ingest".into(),
+            severity,
+            subject: subject.into(),
+            count,
+            text: text.into(),
+        };
+        let gaps = |flight, subject, n: u64| {
+            note(Severity::Warning, flight, subject, n, &format!("/air {subject}_deg: {n} gaps, the longest 0.3 s"))
+        };
+        let notes = [
+            gaps("flight-1", "x", 2),
+            gaps("flight-1", "alpha", 37),
+            note(Severity::Warning, "flight-1", "alpha", 900, "alpha is dead: its value never changes"),
+            note(Severity::Warning, "flight-2", "x", 5, "x is dead: its value never changes"),
+            gaps("flight-2", "x", 3),
+            note(Severity::Missing, "flight-2", "x", 1, "x is dead: its value never changes"),
+        ];
+        let lines: Vec<String> = grouped(&notes, Severity::Warning).iter().map(|g| line(g)).collect();
+        assert_eq!(
+            lines,
+            [
+                "ingest: flight-1: /air alpha_deg: 37 gaps, the longest 0.3 s (and 2 more of this kind; 2 flights)",
+                "ingest: flight-1: alpha is dead: its value never changes (and 1 more of this kind; 2 flights)",
+            ]
+        );
+        assert_eq!(grouped(&notes, Severity::Missing).len(), 1);
     }
 
     #[test]

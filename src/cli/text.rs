@@ -24,8 +24,9 @@ A first contact with your own logs:
 
 Exit codes:
   0  everything asked for is there
-  1  the run ended, and something asked for is missing: it is named on the screen and in the table `notes`
-  2  nothing could be done: a mistake in the command, the configuration, or the output folder
+  1  the run ended, and something asked for is missing (it is named on the screen and in the table `notes`), or the report calls
+     something a problem (it is printed as well)
+  2  nothing could be done: a mistake in the command, the configuration, or the output folder; no log has what the channel map names
   3  a diagnosis found that a model lacks something";
 
 pub const RUN: &str = "\
@@ -37,7 +38,7 @@ Examples:
   koehler run pipelines/citation/pipeline.toml --out trial --jobs 4
   koehler run pipelines/citation/pipeline.toml --dry-run
 
-Exit codes: 0 everything is there, 1 something asked for is missing, 2 configuration or usage error.";
+Exit codes: 0 everything is there, 1 something asked for is missing or the report names a problem, 2 configuration or usage error.";
 
 pub const DIAGNOSE: &str = "\
 Runs the pipeline as far as it is not fresh, and diagnoses the models of its [[diagnose]] sections (without any: of all estimates).
@@ -55,6 +56,13 @@ For each stage and flight: fresh, or what changed (a setting, an input, the prog
 
 Example:
   koehler status pipelines/citation/pipeline.toml";
+
+pub const CHECK: &str = "\
+Every mistake is told at once, with file, line and column. Of the logs only the summary section at the end of each is read (what topics there
+are, and what their schemas say of fields and units); `koehler run` does the same before it begins.
+
+Example:
+  koehler check pipelines/citation/pipeline.toml";
 
 pub const INIT: &str = "\
 Example:

@@ -60,6 +60,14 @@ pub fn weak_words<S: std::borrow::Borrow<str>>(names: &[S]) -> String {
     }
 }
 
+impl Verdict {
+    /// What is not determined at all, in words, by the parameters' names alone.
+    pub fn undetermined(&self) -> Vec<String> {
+        let names = |c: &Combination| weak_words(&c.terms.iter().map(|term| term.name.as_str()).collect::<Vec<_>>());
+        self.combinations.iter().filter(|c| c.information <= NONE).map(names).collect()
+    }
+}
+
 /// A combination by parameter index.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weak {

@@ -52,8 +52,11 @@ pub struct SignalMap {
     pub topic: String,
     /// Field of the message; a path such as "pose.position.x" or "channels.3" reaches into nested messages and lists.
     pub field: String,
-    /// Unit of the numbers in the log, for example "deg", "kt", "ft/min", "hPa", "degC"; "1" where there is none.
+    /// Unit of the numbers in the log, for example "deg", "kt", "ft/min", "hPa", "degC"; "1" where there is none. Where the log states
+    /// another one by itself, that is an error, unless `despite` says so.
     pub unit: String,
+    /// The unit that the log states for this field where the log is wrong and `unit` is right: unit = "m/s", despite = "kt".
+    pub despite: Option<String>,
     /// +1, or -1 where the log counts the other way round.
     #[serde(default = "one_int")]
     pub sign: i8,
@@ -104,6 +107,13 @@ impl ChannelMap {
         for (name, signal) in &self.signal {
             let place = |key: &str| doc.place(&format!("signal.{name}.{key}"));
             errors.take(Unit::parse(&signal.unit).map_err(|e| Error::at(place("unit"), e)));
+            if signal.despite.as_ref() == Some(&signal.unit) {
+                let what = format!(
+                    "despite = \"{0}\" is `unit` itself: it is the unit that the log states where that is wrong",
+                    signal.unit
+                );
+                errors.push(Error::at(place("despite"), what).help("leave it out"));
+            }
             if signal.sign != 1 && signal.sign != -1 {
                 errors.push(Error::at(place("sign"), format!("sign is 1 or -1, not {}", signal.sign)));
             }

@@ -48,6 +48,26 @@ impl LogFile {
     /// Maps the file and walks its records. A damaged or cut-off file yields its intact part and notes; a file that is empty,
     /// no MCAP, or has nothing intact is an error.
     pub fn open(path: &Path) -> Result<LogFile> {
+        let mut log = LogFile::map(path)?;
+        log.survey()?;
+        Ok(log)
+    }
+
+    /// The channels that the summary section at the end of a log names, with their schemas, by id; none where the log has no summary, one
+    /// that names no channel, or a damaged one. Reads nothing else of the file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is empty or is no MCAP.
+    pub fn summary(path: &Path) -> Result<Option<BTreeMap<u16, Channel>>> {
+        let log = LogFile::map(path)?;
+        let Some(start) = log.summary_start().filter(|_| log.summary_is_sound()) else { return Ok(None) };
+        let mut walk = Walk::default();
+        walk.records(log.bytes(), start);
+        Ok((walk.whole && !walk.channels.is_empty()).then(|| walk.joined()))
+    }
+
+    /// Maps a file that begins as MCAP files do.
+    fn map(path: &Path) -> Result<LogFile> {
         let failed = |e: std::io::Error| Error::new(format!("cannot read the log {}: {e}", path.display()));
         let file = File::open(path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
@@ -57,9 +77,12 @@ impl LogFile {
         }
         // The mapping is only read, and the file is documented to stay as it is while it is open.
         let map = unsafe { memmap2::Mmap::map(&file) }.map_err(failed)?;
-        let mut log =
+        let log =
             LogFile { map: Some(map), path: path.to_path_buf(), channels: BTreeMap::new(), parts: Vec::new(), notes: Vec::new() };
-        log.survey()?;
+        if !log.bytes().starts_with(mcap::MAGIC) {
+            return Err(Error::new(format!("{} is not an MCAP file (its first 8 bytes are not the MCAP magic)", path.display()))
+                .help("`koehler import` brings columns of text into MCAP"));
+        }
         Ok(log)
     }
 
@@ -79,13 +102,6 @@ impl LogFile {
 
     fn survey(&mut self) -> Result<()> {
         let magic = mcap::MAGIC.len();
-        if !self.bytes().starts_with(mcap::MAGIC) {
-            return Err(Error::new(format!(
-                "{} is not an MCAP file (its first 8 bytes are not the MCAP magic)",
-                self.path.display()
-            ))
-            .help("`koehler import` brings columns of text into MCAP"));
-        }
         let mut walk = Walk::default();
         walk.records(self.bytes(), magic);
         let mut trusted = walk.whole;

@@ -8,7 +8,7 @@ use super::decode::{self, FieldInfo, Reader};
 use super::file::{Channel, LogFile};
 use super::series::{Account, Series};
 use super::signal::Context;
-use super::{Note, words};
+use super::{Note, agree};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use indexmap::IndexMap;
@@ -67,11 +67,12 @@ pub(super) struct PartData {
 /// encodings that cannot be decoded, time stamps that are not there.
 pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog, Errors> {
     let log = LogFile::open(path)?;
-    let plans = plan(&log, map, doc)?;
+    let (plans, remarks) = plan(&log, map, doc)?;
     let parts = decode_parts(&log, &plans)?;
     let start_ns = parts.iter().filter_map(|p| p.earliest).min().unwrap_or(0);
     let mut notes = log.notes.clone();
     notes.extend(damage_note(&log, &parts));
+    notes.extend(remarks);
 
     let signals: Vec<(&String, &SignalMap)> = map.signal.iter().collect();
     let context = Context { log: &log, map, doc, plans: &plans, parts: &parts, start_ns };
@@ -87,27 +88,30 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     errors.or(FlightLog { name: log.name(), start_ns, signals: out, notes })
 }
 
-/// One plan per topic that the map asks for, in the order of the topics' names.
-fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<Vec<TopicPlan>, Errors> {
+/// One plan per topic that the map asks for, in the order of the topics' names; notes of units that cannot be compared with the log's.
+fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, Vec<Note>), Errors> {
     let mut errors = Errors::default();
-    let mut wanted: BTreeMap<&str, Vec<&SignalMap>> = BTreeMap::new();
+    let mut wanted: BTreeMap<&str, Vec<(&String, &SignalMap)>> = BTreeMap::new();
     for (name, signal) in &map.signal {
-        let channels: Vec<&Channel> = log.channels.values().filter(|c| c.topic == signal.topic).collect();
-        if let Some(e) = topic_mistake(log, &signal.topic, &channels) {
-            errors.push(Error { place: Some(doc.place(&format!("signal.{name}.topic"))), ..e });
-        } else {
-            wanted.entry(&signal.topic).or_default().push(signal);
+        match agree::topic_mistake(&log.channels, &signal.topic, doc.place(&format!("signal.{name}.topic"))) {
+            Some(mistake) => errors.push(mistake.of(&log.name())),
+            None => wanted.entry(&signal.topic).or_default().push((name, signal)),
         }
     }
-    errors.or(())?;
     let ids = |topic: &str| log.channels.iter().filter(|(_, c)| c.topic == topic).map(|(&id, _)| id).collect::<Vec<_>>();
     let all: Vec<u16> = wanted.keys().flat_map(|t| ids(t)).collect();
     let samples = first_messages(log, &all);
-    let make = |(topic, signals): (&str, Vec<&SignalMap>)| {
+    let mut remarks = Vec::new();
+    let make = |(topic, signals): (&str, Vec<(&String, &SignalMap)>)| {
         let channels = ids(topic);
-        let fields = topic_fields(log, &channels, &samples);
+        let fields = topic_fields(&log.channels, &channels, &samples);
         let mut paths: Vec<String> = Vec::new();
-        for signal in signals {
+        for (name, signal) in signals {
+            match agree::unit(name, signal, &fields, doc.place(&format!("signal.{name}.unit"))) {
+                agree::Stated::Agrees => {}
+                agree::Stated::Unknown(remark) => remarks.push(Note::warning(name, 1, remark.of(&log.name()).what)),
+                agree::Stated::Other(mistake) => errors.push(mistake.of(&log.name())),
+            }
             let stamps = match map.time_source(signal) {
                 TimeSource::Field(path, unit, _) => stamp_paths(&path, unit, &fields),
                 _ => Vec::new(),
@@ -120,25 +124,8 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<Vec<TopicPlan>, Er
         }
         TopicPlan { topic: topic.to_string(), channels, paths, fields }
     };
-    Ok(wanted.into_iter().map(make).collect())
-}
-
-fn topic_mistake(log: &LogFile, topic: &str, channels: &[&Channel]) -> Option<Error> {
-    let file = log.name();
-    if channels.is_empty() {
-        let mut topics: Vec<&str> = log.channels.values().map(|c| c.topic.as_str()).collect();
-        topics.sort_unstable();
-        topics.dedup();
-        return Some(Error::new(format!("topic \"{topic}\" is not in {file}; it has {}", words::near(topic, &topics))));
-    }
-    let foreign = channels.iter().find(|c| decode::encoding_of(c).is_none())?;
-    let schema = if foreign.schema_encoding.is_empty() { "no" } else { &foreign.schema_encoding };
-    let what = format!(
-        "topic \"{topic}\" of {file} is encoded as {} with {schema} schema, which cannot be decoded; supported: {}",
-        foreign.message_encoding,
-        decode::supported()
-    );
-    Some(Error::new(what).help("convert the log, or take the signal from a topic with a supported encoding"))
+    let plans = wanted.into_iter().map(make).collect();
+    errors.or((plans, remarks))
 }
 
 /// The first intact message of each of the given channels.
@@ -159,9 +146,9 @@ pub(super) fn first_messages(log: &LogFile, channels: &[u16]) -> BTreeMap<u16, V
 }
 
 /// The fields of all channels of a topic together.
-pub(super) fn topic_fields(log: &LogFile, channels: &[u16], samples: &BTreeMap<u16, Vec<u8>>) -> Vec<FieldInfo> {
+pub(super) fn topic_fields(known: &BTreeMap<u16, Channel>, channels: &[u16], samples: &BTreeMap<u16, Vec<u8>>) -> Vec<FieldInfo> {
     let mut fields: Vec<FieldInfo> = Vec::new();
-    for (id, channel) in channels.iter().filter_map(|id| Some((id, log.channels.get(id)?))) {
+    for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
         let Some(encoding) = decode::encoding_of(channel) else { continue };
         for field in (encoding.fields)(&channel.schema, samples.get(id).map(Vec::as_slice)) {
             if !fields.iter().any(|f| f.path == field.path) {

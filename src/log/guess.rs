@@ -15,31 +15,36 @@ const fn known(signal: &'static str, si: &'static str, doc: &'static str, names:
     Known { signal, si, doc, names }
 }
 
-/// Everything that is recognised by name, in the order of the starter file. Names are compared without case, underscores, units.
+/// Everything that is recognised by name, in the order of the starter file. Names are compared without case, underscores, units. Signals that
+/// the flight-path reconstruction asks for have the names it asks for.
 #[rustfmt::skip]
 pub(super) const KNOWN: &[Known] = &[
     known("V", "m/s", "True airspeed", &["v", "tas", "vtas", "trueairspeed", "airspeed", "truespeed"]),
-    known("alpha", "rad", "Angle of attack", &["alpha", "alphavane", "aoa", "angleofattack", "vaneaoa"]),
-    known("beta", "rad", "Angle of sideslip, wind from the right positive", &["beta", "betavane", "aos", "sideslip", "sideslipangle", "angleofsideslip"]),
+    known("alpha_vane", "rad", "Angle of attack", &["alpha", "alphavane", "aoa", "angleofattack", "vaneaoa"]),
+    known("beta_vane", "rad", "Angle of sideslip, wind from the right positive", &["beta", "betavane", "aos", "sideslip", "sideslipangle", "angleofsideslip"]),
     known("phi", "rad", "Bank angle, right wing down positive", &["phi", "roll", "rollangle", "rollattitude", "bank", "bankangle"]),
     known("theta", "rad", "Pitch angle, nose up positive", &["theta", "pitch", "pitchangle", "pitchattitude"]),
     known("psi", "rad", "Heading, clockwise positive", &["psi", "yaw", "yawangle", "heading", "trueheading"]),
-    known("p", "rad/s", "Roll rate, right wing down positive", &["p", "rollrate", "gyrox", "angularvelocityx", "bodyrollrate"]),
-    known("q", "rad/s", "Pitch rate, nose up positive", &["q", "pitchrate", "gyroy", "angularvelocityy", "bodypitchrate"]),
-    known("r", "rad/s", "Yaw rate, nose right positive", &["r", "yawrate", "gyroz", "angularvelocityz", "bodyyawrate"]),
-    known("ax", "m/s^2", "Longitudinal specific force, forward positive", &["ax", "accelx", "accx", "accelerationx", "linearaccelerationx", "longitudinalacceleration"]),
-    known("ay", "m/s^2", "Lateral specific force, right positive", &["ay", "accely", "accy", "accelerationy", "linearaccelerationy", "lateralacceleration"]),
-    known("az", "m/s^2", "Normal specific force, down positive (about -9.8 in level flight)", &["az", "accelz", "accz", "accelerationz", "linearaccelerationz", "normalacceleration"]),
+    known("p_imu", "rad/s", "Roll rate, right wing down positive", &["p", "pimu", "rollrate", "gyrox", "angularvelocityx", "bodyrollrate"]),
+    known("q_imu", "rad/s", "Pitch rate, nose up positive", &["q", "qimu", "pitchrate", "gyroy", "angularvelocityy", "bodypitchrate"]),
+    known("r_imu", "rad/s", "Yaw rate, nose right positive", &["r", "rimu", "yawrate", "gyroz", "angularvelocityz", "bodyyawrate"]),
+    known("ax_imu", "m/s^2", "Longitudinal specific force, forward positive", &["ax", "aximu", "accelx", "accx", "accelerationx", "linearaccelerationx", "longitudinalacceleration"]),
+    known("ay_imu", "m/s^2", "Lateral specific force, right positive", &["ay", "ayimu", "accely", "accy", "accelerationy", "linearaccelerationy", "lateralacceleration"]),
+    known("az_imu", "m/s^2", "Normal specific force, down positive (about -9.8 in level flight)", &["az", "azimu", "accelz", "accz", "accelerationz", "linearaccelerationz", "normalacceleration"]),
     known("h", "m", "Altitude", &["h", "alt", "altitude", "height", "pressurealtitude", "baroaltitude"]),
     known("delta_e", "rad", "Elevator deflection, trailing edge down positive", &["de", "deltae", "elevator", "elevatordeflection", "elevatorposition"]),
     known("delta_a", "rad", "Aileron deflection", &["da", "deltaa", "aileron", "ailerondeflection", "aileronposition"]),
     known("delta_r", "rad", "Rudder deflection", &["dr", "deltar", "rudder", "rudderdeflection", "rudderposition"]),
     known("thrust", "N", "Thrust", &["thrust", "totalthrust", "netthrust"]),
     known("mass", "kg", "Mass of the aircraft", &["mass", "aircraftmass", "grossmass"]),
-    known("p_static", "Pa", "Static pressure", &["staticpressure", "pstatic", "pressurestatic"]),
+    known("static_pressure", "Pa", "Static pressure", &["staticpressure", "pstatic", "pressurestatic"]),
     known("q_dyn", "Pa", "Dynamic pressure", &["dynamicpressure", "qbar", "qdyn", "impactpressure"]),
-    known("T_static", "K", "Static air temperature", &["statictemperature", "sat", "oat", "airtemperature", "outsideairtemperature", "temperature"]),
+    known("temperature", "K", "Static air temperature", &["statictemperature", "sat", "oat", "airtemperature", "outsideairtemperature", "temperature"]),
 ];
+
+/// What drives the flight-path reconstruction, and what its path is compared with (`tests/all/starter.rs` holds them against its model).
+pub const INPUTS: [&str; 7] = ["ax_imu", "ay_imu", "az_imu", "p_imu", "q_imu", "r_imu", "temperature"];
+pub const OUTPUTS: [&str; 8] = ["V", "alpha_vane", "beta_vane", "phi", "theta", "psi", "h", "static_pressure"];
 
 /// Endings of field names that say the unit, longest first.
 const ENDINGS: &[(&str, &str)] = &[
@@ -121,11 +126,24 @@ mod tests {
     #[test]
     fn well_known_fields_are_recognised_and_units_must_not_contradict() {
         let text = |s: &str| Some(s.to_string());
-        assert_eq!(guess("alpha_deg", ""), (Some("alpha"), text("deg")));
-        assert_eq!(guess("imu.angular_velocity.x", "rad/s"), (Some("p"), text("rad/s")));
+        assert_eq!(guess("alpha_deg", ""), (Some("alpha_vane"), text("deg")));
+        assert_eq!(guess("imu.angular_velocity.x", "rad/s"), (Some("p_imu"), text("rad/s")));
         assert_eq!(guess("TrueAirspeed", "kt"), (Some("V"), text("kt")));
         assert_eq!(guess("q", "Pa"), (None, text("Pa")));
         assert_eq!(guess("label", "furlong"), (None, None));
+    }
+
+    #[test]
+    fn signals_have_the_names_that_the_reconstruction_asks_for() {
+        use crate::model::{Constants, Given, Model};
+        let place =
+            |name: &str, unit: &str| (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "nowhere".into() });
+        let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"].map(|name| place(name, "m"));
+        let model = Model::embedded("kinematics", &Constants(places.into_iter().chain([place("upwash", "-")]).collect())).unwrap();
+        let asked: Vec<&str> = model.inputs.iter().map(|q| q.name.as_str()).collect();
+        assert!(asked.len() == INPUTS.len() && INPUTS.iter().all(|name| asked.contains(name)), "{asked:?}");
+        assert!(OUTPUTS.iter().all(|name| model.output(name).is_some()));
+        assert!(INPUTS.iter().chain(&OUTPUTS).all(|name| KNOWN.iter().any(|k| k.signal == *name)));
     }
 
     #[test]

@@ -79,7 +79,7 @@ pub fn survey(path: &Path) -> Result<Survey, Errors> {
     let samples = first_messages(&log, &log.channels.keys().copied().collect::<Vec<_>>());
     let concrete = |f: &FieldInfo| !f.path.contains('*');
     let fields: Vec<Vec<FieldInfo>> =
-        topics.values().map(|ids| topic_fields(&log, ids, &samples).into_iter().filter(concrete).collect()).collect();
+        topics.values().map(|ids| topic_fields(&log.channels, ids, &samples).into_iter().filter(concrete).collect()).collect();
     let index: BTreeMap<u16, usize> = topics.values().enumerate().flat_map(|(i, ids)| ids.iter().map(move |&id| (id, i))).collect();
 
     let parts: Vec<(Vec<Tally>, Option<String>)> =

@@ -1,5 +1,6 @@
 //! Flight logs: MCAP files and a channel map in, signals in SI with their accounts out; and MCAP files out.
 
+pub mod agree;
 mod bytes;
 pub mod channel_map;
 mod chunk;
@@ -18,6 +19,7 @@ mod walk;
 mod words;
 pub mod write;
 
+pub use agree::{Look, Mistake, look};
 pub use channel_map::{ChannelMap, SignalMap, TimeZero};
 pub use file::LogFile;
 pub use flight::{FlightLog, SignalLog, read_flight};

@@ -5,7 +5,7 @@ use super::decode::is_unreadable;
 use super::file::LogFile;
 use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
 use super::series::{Account, Series, clock_jumps, describe, order, seconds};
-use super::{Note, words};
+use super::{Note, agree, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::units::Unit;
@@ -76,8 +76,7 @@ impl Context<'_> {
         if known.contains(&field.as_str()) {
             return format!("field \"{field}\" of topic \"{topic}\" in {file} holds no number");
         }
-        let has = words::nearest_first(field, &known);
-        format!("field \"{field}\" is not in topic \"{topic}\" of {file}; it has {has}")
+        agree::no_field(topic, field, &plan.fields, Default::default()).of(&file).what
     }
 
     fn time_key(&self, signal: &SignalMap) -> &'static str {

@@ -139,7 +139,16 @@ fn pipeline(title: &str, logs: &[PathBuf], out: &Path, candidates: &[Candidate])
     let fastest = candidates.iter().filter(|c| c.known.is_some()).map(|c| c.topic.rate_hz).fold(0.0, f64::max);
     let rate = if fastest > 0.0 { libm::round(fastest).max(1.0) } else { 50.0 };
     let logs: Vec<String> = logs.iter().map(|log| format!("    {},\n", quote(&relative(log, out)))).collect();
-    PIPELINE.replace("{title}", &quote(title)).replace("{logs}", &logs.concat()).replace("{rate}", &format!("{rate:?}"))
+    let there: Vec<&str> = candidates.iter().filter_map(|c| Some(c.known?.signal)).collect();
+    let missing: Vec<&str> = guess::INPUTS.into_iter().filter(|name| !there.contains(name)).collect();
+    let missing = if missing.is_empty() { String::new() } else { format!(" (not recognised: {})", missing.join(", ")) };
+    PIPELINE
+        .replace("{title}", &quote(title))
+        .replace("{logs}", &logs.concat())
+        .replace("{rate}", &format!("{rate:?}"))
+        .replace("{inputs}", &guess::INPUTS.join(", "))
+        .replace("{missing}", &missing)
+        .replace("{outputs}", &guess::OUTPUTS.join(", "))
 }
 
 /// The path of `log` as seen from the folder `out`.
@@ -185,7 +194,7 @@ const CHANNELS: &str = r#"# Which topic and field of a log is which signal.
 
 "#;
 
-const PIPELINE: &str = r#"# What is done with the logs, stage by stage. Paths are relative to this file.
+const PIPELINE: &str = r##"# What is done with the logs, stage by stage. Paths are relative to this file.
 title = {title}
 aircraft = "aircraft.toml"
 channels = "channels.toml"
@@ -196,9 +205,19 @@ logs = [
 [derive]
 rate_hz = {rate}
 
+# The page report/index.html in the folder out/.
+[report]
+
+# The flight path from the inertial sensors: signals {inputs} are needed{missing}, and it is compared
+# with whatever there is of {outputs}. It wants the sensors' places in aircraft.toml. Take away the "# " of these lines:
+# [reconstruct]
+#
+# [reconstruct.method]
+# by = "smoother"
+
 # Maneuvers, estimates and fits come next: see the pipelines that come with the program for complete examples, and
 # `koehler schema pipeline` for every key.
-"#;
+"##;
 
 const AIRCRAFT: &str = r#"# Constants of the aircraft, by the names that the models use, in SI units. None has a default.
 # sd is the uncertainty (one standard deviation) of the value; source says where it comes from.
@@ -210,4 +229,14 @@ const AIRCRAFT: &str = r#"# Constants of the aircraft, by the names that the mod
 # S   = { value = 0.0, unit = "m^2",    sd = 0.0, source = "" }    # wing area
 # c   = { value = 0.0, unit = "m",      sd = 0.0, source = "" }    # mean chord
 # b   = { value = 0.0, unit = "m",      sd = 0.0, source = "" }    # span
+#
+# For [reconstruct], in body axes from the centre of gravity (x forward, y right, z down):
+# x_imu   = { value = 0.0, unit = "m", sd = 0.0, source = "" }    # inertial sensors
+# y_imu   = { value = 0.0, unit = "m", sd = 0.0, source = "" }
+# z_imu   = { value = 0.0, unit = "m", sd = 0.0, source = "" }
+# x_alpha = { value = 0.0, unit = "m", sd = 0.0, source = "" }    # angle-of-attack vane
+# y_alpha = { value = 0.0, unit = "m", sd = 0.0, source = "" }
+# x_beta  = { value = 0.0, unit = "m", sd = 0.0, source = "" }    # sideslip vane
+# z_beta  = { value = 0.0, unit = "m", sd = 0.0, source = "" }
+# upwash  = { value = 0.0, unit = "-", sd = 0.0, source = "" }    # the alpha vane shows (1 + upwash) times the local angle
 "#;

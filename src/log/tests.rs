@@ -333,7 +333,7 @@ fn truth_logs_of_another_simulator_are_read() {
     // Every field of every topic, each once as a signal.
     let mut map = String::new();
     for (i, (t, f)) in survey.topics.iter().flat_map(|t| t.fields.iter().map(move |f| (t, f))).enumerate() {
-        map += &format!("[signal.s{i}]\ntopic = \"{}\"\nfield = \"{}\"\nunit = \"1\"\n", t.topic, f.info.path);
+        map += &format!("[signal.s{i}]\ntopic = \"{}\"\nfield = \"{}\"\nunit = \"{}\"\n", t.topic, f.info.path, f.info.unit);
     }
     let flight = read(&path, &map).unwrap();
     for (s, f) in flight.signals.values().zip(survey.topics.iter().flat_map(|t| &t.fields)) {
@@ -363,7 +363,10 @@ fn the_starter_folder_is_accepted_but_for_the_open_entries() {
     log.finish().unwrap();
     let out = folder.path().join("campaign");
     let said = starter::run(std::slice::from_ref(&path), &out).unwrap();
-    assert!(said.contains("Recognised by name: V, alpha (of 3 fields)") && said.contains("the units marked \"?\" (1)"), "{said}");
+    assert!(
+        said.contains("Recognised by name: V, alpha_vane (of 3 fields)") && said.contains("the units marked \"?\" (1)"),
+        "{said}"
+    );
     let text = std::fs::read_to_string(out.join("channels.toml")).unwrap();
     let open = read(&path, &text).unwrap_err();
     assert_eq!(open.lines().filter(|l| l.starts_with("channels.toml:")).count(), 1, "{open}");
@@ -391,6 +394,87 @@ fn the_starter_folder_is_accepted_but_for_the_open_entries() {
     assert_eq!(pipeline["logs"].as_array().unwrap()[0].as_str(), Some("../logs/a.mcap"));
     assert_eq!(pipeline["derive"]["rate_hz"].as_float(), Some(50.0));
     assert!(starter::run(&[path], &out).unwrap_err().to_string().contains("is there already"));
+}
+
+/// A log whose schema says kt, deg, nothing and something unknown; and one without a schema.
+fn stated(folder: &Path) -> PathBuf {
+    let path = folder.join("stated.mcap");
+    let mut log = LogWriter::create(&path).unwrap();
+    let fields = [("tas", "knots"), ("alpha", "deg"), ("plain", ""), ("odd", "furlong")];
+    let air = log.add_topic("/air", &fields.map(|(name, unit)| FieldSpec::new(name, unit, ""))).unwrap();
+    for i in 0..100 {
+        log.write(air, START + i * 20 * MS, START + i * 20 * MS, &[200.0, 3.0, 1.0, 2.0]).unwrap();
+    }
+    log.finish().unwrap();
+    path
+}
+
+fn looked(path: &Path, channels: &str) -> Look {
+    let (map, doc) = config::parse::<ChannelMap>("channels.toml", channels).unwrap();
+    map.check(&doc).unwrap();
+    look(path, &map, &doc).unwrap()
+}
+
+fn one(field: &str, unit: &str) -> String {
+    format!("[signal.{field}]\ntopic = \"/air\"\nfield = \"{field}\"\nunit = {unit}\n")
+}
+
+#[test]
+fn fault_a_unit_that_is_not_the_logs_is_refused_unless_it_says_despite() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = stated(folder.path());
+    // another scale, another dimension: refused when the flight is read, and when the summary is looked at
+    for (map, wanted) in [
+        (
+            one("tas", "\"m/s\""),
+            "signal \"tas\" is read in \"m/s\", but stated.mcap says that field \"tas\" of topic \"/air\" is in \"knots\"",
+        ),
+        (one("alpha", "\"K\""), "is in \"deg\", another quantity"),
+        (one("tas", "\"m/s\"\ndespite = \"km/h\""), "despite = \"knots\""),
+    ] {
+        let e = read(&path, &map).unwrap_err();
+        assert!(e.starts_with("channels.toml:4:8: ") && e.contains(wanted), "{e}");
+        let look = looked(&path, &map);
+        assert_eq!(look.mistakes.iter().map(|m| m.of("stated.mcap").to_string()).collect::<Vec<_>>(), [e]);
+    }
+    // synonyms, no statement, a wrong statement
+    let good =
+        [one("tas", "\"kt\""), one("alpha", "\"degrees\""), one("plain", "\"ft/min\""), one("odd", "\"m\"\ndespite = \"furlong\"")];
+    assert_eq!(looked(&path, &good.concat()), Look { summary: true, ..Look::default() });
+    assert!(read(&path, &good.concat()).unwrap().notes.is_empty());
+    let despite = read(&path, &one("tas", "\"m/s\"\ndespite = \"kt\"")).unwrap();
+    assert_eq!(despite.signals["tas"].series.value[0], 200.0);
+    // what cannot be compared is said
+    let odd = looked(&path, &one("odd", "\"m\""));
+    assert_eq!((odd.mistakes.len(), odd.remarks.len()), (0, 1));
+    assert!(read(&path, &one("odd", "\"m\"")).unwrap().notes[0].text.contains("no known unit"));
+    let (map, doc) = config::parse::<ChannelMap>("channels.toml", &one("tas", "\"kt\"\ndespite = \"kt\"")).unwrap();
+    assert!(map.check(&doc).is_err());
+}
+
+#[test]
+fn fault_a_look_at_the_summary_names_all_that_is_not_there_and_the_nearest() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = stated(folder.path());
+    let map = "[defaults]\ntime = \"stamp\"\ntime_unit = \"s\"\n".to_string()
+        + &one("tas", "\"m/s\"")
+        + &one("alfa", "\"deg\"")
+        + "[signal.q]\ntopic = \"/air_\"\nfield = \"q\"\nunit = \"deg/s\"\n";
+    let look = looked(&path, &map);
+    let said: Vec<String> = look.mistakes.iter().map(|m| m.of("stated.mcap").to_string()).collect();
+    let wanted = ["\"knots\"", "it has \"alpha\"", "field \"stamp\"", "it has \"/air\""];
+    assert!(said.len() == 4 && wanted.iter().all(|w| said.iter().any(|s| s.contains(w))), "{said:?}");
+    // a schema that does not name a field does not say that it is not there
+    let bare = folder.path().join("bare.mcap");
+    let mut messages = regular(50);
+    messages[49].3 = "{\"x\":1,\"z\":2}".into();
+    raw(&bare, "json", &messages, 300);
+    let of = |field: &str| looked(&bare, &one_signal("log").replace("\"x\"", &format!("\"{field}\""))).mistakes.len();
+    assert_eq!(["x", "y", "z", "w"].map(of), [0, 0, 0, 1]);
+    // nor does a log that was cut off
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 40]).unwrap();
+    assert_eq!(looked(&path, &map), Look::default());
 }
 
 #[test]
@@ -425,7 +509,7 @@ fields = [{ column = "V", name = "tas", unit = "kt", doc = "True airspeed" }, { 
     std::fs::write(at("import.toml"), description).unwrap();
     let done = import::run(&at("import.toml"), None).unwrap().remove(0);
     assert_eq!((done.rows, done.topics, done.fields), (3, 1, 2));
-    let map = "[signal.V]\ntopic = \"/air\"\nfield = \"tas\"\nunit = \"m/s\"\n[signal.alpha]\ntopic = \"/air\"\nfield = \"alpha\"\nunit = \"deg\"\n";
+    let map = "[signal.V]\ntopic = \"/air\"\nfield = \"tas\"\nunit = \"m/s\"\ndespite = \"kt\"\n[signal.alpha]\ntopic = \"/air\"\nfield = \"alpha\"\nunit = \"deg\"\n";
     let flight = read(&done.output, map).unwrap();
     assert_eq!(flight.start_ns, 1_000_000_000_000);
     assert_eq!(flight.signals["V"].series, Series { t_s: vec![0.0, 0.1, 0.2], value: vec![100.0, 101.0, 102.25] });

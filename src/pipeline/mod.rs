@@ -7,6 +7,7 @@ mod run;
 mod settings;
 mod simulate;
 mod store;
+mod summaries;
 
 mod memo;
 
@@ -16,3 +17,4 @@ pub use run::{Event, RunResult, StageResult, Watch, gone, run, status};
 pub use settings::Settings;
 pub use simulate::Simulation;
 pub use store::{Lock, Store};
+pub use summaries::{Summaries, summaries};

@@ -88,7 +88,7 @@ impl Reader {
         let flights: Vec<String> = logs.iter().map(|l| l.flight.clone()).collect();
         // Names are looked up only where everything that could declare them was read.
         let columns = channels.as_ref().map(Columns::of_signals);
-        let reconstruct = self.reconstruct(aircraft.as_ref(), columns.as_ref());
+        let reconstruct = self.reconstruct(aircraft.as_ref(), channels.as_ref());
         let columns = columns.map(|c| match &reconstruct {
             Some(config) => c.with_flight_path(&config.model),
             None => c,
@@ -102,7 +102,7 @@ impl Reader {
             columns.distinct(channels, &self.doc, &mut self.errors);
         }
         let segment = self.segment(&flights, columns.as_ref());
-        let estimates = self.estimates(aircraft.as_ref(), columns.as_ref());
+        let estimates = self.estimates(aircraft.as_ref(), columns.as_ref(), channels.as_ref());
         let fits = self.fits(&estimates, columns.as_ref());
         let diagnoses = self.diagnoses(&estimates);
         let settings = self.settings;
@@ -189,13 +189,13 @@ impl Reader {
         self.errors.take(Model::load(&path, aircraft?))
     }
 
-    fn reconstruct(&mut self, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Option<reconstruct::Config> {
+    fn reconstruct(&mut self, aircraft: Option<&Constants>, channels: Option<&Channels>) -> Option<reconstruct::Config> {
         let settings = self.settings.reconstruct.clone()?;
         let file = match &settings.model {
             Some(file) => Some(self.model("reconstruct.model", &file.clone(), aircraft)?),
             None => None,
         };
-        let checked = reconstruct::Config::new(settings, file, aircraft?, &columns?.units(), &self.doc);
+        let checked = reconstruct::Config::new(settings, file, aircraft?, channels?, &self.doc);
         self.errors.take(checked)
     }
 
@@ -248,14 +248,19 @@ impl Reader {
     }
 
     /// One entry per `[[estimate]]`, so that fits find theirs; none where it has mistakes.
-    fn estimates(&mut self, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Vec<Option<estimate::Config>> {
+    fn estimates(
+        &mut self,
+        aircraft: Option<&Constants>,
+        columns: Option<&Columns>,
+        channels: Option<&Channels>,
+    ) -> Vec<Option<estimate::Config>> {
         let all = self.settings.estimate.clone();
         let mut names: Vec<String> = Vec::new();
         let mut checked = Vec::new();
         for (i, settings) in all.into_iter().enumerate() {
             let key = format!("estimate.{i}");
             self.new_name(&key, &settings.name(), &mut names);
-            checked.push(self.estimate(&key, settings, aircraft, columns));
+            checked.push(self.estimate(&key, settings, aircraft, columns, channels));
         }
         checked
     }
@@ -266,6 +271,7 @@ impl Reader {
         settings: estimate::Settings,
         aircraft: Option<&Constants>,
         columns: Option<&Columns>,
+        channels: Option<&Channels>,
     ) -> Option<estimate::Config> {
         let inputs: Vec<&str> = self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
         for input in settings.input.iter().flat_map(estimate::Used::names).filter(|input| !inputs.contains(&input.as_str())) {
@@ -296,6 +302,9 @@ impl Reader {
         let before = self.errors.0.len();
         let inputs = names::inputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         let outputs = names::outputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
+        if let Some(channels) = channels {
+            names::itself(&model, (&inputs, &outputs), columns, channels, &self.doc, key, &mut self.errors);
+        }
         names::levels(&settings, columns, &self.doc, key, &mut self.errors);
         match crate::estimate::extended(&model, &settings.method) {
             Ok(extended) => names::method(&extended, &settings, &self.doc, key, &mut self.errors),

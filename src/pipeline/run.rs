@@ -51,9 +51,9 @@ pub struct RunResult {
 }
 
 impl RunResult {
-    /// Whether everything asked for is there.
+    /// Whether everything asked for is there, and the report calls nothing a problem.
     pub fn complete(&self) -> bool {
-        self.errors.is_empty() && self.notes.iter().all(|n| n.severity != Severity::Missing)
+        self.errors.is_empty() && self.notes.iter().all(|n| n.severity < Severity::Problem)
     }
 
     /// Whether every stage was fresh.

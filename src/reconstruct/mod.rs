@@ -13,6 +13,8 @@
 //! | turbulence | gusts as random walks of the velocities, their size estimated | not part of the model |
 //! | standard deviations | of every signal along the path, and of the sensor errors | of the sensor errors |
 //!
+//! Either way every channel is first checked by itself and against all others (`consistency`, by the smoother).
+//!
 //! `alphadot`-like quantities come from the model's own rates (`udot`, `wdot`), never from differencing a vane. With gusts these are the
 //! accelerations of the aircraft's motion, without the gusts' own.
 
@@ -23,6 +25,7 @@ mod slow;
 mod smoothed;
 pub mod smoother;
 mod survey;
+pub mod taken;
 #[cfg(test)]
 mod tests;
 mod verdicts;
@@ -74,8 +77,11 @@ pub struct Settings {
     /// A gap of an input longer than this ends a window, s.
     #[schemars(range(min = 0.0))]
     pub max_gap_s: f64,
-    /// Signals of the log for the inputs and outputs of the kinematic model, where the names differ.
+    /// Signals of the log for the inputs and outputs of the kinematic model, where the names differ. A signal named here stands for that
+    /// quantity alone: an output of the signal's own name is not compared with it.
     pub signals: IndexMap<String, String>,
+    /// Outputs of the kinematic model that are not compared with the signals of their names.
+    pub unscored: Vec<String>,
     /// Smoother: a gap of an input longer than this ends the path, s; shorter ones are coasted over.
     #[schemars(range(min = 0.0))]
     pub coast_s: f64,
@@ -123,6 +129,7 @@ impl Default for Settings {
             smooth_s: 0.11,
             max_gap_s: 0.5,
             signals: IndexMap::new(),
+            unscored: Vec::new(),
             coast_s: 3.0,
             gate: 5.0,
             walk: IndexMap::new(),
@@ -192,10 +199,41 @@ pub struct FlightPath {
     /// How far measurements were from their predictions, per measured output (smoother).
     pub innovations: smoother::Innovations,
     /// What a reader must know: windows without a path and why, sensors that were not there.
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
     /// Windows in all, and those that failed.
     pub windows: usize,
     pub failed: usize,
+}
+
+/// Something that a reader of the path must know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    /// A part of the path that was asked for is not there, and the data do not say why by themselves (as a gap does).
+    pub missing: bool,
+    /// A channel; `flightpath` where it is none.
+    pub subject: String,
+    /// How many samples, or one.
+    pub count: u64,
+    pub text: String,
+}
+
+/// The subject of notes about the path as a whole.
+const FLIGHT_PATH: &str = "flightpath";
+
+impl Note {
+    fn of(subject: &str, count: usize, text: String) -> Note {
+        Note { missing: false, subject: subject.to_string(), count: count as u64, text }
+    }
+
+    fn lost(text: String) -> Note {
+        Note { missing: true, ..Note::from(text) }
+    }
+}
+
+impl From<String> for Note {
+    fn from(text: String) -> Note {
+        Note::of(FLIGHT_PATH, 1, text)
+    }
 }
 
 /// The signal that stands for a quantity of the model.
@@ -224,6 +262,11 @@ pub fn check(model: &Model, settings: &Settings) -> Result<(), Errors> {
     }
     for name in settings.late.iter().filter(|name| model.output(name).is_none()) {
         errors.push(Error::new(format!("the kinematic model has no output \"{name}\" that could be late")));
+    }
+    for name in settings.unscored.iter().filter(|name| model.output(name).is_none()) {
+        let known: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
+        errors
+            .push(Error::new(format!("the kinematic model has no output \"{name}\"")).help(format!("it has {}", known.join(", "))));
     }
     for name in settings.signals.keys().chain(settings.sd.keys()) {
         if model.input(name).is_none() && model.output(name).is_none() {
@@ -261,13 +304,17 @@ pub fn reconstruct<'a>(
             Some(series) => driving.push(series),
             None => errors.push(
                 Error::new(format!("the kinematic model needs the signal \"{name}\" ({}), and the flight has none", input.doc))
-                    .help("map it in the channel map, or name another signal under [reconstruct.signals]"),
+                    .help("map it in the channel map, or name another signal under [reconstruct.method.signals]"),
             ),
         }
     }
-    let mut notes = Vec::new();
+    let mut notes: Vec<Note> = Vec::new();
     let mut measured: Vec<Logged> = Vec::new();
+    let apart = taken::apart(model, settings, |a, b| a == b);
     for (output, quantity) in model.outputs.iter().enumerate() {
+        if settings.unscored.contains(&quantity.name) || apart.iter().any(|a| a.output == output) {
+            continue;
+        }
         if let Some((t, z)) = signals(signal_of(settings, &quantity.name)).filter(several) {
             let z = if quantity.unit == "rad" { Cow::Owned(unwrap_angle(z)) } else { Cow::Borrowed(z) };
             measured.push(Logged { output, t, z });
@@ -285,24 +332,39 @@ pub fn reconstruct<'a>(
     let missing = |name: &&str| model.output(name).is_some_and(|k| measured.iter().all(|m| m.output != k));
     let missing: Vec<&str> = sensors.into_iter().filter(missing).collect();
     if !missing.is_empty() {
-        notes.push(format!("not measured, so not checked: {}", missing.join(", ")));
+        notes.push(format!("not measured, so not checked: {}", missing.join(", ")).into());
     }
     let grid = common_grid(&driving, settings);
     if grid.n < 2 {
-        notes.push("the inputs of the kinematic model have no common time".to_string());
+        notes.push(Note::lost("no flight path: the inputs of the kinematic model have no common time".to_string()));
         return Ok(FlightPath { notes, ..Default::default() });
     }
     if grid.n > Grid::MOST {
         let [from, to] = [0, grid.n - 1].map(|k| grid.time(k));
-        notes.push(format!("no flight path: the inputs run from {from:.0} s to {to:.0} s, so some clock has jumped"));
+        let text = format!("no flight path: the inputs run from {from:.0} s to {to:.0} s, so some clock has jumped");
+        notes.push(Note::lost(text));
         return Ok(FlightPath { notes, ..Default::default() });
     }
     let mut path = match settings.by {
-        Method::Windows => output_error::path(model, &driving, &measured, &grid, settings),
+        Method::Windows => checked(model, &driving, &measured, &grid, settings)?,
         Method::Smoother => smoothed::path(model, &driving, &measured, &grid, settings)?,
     };
     path.notes.splice(0..0, notes);
     path.compared = measured.iter().map(|m| compared(model, &path, &grid, m)).collect();
+    Ok(path)
+}
+
+/// The path by windows of output error, with every channel checked against the others first: a sensor that is dead or reversed is not used.
+fn checked(model: &Model, driving: &[Series], measured: &[Logged], grid: &Grid, settings: &Settings) -> Result<FlightPath, Errors> {
+    let seen = smoothed::checks(model, driving, measured, grid, settings)?;
+    if seen.unfit {
+        let (t, nowhere) = (grid.times(), vec![vec![f64::NAN; grid.n]; model.outputs.len()]);
+        return Ok(FlightPath { t, outputs: nowhere, checks: seen.checks, notes: seen.notes, ..Default::default() });
+    }
+    let driving: Vec<Series> = driving.iter().zip(&seen.driving).map(|((t, _), y)| (*t, &y[..])).collect();
+    let mut path = output_error::path(model, &driving, &seen.measured, grid, settings);
+    path.checks = seen.checks;
+    path.notes.splice(0..0, seen.notes);
     Ok(path)
 }
 

@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use super::windows;
-use super::{Bias, FlightPath, Logged, Series, Settings};
+use super::{Bias, FlightPath, Logged, Note, Series, Settings};
 use crate::dynamics::{Channel, Directions, Plan, Record};
 use crate::estimate::{self, Estimation, Stop};
 use crate::model::Model;
@@ -25,7 +25,7 @@ pub fn path(model: &Model, driving: &[Series], measured: &[Logged], grid: &Grid,
     let solved: Vec<Result<Solved, String>> =
         windows.par_iter().map(|w| solve(model, &columns, measured, grid, w, settings)).collect();
     let none = "no flight path: nowhere are all inputs of the kinematic model known for a second".to_string();
-    let notes = if windows.is_empty() { vec![none] } else { Vec::new() };
+    let notes = if windows.is_empty() { vec![Note::lost(none)] } else { Vec::new() };
     assemble(model, grid, &windows, solved, notes, settings)
 }
 
@@ -77,7 +77,7 @@ fn solve(
     let method = estimate::Settings { free: Some(free), initial, step_tolerance: 0.1, ..Default::default() };
     let estimation = estimate::estimate(model, std::slice::from_ref(&record), &method).map_err(|e| e.to_string())?;
     if estimation.stop != Stop::Converged {
-        return Err(format!("the estimation ended as \"{}\"", estimation.stop));
+        return Err(ended(&estimation));
     }
     let mut parameters = model.parameter_starts();
     let starts: Vec<usize> = (0..model.states.len()).filter(|&i| !model.states[i].hidden).collect();
@@ -95,6 +95,16 @@ fn solve(
         return Err("the path is not finite".to_string());
     }
     Ok(Solved { y: run.y, estimation })
+}
+
+/// Why an estimation has no result: how it ended, and the parameters to blame.
+fn ended(estimation: &Estimation) -> String {
+    let mut text = format!("the estimation ended as \"{}\"", estimation.stop);
+    let words = estimation.verdict.undetermined();
+    if !words.is_empty() {
+        text += &format!(": {}; hold a sensor error in `fixed`, or log what determines it", words.join("; "));
+    }
+    text
 }
 
 /// A window as a record: inputs on the grid, and the samples of every sensor in it at their own times.
@@ -140,7 +150,7 @@ fn assemble(
     grid: &Grid,
     windows: &[windows::Window],
     solved: Vec<Result<Solved, String>>,
-    mut notes: Vec<String>,
+    mut notes: Vec<Note>,
     settings: &Settings,
 ) -> FlightPath {
     let ny = model.outputs.len();
@@ -154,7 +164,7 @@ fn assemble(
             Ok(solved) => solved,
             Err(why) => {
                 failed += 1;
-                notes.push(format!("no flight path from {t_start_s:.1} s to {t_end_s:.1} s: {why}"));
+                notes.push(Note::lost(format!("no flight path from {t_start_s:.1} s to {t_end_s:.1} s: {why}")));
                 continue;
             }
         };

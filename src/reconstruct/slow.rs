@@ -31,6 +31,7 @@ pub fn slow(model: &Model, measured: &mut [Logged], settings: &Settings, path: &
         names.push(format!("{} ({} samples)", model.outputs[channel.output].name, out.len()));
     }
     if !names.is_empty() {
-        path.notes.push(format!("slower than {limit:.1} m/s, where air data mean nothing: not used there: {}", names.join(", ")));
+        let text = format!("slower than {limit:.1} m/s, where air data mean nothing: not used there: {}", names.join(", "));
+        path.notes.push(text.into());
     }
 }

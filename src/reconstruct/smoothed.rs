@@ -14,7 +14,7 @@ use super::smoother::levels::Levels;
 use super::smoother::{Innovations, Nothing, Smoothed, Smoother};
 use super::survey::{Found, LATE, SIGNIFICANT, Survey, UNKNOWN, survey};
 use super::verdicts;
-use super::{Bias, FlightPath, Logged, Series, Settings};
+use super::{Bias, FLIGHT_PATH, FlightPath, Logged, Note, Series, Settings};
 use crate::error::{Errors, Result};
 use crate::model::{Model, Quantity};
 use crate::signal::resample::Grid;
@@ -48,6 +48,8 @@ struct Work<'a> {
     stretches: Vec<[f64; 2]>,
     path: FlightPath,
     found: Found,
+    /// Channels that are left out; outputs by their place in the model.
+    out: Vec<Which>,
 }
 
 /// The path on `grid` from the driving signals (one per input of the model) and the measured outputs.
@@ -66,30 +68,117 @@ pub fn path(
     let nothing = Outputs::empty(model.outputs.len(), 0, grid.n);
     (path.outputs, path.sd) = (nothing.value, nothing.sd);
 
-    let (inputs, inputs_well) = well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, &mut path);
-    let series: Vec<Series> = measured.iter().map(|m| (m.t, &m.z[..])).collect();
-    let (outputs, _) = well(measured.iter().map(|m| (&model.outputs[m.output], true)), &series, &mut path);
-    if !inputs_well {
-        path.notes.push("no flight path: an input of the kinematic model is dead".to_string());
+    let fit = fit(model, driving, measured, &mut path);
+    if fit.unfit {
         return Ok(path);
     }
-    let driving: Vec<Series> = driving.iter().zip(&inputs).map(|((t, _), y)| (*t, &y[..])).collect();
-    let mut measured: Vec<Logged> = measured.iter().zip(outputs).map(|(m, z)| Logged { output: m.output, t: m.t, z }).collect();
+    let (driving, measured) = fit.series(driving);
+    Ok(smooth(model, &driving, measured, grid, settings, path)?.0)
+}
+
+/// What the checks of a flight found.
+pub struct Checked<'s> {
+    pub checks: Vec<consistency::Row>,
+    pub notes: Vec<Note>,
+    /// An input of the model is dead or has its sign reversed: there is no path.
+    pub unfit: bool,
+    /// The signals with what is dead or frozen masked, and without the outputs whose sign is reversed.
+    pub driving: Vec<Cow<'s, [f64]>>,
+    pub measured: Vec<Logged<'s>>,
+}
+
+/// Output grid of a smoothing whose path nobody asks for, Hz: it has to be fine enough to be a grid.
+const COARSE_HZ: f64 = 1.0;
+
+/// The checks of a flight alone, for a path that is found otherwise; the sensor errors are left to that.
+///
+/// # Errors
+/// As `path`.
+pub fn checks<'s>(
+    model: &Model,
+    driving: &[Series<'s>],
+    measured: &'s [Logged<'s>],
+    grid: &Grid,
+    settings: &Settings,
+) -> std::result::Result<Checked<'s>, Errors> {
+    let mut path = FlightPath::default();
+    let fit = fit(model, driving, measured, &mut path);
+    if fit.unfit {
+        let Fit { unfit, driving, measured } = fit;
+        return Ok(Checked { checks: path.checks, notes: path.notes, unfit, driving, measured });
+    }
+    let plain = Settings { late: Vec::new(), candidates: Vec::new(), free: Vec::new(), ..settings.clone() };
+    let coarse = Grid::covering(grid.t0, grid.time(grid.n - 1), 1.0 / COARSE_HZ);
+    let nothing = Outputs::empty(model.outputs.len(), 0, coarse.n);
+    (path.t, path.outputs, path.sd) = (coarse.times(), nothing.value, nothing.sd);
+    let (path, out) = {
+        let (driving, measured) = fit.series(driving);
+        smooth(model, &driving, measured, &coarse, &plain, path)?
+    };
+    let unfit = out.iter().any(|which| matches!(which, Which::Input(_)));
+    let reversed = |m: &Logged| out.contains(&Which::Output(m.output));
+    Ok(Checked {
+        checks: path.checks.into_iter().filter(|row| row.check != "sensor error").collect(),
+        // what the smoother says of its own path is of no interest here
+        notes: path.notes.into_iter().filter(|note| note.subject != FLIGHT_PATH || unfit && note.missing).collect(),
+        unfit,
+        driving: fit.driving,
+        measured: fit.measured.into_iter().filter(|m| !reversed(m)).collect(),
+    })
+}
+
+/// Signals that are fit to be used.
+struct Fit<'s> {
+    /// An input that ought to move is dead.
+    unfit: bool,
+    driving: Vec<Cow<'s, [f64]>>,
+    measured: Vec<Logged<'s>>,
+}
+
+impl<'s> Fit<'s> {
+    fn series<'a>(&'a self, driving: &[Series<'a>]) -> (Vec<Series<'a>>, Vec<Logged<'a>>) {
+        let measured = self.measured.iter().map(|m| Logged { output: m.output, t: m.t, z: Cow::Borrowed(&m.z[..]) });
+        (driving.iter().zip(&self.driving).map(|((t, _), y)| (*t, &y[..])).collect(), measured.collect())
+    }
+}
+
+/// The signals with what is dead or frozen masked; their health goes into the rows and notes of the path.
+fn fit<'s>(model: &Model, driving: &[Series<'s>], measured: &'s [Logged<'s>], path: &mut FlightPath) -> Fit<'s> {
+    let (driving, inputs_well) = well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, path);
+    let series: Vec<Series> = measured.iter().map(|m| (m.t, &m.z[..])).collect();
+    let (outputs, _) = well(measured.iter().map(|m| (&model.outputs[m.output], true)), &series, path);
+    if !inputs_well {
+        path.notes.push(Note::lost("no flight path: an input of the kinematic model is dead".to_string()));
+    }
+    let measured = measured.iter().zip(outputs).map(|(m, z)| Logged { output: m.output, t: m.t, z }).collect();
+    Fit { unfit: !inputs_well, driving, measured }
+}
+
+/// The path by the smoother, and the channels that were left out because their sign is reversed (outputs by their place in the model).
+fn smooth(
+    model: &Model,
+    driving: &[Series],
+    mut measured: Vec<Logged>,
+    grid: &Grid,
+    settings: &Settings,
+    mut path: FlightPath,
+) -> std::result::Result<(FlightPath, Vec<Which>), Errors> {
     slow(model, &mut measured, settings, &mut path);
     let mut found = Found::default();
     if !(settings.late.is_empty() && settings.candidates.is_empty() && settings.free.is_empty()) {
-        found = survey(model, &driving, &measured, settings)?;
+        found = survey(model, driving, &measured, settings)?;
     }
     let kinematics = Kinematics::new(model, found.free(model, settings))?;
-    let flight = found.flight(&kinematics, &driving, &measured, settings);
+    let flight = found.flight(&kinematics, driving, &measured, settings);
     let smoother = Smoother::new(&kinematics, &flight, settings.gate);
     path.late.clone_from(&found.late);
     let stretches = stretches(&flight, settings);
     if stretches.is_empty() {
-        path.notes.push(format!("no flight path: nowhere are all inputs of the kinematic model known for {SHORTEST} s"));
+        let text = format!("no flight path: nowhere are all inputs of the kinematic model known for {SHORTEST} s");
+        path.notes.push(Note::lost(text));
     }
     path.windows = stretches.len();
-    Ok(Work { settings, kinematics: &kinematics, smoother, stretches, path, found }.run(grid)?)
+    Ok(Work { settings, kinematics: &kinematics, smoother, stretches, path, found, out: Vec::new() }.run(grid)?)
 }
 
 /// Times with a path, each long enough.
@@ -126,17 +215,19 @@ fn well<'n, 's>(
         if moves && health.dead {
             y.to_mut().fill(f64::NAN);
             good = false;
-            path.notes.push(format!("{name} is dead: its value never changes"));
+            path.notes.push(Note::of(name, health.samples, format!("{name} is dead: its value never changes")));
         } else if moves && health.samples < FEW {
             y.to_mut().fill(f64::NAN);
-            path.notes.push(format!("{name} has only {} samples: not used", health.samples));
+            let text = format!("{name} has only {} samples: not used", health.samples);
+            path.notes.push(Note::of(name, health.samples, text));
         } else if moves && health.frozen_s > 0.0 {
             let y = y.to_mut();
             for run in &health.frozen {
                 // the first sample of a run was still measured
                 y[run.start + 1..run.end].fill(f64::NAN);
             }
-            path.notes.push(format!("{name} stands still for together {:.1} s: not used there", health.frozen_s));
+            let text = format!("{name} stands still for together {:.1} s: not used there", health.frozen_s);
+            path.notes.push(Note::of(name, health.frozen.iter().map(|run| run.len()).sum(), text));
         }
         out.push(y);
     }
@@ -144,16 +235,22 @@ fn well<'n, 's>(
 }
 
 impl Work<'_> {
-    fn run(mut self, grid: &Grid) -> Result<FlightPath> {
+    fn run(mut self, grid: &Grid) -> Result<(FlightPath, Vec<Which>)> {
         let flight = self.smoother.flight;
         let (mut guess, gusts) = guess(self.kinematics, flight, self.settings);
         let (out, mut compared) = self.reversed(&guess);
         let culprits = compared.split_off(compared.len() - out.len());
+        let in_model = |which: &Which| match *which {
+            Which::Output(k) => Which::Output(flight.channels[k].output),
+            input => input,
+        };
+        self.out = out.iter().map(in_model).collect();
         for &which in &out {
             match which {
                 Which::Output(k) => guess.r[k] = f64::INFINITY,
                 Which::Input(_) => {
-                    self.path.notes.push("no flight path: an input of the kinematic model has its sign reversed".to_string());
+                    let text = "no flight path: an input of the kinematic model has its sign reversed".to_string();
+                    self.path.notes.push(Note::lost(text));
                     self.rows(&[compared, culprits].concat());
                     return Ok(self.finish());
                 }
@@ -175,6 +272,11 @@ impl Work<'_> {
             let quantity = &self.kinematics.model.outputs[channel.output];
             let innovation = &self.path.innovations.channels[k];
             let (sd, fast) = (levels.r[k].sqrt(), channel.sd);
+            if let Some(text) = verdicts::outliers(innovation) {
+                let text =
+                    format!("{}: {text}, further than {} sd from what all sensors together say", quantity.name, self.settings.gate);
+                self.path.notes.push(Note::of(&quantity.name, innovation.rejected, text));
+            }
             self.path.checks.extend(verdicts::innovation_rows(
                 &quantity.name,
                 &quantity.unit,
@@ -195,11 +297,12 @@ impl Work<'_> {
         let names: Vec<&str> =
             channels.filter(|(k, _)| !known(*k) && slow(*k)).map(|(_, c)| model.outputs[c.output].name.as_str()).collect();
         if !names.is_empty() {
-            self.path.notes.push(format!(
+            let text = format!(
                 "filtered before they were logged, so that their noise cannot be told and the path's standard deviations are too small: {}; \
                  give it in [reconstruct.method.sd]",
                 names.join(", ")
-            ));
+            );
+            self.path.notes.push(text.into());
         }
     }
 
@@ -211,10 +314,10 @@ impl Work<'_> {
     }
 
     /// The rows in the order of channels and checks.
-    fn finish(self) -> FlightPath {
+    fn finish(self) -> (FlightPath, Vec<Which>) {
         let mut path = self.path;
         path.checks.sort_by(|a, b| (&a.channel, a.check).cmp(&(&b.channel, b.check)));
-        path
+        (path, self.out)
     }
 
     fn name(&self, which: Which) -> String {
@@ -247,7 +350,8 @@ impl Work<'_> {
             let best = (0..suspects.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b]));
             let culprit = best.map_or(first, |k| suspects[k]);
             let name = self.name(culprit.which);
-            self.path.notes.push(format!("{name}: the sign is reversed against what all other sensors say; not used"));
+            let text = format!("{name}: the sign is reversed against what all other sensors say; not used");
+            self.path.notes.push(Note::of(&name, 1, text));
             out.push(culprit.which);
             culprits.push(culprit);
         }
@@ -275,7 +379,8 @@ impl Work<'_> {
             if !smoothed.finite {
                 self.path.failed += 1;
                 let [from, to] = stretch;
-                self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: the filter does not stay finite"));
+                let text = format!("no flight path from {from:.1} s to {to:.1} s: the filter does not stay finite");
+                self.path.notes.push(Note::lost(text));
                 continue;
             }
             self.path.biases.extend(biases(kinematics, &self.found, &smoothed, number, stretch));
@@ -287,7 +392,7 @@ impl Work<'_> {
         }
         for pair in self.stretches.windows(2) {
             let [from, to] = [pair[0][1], pair[1][0]];
-            self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: an input has a gap"));
+            self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: an input has a gap").into());
         }
         self.held();
         self.undetermined(levels, &mut out);
@@ -355,7 +460,7 @@ impl Work<'_> {
             let name = &model.states[i].quantity.name;
             let lost: Vec<usize> = self.kinematics.output_jacobian.entries.iter().filter(|e| e.1 == i).map(|e| e.0).collect();
             let names: Vec<&str> = lost.iter().map(|&k| model.outputs[k].name.as_str()).collect();
-            self.path.notes.push(format!("no sensor determines {name}: there is no path of {}", names.join(", ")));
+            self.path.notes.push(format!("no sensor determines {name}: there is no path of {}", names.join(", ")).into());
             for k in lost {
                 out.value[k].fill(f64::NAN);
                 out.sd[k].fill(f64::NAN);

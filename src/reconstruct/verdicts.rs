@@ -12,6 +12,8 @@ const DELAY: f64 = 0.01;
 const SCALE: f64 = 0.05;
 /// A clock that is later by this in one half of the flight than in the other jumps, s.
 const JUMP: f64 = 0.03;
+/// Rejected samples above this share are outliers that a reader must know of.
+const REJECTED: f64 = 0.01;
 /// Correlation of neighbouring innovations from which a channel was filtered.
 const FILTERED: f64 = 0.9;
 
@@ -121,6 +123,20 @@ pub fn health_rows(channel: &str, health: &Health, moves: bool) -> Vec<Row> {
     ]
 }
 
+/// The share of samples that were rejected.
+fn rejected(innovation: &Innovation) -> f64 {
+    innovation.rejected as f64 / (innovation.count + innovation.rejected).max(1) as f64
+}
+
+fn rejection(innovation: &Innovation) -> String {
+    format!("{} of {} samples rejected", innovation.rejected, innovation.count + innovation.rejected)
+}
+
+/// How many samples were rejected, in words, where they are more than a few.
+pub fn outliers(innovation: &Innovation) -> Option<String> {
+    (rejected(innovation) > REJECTED).then(|| rejection(innovation))
+}
+
 /// Whether neighbouring innovations are so much alike that the channel has no white noise worth the name.
 pub fn filtered(innovation: &Innovation) -> bool {
     innovation.count >= 50 && innovation.lagged[0] > FILTERED * innovation.square
@@ -162,7 +178,6 @@ pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, (sd, 
     } else {
         "good"
     };
-    let share = innovation.rejected as f64 / (n + innovation.rejected as f64);
     let band = (1.96 / n.sqrt()).max(0.2);
     let coloured = if rho[0].abs() > band { "coloured" } else { "good" };
     let noisy = if sd > 2.0 * fast && !given { "slow errors" } else { "good" };
@@ -180,12 +195,12 @@ pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, (sd, 
         row("whiteness", rho[0], -band, band, "-", coloured, "correlation of neighbouring innovations".to_string()),
         row(
             "rejected",
-            share,
+            rejected(innovation),
             0.0,
-            0.01,
+            REJECTED,
             "-",
-            if share > 0.01 { "outliers" } else { "good" },
-            format!("{} of {} samples rejected", innovation.rejected, innovation.count + innovation.rejected),
+            if outliers(innovation).is_some() { "outliers" } else { "good" },
+            rejection(innovation),
         ),
         row("noise", sd, 0.0, 2.0 * fast, unit, noisy, format!("standard deviation as {by}; its fast part {fast:.2e}")),
     ]

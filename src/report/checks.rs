@@ -1,4 +1,10 @@
 //! All tables in, what a reader wants to know first out: the counts at the top and the answers to "can I trust this?".
+//!
+//! A **problem** (`Level::Bad`) is printed by `koehler run` and makes its exit code 1, so it is one only where something asked for is not
+//! there or a result stands on a sensor that is wrong, whatever the threshold: a channel that is dead, reversed, late, scaled or rejected
+//! by the tenth; a flight without a maneuver that is used; an estimation that did not converge; a missing result; a diagnosis without a
+//! verdict. What is a matter of degree (noise larger than predicted, samples at a stop, scatter, correlations, misfits, a model that
+//! lacks something) is worth a look (`Level::Warn`): the numbers say so themselves, and a person has to judge.
 
 use super::columns::Columns;
 use super::format::{count, number};
@@ -124,6 +130,11 @@ pub fn answers(given: &Given) -> Vec<Check> {
         answer.map(|(level, text)| check(level, text, link(section, id).filter(|_| found(id))))
     };
     answers.into_iter().filter_map(check).collect()
+}
+
+/// The sentences of those that are problems.
+pub fn problems(checks: &[Check]) -> Vec<String> {
+    checks.iter().filter(|check| check.level == Level::Bad).map(|check| check.text.clone()).collect()
 }
 
 fn check(level: Level, text: String, link: Option<Link>) -> Check {

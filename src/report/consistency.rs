@@ -39,6 +39,11 @@ const SHOWN: [(&str, &str); 8] = [
 /// Verdicts that are remarks, not faults.
 const REMARKS: [&str; 6] = ["coloured", "slow errors", "too small", "gaps", "significant", "not significant"];
 
+/// Verdicts that are a matter of degree: worth a look.
+const DEGREE: [&str; 4] = ["too large", "saturated", "outliers", "not used"];
+/// A channel of which more than this share is rejected does not fit with the others.
+const MOST_REJECTED: f64 = 0.1;
+
 /// One line per flight and channel.
 pub fn table(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No consistency checks: the reconstruct stage has not run.") };
@@ -50,7 +55,7 @@ pub fn table(table: Option<&Columns>) -> Grid {
         let bad: Vec<usize> = rows.iter().copied().filter(|&row| table.text("verdict", row) != "good").collect();
         let words: Vec<String> = bad.iter().map(|&row| table.text("verdict", row)).collect();
         // remarks are told by their verdict
-        let wrong = bad.iter().filter(|&&row| level(&table.text("verdict", row)) == Level::Bad);
+        let wrong = bad.iter().filter(|&&row| level(table, row) != Level::Info);
         let text: Vec<String> = wrong.map(|&row| format!("{}: {}", table.text("check", row), table.text("text", row))).collect();
         let value =
             |check: &str| rows.iter().find(|&&row| table.text("check", row) == check).map(|&row| table.number("value", row));
@@ -66,7 +71,7 @@ pub fn table(table: Option<&Columns>) -> Grid {
         }));
         grid.push(cells);
         if let Some(last) = grid.rows.last_mut() {
-            last.level = words.iter().map(|w| level(w)).max_by_key(|l| *l == Level::Bad).filter(|_| !words.is_empty());
+            last.level = bad.iter().map(|&row| level(table, row)).max_by_key(weight);
         }
     }
     let note = "Every channel is left out in turn and compared with what all others say of it (correlation, scale, delay; trends \
@@ -76,8 +81,18 @@ pub fn table(table: Option<&Columns>) -> Grid {
     grid.or_missing("Nothing was checked.")
 }
 
-fn level(verdict: &str) -> Level {
-    if REMARKS.contains(&verdict) { Level::Info } else { Level::Bad }
+fn level(table: &Columns, row: usize) -> Level {
+    let verdict = table.text("verdict", row);
+    let rejected = verdict == "outliers" && table.number("value", row) > MOST_REJECTED;
+    match verdict.as_str() {
+        v if REMARKS.contains(&v) => Level::Info,
+        v if DEGREE.contains(&v) && !rejected => Level::Warn,
+        _ => Level::Bad,
+    }
+}
+
+fn weight(level: &Level) -> usize {
+    [Level::Info, Level::Warn, Level::Bad].iter().position(|l| l == level).unwrap_or(0)
 }
 
 /// The sentence of the checks.
@@ -86,14 +101,18 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     let names = |wanted: Level| -> Vec<String> {
         (0..table.rows())
             .filter(|&row| table.text("check", row) != "sensor error" && table.text("verdict", row) != "good")
-            .filter(|&row| level(&table.text("verdict", row)) == wanted)
+            .filter(|&row| level(table, row) == wanted)
             .map(|row| format!("{} {} ({})", table.text("flight", row), table.text("channel", row), table.text("verdict", row)))
             .collect()
     };
-    let (bad, remarks) = (names(Level::Bad), names(Level::Info));
-    Some(match (bad.as_slice(), remarks.len()) {
-        ([], 0) => (Level::Good, "Every channel agrees with what the other sensors say of it.".into()),
-        ([], n) => (Level::Info, format!("Every channel agrees with what the other sensors say of it; {}.", count(n, "remark"))),
-        (bad, _) => (Level::Bad, format!("Channels that do not fit with the others: {}.", few(bad))),
+    let (bad, odd, remarks) = (names(Level::Bad), names(Level::Warn), names(Level::Info));
+    let also = if odd.is_empty() { String::new() } else { format!(" Worth a look: {}.", few(&odd)) };
+    Some(match (bad.as_slice(), odd.as_slice(), remarks.len()) {
+        ([], [], 0) => (Level::Good, "Every channel agrees with what the other sensors say of it.".into()),
+        ([], [], n) => {
+            (Level::Info, format!("Every channel agrees with what the other sensors say of it; {}.", count(n, "remark")))
+        }
+        ([], _, _) => (Level::Warn, format!("Every channel agrees with what the other sensors say of it.{also}")),
+        (bad, _, _) => (Level::Bad, format!("Channels that do not fit with the others: {}.{also}", few(bad))),
     })
 }

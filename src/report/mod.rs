@@ -134,6 +134,23 @@ struct Built {
     body: String,
 }
 
+/// A page, and what it calls a problem.
+#[derive(Debug)]
+pub struct Report {
+    /// HTML.
+    pub page: String,
+    /// The sentences that the page marks as problems.
+    pub problems: Vec<String>,
+}
+
+/// The page, and the problems that stand on it.
+///
+/// # Errors
+/// As `page`.
+pub fn report(input: &ReportInput) -> Result<Report> {
+    Ok(Report { page: page(input)?, problems: checks::problems(&checks(&input.tables)) })
+}
+
 /// The page as HTML. The same input gives the same bytes. An error is a fault of the program, not of the tables.
 pub fn page(input: &ReportInput) -> Result<String> {
     page_with(SECTIONS, input)

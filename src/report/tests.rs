@@ -400,6 +400,16 @@ fn a_campaign_becomes_one_self_contained_page() {
 }
 
 #[test]
+fn what_the_page_calls_a_problem_is_what_the_program_prints() {
+    let report = report(&frame(campaign())).expect("a page");
+    assert!(report.problems.iter().any(|p| p.contains("did not converge")), "{:?}", report.problems);
+    let (_, rest) = report.page.split_once("<ul class=\"checks\">").expect("checks");
+    let list = rest.split_once("</ul>").expect("their end").0;
+    assert_eq!(list.matches(">problem<").count(), report.problems.len(), "{list}");
+    assert_eq!(super::report(&frame(Tables::new())).expect("a page").problems, Vec::<String>::new());
+}
+
+#[test]
 fn text_from_logs_is_escaped_everywhere() {
     let mut input = frame(campaign());
     input.title = HOSTILE.into();

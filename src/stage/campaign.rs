@@ -34,6 +34,12 @@ impl Channels {
         self.map.signal.get(signal).map(|s| si(&s.unit)).unwrap_or_default()
     }
 
+    /// Whether two names are one measurement: the same signal, or signals of the same field of the log.
+    pub fn same(&self, a: &str, b: &str) -> bool {
+        let source = |name: &str| self.map.signal.get(name).map(|s| (&s.topic, &s.field));
+        a == b || source(a).is_some_and(|of_a| source(b) == Some(of_a))
+    }
+
     /// What a signal is, in the words of the channel map.
     pub fn doc(&self, signal: &str) -> &str {
         self.map.signal.get(signal).map_or("", |s| &s.doc)
@@ -44,10 +50,12 @@ impl Channels {
 fn si(unit: &str) -> String {
     let is_si = |text: &str| Unit::parse(text).is_ok_and(|u| u.is_si());
     // The dimension alone would lose the radian.
-    let radians = unit.replace("deg", "rad");
+    let radians = ["degrees", "degree", "°", "deg", "radians", "radian"]
+        .iter()
+        .fold(unit.to_string(), |text, word| text.replace(word, "rad"));
     match Unit::parse(unit) {
-        _ if is_si(unit) => unit.to_string(),
         _ if is_si(&radians) => radians,
+        _ if is_si(unit) => unit.to_string(),
         Ok(parsed) => parsed.dim.to_string(),
         Err(_) => String::new(),
     }
@@ -59,7 +67,15 @@ mod tests {
 
     #[test]
     fn units_of_logs_become_si() {
-        for (unit, expected) in [("deg", "rad"), ("deg/s", "rad/s"), ("kt", "m/s"), ("m/s^2", "m/s^2"), ("degC", "K")] {
+        for (unit, expected) in [
+            ("deg", "rad"),
+            ("deg/s", "rad/s"),
+            ("kt", "m/s"),
+            ("m/s^2", "m/s^2"),
+            ("degC", "K"),
+            ("degrees/s", "rad/s"),
+            ("knots", "m/s"),
+        ] {
             assert_eq!(si(unit), expected);
         }
     }

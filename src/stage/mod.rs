@@ -148,6 +148,8 @@ pub enum Severity {
     Info,
     /// Something was lost; the results asked for are there.
     Warning,
+    /// The report calls it a problem: the exit code says so too.
+    Problem,
     /// Something asked for is missing: the exit code says so too.
     Missing,
 }
@@ -157,6 +159,7 @@ impl Severity {
         match self {
             Severity::Info => "info",
             Severity::Warning => "warning",
+            Severity::Problem => "problem",
             Severity::Missing => "missing",
         }
     }

@@ -1,9 +1,10 @@
 //! Signals of a flight come in; the flight path, and the sensor errors it needed, go out.
 
-use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
+use super::{Campaign, Channels, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
 use crate::config::Doc;
-use crate::error::Errors;
+use crate::error::{Error, Errors};
 use crate::model::{Constants, Model, Quantity};
+use crate::reconstruct::taken::{self, Apart, Taken};
 use crate::reconstruct::{self, FlightPath};
 use crate::table::Table;
 use crate::units;
@@ -41,18 +42,21 @@ pub struct Settings {
 pub struct Config {
     pub settings: Settings,
     pub model: Model,
+    /// Outputs that are not compared with the signals of their names, in words; none where all are.
+    pub apart: Option<String>,
 }
 
 impl Config {
-    /// Checks the settings against the aircraft's constants and the units of the signals; `file` is the model they name, where they name one.
+    /// Checks the settings against the aircraft's constants and the signals of the channel map; `file` is the model they name, where they name
+    /// one. Outputs whose signals drive the model, or are given to another output, become `unscored`.
     ///
     /// # Errors
     /// Every mistake: of the model, of names, of units.
     pub fn new(
-        settings: Settings,
+        mut settings: Settings,
         file: Option<Model>,
         constants: &Constants,
-        signals: &IndexMap<String, String>,
+        channels: &Channels,
         doc: &Doc,
     ) -> Result<Config, Errors> {
         let name = settings.fragment.as_deref().unwrap_or("kinematics");
@@ -60,8 +64,14 @@ impl Config {
             Some(model) => model,
             None => Model::embedded(name, constants)?,
         };
+        let signals: &IndexMap<String, String> =
+            &channels.map.signal.keys().map(|name| (name.clone(), channels.unit(name))).collect();
         let mut errors = Errors::default();
         errors.take(reconstruct::check(&model, &settings.method));
+        let apart = taken::apart(&model, &settings.method, |a, b| channels.same(a, b));
+        errors.0.extend(apart.iter().filter(|a| a.asked).map(|a| itself(&model, &settings, a, doc)));
+        settings.method.unscored.extend(apart.iter().map(|a| model.outputs[a.output].name.clone()));
+        let apart = (!apart.is_empty()).then(|| taken::words(&model, &apart));
         let signal = |quantity: &str| settings.method.signals.get(quantity).map_or(quantity.to_string(), String::clone);
         for input in &model.inputs {
             let name = signal(&input.name);
@@ -74,7 +84,7 @@ impl Config {
             }
         }
         let mut measured = 0;
-        for output in &model.outputs {
+        for output in model.outputs.iter().filter(|output| !settings.method.unscored.contains(&output.name)) {
             let name = signal(&output.name);
             if let Some(unit) = signals.get(&name) {
                 same(&mut errors, doc, &name, unit, &output.unit);
@@ -101,8 +111,22 @@ impl Config {
         for error in &mut errors.0 {
             error.place.get_or_insert_with(|| doc.place("reconstruct"));
         }
-        errors.or(Config { settings, model })
+        errors.or(Config { settings, model, apart })
     }
+}
+
+/// The mistake of a signal that is mapped both to an input and to an output.
+fn itself(model: &Model, settings: &Settings, apart: &Apart, doc: &Doc) -> Error {
+    let output = &model.outputs[apart.output].name;
+    let signal = settings.method.signals.get(output).map_or("", String::as_str);
+    let input = match apart.taken {
+        Taken::Input(i) => &model.inputs[i].name,
+        Taken::Output(o) => &model.outputs[o].name,
+    };
+    let what = format!(
+        "signal \"{signal}\" is input \"{input}\" of the kinematic model: compared with output \"{output}\" it would be compared with itself"
+    );
+    doc.error(&format!("reconstruct.method.signals.{output}"), what).help(format!("leave out `{output}`"))
 }
 
 /// Files an error where a signal's dimension is not the model's.
@@ -123,15 +147,19 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let Some(config) = &campaign.reconstruct else { return Ok(Output::default()) };
     let signals = super::series(inputs.of("signals", &unit.name)?)?;
     let path = reconstruct::reconstruct(&config.model, |name| signals.get(name).copied(), &config.settings.method)?;
-    let notes = path.notes.iter().map(|text| Note {
+    let note = |severity, subject: &str, count, text: &str| Note {
         flight: unit.name.clone(),
         stage: STAGE.name.to_string(),
-        severity: Severity::Warning,
-        subject: "flightpath".to_string(),
-        count: 1,
-        text: text.clone(),
+        severity,
+        subject: subject.to_string(),
+        count,
+        text: text.to_string(),
+    };
+    let of_path = path.notes.iter().map(|n| {
+        let severity = if n.missing { Severity::Missing } else { Severity::Warning };
+        note(severity, &n.subject, n.count, &n.text)
     });
-    let notes = notes.collect();
+    let notes = config.apart.iter().map(|text| note(Severity::Info, "flightpath", 1, text)).chain(of_path).collect();
     let tables = vec![
         ("flightpath", flightpath(&unit.name, &config.model, &path)?),
         ("biases", biases(&unit.name, &path)?),

@@ -1,6 +1,6 @@
 //! All tables come in, the pages that a person reads go out.
 
-use super::{Campaign, Inputs, NOTES, Output, Part, Per, Read, STAGES, STAGES_TABLE, Stage, Unit, units};
+use super::{Campaign, Inputs, NOTES, Note, Output, Part, Per, Read, STAGES, STAGES_TABLE, Severity, Stage, Unit, units};
 use crate::error::Errors;
 use crate::report::{self, ReportInput};
 use crate::table::Table;
@@ -86,8 +86,15 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
             ("sources".to_string(), env!("KOEHLER_CODE").to_string()),
         ],
     };
-    let page = report::page(&input)?;
-    Ok(Output { tables: Vec::new(), files: vec![("report/index.html".to_string(), page.into_bytes())], notes: Vec::new() })
+    let report = report::report(&input)?;
+    let notes = report.problems.into_iter().map(problem).collect();
+    Ok(Output { tables: Vec::new(), files: vec![("report/index.html".to_string(), report.page.into_bytes())], notes })
+}
+
+/// What the page calls a problem, for the screen and the exit code.
+fn problem(text: String) -> Note {
+    let (flight, subject) = (String::new(), "report".to_string());
+    Note { flight, stage: STAGE.name.to_string(), severity: Severity::Problem, subject, count: 1, text }
 }
 
 #[cfg(test)]

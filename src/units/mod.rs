@@ -99,6 +99,23 @@ const UNITS: &[(&str, [i16; 5], f64, f64)] = &[
     ("degR", [0, 0, 0, 0, 1], 5.0 / 9.0, 0.0),
 ];
 
+/// Other spellings, as logs have them, and the unit they stand for.
+#[rustfmt::skip]
+const SYNONYMS: &[(&str, &str)] = &[
+    ("unitless", "-"), ("dimensionless", "-"), ("percent", "%"), ("°", "deg"), ("degree", "deg"), ("degrees", "deg"),
+    ("radian", "rad"), ("radians", "rad"), ("kilogram", "kg"), ("kilograms", "kg"), ("lbs", "lb"), ("lbm", "lb"), ("slugs", "slug"),
+    ("meter", "m"), ("meters", "m"), ("metre", "m"), ("metres", "m"), ("foot", "ft"), ("feet", "ft"), ("inch", "in"), ("inches", "in"),
+    ("NM", "nmi"), ("sec", "s"), ("second", "s"), ("seconds", "s"), ("msec", "ms"), ("usec", "us"), ("µs", "us"), ("μs", "us"), ("nsec", "ns"),
+    ("minute", "min"), ("minutes", "min"), ("hr", "h"), ("hour", "h"), ("hours", "h"), ("hz", "Hz"), ("RPM", "rpm"),
+    ("knot", "kt"), ("knots", "kt"), ("kts", "kt"), ("mps", "m/s"), ("kph", "km/h"), ("dps", "deg/s"),
+    ("newton", "N"), ("newtons", "N"), ("pascal", "Pa"), ("pascals", "Pa"), ("mb", "mbar"), ("ampere", "A"), ("amperes", "A"), ("amps", "A"),
+    ("volt", "V"), ("volts", "V"), ("kelvin", "K"), ("Kelvin", "K"), ("°C", "degC"), ("celsius", "degC"), ("Celsius", "degC"),
+    ("°F", "degF"), ("fahrenheit", "degF"), ("Fahrenheit", "degF"),
+];
+
+/// Scales that differ by no more than this share are the same: tables of constants are rounded.
+const SAME: f64 = 1e-5;
+
 impl Unit {
     pub const NONE: Unit = Unit { dim: Dim::NONE, scale: 1.0, offset: 0.0 };
 
@@ -126,6 +143,12 @@ impl Unit {
         self.scale == 1.0 && self.offset == 0.0
     }
 
+    /// Whether both measure the same quantity with the same scale and zero, whatever they are called: `knots` and `kt`.
+    pub fn same(&self, other: &Unit) -> bool {
+        let near = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
+        self.dim == other.dim && near(self.scale, other.scale) && near(self.offset, other.offset)
+    }
+
     pub fn to_si(&self, value: f64) -> f64 {
         value * self.scale + self.offset
     }
@@ -136,7 +159,8 @@ impl Unit {
 }
 
 fn lookup(name: &str) -> Option<Unit> {
-    UNITS.iter().find(|u| u.0 == name).map(|u| Unit { dim: Dim(u.1.map(|e| e * ONE)), scale: u.2, offset: u.3 })
+    let known = UNITS.iter().find(|u| u.0 == name).map(|u| Unit { dim: Dim(u.1.map(|e| e * ONE)), scale: u.2, offset: u.3 });
+    known.or_else(|| SYNONYMS.iter().find(|s| s.0 == name).and_then(|s| Unit::parse(s.1).ok()))
 }
 
 struct Reader<'a> {
@@ -196,7 +220,7 @@ impl Reader<'_> {
             return Ok(inner);
         }
         let start = self.at;
-        while self.peek().is_some_and(|c| c.is_alphabetic() || c == '%' || c == '1' && self.at == start) {
+        while self.peek().is_some_and(|c| c.is_alphabetic() || c == '%' || c == '°' || c == '1' && self.at == start) {
             self.at += 1;
             if self.chars[start] == '1' {
                 break;
@@ -218,6 +242,10 @@ impl Reader<'_> {
     }
 
     fn exponent(&mut self) -> Result<Option<i32>, String> {
+        if let Some(power) = ['²', '³'].iter().position(|&c| self.peek() == Some(c)) {
+            self.at += 1;
+            return Ok(Some(power as i32 + 2));
+        }
         let caret = self.peek() == Some('^');
         if caret {
             self.at += 1;
@@ -263,6 +291,28 @@ mod tests {
             assert!((unit.from_si(si) - value).abs() < 1e-12 * value.abs(), "{text}");
             assert_eq!(unit.dim.to_string(), dim, "{text}");
         }
+    }
+
+    #[test]
+    fn units_are_the_same_by_dimension_scale_and_zero() {
+        let same = |a: &str, b: &str| Unit::parse(a).unwrap().same(&Unit::parse(b).unwrap());
+        for (a, b) in [
+            ("knots", "kt"),
+            ("°/s", "deg/s"),
+            ("m/s²", "m/s^2"),
+            ("m/sec/sec", "m s^-2"),
+            ("ft/min", "fpm"),
+            ("rad", "-"),
+            ("°C", "degC"),
+            ("hPa", "mbar"),
+        ] {
+            assert!(same(a, b), "{a} and {b}");
+        }
+        for (a, b) in [("kt", "m/s"), ("deg", "rad"), ("deg", "deg/s"), ("K", "degC"), ("g", "m/s^2"), ("kt", "mph")] {
+            assert!(!same(a, b), "{a} and {b}");
+        }
+        // a spelling that meant nothing would be passed over in silence
+        assert!(SYNONYMS.iter().all(|(_, unit)| Unit::parse(unit).is_ok()));
     }
 
     #[test]

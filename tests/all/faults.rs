@@ -108,8 +108,44 @@ fn a_topic_or_field_that_is_not_there_is_named() {
 
     let c = Campaign::new();
     c.edit("channels.toml", "field = \"angle\"", "field = \"angel\"");
-    let run = c.run().ended(1);
+    // in no log: a mistake of the channel map, found before work starts
+    let run = c.run().ended(2);
     assert!(run.err.contains("channels.toml:9") && run.err.contains("angle"), "{}", run.err);
+    assert!(!c.path("out/signals").exists());
+}
+
+#[test]
+fn a_unit_that_is_not_the_logs_is_found_before_work_starts() {
+    let c = Campaign::new();
+    c.edit("channels.toml", "field = \"speed\"\nunit = \"m/s\"", "field = \"speed\"\nunit = \"kt\"");
+    c.edit("channels.toml", "\"/drive\"", "\"/drives\"");
+    for verb in ["check", "run"] {
+        let said = c.koehler(verb, &[]).ended(2);
+        for wanted in ["\"kt\"", "\"m/s\"", "despite = ", "it has \"/drive\"", "flight-1.mcap, flight-2.mcap, flight-3.mcap"] {
+            assert!(said.err.contains(wanted), "{wanted} is not in\n{}", said.err);
+        }
+        assert!(!c.path("out/signals").exists());
+    }
+    c.edit("channels.toml", "\"/drives\"", "\"/drive\"");
+    c.edit("channels.toml", "unit = \"kt\"", "unit = \"kt\"\ndespite = \"m/s\"");
+    c.koehler("check", &[]).ended(0);
+    // a log without a summary is no mistake, and is said
+    let path = c.path("logs/flight-2.mcap");
+    let bytes = std::fs::read(&path).expect("readable");
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
+    let said = c.koehler("check", &[]).ended(0);
+    assert!(said.err.contains("flight-2.mcap") && said.out.contains("2 logs"), "{}\n{}", said.out, said.err);
+}
+
+#[test]
+fn an_output_that_is_its_own_input_is_refused() {
+    let c = Campaign::new();
+    c.edit("lag.model.toml", "[outputs]\n", "[outputs]\ndrive = { unit = \"rad\", value = \"u\" }\n");
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\noutputs = { drive = \"u\" }");
+    let said = c.koehler("check", &[]).ended(2);
+    assert!(said.err.contains("compared with itself") && said.err.contains("unscored"), "{}", said.err);
+    c.edit("pipeline.toml", "outputs = { drive = \"u\" }", "unscored = [\"drive\"]");
+    c.koehler("check", &[]).ended(0);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Is the reconstructed path near the true one, and as near as its standard deviations say? Short simulated Citation flights; the truth
 //! is looked at here alone.
 
+use crate::flightdata::{copy, data, koehler};
 use koehler::pipeline::{Plan, Store, run};
 use koehler::simulate::{Campaign, Truth, write_log};
 use koehler::table::{Table, read_dataset};
@@ -106,4 +107,49 @@ fn recovery_coverage_of_the_flight_path() {
             named.iter().map(|&k| (checks.strings("channel").unwrap()[k], checks.strings("text").unwrap()[k])).collect();
         assert!(named.is_empty(), "{texts:?}");
     }
+}
+
+/// A flight of another simulator whose channel map has the names that a person would give: the sensors' errors are found all the same, and none
+/// of the inertial sensors is compared with itself.
+#[test]
+fn recovery_of_inertial_biases_with_natural_names() {
+    let Some(data) = data("jsbsim/logs/flight_01.mcap") else { return };
+    let folder = copy("jsbsim");
+    let edit = |file: &str, edits: &[(&str, &str)]| {
+        let path = folder.path().join(file);
+        let mut text = std::fs::read_to_string(&path).expect("the file");
+        for (from, to) in edits {
+            assert!(text.contains(from), "{file}: {from}");
+            text = text.replace(from, to);
+        }
+        std::fs::write(&path, text).expect("written");
+    };
+    let names = ["ax", "ay", "az", "p", "q", "r"].map(|name| (format!("[signal.{name}_imu]"), format!("[signal.{name}]")));
+    let vanes = ["alpha", "beta"].map(|name| (format!("[signal.{name}_vane]"), format!("[signal.{name}]")));
+    let natural: Vec<(&str, &str)> = names.iter().chain(&vanes).map(|(from, to)| (from.as_str(), to.as_str())).collect();
+    edit("channels.toml", &natural);
+    let signals = "gusts = []\nsignals = { ax_imu = \"ax\", ay_imu = \"ay\", az_imu = \"az\", p_imu = \"p\", q_imu = \"q\", r_imu = \"r\", \
+                   alpha_vane = \"alpha\", beta_vane = \"beta\" }";
+    edit("flight-path.toml", &[("flight_*.mcap", "flight_01.mcap"), ("gusts      = []", signals)]);
+    koehler(folder.path(), &data, &["run", "flight-path.toml"]);
+    let out = folder.path().join("out/flight-path");
+
+    let truth = std::fs::read_to_string(data.join("jsbsim/truth.json")).expect("the truth");
+    let truth: serde_json::Value = serde_json::from_str(&truth).expect("JSON");
+    let biases = read_dataset(&out, "biases").expect("biases");
+    let (parameters, values, sds) = (biases.strings("parameter").unwrap(), biases.f64("value").unwrap(), biases.f64("sd").unwrap());
+    for (parameter, field) in
+        [("b_ax", "ax_mps2"), ("b_ay", "ay_mps2"), ("b_az", "az_mps2"), ("b_p", "p_radps"), ("b_q", "q_radps"), ("b_r", "r_radps")]
+    {
+        let row = parameters.iter().position(|p| *p == parameter).expect("a bias");
+        let expected = truth["sensor_errors"]["bias"][field].as_f64().expect("a number");
+        let z = (values[row] - expected) / sds[row];
+        println!("{parameter}: {} +- {}, in truth {expected}: {z:.2} sd off", values[row], sds[row]);
+        assert!(z.abs() < 4.0, "{parameter}");
+    }
+    let matched = read_dataset(&out, "pathmatch").expect("pathmatch");
+    let compared = matched.strings("channel").unwrap();
+    assert!(["ax", "q", "alpha"].iter().all(|name| !compared.contains(name)) && compared.contains(&"alpha_vane"));
+    let notes = read_dataset(&out, "notes").expect("notes");
+    assert!(notes.strings("text").unwrap().iter().any(|t| t.contains("drive the kinematics: p, q, r, ax, ay, az")));
 }

@@ -2,6 +2,7 @@
 
 use crate::config::{Doc, list, nearest};
 use crate::error::{Error, Errors};
+use crate::model::graph::Leaf;
 use crate::model::{Model, Quantity};
 use crate::stage::estimate::{Driver, Scored, Settings};
 use crate::stage::{Channels, derive};
@@ -19,12 +20,14 @@ struct Column {
     unit: String,
     /// Unit of the signal of the channel map with this name; a reconstructed column may have taken its place in the samples.
     signal: Option<String>,
+    /// Its values are reconstructed or derived, not those of the signal.
+    made: bool,
 }
 
 impl Columns {
     /// The signals of the channel map.
     pub fn of_signals(channels: &Channels) -> Columns {
-        let column = |name: &String| Column { unit: channels.unit(name), signal: Some(channels.unit(name)) };
+        let column = |name: &String| Column { unit: channels.unit(name), signal: Some(channels.unit(name)), made: false };
         Columns(channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect())
     }
 
@@ -71,12 +74,7 @@ impl Columns {
 
     fn put(&mut self, name: &str, unit: &str) {
         let signal = self.0.get(name).and_then(|c| c.signal.clone());
-        self.0.insert(name.to_string(), Column { unit: unit.to_string(), signal });
-    }
-
-    /// SI units by name.
-    pub fn units(&self) -> IndexMap<String, String> {
-        self.0.iter().map(|(name, column)| (name.clone(), column.unit.clone())).collect()
+        self.0.insert(name.to_string(), Column { unit: unit.to_string(), signal, made: true });
     }
 
     fn names(&self) -> Vec<&str> {
@@ -233,6 +231,40 @@ pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc,
         errors.push(doc.error(key, "no output of the model is scored"));
     }
     all
+}
+
+/// Files an error for every output that is compared with the measurement that is its own input: a sensor would be compared with itself.
+pub fn itself(
+    model: &Model,
+    (inputs, outputs): (&[Driver], &[Scored]),
+    columns: &Columns,
+    channels: &Channels,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) {
+    if inputs.len() != model.inputs.len() {
+        return;
+    }
+    for scored in outputs.iter().filter(|scored| scored.is_signal) {
+        let leaves = model.graph.leaves(&[model.output_nodes[scored.output]]);
+        let is_it = |(i, driver): &(usize, &Driver)| match driver {
+            Driver::Column(name) => {
+                let raw = columns.0.get(name).is_some_and(|column| !column.made);
+                raw && leaves.contains(&Leaf::Input(*i)) && channels.same(name, &scored.measured)
+            }
+            Driver::Held(_) => false,
+        };
+        if let Some((i, _)) = inputs.iter().enumerate().find(is_it) {
+            let (output, input) = (&model.outputs[scored.output].name, &model.inputs[i].name);
+            let what = format!(
+                "output \"{output}\" of the model follows from input \"{input}\", and both are signal \"{}\": it would be compared with itself",
+                scored.measured
+            );
+            let help = format!("list \"{output}\" in `unscored`, or map another signal to it in `outputs`");
+            errors.push(doc.error(&format!("{key}.outputs"), what).help(help));
+        }
+    }
 }
 
 /// A mistake without a place, as one of this key.

@@ -16,7 +16,7 @@ fn fault_a_gap_of_two_seconds_is_coasted_over_and_one_of_five_has_no_path() {
     let theta = &path.outputs[kinematics().output("theta").expect("theta")];
     let known = |t: f64| theta[path.t.iter().position(|x| *x >= t).expect("on the grid")].is_finite();
     assert!(known(16.0) && !known(27.0) && known(35.0));
-    assert!(path.notes.iter().any(|n| n.contains("gap")), "{:?}", path.notes);
+    assert!(path.notes.iter().any(|n| n.text.contains("gap")), "{:?}", path.notes);
     assert_eq!(verdict(&path, "q_imu", "gaps"), "gaps");
 }
 
@@ -42,7 +42,7 @@ fn fault_a_dead_gyro_is_named_and_gives_no_path() {
     let path = path(&flown);
     assert_eq!(verdict(&path, "r_imu", "standing still"), "dead");
     assert!(path.outputs.iter().flatten().all(|v| v.is_nan()));
-    assert!(path.notes.iter().any(|n| n.contains("r_imu is dead")), "{:?}", path.notes);
+    assert!(path.notes.iter().any(|n| n.text.contains("r_imu is dead")), "{:?}", path.notes);
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn fault_a_missing_sensor_leaves_honest_intervals_or_nothing() {
         let path = path(&flown);
         nowhere_wrong(&flown, &heights, &path, 5.5);
         if missing.contains(&"psi") {
-            assert!(path.notes.iter().any(|n| n.contains("no sensor determines psi")), "{:?}", path.notes);
+            assert!(path.notes.iter().any(|n| n.text.contains("no sensor determines psi")), "{:?}", path.notes);
             assert!(path.outputs[kinematics().output("psi").expect("psi")].iter().all(|v| v.is_nan()));
         }
     }
@@ -144,7 +144,7 @@ fn fault_a_flight_that_starts_on_the_ground_is_right_in_the_air_and_says_what_wa
     let heights = heights(&scene);
     let flown = record(22, scene, &heights);
     let path = path(&flown);
-    assert!(path.notes.iter().any(|n| n.contains("slower than") && n.contains("alpha_vane")), "{:?}", path.notes);
+    assert!(path.notes.iter().any(|n| n.text.contains("slower than") && n.text.contains("alpha_vane")), "{:?}", path.notes);
     for (name, list) in STATES.iter().zip(normed(&flown, &heights, &path, |t| t > 50.0)) {
         let worst = list.iter().fold(0.0f64, |m, e| m.max(e.abs()));
         assert!(list.len() > 500 && worst < 5.0, "{name} is {worst} standard deviations off in the air");
@@ -161,7 +161,7 @@ fn fault_a_clock_that_jumps_by_years_gives_no_path_and_a_note() {
     }
     for by in [Method::Smoother, Method::Windows] {
         let path = path_by(&flown, &kinematics(), &Settings { by, ..settings() });
-        assert!(path.outputs.is_empty() && path.notes.iter().any(|n| n.contains("clock has jumped")), "{:?}", path.notes);
+        assert!(path.outputs.is_empty() && path.notes.iter().any(|n| n.text.contains("clock has jumped")), "{:?}", path.notes);
     }
 }
 
@@ -177,7 +177,7 @@ fn fault_a_flight_of_half_a_second_has_no_path_and_says_so() {
     for by in [Method::Smoother, Method::Windows] {
         let path = path_by(&flown, &kinematics(), &Settings { by, ..settings() });
         assert!(path.outputs.iter().flatten().all(|v| v.is_nan()));
-        assert!(path.notes.iter().any(|n| n.contains("no flight path")), "{:?}", path.notes);
+        assert!(path.notes.iter().any(|n| n.text.contains("no flight path")), "{:?}", path.notes);
     }
 }
 
@@ -190,7 +190,7 @@ fn fault_a_signal_without_values_is_missing_and_one_with_three_is_not_used() {
     let few: Vec<usize> = [20, 150, 350].to_vec();
     (*t, *y) = (few.iter().map(|&k| t[k]).collect(), few.iter().map(|&k| y[k] + 300.0).collect());
     let found = path(&flown);
-    let said = |what: &str| found.notes.iter().any(|n| n.contains(what));
+    let said = |what: &str| found.notes.iter().any(|n| n.text.contains(what));
     assert!(said("not measured, so not checked: beta_vane") && said("static_pressure has only 3 samples"), "{:?}", found.notes);
     // nothing tells the height, so none is given
     assert!(said("no sensor determines h"), "{:?}", found.notes);
@@ -202,4 +202,73 @@ fn fault_a_signal_without_values_is_missing_and_one_with_three_is_not_used() {
     let get = |name: &str| flown.signals.get(name).map(|(t, y)| (&t[..], &y[..]));
     let error = reconstruct(&kinematics(), get, &settings()).unwrap_err().to_string();
     assert!(error.contains("needs the signal \"temperature\""), "{error}");
+}
+
+fn by_windows() -> Settings {
+    Settings { by: Method::Windows, window_s: 20.0, overlap_s: 4.0, ..settings() }
+}
+
+#[test]
+fn fault_windows_of_output_error_have_the_same_checks() {
+    let heights = altitude();
+    let mut flown = fly(26, 0.0, &heights);
+    let good = path_by(&flown, &kinematics(), &by_windows());
+    assert!(good.notes.is_empty() && good.failed == 0, "{:?}", good.notes);
+    for (channel, check) in [("theta", "sign"), ("alpha_vane", "time skew"), ("q_imu", "sign"), ("V", "whiteness")] {
+        assert_eq!(verdict(&good, channel, check), "good", "{channel} {check}: {:#?}", good.checks);
+    }
+    // a sensor that is turned round is named and not used: the path is the one without it
+    flown.signals["beta_vane"].1.iter_mut().for_each(|y| *y = -*y);
+    let turned = path_by(&flown, &kinematics(), &by_windows());
+    assert_eq!(verdict(&turned, "beta_vane", "sign"), "sign reversed", "{:?}", turned.notes);
+    flown.signals.shift_remove("beta_vane");
+    assert_eq!(path_by(&flown, &kinematics(), &by_windows()).outputs, turned.outputs);
+    // with an inertial one there is no path, and that is missing
+    let mut flown = fly(26, 0.0, &heights);
+    flown.signals["az_imu"].1.iter_mut().for_each(|y| *y = -*y);
+    let none = path_by(&flown, &kinematics(), &by_windows());
+    assert_eq!(verdict(&none, "az_imu", "sign"), "sign reversed");
+    assert!(none.outputs.iter().flatten().all(|v| v.is_nan()) && none.notes.iter().any(|n| n.missing), "{:?}", none.notes);
+}
+
+#[test]
+fn fault_a_window_that_ends_singular_names_the_parameter() {
+    let heights = altitude();
+    let mut flown = fly(27, 0.0, &heights);
+    flown.signals.shift_remove("psi");
+    let path = path_by(&flown, &kinematics(), &by_windows());
+    let lost: Vec<&Note> = path.notes.iter().filter(|n| n.missing).collect();
+    let named = |n: &&Note| n.text.contains("ended as \"singular\": psi(0) has no effect on the measured outputs");
+    assert!(path.failed > 0 && lost.len() == path.failed && lost.iter().all(named), "{:?}", path.notes);
+}
+
+#[test]
+fn fault_rejected_samples_are_counted_in_a_note() {
+    let heights = altitude();
+    let mut flown = fly(28, 0.0, &heights);
+    flown.signals["theta"].1.iter_mut().step_by(20).for_each(|y| *y += 0.3);
+    for settings in [settings(), by_windows()] {
+        let path = path_by(&flown, &kinematics(), &settings);
+        let note = path.notes.iter().find(|n| n.subject == "theta").unwrap_or_else(|| panic!("{:?}", path.notes));
+        assert!((40..=60).contains(&note.count) && note.text.contains("samples rejected"), "{note:?}");
+        assert_eq!(verdict(&path, "theta", "rejected"), "outliers");
+    }
+}
+
+#[test]
+fn fault_a_signal_that_drives_the_model_is_not_compared_with_itself() {
+    let heights = altitude();
+    let flown = fly(29, 0.0, &heights);
+    let plain = path(&flown);
+    // the same signals by the names of the model's outputs, as a channel map may have them
+    let natural = [("ax_imu", "ax"), ("ay_imu", "ay"), ("az_imu", "az"), ("p_imu", "p"), ("q_imu", "q"), ("r_imu", "r")];
+    let natural = [&natural[..], &[("alpha_vane", "alpha"), ("beta_vane", "beta")]].concat();
+    let mut renamed = Flown { signals: IndexMap::new(), gust: flown.gust.clone(), scene: flown.scene };
+    for (name, series) in &flown.signals {
+        let new = natural.iter().find(|(old, _)| old == name).map_or(name.as_str(), |(_, new)| new);
+        renamed.signals.insert(new.to_string(), series.clone());
+    }
+    let signals = natural.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect();
+    let mapped = path_by(&renamed, &kinematics(), &Settings { signals, ..settings() });
+    assert_eq!((mapped.outputs, mapped.biases), (plain.outputs, plain.biases));
 }

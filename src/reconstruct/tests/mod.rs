@@ -211,12 +211,12 @@ fn kinematics() -> Model {
     embedded("kinematics")
 }
 
-fn embedded(name: &str) -> Model {
+pub(super) fn embedded(name: &str) -> Model {
     Model::embedded(name, &all_at_the_origin()).expect("compiles")
 }
 
 /// A model file put together from fragments.
-fn from_fragments(name: &str, text: &str) -> Model {
+pub(super) fn from_fragments(name: &str, text: &str) -> Model {
     Model::parse(name, text, &all_at_the_origin()).unwrap_or_else(|e| panic!("{e}"))
 }
 

@@ -1,0 +1,231 @@
+//! What a log says of its topics, fields and units, and the channel map, in; where they do not agree out.
+//!
+//! `look` reads the summary section at the end of a log, and messages only where the summary cannot tell whether a field is there. The same
+//! comparisons are made when a flight is read.
+
+use super::channel_map::{ChannelMap, SignalMap, TimeSource};
+use super::decode::{self, FieldInfo, is_unreadable};
+use super::file::{Channel, LogFile};
+use super::flight::{first_messages, stamp_paths, topic_fields};
+use super::words;
+use crate::config::Doc;
+use crate::error::{Error, Place, Result};
+use crate::units::Unit;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What a log's schema says where it states no unit.
+const NO_UNIT: [&str; 5] = ["", "?", "none", "unknown", "n/a"];
+
+/// Something that a log and the channel map do not agree about.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mistake {
+    /// In the channel map.
+    pub place: Place,
+    /// The words before and after the log's name.
+    pub what: [String; 2],
+    pub help: Option<String>,
+}
+
+impl Mistake {
+    /// The mistake as one of this log, or of these.
+    pub fn of(&self, logs: &str) -> Error {
+        let error = Error::at(self.place.clone(), format!("{}{logs}{}", self.what[0], self.what[1]));
+        Error { help: self.help.clone(), ..error }
+    }
+}
+
+/// What a look at a log found.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Look {
+    /// Whether the log has a sound summary section; without one nothing was looked at.
+    pub summary: bool,
+    /// Topics, fields and time stamps that are not there, and units that are others.
+    pub mistakes: Vec<Mistake>,
+    /// Units of the log that are not known, so that nothing can be said.
+    pub remarks: Vec<Mistake>,
+}
+
+/// Holds a channel map against the summary of a log.
+///
+/// # Errors
+/// The file cannot be read, is empty or is no MCAP.
+pub fn look(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<Look> {
+    let Some(channels) = LogFile::summary(path)? else { return Ok(Look::default()) };
+    let mut eye = Eye { path, channels: &channels, log: None };
+    let mut look = Look { summary: true, ..Look::default() };
+    let mut fields: BTreeMap<&str, Vec<FieldInfo>> = BTreeMap::new();
+    for (name, signal) in &map.signal {
+        let place = |key: &str| doc.place(&format!("signal.{name}.{key}"));
+        let topic = signal.topic.as_str();
+        if let Some(mistake) = topic_mistake(&channels, topic, place("topic")) {
+            look.mistakes.push(mistake);
+            continue;
+        }
+        let known = fields.entry(topic).or_insert_with(|| eye.schema(topic));
+        if eye.lacks(topic, &signal.field, known) {
+            look.mistakes.push(no_field(topic, &signal.field, known, place("field")));
+        } else {
+            match unit(name, signal, known, place("unit")) {
+                Stated::Agrees => {}
+                Stated::Unknown(remark) => look.remarks.push(remark),
+                Stated::Other(mistake) => look.mistakes.push(mistake),
+            }
+        }
+        let TimeSource::Field(path, unit, _) = map.time_source(signal) else { continue };
+        let at = if signal.time.is_some() { place("time") } else { doc.place("defaults.time") };
+        for stamp in stamp_paths(&path, unit, known) {
+            let mistake = no_field(topic, &stamp, known, at.clone());
+            if !look.mistakes.contains(&mistake) && eye.lacks(topic, &stamp, known) {
+                look.mistakes.push(mistake);
+            }
+        }
+    }
+    Ok(look)
+}
+
+/// A log whose messages are looked at only where that is needed.
+struct Eye<'a> {
+    path: &'a Path,
+    channels: &'a BTreeMap<u16, Channel>,
+    log: Option<LogFile>,
+}
+
+impl Eye<'_> {
+    fn ids(&self, topic: &str) -> Vec<u16> {
+        self.channels.iter().filter(|(_, c)| c.topic == topic).map(|(&id, _)| id).collect()
+    }
+
+    /// The fields that the schemas of a topic name.
+    fn schema(&self, topic: &str) -> Vec<FieldInfo> {
+        topic_fields(self.channels, &self.ids(topic), &BTreeMap::new())
+    }
+
+    /// Whether no message of the topic has a value at this path. A schema that names the field is believed; one that does not need not
+    /// be complete, so messages are asked. Then `known` holds what they have.
+    fn lacks(&mut self, topic: &str, path: &str, known: &mut Vec<FieldInfo>) -> bool {
+        if field(known, path).is_some() {
+            return false;
+        }
+        let ids = self.ids(topic);
+        if self.log.is_none() {
+            self.log = LogFile::open(self.path).ok();
+        }
+        let Some(log) = &self.log else { return false };
+        let samples = first_messages(log, &ids);
+        if samples.is_empty() {
+            return false;
+        }
+        *known = topic_fields(self.channels, &ids, &samples);
+        field(known, path).is_none() && !anywhere(log, &ids, path)
+    }
+}
+
+/// Whether any message of these channels has a number, or a NaN, at the path.
+fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> bool {
+    let mut readers = BTreeMap::new();
+    for &id in ids {
+        let reader = log.channels.get(&id).and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &[path.to_string()]).ok());
+        readers.extend(reader.map(|reader| (id, reader)));
+    }
+    let (mut buffer, mut found) = (Vec::new(), false);
+    for part in 0..log.parts() {
+        let mut value = [0.0];
+        let _ = log.messages(part, &mut buffer, |m| {
+            if let Some(reader) = readers.get_mut(&m.channel).filter(|_| !found) {
+                reader(m.data, &mut value);
+                found = !is_unreadable(value[0]);
+            }
+        });
+        if found {
+            break;
+        }
+    }
+    found
+}
+
+/// The field at a path; a schema has `*` where the path has a place in a list.
+fn field<'f>(known: &'f [FieldInfo], path: &str) -> Option<&'f FieldInfo> {
+    let place = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+    let fits = |f: &&FieldInfo| {
+        let (mut of_field, mut of_path) = (f.path.split('.'), path.split('.'));
+        loop {
+            match (of_field.next(), of_path.next()) {
+                (None, None) => return true,
+                (Some(a), Some(b)) if a == b || (a == "*" && place(b)) => {}
+                _ => return false,
+            }
+        }
+    };
+    known.iter().find(fits)
+}
+
+/// A topic that is not in a log, or cannot be decoded.
+pub(super) fn topic_mistake(channels: &BTreeMap<u16, Channel>, topic: &str, place: Place) -> Option<Mistake> {
+    let of_topic: Vec<&Channel> = channels.values().filter(|c| c.topic == topic).collect();
+    if of_topic.is_empty() {
+        let mut topics: Vec<&str> = channels.values().map(|c| c.topic.as_str()).collect();
+        topics.sort_unstable();
+        topics.dedup();
+        let what = [format!("topic \"{topic}\" is not in "), format!("; it has {}", words::near(topic, &topics))];
+        return Some(Mistake { place, what, help: None });
+    }
+    let foreign = of_topic.iter().find(|c| decode::encoding_of(c).is_none())?;
+    let schema = if foreign.schema_encoding.is_empty() { "no" } else { &foreign.schema_encoding };
+    let what = [
+        format!("topic \"{topic}\" of "),
+        format!(
+            " is encoded as {} with {schema} schema, which cannot be decoded; supported: {}",
+            foreign.message_encoding,
+            decode::supported()
+        ),
+    ];
+    let help = Some("convert the log, or take the signal from a topic with a supported encoding".to_string());
+    Some(Mistake { place, what, help })
+}
+
+/// A field that a topic does not have, the nearest names first.
+pub(super) fn no_field(topic: &str, field: &str, known: &[FieldInfo], place: Place) -> Mistake {
+    let names: Vec<&str> = known.iter().map(|f| f.path.as_str()).filter(|p| !p.contains('*')).collect();
+    let has = words::nearest_first(field, &names);
+    let what = [format!("field \"{field}\" is not in topic \"{topic}\" of "), format!("; it has {has}")];
+    Mistake { place, what, help: None }
+}
+
+/// What a log states about a signal's unit, against the channel map.
+pub(super) enum Stated {
+    /// The same unit, none at all, or the one that the channel map says is wrong.
+    Agrees,
+    /// One that is not known.
+    Unknown(Mistake),
+    /// Another dimension, or another scale.
+    Other(Mistake),
+}
+
+/// Holds the unit of the channel map against the one that the log states for the field.
+pub(super) fn unit(name: &str, signal: &SignalMap, known: &[FieldInfo], place: Place) -> Stated {
+    let Some(stated) = field(known, &signal.field).map(|f| f.unit.trim()) else { return Stated::Agrees };
+    let said = signal.despite.as_deref().map(str::trim);
+    if NO_UNIT.contains(&stated.to_lowercase().as_str()) || said == Some(stated) {
+        return Stated::Agrees;
+    }
+    let (SignalMap { topic, field, unit, .. }, Ok(wanted)) = (signal, Unit::parse(&signal.unit)) else { return Stated::Agrees };
+    let Ok(has) = Unit::parse(stated) else {
+        let what = [
+            format!("field \"{field}\" of topic \"{topic}\" in "),
+            format!(" is in \"{stated}\", which is no known unit: signal \"{name}\" is read in \"{unit}\" unchecked"),
+        ];
+        let help = Some(format!("despite = \"{stated}\" says that this is meant"));
+        return Stated::Unknown(Mistake { place, what, help });
+    };
+    if has.same(&wanted) || said.and_then(|said| Unit::parse(said).ok()).is_some_and(|said| said.same(&has)) {
+        return Stated::Agrees;
+    }
+    let of = if has.dim == wanted.dim { "" } else { ", another quantity" };
+    let what = [
+        format!("signal \"{name}\" is read in \"{unit}\", but "),
+        format!(" says that field \"{field}\" of topic \"{topic}\" is in \"{stated}\"{of}"),
+    ];
+    let help = format!("write unit = \"{stated}\"; where the log is wrong, keep unit = \"{unit}\" and add despite = \"{stated}\"");
+    Stated::Other(Mistake { place, what, help: Some(help) })
+}
