@@ -123,7 +123,16 @@ fn number(value: f64) -> String {
 }
 
 fn notes(notes: &[Note]) {
-    for (severity, heading) in [(Severity::Missing, "missing"), (Severity::Warning, "warning")] {
+    notes_of(notes, &[(Severity::Missing, "missing"), (Severity::Warning, "warning")]);
+}
+
+/// Prints what is missing.
+pub fn missing(notes: &[Note]) {
+    notes_of(notes, &[(Severity::Missing, "missing")]);
+}
+
+fn notes_of(notes: &[Note], kinds: &[(Severity, &str)]) {
+    for &(severity, heading) in kinds {
         let all: Vec<&Note> = notes.iter().filter(|n| n.severity == severity).collect();
         if all.is_empty() {
             continue;

@@ -197,7 +197,9 @@ pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, not
                     let text = format!("{masked} masked samples of the outputs are not scored in {segment}");
                     notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
                 }
-                ready.push(Ready { flight: flight.to_string(), segment, labelled: Segment { record, labels, stretch: None } });
+                let conditions = held.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+                let labelled = Segment { record, labels, conditions, stretch: None };
+                ready.push(Ready { flight: flight.to_string(), segment, labelled });
             }
             Err(why) => {
                 notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}")))
