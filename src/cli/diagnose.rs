@@ -2,11 +2,12 @@
 
 use super::progress::Bars;
 use super::run::{look_at_logs, out_folder};
-use super::{DiagnoseArgs, End, on_threads, print_errors, say};
+use super::{DiagnoseArgs, End, on_threads, print_errors, say, summary, verdict};
 use crate::diagnose::Base;
 use crate::error::{Error, Errors, Result};
 use crate::pipeline::{self, Plan, Settings, Store};
-use crate::stage::{Part, diagnose};
+use crate::stage::diagnose;
+use crate::table::Table;
 
 /// `koehler diagnose`
 pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
@@ -27,19 +28,27 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
     })??;
     print_errors(&result.errors);
     result.removed.iter().for_each(|unit| say(&format!("removed: {unit}")));
+    // What makes the exit code 1 is named.
+    summary::missing(&result.notes);
     let mut end = if result.complete() { End::Complete } else { End::Partial };
     for (i, diagnosis) in plan.campaign.diagnoses.iter().enumerate().filter(|(_, d)| !d.settings.idle) {
-        let found = told(&store, &diagnosis.name(), i)?;
-        end = if end == End::Partial { end } else { found.max(end) };
+        let Some(findings) = verdict::part(&store, "findings", i)? else {
+            end = End::Partial;
+            continue;
+        };
+        told(&diagnosis.name(), &findings)?;
+        let again = plan.campaign.estimates.len() + i;
         let next = diagnosis.settings.next();
         let file = format!("models/{next}.model.toml");
         if result.files.contains(&file) {
-            say(&format!("next model: {}", out.join(file).display()));
+            say(&format!("  next model: {}", out.join(file).display()));
         }
-        let again = Part::Number(plan.campaign.estimates.len() + i).path("estimates");
-        if result.files.contains(&again) {
-            say(&format!("estimated with it: {next}, in the tables of estimates and in the report"));
+        if let Some(estimates) = verdict::part(&store, "estimates", again)? {
+            say(&format!("  {}", verdict::again(&next, &estimates)?));
         }
+        let recommended = [again, i].into_iter().find_map(|n| verdict::part(&store, "recommended", n).transpose()).transpose()?;
+        verdict::lines(&diagnosis.name(), &findings, recommended.as_ref())?.iter().for_each(|line| say(line));
+        end = if end == End::Partial { end } else { verdict::end(&findings)?.max(end) };
     }
     let report = "report/index.html";
     if result.files.iter().any(|file| file == report) {
@@ -76,16 +85,10 @@ fn ask(settings: &mut Settings, args: &DiagnoseArgs, store: &Store) {
 }
 
 /// Prints the findings of one diagnosis.
-fn told(store: &Store, name: &str, index: usize) -> Result<End> {
-    let part = Part::Number(index);
-    if !store.path(&part.path("findings")).exists() {
-        return Ok(End::Partial);
-    }
-    let table = store.table("findings", &part)?;
-    let (verdicts, texts) = (table.strings("verdict")?, table.strings("text")?);
-    let (candidates, roles) = (table.opt_strings("candidate")?, table.opt_strings("role")?);
-    let verdict = verdicts.first().copied().unwrap_or_default();
-    say(&format!("\n{name}: {}", verdict.to_uppercase()));
+fn told(name: &str, findings: &Table) -> Result<()> {
+    let texts = findings.strings("text")?;
+    let (candidates, roles) = (findings.opt_strings("candidate")?, findings.opt_strings("role")?);
+    say(&format!("\n{name}"));
     for ((text, candidate), role) in texts.iter().zip(candidates).zip(roles) {
         let or = if role == Some("alike") { "  or " } else { "" };
         match candidate {
@@ -93,7 +96,7 @@ fn told(store: &Store, name: &str, index: usize) -> Result<End> {
             None => say(&format!("  {text}")),
         }
     }
-    let held_out = table.strings("held_out")?;
+    let held_out = findings.strings("held_out")?;
     held_out.first().into_iter().for_each(|words| say(&format!("  held out: {words}")));
-    Ok(if verdict == "nothing missing" { End::Complete } else { End::Found })
+    Ok(())
 }

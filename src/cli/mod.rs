@@ -7,6 +7,7 @@ mod schema;
 mod simulate;
 mod summary;
 mod text;
+mod verdict;
 
 use crate::error::Errors;
 use crate::log;

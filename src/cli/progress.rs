@@ -1,4 +1,4 @@
-//! Progress of a run: events come in, bars on the terminal go out; nothing where standard error is no terminal.
+//! Progress of a run: events come in, bars on the terminal go out; where standard error is no terminal, only lines of what a unit tells.
 
 use crate::pipeline::Event;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -31,6 +31,9 @@ impl Bars {
     /// Shows an event.
     pub fn hear(&self, event: Event) {
         if !self.visible {
+            if let Event::Told { unit, text } = event {
+                eprintln!("{}: {text}", unit.name);
+            }
             return;
         }
         let mut state = self.state.lock().unwrap_or_else(|p| p.into_inner());
@@ -45,6 +48,12 @@ impl Bars {
                 let entry = state.steps.entry(unit.name.clone()).or_insert((0, of));
                 *entry = (entry.0.max(done), of);
                 state.show();
+            }
+            // Above the bar, which goes on.
+            Event::Told { unit, text } => {
+                if let Some(bar) = &state.bar {
+                    bar.println(format!("{}: {text}", unit.name));
+                }
             }
             Event::Unit { unit, .. } => {
                 state.steps.insert(unit.name.clone(), (1, 1));

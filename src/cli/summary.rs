@@ -123,7 +123,16 @@ fn number(value: f64) -> String {
 }
 
 fn notes(notes: &[Note]) {
-    for (severity, heading) in [(Severity::Missing, "missing"), (Severity::Problem, "problem"), (Severity::Warning, "warning")] {
+    notes_of(notes, &[(Severity::Missing, "missing"), (Severity::Problem, "problem"), (Severity::Warning, "warning")]);
+}
+
+/// Prints what is missing.
+pub fn missing(notes: &[Note]) {
+    notes_of(notes, &[(Severity::Missing, "missing")]);
+}
+
+fn notes_of(notes: &[Note], kinds: &[(Severity, &str)]) {
+    for &(severity, heading) in kinds {
         let groups = grouped(notes, severity);
         if groups.is_empty() {
             continue;

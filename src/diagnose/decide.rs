@@ -129,6 +129,9 @@ fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, 
     if gains.is_empty() {
         return Some((Standing::Untold, "no maneuver is held out".into()));
     }
+    if gains.iter().any(|g| !(g.predicted.is_finite() && g.realised.is_finite())) {
+        return Some((Standing::Untold, "the model does not run over a held-out maneuver: it cannot tell".into()));
+    }
     let predicted: f64 = gains.iter().map(|g| g.predicted).sum();
     let realised: f64 = gains.iter().map(|g| g.realised).sum();
     if !(predicted > settings.decisive) {
@@ -271,6 +274,10 @@ mod tests {
         assert!(objects(&[(20.0, 18.0), (15.0, -0.5)]));
         assert!(!objects(&[(20.0, 18.0), (4.0, -1.0)]));
         assert!(objects(&[(20.0, 18.0), (0.5, -6.0)]));
+        // The model does not run over one: words, and no number that is none.
+        let broken = [20.0, f64::NAN].map(|predicted| Gain { segment: 0, predicted, realised: predicted - 1.0 });
+        let (standing, why) = held_out_objection(&broken, &Settings::default()).expect("an objection");
+        assert!(standing == Standing::Untold && !why.contains("NaN"), "{why}");
         // They cannot tell, or tell nothing in sum.
         assert!(objects(&[(1.0, 1.5)]) && objects(&[]) && objects(&[(4.0, 1.0), (4.0, 1.0)]));
     }

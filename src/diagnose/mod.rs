@@ -3,6 +3,8 @@
 //!
 //! # How a verdict comes about
 //!
+//! 0. *Together*: what a pipeline estimates maneuver by maneuver, or flight by flight, becomes one estimation over all of them that claims the
+//!    same: lines where the pipeline fits lines, one value each where it does not.
 //! 1. *Base fit* of the training maneuvers by the estimator; an autoregressive model per output of what is left. `W` makes residuals and
 //!    sensitivities white, segment by segment; `J = |W (z - y)|^2 / 2` is the cost everything below is measured in, so that differences
 //!    of `J` are gains in log-likelihood.
@@ -27,6 +29,7 @@
 //! | `effect` | the library of candidate effects and their attachment to a model |
 //! | `settings` | how a diagnosis is run |
 //! | `thresholds` | all numbers that decide |
+//! | `together` | what a pipeline estimates one by one, as one estimation over all maneuvers |
 //! | `noise` | the colour of the base's residuals, and whitening by it |
 //! | `absorbed` | what the fit took of it |
 //! | `joint` | what several outputs' residuals have in common |
@@ -80,6 +83,7 @@ mod surrogate;
 #[cfg(test)]
 mod tests;
 pub mod thresholds;
+mod together;
 mod unseen;
 
 use crate::estimate::{self, Segment};
@@ -97,6 +101,7 @@ pub use screen::Screened;
 pub use search::diagnose;
 pub use settings::{Base, Settings};
 pub use thresholds::Thresholds;
+pub use together::{Claim, Fitted, together};
 pub use unseen::Missed;
 
 /// What is diagnosed.
@@ -268,6 +273,13 @@ pub struct Diagnosis {
     /// Effects of the library that could not be attached to this model, and why.
     pub skipped: Vec<(String, String)>,
     pub closing: Closing,
+}
+
+impl Diagnosis {
+    /// Whether effects are named: what is only located makes no model.
+    pub fn is_named(&self) -> bool {
+        matches!(self.verdict, Verdict::Named | Verdict::OneOfThese)
+    }
 }
 
 /// Where the gap is, and what the additions did to it.

@@ -62,8 +62,16 @@ pub fn held_against(
         thresholds: &settings.thresholds,
     };
     let mut passing = Vec::new();
-    for &i in order.iter().take(settings.refits) {
-        progress(&format!("refitting {}", judged[i].name));
+    let refits = order.len().min(settings.refits);
+    progress(&match order.first() {
+        Some(&best) => {
+            let best = &judged[best];
+            format!("{} comes furthest, {:.1} where luck gains {limit:.1}; {refits} are fitted in full", best.name, best.score)
+        }
+        None => format!("nothing gains more than luck, {limit:.1}"),
+    });
+    for (at, &i) in order.iter().take(settings.refits).enumerate() {
+        progress(&format!("fit {} of {refits}, {}", at + 1, judged[i].name));
         let one = refit(&ground, &candidates[i], &judged[i].screened.at)?;
         let judged = &mut judged[i];
         let Some((one, left)) = one else {
@@ -110,6 +118,8 @@ fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &S
         (Standing::Unidentifiable, why)
     } else if screened.silent {
         (Standing::Silent, "nothing in these flights moves it".to_string())
+    } else if !screened.gain.is_finite() {
+        (Standing::Silent, "the model with it does not run over these flights".to_string())
     } else if screened.taken == 0 {
         (Standing::Absorbed, format!("imitated by {}", crate::config::list(&screened.absorbed_by)))
     } else if score > limit {

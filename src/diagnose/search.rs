@@ -91,6 +91,7 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
 
 impl Search<'_> {
     fn run(&mut self) -> Result<Result<(), Trouble>, Errors> {
+        (self.progress)("estimating the base from the training maneuvers");
         let base = match at_first(&self.first(), self.subject)? {
             Ok(base) => base,
             Err(trouble) => return Ok(Err(trouble)),
@@ -159,9 +160,14 @@ impl Search<'_> {
                 self.out.skipped = skipped;
             }
             candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
+            let number = self.out.rounds.len() + 1;
             let round = self.round(&stand, found, &candidates, 0.0)?;
             let chosen = to_add(&round, self.subject.settings);
             let link = chosen.and_then(|c| link(&round, &round.judged[c], self.rivals()));
+            (self.progress)(&match &link {
+                Some(link) => format!("round {number}: {} is added, evidence {:.1}", link.name, link.evidence),
+                None => format!("round {number}: nothing is added"),
+            });
             self.out.rounds.push(round);
             match link {
                 Some(link) => self.links.push(link),
@@ -233,7 +239,7 @@ impl Search<'_> {
     fn strict(&self, i: usize, base: &Found) -> Result<Round, Errors> {
         let mut others = self.links.clone();
         let this = others.remove(i);
-        (self.progress)(&format!("taking out {}", this.name));
+        (self.progress)(&format!("{} is taken out and tested with everything else in place", this.name));
         let (stand, _) = self.chained(&others)?;
         let (mut candidates, _) = (self.offer)(&stand.model)?;
         candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));

@@ -42,7 +42,8 @@ pub fn influences(
     solution: &Solution,
     settings: &Settings,
 ) -> Result<Vec<Influence>, Errors> {
-    if solution.fit.stop != Stop::Converged || base.constants.iter().all(|c| !(c.sd > 0.0)) {
+    // Where parameters follow lines nobody asks for a budget: the estimates that a campaign tells of are one by one.
+    if solution.fit.stop != Stop::Converged || !case.chosen.lines.is_empty() || base.constants.iter().all(|c| !(c.sd > 0.0)) {
         return Ok(Vec::new());
     }
     let opened = base.opened()?;
@@ -68,7 +69,7 @@ fn widened(case: &Case, opened: &Model, constants: &[usize]) -> Chosen {
         scopes[to] = chosen.scopes[p].clone();
     }
     let shared = [moved(&chosen.shared), constants.to_vec()].concat();
-    Chosen { shared, own: moved(&chosen.own), initial: chosen.initial.clone(), parameters, scopes }
+    Chosen { shared, own: moved(&chosen.own), initial: chosen.initial.clone(), parameters, scopes, lines: Vec::new() }
 }
 
 /// Indices of the opened constants that the chosen outputs, or what they follow from, depend on.

@@ -8,7 +8,7 @@ use super::profile::{Profile, profiles};
 use super::regression::{Regression, regress};
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::solution::{Solution, solve};
-use super::{Label, NoiseKind, Settings, StartFrom, Trace};
+use super::{Label, Line, NoiseKind, Settings, StartFrom, Trace};
 use crate::dynamics::{Directions, Plan, Record, Response, Sampling};
 use crate::error::Result;
 use crate::model::{Model, Scope};
@@ -41,6 +41,8 @@ pub struct Case<'a> {
     automatic: Vec<bool>,
     /// Start values of the states that need one from outside, per segment.
     pub given: Vec<Vec<f64>>,
+    /// Per segment how far its conditions are from the centres of the lines that parameters follow.
+    away: Vec<Vec<f64>>,
     /// Scored outputs of the model.
     pub outputs: Vec<usize>,
     pub layout: Layout,
@@ -63,7 +65,12 @@ impl<'a> Case<'a> {
         let outputs = plan.outputs.clone();
         let (layout, unknowns) = layout(model, plan, (segments, &records), settings, chosen, &given);
         let sampling = records.iter().map(Record::sampling).collect();
-        Case { model, chosen, plan, records, sampling, automatic, given, outputs, layout, unknowns }
+        let away = |s: &&Segment| {
+            let of = |(_, line): &(usize, Line)| s.conditions.get(&line.against).map_or(f64::NAN, |x| x - line.centre);
+            chosen.lines.iter().map(of).collect()
+        };
+        let away = segments.iter().map(away).collect();
+        Case { model, chosen, plan, records, sampling, automatic, given, away, outputs, layout, unknowns }
     }
 
     /// Solves with integration steps that stay the same during an iteration (a cost that changed its steps on the way would have jumps).
@@ -106,7 +113,8 @@ impl<'a> Case<'a> {
     /// # Errors
     /// A grid that cannot be smoothed.
     pub fn start_by_regression(&mut self, settings: &Settings) -> Result<Option<Regression>> {
-        if settings.start == StartFrom::Model {
+        // The regression knows nothing of lines.
+        if settings.start == StartFrom::Model || !self.chosen.lines.is_empty() {
             return Ok(None);
         }
         let (mut regression, theta) = regress(self, settings)?;
@@ -152,9 +160,26 @@ impl<'a> Case<'a> {
             let output = self.outputs.iter().position(|&o| o == channel.output)?;
             // what was predicted becomes the residual
             e.iter_mut().zip(&channel.z).for_each(|(e, z)| *e = if z.is_finite() { z - *e } else { f64::NAN });
-            Some(Block { output, e, g: sensitivities.next().unwrap_or_default() })
+            Some(Block { output, e, g: self.with_slopes(s, sensitivities.next().unwrap_or_default()) })
         };
         channels.map(block).collect()
+    }
+
+    /// Sensitivities with those to the slopes of lines behind those to the shared parameters: as those to the line's parameter, times how far
+    /// the segment is from its centre.
+    fn with_slopes(&self, s: usize, g: Vec<f64>) -> Vec<f64> {
+        let lines = &self.chosen.lines;
+        if lines.is_empty() || g.is_empty() {
+            return g;
+        }
+        let (plain, shared) = (self.layout.parts[s].directions() - lines.len(), self.chosen.shared.len());
+        let mut wide = Vec::with_capacity(g.len() / plain * (plain + lines.len()));
+        for row in g.chunks_exact(plain) {
+            wide.extend_from_slice(&row[..shared]);
+            wide.extend(lines.iter().zip(&self.away[s]).map(|((at, _), away)| row[*at] * away));
+            wide.extend_from_slice(&row[shared..]);
+        }
+        wide
     }
 
     /// Measured and modelled values of segment `s`.
@@ -182,7 +207,13 @@ impl<'a> Case<'a> {
         let mut parameters = chosen.parameters.clone();
         let mut starts = self.given[s].clone();
         let mut values = local.iter().copied();
-        for (&p, value) in chosen.shared.iter().chain(&chosen.own).zip(&mut values) {
+        for (&p, value) in chosen.shared.iter().zip(&mut values) {
+            parameters[p] = value;
+        }
+        for (((at, _), away), slope) in chosen.lines.iter().zip(&self.away[s]).zip(&mut values) {
+            parameters[chosen.shared[*at]] += slope * away;
+        }
+        for (&p, value) in chosen.own.iter().zip(&mut values) {
             parameters[p] = value;
         }
         for (state, start) in self.plan.given().iter().zip(&mut starts) {
@@ -251,6 +282,13 @@ fn layout(
             values.push(bounds(p));
             unknowns.push(unknown(p, None, value.map(|value| Label { column: column.to_string(), value })));
         }
+    }
+    for (at, line) in &chosen.lines {
+        let q = &model.parameters[chosen.shared[*at]].quantity;
+        seen.iter_mut().for_each(|seen| seen.push(values.len()));
+        values.push([0.0, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
+        let (name, unit) = (line.slope(&q.name), line.slope_unit(&q.unit));
+        unknowns.push(Unknown { name, unit, segment: None, group: None });
     }
     let shared = values.len();
     // What belongs to a segment is common to the stretches of one record, and stands among the shared ones then.

@@ -1,7 +1,7 @@
 //! A model and settings in; which parameters and initial states are free, where their values hold and where they start, out.
 
-use super::Settings;
 use super::segment::{CAMPAIGN, SEGMENT, Segment};
+use super::{Line, Settings};
 use crate::error::{Error, Errors};
 use crate::model::extend::{input_shift, output_shift};
 use crate::model::{Model, Scope};
@@ -19,6 +19,8 @@ pub struct Chosen {
     pub parameters: Vec<f64>,
     /// Where one value of each parameter holds, as the settings and the model say.
     pub scopes: Vec<Scope>,
+    /// Which of `shared` (by place) follow a line, ascending.
+    pub lines: Vec<(usize, Line)>,
 }
 
 impl Chosen {
@@ -67,6 +69,7 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
             scopes[i] = Scope::parse(per);
         }
     }
+    let lines: Vec<(usize, &Line)> = settings.lines.iter().filter_map(|(name, line)| Some((find("lines", name)?, line))).collect();
     let states: Vec<&str> = model.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.name.as_str()).collect();
     let mut initial = Vec::new();
     for name in &settings.initial {
@@ -80,8 +83,14 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
     check_starts(model, &parameters, &free, &mut errors);
     check_outputs(model, settings, &mut errors);
     check_profile(model, settings, &free, &initial, &mut errors);
-    let (own, shared) = (0..names.len()).filter(|&i| free[i]).partition(|&i| scopes[i] == Scope::Segment);
-    let chosen = Chosen { shared, own, initial, parameters, scopes };
+    let (own, shared): (Vec<usize>, Vec<usize>) = (0..names.len()).filter(|&i| free[i]).partition(|&i| scopes[i] == Scope::Segment);
+    // A parameter with several values has none that could follow a line.
+    let line = |(at, p): (usize, &usize)| {
+        let line = lines.iter().find(|(of, _)| of == p).filter(|_| scopes[*p] == Scope::Campaign)?.1;
+        Some((at, line.clone()))
+    };
+    let lines = shared.iter().enumerate().filter_map(line).collect();
+    let chosen = Chosen { shared, own, initial, parameters, scopes, lines };
     for &p in &chosen.shared {
         if let Scope::Column(column) = &chosen.scopes[p] {
             check_column(&format!("parameter \"{}\" of model {}", names[p], model.name), column, segments, &mut errors);

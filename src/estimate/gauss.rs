@@ -47,6 +47,8 @@ pub struct Fit {
 
 /// A step of this length, in standard deviations, is nothing: if no part of it improves the likelihood, rounding is the reason.
 const NOTHING: f64 = 1e-3;
+/// A step cut short that changes `det R` by less than this share of it is no progress.
+const CREEP: f64 = 1e-8;
 /// First damping of Levenberg and Marquardt, as a share of the diagonal; with more than `DAMPED` a small change proves nothing.
 const DAMPING: f64 = 1e-3;
 const DAMPED: f64 = 1e-2;
@@ -182,20 +184,31 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit 
     let mut stop = Stop::IterationLimit;
     let mut damping = Damping { value: DAMPING, growth: 2.0 };
     for iteration in 1..=rule.max_iterations {
-        let whole = bounded_step(layout, &point.theta, &point.matrix, &point.gradient);
+        let whole = bounded_step(layout, &point.theta, &point.matrix, &point.gradient, None);
         if whole.is_none() && rule.control == StepControl::Halving {
             stop = Stop::Singular;
             break;
         }
         let length = whole.as_ref().map(|step| point.matrix.quadratic(step).max(0.0).sqrt());
-        let taken = match (rule.control, &whole) {
+        let mut taken = match (rule.control, &whole) {
             (StepControl::Halving, Some(step)) => halve(layout, evaluate, &point, step, rule.max_halvings),
             _ => damp(layout, evaluate, &point, &mut damping, rule.max_halvings),
         };
+        let is_long = length.is_some_and(|length| length > rule.step_tolerance.max(NOTHING));
+        let cut_short = taken.as_ref().is_none_or(|taken| taken.refused > 0 || taken.damping > DAMPED);
+        if is_long && cut_short && is_idle(&point, taken.as_ref()) {
+            let other = turned(layout, evaluate, &point, rule.max_halvings);
+            let gone = is_idle(&point, other.as_ref());
+            taken = [taken, other].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
+            if gone && whole.as_ref().is_some_and(|step| is_lowest(layout, evaluate, &point, step, rule.max_halvings)) {
+                stop = Stop::Converged;
+                break;
+            }
+        }
         let Some(taken) = taken else {
             stop = match length {
                 None => Stop::Singular,
-                Some(length) if length <= rule.step_tolerance.max(NOTHING) => Stop::Converged,
+                Some(_) if !is_long => Stop::Converged,
                 Some(_) => Stop::NoImprovement,
             };
             break;
@@ -226,6 +239,34 @@ fn try_step<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f
     Trial::at(layout, evaluate, theta, chance).filter(|trial| trial.cost <= point.cost)?.complete(layout, evaluate)
 }
 
+/// Whether a step brings nothing: there is none, or it changes `det R` by less than `CREEP` of it.
+fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
+    taken.is_none_or(|taken| libm::expm1(taken.point.ln_det - point.ln_det).abs() < CREEP)
+}
+
+/// A step past a kink of the cost, which stops one that is only shortened: damped, or else along it, with one parameter after the other held. The
+/// first that brings something, or the best.
+fn turned<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, max_halvings: usize) -> Option<Taken> {
+    let mut fresh = Damping { value: DAMPING, growth: 2.0 };
+    let mut best = damp(layout, evaluate, point, &mut fresh, max_halvings);
+    for i in 0..point.theta.len() {
+        if !is_idle(point, best.as_ref()) {
+            break;
+        }
+        let step = bounded_step(layout, &point.theta, &point.matrix, &point.gradient, Some(i));
+        let along = step.and_then(|step| halve(layout, evaluate, point, &step, max_halvings));
+        best = [best, along].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
+    }
+    best
+}
+
+/// Whether nothing is to be gained against a step either that brings nothing: the point is the bottom of a kink. Where the cost falls that way, it is
+/// the gradient that is wrong.
+fn is_lowest<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], max_halvings: usize) -> bool {
+    let back: Vec<f64> = step.iter().map(|d| -d).collect();
+    halve(layout, evaluate, point, &back, max_halvings).is_none_or(|taken| is_idle(point, Some(&taken)))
+}
+
 /// The longest of `step`, `step/2`, `step/4` ... that is finite and does not raise the cost.
 fn halve<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], max_halvings: usize) -> Option<Taken> {
     let mut length = 1.0;
@@ -253,7 +294,7 @@ fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut
         let used = damping.value;
         let mut matrix = point.matrix.clone();
         diagonal.iter().enumerate().for_each(|(i, d)| matrix.add_diagonal(i, used * d));
-        let step = bounded_step(layout, &point.theta, &matrix, &point.gradient)?;
+        let step = bounded_step(layout, &point.theta, &matrix, &point.gradient, None)?;
         if let Some(next) = try_step(layout, evaluate, point, &step, 1.0, refused) {
             let slope: f64 = step.iter().zip(&point.gradient).map(|(d, g)| d * g).sum();
             let square = point.matrix.quadratic(&step).max(0.0);
@@ -270,11 +311,12 @@ fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut
 
 /// The Gauss-Newton step inside the bounds: components that would cross a bound end on it, the others are solved for given that
 /// (an active set, found afresh in every iteration, so that a parameter leaves its bound when the data pull it off).
-/// `None` where the matrix is singular.
-fn bounded_step(layout: &Layout, theta: &[f64], matrix: &Arrow, gradient: &[f64]) -> Option<Vec<f64>> {
+/// `held` stays where it is. `None` where the matrix is singular.
+fn bounded_step(layout: &Layout, theta: &[f64], matrix: &Arrow, gradient: &[f64], held: Option<usize>) -> Option<Vec<f64>> {
     // Where both bounds are one value there is nothing to solve for, nor need the data determine anything.
     let prescribed = |i: usize| (layout.lower[i] == layout.upper[i]).then(|| layout.lower[i] - theta[i]);
     let mut pins: Vec<Option<f64>> = (0..theta.len()).map(prescribed).collect();
+    held.into_iter().for_each(|i| pins[i] = Some(0.0));
     loop {
         let mut rhs = gradient.to_vec();
         let step = pinned(matrix, &mut rhs, &pins)?.solve(&rhs);

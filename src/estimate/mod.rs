@@ -67,12 +67,12 @@ pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::{Grouping, SEGMENT, Segment, Stretch};
 pub use selection::{Decision, Support};
-pub use settings::{InitialFrom, NoiseKind, Settings, Shifts, StartFrom, StepControl};
+pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, StepControl};
 
 /// Why the iteration ended. Only `Converged` comes with standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
-    /// The stopping rule holds.
+    /// The stopping rule holds, or nothing is gained by a step, a damped one, or their opposite: the bottom of a kink.
     Converged,
     /// `max_iterations` reached before the stopping rule held.
     IterationLimit,

@@ -9,7 +9,7 @@ use super::result::{Further, name};
 use super::segment::Segment;
 use super::selection::select;
 use super::solution::Solution;
-use super::{Doubtful, Estimation, InitialFrom, LeftOut, Settings, Stop};
+use super::{Doubtful, Estimation, InitialFrom, LeftOut, Line, Settings, Stop};
 use crate::dynamics::{Channel, Plan, Record};
 use crate::error::{Error, Errors};
 use crate::model::{Model, StartKind};
@@ -132,6 +132,10 @@ pub(super) fn unusable(model: &Model, chosen: &Chosen, segment: &Segment, given:
     }
     if let Some(column) = chosen.columns().find(|column| !segment.labels.contains_key(*column)) {
         return Some(format!("it has no \"{column}\", by which parameters differ"));
+    }
+    let known = |line: &Line| segment.conditions.get(&line.against).is_some_and(|x| x.is_finite());
+    if let Some((_, line)) = chosen.lines.iter().find(|(_, line)| !known(line)) {
+        return Some(format!("its \"{}\" is not known, which parameters follow", line.against));
     }
     given.as_ref().err().cloned()
 }

@@ -10,6 +10,8 @@ pub struct Segment {
     pub record: Record,
     /// For example `flight = "f3"`, `flap = "15"`.
     pub labels: IndexMap<String, String>,
+    /// Conditions at which it was flown, SI: what a parameter may follow as a line (`Settings::lines`).
+    pub conditions: IndexMap<String, f64>,
     /// Which part of the record is scored; all of it unless given.
     pub stretch: Option<Stretch>,
 }

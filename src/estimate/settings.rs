@@ -37,6 +37,10 @@ pub struct Settings {
     /// Where one value of a parameter holds, instead of what the model file says: `per = { C_m_0 = "flap", dz_q = "flight" }`, with
     /// "campaign", "segment", or a column that describes segments.
     pub per: IndexMap<String, String>,
+    /// Parameters that follow a condition of the segments as a straight line, in place of one value. No setting of a file: a pipeline estimates
+    /// per maneuver and fits lines (`[[fit]]`), and whoever takes its maneuvers together says so here.
+    #[serde(skip)]
+    pub lines: IndexMap<String, Line>,
     /// Whether the noise of different outputs is independent, or correlated at the same instant.
     pub noise: NoiseKind,
     /// What the noise is estimated over: one covariance for all segments ("campaign"), one each ("segment"), or one for all that are
@@ -73,6 +77,34 @@ pub struct Settings {
     pub profile: Vec<String>,
     /// Level of these intervals, between 0 and 1.
     pub profile_level: f64,
+}
+
+/// A straight line that a parameter follows: `value + slope (condition - centre)`. The parameter's own name is that of its value at the centre;
+/// its start and its bounds are those of the model there. The slope starts at zero, without bounds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    /// The condition, by its name in `Segment::conditions`.
+    pub against: String,
+    /// SI unit of the condition.
+    pub unit: String,
+    pub centre: f64,
+}
+
+impl Line {
+    /// Name of the slope of a parameter.
+    pub fn slope(&self, parameter: &str) -> String {
+        format!("{parameter} per {}", self.against)
+    }
+
+    /// Unit of the slope of a parameter with this unit.
+    pub fn slope_unit(&self, unit: &str) -> String {
+        let is_one = |unit: &str| unit.is_empty() || unit == "-";
+        match (is_one(unit), is_one(&self.unit)) {
+            (_, true) => unit.to_string(),
+            (true, false) => format!("1/({})", self.unit),
+            (false, false) => format!("{unit}/({})", self.unit),
+        }
+    }
 }
 
 /// Where states begin that start "measured".
@@ -163,6 +195,7 @@ impl Default for Settings {
             shifts: Shifts::default(),
             stabilise: IndexMap::new(),
             per: IndexMap::new(),
+            lines: IndexMap::new(),
             noise: NoiseKind::default(),
             noise_per: "campaign".to_string(),
             floor: IndexMap::new(),

@@ -17,6 +17,8 @@ pub enum Event<'a> {
     Stage { stage: &'a Stage, to_run: usize, fresh: usize },
     /// So many steps of so many inside a unit are done.
     Step { unit: &'a Unit, done: usize, of: usize },
+    /// What a unit is doing, in words.
+    Told { unit: &'a Unit, text: &'a str },
     /// A unit is done, well or not.
     Unit { unit: &'a Unit, ok: bool },
     /// A stage ends.
@@ -230,7 +232,8 @@ impl Run<'_> {
         }
         let progress = |done: usize, of: usize| (self.watch)(Event::Step { unit, done, of });
         let log = if stage.reads_log { Some(self.plan.log(&unit.name)?) } else { None };
-        let inputs = Inputs { tables, log: log.map(|log| log.path.as_path()), progress: &progress };
+        let tell = |text: &str| (self.watch)(Event::Told { unit, text });
+        let inputs = Inputs { tables, log: log.map(|log| log.path.as_path()), progress: &progress, tell: &tell };
         (stage.run)(campaign, unit, &inputs)
     }
 

@@ -43,6 +43,8 @@ pub struct Inputs<'a> {
     pub log: Option<&'a Path>,
     /// Reports work done to whoever watches: so many steps done of so many.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
+    /// Tells whoever watches what is being done.
+    pub tell: &'a (dyn Fn(&str) + Sync),
 }
 
 impl Inputs<'_> {

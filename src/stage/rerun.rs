@@ -1,5 +1,6 @@
 //! What a diagnosis adds to its model, and the maneuvers, come in; the same estimate with the amended model goes out.
 
+use super::diagnose::recommended;
 use super::estimate::{self, Config};
 use super::{Campaign, Inputs, Output, Part, Per, Read, Severity, Stage, Unit, slice_of};
 use crate::error::{Error, Errors};
@@ -10,11 +11,24 @@ pub const STAGE: Stage = Stage {
     about: "estimate amended models",
     per: Per::Rerun,
     wanted: |_| true,
-    writes: estimate::STAGE.writes,
+    writes: &WRITES,
     reads,
     reads_log: false,
     slice,
     run,
+};
+
+const ESTIMATED: usize = estimate::STAGE.writes.len();
+
+/// What an estimate writes, and which values are to be used.
+const WRITES: [&str; ESTIMATED + 1] = {
+    let mut all = ["recommended"; ESTIMATED + 1];
+    let mut i = 0;
+    while i < ESTIMATED {
+        all[i] = estimate::STAGE.writes[i];
+        i += 1;
+    }
+    all
 };
 
 /// The estimates that are run again: place and name.
@@ -31,7 +45,7 @@ fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(usize, &'a Config)>
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let Some((place, base)) = parts(campaign, unit) else { return Vec::new() };
-    let told = ["next_models", "shifts"].map(|table| Read { table, part: Part::Number(place), optional: false });
+    let told = ["next_models", "shifts", "additions"].map(|table| Read { table, part: Part::Number(place), optional: false });
     estimate::tables_read(base, campaign).into_iter().chain(told).collect()
 }
 
@@ -57,6 +71,11 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         note.stage = STAGE.name.to_string();
         // Nobody asked for this model by name: that it cannot be estimated is said, and is no failure of the campaign.
         note.severity = note.severity.min(Severity::Warning);
+    }
+    if let Some(additions) = inputs.get("additions", Part::Number(place)) {
+        let again = output.tables.iter().find(|(name, _)| *name == "estimates").map(|(_, table)| table);
+        let values = recommended::values(&table.strings("diagnosis")?.first().copied().unwrap_or_default(), additions, again)?;
+        output.tables.push(("recommended", values));
     }
     Ok(output)
 }

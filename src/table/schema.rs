@@ -46,6 +46,7 @@ const FILES: &[(&str, &str)] = &[
     ("relations", include_str!("../../schemas/tables/relations.json")),
     ("driven", include_str!("../../schemas/tables/driven.json")),
     ("next_models", include_str!("../../schemas/tables/next_models.json")),
+    ("recommended", include_str!("../../schemas/tables/recommended.json")),
     ("equation_errors", include_str!("../../schemas/tables/equation_errors.json")),
     ("stages", include_str!("../../schemas/tables/stages.json")),
 ];

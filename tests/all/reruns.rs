@@ -192,8 +192,8 @@ k = { name = "K_V", unit = "s/m", null = 0.0, typical = 0.01 }
 K = "K + {k}*{V}"
 "#;
 
-/// A campaign whose diagnosis a command asks for, and its results.
-fn diagnosed() -> Campaign {
+/// A campaign with an estimate per maneuver (lag) and one over all of them (all), and an effect of one's own.
+fn with_effect() -> Campaign {
     let c = Campaign::new();
     c.edit("lag.model.toml", "u = \"rad\"", "u = \"rad\"\nV = \"m/s\"");
     let all = "[[estimate]]\nname = \"all\"\nmodel = \"lag.model.toml\"\ninput = \"drive\"\ngroup = \"all\"\n\n[[fit]]";
@@ -203,8 +203,17 @@ fn diagnosed() -> Campaign {
     std::fs::remove_file(c.path("logs/flight-3.mcap")).expect("removed");
     std::fs::create_dir(c.path("effects")).expect("made");
     c.write("effects/gain-speed.toml", EFFECT);
+    c
+}
+
+/// A campaign whose diagnosis a command asks for, and its results.
+fn diagnosed() -> Campaign {
+    let c = with_effect();
     let told = c.koehler("diagnose", &["--estimate", "all", "--effects", "effects"]).ended(3);
     assert!(told.out.contains("The gain grows with airspeed"), "{}", told.out);
+    assert!(told.out.contains("all: NAMED") && told.out.contains("| use K_V = 0.0"), "{}", told.out);
+    assert!(told.out.contains("(95%; estimate over all maneuvers)"), "{}", told.out);
+    assert!(told.out.contains("estimated with it: all.next"), "{}", told.out);
     c
 }
 
@@ -230,4 +239,24 @@ fn what_a_diagnosis_adds_is_estimated_as_the_pipeline_does() {
     let run = c.run().ended(0);
     assert!(run.out.contains("removed: diagnose of all"), "{}", run.out);
     assert!(!c.path("out/findings").exists() && !c.path("out/models").exists());
+}
+
+/// The gain is one number in "all", and grows with airspeed. In "lag" every maneuver has its own, and the pipeline says that they lie on a line: nothing is
+/// missing in that, and nothing in maneuvers that have a value each without a line.
+#[test]
+fn a_diagnosis_takes_the_base_as_the_pipeline_estimates_it() {
+    let c = with_effect();
+    let told = c.koehler("diagnose", &["--estimate", "lag", "--effects", "effects"]).ended(0);
+    assert!(told.out.contains("lag: NOTHING MISSING") && told.out.contains("K is a line in V"), "{}", told.out);
+    assert!(told.err.contains("lag: round 1: screening"), "{}", told.err);
+    let why = |c: &Campaign| {
+        let t = koehler::table::read_dataset(&c.path("out"), "candidates").expect("candidates");
+        let row = t.strings("effect").expect("column").iter().position(|e| *e == "gain-speed").expect("the effect");
+        t.strings("why").expect("column")[row].to_string()
+    };
+    assert!(why(&c).contains("K per V"), "{}", why(&c));
+    c.edit("pipeline.toml", "parameters = [\"K\", \"T\"]", "parameters = [\"T\"]");
+    let told = c.koehler("diagnose", &["--estimate", "lag", "--effects", "effects"]).ended(0);
+    assert!(told.out.contains("T is a line in V; what has no line has one value per maneuver"), "{}", told.out);
+    assert!(why(&c).contains("a value of its own in every maneuver"), "{}", why(&c));
 }

@@ -2,7 +2,7 @@
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
-use crate::estimate::{Estimation, Label, NoiseKind, Row, Segment, Settings, StepControl, Stop, Stretch, estimate_segments};
+use crate::estimate::{Estimation, Label, Line, NoiseKind, Row, Segment, Settings, StepControl, Stop, Stretch, estimate_segments};
 use crate::model::{Constants, Model};
 
 const TEXT: &str = r#"
@@ -54,7 +54,7 @@ pub fn segments(model: &Model, seed: u64, n: usize, sd: impl Fn(usize) -> [f64; 
                 channel.z = y.iter().map(|y| y + sd(s)[k] * normal(&mut rng)).collect();
             }
             let labels = [("flap", flap), ("flight", flight)].map(|(a, b)| (a.to_string(), b.to_string())).into();
-            Segment { record, labels, stretch: None }
+            Segment { record, labels, ..Segment::default() }
         })
         .collect()
 }
@@ -107,6 +107,48 @@ fn groups_that_share_nothing_are_separate_estimates() {
     }
 }
 
+/// A gain that follows a condition: its value at the centre and its slope are found, and what a maneuver needs is not known.
+#[test]
+fn recovery_of_a_line_in_a_condition() {
+    let model = model();
+    let plan = Plan::new(&model, Directions::default()).unwrap();
+    let mut all = segments(&model, 21, 6, |_| [0.01; 2]);
+    let mut rng = rng(22);
+    for (s, segment) in all.iter_mut().enumerate() {
+        let speed = 60.0 + 11.0 * s as f64;
+        let shift = label(s).3;
+        let y = plan.respond(&[0.3, 0.5 + 0.02 * speed, shift, 0.01 * s as f64], &[], &segment.record, false).y;
+        for (channel, y) in segment.record.channels.iter_mut().zip(y) {
+            channel.z = y.iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
+        }
+        segment.conditions.insert("V".into(), speed);
+    }
+    let line = Line { against: "V".into(), unit: "m/s".into(), centre: 80.0 };
+    let settings = Settings {
+        lines: [("K".to_string(), line)].into(),
+        per: [("K".to_string(), "campaign".to_string())].into(),
+        ..Settings::default()
+    };
+    let e = estimate_segments(&model, &all, &settings).unwrap();
+    assert_eq!((e.stop, e.left_out.len()), (Stop::Converged, 0));
+    within(find(&e, "K", ""), 2.1);
+    let slope = find(&e, "K per V", "");
+    assert_eq!(slope.unit, "1/(m/s)");
+    assert!((slope.value - 0.02).abs() < 4.0 * slope.sd.unwrap() && slope.sd.unwrap() < 1e-3, "{slope:?}");
+    // Stretches of records have the same line.
+    let piece = |(s, segment): (usize, &Segment)| -> Vec<Segment> {
+        let edges = [f64::NEG_INFINITY, 2.5, f64::INFINITY];
+        let stretch = |i: usize| Stretch { of: format!("record {s}"), from: edges[i], to: edges[i + 1] };
+        (0..2).map(|i| Segment { stretch: Some(stretch(i)), ..segment.clone() }).collect()
+    };
+    let cut: Vec<Segment> = all.iter().enumerate().flat_map(piece).collect();
+    let same = estimate_segments(&model, &cut, &settings).unwrap();
+    assert!((find(&same, "K per V", "").value - slope.value).abs() < 1e-3 * slope.sd.unwrap());
+    all[2].conditions.clear();
+    let e = estimate_segments(&model, &all, &settings).unwrap();
+    assert!(e.left_out[0].segment == 2 && e.left_out[0].why.contains("\"V\" is not known"), "{:?}", e.left_out);
+}
+
 /// Stretches of a record have its start and its own parameters in common: all of them together say what the record says.
 #[test]
 fn stretches_of_a_record_are_the_record() {
@@ -151,7 +193,7 @@ fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
         let y = plan.respond(&[0.3, gain, shift, 0.0], &[], &record, false).y;
         record.channels[0].z = y[0].iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
         let labels = [("flap", flap), ("flight", flight)].map(|(a, b)| (a.to_string(), b.to_string())).into();
-        all[s] = Segment { record, labels, stretch: None };
+        all[s] = Segment { record, labels, ..Segment::default() };
     }
     for noise in [NoiseKind::Diagonal, NoiseKind::Full] {
         for noise_per in ["campaign", "segment"] {

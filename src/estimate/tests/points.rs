@@ -227,6 +227,27 @@ fn a_wrong_gradient_ends_as_no_improvement() {
     assert_eq!(s.fit.stop, Stop::NoImprovement);
 }
 
+/// The model is `|p|` of its parameter: the data lie below it, and the best fit is at the kink, where no step is good.
+#[test]
+fn the_bottom_of_a_kink_is_converged() {
+    for start in [1.0, 3e-4, -0.7] {
+        let evaluate = |_: usize, p: &[f64], _: bool| {
+            let of = |k: usize| f64::from((k % 3) as u8);
+            let e = (0..20).map(|k| -2.0 + 0.1 * of(k) - p[0].abs() - 0.5 * of(k) * p[1]).collect();
+            let slope = if p[0] < 0.0 { -1.0 } else { 1.0 };
+            Some(vec![Block { output: 0, e, g: (0..20).flat_map(|k| [slope, 0.5 * of(k)]).collect() }])
+        };
+        for control in [StepControl::Halving, StepControl::LevenbergMarquardt] {
+            let settings = Settings { step_control: control, ..Settings::default() };
+            let s = solve(&Layout::plain(2, &[0], 1, vec![start, 1.0]), &evaluate, &settings);
+            assert_eq!(s.fit.stop, Stop::Converged, "{start} {:?}", s.fit.iterations);
+            // Least squares of -2 + (0.1 - p_1/2) k with k in 0, 1, 2.
+            let best = 2.0 * (0.1 - 2.0 * 19.0 / 31.0);
+            assert!(s.fit.theta[0].abs() < 1e-3 && (s.fit.theta[1] - best).abs() < 1e-2, "{:?}", s.fit.theta);
+        }
+    }
+}
+
 #[test]
 fn data_without_noise_converge() {
     let (z, _) = toy_response(300, &[0.95, 0.1, 0.3]);

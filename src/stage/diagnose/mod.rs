@@ -1,21 +1,24 @@
 //! Maneuvers of all flights and the library of effects come in; what one estimate's model lacks, and the amended model file, go out.
 
 mod closing;
+pub(super) mod recommended;
 mod tables;
 mod words;
 
-use super::estimate::{self, Ready};
+use super::estimate::{self, Group, Ready};
 use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, said, slice_of};
 use crate::diagnose::effect::{self, Context, Effect};
-use crate::diagnose::{self, Diagnosis, Judged, Rule, Subject, Verdict};
+use crate::diagnose::{self, Base, Claim, Diagnosis, Fitted, Judged, Rule, Subject, Verdict};
 use crate::error::Errors;
-use crate::estimate::Segment;
+use crate::estimate::{SEGMENT, Segment};
 use crate::model::Model;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+
+pub use words::digits;
 
 pub const STAGE: Stage = Stage {
     name: "diagnose",
@@ -36,6 +39,7 @@ pub const STAGE: Stage = Stage {
         "shifts",
         "overlays",
         "next_models",
+        "recommended",
     ],
     reads,
     reads_log: false,
@@ -50,7 +54,8 @@ pub struct Settings {
     /// Name in the tables; that of the estimate unless given.
     #[serde(default)]
     pub name: Option<String>,
-    /// Name of the `[[estimate]]`: its model, its maneuvers (all of them together, whatever its `group`) and its method.
+    /// Name of the `[[estimate]]`: its model, its maneuvers and its method. Effects are looked for over all maneuvers at once; what is estimated per
+    /// maneuver or flight (`group`) stays so, or is a line where a `[[fit]]` says so.
     pub estimate: String,
     /// A folder of effects of your own, or several, searched besides the library; relative to the pipeline file.
     #[serde(default, deserialize_with = "one_or_several")]
@@ -129,6 +134,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         "estimate": slice_of(&base.settings),
         "model": said(&base.model),
         "effects": effects,
+        "lines": slice_of(&lines(campaign, config).map(|l| [l.parameter, l.against, l.unit]).collect::<Vec<_>>()),
     })
 }
 
@@ -141,6 +147,26 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     parts(campaign, unit).map(|(_, base)| estimate::tables_read(base, campaign)).unwrap_or_default()
 }
 
+/// The lines that the pipeline fits through the estimates.
+fn lines<'a>(campaign: &'a Campaign, config: &'a Config) -> impl Iterator<Item = Fitted> + 'a {
+    let of = |fit: &'a super::fit::Config| {
+        let (against, unit) = (&fit.settings.against, &fit.unit_x);
+        let line = |name: &String| Fitted { parameter: name.clone(), against: against.clone(), unit: unit.clone() };
+        fit.settings.parameters.iter().map(line)
+    };
+    campaign.fits.iter().filter(|fit| fit.estimate == config.estimate).flat_map(of)
+}
+
+/// How the estimate comes about; parameters that are held at predictions do not come about.
+fn claim(campaign: &Campaign, config: &Config, base: &estimate::Config) -> Claim {
+    let apart = match (config.settings.method.base, base.settings.group) {
+        (Base::Predicted, _) | (_, Group::All) => None,
+        (Base::Estimated, Group::Segment) => Some(SEGMENT.to_string()),
+        (Base::Estimated, Group::Flight) => Some("flight".to_string()),
+    };
+    Claim { apart, lines: lines(campaign, config).collect() }
+}
+
 /// A diagnosis and what its rows are named by.
 struct Told<'a> {
     config: &'a Config,
@@ -148,6 +174,8 @@ struct Told<'a> {
     /// Segment ids, in the order of the subject's segments.
     names: Vec<String>,
     rule: Rule,
+    /// How the parameters are taken where the pipeline does not estimate all maneuvers together, in words.
+    base: String,
     diagnosis: Diagnosis,
 }
 
@@ -162,16 +190,18 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let names: Vec<String> = ready.iter().map(|r| r.segment.clone()).collect();
     let segments: Vec<Segment> = ready.into_iter().map(|r| r.labelled).collect();
     let settings = &config.settings.method;
-    let (segments, names) = diagnose::cut(segments, names, settings);
+    let (mut segments, names) = diagnose::cut(segments, names, settings);
+    let claim = claim(campaign, config, base);
+    let (method, taken) = diagnose::together(&base.model, &base.settings.method, &mut segments, &claim)?;
     let rule = diagnose::held_out(&segments, &names, settings);
     let context = context(&config.settings.roles, &base.model, &segments);
     let offer = |model: &Model| {
         let offer = effect::candidates(model, &context, &config.effects);
         Ok((offer.candidates, offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect()))
     };
-    let (held_out, method) = (&rule.held_out[..], &base.settings.method);
-    let subject = Subject { model: &base.model, segments: &segments, held_out, method, context: &context, settings };
-    let diagnosis = diagnose::diagnose(&subject, &offer, &|_| {})?;
+    let held_out = &rule.held_out[..];
+    let subject = Subject { model: &base.model, segments: &segments, held_out, method: &method, context: &context, settings };
+    let diagnosis = diagnose::diagnose(&subject, &offer, inputs.tell)?;
     if let Verdict::None(trouble) = &diagnosis.verdict {
         let text = format!("no verdict: {}", words::trouble(trouble));
         notes.push(Note {
@@ -183,7 +213,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
             text,
         });
     }
-    let told = Told { config, model: &base.model.name, names, rule, diagnosis };
+    let told = Told { config, model: &base.model.name, names, rule, base: taken, diagnosis };
     let mut files = Vec::new();
     let added = added(&told, base);
     if !added.is_empty() {
@@ -192,6 +222,11 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     }
     let mut tables = tables::all(&told)?;
     tables.push(("next_models", tables::next_models(&told, &base.name(), &added)?));
+    if !config.settings.rerun
+        && let Some((_, additions)) = tables.iter().find(|(name, _)| *name == "additions")
+    {
+        tables.push(("recommended", recommended::values(&config.name(), additions, None)?));
+    }
     Ok(Output { tables, files, notes })
 }
 
@@ -201,8 +236,12 @@ fn context(roles: &IndexMap<String, Vec<String>>, model: &Model, segments: &[Seg
     Context { roles: roles.clone(), ..Context::of(model, &records) }
 }
 
-/// Everything that was added, as it stands behind the model's own file: one block per effect; empty where nothing was.
+/// Everything that was added, as it stands behind the model's own file: one block per effect; empty where nothing was. What makes a gap smaller that is
+/// only located is no finding, and a model with it would be wrong in another way.
 fn added(told: &Told, base: &estimate::Config) -> String {
+    if !told.diagnosis.is_named() {
+        return String::new();
+    }
     let values: BTreeMap<String, f64> = told.diagnosis.values.iter().cloned().collect();
     let mut model = &base.model;
     let mut text = String::new();

@@ -127,6 +127,15 @@ fn candidates(told: &Told) -> Result<Table> {
         .finish()
 }
 
+/// Whether a candidate of a round (from 1) is one that the verdict names, in the round that tested it with everything else in place.
+fn is_found(told: &Told, round: usize, judged: &Judged) -> bool {
+    let d = &told.diagnosis;
+    let same = |f: &crate::diagnose::Finding| {
+        f.round + 1 == round && d.rounds.get(f.round).and_then(|r| r.judged.get(f.added)).is_some_and(|j| j.name == judged.name)
+    };
+    d.is_named() && d.findings.iter().any(same)
+}
+
 fn additions(told: &Told) -> Result<Table> {
     let all = rows(told);
     let rows: Vec<_> =
@@ -142,6 +151,7 @@ fn additions(told: &Told) -> Result<Table> {
         .f64("sd", rows.iter().map(|r| r.2.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .f64("null", rows.iter().map(|r| r.2.null.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .bools("held", rows.iter().map(|r| r.2.held).collect::<Vec<_>>())
+        .bools("found", rows.iter().map(|r| is_found(told, r.0, r.1)).collect::<Vec<_>>())
         .bools("at_bound", rows.iter().map(|r| r.2.at_bound).collect::<Vec<_>>())
         .f64("expected", rows.iter().map(|r| r.2.check.as_ref().map_or(f64::NAN, |c| c.1)).collect::<Vec<_>>())
         .opt_strings("expected_from", rows.iter().map(|r| r.2.check.as_ref().map(|c| c.0.clone())))

@@ -65,21 +65,29 @@ pub fn provenance(told: &Told, judged: &Judged, limit: f64) -> String {
 
 /// The verdict in a few sentences, and what errors of the data alone would explain.
 pub fn verdict(told: &Told) -> String {
-    format!("{}{}", missing(told), data_first(&told.diagnosis))
+    let base = if told.base.is_empty() {
+        String::new()
+    } else {
+        format!(" Parameters are taken as the pipeline estimates them: {}.", told.base)
+    };
+    format!("{}{}{base}", missing(told), data_first(&told.diagnosis))
 }
 
-/// The error of a sensor or of the recording that comes furthest, before anything is added; nothing where the flights could show none.
+/// The error of a sensor or of the recording that comes furthest in the last round of all candidates, with everything in place that was added
+/// before; nothing where the flights could show none.
 fn data_first(d: &Diagnosis) -> String {
-    let first = d.rounds.first().map(|r| &r.judged[..]).unwrap_or_default();
+    let last = d.rounds.iter().rfind(|r| !r.strict);
+    let judged = last.map(|r| &r.judged[..]).unwrap_or_default();
+    let beside = last.filter(|r| !r.base.is_empty()).map(|r| format!(", beside {}", r.base.join(" and "))).unwrap_or_default();
     let shown = |j: &&Judged| j.family == Family::Sensor && !matches!(j.standing, Standing::Absorbed | Standing::Silent);
     // Those that were refitted before those that were only screened.
     let far = |j: &Judged| if j.evidence.is_finite() { (true, j.evidence) } else { (false, j.score) };
     let order = |a: &&Judged, b: &&Judged| far(a).0.cmp(&far(b).0).then(far(a).1.total_cmp(&far(b).1));
-    let tried = first.iter().filter(shown).count();
-    let furthest = first.iter().filter(shown).max_by(order);
+    let tried = judged.iter().filter(shown).count();
+    let furthest = judged.iter().filter(shown).max_by(order);
     let told = |j: &Judged| {
         let (standing, why) = (j.standing.as_str(), &j.why);
-        format!(" Data first: of {tried} errors of sensors and recording, {} comes furthest: {standing} ({why}).", j.name)
+        format!(" Data first: of {tried} errors of sensors and recording{beside}, {} comes furthest: {standing} ({why}).", j.name)
     };
     furthest.map(told).unwrap_or_default()
 }

@@ -204,12 +204,9 @@ pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, not
                     notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
                 }
                 let trim = Trim::of(inputs.flight("conditions", flight), &segment, &telling)?;
-                ready.push(Ready {
-                    flight: flight.to_string(),
-                    segment,
-                    labelled: Segment { record, labels, stretch: None },
-                    trim,
-                });
+                let conditions = held.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+                let labelled = Segment { record, labels, conditions, stretch: None };
+                ready.push(Ready { flight: flight.to_string(), segment, labelled, trim });
             }
             Err(why) => {
                 notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}")))
