@@ -279,7 +279,7 @@ impl Screening {
 /// Free base parameters that imitate a column most; in words where those of single maneuvers do.
 fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
     let n = ground.free.len();
-    if before.at(n + column, n + column) <= ABSORBED.max(DEPENDENT) * before.scale[n + column] {
+    if before.at(n + column, n + column) <= ground.thresholds.collinear.max(DEPENDENT) * before.scale[n + column] {
         return vec!["what has a value of its own in every maneuver".to_string()];
     }
     let order: Vec<usize> = (0..n).chain([n + column]).collect();

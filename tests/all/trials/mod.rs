@@ -195,6 +195,15 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     all.flat_map(seeds).collect()
 }
 
+/// The evidence of the best candidate that passes all tests but that of evidence itself, over the round's limit; 0 without one. What a name must
+/// have is chosen so that nothing has it where nothing is missing.
+fn most(diagnosis: &Diagnosis) -> f64 {
+    use diagnose::Standing::{Alike, Beaten, Chosen, Faint};
+    let passes = |j: &&diagnose::Judged| matches!(j.standing, Alike | Beaten | Chosen | Faint);
+    let of = |r: &diagnose::Round| r.judged.iter().filter(passes).map(|j| j.evidence / r.limit).fold(0.0, f64::max);
+    diagnosis.rounds.iter().map(of).fold(0.0, f64::max)
+}
+
 /// Runs a trial and tells it.
 fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     let outcome = run(hidden, setting);
