@@ -27,6 +27,8 @@
 //! | `effect` | the library of candidate effects and their attachment to a model |
 //! | `settings` | how a diagnosis is run |
 //! | `thresholds` | all numbers that decide |
+//! | `timescale` | how fast the motion is: what lags, windows and bands are counted in |
+//! | `looks` | windows and bands of the description of the gap |
 //! | `gram` | sums of products, columns eliminated one after the other |
 //! | `noise` | the colour of the base's residuals, and whitening by it |
 //! | `absorbed` | what the fit took of it |
@@ -69,6 +71,7 @@ mod held_out;
 mod innovation;
 mod joint;
 mod located;
+mod looks;
 mod noise;
 mod probe;
 mod refit;
@@ -82,6 +85,7 @@ mod surrogate;
 #[cfg(test)]
 mod tests;
 pub mod thresholds;
+mod timescale;
 mod unseen;
 
 use crate::estimate::{self, Segment};
