@@ -6,8 +6,10 @@ use super::driven::{EquationError, driven, measured_states};
 use super::fit::Task;
 use super::found::Found;
 use super::gaps::{Flown, gaps};
+use super::looks::Looks;
 use super::noise::Noise;
 use super::relation::relations;
+use super::timescale::characteristic_time;
 use super::{Closing, Subject, Thresholds};
 use crate::error::Errors;
 use crate::estimate::Case;
@@ -18,17 +20,18 @@ use crate::estimate::Case;
 /// None that the base itself would not have.
 pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing, Errors> {
     let (before, after, thresholds) = (first.case(), last.case(), &subject.settings.thresholds);
+    let looks = Looks::of(thresholds, characteristic_time(before.records.iter(), thresholds));
     let states = measured_states(first);
-    let lacking = coefficients(first, subject.segments, subject.context, &states, thresholds)?;
+    let lacking = coefficients(first, subject.segments, subject.context, &states, &looks)?;
     let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
     let flown = flown(first, &before);
     let mut closing = Closing {
-        gaps_before: gaps(&flown, &inputs, thresholds),
-        relations: relations(&flown, &inputs, &lacking, thresholds),
+        gaps_before: gaps(&flown, &inputs, &looks),
+        relations: relations(&flown, &inputs, &lacking, &looks),
         ..Closing::default()
     };
-    closing.gaps_after = gaps(&self::flown(last, &after), &inputs, thresholds);
-    (closing.driven, closing.equations) = driven(first, subject.segments, &states, thresholds.leading)?;
+    closing.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
+    (closing.driven, closing.equations) = driven(first, subject.segments, &states, looks.leading)?;
     closing.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
     if first.prepared.used != last.prepared.used {
         return Ok(closing);

@@ -8,11 +8,11 @@
 //! Its uncertainty is found by measuring once more: white noise of the measured size is added to all measurements, and what that does to
 //! `d(t)` is noise.
 
-use super::Thresholds;
 use super::base::Known;
 use super::driven::{noises, with_led};
 use super::effect::{Context, roles};
 use super::found::Found;
+use super::looks::Looks;
 use crate::dynamics::Channel;
 use crate::error::Errors;
 use crate::estimate::{Block, Case, Prepared, Segment, Settings};
@@ -53,28 +53,28 @@ pub fn coefficients(
     segments: &[Segment],
     context: &Context,
     states: &[String],
-    thresholds: &Thresholds,
+    looks: &Looks,
 ) -> Result<Vec<Lack>, Errors> {
     let targets = targets(&found.model, context);
     let Ok(model) = found.model.amended(&increments(&targets)) else { return Ok(Vec::new()) };
-    let mut method = with_led(&found.method, states, thresholds.leading);
+    let mut method = with_led(&found.method, states, looks.leading);
     if let Some(free) = &mut method.free {
         free.extend(targets.iter().map(|t| t.increment.clone()));
     }
     let base = found.case();
     let Some(led) = Led::new((found, &base), &model, segments, &method)? else { return Ok(Vec::new()) };
     let noise = noises(found);
-    let Some(sums) = led.with(|case| sums(case, &led, &targets, &noise, thresholds)) else { return Ok(Vec::new()) };
-    let told = told(&sums, thresholds.distinguishable);
+    let Some(sums) = led.with(|case| sums(case, &led, &targets, &noise, looks)) else { return Ok(Vec::new()) };
+    let told = told(&sums, looks.distinguishable);
     let values: Vec<Vec<Vec<f64>>> = sums.iter().map(|s| s.solve(&told, &s.residuals)).collect();
     let mut squares = vec![vec![0.0; told.len()]; values.len()];
-    for repeat in 0..thresholds.repeats {
+    for repeat in 0..looks.repeats {
         let again = measured_again(segments, &found.prepared.model, &noise, repeat);
         let Some(other) = Led::new((found, &base), &model, &again, &method)? else { return Ok(Vec::new()) };
         let Some(residuals) = other.with(|case| residuals(case, &other)) else { return Ok(Vec::new()) };
         for ((s, residuals), squares) in sums.iter().zip(&residuals).zip(&mut squares) {
             let moved: Vec<f64> = residuals.iter().zip(&s.residuals).map(|(a, b)| a - b).collect();
-            s.solve(&told, &moved).iter().zip(squares).for_each(|(d, sum)| *sum += mean_square(d) / thresholds.repeats as f64);
+            s.solve(&told, &moved).iter().zip(squares).for_each(|(d, sum)| *sum += mean_square(d) / looks.repeats as f64);
         }
     }
     let lack = |(j, &t): (usize, &usize)| Lack {
@@ -167,7 +167,7 @@ struct Sums {
     rows: Vec<(usize, f64, Vec<f64>)>,
 }
 
-fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)], thresholds: &Thresholds) -> Option<Vec<Sums>> {
+fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)], looks: &Looks) -> Option<Vec<Sums>> {
     let one = |s: usize| {
         let (record, part) = (&case.records[s], &case.layout.parts[s]);
         let place = |t: &Target| part.shared.iter().position(|&i| case.unknowns[i].name == t.increment);
@@ -188,7 +188,7 @@ fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)], thr
         }
         let steps = |time: f64| (time / record.dt).round() as usize;
         // A led state answers with the lag `1/K`: what it shows now was then.
-        let (late, half) = (steps(1.0 / thresholds.leading), steps(thresholds.half_window).max(1));
+        let (late, half) = (steps(1.0 / looks.leading), steps(looks.half_window).max(1));
         let (from, back) = (late.saturating_sub(half), half.saturating_sub(late));
         Some(Sums { n, width: targets.len(), ahead: (from, late + half), back, residuals, rows })
     };

@@ -4,7 +4,7 @@
 //! smooth on the scale of two samples do not reach (white noise of variance 1 has second differences of variance 6). So a ratio of 1
 //! is a model as good as the sensor. Frequency bands share the mean square by Fourier sums over the maneuver's residual.
 
-use super::Thresholds;
+use super::looks::Looks;
 use crate::dynamics::Record;
 use crate::estimate::Trace;
 use crate::math::{mad_sd, quantile};
@@ -38,8 +38,8 @@ pub struct Flown<'a> {
 }
 
 /// All gaps: per segment and output; then per output, over all segments, by band, time since input and regime.
-pub fn gaps(flown: &[Flown], inputs: &[String], thresholds: &Thresholds) -> Vec<Gap> {
-    let edges = &thresholds.gap_bands;
+pub fn gaps(flown: &[Flown], inputs: &[String], looks: &Looks) -> Vec<Gap> {
+    let edges = &looks.gap_bands;
     let mut names: Vec<(String, String)> = Vec::new();
     for trace in flown.iter().flat_map(|f| &f.traces) {
         if names.iter().all(|(name, _)| *name != trace.name) {
@@ -72,9 +72,8 @@ pub fn gaps(flown: &[Flown], inputs: &[String], thresholds: &Thresholds) -> Vec<
             all.push(Gap { by: "band".into(), from, to, n: 0, mean: f64::NAN, rms: square.sqrt(), ..whole.clone() });
         }
         all.push(whole);
-        let since: Vec<Vec<f64>> =
-            traces.iter().map(|(f, t)| since_input(f.record, inputs.len(), &t.t, thresholds.moving)).collect();
-        split(&mut all, &traces, &since, "time since input", &thresholds.gap_times, &gap);
+        let since: Vec<Vec<f64>> = traces.iter().map(|(f, t)| since_input(f.record, inputs.len(), &t.t, looks.moving)).collect();
+        split(&mut all, &traces, &since, "time since input", &looks.gap_times, &gap);
         for (i, name) in inputs.iter().enumerate() {
             let values: Vec<Vec<f64>> = traces.iter().map(|(f, t)| input_at(f.record, inputs.len(), i, &t.t)).collect();
             split(&mut all, &traces, &values, name, &thirds(&values), &gap);
@@ -189,6 +188,7 @@ fn power(r: &[f64], k: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::Thresholds;
     use crate::simulate::Stream;
 
     fn trace(values: Vec<f64>) -> Trace {
@@ -200,7 +200,7 @@ mod tests {
     #[test]
     fn bands_share_the_mean_square_and_a_tone_falls_into_its_own() {
         let tone = |f: f64| (0..500).map(|k| libm::sin(2.0 * std::f64::consts::PI * f * 0.02 * f64::from(k))).collect::<Vec<f64>>();
-        let squares = bands(&[&trace(tone(2.0)), &trace(tone(2.0))], &Thresholds::default().gap_bands);
+        let squares = bands(&[&trace(tone(2.0)), &trace(tone(2.0))], &[0.3, 1.0, 3.0, 8.0]);
         assert!((squares[2] - 0.5).abs() < 1e-6 && squares.iter().sum::<f64>() - squares[2] < 1e-6, "{squares:?}");
     }
 
@@ -217,7 +217,7 @@ mod tests {
         let inputs: Vec<f64> = (0..n).map(|k| if (100..200).contains(&k) { 1.0 } else { 0.0 }).collect();
         let record = Record { dt: 0.02, n, inputs: inputs.clone(), ..Record::default() };
         let traces = vec![trace(inputs.iter().map(|u| 0.3 * u).collect())];
-        let all = gaps(&[Flown { segment: 0, record: &record, traces }], &["u".into()], &Thresholds::default());
+        let all = gaps(&[Flown { segment: 0, record: &record, traces }], &["u".into()], &Looks::of(&Thresholds::default(), 0.6));
         let soon: Vec<&Gap> = all.iter().filter(|g| g.by == "time since input" && g.rms > 0.0).collect();
         assert!(soon.iter().all(|g| g.to <= 2.0 || g.from >= 1.0) && !soon.is_empty(), "{soon:?}");
         let whole = all.iter().find(|g| g.by == "all" && g.segment.is_none()).expect("all");

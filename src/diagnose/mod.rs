@@ -30,6 +30,8 @@
 //! | `settings` | how a diagnosis is run |
 //! | `thresholds` | all numbers that decide |
 //! | `together` | what a pipeline estimates one by one, as one estimation over all maneuvers |
+//! | `timescale` | how fast the motion is: what lags, windows and bands are counted in |
+//! | `looks` | windows and bands of the description of the gap |
 //! | `noise` | the colour of the base's residuals, and whitening by it |
 //! | `absorbed` | what the fit took of it |
 //! | `joint` | what several outputs' residuals have in common |
@@ -70,6 +72,7 @@ mod held_out;
 mod innovation;
 mod joint;
 mod located;
+mod looks;
 mod noise;
 mod probe;
 mod refit;
@@ -84,6 +87,7 @@ mod surrogate;
 mod tests;
 pub mod thresholds;
 mod together;
+mod timescale;
 mod unseen;
 
 use crate::estimate::{self, Segment};

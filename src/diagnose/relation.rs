@@ -5,9 +5,9 @@
 //! Coherence is that of spectra averaged over maneuvers (Welch) and over the frequencies of a band; `m` averages of independent series
 //! stay below `1 - 0.01^(1/(m-1))` in 99 of 100 cases.
 
-use super::Thresholds;
 use super::coefficient::Lack;
 use super::gaps::Flown;
+use super::looks::Looks;
 use crate::math::distribution::normal_quantile;
 
 /// How one output's residual goes with one source.
@@ -71,8 +71,8 @@ fn lags(look: Look, dt: f64) -> (usize, usize) {
 }
 
 /// Every scored output, and what each coefficient lacks, with every input and every modelled output.
-pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack], thresholds: &Thresholds) -> Vec<Relation> {
-    let look = Look { longest: thresholds.longest_lag, bands: &thresholds.coherence_bands, p: thresholds.relation_p };
+pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack], looks: &Looks) -> Vec<Relation> {
+    let look = Look { longest: looks.longest_lag, bands: &looks.coherence_bands, p: looks.relation_p };
     let mut outputs: Vec<String> = Vec::new();
     for trace in flown.iter().flat_map(|f| &f.traces) {
         if !outputs.contains(&trace.name) {

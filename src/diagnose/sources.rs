@@ -5,6 +5,7 @@
 //! (what repeats itself in every maneuver is no noise); or an input whose effect comes and goes with such a wave.
 
 use super::Thresholds;
+use super::timescale::characteristic_time;
 use crate::dynamics::Record;
 use crate::estimate::{Case, Trace};
 use crate::math::distribution::chi2_quantile;
@@ -71,7 +72,8 @@ impl Sources {
         let names: Vec<String> = inputs.chain(modelled).collect();
         let controls = case.model.inputs.len();
         let mut sources = Sources { all: Vec::new(), groups: 0 };
-        let (lags, damping) = (thresholds.lags, thresholds.ringing);
+        let time = characteristic_time(segments.iter().map(|&s| &case.records[s]), thresholds);
+        let (lags, damping) = (thresholds.lags.map(|lag| lag * time), thresholds.ringing);
         for squared in [false, true] {
             for (signal, name) in names.iter().enumerate() {
                 let name = if squared { format!("the square of {name}") } else { name.clone() };

@@ -23,8 +23,9 @@ impl Scale for f64 {
     fn times(&self, by: f64) -> f64 {
         self * by
     }
+    /// To four digits behind the point, or all of what is smaller than that.
     fn told(&self) -> String {
-        format!("{self}")
+        if *self < 1e-3 { format!("{self}") } else { format!("{}", (self * 1e4).round() / 1e4) }
     }
 }
 
@@ -43,7 +44,7 @@ impl<const N: usize> Scale for [f64; N] {
         self.map(|v| v * by)
     }
     fn told(&self) -> String {
-        self.map(|v| format!("{v}")).join(", ")
+        self.map(|v| v.told()).join(", ")
     }
 }
 
@@ -204,9 +205,12 @@ thresholds! {
     /// What is added to the diagonal of the regressors' products, as a share: neighbouring lags of a slow source say nearly the same. *Arithmetic*.
     ridge: f64 = 1e-6, "share";
 
-    /// Lags of a response to a source. *First guess*, for a transport aircraft: doublings from a sample to the period of its short-period motion; the longest
-    /// came with the trials.
-    lags: [f64; 8] = [0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2], "s";
+    /// Lags of a response to a source, in characteristic times (`timescale`; 0.6 s for a transport aircraft's short period). *First guess* in seconds, 0.05 to 3.2,
+    /// doubling, for a transport aircraft; the longest came with the trials. Lower: what answers late is not seen. Higher: what answers fast is not.
+    lags: [f64; 8] = [0.0, 1.0 / 12.0, 1.0 / 6.0, 1.0 / 3.0, 2.0 / 3.0, 4.0 / 3.0, 8.0 / 3.0, 16.0 / 3.0], "characteristic times";
+
+    /// So many times the noise a measured output must move for its characteristic time to count. *Convention*.
+    visible_motion: f64 = 3.0, "times the noise";
 
     /// Damping of what a source rings, as a share of the critical one. *Convention*: structural modes have 1 to 5%.
     ringing: f64 = 0.03, "share of critical";
@@ -227,11 +231,11 @@ thresholds! {
 
     // ---- Where the gap is: described beside the verdict, not part of it -----------------------------------------------------------------
 
-    /// Gain by which a state follows its measurement. *First guess*, for transport aircraft: above the short period, below what sensors' noise bears.
-    leading: f64 = 8.0, "1/s";
+    /// Gain by which a state follows its measurement. *First guess* for transport aircraft (8 1/s): above the short period, below what sensors' noise bears.
+    leading: f64 = 4.8, "per characteristic time";
 
-    /// Half the window over which increments of coefficients are found. *First guess*, for transport aircraft: twice the memory of a led state.
-    half_window: f64 = 0.25, "s";
+    /// Half the window over which increments of coefficients are found. *First guess* for transport aircraft (0.25 s): twice the memory of a led state.
+    half_window: f64 = 0.42, "characteristic times";
 
     /// Repeats of the measurements that tell the noise of an increment. *Convention*.
     repeats: usize = 4, "";
@@ -239,20 +243,20 @@ thresholds! {
     /// Share of a coefficient's information that must be left when all others are unknown too. *Arithmetic*: far below what would be useful.
     distinguishable: f64 = 1e-4, "share of the information";
 
-    /// Longest lag of a correlation. *First guess*, for transport aircraft.
-    longest_lag: f64 = 2.0, "s";
+    /// Longest lag of a correlation. *First guess* for transport aircraft (2 s).
+    longest_lag: f64 = 3.3, "characteristic times";
 
     /// Probability that the largest correlation of all lags, or a coherence, exceeds its limit by noise. *Convention*.
     relation_p: f64 = 0.01, "probability";
 
-    /// Edges of the bands of coherence. *First guess*, for transport aircraft.
-    coherence_bands: [f64; 6] = [0.1, 0.3, 1.0, 2.0, 4.0, 8.0], "Hz";
+    /// Edges of the bands of coherence. *First guess* for transport aircraft (0.1, 0.3, 1, 2, 4, 8 Hz).
+    coherence_bands: [f64; 6] = [0.06, 0.18, 0.6, 1.2, 2.4, 4.8], "per characteristic time";
 
-    /// Edges of the bands of the gap. *First guess*, for transport aircraft.
-    gap_bands: [f64; 4] = [0.3, 1.0, 3.0, 8.0], "Hz";
+    /// Edges of the bands of the gap. *First guess* for transport aircraft (0.3, 1, 3, 8 Hz).
+    gap_bands: [f64; 4] = [0.18, 0.6, 1.8, 4.8], "per characteristic time";
 
-    /// Edges of the times since an input last moved. *First guess*, for transport aircraft.
-    gap_times: [f64; 4] = [0.5, 1.0, 2.0, 4.0], "s";
+    /// Edges of the times since an input last moved. *First guess* for transport aircraft (0.5, 1, 2, 4 s).
+    gap_times: [f64; 4] = [0.83, 1.7, 3.3, 6.7], "characteristic times";
 
     /// An input moves where it does so by more than this share of its fastest move in the maneuver. *Convention*.
     moving: f64 = 0.1, "share of the fastest move";
@@ -304,7 +308,7 @@ mod tests {
         let twice = all.scaled("name_factor", 2.0).expect("a threshold");
         assert_eq!(twice, Thresholds { name_factor: 9.0, ..all.clone() });
         assert_eq!(all.scaled("rivals", 0.5).expect("a threshold").rivals, 6);
-        assert_eq!(all.scaled("lags", 2.0).expect("a threshold").lags[7], 6.4);
+        assert_eq!(all.scaled("gap_bands", 2.0).expect("a threshold").gap_bands[3], 9.6);
         assert_eq!(all.scaled("no such", 2.0), None);
         for (name, ..) in all.told() {
             assert_ne!(all.scaled(name, 0.5).as_ref(), Some(&all), "{name}");

@@ -1,152 +1,180 @@
-//! The functions of the language: argument units, result units, graph nodes. One visible list.
+//! The functions of the language: argument units, result units, graph nodes. One visible list, every row with all that its function is.
 
 use super::amend::Target;
 use super::compile::{At, Compiler, SECOND, Typed};
 use super::expr::{Expr, Kind};
-use super::graph::{Leaf, Node, Op, View};
+use super::graph::{Graph, Leaf, Node, Op, View};
 use crate::units::Dim;
 
-/// Name, number of arguments, and how it reads in a message.
-const FUNCTIONS: &[(&str, &[usize], &str)] = &[
-    ("sin", &[1], "sin(x)"),
-    ("cos", &[1], "cos(x)"),
-    ("tan", &[1], "tan(x)"),
-    ("asin", &[1], "asin(x)"),
-    ("acos", &[1], "acos(x)"),
-    ("atan", &[1], "atan(x)"),
-    ("exp", &[1], "exp(x)"),
-    ("log", &[1], "log(x)"),
-    ("tanh", &[1], "tanh(x)"),
-    ("sqrt", &[1], "sqrt(x)"),
-    ("abs", &[1], "abs(x)"),
-    ("sign", &[1], "sign(x)"),
-    ("atan2", &[2], "atan2(y, x)"),
-    ("hypot", &[2], "hypot(x, y)"),
-    ("min", &[2], "min(a, b)"),
-    ("max", &[2], "max(a, b)"),
-    ("clamp", &[3], "clamp(x, lo, hi)"),
-    ("deadband", &[2], "deadband(x, w)"),
-    ("select", &[3], "select(c, a, b)"),
-    ("delay", &[2], "delay(x, tau)"),
-    ("smooth", &[3], "smooth(x, T, w)"),
-    ("lag", &[2], "lag(x, T)"),
-    ("rate", &[1], "rate(x)"),
-    ("slope", &[2], "slope(y, x)"),
-    ("without", &[2], "without(y, x)"),
-    ("output", &[1], "output(name)"),
-    ("table", &[2, 3], "table(name, x) or table(name, x, x2)"),
+/// One function of the language.
+struct Function {
+    name: &'static str,
+    /// Numbers of arguments that it takes.
+    counts: &'static [usize],
+    /// How it reads in a message.
+    form: &'static str,
+    build: Build,
+}
+
+/// How a call becomes nodes. Those are operations (`Op`), each with its value (`arithmetic::apply`) and its derivative (`Graph::derivative`), both
+/// matched without a way out: neither a function nor an operation can be listed and left without them.
+enum Build {
+    /// One operation on a number without unit.
+    Elementary(Op),
+    /// From its arguments' nodes.
+    Of(fn(&mut Compiler, &Call, &[Typed]) -> Option<Typed>),
+    /// From the text of its arguments: some are names, not values.
+    Text(fn(&mut Compiler, &Call) -> Option<Typed>),
+}
+
+/// A call where it stands.
+struct Call<'a> {
+    arguments: &'a [Expr],
+    offset: usize,
+    at: &'a At,
+}
+
+const fn row(name: &'static str, counts: &'static [usize], form: &'static str, build: Build) -> Function {
+    Function { name, counts, form, build }
+}
+
+const FUNCTIONS: &[Function] = &[
+    row("sin", &[1], "sin(x)", Build::Elementary(Op::Sin)),
+    row("cos", &[1], "cos(x)", Build::Elementary(Op::Cos)),
+    row("tan", &[1], "tan(x)", Build::Elementary(Op::Tan)),
+    row("asin", &[1], "asin(x)", Build::Elementary(Op::Asin)),
+    row("acos", &[1], "acos(x)", Build::Elementary(Op::Acos)),
+    row("atan", &[1], "atan(x)", Build::Elementary(Op::Atan)),
+    row("exp", &[1], "exp(x)", Build::Elementary(Op::Exp)),
+    row("log", &[1], "log(x)", Build::Elementary(Op::Log)),
+    row("tanh", &[1], "tanh(x)", Build::Elementary(Op::Tanh)),
+    row("sqrt", &[1], "sqrt(x)", Build::Of(sqrt)),
+    row("abs", &[1], "abs(x)", Build::Of(|c, _, a| Some(Typed { node: c.graph().unary(Op::Abs, a[0].node), dim: a[0].dim }))),
+    row("sign", &[1], "sign(x)", Build::Of(|c, _, a| Some(number(c.graph().unary(Op::Sign, a[0].node))))),
+    row("atan2", &[2], "atan2(y, x)", Build::Of(atan2)),
+    row("hypot", &[2], "hypot(x, y)", Build::Of(hypot)),
+    row("min", &[2], "min(a, b)", Build::Of(|c, call, a| extreme(c, call, a, Graph::min))),
+    row("max", &[2], "max(a, b)", Build::Of(|c, call, a| extreme(c, call, a, Graph::max))),
+    row("clamp", &[3], "clamp(x, lo, hi)", Build::Of(clamp)),
+    row("deadband", &[2], "deadband(x, w)", Build::Of(deadband)),
+    row("select", &[3], "select(c, a, b)", Build::Of(select)),
+    row("delay", &[2], "delay(x, tau)", Build::Text(delay)),
+    row("smooth", &[3], "smooth(x, T, w)", Build::Of(smooth)),
+    row("lag", &[2], "lag(x, T)", Build::Of(lag)),
+    row("rate", &[1], "rate(x)", Build::Of(rate)),
+    row("slope", &[2], "slope(y, x)", Build::Text(|c, call| varied(c, true, call))),
+    row("without", &[2], "without(y, x)", Build::Text(|c, call| varied(c, false, call))),
+    row("output", &[1], "output(name)", Build::Text(output)),
+    row("table", &[2, 3], "table(name, x) or table(name, x, x2)", Build::Text(table)),
 ];
 
 pub fn is_reserved(name: &str) -> bool {
-    name == "pi" || name == "t" || FUNCTIONS.iter().any(|f| f.0 == name)
-}
-
-fn elementary(name: &str) -> Option<Op> {
-    Some(match name {
-        "sin" => Op::Sin,
-        "cos" => Op::Cos,
-        "tan" => Op::Tan,
-        "asin" => Op::Asin,
-        "acos" => Op::Acos,
-        "atan" => Op::Atan,
-        "exp" => Op::Exp,
-        "log" => Op::Log,
-        "tanh" => Op::Tanh,
-        _ => return None,
-    })
+    name == "pi" || name == "t" || FUNCTIONS.iter().any(|f| f.name == name)
 }
 
 /// A call as a typed node; mistakes are filed with the compiler.
 pub(super) fn call(c: &mut Compiler, name: &str, arguments: &[Expr], offset: usize, at: &At) -> Option<Typed> {
-    let Some((_, counts, form)) = FUNCTIONS.iter().find(|f| f.0 == name) else {
-        let near = crate::config::nearest(name, FUNCTIONS.iter().map(|f| f.0));
-        let known: Vec<&str> = FUNCTIONS.iter().map(|f| f.0).collect();
+    let Some(function) = FUNCTIONS.iter().find(|f| f.name == name) else {
+        let near = crate::config::nearest(name, FUNCTIONS.iter().map(|f| f.name));
+        let known: Vec<&str> = FUNCTIONS.iter().map(|f| f.name).collect();
         let help = near.map_or(format!("functions: {}", known.join(" ")), |n| format!("did you mean \"{n}\"?"));
         c.error_help(at, offset, format!("unknown function \"{name}\""), help);
         return None;
     };
-    if !counts.contains(&arguments.len()) {
-        c.report(at, offset, format!("{form} is wanted, {} argument(s) are there", arguments.len()));
+    if !function.counts.contains(&arguments.len()) {
+        c.report(at, offset, format!("{} is wanted, {} argument(s) are there", function.form, arguments.len()));
         return None;
     }
-    match name {
-        "delay" => return delay(c, arguments, offset, at),
-        "table" => return table(c, arguments, at),
-        "slope" | "without" => return varied(c, name == "slope", arguments, at),
-        "output" => return output(c, arguments, at),
-        _ => {}
+    let call = Call { arguments, offset, at };
+    match function.build {
+        Build::Text(build) => build(c, &call),
+        Build::Of(build) => {
+            let a = values(c, &call)?;
+            build(c, &call, &a)
+        }
+        Build::Elementary(op) => {
+            let a = values(c, &call)?;
+            unitless(c, a[0], arguments[0].at, at, name)?;
+            Some(number(c.graph().unary(op, a[0].node)))
+        }
     }
-    let built: Vec<Option<Typed>> = arguments.iter().map(|e| c.build(e, at)).collect();
-    let a: Vec<Typed> = built.into_iter().collect::<Option<_>>()?;
-    if let Some(op) = elementary(name) {
-        unitless(c, a[0], arguments[0].at, at, name)?;
-        return Some(Typed { node: c.graph().unary(op, a[0].node), dim: Some(Dim::NONE) });
-    }
-    let x = a[0];
-    match name {
-        "sqrt" => {
-            let Some(dim) = x.dim.unwrap_or(Dim::NONE).power(0.5) else {
-                c.report(at, arguments[0].at, "this unit has no square root".into());
-                return None;
-            };
-            Some(Typed { node: c.graph().unary(Op::Sqrt, x.node), dim: Some(dim) })
-        }
-        "abs" => Some(Typed { node: c.graph().unary(Op::Abs, x.node), dim: x.dim }),
-        "sign" => Some(Typed { node: c.graph().unary(Op::Sign, x.node), dim: Some(Dim::NONE) }),
-        "atan2" => {
-            c.same_unit(x, a[1], arguments[1].at, at, "compared with")?;
-            Some(Typed { node: c.graph().op(Op::Atan2, x.node, a[1].node, a[1].node), dim: Some(Dim::NONE) })
-        }
-        "hypot" => {
-            let dim = c.same_unit(x, a[1], arguments[1].at, at, "added to")?;
-            let g = c.graph();
-            let (p, q) = (g.mul(x.node, x.node), g.mul(a[1].node, a[1].node));
-            let sum = g.add(p, q);
-            Some(Typed { node: g.unary(Op::Sqrt, sum), dim })
-        }
-        "min" | "max" => {
-            let dim = c.same_unit(x, a[1], arguments[1].at, at, "compared with")?;
-            let g = c.graph();
-            let node = if name == "min" { g.min(x.node, a[1].node) } else { g.max(x.node, a[1].node) };
-            Some(Typed { node, dim })
-        }
-        "clamp" => {
-            let dim = c.same_unit(x, a[1], arguments[1].at, at, "compared with")?;
-            let dim = c.same_unit(Typed { node: x.node, dim }, a[2], arguments[2].at, at, "compared with")?;
-            let g = c.graph();
-            let low = g.max(x.node, a[1].node);
-            Some(Typed { node: g.min(low, a[2].node), dim })
-        }
-        "deadband" => {
-            let dim = c.same_unit(x, a[1], arguments[1].at, at, "compared with")?;
-            let g = c.graph();
-            let w = a[1].node;
-            let (above, minus) = (g.sub(x.node, w), g.add(x.node, w));
-            let below = g.neg(minus);
-            let zero = g.c(0.0);
-            let low = g.select(below, minus, zero);
-            Some(Typed { node: g.select(above, above, low), dim })
-        }
-        "select" => {
-            let dim = c.same_unit(a[1], a[2], arguments[2].at, at, "an alternative to")?;
-            Some(Typed { node: c.graph().select(x.node, a[1].node, a[2].node), dim })
-        }
-        "lag" => {
-            seconds(c, a[1], arguments[1].at, at, "the time constant of lag()")?;
-            let node = c.lag(x, a[1].node);
-            Some(Typed { node, dim: x.dim })
-        }
-        "smooth" => {
-            seconds(c, a[1], arguments[1].at, at, "the reach of smooth()")?;
-            c.same_unit(x, a[2], arguments[2].at, at, "compared with")?;
-            Some(Typed { node: c.smooth([x.node, a[1].node, a[2].node], x.dim, offset, at)?, dim: x.dim })
-        }
-        "rate" => {
-            let node = c.total_rate(x.node, offset, at)?;
-            Some(Typed { node, dim: Some(x.dim.unwrap_or(Dim::NONE).over(SECOND)) })
-        }
-        _ => None,
-    }
+}
+
+/// The arguments, all of them built before one is missed: every mistake is told.
+fn values(c: &mut Compiler, call: &Call) -> Option<Vec<Typed>> {
+    let built: Vec<Option<Typed>> = call.arguments.iter().map(|e| c.build(e, call.at)).collect();
+    built.into_iter().collect()
+}
+
+fn number(node: Node) -> Typed {
+    Typed { node, dim: Some(Dim::NONE) }
+}
+
+fn sqrt(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    let Some(dim) = a[0].dim.unwrap_or(Dim::NONE).power(0.5) else {
+        c.report(call.at, call.arguments[0].at, "this unit has no square root".into());
+        return None;
+    };
+    Some(Typed { node: c.graph().unary(Op::Sqrt, a[0].node), dim: Some(dim) })
+}
+
+fn atan2(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "compared with")?;
+    Some(number(c.graph().op(Op::Atan2, a[0].node, a[1].node, a[1].node)))
+}
+
+fn hypot(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    let dim = c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "added to")?;
+    let g = c.graph();
+    let (p, q) = (g.mul(a[0].node, a[0].node), g.mul(a[1].node, a[1].node));
+    let sum = g.add(p, q);
+    Some(Typed { node: g.unary(Op::Sqrt, sum), dim })
+}
+
+fn extreme(c: &mut Compiler, call: &Call, a: &[Typed], of: fn(&mut Graph, Node, Node) -> Node) -> Option<Typed> {
+    let dim = c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "compared with")?;
+    Some(Typed { node: of(c.graph(), a[0].node, a[1].node), dim })
+}
+
+fn clamp(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    let dim = c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "compared with")?;
+    let dim = c.same_unit(Typed { node: a[0].node, dim }, a[2], call.arguments[2].at, call.at, "compared with")?;
+    let g = c.graph();
+    let low = g.max(a[0].node, a[1].node);
+    Some(Typed { node: g.min(low, a[2].node), dim })
+}
+
+fn deadband(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    let dim = c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "compared with")?;
+    let (g, x, w) = (c.graph(), a[0].node, a[1].node);
+    let (above, minus) = (g.sub(x, w), g.add(x, w));
+    let below = g.neg(minus);
+    let zero = g.c(0.0);
+    let low = g.select(below, minus, zero);
+    Some(Typed { node: g.select(above, above, low), dim })
+}
+
+fn select(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    let dim = c.same_unit(a[1], a[2], call.arguments[2].at, call.at, "an alternative to")?;
+    Some(Typed { node: c.graph().select(a[0].node, a[1].node, a[2].node), dim })
+}
+
+fn lag(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    seconds(c, a[1], call.arguments[1].at, call.at, "the time constant of lag()")?;
+    let node = c.lag(a[0], a[1].node);
+    Some(Typed { node, dim: a[0].dim })
+}
+
+fn smooth(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    seconds(c, a[1], call.arguments[1].at, call.at, "the reach of smooth()")?;
+    c.same_unit(a[0], a[2], call.arguments[2].at, call.at, "compared with")?;
+    let node = c.smooth([a[0].node, a[1].node, a[2].node], a[0].dim, call.offset, call.at)?;
+    Some(Typed { node, dim: a[0].dim })
+}
+
+fn rate(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
+    let node = c.total_rate(a[0].node, call.offset, call.at)?;
+    Some(Typed { node, dim: Some(a[0].dim.unwrap_or(Dim::NONE).over(SECOND)) })
 }
 
 fn unitless(c: &mut Compiler, x: Typed, offset: usize, at: &At, name: &str) -> Option<()> {
@@ -169,7 +197,7 @@ fn seconds(c: &mut Compiler, x: Typed, offset: usize, at: &At, what: &str) -> Op
     }
 }
 
-fn delay(c: &mut Compiler, arguments: &[Expr], offset: usize, at: &At) -> Option<Typed> {
+fn delay(c: &mut Compiler, &Call { arguments, offset, at }: &Call) -> Option<Typed> {
     let (x, tau) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
     let (x, tau) = (x?, tau?);
     seconds(c, tau, arguments[1].at, at, "a delay")?;
@@ -181,7 +209,7 @@ fn delay(c: &mut Compiler, arguments: &[Expr], offset: usize, at: &At) -> Option
 }
 
 /// `slope(y, x)`: dy/dx; `without(y, x)`: y where x is zero. Both for an input, a state or a parameter x.
-fn varied(c: &mut Compiler, slope: bool, arguments: &[Expr], at: &At) -> Option<Typed> {
+fn varied(c: &mut Compiler, slope: bool, &Call { arguments, at, .. }: &Call) -> Option<Typed> {
     let (y, x) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
     let (y, x) = (y?, x?);
     let View::Leaf(leaf @ (Leaf::Input(_) | Leaf::State(_) | Leaf::Parameter(_))) = c.graph().view(x.node) else {
@@ -198,7 +226,7 @@ fn varied(c: &mut Compiler, slope: bool, arguments: &[Expr], at: &At) -> Option<
 }
 
 /// The value of an output, which is a name space of its own.
-fn output(c: &mut Compiler, arguments: &[Expr], at: &At) -> Option<Typed> {
+fn output(c: &mut Compiler, &Call { arguments, at, .. }: &Call) -> Option<Typed> {
     let Kind::Name(name) = &arguments[0].kind else {
         c.report(at, arguments[0].at, "the argument of output() is the name of an output".into());
         return None;
@@ -212,7 +240,7 @@ fn output(c: &mut Compiler, arguments: &[Expr], at: &At) -> Option<Typed> {
     c.amended_value(&target, seen, at)
 }
 
-fn table(c: &mut Compiler, arguments: &[Expr], at: &At) -> Option<Typed> {
+fn table(c: &mut Compiler, &Call { arguments, at, .. }: &Call) -> Option<Typed> {
     let Kind::Name(name) = &arguments[0].kind else {
         c.report(at, arguments[0].at, "the first argument of table() is the name of a table".into());
         return None;
