@@ -18,6 +18,7 @@ fn fault_signals_that_differ_by_case_only_are_refused_before_any_log_is_read() {
     {
         assert!(check.err.contains(wanted), "{wanted} is not in\n{}", check.err);
     }
+    assert!(!check.err.contains("call the signal"), "V is a signal as well\n{}", check.err);
     assert!(!c.run().ended(2).err.contains("no log"));
 
     // The flight path has a column "Mach", and a V beside its v_body.
