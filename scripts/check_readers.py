@@ -306,7 +306,8 @@ class FastParquet:
         import fastparquet
 
         file = fastparquet.ParquetFile(folder)
-        return file.count(), file.cats["flight"] if flights else []
+        # of files without rows it does not keep the partition
+        return file.count(), file.cats.get("flight", []) if flights else []
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 //! Does the analysis of the simulated ATTAS campaign tell what the paper on its direct-lift-control flaps tells? Logs go through the
 //! shipped pipeline; the truth is looked at here alone.
 //!
-//! Slow: needs `KOEHLER_SLOW=1`, in release mode. `KOEHLER_SEEDS` chooses how many recordings the pooled coverage is judged by.
+//! Slow: needs `KOEHLER_SLOW=1`, in release mode. `KOEHLER_SEEDS` chooses how many recordings the pooled coverage is judged by. The tables in the
+//! campaign's README are held against the results of its run, where there are any.
 
 use koehler::math::distribution::t_quantile;
 use koehler::pipeline::{Plan, Store, run};
@@ -227,4 +228,85 @@ fn recovery_coverage_attas_model_b_closes_the_gap() {
         assert!(a > ratio * b && (b / noise - 1.0).abs() < 0.1, "{output}");
     }
     assert!(a > 1e6 * b);
+}
+
+/// Four significant digits.
+fn short(value: f64) -> String {
+    let digits = if value == 0.0 { 0 } else { (3 - value.abs().log10().floor() as i32).clamp(0, 9) };
+    format!("{value:.0$}", digits as usize)
+}
+
+/// The tables of the README from the tables of a run.
+fn results(shipped: &Path) -> String {
+    let table = |name: &str| read_dataset(shipped, name).unwrap_or_else(|e| panic!("{e}"));
+    let estimates = table("estimates");
+    let text = |name: &str| estimates.strings(name).expect("a column");
+    let (models, names, units, per, stops) = (text("model"), text("parameter"), text("unit"), text("per"), text("stop"));
+    let (values, sds) = (estimates.f64("value").expect("values"), estimates.f64("sd").expect("sd"));
+    let find = |model: &str, name: &str| {
+        let row =
+            (0..names.len()).find(|&i| models[i] == model && names[i] == name && per[i] == "campaign" && sds[i].is_finite())?;
+        assert_eq!(stops[row], "converged", "{model}");
+        Some((values[row], sds[row]))
+    };
+    let both = |found: Option<(f64, f64)>| found.map_or(String::new(), |(value, sd)| format!("{} ({})", short(value), short(sd)));
+    let mut lines = vec![
+        "| parameter | unit | truth | model A (sd) | model B (sd) | B - truth, sd |".to_string(),
+        "|---|---|---|---|---|---|".into(),
+    ];
+    let (mut inside, mut all) = (0, 0);
+    for i in (0..names.len()).filter(|&i| models[i] == "b-all" && per[i] == "campaign" && sds[i].is_finite()) {
+        let truth = true_value(names[i]);
+        let off = (values[i] - truth) / sds[i];
+        let (a, b) = (both(find("a-all", names[i])), both(find("b-all", names[i])));
+        lines.push(format!("| {} | {} | {} | {a} | {b} | {off:.1} |", names[i], units[i], short(truth)));
+        all += 1;
+        inside += usize::from(off.abs() <= t_quantile(0.975, 1e6));
+    }
+    lines.extend([String::new(), format!("{inside} of these {all} intervals of 95% hold the truth."), String::new()]);
+    lines.extend(["| | model A | model B | truth |".to_string(), "|---|---|---|---|".into()]);
+    let mut line = |what: &str, a: String, b: String, truth: &str| lines.push(format!("| {what} | {a} | {b} | {truth} |"));
+    let damping = short(true_value("C_m_q"));
+    line("C_m_q (sd), all maneuvers", both(find("a-all", "C_m_q")), both(find("b-all", "C_m_q")), &damping);
+    line("C_m_q (sd), the flaps' maneuvers alone", both(find("a-dlc", "C_m_q")), both(find("b-dlc", "C_m_q")), &damping);
+    let elevator = both(find("elevator", "C_m_q"));
+    line("C_m_q (sd), the elevator's maneuvers alone", elevator.clone(), elevator, &damping);
+    let residuals = table("residuals");
+    let (models, outputs) = (residuals.strings("model").expect("models"), residuals.strings("output").expect("outputs"));
+    let (rms, n) = (residuals.f64("rms").expect("rms"), residuals.i64("n").expect("n"));
+    for (output, noise) in [("p", "0.1"), ("q", "0.05"), ("r", "0.08")] {
+        let of = |model: &str| {
+            let rows = (0..residuals.rows()).filter(|i| models[*i] == model && outputs[*i] == output);
+            let (square, count) = rows.fold((0.0, 0.0), |s, i| (s.0 + rms[i] * rms[i] * n[i] as f64, s.1 + n[i] as f64));
+            format!("{:.3}", (square / count).sqrt().to_degrees())
+        };
+        line(&format!("r.m.s. residual of {output}, deg/s"), of("a-all"), of("b-all"), &format!("{noise} (sensor noise)"));
+    }
+    lines.join("\n") + "\n"
+}
+
+#[test]
+fn the_results_in_the_readme_of_the_attas_are_those_of_its_run() {
+    const START: &str = "<!-- written by `UPDATE_DOCS=1 cargo test --test all the_results_in_the_readme` after a run -->\n";
+    const END: &str = "<!-- until here -->\n";
+    let path = folder().join("README.md");
+    let readme = std::fs::read_to_string(&path).expect("the README");
+    assert!(!readme.contains('@'), "a place in the README is not filled in");
+    let (before, rest) = readme.split_once(START).expect("the marker of the results");
+    let (_, after) = rest.split_once(END).expect("its end");
+    let out = folder().join("out");
+    if !out.join("estimates").is_dir() {
+        println!("skipped: `koehler run pipelines/attas/pipeline.toml` has not been run (some minutes)");
+        return;
+    }
+    let wanted = format!("{before}{START}{}{END}{after}", results(&out));
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        std::fs::write(&path, &wanted).expect("written");
+    } else {
+        assert!(
+            readme == wanted,
+            "pipelines/attas/README.md is behind pipelines/attas/out: run the pipeline again if it is old, then UPDATE_DOCS=1 cargo test --test all \
+             the_results_in_the_readme"
+        );
+    }
 }

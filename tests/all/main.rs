@@ -12,6 +12,7 @@ mod fragments;
 mod hfb320;
 mod language;
 mod models;
+mod modes;
 mod pages;
 mod path;
 mod phlab;

@@ -1,4 +1,5 @@
-//! What readers of the results meet: columns that no reader takes for one, the flight and segment of every estimate, logs found from anywhere.
+//! What readers of the results and writers of a pipeline file meet: columns that no reader takes for one, the flight and segment of every
+//! estimate, logs found from anywhere, windows and scored outputs as asked for, a folder of effects of one's own.
 
 use crate::campaign::Campaign;
 use koehler::table::read_dataset;
@@ -17,6 +18,7 @@ fn fault_signals_that_differ_by_case_only_are_refused_before_any_log_is_read() {
     {
         assert!(check.err.contains(wanted), "{wanted} is not in\n{}", check.err);
     }
+    assert!(!check.err.contains("call the signal"), "V is a signal as well\n{}", check.err);
     assert!(!c.run().ended(2).err.contains("no log"));
 
     // The flight path has a column "Mach", and a V beside its v_body.
@@ -28,6 +30,9 @@ fn fault_signals_that_differ_by_case_only_are_refused_before_any_log_is_read() {
         text += &format!("\n[signal.{name}]\ntopic = \"/air\"\nfield = \"speed\"\nunit = \"{unit}\"\n");
     }
     c.write("channels.toml", &text);
+    c.edit("channels.toml", "[signal.u]", "[signal.command]");
+    c.edit("pipeline.toml", "signal = \"u\"", "signal = \"command\"");
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\ninputs = { u = \"command\" }");
     c.edit("pipeline.toml", "[derive]", "[reconstruct]\n\n[derive]");
     c.edit("pipeline.toml", "channels = ", "aircraft = \"aircraft.toml\"\nchannels = ");
     let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"];
@@ -107,4 +112,54 @@ fn an_absolute_pattern_finds_the_logs_from_anywhere() {
     }
     let (code, told) = flights(&logs.join("none-*.mcap").to_string_lossy(), elsewhere.path());
     assert!(code == Some(2) && told.contains(&*logs.join("none-*.mcap").to_string_lossy()), "{told}");
+}
+
+#[test]
+fn windows_scored_outputs_and_least_amplitudes_are_those_asked_for() {
+    let c = Campaign::new();
+    c.write("plain.model.toml", crate::campaign::MODEL);
+    c.edit("lag.model.toml", "u = \"rad\"", "u = \"rad\"\nV_0 = \"m/s\"");
+    c.edit("lag.model.toml", "[states]", "[equations]\nslow = \"V_0\"\n[states]");
+    c.edit("lag.model.toml", "value = \"x + y_0\" }", "value = \"x + y_0\" }\nslow = { unit = \"m/s\", value = \"slow\" }");
+    c.edit(
+        "pipeline.toml",
+        "kinds = [\"3211\"]",
+        "kinds = [\"3211\"]\nheld = { V_0 = \"V\" }\nunscored = [\"slow\"]\nsettle_s = 1.0",
+    );
+    let whole = "[[estimate]]\nname = \"windows\"\nmodel = \"plain.model.toml\"\nwindow_s = 25.0\n\n[[fit]]";
+    c.edit("pipeline.toml", "[[fit]]", whole);
+    c.run().ended(0);
+    let responses = read_dataset(&c.path("out"), "responses").expect("responses");
+    let text = |name: &str| responses.strings(name).expect("column");
+    assert!(text("output").iter().all(|output| *output == "y"), "only what is scored");
+    let of = |model: &str| -> BTreeSet<&str> {
+        (0..responses.rows()).filter(|&i| text("model")[i] == model).map(|i| text("segment")[i]).collect()
+    };
+    assert_eq!(of("lag").len(), 12);
+    // Flights of 80 s in windows of at most 25 s.
+    assert!(of("windows").contains("flight-3-004") && of("windows").len() == 12, "{:?}", of("windows"));
+
+    // The maneuvers have 2 deg: a least amplitude of 3 deg leaves none.
+    c.edit("pipeline.toml", "signal = \"u\"", "signal = \"u\"\n[segment.input.method]\nmin_amplitude = 0.052");
+    let run = c.run().ended(1);
+    assert!(run.err.contains("no maneuver") || run.out.contains("no maneuver"), "{}\n{}", run.out, run.err);
+}
+
+#[test]
+fn effects_of_ones_own_are_one_folder_or_several() {
+    let c = Campaign::new();
+    let text = std::fs::read_to_string(c.path("pipeline.toml")).expect("readable");
+    for (name, file) in [("mine", "a"), ("yours", "b")] {
+        std::fs::create_dir(c.path(name)).expect("made");
+        c.write(&format!("{name}/{file}.toml"), "title = 3\n");
+    }
+    for (given, wanted) in [("\"mine\"", &["mine/a.toml"][..]), ("[\"mine\", \"yours\"]", &["mine/a.toml", "yours/b.toml"])] {
+        c.write("pipeline.toml", &format!("{text}\n[[diagnose]]\nestimate = \"lag\"\neffects = {given}\n"));
+        let check = c.koehler("check", &[]).ended(2);
+        assert!(wanted.iter().all(|w| check.err.contains(w)), "{}", check.err);
+        assert_eq!(check.err.contains("yours/b.toml"), wanted.len() == 2, "{}", check.err);
+    }
+    c.write("pipeline.toml", &format!("{text}\n[[diagnose]]\nestimate = \"lag\"\neffects = \"theirs\"\n"));
+    let check = c.koehler("check", &[]).ended(2);
+    assert!(check.err.contains("pipeline.toml:28:11") && check.err.contains("there is no folder"), "{}", check.err);
 }

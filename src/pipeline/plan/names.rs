@@ -63,7 +63,7 @@ impl Columns {
                 Some(signal) => (channels.doc.error(&format!("signal.{signal}"), what), if signal == name { other } else { name }),
                 None => (doc.error("derive.model", what), ""),
             };
-            errors.push(error.help(match path.contains(&rest) && !own.contains(&rest) {
+            errors.push(error.help(match path.contains(&rest) && !own.contains(&rest) && !signals.contains_key(rest) {
                 true => {
                     format!("call the signal \"{rest}\" as the flight path does, which then takes its place, or something else")
                 }
