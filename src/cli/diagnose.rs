@@ -7,6 +7,7 @@ use crate::diagnose::Base;
 use crate::error::{Error, Errors, Result};
 use crate::pipeline::{self, Plan, Settings, Store};
 use crate::stage::{Part, diagnose};
+use std::collections::BTreeMap;
 
 /// `koehler diagnose`
 pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
@@ -39,6 +40,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
         if result.files.contains(&again) {
             say(&format!("estimated with it: {next}, in the tables of estimates and in the report"));
         }
+        to_use(&store, i, plan.campaign.estimates.len() + i)?.iter().for_each(|words| say(&format!("use: {words}")));
     }
     let report = "report/index.html";
     if result.files.iter().any(|file| file == report) {
@@ -72,6 +74,19 @@ fn ask(settings: &mut Settings, args: &DiagnoseArgs, store: &Store) {
             d.method.base = if args.predicted { Base::Predicted } else { d.method.base };
         }
     }
+}
+
+/// The parameters that a diagnosis added, each with the one value to use: `again` is the part of the estimate with the amended model.
+fn to_use(store: &Store, index: usize, again: usize) -> Result<Vec<String>> {
+    let mut tables = BTreeMap::new();
+    for (name, part) in [("findings", index), ("additions", index), ("next_models", index), ("estimates", again)] {
+        let part = Part::Number(part);
+        if store.path(&part.path(name)).exists() {
+            tables.insert(name.to_string(), store.table(name, &part)?);
+        }
+    }
+    // A terminal need not have the sign that the page has.
+    Ok(crate::report::values_to_use(&tables).into_iter().map(|words| words.replace('±', "+-")).collect())
 }
 
 /// Prints the findings of one diagnosis.
