@@ -7,6 +7,8 @@ use crate::stage::{Note, Part, Severity};
 use crate::table::Table;
 use std::path::Path;
 
+/// Half width of the 95% interval in standard deviations: what stands behind +- wherever the program writes it.
+const INTERVAL: f64 = 1.96;
 /// Kinds of notes shown before the rest is left to the table.
 const GROUPS_SHOWN: usize = 20;
 
@@ -99,13 +101,13 @@ fn lines(plan: &Plan, store: &Store) -> Result<()> {
         let (slope, intercept) = ((t.f64("slope")?, t.f64("slope_sd")?), (t.f64("intercept")?, t.f64("intercept_sd")?));
         let n = t.i64("n")?;
         for k in 0..t.rows() {
-            let value = |(value, sd): (&[f64], &[f64])| format!("{} +- {}", number(value[k]), number(sd[k]));
+            let value = |(value, sd): (&[f64], &[f64])| format!("{} +- {}", number(value[k]), number(INTERVAL * sd[k]));
             let name = format!("{}: {}", models[k], parameters[k]);
             rows.push(vec![name, against[k].to_string(), value(slope), value(intercept), n[k].to_string()]);
         }
     }
     if !rows.is_empty() {
-        table(&["line", "against", "slope +- sd", "intercept +- sd", "points"], rows);
+        table(&["line", "against", "slope +- 95%", "intercept +- 95%", "points"], rows);
     }
     Ok(())
 }

@@ -6,6 +6,11 @@ use super::smoother::flight::spacing;
 const FROZEN_S: f64 = 1.0;
 /// A run is frozen where so many equal samples in a row are less likely than this, given how often neighbours are equal elsewhere.
 const UNLIKELY: f64 = 1e-9;
+/// A signal that moved by at most so many steps of its resolution from one sample to the next may as well have been still: the middle one of
+/// the last changes before a run, and what it comes away with.
+const STEPS: f64 = 1.5;
+/// Changes before and after a run that are looked at.
+const NEAR: usize = 5;
 /// Equal samples in a row at the signal's largest or least value that make a stop.
 const STOP: usize = 8;
 /// A sample missing for more than this many usual spacings is a gap.
@@ -54,6 +59,7 @@ pub fn health(t: &[f64], y: &[f64]) -> Health {
     if health.dead {
         return health;
     }
+    let resolution = resolution(&good, y);
     let long = |run: &std::ops::Range<usize>| times[run.end - 1] - times[run.start] >= FROZEN_S;
     let count: usize = runs.iter().map(|r| r.len()).sum();
     // how likely so many equal samples in a row are, by how often neighbours are equal outside this run
@@ -61,9 +67,9 @@ pub fn health(t: &[f64], y: &[f64]) -> Health {
         let (equal, pairs) = (count - run.len() - (runs.len() - 1), count - run.len());
         run.len() as f64 * libm::log((equal + 1) as f64 / (pairs + 2) as f64)
     };
-    for run in &runs {
+    for (number, run) in runs.iter().enumerate() {
         let stands = y[good[run.start]];
-        if long(run) && chance(run) < libm::log(UNLIKELY) {
+        if long(run) && chance(run) < libm::log(UNLIKELY) && !within_resolution(&runs, number, &good, y, resolution) {
             health.frozen.push(good[run.start]..good[run.end - 1] + 1);
             health.frozen_s += times[run.end - 1] - times[run.start];
         } else if run.len() >= STOP && (stands == low || stands == high) && chance(run) < libm::log(UNLIKELY) {
@@ -71,6 +77,35 @@ pub fn health(t: &[f64], y: &[f64]) -> Health {
         }
     }
     health
+}
+
+/// The step of a signal that takes few values: the lower quartile of the distances between neighbouring ones. Where every sample has a value of its
+/// own that is next to nothing.
+fn resolution(good: &[usize], y: &[f64]) -> f64 {
+    let mut levels: Vec<f64> = good.iter().map(|&k| y[k]).collect();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    let mut steps: Vec<f64> = levels.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 4).copied().unwrap_or(0.0)
+}
+
+/// Whether a run tells no more than that the signal moved by less than it can show: it came to the run step by step, and leaves it as it goes on.
+/// A sensor that stood still while its quantity moved comes back with a jump.
+fn within_resolution(runs: &[std::ops::Range<usize>], number: usize, good: &[usize], y: &[f64], resolution: f64) -> bool {
+    let value = |run: &std::ops::Range<usize>| y[good[run.start]];
+    let change = |pair: &[std::ops::Range<usize>]| (value(&pair[1]) - value(&pair[0])).abs();
+    let before: Vec<f64> = runs[number.saturating_sub(NEAR)..=number].windows(2).map(change).collect();
+    let after: Vec<f64> = runs[number..(number + 1 + NEAR).min(runs.len())].windows(2).map(change).collect();
+    let middle = |changes: &[f64]| {
+        let mut sorted = changes.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied()
+    };
+    let fine = STEPS * resolution;
+    let came = middle(&before).is_none_or(|change| change <= fine);
+    let (leaves, goes_on) = (after.first().copied().unwrap_or(0.0), middle(after.get(1..).unwrap_or_default()).unwrap_or(0.0));
+    came && leaves <= fine.max(2.0 * goes_on)
 }
 
 /// Runs of equal samples, as ranges of positions in `good`.
@@ -108,6 +143,43 @@ mod tests {
         let t: Vec<f64> = (0..4000).map(|k| 0.02 * k as f64).collect();
         let y: Vec<f64> = t.iter().map(|t| (2.0 * libm::sin(0.1 * t)).round() * 0.5).collect();
         assert!(health(&t, &y).frozen.is_empty());
+    }
+
+    /// Still, then a maneuver, then still, in steps of a fifth of a degree; `noise` moves it between two values now and then.
+    fn coarse(noise: f64) -> (Vec<f64>, Vec<f64>) {
+        let t: Vec<f64> = (0..6000).map(|k| 0.02 * k as f64).collect();
+        let flown = |t: f64| if (40.0..70.0).contains(&t) { 4.0 * libm::sin(1.5 * (t - 40.0)) } else { 0.0 };
+        let y = t.iter().map(|&t| ((flown(t) + noise * libm::sin(1.0 + 777.7 * t)) / 0.2).round() * 0.2);
+        let y = y.collect();
+        (t, y)
+    }
+
+    #[test]
+    fn fault_a_channel_that_holds_still_within_its_resolution_is_not_frozen() {
+        for noise in [0.0, 0.05, 0.0999, 0.101] {
+            let (t, y) = coarse(noise);
+            let h = health(&t, &y);
+            assert!(h.frozen.is_empty() && !h.dead, "{noise}: {:?}", h.frozen);
+        }
+    }
+
+    #[test]
+    fn fault_a_coarse_channel_that_freezes_in_a_maneuver_is_frozen() {
+        let (t, mut y) = coarse(0.02);
+        let held = y[2200];
+        y[2200..2600].fill(held);
+        let h = health(&t, &y);
+        assert_eq!(h.frozen.len(), 1, "{:?}", h.frozen);
+        assert!((7.9..8.2).contains(&h.frozen_s), "{}", h.frozen_s);
+    }
+
+    #[test]
+    fn fault_a_coarse_channel_that_freezes_in_calm_air_is_told_by_its_jump() {
+        let (t, mut y) = coarse(0.11);
+        // from calm air into the maneuver
+        let held = y[1700];
+        y[1700..2300].fill(held);
+        assert_eq!(health(&t, &y).frozen.len(), 1, "{:?}", health(&t, &y).frozen);
     }
 
     #[test]

@@ -411,7 +411,8 @@ impl Work<'_> {
                 smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt(),
             );
             let known = sd < UNKNOWN * levels.start_sd[nx + k];
-            let text = format!("{} {value:.4e} +- {sd:.1e}, stretch {stretch}", parameter.quantity.doc);
+            let half = verdicts::INTERVAL * sd;
+            let text = format!("{} {value:.4e} +- {half:.1e} (95%), stretch {stretch}", parameter.quantity.doc);
             self.path.checks.push(consistency::Row {
                 channel: parameter.quantity.name.clone(),
                 check: "sensor error",
@@ -442,8 +443,11 @@ impl Work<'_> {
                 unit: parameter.quantity.unit.clone(),
                 verdict: if held.known { "not significant" } else { "not observable" },
                 text: format!(
-                    "{} {:.4e} +- {:.1e} if it were estimated: held at {}",
-                    parameter.quantity.doc, held.value, held.sd, parameter.start
+                    "{} {:.4e} +- {:.1e} (95%) if it were estimated: held at {}",
+                    parameter.quantity.doc,
+                    held.value,
+                    verdicts::INTERVAL * held.sd,
+                    parameter.start
                 ),
             });
         }

@@ -7,6 +7,8 @@ use super::smoother::Innovation;
 
 /// Below this correlation with what the others say, a channel's sign is reversed.
 const REVERSED: f64 = -0.8;
+/// Half width of the 95% interval in standard deviations.
+pub const INTERVAL: f64 = 1.96;
 /// A delay is told from this size on, s, where it is known; a scale from this deviation on.
 const DELAY: f64 = 0.01;
 const SCALE: f64 = 0.05;
@@ -47,7 +49,7 @@ impl Comparison {
         if sd < SCALE / 3.0 && matches!(self.which, Which::Output(_)) {
             let limit = SCALE.max(3.0 * sd);
             let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
-            let text = format!("measured change per reconstructed change {k:.4} +- {sd:.4}");
+            let text = format!("measured change per reconstructed change {k:.4} +- {:.4} (95%)", INTERVAL * sd);
             rows.push(row("scale", k, [1.0 - limit, 1.0 + limit], "-", verdict, text));
         }
         let [tau, sd] = self.delay;
@@ -60,14 +62,15 @@ impl Comparison {
             } else {
                 "early"
             };
-            let text = format!("measured behind reconstructed by {tau:.4} +- {sd:.4} s");
+            let text = format!("measured behind reconstructed by {tau:.4} +- {:.4} s (95%)", INTERVAL * sd);
             rows.push(row("time skew", tau, [-limit, limit], "s", verdict, text));
         }
         let [jump, sd] = self.jump;
         if sd < JUMP {
             let limit = JUMP.max(4.0 * sd);
             let verdict = if jump.abs() > limit { "clock jumps" } else { "good" };
-            let text = format!("{jump:.4} +- {sd:.4} s later in the second half of the flight than in the first");
+            let text =
+                format!("{jump:.4} +- {:.4} s (95%) later in the second half of the flight than in the first", INTERVAL * sd);
             rows.push(row("clock", jump, [-limit, limit], "s", verdict, text));
         }
         rows

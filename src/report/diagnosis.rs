@@ -103,12 +103,7 @@ fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<O
     let section = Diagnosis {
         missing: None,
         verdicts: verdicts(findings),
-        added: used::table(&used::Sources {
-            findings: Some(findings),
-            additions: get("additions"),
-            next_models: get("next_models"),
-            estimates: get("estimates"),
-        }),
+        added: used::table(&used::Sources::of(&get)),
         candidates: candidates(get("candidates")),
         held_out: held_out(get("held_out")),
         closures: closures(get("closures")),
@@ -218,7 +213,7 @@ fn closures(table: Option<&Columns>) -> Grid {
         grid.push(vec![
             Cell::new(table.text("diagnosis", row)),
             Cell::new(table.text("set", row)),
-            Cell::new(name).sub(table.text("unit", row)),
+            Cell::new(name).sub(table.unit_in("unit", row)),
             figure("rms_before"),
             figure("rms_after"),
             figure("theil_before"),
@@ -238,7 +233,7 @@ fn shifts(table: Option<&Columns>) -> Grid {
         let shift = table.number("shift", row);
         grid.push(vec![
             Cell::new(table.text("diagnosis", row)),
-            Cell::new(table.text("parameter", row)).sub(table.text("unit", row)),
+            Cell::new(table.text("parameter", row)).sub(table.unit_in("unit", row)),
             Cell::new(plus_minus(table.number("before", row), table.number("before_sd", row))),
             Cell::new(plus_minus(table.number("after", row), table.number("after_sd", row))),
             Cell::new(number(shift, 3)).level_if(shift.abs() > 3.0, Level::Warn),
@@ -284,7 +279,7 @@ pub fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
         let label = format!("{diagnosis}: {segment}");
         let column = |name: &str| rows.iter().map(|&r| table.number(name, r)).collect::<Vec<f64>>();
         let (t, measured, before, after) = (column("t_s"), column("measured"), column("before"), column("after"));
-        let (factor, unit) = display_unit(&rows.first().map(|&r| table.text("unit", r)).unwrap_or_default());
+        let (factor, unit) = display_unit(&rows.first().map(|&r| table.unit_in("unit", r)).unwrap_or_default());
         let kept = thin(t.len(), &[&measured, &before, &after], DRAWN);
         let some = |values: &[f64]| shorts(kept.iter().map(|&k| values[k]), factor);
         let curve = Curve {

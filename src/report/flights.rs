@@ -205,7 +205,7 @@ pub fn summary(segments: Option<&Columns>, responses: Option<&Columns>, flights:
         return None;
     }
     let without: Vec<&str> = flights.iter().map(String::as_str).filter(|f| !searched(f) && !whole(f)).collect();
-    let as_they_are = flights.iter().filter(|f| whole(f) && !searched(f)).count();
+    let as_they_are = flights.iter().filter(|f| whole(f)).count();
     Some(if !without.is_empty() {
         (Level::Bad, format!("{} without a maneuver that is used: {}.", count(without.len(), "flight"), without.join(", ")))
     } else if as_they_are == flights.len() {

@@ -20,7 +20,7 @@ pub fn paths(table: Option<&Columns>) -> Vec<PathPlot> {
     let Some(table) = table else { return Vec::new() };
     let mut plots: Vec<PathPlot> = Vec::new();
     for ([flight, name], rows) in table.groups(["flight", "channel"]) {
-        let (factor, unit) = display_unit(&rows.first().map(|&row| table.text("unit", row)).unwrap_or_default());
+        let (factor, unit) = display_unit(&rows.first().map(|&row| table.unit_in("unit", row)).unwrap_or_default());
         let pick = |column: &str| rows.iter().map(|&row| table.number(column, row)).collect::<Vec<f64>>();
         let (t, measured, modelled) = (pick("t_s"), pick("measured"), pick("reconstructed"));
         let kept = thin(t.len(), &[&measured, &modelled], LIMIT);

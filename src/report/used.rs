@@ -13,6 +13,16 @@ pub struct Sources<'a> {
     pub estimates: Option<&'a Columns>,
 }
 
+/// Their names.
+pub const TABLES: [&str; 4] = ["findings", "additions", "next_models", "estimates"];
+
+impl<'a> Sources<'a> {
+    pub fn of(get: impl Fn(&str) -> Option<&'a Columns>) -> Self {
+        let [findings, additions, next_models, estimates] = TABLES.map(get);
+        Sources { findings, additions, next_models, estimates }
+    }
+}
+
 /// One parameter that a diagnosis added to its model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Added {
@@ -24,6 +34,8 @@ pub struct Added {
     pub tested: [f64; 2],
     /// Where the amended model file starts: training maneuvers, all additions together. NaN where no file was written.
     pub start: f64,
+    /// The flights do not determine it: the amended model holds it where it starts.
+    pub fixed: bool,
     /// Value and sd of the estimate with the amended model, all maneuvers, the pipeline's own method; and how it ended.
     pub again: Option<([f64; 2], String)>,
 }
@@ -37,6 +49,7 @@ impl Added {
     /// The value to use and its sd: estimated again where that converged, else as it was found.
     pub fn used(&self) -> [f64; 2] {
         match &self.again {
+            _ if self.fixed => [self.start, f64::NAN],
             Some((found, _)) if self.is_estimated() => *found,
             _ => self.tested,
         }
@@ -44,13 +57,20 @@ impl Added {
 
     /// `tau = 0.12 ± 0.01 [s]`
     pub fn words(&self) -> String {
+        let held = if self.fixed { ", held" } else { "" };
+        format!("{} = {}{}{held}", self.parameter, self.value(), bracketed(&self.unit))
+    }
+
+    /// The value to use, with its interval.
+    fn value(&self) -> String {
         let [value, sd] = self.used();
-        format!("{} = {}{}", self.parameter, plus_minus(value, sd), bracketed(&self.unit))
+        if self.fixed { number(value, 3) } else { plus_minus(value, sd) }
     }
 
     /// Where the value to use comes from.
     pub fn source(&self) -> &'static str {
         match &self.again {
+            _ if self.fixed => "held in the amended model: the flights do not determine it",
             _ if self.is_estimated() => "estimated with all maneuvers",
             Some(_) => "from its test: the estimate with all maneuvers did not converge",
             None => "from its test: it was not estimated again",
@@ -75,7 +95,8 @@ pub fn added(from: &Sources) -> Vec<Added> {
                 candidate: candidate.clone(),
                 unit: additions.unit_in("unit", r),
                 tested: [additions.number("value", r), additions.number("sd", r)],
-                start: starts.get(&parameter).copied().unwrap_or(f64::NAN),
+                start: starts.get(&parameter).map_or(f64::NAN, |s| s.0),
+                fixed: starts.get(&parameter).is_some_and(|s| s.1),
                 again: from.next_models.zip(from.estimates).and_then(|(next, t)| again(next, t, &diagnosis, &parameter)),
                 parameter,
             });
@@ -84,15 +105,16 @@ pub fn added(from: &Sources) -> Vec<Added> {
     all
 }
 
-/// Starting values of the blocks that an amended model file has behind the model's own lines.
-fn starts(next_models: &Columns, diagnosis: &str) -> BTreeMap<String, f64> {
+/// Starting values of the blocks that an amended model file has behind the model's own lines, and whether they are held.
+fn starts(next_models: &Columns, diagnosis: &str) -> BTreeMap<String, (f64, bool)> {
     let mut starts = BTreeMap::new();
     for row in (0..next_models.rows()).filter(|&r| next_models.text("diagnosis", r) == diagnosis) {
         let Ok(lines) = next_models.text("added", row).parse::<toml::Table>() else { continue };
         let blocks = lines.get("effect").and_then(toml::Value::as_array).into_iter().flatten();
         for (name, of) in blocks.filter_map(|b| b.get("parameters")?.as_table()).flatten() {
             if let Some(start) = of.get("start").and_then(|v| v.as_float().or(v.as_integer().map(|i| i as f64))) {
-                starts.insert(name.clone(), start);
+                let fixed = of.get("fixed").and_then(toml::Value::as_bool).unwrap_or(false);
+                starts.insert(name.clone(), (start, fixed));
             }
         }
     }
@@ -116,8 +138,8 @@ pub fn table(from: &Sources) -> Grid {
         "effect",
         "parameter",
         "#in its test",
-        "#start of the amended model",
-        "#estimated with it",
+        "#start of the|amended model",
+        "#estimated|with it",
         "#to use",
         "~because",
     ];
@@ -129,7 +151,6 @@ pub fn table(from: &Sources) -> Grid {
             Some((_, stop)) => stop.clone(),
             None => String::new(),
         };
-        let [value, sd] = a.used();
         grid.push(vec![
             Cell::new(&a.diagnosis),
             Cell::new(&a.candidate),
@@ -137,7 +158,7 @@ pub fn table(from: &Sources) -> Grid {
             pale(plus_minus(a.tested[0], a.tested[1])),
             pale(if a.start.is_finite() { number(a.start, 4) } else { String::new() }),
             pale(again),
-            Cell::new(plus_minus(value, sd)).level(Level::Good),
+            Cell::new(a.value()).level(Level::Good),
             Cell::new(a.source()),
         ]);
     }
@@ -154,6 +175,15 @@ pub fn table(from: &Sources) -> Grid {
 mod tests {
     use super::*;
     use crate::table::Table;
+
+    const LINES: &str = r#"# found
+[[effect]]
+title = "t"
+
+[effect.parameters]
+tau = { unit = "s", start = 0.115 }
+depth = { unit = "s", start = 3.5, fixed = true }
+"#;
 
     fn tables(stop: &str) -> [Columns; 4] {
         let findings = Table::build("findings")
@@ -179,12 +209,12 @@ mod tests {
             .i64("round", [1, 2, 2])
             .repeat("candidate", "lag")
             .repeat("standing", "chosen")
-            .strings("parameter", ["tau", "tau", "shape"])
+            .strings("parameter", ["tau", "tau", "depth"])
             .repeat("unit", "s")
             .f64("value", [0.5, 0.11, 1.0])
             .f64("sd", [0.1, 0.01, f64::NAN])
             .f64("null", [0.0; 3])
-            .bools("held", [false, false, true])
+            .bools("held", [false; 3])
             .bools("at_bound", [false; 3])
             .f64("expected", [f64::NAN; 3])
             .opt_strings("expected_from", [None::<&str>; 3])
@@ -193,10 +223,7 @@ mod tests {
             .repeat("diagnosis", "d")
             .repeat("estimate", "m")
             .repeat("next", "d.next")
-            .strings(
-                "added",
-                ["# found\n[[effect]]\ntitle = \"t\"\n\n[effect.parameters]\ntau = { unit = \"s\", start = 0.115 }\n"],
-            )
+            .strings("added", [LINES])
             .finish();
         let estimates = Table::build("estimates")
             .strings("model", ["m", "d.next"])
@@ -222,14 +249,11 @@ mod tests {
 
     fn only(stop: &str) -> Added {
         let [findings, additions, next, estimates] = tables(stop);
-        let from = Sources {
-            findings: Some(&findings),
-            additions: Some(&additions),
-            next_models: Some(&next),
-            estimates: Some(&estimates),
-        };
+        let all = [("findings", &findings), ("additions", &additions), ("next_models", &next), ("estimates", &estimates)];
+        let from = Sources::of(|table| all.iter().find(|(name, _)| *name == table).map(|(_, t)| *t));
         let all = added(&from);
-        assert_eq!(all.len(), 1, "the held one and another round's are not told: {all:?}");
+        assert_eq!(all.len(), 2, "another round's are not told: {all:?}");
+        assert_eq!(all[1].words(), "depth = 3.50 [s], held");
         all[0].clone()
     }
 

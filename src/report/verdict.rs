@@ -51,13 +51,7 @@ const LONG: usize = 170;
 
 fn build(given: &Given) -> Result<Option<Body>> {
     let Some(findings) = given.get("findings").filter(|t| t.rows() > 0) else { return Ok(None) };
-    let from = Sources {
-        findings: Some(findings),
-        additions: given.get("additions"),
-        next_models: given.get("next_models"),
-        estimates: given.get("estimates"),
-    };
-    let added = used::added(&from);
+    let added = used::added(&Sources::of(|table| given.get(table)));
     let overlays = diagnosis::overlays(given.get("overlays"));
     let (mut verdicts, mut figures) = (Vec::new(), Vec::new());
     for verdict in diagnosis::verdicts(findings) {
@@ -113,7 +107,7 @@ fn found(given: &Given, findings: &Columns, rows: &[usize], row: usize, added: &
     let lacks = if findings.text("verdict", row).starts_with("located") { "Made smaller by:" } else { "The model lacks:" };
     let mut lines = vec![line(lacks, format!("{}.", sentence(row)))];
     let mine: Vec<&Added> = added.iter().filter(|a| a.diagnosis == name && a.candidate == candidate).collect();
-    if let Some(first) = mine.first() {
+    if let Some(first) = mine.iter().find(|a| !a.fixed).or(mine.first()) {
         let values: Vec<String> = mine.iter().map(|a| a.words()).collect();
         lines.push(line("Use:", format!("{} ({}).", values.join(", "), first.source())));
     }
