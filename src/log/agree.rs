@@ -222,10 +222,9 @@ pub(super) fn unit(name: &str, signal: &SignalMap, known: &[FieldInfo], place: P
         return Stated::Agrees;
     }
     let of = if has.dim == wanted.dim { "" } else { ", another quantity" };
-    let what = [
-        format!("signal \"{name}\" is read in \"{unit}\", but "),
-        format!(" says that field \"{field}\" of topic \"{topic}\" is in \"{stated}\"{of}"),
-    ];
+    let what = format!(
+        "signal \"{name}\" is read in \"{unit}\", but field \"{field}\" of topic \"{topic}\" is in \"{stated}\"{of} by the schema of "
+    );
     let help = format!("write unit = \"{stated}\"; where the log is wrong, keep unit = \"{unit}\" and add despite = \"{stated}\"");
-    Stated::Other(Mistake { place, what, help: Some(help) })
+    Stated::Other(Mistake { place, what: [what, String::new()], help: Some(help) })
 }

@@ -427,7 +427,7 @@ fn fault_a_unit_that_is_not_the_logs_is_refused_unless_it_says_despite() {
     for (map, wanted) in [
         (
             one("tas", "\"m/s\""),
-            "signal \"tas\" is read in \"m/s\", but stated.mcap says that field \"tas\" of topic \"/air\" is in \"knots\"",
+            "signal \"tas\" is read in \"m/s\", but field \"tas\" of topic \"/air\" is in \"knots\" by the schema of stated.mcap",
         ),
         (one("alpha", "\"K\""), "is in \"deg\", another quantity"),
         (one("tas", "\"m/s\"\ndespite = \"km/h\""), "despite = \"knots\""),

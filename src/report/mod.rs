@@ -164,14 +164,6 @@ pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
     checks::answers(&Given { input: &input, flights: &flights, tables: &columns, named: checks::SECTION.tables })
 }
 
-/// Every parameter that diagnoses added, with the one value to use and where that comes from, as the page says it. Looks at `findings`,
-/// `additions`, `next_models` and `estimates`.
-pub fn values_to_use(tables: &BTreeMap<String, Table>) -> Vec<String> {
-    let columns = columns(&used::TABLES, tables);
-    let added = used::added(&used::Sources::of(|table| columns.get(table)));
-    added.iter().map(|a| format!("{} ({})", a.words(), a.source())).collect()
-}
-
 fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String, Columns> {
     let named = wanted.iter().filter_map(|name| Some((name.to_string(), tables.get(*name)?)));
     named.map(|(name, table)| (name, Columns::of(table))).collect()
