@@ -114,7 +114,7 @@ fn to_use(table: &Table, candidate: &str) -> Result<String> {
             false => format!("{} not determined (best at {}{unit})", parameters[i], digits(values[i])),
         }
     };
-    let source = mine.first().map_or("", |&i| sources[i]);
+    let source = mine.iter().find(|&&i| sds[i].is_finite()).or(mine.first()).map_or("", |&i| sources[i]);
     Ok(format!("use (95%, {source}): {}", mine.iter().map(value).collect::<Vec<_>>().join(", ")))
 }
 
@@ -142,7 +142,8 @@ mod tests {
         };
         let number = || std::iter::once(f64::NAN).chain(rows.iter().map(|r| r.2)).collect::<Vec<f64>>();
         let texts = std::iter::once("Nothing is missing that these flights could show. More words.".to_string());
-        let texts = texts.chain(rows.iter().map(|r| format!("{} is {}: x = 1; gains.", r.0, "far more than fits into a line of it ".repeat(5))));
+        let texts = texts
+            .chain(rows.iter().map(|r| format!("{} is {}: x = 1; gains.", r.0, "far more than fits into a line of it ".repeat(5))));
         Table::build("findings")
             .repeat("diagnosis", "d")
             .repeat("model", "m")

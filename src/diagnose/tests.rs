@@ -100,14 +100,7 @@ fn judged(segments: &[Segment], method: &estimate::Settings, settings: &Settings
     let base = model("", "", "alpha");
     let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
     let held = held_out(segments, &names, settings);
-    let subject = Subject {
-        model: &base,
-        segments,
-        held_out: &held.held_out,
-        method,
-        context: &Context::default(),
-        settings,
-    };
+    let subject = Subject { model: &base, segments, held_out: &held.held_out, method, context: &Context::default(), settings };
     let library: Vec<_> =
         effect::load(&[]).expect("the library").into_iter().filter(|e| LIBRARY.contains(&e.name.as_str())).collect();
     let offer = |model: &Model| Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()));
@@ -182,8 +175,7 @@ fn recovery_what_differs_from_maneuver_to_maneuver_is_not_missing_and_hides_noth
         for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
             assert!((v.value - truth).abs() < 4.0 * v.sd.expect("sd"), "{v:?}");
         }
-        let (predicted, realised) =
-            refit.held_out.iter().fold((0.0, 0.0), |sum, g| (sum.0 + g.predicted, sum.1 + g.realised));
+        let (predicted, realised) = refit.held_out.iter().fold((0.0, 0.0), |sum, g| (sum.0 + g.predicted, sum.1 + g.realised));
         assert!((realised - predicted).abs() < 4.0 * (2.0f64 * predicted).sqrt(), "{realised} of {predicted}");
     }
     // As one number it is something missing.

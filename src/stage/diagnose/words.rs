@@ -65,7 +65,11 @@ pub fn provenance(told: &Told, judged: &Judged, limit: f64) -> String {
 
 /// The verdict in a few sentences, and what errors of the data alone would explain.
 pub fn verdict(told: &Told) -> String {
-    let base = if told.base.is_empty() { String::new() } else { format!(" Parameters are taken as the pipeline estimates them: {}.", told.base) };
+    let base = if told.base.is_empty() {
+        String::new()
+    } else {
+        format!(" Parameters are taken as the pipeline estimates them: {}.", told.base)
+    };
     format!("{}{}{base}", missing(told), data_first(&told.diagnosis))
 }
 
