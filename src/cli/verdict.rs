@@ -80,20 +80,28 @@ fn named(findings: &Table, recommended: Option<&Table>) -> Result<Vec<String>> {
     let evidence = |i: usize| gains[i] + held_out[i];
     let Some(&best) = added.iter().max_by(|a, b| evidence(**a).total_cmp(&evidence(**b))) else { return Ok(Vec::new()) };
     let candidate = candidates[best].unwrap_or_default();
-    let mut lines = vec![texts[best].split(": ").next().unwrap_or_default().to_string()];
-    if let Some(table) = recommended {
-        lines.push(to_use(table, candidate)?);
-    }
     let alike = (0..findings.rows()).filter(|&i| of(i, "alike")).count();
     let others = added.iter().filter(|i| **i != best).filter_map(|&i| candidates[i]).collect::<Vec<_>>().join(", ");
     let others = if others.is_empty() { others } else { format!("and {others}") };
     let alike = if alike > 0 { format!("{alike} that the flights do not tell from these") } else { String::new() };
     let rest: Vec<String> = [others, alike].into_iter().filter(|text| !text.is_empty()).collect();
-    lines.extend((!rest.is_empty()).then(|| rest.join("; ")));
-    Ok(lines)
+    let sentence = texts[best].split(": ").next().unwrap_or_default().to_string();
+    let values = recommended.map(|table| to_use(table, candidate)).transpose()?.unwrap_or_default();
+    let values = in_two(&values, if rest.is_empty() { WIDTH } else { usize::MAX });
+    Ok(std::iter::once(sentence).chain(values).chain((!rest.is_empty()).then(|| rest.join("; "))).collect())
 }
 
-/// `use C_m_eta_lag = 0.283 +- 0.010 1/rad (95%; estimate over all maneuvers)`
+/// One line, or two where it is longer than `most`.
+fn in_two(text: &str, most: usize) -> Vec<String> {
+    let head: String = text.chars().take(most).collect();
+    match head.rsplit_once(", ").filter(|_| head.len() < text.len()) {
+        _ if text.is_empty() => Vec::new(),
+        Some((first, _)) => vec![format!("{first},"), format!("    {}", &text[first.len() + 2..])],
+        None => vec![text.to_string()],
+    }
+}
+
+/// `use (95%, estimate over all maneuvers): C_m_eta_lag = 0.283 +- 0.010 1/rad`
 fn to_use(table: &Table, candidate: &str) -> Result<String> {
     let (candidates, parameters, units) = (table.strings("candidate")?, table.strings("parameter")?, table.strings("unit")?);
     let (values, sds, sources) = (table.f64("value")?, table.f64("sd")?, table.strings("source")?);
@@ -106,8 +114,8 @@ fn to_use(table: &Table, candidate: &str) -> Result<String> {
             false => format!("{} not determined (best at {}{unit})", parameters[i], digits(values[i])),
         }
     };
-    let source = mine.first().map_or("", |&i| sources[i]);
-    Ok(format!("use {} (95%; {source})", mine.iter().map(value).collect::<Vec<_>>().join(", ")))
+    let source = mine.iter().find(|&&i| sds[i].is_finite()).or(mine.first()).map_or("", |&i| sources[i]);
+    Ok(format!("use (95%, {source}): {}", mine.iter().map(value).collect::<Vec<_>>().join(", ")))
 }
 
 fn first_sentence(text: &str) -> String {
@@ -178,7 +186,10 @@ mod tests {
         let lines = lines("d", &findings("one of these", &rows), Some(&recommended())).expect("lines");
         assert_eq!(lines.len(), 5, "{lines:#?}");
         assert!(lines[0].contains("d: ONE OF THESE") && lines[1].contains("two is far"), "{lines:#?}");
-        assert!(lines[2].contains("use b = 8.40 +- 0.392 m, c not determined (best at 0.250) (95%; estimate"), "{lines:#?}");
+        let values = "use (95%, estimate over all maneuvers): b = 8.40 +- 0.392 m, c not determined (best at 0.250)";
+        assert!(lines[2].contains(values), "{lines:#?}");
+        assert_eq!(in_two("use (x): a = 1, b = 2, c = 3", 20), ["use (x): a = 1,", "    b = 2, c = 3"]);
+        assert!(in_two("", 20).is_empty() && in_two("short", 20) == ["short"]);
         assert!(lines[3].contains("and one; 1 that the flights do not tell"), "{lines:#?}");
         assert!(lines.iter().all(|line| line.chars().count() == lines[0].chars().count()), "{lines:#?}");
         let nothing = super::lines("d", &findings("nothing missing", &[]), None).expect("lines");

@@ -92,19 +92,15 @@ pub fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
 }
 
 fn verdict(truth: &Model, seed: u64, rho: f64, settings: &Settings) -> Diagnosis {
+    judged(&campaign(truth, seed, rho), &estimate::Settings::default(), settings)
+}
+
+/// The verdict on the model without anything hidden, estimated by `method`.
+fn judged(segments: &[Segment], method: &estimate::Settings, settings: &Settings) -> Diagnosis {
     let base = model("", "", "alpha");
-    let segments = campaign(truth, seed, rho);
     let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
-    let held = held_out(&segments, &names, settings);
-    let method = estimate::Settings::default();
-    let subject = Subject {
-        model: &base,
-        segments: &segments,
-        held_out: &held.held_out,
-        method: &method,
-        context: &Context::default(),
-        settings,
-    };
+    let held = held_out(segments, &names, settings);
+    let subject = Subject { model: &base, segments, held_out: &held.held_out, method, context: &Context::default(), settings };
     let library: Vec<_> =
         effect::load(&[]).expect("the library").into_iter().filter(|e| LIBRARY.contains(&e.name.as_str())).collect();
     let offer = |model: &Model| Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()));
@@ -148,6 +144,47 @@ fn recovery_a_hidden_lag_is_named_with_its_size() {
     for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
         assert!((v.value - truth).abs() < 4.0 * v.sd.expect("sd"), "{v:?}");
     }
+}
+
+/// Where the stability grows with airspeed and every maneuver is estimated apart, with lines fitted through the estimates or without, that is not missing; what is
+/// hidden besides is found, and is what it is.
+#[test]
+fn recovery_what_differs_from_maneuver_to_maneuver_is_not_missing_and_hides_nothing() {
+    let stiffer = "k = { unit = \"1/(m s)\", start = -0.03 }\nV_0 = { unit = \"m/s\", start = 95.0 }\n";
+    let lag = "L = { unit = \"1/s^2\", start = 1.5 }\nr_H = { unit = \"m\", start = 16.0 }\n";
+    let line = |name: &str| Fitted { parameter: name.to_string(), against: "V".into(), unit: "m/s".into() };
+    let lines: Vec<Fitted> = ["Z_a", "Z_d", "M_a", "M_q", "M_d"].map(line).into();
+    let of = |truth: &Model, lines: &[Fitted]| {
+        let mut segments = campaign(truth, 11, 0.5);
+        for segment in &mut segments {
+            let speed = segment.record.inputs[1];
+            segment.conditions.insert("V".into(), speed);
+        }
+        let claim = Claim { apart: Some(estimate::SEGMENT.to_string()), lines: lines.to_vec() };
+        let base = model("", "", "alpha");
+        let (method, _) = together(&base, &estimate::Settings::default(), &mut segments, &claim).unwrap_or_else(|e| panic!("{e}"));
+        judged(&segments, &method, &Settings::default())
+    };
+    for lines in [&lines[..], &[]] {
+        let d = of(&model(stiffer, "+ k*(V - V_0)*alpha", "alpha"), lines);
+        assert_eq!(d.verdict, Verdict::NothingMissing, "{}", told(&d));
+        let both = format!("{stiffer}{lag}");
+        let d = of(&model(&both, "+ k*(V - V_0)*alpha + L*delay(de, r_H/V)", "alpha"), lines);
+        assert_eq!((&d.verdict, d.added[0].effect.as_str()), (&Verdict::Named, "downwash-lag"), "{}", told(&d));
+        let refit = d.rounds[d.findings[0].round].judged[d.findings[0].added].refit.as_ref().expect("refitted");
+        for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
+            assert!((v.value - truth).abs() < 4.0 * v.sd.expect("sd"), "{v:?}");
+        }
+        let (predicted, realised) = refit.held_out.iter().fold((0.0, 0.0), |sum, g| (sum.0 + g.predicted, sum.1 + g.realised));
+        assert!((realised - predicted).abs() < 4.0 * (2.0f64 * predicted).sqrt(), "{realised} of {predicted}");
+    }
+    // As one number it is something missing.
+    let one = judged(
+        &campaign(&model(stiffer, "+ k*(V - V_0)*alpha", "alpha"), 11, 0.5),
+        &estimate::Settings::default(),
+        &Settings::default(),
+    );
+    assert_ne!(one.verdict, Verdict::NothingMissing, "{}", told(&one));
 }
 
 #[test]

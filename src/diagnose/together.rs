@@ -20,6 +20,7 @@
 use crate::error::Errors;
 use crate::estimate::{Grouping, InitialFrom, Line, SEGMENT, Segment, Settings, extended};
 use crate::model::{Model, Scope};
+use indexmap::IndexMap;
 
 /// How the estimates of a pipeline come about.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -100,11 +101,17 @@ fn line_of(fitted: &Fitted, segments: &[Segment]) -> Option<Line> {
 
 /// The lines and what differs, in words.
 fn words(method: &Settings, apart: &str) -> String {
-    let lines: Vec<String> = method.lines.iter().map(|(name, line)| format!("{name} is a line in {}", line.against)).collect();
+    let mut groups: IndexMap<&str, Vec<&str>> = IndexMap::new();
+    method.lines.iter().for_each(|(name, line)| groups.entry(&line.against).or_default().push(name));
+    let group = |(against, names): (&str, Vec<&str>)| match &names[..] {
+        [one] => format!("{one} is a line in {against}"),
+        several => format!("{} are lines in {against}", several.join(", ")),
+    };
+    let lines: Vec<String> = groups.into_iter().map(group).collect();
     let others = if apart == SEGMENT { "maneuver" } else { apart };
     match &lines[..] {
         [] => format!("parameters have one value per {others}"),
-        lines => format!("{}; what has no line has one value per {others}", lines.join(", ")),
+        lines => format!("{}; what has no line has one value per {others}", lines.join("; ")),
     }
 }
 

@@ -198,9 +198,9 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit 
         let cut_short = taken.as_ref().is_none_or(|taken| taken.refused > 0 || taken.damping > DAMPED);
         if is_long && cut_short && is_idle(&point, taken.as_ref()) {
             let other = turned(layout, evaluate, &point, rule.max_halvings);
-            let gone = is_idle(&point, other.as_ref());
-            taken = [taken, other].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
-            if gone && whole.as_ref().is_some_and(|step| is_lowest(layout, evaluate, &point, step, rule.max_halvings)) {
+            if !is_idle(&point, other.as_ref()) {
+                taken = [taken, other].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
+            } else if whole.as_ref().is_some_and(|step| is_lowest(layout, evaluate, &point, step, rule.max_halvings)) {
                 stop = Stop::Converged;
                 break;
             }

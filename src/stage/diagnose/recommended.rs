@@ -19,13 +19,16 @@ struct Pick {
 /// # Errors
 /// A table lacks a column.
 pub fn values(diagnosis: &str, additions: &Table, again: Option<&Table>) -> Result<Table> {
-    let (found, held) = (additions.bools("found")?, additions.bools("held")?);
+    let (found, held, determined) = (additions.bools("found")?, additions.bools("held")?, additions.bools("determined")?);
     let (candidates, parameters) = (additions.strings("candidate")?, additions.strings("parameter")?);
     let (units, fitted, sds) = (additions.strings("unit")?, additions.f64("value")?, additions.f64("sd")?);
     let rows: Vec<usize> = (0..found.len()).filter(|&i| found[i] && !held[i]).collect();
     let pick = |&i: &usize| -> Result<Pick> {
         let estimated = again.map(|table| estimated(table, parameters[i])).transpose()?.flatten();
-        let fit = Pick { value: fitted[i], sd: sds[i], source: "fit to the training maneuvers" };
+        let fit = match determined[i] {
+            true => Pick { value: fitted[i], sd: sds[i], source: "fit to the training maneuvers" },
+            false => Pick { value: fitted[i], sd: f64::NAN, source: "not determined" },
+        };
         Ok(estimated.map_or(fit, |(value, sd)| Pick { value, sd, source: "estimate over all maneuvers" }))
     };
     let picks: Vec<Pick> = rows.iter().map(pick).collect::<Result<_>>()?;
@@ -56,7 +59,8 @@ fn estimated(table: &Table, parameter: &str) -> Result<Option<(f64, f64)>> {
 mod tests {
     use super::*;
 
-    fn additions() -> Table {
+    /// A size, a shape (determined or not) and a switch.
+    fn additions(arm: bool) -> Table {
         Table::build("additions")
             .repeat("diagnosis", "d")
             .i64("round", vec![2; 3])
@@ -68,6 +72,7 @@ mod tests {
             .f64("sd", vec![0.01, 0.2, f64::NAN])
             .f64("null", vec![0.0, f64::NAN, 0.0])
             .bools("held", vec![false, false, true])
+            .bools("determined", vec![true, arm, true])
             .bools("found", vec![true; 3])
             .bools("at_bound", vec![false; 3])
             .f64("expected", vec![f64::NAN; 3])
@@ -104,7 +109,7 @@ mod tests {
     #[test]
     fn the_estimate_over_all_maneuvers_is_used_where_it_is_one_and_converged() {
         let of = |again: Option<&Table>| {
-            let t = values("d", &additions(), again).expect("values");
+            let t = values("d", &additions(true), again).expect("values");
             let sources: Vec<String> = t.strings("source").expect("column").iter().map(|s| s.chars().take(3).collect()).collect();
             (t.f64("value").expect("column").to_vec(), sources.join(" "))
         };
@@ -115,5 +120,9 @@ mod tests {
         assert_eq!(of(Some(&limit)), (vec![0.3, 8.0], "fit fit".to_string()));
         let apart = again(&[("a", "size", 0.31, "converged"), ("b", "size", 0.33, "converged"), ("a", "arm", 8.4, "converged")]);
         assert_eq!(of(Some(&apart)), (vec![0.3, 8.4], "fit est".to_string()));
+        // What the flights do not determine is held in the amended model.
+        let held = values("d", &additions(false), Some(&again(&[("all", "size", 0.31, "converged")]))).expect("values");
+        assert_eq!(held.strings("source").expect("column"), ["estimate over all maneuvers", "not determined"]);
+        assert!(held.f64("sd").expect("column")[1].is_nan());
     }
 }

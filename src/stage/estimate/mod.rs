@@ -164,7 +164,10 @@ pub(super) fn estimated(config: &Config, campaign: &Campaign, inputs: &Inputs) -
         notes.extend(outcome_notes(config, batch, estimation));
     }
     if !estimations.is_empty() && estimations.iter().all(|e| e.stop != estimate::Stop::Converged) {
-        let text = format!("no estimate of {} converged", config.name());
+        let mut stops: Vec<&str> = estimations.iter().map(|e| e.stop.as_str()).collect();
+        stops.sort_unstable();
+        stops.dedup();
+        let text = format!("no estimate of {} converged: {}", config.name(), stops.join(", "));
         notes.push(note(config, "", Severity::Missing, config.name(), estimations.len(), text));
     }
     let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();
