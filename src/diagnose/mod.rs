@@ -86,8 +86,8 @@ mod surrogate;
 #[cfg(test)]
 mod tests;
 pub mod thresholds;
-mod together;
 mod timescale;
+mod together;
 mod unseen;
 
 use crate::estimate::{self, Segment};

@@ -151,7 +151,7 @@ fn additions(told: &Told) -> Result<Table> {
         .f64("sd", rows.iter().map(|r| r.2.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .f64("null", rows.iter().map(|r| r.2.null.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .bools("held", rows.iter().map(|r| r.2.held).collect::<Vec<_>>())
-        .bools("determined", rows.iter().map(|r| r.2.is_determined()).collect::<Vec<_>>())
+        .bools("determined", rows.iter().map(|r| r.2.is_determined).collect::<Vec<_>>())
         .bools("found", rows.iter().map(|r| is_found(told, r.0, r.1)).collect::<Vec<_>>())
         .bools("at_bound", rows.iter().map(|r| r.2.at_bound).collect::<Vec<_>>())
         .f64("expected", rows.iter().map(|r| r.2.check.as_ref().map_or(f64::NAN, |c| c.1)).collect::<Vec<_>>())
