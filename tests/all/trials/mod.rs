@@ -211,6 +211,9 @@ fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     outcome.iter().filter(told).for_each(|o| println!("{}\n", story(hidden, setting, o)));
     let row = row(hidden, setting, outcome.as_ref());
     println!("{}", row.line());
+    if let Some(o) = outcome.as_ref().filter(|_| row.kind == Kind::Nothing) {
+        println!("{} #{}: evidence over limit {:.2}", row.hidden, row.seed, most(&o.diagnosis));
+    }
     row
 }
 
