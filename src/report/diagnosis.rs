@@ -15,7 +15,7 @@ pub const SECTION: Section = Section {
     tables: &[
         "findings",
         "candidates",
-        "additions",
+        "recommended",
         "held_out",
         "closures",
         "shifts",
@@ -103,7 +103,7 @@ fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<O
     let section = Diagnosis {
         missing: None,
         verdicts: verdicts(findings),
-        added: used::table(&used::Sources::of(&get)),
+        added: used::table(get("recommended")),
         candidates: candidates(get("candidates")),
         held_out: held_out(get("held_out")),
         closures: closures(get("closures")),

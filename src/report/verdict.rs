@@ -5,14 +5,14 @@ use super::diagnosis::{self, Overlay};
 use super::format::number;
 use super::grid::Level;
 use super::section::{Body, Given, Section};
-use super::used::{self, Added, Sources};
+use super::used::{self, Added};
 use crate::error::Result;
 use serde::Serialize;
 
 pub const SECTION: Section = Section {
     id: "verdict",
     heading: "Verdict of the diagnosis",
-    tables: &["findings", "candidates", "held_out", "overlays", "additions", "next_models", "estimates"],
+    tables: &["findings", "candidates", "held_out", "overlays", "recommended"],
     build,
 };
 
@@ -51,7 +51,7 @@ const LONG: usize = 170;
 
 fn build(given: &Given) -> Result<Option<Body>> {
     let Some(findings) = given.get("findings").filter(|t| t.rows() > 0) else { return Ok(None) };
-    let added = used::added(&Sources::of(|table| given.get(table)));
+    let added = used::added(given.get("recommended"));
     let overlays = diagnosis::overlays(given.get("overlays"));
     let (mut verdicts, mut figures) = (Vec::new(), Vec::new());
     for verdict in diagnosis::verdicts(findings) {
@@ -107,9 +107,9 @@ fn found(given: &Given, findings: &Columns, rows: &[usize], row: usize, added: &
     let lacks = if findings.text("verdict", row).starts_with("located") { "Made smaller by:" } else { "The model lacks:" };
     let mut lines = vec![line(lacks, format!("{}.", sentence(row)))];
     let mine: Vec<&Added> = added.iter().filter(|a| a.diagnosis == name && a.candidate == candidate).collect();
-    if let Some(first) = mine.iter().find(|a| !a.fixed).or(mine.first()) {
+    if let Some(first) = mine.iter().find(|a| a.is_determined()).or(mine.first()) {
         let values: Vec<String> = mine.iter().map(|a| a.words()).collect();
-        lines.push(line("Use:", format!("{} ({}).", values.join(", "), first.source())));
+        lines.push(line("Use:", format!("{} ({}).", values.join(", "), first.source)));
     }
     let of = |column: &str| number(findings.number(column, row), 3);
     let gains = [of("held_out_realised"), of("held_out_predicted"), of("gain"), of("limit")];
