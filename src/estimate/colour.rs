@@ -250,13 +250,16 @@ pub mod tests_only {
     use super::*;
     use crate::noise::Ar;
 
-    /// The covariance under these models of the noise, and the series that stand in for the noise: `[segment][block][series]`.
+    /// `[segment][block][series][sample]`.
+    pub type Series = Vec<Vec<Vec<Vec<f64>>>>;
+
+    /// The covariance under these models of the noise, and the series that stand in for the noise.
     pub fn spread_and_series<F: Evaluate>(
         source: &Source<F>,
         matrix: &Arrow,
         noise: &[Covariance],
         models: &[Ar],
-    ) -> Option<(Arrow, Vec<Vec<Vec<Vec<f64>>>>)> {
+    ) -> Option<(Arrow, Series)> {
         let sigma = Sigma::new(source.layout, noise, models);
         let covariance = spread(source, &matrix.factor()?, &[], &sigma)?;
         let taken = absorbed(source, &sigma, &[])?;

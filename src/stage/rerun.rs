@@ -74,7 +74,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     }
     if let Some(additions) = inputs.get("additions", Part::Number(place)) {
         let again = output.tables.iter().find(|(name, _)| *name == "estimates").map(|(_, table)| table);
-        let values = recommended::values(&table.strings("diagnosis")?.first().copied().unwrap_or_default(), additions, again)?;
+        let values = recommended::values(table.strings("diagnosis")?.first().copied().unwrap_or_default(), additions, again)?;
         output.tables.push(("recommended", values));
     }
     Ok(output)
