@@ -128,13 +128,17 @@ fn edges(path: &str, code: &str, known: &BTreeSet<Module>, fields: &BTreeMap<Str
     found.extend((depth..=depth + 2).flat_map(|n| named(code, &"super::".repeat(n.max(1)))));
     // The list of stages and the campaign name all stages; who uses one of them says so himself, or takes the campaign's field.
     let hub = ["src/stage/mod.rs", "src/stage/campaign.rs"].contains(&path);
+    if hub {
+        // It names the type of a section; a stage that has one names it in its own file.
+        found.remove("report");
+    }
     if path.starts_with("src/stage/") && !hub {
         let mut names = named(code, "crate::stage::");
         names.extend((1..4).flat_map(|n| named(code, &"super::".repeat(n))));
         names.extend(code.match_indices("::").map(|(at, _)| before(&code[..at])));
         found.extend(names.into_iter().map(|name| format!("stage/{name}")));
         found.extend(fields.iter().filter(|(field, _)| reads_field(code, field)).map(|(_, module)| module.clone()));
-        found.extend(["stage".to_string(), "stage/campaign".to_string(), "stage/inputs".to_string()]);
+        found.extend(["stage".to_string(), "stage/campaign".to_string(), "stage/inputs".to_string(), "stage/told".to_string()]);
     }
     found.retain(|module| known.contains(module) && Some(module) != self::module(path).as_ref());
     found
@@ -185,6 +189,18 @@ fn included(path: &str, code: &str, files: &Files) -> Vec<String> {
     found
 }
 
+/// Modules by the names of their macros that the whole crate sees: no path leads to them.
+fn macros(modules: &BTreeMap<Module, Vec<&String>>, files: &Files) -> BTreeMap<String, Module> {
+    let mut found = BTreeMap::new();
+    for (module, path) in modules.iter().flat_map(|(module, paths)| paths.iter().map(move |path| (module, path))) {
+        let code = code(&text(files, path));
+        for rest in code.split("#[macro_export]").skip(1).filter_map(|rest| rest.split("macro_rules! ").nth(1)) {
+            found.insert(word(rest), module.clone());
+        }
+    }
+    found
+}
+
 /// Every file that a stage is made from, by path.
 pub fn closure(files: &Files, stage: &str) -> BTreeSet<String> {
     let mut modules: BTreeMap<Module, Vec<&String>> = BTreeMap::new();
@@ -194,7 +210,7 @@ pub fn closure(files: &Files, stage: &str) -> BTreeSet<String> {
         }
     }
     let known: BTreeSet<Module> = modules.keys().cloned().collect();
-    let fields = fields(files);
+    let (fields, macros) = (fields(files), macros(&modules, files));
     let mut seen: BTreeSet<Module> = BTreeSet::new();
     let mut todo = vec![format!("stage/{stage}")];
     let mut all = BTreeSet::new();
@@ -207,6 +223,7 @@ pub fn closure(files: &Files, stage: &str) -> BTreeSet<String> {
             if path.ends_with(".rs") {
                 let code = code(&text(files, path));
                 todo.extend(edges(path, &code, &known, &fields));
+                todo.extend(macros.iter().filter(|(name, _)| code.contains(&format!("{name}!"))).map(|(_, module)| module.clone()));
                 all.extend(included(path, &code, files));
             }
         }
