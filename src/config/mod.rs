@@ -114,6 +114,16 @@ fn schema<T: JsonSchema>() -> serde_json::Value {
     schemars::generate::SchemaSettings::draft2020_12().into_generator().into_root_schema_for::<T>().to_value()
 }
 
+/// The JSON Schema of `T` as a part of another: without references and without a title.
+pub fn schema_of<T: JsonSchema>() -> serde_json::Value {
+    let settings = schemars::generate::SchemaSettings::draft2020_12().with(|s| s.inline_subschemas = true);
+    let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
+    if let Some(object) = schema.as_object_mut() {
+        object.retain(|key, _| key != "$schema" && key != "title");
+    }
+    schema
+}
+
 /// The JSON Schema of `T` as text for editors, pretty printed, under the title `title`.
 pub fn schema_text<T: JsonSchema>(title: &str) -> String {
     let mut schema = schema::<T>();

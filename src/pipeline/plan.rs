@@ -13,7 +13,7 @@ use crate::error::{Error, Errors, Result};
 use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::segment::Kind;
-use crate::stage::{Campaign, Channels, STAGES, derive, diagnose, estimate, fit, reconstruct, segment};
+use crate::stage::{Campaign, Channels, Known, STAGES, Told, derive, diagnose, estimate, fit, reconstruct, segment};
 use names::Columns;
 use std::path::{Path, PathBuf};
 
@@ -105,7 +105,8 @@ impl Reader {
         let estimates = self.estimates(aircraft.as_ref(), columns.as_ref(), channels.as_ref());
         let fits = self.fits(&estimates, columns.as_ref());
         let diagnoses = self.diagnoses(&estimates);
-        let settings = self.settings;
+        let told = self.told(&flights, columns.as_ref());
+        let settings = self.settings.fields;
         match (self.errors.is_empty(), channels, derive) {
             (true, Some(channels), Some(derive)) => Ok(Plan {
                 campaign: Campaign {
@@ -118,7 +119,7 @@ impl Reader {
                     estimates: estimates.into_iter().flatten().collect(),
                     fits,
                     diagnoses,
-                    report: settings.report,
+                    told,
                     stages: STAGES,
                 },
                 simulation: simulation.and_then(|s| s.for_missing(&logs)),
@@ -126,6 +127,22 @@ impl Reader {
             }),
             _ => Err(self.errors),
         }
+    }
+
+    /// What the file says under the names of stages, each checked by its stage.
+    fn told(&mut self, flights: &[String], columns: Option<&Columns>) -> Told {
+        let mut told = Told::default();
+        for (stage, key) in STAGES.iter().filter_map(|stage| Some((stage, stage.key.as_ref()?))) {
+            if let Some(value) = self.settings.told.remove(stage.name) {
+                self.errors.take(told.put(stage.name, key, value, &self.doc).map_err(Errors::from));
+            }
+        }
+        // Where the signals or the grid have mistakes, it is not known what is a column.
+        let column = |name: &str| columns.map_or_else(|| Some(String::new()), |columns| columns.unit(name));
+        let known = Known { doc: &self.doc, flights, column: &column };
+        let found = STAGES.iter().flat_map(|stage| (stage.check)(&told, &known).0).collect::<Vec<_>>();
+        self.errors.0.extend(found);
+        told
     }
 
     fn path(&self, relative: &str) -> PathBuf {

@@ -3,13 +3,19 @@
 use super::record::PLACE;
 use super::store::Store;
 use crate::stage;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{DeserializeSeed, Deserializer, IntoDeserializer, MapAccess, Visitor};
+use serde_json::Value;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::ops::{Deref, DerefMut};
 
 /// What is done with a campaign's logs, stage by stage. Paths are relative to this file.
-#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Settings {
+pub struct Fields {
     /// One line that says what the campaign is about; the title of the report.
     pub title: String,
     /// Constants of the aircraft (areas, arms, inertias), for the models that declare them.
@@ -41,9 +47,91 @@ pub struct Settings {
     /// Models held against the flights: where are they wrong, what is missing?
     #[serde(default)]
     pub diagnose: Vec<stage::diagnose::Settings>,
-    /// The report; left out, there is none.
-    #[serde(default)]
-    pub report: Option<stage::report::Settings>,
+}
+
+/// A pipeline file: the fields that several stages share, and the keys of stages that have one of their own.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    pub fields: Fields,
+    /// What is said under the names of stages: see [`stage::Stage::key`].
+    pub told: BTreeMap<String, Value>,
+}
+
+impl Deref for Settings {
+    type Target = Fields;
+    fn deref(&self) -> &Fields {
+        &self.fields
+    }
+}
+
+impl DerefMut for Settings {
+    fn deref_mut(&mut self) -> &mut Fields {
+        &mut self.fields
+    }
+}
+
+/// The schemas of the keys of stages, by the name of the stage.
+fn keys() -> impl Iterator<Item = (&'static str, &'static stage::Key)> {
+    stage::STAGES.iter().filter_map(|stage| Some((stage.name, stage.key.as_ref()?)))
+}
+
+impl JsonSchema for Settings {
+    fn schema_name() -> Cow<'static, str> {
+        "Settings".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let mut schema = Fields::json_schema(generator);
+        if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
+            properties.extend(keys().map(|(name, key)| (name.to_string(), (key.schema)())));
+        }
+        schema
+    }
+}
+
+impl<'de> Deserialize<'de> for Settings {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Settings, D::Error> {
+        struct File;
+        impl<'de> Visitor<'de> for File {
+            type Value = Settings;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("a pipeline file")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Settings, A::Error> {
+                let mut told = BTreeMap::new();
+                let fields = Fields::deserialize(MapAccessDeserializer::new(Apart { map, told: &mut told }))?;
+                Ok(Settings { fields, told })
+            }
+        }
+        deserializer.deserialize_map(File)
+    }
+}
+
+/// The entries of a file without those of stages, which are put into `told`.
+struct Apart<'a, A> {
+    map: A,
+    told: &'a mut BTreeMap<String, Value>,
+}
+
+impl<'de, A: MapAccess<'de>> MapAccess<'de> for Apart<'_, A> {
+    type Error = A::Error;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, A::Error> {
+        while let Some(key) = self.map.next_key::<String>()? {
+            if !keys().any(|(name, _)| name == key) {
+                return seed.deserialize(key.into_deserializer()).map(Some);
+            }
+            let value = self.map.next_value()?;
+            self.told.insert(key, value);
+        }
+        Ok(None)
+    }
+
+    fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, A::Error> {
+        self.map.next_value_seed(seed)
+    }
 }
 
 impl Settings {

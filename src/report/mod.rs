@@ -27,12 +27,12 @@ mod verdict;
 
 use crate::error::{Error, Result};
 use crate::table::Table;
-use columns::Columns;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 pub use checks::Check;
-pub use grid::Level;
+pub use columns::Columns;
+pub use grid::{Cell, Grid, Level};
 pub use section::{Body, Given, Section};
 
 /// The sections in the order of the page. Adding one is adding a file that has it, and a line here.
@@ -54,10 +54,10 @@ pub const SECTIONS: &[Section] = &[
     provenance::SECTION,
 ];
 
-/// The tables that the page is made from, each once.
-pub fn tables() -> Vec<&'static str> {
+/// The tables that the page is made from, each once; `more` sections stand behind [`SECTIONS`].
+pub fn tables(more: &[&'static Section]) -> Vec<&'static str> {
     let mut all: Vec<&str> = Vec::new();
-    for table in SECTIONS.iter().flat_map(|s| s.tables) {
+    for table in SECTIONS.iter().chain(more.iter().copied()).flat_map(|s| s.tables) {
         if !all.contains(table) {
             all.push(table);
         }
@@ -78,6 +78,8 @@ pub struct ReportInput {
     pub inputs: BTreeMap<String, Vec<String>>,
     /// Column of `samples` in which each input of `segments` was searched; without an entry it has the input's own name.
     pub searched: BTreeMap<String, String>,
+    /// Sections that stages bring along; they stand behind [`SECTIONS`].
+    pub more: Vec<&'static Section>,
     /// Tables that no stage of this campaign writes: sections about them have no place on the page.
     pub unasked: Vec<&'static str>,
     /// Name and value of everything that says where the numbers come from: program version, code hash, configuration hashes.
@@ -153,7 +155,7 @@ pub fn report(input: &ReportInput) -> Result<Report> {
 
 /// The page as HTML. The same input gives the same bytes. An error is a fault of the program, not of the tables.
 pub fn page(input: &ReportInput) -> Result<String> {
-    page_with(SECTIONS, input)
+    page_with(SECTIONS.iter().chain(input.more.iter().copied()), input)
 }
 
 /// The answers to "can these results be trusted?", in the order of the processing: tables by name in, as the page shows them out.
@@ -169,15 +171,16 @@ fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String
     named.map(|(name, table)| (name, Columns::of(table))).collect()
 }
 
-fn page_with(sections: &'static [Section], input: &ReportInput) -> Result<String> {
+fn page_with(sections: impl IntoIterator<Item = &'static Section>, input: &ReportInput) -> Result<String> {
+    let sections: Vec<&'static Section> = sections.into_iter().collect();
     let named: Vec<&str> = sections.iter().flat_map(|s| s.tables).copied().collect();
     let tables = columns(&named, &input.tables);
     let flights = flight_styles(&tables);
-    let given = |section: &Section| Given { input, flights: &flights, tables: &tables, named: section.tables };
+    let given = |section: &'static Section| Given { input, flights: &flights, tables: &tables, named: section.tables };
     let environment = environment()?;
     let mut built = Vec::new();
     let mut plots = vec![("flights", json(&flights)?)];
-    for section in sections.iter().filter(|s| input.asks_for(s)) {
+    for section in sections.into_iter().filter(|s| input.asks_for(s)) {
         if let Some(mut body) = (section.build)(&given(section))? {
             built.push(Built { id: section.id, heading: section.heading, body: body.html(&environment)? });
             plots.append(&mut body.plots);

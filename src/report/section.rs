@@ -8,6 +8,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// One section: an entry of [`super::SECTIONS`], from which the page's order, its navigation and the tables that are read follow.
+#[derive(Debug)]
 pub struct Section {
     /// Name of the section, and target of links to it.
     pub id: &'static str,

@@ -1,6 +1,6 @@
 //! The checked configuration of a campaign: what the stages run on. The pipeline makes it from the files a person wrote.
 
-use super::{Stage, derive, diagnose, estimate, fit, reconstruct, report, segment};
+use super::{Stage, Told, derive, diagnose, estimate, fit, reconstruct, segment};
 use crate::config::Doc;
 use crate::log::ChannelMap;
 use crate::units::Unit;
@@ -19,7 +19,8 @@ pub struct Campaign {
     pub estimates: Vec<estimate::Config>,
     pub fits: Vec<fit::Config>,
     pub diagnoses: Vec<diagnose::Config>,
-    pub report: Option<report::Settings>,
+    /// What the pipeline file says under the names of stages.
+    pub told: Told,
     /// The stages that are run, in this order: [`super::STAGES`].
     pub stages: &'static [Stage],
 }

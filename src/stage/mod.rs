@@ -4,6 +4,7 @@
 
 mod campaign;
 mod inputs;
+mod told;
 
 pub mod derive;
 pub mod diagnose;
@@ -17,6 +18,7 @@ pub mod segment;
 
 use crate::error::{Errors, Result};
 use crate::model::Model;
+use crate::report::Section;
 use crate::table::Table;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -24,6 +26,7 @@ use serde_json::{Value, json};
 
 pub use campaign::{Campaign, Channels};
 pub use inputs::{Inputs, Part};
+pub use told::{Check, Key, Known, Told};
 
 use inputs::series;
 
@@ -33,10 +36,16 @@ pub struct Stage {
     pub name: &'static str,
     /// What it does, in a few words, for people who watch.
     pub about: &'static str,
+    /// Its key in the pipeline file, which has the stage's name; none where its settings are fields of `pipeline::Settings`, or there are none.
+    pub key: Option<Key>,
+    /// Finds the mistakes in what the pipeline file says under that key.
+    pub check: Check,
     /// What it is run for in this campaign: flights, entries of the pipeline file, the campaign; nothing where it is not wanted.
     pub units: fn(&Campaign) -> Vec<Unit>,
     /// Tables it may write; a unit need not write all of them.
     pub writes: &'static [&'static str],
+    /// Sections of the report about what it writes; they stand behind those of [`crate::report::SECTIONS`].
+    pub sections: &'static [Section],
     /// Tables (and parts of them) that a unit reads.
     pub reads: fn(&Campaign, &Unit) -> Vec<Read>,
     /// Whether it reads the flight's log.
@@ -57,8 +66,11 @@ impl Stage {
     pub const PLAIN: Stage = Stage {
         name: "",
         about: "",
+        key: None,
+        check: |_, _| Errors::default(),
         units: |_| Vec::new(),
         writes: &[],
+        sections: &[],
         reads: |_, _| Vec::new(),
         reads_log: false,
         slice: |_, _| Value::Null,

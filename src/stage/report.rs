@@ -1,8 +1,8 @@
 //! All tables come in, the pages that a person reads go out.
 
-use super::{Campaign, Inputs, NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit};
+use super::{Campaign, Inputs, Key, NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit};
 use crate::error::Errors;
-use crate::report::{self, ReportInput};
+use crate::report::{self, ReportInput, Section};
 use crate::table::Table;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,8 @@ use std::collections::BTreeMap;
 pub const STAGE: Stage = Stage {
     name: "report",
     about: "write the report",
-    units: |campaign| if campaign.report.is_some() { Unit::campaign() } else { Vec::new() },
+    key: Some(Key::of::<Settings>()),
+    units: |campaign| if settings(campaign).is_some() { Unit::campaign() } else { Vec::new() },
     reads,
     slice,
     run,
@@ -20,7 +21,7 @@ pub const STAGE: Stage = Stage {
     ..Stage::PLAIN
 };
 
-/// The report `report/index.html` in the output folder.
+/// The report `report/index.html` in the output folder; left out, there is none.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
@@ -28,8 +29,17 @@ pub struct Settings {
     pub subtitle: String,
 }
 
+fn settings(campaign: &Campaign) -> Option<&Settings> {
+    campaign.told.get("report")
+}
+
+/// The sections that stages bring along.
+fn sections(campaign: &Campaign) -> Vec<&'static Section> {
+    campaign.stages.iter().flat_map(|stage| stage.sections).collect()
+}
+
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
-    let subtitle = campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default();
+    let subtitle = settings(campaign).map(|r| r.subtitle.clone()).unwrap_or_default();
     json!({ "title": campaign.title, "subtitle": subtitle, "inputs": campaign.inputs_of_models(), "searched": campaign.searched(), "unasked": unasked(campaign) })
 }
 
@@ -45,17 +55,17 @@ fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.
 fn unasked(campaign: &Campaign) -> Vec<&'static str> {
-    report::tables().into_iter().filter(|table| parts(campaign, table).is_empty()).collect()
+    report::tables(&sections(campaign)).into_iter().filter(|table| parts(campaign, table).is_empty()).collect()
 }
 
 fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
     let of = |table| parts(campaign, table).into_iter().map(move |part| Read { table, part, optional: true });
-    report::tables().into_iter().flat_map(of).collect()
+    report::tables(&sections(campaign)).into_iter().flat_map(of).collect()
 }
 
 fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let mut tables = BTreeMap::new();
-    for name in report::tables() {
+    for name in report::tables(&sections(campaign)) {
         let parts: Vec<Table> = inputs.all(name).into_iter().cloned().collect();
         if !parts.is_empty() {
             tables.insert(name.to_string(), Table::concat(name, &parts)?);
@@ -63,10 +73,11 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
     }
     let input = ReportInput {
         title: campaign.title.clone(),
-        subtitle: campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default(),
+        subtitle: settings(campaign).map(|r| r.subtitle.clone()).unwrap_or_default(),
         tables,
         inputs: campaign.inputs_of_models(),
         searched: campaign.searched(),
+        more: sections(campaign),
         unasked: unasked(campaign),
         provenance: vec![
             ("program".to_string(), format!("koehler {}", env!("CARGO_PKG_VERSION"))),
@@ -105,7 +116,7 @@ mod tests {
             let mut most = 0;
             for stage in STAGES {
                 for unit in (stage.units)(&campaign) {
-                    for table in stage.writes.iter().filter(|table| report::tables().contains(table)) {
+                    for table in stage.writes.iter().filter(|table| report::tables(&[]).contains(table)) {
                         let part = unit.part.clone();
                         most = most.max(if let Part::Number(i) = part { i } else { 0 });
                         let read = Read { table, part, optional: true };

@@ -27,7 +27,7 @@ fn out() -> Option<&'static TempDir> {
         let plan = Plan::read_with(&folder.path().join("pipeline.toml"), |settings| {
             let wanted: Vec<String> = settings.diagnose.iter().map(|d| d.estimate.clone()).collect();
             settings.estimate.retain(|e| wanted.contains(&e.name()));
-            settings.report = None;
+            settings.told.remove("report");
         });
         let plan = plan.unwrap_or_else(|e| panic!("{e}"));
         let simulation = plan.simulation.as_ref().expect("logs are simulated");

@@ -22,5 +22,6 @@ mod real;
 mod recovery;
 mod reruns;
 mod simulator;
+mod stages;
 mod structure;
 mod trials;

@@ -81,6 +81,11 @@ impl Columns {
         self.0.keys().map(String::as_str).collect()
     }
 
+    /// The unit of a column, if there is one.
+    pub fn unit(&self, name: &str) -> Option<String> {
+        self.0.get(name).map(|column| column.unit.clone())
+    }
+
     /// The unit of a column; files an error where there is none of this name.
     pub fn look_up(&self, name: &str, kind: &str, doc: &Doc, key: &str, errors: &mut Errors) -> Option<String> {
         if let Some(column) = self.0.get(name) {
