@@ -51,7 +51,7 @@ impl Products {
 
     /// Counts the samples of a measured series and adds its products.
     pub fn take(&mut self, x: &[f64]) {
-        for run in x.split(|v| v.is_nan()) {
+        for run in x.split(|v| v.is_nan()).filter(|run| !run.is_empty()) {
             self.count += run.len();
             self.behind.iter_mut().enumerate().for_each(|(p, n)| *n += run.len().saturating_sub(p));
         }
@@ -148,7 +148,8 @@ pub(super) fn partial(products: &Products) -> Vec<f64> {
         r.iter_mut().zip(&products.sums[begins(t)..begins(t + 1)]).for_each(|(r, s)| *r += s);
     }
     let mut predictor: Vec<f64> = Vec::new();
-    for p in 1..=m.min(products.count.saturating_sub(2)) {
+    // An order of more than half a run's length is found from its ends alone (Ulrych & Bishop, Rev. Geophys. 13, 1975).
+    for p in (1..=m).take_while(|p| 2 * products.behind[*p] >= products.count) {
         r.iter_mut().zip(&products.sums[begins(p - 1)..begins(p)]).for_each(|(r, s)| *r -= s);
         let at = |i: usize, j: usize| r[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
         let alpha: Vec<f64> = std::iter::once(1.0).chain(predictor.iter().map(|a| -a)).collect();
@@ -199,7 +200,9 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     let order = match criterion {
         OrderCriterion::Aic => least(2.0),
         OrderCriterion::Bic => least(libm::log(products.count as f64)),
-        OrderCriterion::White => (least(libm::log(products.count as f64))..=partial.len()).find(|&p| unlikely(p) < 0.5).unwrap_or(partial.len()),
+        OrderCriterion::White => {
+            (least(libm::log(products.count as f64))..=partial.len()).find(|&p| unlikely(p) < 0.5).unwrap_or(partial.len())
+        }
     };
     let cut = (order == partial.len() && order < products.order).then_some(order);
     let variance = partial[..order].iter().fold(c0, |variance, k| variance * (1.0 - k * k));
