@@ -114,7 +114,7 @@ fn a_module_imports_only_floors_below_its_own() {
 }
 
 /// Circles of files that are there still. This list only shrinks: a circle that is not in it fails, and so does one that is gone.
-const CIRCLES: [&[&str]; 18] = [
+const CIRCLES: [&[&str]; 17] = [
     &[
         "stage/campaign.rs",
         "stage/derive.rs",
@@ -179,14 +179,6 @@ const CIRCLES: [&[&str]; 18] = [
         "estimate/solution.rs",
     ],
     &["cli/diagnose.rs", "cli/mod.rs", "cli/run.rs", "cli/schema.rs", "cli/simulate.rs", "cli/summary.rs", "cli/verdict.rs"],
-    &[
-        "dynamics/evaluate.rs",
-        "dynamics/plan.rs",
-        "dynamics/propagate.rs",
-        "dynamics/rows.rs",
-        "dynamics/stiffness.rs",
-        "dynamics/tangent.rs",
-    ],
     &["log/agree.rs", "log/flight.rs", "log/signal.rs"],
     &["model/amend.rs", "model/compile.rs", "model/mod.rs"],
     &["segment/measure.rs", "segment/mod.rs", "segment/scan.rs"],
