@@ -3,7 +3,7 @@
 use super::say;
 use crate::error::Result;
 use crate::pipeline::{Plan, RunResult, Store};
-use crate::stage::{Note, Part, Severity};
+use crate::stage::{Note, Part, Severity, Unit};
 use crate::table::Table;
 use std::path::Path;
 
@@ -77,9 +77,9 @@ fn tally(words: &[&str]) -> Vec<String> {
 
 fn estimates(plan: &Plan, store: &Store) -> Result<()> {
     let mut rows = Vec::new();
-    let names = plan.campaign.estimates.iter().map(|e| e.name()).enumerate();
-    for (i, name) in names.chain(crate::stage::rerun::units(&plan.campaign)) {
-        let Some(t) = read(store, "estimates", Part::Number(i))? else { continue };
+    let writers = plan.campaign.stages.iter().filter(|stage| stage.writes.contains(&"estimates"));
+    for Unit { name, part, .. } in writers.flat_map(|stage| (stage.units)(&plan.campaign)) {
+        let Some(t) = read(store, "estimates", part)? else { continue };
         let (groups, stops) = (t.strings("group")?, t.strings("stop")?);
         let mut each: Vec<(&str, &str)> = groups.into_iter().zip(stops).collect();
         each.dedup();

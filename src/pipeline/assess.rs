@@ -4,7 +4,7 @@ use super::plan::Plan;
 use super::record::{Ingredients, PLACE, Record};
 use super::store::Store;
 use crate::error::Result;
-use crate::stage::{Part, Per, Stage, Unit};
+use crate::stage::{Part, Stage, Unit};
 use std::collections::BTreeMap;
 
 /// The state of one unit of a stage.
@@ -50,8 +50,8 @@ pub struct Assessment {
 pub fn assess(plan: &Plan, store: &Store, contents: &Contents, stage: &Stage, unit: Unit) -> Result<Assessment> {
     let campaign = &plan.campaign;
     let record = store.record(stage.name, &unit.name);
-    let mut ingredients = Ingredients::new(&(stage.slice)(campaign, &unit));
-    if let Part::Number(i) = unit.part() {
+    let mut ingredients = Ingredients::new(stage.code(), &(stage.slice)(campaign, &unit));
+    if let Part::Number(i) = unit.part {
         ingredients.add(PLACE.into(), i.to_string());
     }
     let mut waits = Vec::new();
@@ -77,12 +77,9 @@ pub fn assess(plan: &Plan, store: &Store, contents: &Contents, stage: &Stage, un
         (None, None) => State::New,
         (None, Some(record)) => compare(store, stage, &unit, &ingredients, record, waits)?,
     };
-    let idle = unit.per == Per::Diagnose && campaign.diagnoses.get(unit.index).is_some_and(|d| d.settings.idle);
-    let state = match state {
-        State::New | State::Stale(_) if idle => State::Blocked(
-            "it is not asked for now, and what it was made from has changed: `koehler diagnose` makes it anew".into(),
-        ),
-        state => state,
+    let state = match (state, (stage.idle)(campaign, &unit)) {
+        (State::New | State::Stale(_), Some(why)) => State::Blocked(why.into()),
+        (state, _) => state,
     };
     Ok(Assessment { unit, state, ingredients, record })
 }
@@ -119,7 +116,7 @@ pub fn contents_after(stage: &Stage, assessment: &Assessment, contents: &mut Con
             contents.extend(record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))));
         }
         _ => {
-            let part = assessment.unit.part();
+            let part = &assessment.unit.part;
             let by = format!("{} of {}", stage.name, assessment.unit.name);
             contents.extend(stage.writes.iter().map(|table| (part.path(table), Content::Changing(by.clone()))));
         }

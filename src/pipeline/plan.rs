@@ -13,7 +13,7 @@ use crate::error::{Error, Errors, Result};
 use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::segment::Kind;
-use crate::stage::{Campaign, Channels, derive, diagnose, estimate, fit, reconstruct, segment};
+use crate::stage::{Campaign, Channels, STAGES, derive, diagnose, estimate, fit, reconstruct, segment};
 use names::Columns;
 use std::path::{Path, PathBuf};
 
@@ -119,6 +119,7 @@ impl Reader {
                     fits,
                     diagnoses,
                     report: settings.report,
+                    stages: STAGES,
                 },
                 simulation: simulation.and_then(|s| s.for_missing(&logs)),
                 logs,

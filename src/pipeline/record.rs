@@ -28,15 +28,18 @@ pub struct Record {
 /// The ingredient that says which part of its tables a unit writes.
 pub const PLACE: &str = "place in the list";
 
+/// The ingredient that says which code a unit was made by.
+pub const PROGRAM: &str = "program";
+
 /// The ingredients of one unit, gathered by name.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ingredients(pub BTreeMap<String, String>);
 
 impl Ingredients {
-    /// The program and the configuration slice. Every top-level entry of the slice becomes an ingredient of its own, so that
+    /// The code of the stage and the configuration slice. Every top-level entry of the slice becomes an ingredient of its own, so that
     /// `status` can say which setting changed.
-    pub fn new(slice: &Value) -> Self {
-        let mut all = BTreeMap::from([("program".to_string(), env!("KOEHLER_CODE").to_string())]);
+    pub fn new(code: &str, slice: &Value) -> Self {
+        let mut all = BTreeMap::from([(PROGRAM.to_string(), code.to_string())]);
         match slice {
             Value::Object(entries) => {
                 for (name, value) in entries {
@@ -117,13 +120,13 @@ mod tests {
         let a = json!({ "x": 1, "y": { "b": [1, 2], "a": null } });
         let b = json!({ "y": { "a": null, "b": [1, 2] }, "x": 1 });
         assert_eq!(canonical(&a), canonical(&b));
-        assert_eq!(Ingredients::new(&a), Ingredients::new(&b));
+        assert_eq!(Ingredients::new("0", &a), Ingredients::new("0", &b));
     }
 
     #[test]
     fn any_change_changes_the_key_and_is_named() {
-        let before = Ingredients::new(&json!({ "rate_hz": 100.0, "gap_s": 0.5 }));
-        let mut after = Ingredients::new(&json!({ "rate_hz": 50.0, "gap_s": 0.5 }));
+        let before = Ingredients::new("0", &json!({ "rate_hz": 100.0, "gap_s": 0.5 }));
+        let mut after = Ingredients::new("0", &json!({ "rate_hz": 50.0, "gap_s": 0.5 }));
         assert_ne!(before.key("derive", "f1"), after.key("derive", "f1"));
         assert_ne!(before.key("derive", "f1"), before.key("derive", "f2"));
         assert_eq!(after.differences(&before.0), ["setting `rate_hz` changed"]);

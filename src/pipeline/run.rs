@@ -2,10 +2,10 @@
 
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::plan::Plan;
-use super::record::{Record, hash_bytes};
+use super::record::{PROGRAM, Record, hash_bytes};
 use super::store::Store;
 use crate::error::{Error, Errors, Result};
-use crate::stage::{Inputs, NOTES, Note, Output, Part, Per, STAGES, STAGES_TABLE, Severity, Stage, Unit, units};
+use crate::stage::{Inputs, NOTES, Note, Output, Part, STAGES_TABLE, Severity, Stage, Unit};
 use crate::table::Table;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -101,12 +101,13 @@ pub fn run(plan: &Plan, store: &Store, watch: Watch) -> Result<RunResult> {
         result: RunResult::default(),
     };
     run.remove_what_is_gone()?;
-    for (i, stage) in STAGES.iter().enumerate() {
-        if stage.per == Per::Campaign {
+    let stages = plan.campaign.stages;
+    for (i, stage) in stages.iter().enumerate() {
+        if stage.reads_records {
             run.file_own_tables()?;
         }
         run.stage(stage)?;
-        run.drop_tables(&STAGES[i + 1..]);
+        run.drop_tables(&stages[i + 1..]);
     }
     run.sweep()?;
     store.put_memo()?;
@@ -119,7 +120,7 @@ impl Run<'_> {
     fn drop_tables(&mut self, later: &[Stage]) {
         let reads = |stage: &Stage| -> BTreeSet<String> {
             let of = |unit: Unit| (stage.reads)(&self.plan.campaign, &unit).into_iter().map(|r| r.part.path(r.table));
-            units(&self.plan.campaign, stage).into_iter().flat_map(of).collect()
+            (stage.units)(&self.plan.campaign).into_iter().flat_map(of).collect()
         };
         let wanted: BTreeSet<String> = later.iter().flat_map(reads).collect();
         self.tables.lock().unwrap_or_else(|p| p.into_inner()).retain(|path, _| wanted.contains(path));
@@ -127,7 +128,7 @@ impl Run<'_> {
 
     fn stage(&mut self, stage: &'static Stage) -> Result<()> {
         let (plan, store, contents) = (self.plan, self.store, &self.contents);
-        let assessments: Vec<Assessment> = units(&plan.campaign, stage)
+        let assessments: Vec<Assessment> = (stage.units)(&plan.campaign)
             .into_par_iter()
             .map(|unit| assess(plan, store, contents, stage, unit))
             .collect::<Result<_>>()?;
@@ -200,7 +201,7 @@ impl Run<'_> {
                     outputs: BTreeMap::new(),
                     notes: Vec::new(),
                     error: None,
-                    asked: asked(self.plan, &a.unit),
+                    asked: (stage.asked)(&self.plan.campaign, &a.unit),
                 };
                 let outcome = match made {
                     Ok(output) => {
@@ -251,7 +252,7 @@ impl Run<'_> {
     /// Writes a unit's outputs and enters them in its record.
     fn file(&self, unit: &Unit, output: Output, record: &mut Record) -> Result<()> {
         for (name, table) in output.tables {
-            let path = unit.part().path(name);
+            let path = unit.part.path(name);
             record.outputs.insert(path.clone(), self.store.put(&path, &table.to_parquet()?)?);
             self.tables.lock().unwrap_or_else(|p| p.into_inner()).insert(path, Arc::new(table));
         }
@@ -284,22 +285,17 @@ impl Run<'_> {
     }
 
     fn sweep(&self) -> Result<()> {
-        let tables: BTreeSet<&str> = STAGES.iter().flat_map(|s| s.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+        let tables: BTreeSet<&str> =
+            self.plan.campaign.stages.iter().flat_map(|s| s.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
         let known: BTreeSet<String> = self.contents.keys().cloned().collect();
         self.store.sweep(&tables, &known)
     }
 }
 
-/// The settings of a diagnosis that a command asked for.
-fn asked(plan: &Plan, unit: &Unit) -> Option<serde_json::Value> {
-    let config = plan.campaign.diagnoses.get(unit.index).filter(|d| unit.per == Per::Diagnose && d.settings.asked)?;
-    serde_json::to_value(&config.settings).ok()
-}
-
 /// Records of units that are no longer part of the campaign.
 pub fn gone(plan: &Plan, store: &Store) -> Vec<Record> {
-    let wanted: BTreeSet<(String, String)> =
-        STAGES.iter().flat_map(|s| units(&plan.campaign, s).into_iter().map(|u| (s.name.to_string(), u.name))).collect();
+    let of = |s: &Stage| (s.units)(&plan.campaign).into_iter().map(|u| (s.name.to_string(), u.name)).collect::<Vec<_>>();
+    let wanted: BTreeSet<(String, String)> = plan.campaign.stages.iter().flat_map(of).collect();
     store.records().into_iter().filter(|r| !wanted.contains(&(r.stage.clone(), r.unit.clone()))).collect()
 }
 
@@ -311,8 +307,8 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
     let mut contents = Contents::new();
     let mut all = Vec::new();
     let mut fresh = Some((Vec::new(), Vec::new()));
-    for stage in STAGES {
-        if stage.per == Per::Campaign {
+    for stage in plan.campaign.stages {
+        if stage.reads_records {
             match &fresh {
                 Some((notes, records)) => {
                     for table in own_tables(notes, records)? {
@@ -325,7 +321,7 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
             }
         }
         let known = &contents;
-        let of_stage: Vec<Assessment> = units(&plan.campaign, stage)
+        let of_stage: Vec<Assessment> = (stage.units)(&plan.campaign)
             .into_par_iter()
             .map(|unit| assess(plan, store, known, stage, unit))
             .collect::<Result<_>>()?;
@@ -353,7 +349,7 @@ fn own_tables(notes: &[Note], records: &[Record]) -> Result<[Table; 2]> {
         .strings("stage", rows.iter().map(|(r, _, _)| &r.stage))
         .strings("unit", rows.iter().map(|(r, _, _)| &r.unit))
         .strings("key", rows.iter().map(|(r, _, _)| &r.key))
-        .strings("code", rows.iter().map(|_| env!("KOEHLER_CODE")))
+        .strings("code", rows.iter().map(|(r, _, _)| r.ingredients.get(PROGRAM).map_or("", String::as_str)))
         .strings("ingredient", rows.iter().map(|(_, name, _)| name))
         .strings("hash", rows.iter().map(|(_, _, hash)| hash))
         .finish()?;
@@ -362,7 +358,7 @@ fn own_tables(notes: &[Note], records: &[Record]) -> Result<[Table; 2]> {
 
 fn failure_note(stage: &Stage, unit: &Unit, error: &Error) -> Note {
     Note {
-        flight: if unit.per == Per::Flight { unit.name.clone() } else { String::new() },
+        flight: unit.flight().to_string(),
         stage: stage.name.to_string(),
         severity: Severity::Missing,
         subject: unit.name.clone(),

@@ -1,6 +1,6 @@
 //! Signals, the flight path and a model without states come in; everything a model may ask for, on one uniform grid, goes out.
 
-use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
+use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::dynamics::{Directions, Plan, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
@@ -15,13 +15,12 @@ use serde_json::Value;
 pub const STAGE: Stage = Stage {
     name: "derive",
     about: "put signals on one grid",
-    per: Per::Flight,
-    wanted: |_| true,
+    units: Unit::flights,
     writes: &["samples"],
     reads,
-    reads_log: false,
     slice,
     run,
+    ..Stage::PLAIN
 };
 
 /// The uniform grid and the signals derived on it: the columns of the samples table.

@@ -1,6 +1,6 @@
 //! Estimates per maneuver and the trimmed conditions come in; straight lines through them, bands and the points go out.
 
-use super::{Campaign, Inputs, Note, Output, Part, Per, Read, Severity, Stage, Unit, slice_of};
+use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::config::list;
 use crate::error::{Errors, Result};
 use crate::fit::{self, Band, LineFit, Unfit};
@@ -12,13 +12,12 @@ use serde_json::Value;
 pub const STAGE: Stage = Stage {
     name: "fit",
     about: "fit straight lines",
-    per: Per::Fit,
-    wanted: |_| true,
+    units: |campaign| Unit::entries(campaign.fits.iter().map(Config::name)),
     writes: &["fits", "bands", "points"],
     reads,
-    reads_log: false,
     slice,
     run,
+    ..Stage::PLAIN
 };
 
 /// Straight lines through the estimates per maneuver.

@@ -1,6 +1,6 @@
 //! A flight's log and the channel map come in; its signals in SI, an account of every channel, and notes go out.
 
-use super::{Campaign, Inputs, Note, Output, Per, Severity, Stage, Unit, slice_of};
+use super::{Campaign, Inputs, Note, Output, Severity, Stage, Unit, slice_of};
 use crate::error::{Error, Errors, Result};
 use crate::log::{self, FlightLog};
 use crate::table::Table;
@@ -9,13 +9,12 @@ use serde_json::Value;
 pub const STAGE: Stage = Stage {
     name: "ingest",
     about: "read the logs",
-    per: Per::Flight,
-    wanted: |_| true,
+    units: Unit::flights,
     writes: &["signals", "channels"],
-    reads: |_, _| Vec::new(),
     reads_log: true,
     slice,
     run,
+    ..Stage::PLAIN
 };
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {

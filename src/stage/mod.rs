@@ -28,14 +28,13 @@ pub use inputs::{Inputs, Part};
 use inputs::series;
 
 /// One stage of the main job.
+#[derive(Debug)]
 pub struct Stage {
     pub name: &'static str,
     /// What it does, in a few words, for people who watch.
     pub about: &'static str,
-    /// What one run of it is about.
-    pub per: Per,
-    /// Whether this campaign wants it.
-    pub wanted: fn(&Campaign) -> bool,
+    /// What it is run for in this campaign: flights, entries of the pipeline file, the campaign; nothing where it is not wanted.
+    pub units: fn(&Campaign) -> Vec<Unit>,
     /// Tables it may write; a unit need not write all of them.
     pub writes: &'static [&'static str],
     /// Tables (and parts of them) that a unit reads.
@@ -45,42 +44,85 @@ pub struct Stage {
     /// The configuration that a unit depends on: part of its cache key, and nothing else of the configuration may be used.
     pub slice: fn(&Campaign, &Unit) -> Value,
     pub run: fn(&Campaign, &Unit, &Inputs) -> std::result::Result<Output, Errors>,
+    /// Whether it reads the tables that the pipeline itself writes from what all stages before it recorded: notes and provenance.
+    pub reads_records: bool,
+    /// The settings of a unit that a command asked for, not the pipeline file: later runs keep its results as long as they are fresh.
+    pub asked: fn(&Campaign, &Unit) -> Option<Value>,
+    /// Why a unit that is not fresh is not run now, although the campaign has it.
+    pub idle: fn(&Campaign, &Unit) -> Option<&'static str>,
 }
 
-/// What one run of a stage is about.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Per {
-    /// One flight: runs in parallel with the other flights.
-    Flight,
-    /// One `[[estimate]]` of the pipeline file.
-    Estimate,
-    /// One `[[fit]]` of the pipeline file.
-    Fit,
-    /// One `[[diagnose]]` of the pipeline file.
-    Diagnose,
-    /// One `[[diagnose]]` whose estimate is run again with what was added.
-    Rerun,
-    /// The whole campaign.
-    Campaign,
+impl Stage {
+    /// What most stages have in common; the rest of a stage is written in its file: `Stage { name: "toy", .., ..Stage::PLAIN }`.
+    pub const PLAIN: Stage = Stage {
+        name: "",
+        about: "",
+        units: |_| Vec::new(),
+        writes: &[],
+        reads: |_, _| Vec::new(),
+        reads_log: false,
+        slice: |_, _| Value::Null,
+        run: |_, _, _| Ok(Output::default()),
+        reads_records: false,
+        asked: |_, _| None,
+        idle: |_, _| None,
+    };
+
+    /// Hash of everything that this stage is made from: its file and what that uses, dependencies, compiler, target. Part of its cache
+    /// keys. A stage that is not in [`STAGES`] has that of all sources.
+    pub fn code(&self) -> &'static str {
+        code(self.name)
+    }
 }
 
-/// One run of a stage: a flight, an estimate, a fit, a diagnosis, or the campaign.
+mod codes {
+    // `CODES` and `ALL`, written by `build.rs`.
+    include!(concat!(env!("OUT_DIR"), "/codes.rs"));
+
+    /// The hash of a stage by its name.
+    pub fn code(stage: &str) -> &'static str {
+        CODES.iter().find(|(name, _)| *name == stage).map_or(ALL, |(_, hash)| hash)
+    }
+}
+
+pub use codes::code;
+
+/// One run of a stage: for a flight, an entry of the pipeline file, or the campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unit {
-    /// Flight id, name of the estimate, fit or diagnosis, or `campaign`.
+    /// Flight id, name of the entry, or `campaign`.
     pub name: String,
-    /// Place in the list of flights, estimates, fits or diagnoses; reruns follow the estimates.
+    /// Place in the list of flights or entries; reruns follow the estimates.
     pub index: usize,
-    pub per: Per,
+    /// The part of its tables that this unit writes.
+    pub part: Part,
 }
 
 impl Unit {
-    /// The part of its tables that this unit writes.
-    pub fn part(&self) -> Part {
-        match self.per {
-            Per::Flight => Part::Flight(self.name.clone()),
-            _ => Part::Number(self.index),
-        }
+    /// One unit per flight of the campaign.
+    pub fn flights(campaign: &Campaign) -> Vec<Unit> {
+        let unit = |(index, name): (usize, &String)| Unit { name: name.clone(), index, part: Part::Flight(name.clone()) };
+        campaign.flights.iter().enumerate().map(unit).collect()
+    }
+
+    /// One unit per entry of a list, by name: they write the parts `0..`.
+    pub fn entries(names: impl IntoIterator<Item = String>) -> Vec<Unit> {
+        names.into_iter().enumerate().map(|(index, name)| Unit::entry(index, name)).collect()
+    }
+
+    /// A unit that writes the part with the number `index`.
+    pub fn entry(index: usize, name: String) -> Unit {
+        Unit { name, index, part: Part::Number(index) }
+    }
+
+    /// One unit: the whole campaign.
+    pub fn campaign() -> Vec<Unit> {
+        Unit::entries(["campaign".to_string()])
+    }
+
+    /// The flight that it is about; empty where it is about more.
+    pub fn flight(&self) -> &str {
+        if let Part::Flight(id) = &self.part { id } else { "" }
     }
 }
 
@@ -177,23 +219,6 @@ pub const STAGES: &[Stage] = &[
     rerun::STAGE,
     report::STAGE,
 ];
-
-/// The units of a stage: what it is run for in this campaign.
-pub fn units(campaign: &Campaign, stage: &Stage) -> Vec<Unit> {
-    let names: Vec<String> = match stage.per {
-        _ if !(stage.wanted)(campaign) => Vec::new(),
-        Per::Rerun => {
-            let unit = |(index, name)| Unit { name, index, per: stage.per };
-            return rerun::units(campaign).into_iter().map(unit).collect();
-        }
-        Per::Flight => campaign.flights.clone(),
-        Per::Estimate => campaign.estimates.iter().map(|e| e.name().to_string()).collect(),
-        Per::Fit => campaign.fits.iter().map(|f| f.name().to_string()).collect(),
-        Per::Diagnose => campaign.diagnoses.iter().map(|d| d.name()).collect(),
-        Per::Campaign => vec!["campaign".to_string()],
-    };
-    names.into_iter().enumerate().map(|(index, name)| Unit { name, index, per: stage.per }).collect()
-}
 
 /// The table that the pipeline itself writes from the notes of all stages, before the report.
 pub const NOTES: &str = "notes";

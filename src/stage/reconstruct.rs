@@ -1,6 +1,6 @@
 //! Signals of a flight come in; the flight path, and the sensor errors it needed, go out.
 
-use super::{Campaign, Channels, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, slice_of};
+use super::{Campaign, Channels, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::model::{Constants, Model, Quantity};
@@ -16,13 +16,12 @@ use serde_json::Value;
 pub const STAGE: Stage = Stage {
     name: "reconstruct",
     about: "reconstruct the flight path",
-    per: Per::Flight,
-    wanted: |campaign| campaign.reconstruct.is_some(),
+    units: |campaign| if campaign.reconstruct.is_some() { Unit::flights(campaign) } else { Vec::new() },
     writes: &["flightpath", "biases", "consistency", "pathmatch"],
     reads: |_, unit| Read::flight(&["signals"], &unit.name),
-    reads_log: false,
     slice,
     run,
+    ..Stage::PLAIN
 };
 
 /// Flight-path reconstruction.

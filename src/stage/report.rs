@@ -1,6 +1,6 @@
 //! All tables come in, the pages that a person reads go out.
 
-use super::{Campaign, Inputs, NOTES, Note, Output, Part, Per, Read, STAGES, STAGES_TABLE, Severity, Stage, Unit, units};
+use super::{Campaign, Inputs, NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit};
 use crate::error::Errors;
 use crate::report::{self, ReportInput};
 use crate::table::Table;
@@ -12,13 +12,12 @@ use std::collections::BTreeMap;
 pub const STAGE: Stage = Stage {
     name: "report",
     about: "write the report",
-    per: Per::Campaign,
-    wanted: |campaign| campaign.report.is_some(),
-    writes: &[],
+    units: |campaign| if campaign.report.is_some() { Unit::campaign() } else { Vec::new() },
     reads,
-    reads_log: false,
     slice,
     run,
+    reads_records: true,
+    ..Stage::PLAIN
 };
 
 /// The report `report/index.html` in the output folder.
@@ -31,7 +30,7 @@ pub struct Settings {
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
     let subtitle = campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default();
-    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign), "searched": searched(campaign), "unasked": unasked(campaign) })
+    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": campaign.inputs_of_models(), "searched": campaign.searched(), "unasked": unasked(campaign) })
 }
 
 /// The parts of a table that this campaign's units write: whatever stage they belong to, all of them.
@@ -40,8 +39,8 @@ fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
         // The pipeline writes these itself.
         return vec![Part::Number(0)];
     }
-    let writers = STAGES.iter().filter(|stage| stage.writes.contains(&table));
-    writers.flat_map(|stage| units(campaign, stage)).map(|unit| unit.part()).collect()
+    let writers = campaign.stages.iter().filter(|stage| stage.writes.contains(&table));
+    writers.flat_map(|stage| (stage.units)(campaign)).map(|unit| unit.part).collect()
 }
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.
@@ -52,18 +51,6 @@ fn unasked(campaign: &Campaign) -> Vec<&'static str> {
 fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
     let of = |table| parts(campaign, table).into_iter().map(move |part| Read { table, part, optional: true });
     report::tables().into_iter().flat_map(of).collect()
-}
-
-/// Columns of the samples table that drive each model.
-fn inputs_of_models(campaign: &Campaign) -> BTreeMap<String, Vec<String>> {
-    let again = campaign.diagnoses.iter().filter_map(|d| Some((d.settings.next(), campaign.estimates.get(d.estimate)?)));
-    campaign.estimates.iter().map(|e| (e.name(), e)).chain(again).map(|(name, e)| (name, e.columns())).collect()
-}
-
-/// The signal in which each input of the segments is searched.
-fn searched(campaign: &Campaign) -> BTreeMap<String, String> {
-    let inputs = campaign.segment.iter().flat_map(|s| &s.settings.input);
-    inputs.map(|i| (i.name().to_string(), i.signal.clone())).collect()
 }
 
 fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
@@ -78,12 +65,12 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
         title: campaign.title.clone(),
         subtitle: campaign.report.as_ref().map(|r| r.subtitle.clone()).unwrap_or_default(),
         tables,
-        inputs: inputs_of_models(campaign),
-        searched: searched(campaign),
+        inputs: campaign.inputs_of_models(),
+        searched: campaign.searched(),
         unasked: unasked(campaign),
         provenance: vec![
             ("program".to_string(), format!("koehler {}", env!("CARGO_PKG_VERSION"))),
-            ("sources".to_string(), env!("KOEHLER_CODE").to_string()),
+            ("sources".to_string(), super::code(STAGE.name).to_string()),
         ],
     };
     let report = report::report(&input)?;
@@ -101,6 +88,7 @@ fn problem(text: String) -> Note {
 mod tests {
     use super::*;
     use crate::pipeline::Plan;
+    use crate::stage::STAGES;
     use std::path::Path;
 
     /// Campaigns with several estimates, fits, diagnoses and reruns.
@@ -113,13 +101,12 @@ mod tests {
     #[test]
     fn every_part_that_any_stage_writes_is_read() {
         for campaign in campaigns() {
-            let unit = Unit { name: "campaign".into(), index: 0, per: Per::Campaign };
-            let reads = reads(&campaign, &unit);
+            let reads = reads(&campaign, &Unit::campaign()[0]);
             let mut most = 0;
             for stage in STAGES {
-                for unit in units(&campaign, stage) {
+                for unit in (stage.units)(&campaign) {
                     for table in stage.writes.iter().filter(|table| report::tables().contains(table)) {
-                        let part = unit.part();
+                        let part = unit.part.clone();
                         most = most.max(if let Part::Number(i) = part { i } else { 0 });
                         let read = Read { table, part, optional: true };
                         assert!(reads.contains(&read), "{} of {} is not read", read.part.words(table), stage.name);

@@ -2,21 +2,12 @@
 
 use super::diagnose::recommended;
 use super::estimate::{self, Config};
-use super::{Campaign, Inputs, Output, Part, Per, Read, Severity, Stage, Unit, slice_of};
+use super::{Campaign, Inputs, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::error::{Error, Errors};
 use serde_json::{Value, json};
 
-pub const STAGE: Stage = Stage {
-    name: "rerun",
-    about: "estimate amended models",
-    per: Per::Rerun,
-    wanted: |_| true,
-    writes: &WRITES,
-    reads,
-    reads_log: false,
-    slice,
-    run,
-};
+pub const STAGE: Stage =
+    Stage { name: "rerun", about: "estimate amended models", units: units, writes: &WRITES, reads, slice, run, ..Stage::PLAIN };
 
 const ESTIMATED: usize = estimate::STAGE.writes.len();
 
@@ -31,10 +22,10 @@ const WRITES: [&str; ESTIMATED + 1] = {
     all
 };
 
-/// The estimates that are run again: place and name.
-pub fn units(campaign: &Campaign) -> Vec<(usize, String)> {
+/// The estimates that are run again, behind the estimates.
+fn units(campaign: &Campaign) -> Vec<Unit> {
     let wanted = campaign.diagnoses.iter().enumerate().filter(|(_, d)| d.settings.rerun);
-    wanted.map(|(i, d)| (campaign.estimates.len() + i, d.settings.next())).collect()
+    wanted.map(|(i, d)| Unit::entry(campaign.estimates.len() + i, d.settings.next())).collect()
 }
 
 /// Place of the diagnosis, its name, and the estimate that it is of.

@@ -1,6 +1,6 @@
 //! Signals and samples of a flight come in; the maneuvers flown in it, and the trimmed condition before each, go out.
 
-use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, series, slice_of};
+use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
 use crate::error::{Error, Errors, Place, Result};
 use crate::segment::{self, Edits, Maneuver, Source};
 use crate::table::Table;
@@ -11,13 +11,12 @@ use serde_json::{Value, json};
 pub const STAGE: Stage = Stage {
     name: "segment",
     about: "find maneuvers",
-    per: Per::Flight,
-    wanted: |campaign| campaign.segment.is_some(),
+    units: |campaign| if campaign.segment.is_some() { Unit::flights(campaign) } else { Vec::new() },
     writes: &["segments", "conditions"],
     reads: |_, unit| Read::flight(&["signals", "samples"], &unit.name),
-    reads_log: false,
     slice,
     run,
+    ..Stage::PLAIN
 };
 
 /// Maneuvers searched for.

@@ -8,48 +8,8 @@ use serde::Deserialize;
 use crate::config;
 use crate::error::{Error, Result};
 
-/// The one list of tables: adding a table is adding its schema file and a line here.
-const FILES: &[(&str, &str)] = &[
-    ("signals", include_str!("../../schemas/tables/signals.json")),
-    ("channels", include_str!("../../schemas/tables/channels.json")),
-    ("notes", include_str!("../../schemas/tables/notes.json")),
-    ("flightpath", include_str!("../../schemas/tables/flightpath.json")),
-    ("biases", include_str!("../../schemas/tables/biases.json")),
-    ("consistency", include_str!("../../schemas/tables/consistency.json")),
-    ("pathmatch", include_str!("../../schemas/tables/pathmatch.json")),
-    ("samples", include_str!("../../schemas/tables/samples.json")),
-    ("segments", include_str!("../../schemas/tables/segments.json")),
-    ("conditions", include_str!("../../schemas/tables/conditions.json")),
-    ("estimates", include_str!("../../schemas/tables/estimates.json")),
-    ("correlations", include_str!("../../schemas/tables/correlations.json")),
-    ("separability", include_str!("../../schemas/tables/separability.json")),
-    ("budget", include_str!("../../schemas/tables/budget.json")),
-    ("profiles", include_str!("../../schemas/tables/profiles.json")),
-    ("repeats", include_str!("../../schemas/tables/repeats.json")),
-    ("regressions", include_str!("../../schemas/tables/regressions.json")),
-    ("equations", include_str!("../../schemas/tables/equations.json")),
-    ("iterations", include_str!("../../schemas/tables/iterations.json")),
-    ("responses", include_str!("../../schemas/tables/responses.json")),
-    ("residuals", include_str!("../../schemas/tables/residuals.json")),
-    ("fits", include_str!("../../schemas/tables/fits.json")),
-    ("bands", include_str!("../../schemas/tables/bands.json")),
-    ("points", include_str!("../../schemas/tables/points.json")),
-    ("findings", include_str!("../../schemas/tables/findings.json")),
-    ("candidates", include_str!("../../schemas/tables/candidates.json")),
-    ("additions", include_str!("../../schemas/tables/additions.json")),
-    ("held_out", include_str!("../../schemas/tables/held_out.json")),
-    ("located", include_str!("../../schemas/tables/located.json")),
-    ("gaps", include_str!("../../schemas/tables/gaps.json")),
-    ("closures", include_str!("../../schemas/tables/closures.json")),
-    ("shifts", include_str!("../../schemas/tables/shifts.json")),
-    ("overlays", include_str!("../../schemas/tables/overlays.json")),
-    ("relations", include_str!("../../schemas/tables/relations.json")),
-    ("driven", include_str!("../../schemas/tables/driven.json")),
-    ("next_models", include_str!("../../schemas/tables/next_models.json")),
-    ("recommended", include_str!("../../schemas/tables/recommended.json")),
-    ("equation_errors", include_str!("../../schemas/tables/equation_errors.json")),
-    ("stages", include_str!("../../schemas/tables/stages.json")),
-];
+// `EMBEDDED`, the list of the files in `schemas/tables/` with their texts: written by `build.rs`, so that adding a table is adding a file.
+include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 
 /// What a table is: its columns in order, and where it lies.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
@@ -129,9 +89,9 @@ pub(super) fn arrow(columns: &[Column]) -> Arc<ArrowSchema> {
 }
 
 static SCHEMAS: LazyLock<Vec<Schema>> =
-    LazyLock::new(|| FILES.iter().filter_map(|(_, text)| serde_json::from_str(text).ok()).collect());
+    LazyLock::new(|| EMBEDDED.iter().filter_map(|(_, text)| serde_json::from_str(text).ok()).collect());
 
-/// All tables, in the order of the stages.
+/// All tables, in alphabetical order.
 pub fn schemas() -> &'static [Schema] {
     &SCHEMAS
 }
@@ -153,7 +113,7 @@ mod tests {
 
     #[test]
     fn every_schema_file_reads_and_is_listed_once() {
-        for (name, text) in FILES {
+        for (name, text) in EMBEDDED {
             let schema: Schema = serde_json::from_str(text).unwrap_or_else(|e| panic!("{name}: {e}"));
             assert_eq!(schema.name, *name);
             let names: std::collections::BTreeSet<&str> = schema.columns.iter().map(|c| c.name.as_str()).collect();
@@ -167,14 +127,14 @@ mod tests {
             assert!(schema.sorted_by.iter().all(|s| names.contains(s.as_str())), "{name}: sorted_by");
             assert!(schema.columns.iter().all(|c| c.doc.ends_with('.') && !c.unit.is_empty()), "{name}: doc or unit");
         }
-        assert_eq!(schemas().len(), FILES.len());
+        assert_eq!(schemas().len(), EMBEDDED.len());
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas/tables");
-        assert_eq!(std::fs::read_dir(folder).unwrap().count(), FILES.len());
+        assert_eq!(std::fs::read_dir(folder).unwrap().count(), EMBEDDED.len());
     }
 
     #[test]
     fn an_unknown_table_is_refused_with_the_list() {
         let e = schema("estimate").unwrap_err().to_string();
-        assert!(e.starts_with("there is no table \"estimate\"\n    the tables are signals, channels"), "{e}");
+        assert!(e.starts_with("there is no table \"estimate\"\n    the tables are additions, bands"), "{e}");
     }
 }

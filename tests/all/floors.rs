@@ -3,6 +3,7 @@
 
 mod circles;
 
+use crate::closure::shared::{code, imports};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -35,50 +36,6 @@ fn floors() -> BTreeMap<String, usize> {
         floors.extend(names.split(',').map(|name| (name.trim().trim_matches('`').to_string(), floor)));
     }
     floors
-}
-
-/// The code of a file without comments, and without its tests, which may look at any floor.
-fn code(text: &str) -> String {
-    let lines = text.lines().take_while(|line| line.trim() != "#[cfg(test)]");
-    lines.map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
-}
-
-/// Modules of this crate that `code` names: `crate::a::b` and `use crate::{a::b, c}`.
-fn imports(code: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    for (at, _) in code.match_indices("crate::") {
-        // `$crate::` and `other_crate::` name something else or are found by their own floor.
-        if code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
-            continue;
-        }
-        let rest = &code[at + "crate::".len()..];
-        if !rest.starts_with('{') {
-            found.push(word(rest));
-            continue;
-        }
-        let mut depth = 0;
-        let mut start = 1;
-        for (i, c) in rest.char_indices() {
-            match c {
-                '{' => depth += 1,
-                '}' => depth -= 1,
-                _ => {}
-            }
-            if depth == 0 || (depth == 1 && c == ',') {
-                found.push(word(rest[start..i].trim()));
-                start = i + 1;
-            }
-            if depth == 0 {
-                break;
-            }
-        }
-    }
-    found.retain(|name| !name.is_empty());
-    found
-}
-
-fn word(text: &str) -> String {
-    text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod attas;
 mod campaign;
+mod closure;
 mod coverage;
 mod diagnosis;
 mod dlc;

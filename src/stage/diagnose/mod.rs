@@ -6,7 +6,7 @@ mod tables;
 mod words;
 
 use super::estimate::{self, Group, Ready};
-use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, said, slice_of};
+use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, said, slice_of};
 use crate::diagnose::effect::{self, Context, Effect};
 use crate::diagnose::{self, Base, Claim, Diagnosis, Fitted, Judged, Rule, Subject, Verdict};
 use crate::error::Errors;
@@ -23,8 +23,7 @@ pub use words::digits;
 pub const STAGE: Stage = Stage {
     name: "diagnose",
     about: "diagnose models",
-    per: Per::Diagnose,
-    wanted: |_| true,
+    units: |campaign| Unit::entries(campaign.diagnoses.iter().map(Config::name)),
     writes: &[
         "findings",
         "candidates",
@@ -42,9 +41,11 @@ pub const STAGE: Stage = Stage {
         "recommended",
     ],
     reads,
-    reads_log: false,
     slice,
     run,
+    asked,
+    idle,
+    ..Stage::PLAIN
 };
 
 /// One estimate's model held against the flights: where is it wrong, and what is missing?
@@ -136,6 +137,20 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         "effects": effects,
         "lines": slice_of(&lines(campaign, config).map(|l| [l.parameter, l.against, l.unit]).collect::<Vec<_>>()),
     })
+}
+
+/// What a command asked for, and not the pipeline file.
+fn asked(campaign: &Campaign, unit: &Unit) -> Option<Value> {
+    let config = campaign.diagnoses.get(unit.index).filter(|d| d.settings.asked)?;
+    serde_json::to_value(&config.settings).ok()
+}
+
+fn idle(campaign: &Campaign, unit: &Unit) -> Option<&'static str> {
+    campaign
+        .diagnoses
+        .get(unit.index)
+        .is_some_and(|d| d.settings.idle)
+        .then_some("it is not asked for now, and what it was made from has changed: `koehler diagnose` makes it anew")
 }
 
 fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(&'a Config, &'a estimate::Config)> {

@@ -6,7 +6,7 @@ mod tables;
 mod trim;
 mod uncertainty;
 
-use super::{Campaign, Inputs, Note, Output, Per, Read, Severity, Stage, Unit, series, slice_of};
+use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
 use crate::dynamics::Record;
 use crate::error::{Errors, Result};
 use crate::estimate::{self, Estimation, Segment};
@@ -25,8 +25,7 @@ pub use settings::{Group, Settings, Used};
 pub const STAGE: Stage = Stage {
     name: "estimate",
     about: "estimate models",
-    per: Per::Estimate,
-    wanted: |_| true,
+    units: |campaign| Unit::entries(campaign.estimates.iter().map(Config::name)),
     writes: &[
         "estimates",
         "correlations",
@@ -41,9 +40,9 @@ pub const STAGE: Stage = Stage {
         "responses",
     ],
     reads,
-    reads_log: false,
     slice,
     run,
+    ..Stage::PLAIN
 };
 
 /// The checked settings of one estimate.
