@@ -10,8 +10,8 @@ use super::smoother::levels::Levels;
 use super::smoother::{Nothing, Smoothed, Smoother};
 use super::stretches::{guess, levels, stretches};
 use crate::error::Errors;
-use crate::model::extend::output_delay;
 use crate::model::Model;
+use crate::model::extend::output_delay;
 
 /// Share of the standard deviation at the start above which a state or a parameter counts as not determined.
 pub const UNKNOWN: f64 = 0.3;
