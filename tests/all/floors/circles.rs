@@ -232,7 +232,7 @@ fn tree(tokens: &[String], mut i: usize, prefix: &[String], leaves: &mut Vec<(St
                 return i + 1;
             }
             Some(word) if is_word(word) => {
-                if !(word == "self" && !path.is_empty()) {
+                if word != "self" || path.is_empty() {
                     path.push(word.to_string());
                 }
                 i += 1;
