@@ -1,7 +1,8 @@
 //! Koehler: flight-test logs in, identified aircraft models with honest uncertainty out.
 //!
-//! The modules are floors of one house: a module imports only modules named above it in this list (`tests/all/floors.rs` walks the
-//! imports and fails on an upward one).
+//! The modules are floors of one house: a module imports only modules named above it in this list, and files inside a module do not
+//! import each other in circles (`tests/all/floors.rs` walks the imports and fails on an upward one, and on a circle that
+//! its list does not name).
 //!
 //! | floor | what it does |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! Labels of maneuvers and settings in; which maneuvers are held out, and the rule in words, out. Few long records are cut into blocks of
 //! time first.
 
-use super::Settings;
+use super::settings::Settings;
 use crate::estimate::{Segment, Stretch};
 
 /// How the held-out maneuvers were chosen.

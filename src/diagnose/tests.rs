@@ -1,9 +1,14 @@
 //! Small simulated campaigns with a hidden effect, or none, and a handful of candidates.
 
+use super::base::found::at_first;
+use super::base::stand::Stand;
 use super::effect::{self, Context};
+use super::residual::sources::Sources;
+use super::residual::{innovation, sums};
 use super::*;
 use crate::dynamics::{Channel, Directions, Plan, Record};
-use crate::model::Constants;
+use crate::estimate::{self, Segment};
+use crate::model::{Constants, Model};
 use crate::simulate::Stream;
 
 /// Short period with what is hidden in the pitching motion and in the vane.
@@ -252,13 +257,13 @@ fn truth_what_is_new_at_each_instant_is_foretold_by_chance_only_where_nothing_is
         let context = Context::default();
         let (segments, held_out) = (&segments[..], &held_out[..]);
         let subject = Subject { model: &base, segments, held_out, method: &method, context: &context, settings: &settings };
-        let stand = base::Stand::first(&base, &method, settings.base);
-        let found = found::at_first(&stand, &subject).expect("settings").expect("a base");
+        let stand = Stand::first(&base, &method, settings.base);
+        let found = at_first(&stand, &subject).expect("settings").expect("a base");
         let (case, theta) = (found.case(), &found.fit.theta);
-        let sources = sources::Sources::of(&case, &found.places.training, 0.01, true, &Thresholds::default());
-        let of = |s: usize| innovation::sums(&case, &found.noise, &sources, s, theta, located::Size::Alike);
-        for gram in located::together(&case, &sources, &found.places.training, &of) {
-            let Some((gain, b)) = located::best(&gram, Thresholds::default().ridge) else { continue };
+        let sources = Sources::of(&case, &found.places.training, 0.01, true, &Thresholds::default());
+        let of = |s: usize| innovation::sums(&case, &found.noise, &sources, s, theta, sums::Size::Alike);
+        for gram in sums::together(&case, &sources, &found.places.training, &of) {
+            let Some((gain, b)) = sums::best(&gram, Thresholds::default().ridge) else { continue };
             let dof = b.len() as f64;
             all += 1.0;
             sum += 2.0 * gain / dof;

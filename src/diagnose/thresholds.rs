@@ -9,7 +9,7 @@
 //! is to be expected of a change; what was measured is in the document.
 //!
 //! What is not here, and why: exact numbers of the theory (half a square, the mean of chi-square, a dispersion of at least 1, the sign of a gain);
-//! rounding of the linear algebra (`gram::DEPENDENT`, the pivots of `gram::factor`, the tolerance of `screen::by_coordinates`); the ladder of damped
+//! rounding of the linear algebra (`gram::DEPENDENT`, the pivots of `gram::factor`, the tolerance of `gain::by_coordinates`); the ladder of damped
 //! steps of a fit (`fit::TRIES`) and sizes of loops, which change the way and not the end; what is only words and digits (which base parameters are
 //! told to imitate a candidate, 95% intervals); and the numbers of one effect (starts, bounds, what physics expects), which stand in its file.
 

@@ -2,12 +2,10 @@
 
 use super::plan::Compiled;
 use super::plan::Plan;
-use super::propagate::{AHEAD, WEIGHT};
+use super::rows::LANES;
+use super::tableau::{AHEAD, WEIGHT};
 use crate::math::simd::Aligned;
 use crate::model::{Program, Tables};
-
-/// Points of one evaluation side by side.
-pub(super) const LANES: usize = 16;
 
 /// A program with its register file for one evaluation at a time.
 pub(super) struct Single<'p> {

@@ -32,15 +32,21 @@ mod history;
 mod plan;
 mod propagate;
 mod record;
+mod respond;
 mod rows;
 mod sigma;
+mod starts;
 mod stiffness;
+mod substeps;
+mod tableau;
 mod tangent;
+mod values;
 
 pub use plan::{Directions, Plan, Tier};
-pub(crate) use propagate::{AHEAD, WEIGHT};
+
 pub use record::{Channel, Interpolation, Record, Sampling};
 pub use sigma::{Smooth, smoothed};
+pub(crate) use tableau::{AHEAD, WEIGHT};
 
 /// Outputs on the record's grid from its start point on.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,12 +1,7 @@
 //! The compiled programs of one model for one choice of free directions, ready to run over any number of records.
 
-use super::propagate;
-use super::record::{Sampling, Weights};
 use super::rows::Rows;
-use super::stiffness;
-use super::{Grid, Record, Response};
-use crate::error::{Error, Result};
-use crate::math::pool;
+use crate::error::Result;
 use crate::model::linear::{Linear, Starts};
 use crate::model::native::{Native, Points, Steps};
 use crate::model::{Layout, Model, Program, StartKind, Tables};
@@ -78,7 +73,7 @@ pub struct Plan {
     pub(super) delay_rows: Rows,
     pub(super) starts: Starts,
     /// Per given start: how it begins, and the output that measures it.
-    begin: Vec<(StartKind, Option<usize>, String)>,
+    pub(super) begin: Vec<(StartKind, Option<usize>, String)>,
 }
 
 impl Plan {
@@ -151,113 +146,4 @@ impl Plan {
     pub fn given(&self) -> &[usize] {
         &self.starts.given
     }
-
-    /// Start values for the `given` states of one record: the first measured value, or what the model says.
-    ///
-    /// # Errors
-    /// A state starts "measured" and the record has no finite sample of its output.
-    pub fn first_values(&self, model: &Model, parameters: &[f64], record: &Record) -> Result<Vec<f64>> {
-        self.first_values_of(model, parameters, record, record)
-    }
-
-    /// The same with the first measured values of another record.
-    ///
-    /// # Errors
-    /// As `first_values`.
-    pub fn first_values_of(&self, model: &Model, parameters: &[f64], record: &Record, first: &Record) -> Result<Vec<f64>> {
-        let mut values = Vec::with_capacity(self.begin.len());
-        let free: Vec<usize> = Vec::new();
-        let natural = model.starts(&[], &free)?;
-        let measured: Vec<f64> = natural
-            .given
-            .iter()
-            .map(|&i| {
-                let name = &model.states[i].quantity.name;
-                model.output(name).and_then(|o| first.first_measured(o)).ok_or_else(|| {
-                    Error::new(format!(
-                        "state \"{name}\" starts at its first measured value, but there is no measured output \"{name}\""
-                    ))
-                    .help("map a measured signal to that output, or give the state a start value")
-                })
-            })
-            .collect::<Result<_>>()?;
-        let x = propagate::evaluate_starts(&natural, self.layout, &self.tables, parameters, &measured, record);
-        for (&i, _) in self.starts.given.iter().zip(&self.begin) {
-            values.push(x[i]);
-        }
-        Ok(values)
-    }
-
-    /// Runs a record. `parameters`: all of the model's; `given`: start values of the `given()` states.
-    pub fn run(&self, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Grid {
-        let (mut grid, rows) = propagate::run(self, parameters, given, record, sensitivities);
-        let nd = self.directions.len();
-        let point = |k: usize| rows.iter().flat_map(move |row| row[k * nd..(k + 1) * nd].iter().copied());
-        if sensitivities {
-            grid.dy = (0..grid.n).flat_map(point).collect();
-        }
-        grid
-    }
-
-    /// Integration steps per grid step that the model's Jacobian asks for at the start of a record (and at its inputs' extremes).
-    pub fn substeps(&self, parameters: &[f64], given: &[f64], record: &Record) -> usize {
-        stiffness::substeps(self, parameters, given, record)
-    }
-
-    /// Runs a record and reads the predictions at the samples of its channels.
-    pub fn respond(&self, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Response {
-        self.respond_at(parameters, given, record, &record.sampling(), sensitivities)
-    }
-
-    /// The same where the record's `sampling()` is known already.
-    pub fn respond_at(
-        &self,
-        parameters: &[f64],
-        given: &[f64],
-        record: &Record,
-        sampling: &[Sampling],
-        sensitivities: bool,
-    ) -> Response {
-        let (grid, mut rows) = propagate::run(self, parameters, given, record, sensitivities);
-        let (ny, nd) = (self.outputs.len(), self.directions.len());
-        let mut out = Response { finite: grid.finite, ..Default::default() };
-        for (i, (channel, sampling)) in record.channels.iter().zip(sampling).enumerate() {
-            let Some(column) = self.outputs.iter().position(|&k| k == channel.output) else {
-                out.y.push(vec![f64::NAN; channel.t.len()]);
-                out.dy.extend(sensitivities.then(|| vec![0.0; channel.t.len() * nd]));
-                continue;
-            };
-            let y = |point: usize| grid.y[point * ny + column];
-            let mut values = pool::take(channel.t.len());
-            match sampling {
-                Sampling::Grid => values.iter_mut().enumerate().for_each(|(k, v)| *v = y(k)),
-                Sampling::Between(weights) => {
-                    values.iter_mut().zip(weights).for_each(|(v, w)| *v = w.as_ref().map_or(f64::NAN, |w| w.value(y)));
-                }
-            }
-            out.y.push(values);
-            if sensitivities {
-                let again = record.channels[i + 1..].iter().any(|c| c.output == channel.output);
-                out.dy.push(match sampling {
-                    Sampling::Grid if again => rows[column].clone(),
-                    Sampling::Grid => std::mem::take(&mut rows[column]),
-                    Sampling::Between(weights) => weights.iter().flat_map(|w| between(w.as_ref(), &rows[column], nd)).collect(),
-                });
-            }
-        }
-        pool::give(grid.y);
-        out
-    }
-}
-
-/// Sensitivities at one sample; zero outside the grid.
-fn between(weights: Option<&Weights>, rows: &[f64], nd: usize) -> Vec<f64> {
-    let mut out = vec![0.0; nd];
-    if let Some(w) = weights {
-        for k in 0..w.len {
-            let row = &rows[(w.first + k) * nd..(w.first + k + 1) * nd];
-            out.iter_mut().zip(row).for_each(|(d, g)| *d += w.w[k] * g);
-        }
-    }
-    out
 }

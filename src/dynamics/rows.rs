@@ -4,11 +4,13 @@
 //! Some vectors of directions go through all points of a call before the next ones begin: directions do not see each other, and
 //! their part of S stays in the nearest cache.
 
-use super::evaluate::LANES;
 use crate::math::simd::{Aligned, Eight, by_width};
 use crate::model::Program;
 use crate::model::linear::Sparse;
 use std::ops::Range;
+
+/// Points of one evaluation side by side.
+pub(super) const LANES: usize = 16;
 
 /// One product of a row: where the entry of the Jacobian stands in a file of registers (`LANES` points each), and where the row that it multiplies.
 #[derive(Debug, Clone, Copy, PartialEq)]

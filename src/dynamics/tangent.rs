@@ -1,10 +1,11 @@
 //! Exact sensitivities: the Runge-Kutta method applied to `S' = A S + B`, lanes of directions.
 
-use super::evaluate::{LANES, Many};
+use super::evaluate::Many;
 use super::history::Past;
 use super::plan::Plan;
-use super::propagate::{AHEAD, Chunk, RESTS, Run, WEIGHT};
-use super::rows::{Append, Block, Rows, Steps, append, product, steps};
+use super::rows::{Append, Block, LANES, Rows, Steps, append, product, steps};
+use super::tableau::{AHEAD, WEIGHT};
+use super::values::{Chunk, RESTS, Run};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
 use crate::model::{Delayed, Program};

@@ -1,14 +1,12 @@
 //! A model and the segments used in; the least-squares problem over them, its layout and its solution, out.
 
 use super::choice::Chosen;
-use super::gauss::cost;
 use super::noise::Structure;
 use super::problem::{Block, Layout, Part};
 use super::profile::{Profile, profiles};
-use super::regression::{Regression, regress};
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::solution::{Solution, solve};
-use super::{Label, Line, NoiseKind, Settings, StartFrom, Trace};
+use super::{Label, Line, NoiseKind, Settings, Trace};
 use crate::dynamics::{Directions, Plan, Record, Response, Sampling};
 use crate::error::Result;
 use crate::model::{Model, Scope};
@@ -106,25 +104,6 @@ impl<'a> Case<'a> {
             }
         }
         rose
-    }
-
-    /// Starts from the result of a regression on the equations, if the settings ask for it and it fits better.
-    ///
-    /// # Errors
-    /// A grid that cannot be smoothed.
-    pub fn start_by_regression(&mut self, settings: &Settings) -> Result<Option<Regression>> {
-        // The regression knows nothing of lines.
-        if settings.start == StartFrom::Model || !self.chosen.lines.is_empty() {
-            return Ok(None);
-        }
-        let (mut regression, theta) = regress(self, settings)?;
-        let evaluate = |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
-        let [given, found] = [&self.layout.start, &theta].map(|theta| cost(&self.layout, &evaluate, theta));
-        regression.taken = found.is_some_and(|found| given.is_none_or(|given| found <= given));
-        if regression.taken {
-            self.layout.start = theta;
-        }
-        Ok(Some(regression))
     }
 
     /// The profiles that the settings ask for.

@@ -4,6 +4,19 @@ use crate::dynamics::{Channel, Record};
 use indexmap::IndexMap;
 use std::borrow::Cow;
 
+/// What a group of segments has in common.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Label {
+    pub column: String,
+    pub value: String,
+}
+
+impl std::fmt::Display for Label {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(f, "{} {}", self.column, self.value)
+    }
+}
+
 /// One stretch of flight of an estimation, and what is known of it by name: the columns that parameters can be `per`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Segment {

@@ -4,6 +4,7 @@
 //! and the others are estimated again, until all that are left are. Two that the data cannot tell apart are not both left. (Standard
 //! deviations are those that allow for coloured residuals: with the Cramer-Rao bound nearly everything looks significant.)
 
+use super::decision::{Decision, Support};
 use super::rank::NONE;
 use super::{Estimation, Settings, Stop};
 use crate::error::Errors;
@@ -12,38 +13,6 @@ use crate::math::distribution::chi2_cdf;
 /// A candidate is significant from so many standard deviations on; one with several values (per segment) where all of them together are
 /// as unlikely to be at their start.
 const SIGNIFICANT: f64 = 2.0;
-
-/// What the data say of a candidate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Support {
-    Significant,
-    NotSignificant,
-    /// The data do not tell it from others.
-    NotObservable,
-}
-
-impl Support {
-    /// The stable text that tables carry.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Support::Significant => "significant",
-            Support::NotSignificant => "not significant",
-            Support::NotObservable => "not observable",
-        }
-    }
-}
-
-/// One candidate and what became of it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Decision {
-    pub parameter: String,
-    pub unit: String,
-    /// Estimate and standard deviation, before it was held; of several values the one farthest from its start. NaN where there is none.
-    pub value: f64,
-    pub sd: f64,
-    pub start: f64,
-    pub support: Support,
-}
 
 /// Estimates, without the candidates of the settings that the data do not support.
 pub fn select(settings: &Settings, estimate: impl Fn(&Settings) -> Result<Estimation, Errors>) -> Result<Estimation, Errors> {
@@ -69,12 +38,6 @@ pub fn select(settings: &Settings, estimate: impl Fn(&Settings) -> Result<Estima
         estimation = estimate(&trial)?;
     }
     Ok(Estimation { decisions, ..estimation })
-}
-
-impl Decision {
-    pub fn held(&self) -> bool {
-        self.support != Support::Significant
-    }
 }
 
 /// The candidate that is held next; none where all that are left are significant, or nothing can be said.

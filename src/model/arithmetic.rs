@@ -7,7 +7,7 @@
 // The coefficients are written with the digits of their source.
 #![allow(clippy::excessive_precision)]
 
-use super::graph::Op;
+use super::op::Op;
 
 /// Largest argument, rad, for which the polynomial's reduction is exact enough; beyond it `libm` takes over.
 pub const REACH: f64 = 1e5;

@@ -2,7 +2,7 @@
 
 use super::arithmetic::{REACH, SMALL, apply, sin_cos_near, sin_cos_small};
 use super::graph::Op;
-use super::program::{Code, Instruction};
+use super::instruction::{Code, Instruction};
 use super::tables::Tables;
 use crate::math::simd::Width;
 

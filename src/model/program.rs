@@ -7,6 +7,7 @@
 use std::collections::HashMap;
 
 use super::graph::{Graph, Leaf, Node, Op, View, depends};
+use super::instruction::{Code, Instruction};
 use super::interpret::execute;
 use super::tables::Tables;
 use crate::math::simd::Width;
@@ -58,24 +59,6 @@ impl Layout {
             Leaf::StartValue(i) => self.start_value() + i,
         }
     }
-}
-
-/// What an instruction does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Code {
-    Op(Op),
-    /// Sine of `a` to `to`, cosine to `b`.
-    SinCos,
-}
-
-/// `to = code(a, b, c)`: numbers of registers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Instruction {
-    pub code: Code,
-    pub to: u32,
-    pub a: u32,
-    pub b: u32,
-    pub c: u32,
 }
 
 /// A compiled list of operations with its outputs.

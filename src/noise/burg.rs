@@ -30,6 +30,8 @@ pub struct Products {
     order: usize,
     /// Residuals that were measured.
     pub count: usize,
+    /// How many of them have so many (`0..=order`) before them in their run: what a partial autocorrelation is found from.
+    behind: Vec<usize>,
     /// Sum of their squares, and of what was absorbed of them.
     square: f64,
     /// For `t = 0..order` the products `x_(t-i) x_(t-j)`, `j <= i <= t`, of the sample `t` of each run, and last those of all `t >= order`:
@@ -44,12 +46,15 @@ fn begins(t: usize) -> usize {
 
 impl Products {
     pub fn new(order: usize) -> Products {
-        Products { order, count: 0, square: 0.0, sums: vec![0.0; begins(order + 1)] }
+        Products { order, count: 0, behind: vec![0; order + 1], square: 0.0, sums: vec![0.0; begins(order + 1)] }
     }
 
     /// Counts the samples of a measured series and adds its products.
     pub fn take(&mut self, x: &[f64]) {
-        self.count += x.iter().filter(|v| !v.is_nan()).count();
+        for run in x.split(|v| v.is_nan()).filter(|run| !run.is_empty()) {
+            self.count += run.len();
+            self.behind.iter_mut().enumerate().for_each(|(p, n)| *n += run.len().saturating_sub(p));
+        }
         self.beside(x);
     }
 
@@ -99,6 +104,7 @@ impl Products {
 
     pub fn add(&mut self, other: &Products) {
         self.count += other.count;
+        self.behind.iter_mut().zip(&other.behind).for_each(|(a, b)| *a += b);
         self.square += other.square;
         self.sums.iter_mut().zip(&other.sums).for_each(|(a, b)| *a += b);
     }
@@ -142,7 +148,8 @@ pub(super) fn partial(products: &Products) -> Vec<f64> {
         r.iter_mut().zip(&products.sums[begins(t)..begins(t + 1)]).for_each(|(r, s)| *r += s);
     }
     let mut predictor: Vec<f64> = Vec::new();
-    for p in 1..=m.min(products.count.saturating_sub(2)) {
+    // An order of more than half a run's length is found from its ends alone (Ulrych & Bishop, Rev. Geophys. 13, 1975).
+    for p in (1..=m).take_while(|p| 2 * products.behind[*p] >= products.count) {
         r.iter_mut().zip(&products.sums[begins(p - 1)..begins(p)]).for_each(|(r, s)| *r -= s);
         let at = |i: usize, j: usize| r[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
         let alpha: Vec<f64> = std::iter::once(1.0).chain(predictor.iter().map(|a| -a)).collect();
@@ -171,14 +178,17 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
         return Modelled { model: Ar::white(0.0), cut: None };
     }
     let partial = partial(products);
-    let n = products.count as f64;
+    // Each is found from so many samples, and has a variance of one over that in white noise.
+    let weight = |p: usize| products.behind.get(p).map_or(0.0, |n| *n as f64);
     // n ln(variance) of every order, but for a constant.
     let mut costs = vec![0.0];
-    partial.iter().for_each(|k| costs.push(costs[costs.len() - 1] + n * libm::log1p(-k * k)));
+    for (p, k) in (1..).zip(&partial) {
+        costs.push(costs[p - 1] + weight(p) * libm::log1p(-k * k));
+    }
     // Portmanteau test of what an order leaves (Monti): probability of less in white noise.
     let unlikely = |p: usize| {
         let rest = &partial[p..];
-        let q: f64 = n * rest.iter().map(|k| k * k).sum::<f64>();
+        let q: f64 = (p + 1..).zip(rest).map(|(p, k)| weight(p) * k * k).sum();
         if rest.is_empty() { 0.0 } else { chi2_cdf(q, rest.len() as f64) }
     };
     // Many small correlations that no single order is worth are not white noise either.
@@ -189,8 +199,10 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     };
     let order = match criterion {
         OrderCriterion::Aic => least(2.0),
-        OrderCriterion::Bic => least(libm::log(n)),
-        OrderCriterion::White => (least(libm::log(n))..=partial.len()).find(|&p| unlikely(p) < 0.5).unwrap_or(partial.len()),
+        OrderCriterion::Bic => least(libm::log(products.count as f64)),
+        OrderCriterion::White => {
+            (least(libm::log(products.count as f64))..=partial.len()).find(|&p| unlikely(p) < 0.5).unwrap_or(partial.len())
+        }
     };
     let cut = (order == partial.len() && order < products.order).then_some(order);
     let variance = partial[..order].iter().fold(c0, |variance, k| variance * (1.0 - k * k));

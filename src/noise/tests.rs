@@ -198,12 +198,12 @@ proptest! {
         let mut products = Products::new(highest);
         products.take(&x);
         let partial = burg::partial(&products);
-        prop_assert_eq!(partial.len(), highest.min(x.len() - 2), "it broke off");
+        prop_assert_eq!(partial.len(), highest.min(x.len() / 2), "it broke off");
         prop_assert!(partial.iter().all(|k| k.abs() < 1.0));
         for criterion in [OrderCriterion::White, OrderCriterion::Aic, OrderCriterion::Bic] {
             let modelled = burg::fit(&products, criterion);
             let model = &modelled.model;
-            prop_assert!(modelled.cut.is_none());
+            prop_assert!(modelled.cut.is_none() || x.len() < 2 * highest);
             prop_assert!(model.variance > 0.0 && model.level() > 0.0 && model.level().is_finite(), "{model:?}");
             prop_assert!(model.order() > 0 || !(whiteness(&x).p < 1e-6), "called white: {model:?}");
         }

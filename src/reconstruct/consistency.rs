@@ -88,7 +88,7 @@ pub fn compare(
     let mut levels = levels.clone();
     out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
     // a temperature has no axis that could be the wrong way round, and nothing else tells it
-    let moving = |k: &usize| super::smoothed::inertial(&smoother.kinematics.model.inputs[*k].unit);
+    let moving = |k: &usize| inertial(&smoother.kinematics.model.inputs[*k].unit);
     let channels = (0..flight.inputs.len()).filter(moving).map(Which::Input).chain((0..flight.channels.len()).map(Which::Output));
     let channels: Vec<(Which, Vec<[f64; 2]>)> =
         channels.filter(|which| !out.contains(which)).map(|which| (which, parts(smoother, which, stretches))).collect();
@@ -111,6 +111,11 @@ pub fn compare(
             Some(Comparison { jump: jump(*which, &pairs), ..regress(*which, &pairs)? })
         })
         .collect()
+}
+
+/// Whether an input is a rate or a specific force: those are never still. A temperature may be one number for a whole flight.
+pub fn inertial(unit: &str) -> bool {
+    matches!(unit, "m/s^2" | "rad/s" | "rad/s^2")
 }
 
 /// How well the measurements fit together over the parts where `which` moves, without the channels `out`: mean normalised innovation squared.

@@ -9,6 +9,8 @@ const UNLIKELY: f64 = 1e-9;
 /// A signal that moved by at most so many steps of its resolution from one sample to the next may as well have been still: the middle one of
 /// the last changes before a run, and what it comes away with.
 const STEPS: f64 = 1.5;
+/// A signal whose last change before a run is this share of the usual one comes to rest.
+const SLOWS: f64 = 0.5;
 /// Changes before and after a run that are looked at.
 const NEAR: usize = 5;
 /// Equal samples in a row at the signal's largest or least value that make a stop.
@@ -103,7 +105,9 @@ fn within_resolution(runs: &[std::ops::Range<usize>], number: usize, good: &[usi
         sorted.get(sorted.len() / 2).copied()
     };
     let fine = STEPS * resolution;
-    let came = middle(&before).is_none_or(|change| change <= fine);
+    // Where a recorder smooths what it holds in steps, the last change before a rest is a small part of those before it.
+    let slows = |usual: f64| before.last().is_some_and(|last| *last <= SLOWS * usual);
+    let came = middle(&before).is_none_or(|usual| usual <= fine || slows(usual));
     let (leaves, goes_on) = (after.first().copied().unwrap_or(0.0), middle(after.get(1..).unwrap_or_default()).unwrap_or(0.0));
     came && leaves <= fine.max(2.0 * goes_on)
 }

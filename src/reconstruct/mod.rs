@@ -19,11 +19,16 @@
 //! accelerations of the aircraft's motion, without the gusts' own.
 
 pub mod consistency;
+mod found;
 mod health;
 mod output_error;
+mod path;
+mod settings;
+mod signals;
 mod slow;
 mod smoothed;
 pub mod smoother;
+mod stretches;
 mod survey;
 pub mod taken;
 #[cfg(test)]
@@ -31,260 +36,17 @@ mod tests;
 mod verdicts;
 mod windows;
 
-use indexmap::IndexMap;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 
 use crate::error::{Error, Errors};
 use crate::model::Model;
 use crate::signal::resample::Grid;
+use settings::signal_of;
 use smoother::unwrap as unwrap_angle;
 
-/// How the path is found.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Method {
-    /// Filter and smoother over the whole flight.
-    Smoother,
-    /// Output error in overlapping windows.
-    #[default]
-    Windows,
-}
-
-/// How a flight path is reconstructed.
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// How the path is found.
-    pub by: Method,
-    /// Rate of the flight path's grid, Hz.
-    #[schemars(range(min = 1.0))]
-    pub rate_hz: f64,
-    /// The sensor errors are estimated on a grid with every so many points of the flight path's.
-    #[schemars(range(min = 1, max = 20))]
-    pub estimate_every: usize,
-    /// Length of a window, s: long enough to see a bias, short enough that it is constant.
-    #[schemars(range(min = 1.0))]
-    pub window_s: f64,
-    /// Overlap of neighbouring windows, s, over which they are blended.
-    #[schemars(range(min = 0.0))]
-    pub overlap_s: f64,
-    /// Length of the local cubic that smooths the rates before they are differentiated, s.
-    #[schemars(range(min = 0.0))]
-    pub smooth_s: f64,
-    /// A gap of an input longer than this ends a window, s.
-    #[schemars(range(min = 0.0))]
-    pub max_gap_s: f64,
-    /// Signals of the log for the inputs and outputs of the kinematic model, where the names differ. A signal named here stands for that
-    /// quantity alone: an output of the signal's own name is not compared with it.
-    pub signals: IndexMap<String, String>,
-    /// Outputs of the kinematic model that are not compared with the signals of their names.
-    pub unscored: Vec<String>,
-    /// Smoother: a gap of an input longer than this ends the path, s; shorter ones are coasted over.
-    #[schemars(range(min = 0.0))]
-    pub coast_s: f64,
-    /// Smoother: measurements further than this many standard deviations from their prediction are rejected and counted.
-    #[schemars(range(min = 3.0))]
-    pub gate: f64,
-    /// Smoother: random walks, in the unit of the state or parameter per square root of a second, by name; the others are constant.
-    pub walk: IndexMap<String, f64>,
-    /// Smoother: noise of single samples (standard deviation, SI) by name of the model's output or input, where it is known; that of the
-    /// others is estimated. What a recorder has filtered or interpolated does not show its noise: give it.
-    pub sd: IndexMap<String, f64>,
-    /// Smoother: states and parameters that gusts disturb, as random walks whose size is estimated; names the model does not have are passed over.
-    /// Altitude is among them because it follows the motion over ground, the model's the motion through the air.
-    pub gusts: Vec<String>,
-    /// Smoother: seconds of the flight, spread evenly over it, from which noise levels are estimated.
-    #[schemars(range(min = 10.0))]
-    pub noise_s: f64,
-    /// Smoother: most iterations of that; 0 keeps the levels that the signals themselves show.
-    pub noise_iterations: usize,
-    /// Smoother: outputs of sensors that may be late (vanes with filters, slow recorders): how late is estimated, as the parameter `tau_<output>`.
-    pub late: Vec<String>,
-    /// Smoother: further sensor errors, by name of the model's parameters, that are estimated only where the data support them: those that
-    /// are less than two standard deviations from their start are held there, the least significant first. Every decision is a row of the
-    /// table `consistency`.
-    pub candidates: Vec<String>,
-    /// Smoother: outputs that depend on the flow of air; they mean nothing while the aircraft stands or rolls slowly.
-    pub air_data: Vec<String>,
-    /// Smoother: slow is a measured airspeed below this share of the flight's usual one (its 90% quantile).
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub slow: f64,
-    /// Further sensor errors to estimate, by name of the model's parameters (for example "b_alpha").
-    pub free: Vec<String>,
-    /// Sensor errors held at their start values.
-    pub fixed: Vec<String>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            by: Method::default(),
-            rate_hz: 100.0,
-            estimate_every: 2,
-            window_s: 30.0,
-            overlap_s: 6.0,
-            smooth_s: 0.11,
-            max_gap_s: 0.5,
-            signals: IndexMap::new(),
-            unscored: Vec::new(),
-            coast_s: 3.0,
-            gate: 5.0,
-            walk: IndexMap::new(),
-            sd: IndexMap::new(),
-            gusts: ["u", "v", "w", "h", "wind_n", "wind_e", "wind_d"].map(String::from).to_vec(),
-            noise_s: 480.0,
-            noise_iterations: 12,
-            late: Vec::new(),
-            candidates: Vec::new(),
-            air_data: ["V", "alpha_vane", "beta_vane"].map(String::from).to_vec(),
-            slow: 0.3,
-            free: Vec::new(),
-            fixed: Vec::new(),
-        }
-    }
-}
-
-/// A measured signal: ascending times in s, values in SI.
-pub type Series<'a> = (&'a [f64], &'a [f64]);
-
-/// A measured output of the model: ascending times in s; values in SI, NaN where masked, angles without jumps of a whole turn.
-#[derive(Debug, Clone)]
-pub struct Logged<'a> {
-    pub output: usize,
-    pub t: &'a [f64],
-    pub z: Cow<'a, [f64]>,
-}
-
-/// One estimated sensor error of one window.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Bias {
-    pub window: usize,
-    pub t_start_s: f64,
-    pub t_end_s: f64,
-    pub parameter: String,
-    pub unit: String,
-    pub value: f64,
-    pub sd: Option<f64>,
-}
-
-/// A measured output and what the path says of it, at the same times.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Compared {
-    /// Of the model's outputs.
-    pub output: usize,
-    pub t: Vec<f64>,
-    pub measured: Vec<f64>,
-    /// NaN where there is no path.
-    pub reconstructed: Vec<f64>,
-}
-
-/// A reconstructed flight: the model's outputs on a uniform grid, NaN where there is no path.
-#[derive(Debug, Clone, Default)]
-pub struct FlightPath {
-    pub t: Vec<f64>,
-    /// `[output of the model][time]`.
-    pub outputs: Vec<Vec<f64>>,
-    /// Their standard deviations; empty where the method has none.
-    pub sd: Vec<Vec<f64>>,
-    pub biases: Vec<Bias>,
-    /// What each channel shows of itself, and against the others.
-    pub checks: Vec<consistency::Row>,
-    /// Measured outputs against the path, a few times a second.
-    pub compared: Vec<Compared>,
-    /// How late sensors are, s, by output: they show the path of so much earlier (smoother).
-    pub late: BTreeMap<usize, f64>,
-    /// How far measurements were from their predictions, per measured output (smoother).
-    pub innovations: smoother::Innovations,
-    /// What a reader must know: windows without a path and why, sensors that were not there.
-    pub notes: Vec<Note>,
-    /// Windows in all, and those that failed.
-    pub windows: usize,
-    pub failed: usize,
-}
-
-/// Something that a reader of the path must know.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Note {
-    /// A part of the path that was asked for is not there, and the data do not say why by themselves (as a gap does).
-    pub missing: bool,
-    /// A channel; `flightpath` where it is none.
-    pub subject: String,
-    /// How many samples, or one.
-    pub count: u64,
-    pub text: String,
-}
-
-/// The subject of notes about the path as a whole.
-const FLIGHT_PATH: &str = "flightpath";
-
-impl Note {
-    fn of(subject: &str, count: usize, text: String) -> Note {
-        Note { missing: false, subject: subject.to_string(), count: count as u64, text }
-    }
-
-    fn lost(text: String) -> Note {
-        Note { missing: true, ..Note::from(text) }
-    }
-}
-
-impl From<String> for Note {
-    fn from(text: String) -> Note {
-        Note::of(FLIGHT_PATH, 1, text)
-    }
-}
-
-/// The signal that stands for a quantity of the model.
-fn signal_of<'s>(settings: &'s Settings, name: &'s str) -> &'s str {
-    settings.signals.get(name).map_or(name, String::as_str)
-}
-
-/// Names of the settings that the model does not have: an error each.
-///
-/// # Errors
-/// As said.
-pub fn check(model: &Model, settings: &Settings) -> Result<(), Errors> {
-    let mut errors = Errors::default();
-    for name in settings.free.iter().chain(&settings.fixed).chain(&settings.candidates) {
-        if model.parameter(name).is_none() {
-            let known: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
-            errors.push(
-                Error::new(format!("the kinematic model has no parameter \"{name}\"")).help(format!("it has {}", known.join(", "))),
-            );
-        }
-    }
-    for name in settings.walk.keys() {
-        if model.state(name).is_none() && model.parameter(name).is_none() {
-            errors.push(Error::new(format!("the kinematic model has no state or parameter \"{name}\"")));
-        }
-    }
-    for name in settings.late.iter().filter(|name| model.output(name).is_none()) {
-        errors.push(Error::new(format!("the kinematic model has no output \"{name}\" that could be late")));
-    }
-    for name in settings.unscored.iter().filter(|name| model.output(name).is_none()) {
-        let known: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
-        errors
-            .push(Error::new(format!("the kinematic model has no output \"{name}\"")).help(format!("it has {}", known.join(", "))));
-    }
-    for name in settings.signals.keys().chain(settings.sd.keys()) {
-        if model.input(name).is_none() && model.output(name).is_none() {
-            errors.push(Error::new(format!("the kinematic model has no input or output \"{name}\"")));
-        }
-    }
-    for (name, sd) in settings.sd.iter().filter(|(_, sd)| !(**sd > 0.0 && sd.is_finite())) {
-        errors.push(Error::new(format!("sd: the noise of \"{name}\" is a standard deviation above zero, not {sd}")));
-    }
-    for (name, walk) in settings.walk.iter().filter(|(_, walk)| !(**walk >= 0.0 && walk.is_finite())) {
-        errors.push(Error::new(format!("walk: that of \"{name}\" is at least zero, not {walk}")));
-    }
-    if settings.overlap_s * 2.0 > settings.window_s {
-        errors
-            .push(Error::new(format!("overlap_s = {} is more than half of window_s = {}", settings.overlap_s, settings.window_s)));
-    }
-    errors.or(())
-}
+pub use path::{Bias, Compared, FlightPath, Note};
+pub use settings::{Method, Settings, check};
+pub use signals::{Logged, Series};
 
 /// Reconstructs a flight from its signals.
 ///

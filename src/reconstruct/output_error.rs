@@ -9,8 +9,10 @@
 
 use rayon::prelude::*;
 
+use super::path::{Bias, FlightPath, Note};
+use super::settings::Settings;
+use super::signals::{Logged, Series};
 use super::windows;
-use super::{Bias, FlightPath, Logged, Note, Series, Settings};
 use crate::dynamics::{Channel, Directions, Plan, Record};
 use crate::estimate::{self, Estimation, Stop};
 use crate::model::Model;

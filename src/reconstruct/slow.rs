@@ -1,6 +1,8 @@
 //! Measured channels in; the same without the air data of an aircraft that stands or rolls slowly, and a note of it, out.
 
-use super::{FlightPath, Logged, Settings};
+use super::path::FlightPath;
+use super::settings::Settings;
+use super::signals::Logged;
 use crate::model::Model;
 
 /// Masks the air data while the aircraft stands or rolls slowly, by its measured airspeed.

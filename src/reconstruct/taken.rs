@@ -4,7 +4,7 @@
 //! looks very well known. And a signal that was given to one output (the angle of attack at a vane) says nothing new of another one that
 //! happens to have its name (the angle of attack at the centre of gravity).
 
-use super::{Settings, signal_of};
+use super::settings::{Settings, signal_of};
 use crate::model::Model;
 use crate::model::graph::Leaf;
 

@@ -7,99 +7,15 @@
 
 mod edits;
 mod kind;
+mod maneuver;
 mod measure;
 mod scan;
+mod settings;
 
 pub use edits::{Edits, Exclude, Include, Move, Source, apply};
 pub use kind::Kind;
-
-/// How maneuvers are found. The defaults suit unit times of 0.25 s to some seconds.
-#[derive(Debug, Clone, PartialEq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// Shortest step, s.
-    pub min_step_s: f64,
-    /// Longest step, s; a level held longer is a new trim, not a step.
-    pub max_step_s: f64,
-    /// Length of the quiet windows before and after a maneuver, s.
-    pub quiet_s: f64,
-    /// A maneuver begins where the signal leaves its quiet level by this many MAD standard deviations of the quiet window.
-    pub threshold: f64,
-    /// Smallest amplitude of a maneuver, in the channel's SI unit.
-    pub min_amplitude: f64,
-    /// Smallest amplitude of a maneuver as a share of the median amplitude of the record's maneuvers of two or more steps
-    /// (of the largest step where there are none).
-    pub relative_amplitude: f64,
-    /// Most steps in one maneuver; more is an oscillation or a sweep.
-    pub max_steps: usize,
-    /// Largest rms deviation of the step durations from a pattern, in unit times, that still has the pattern's name.
-    pub timing_tolerance: f64,
-    /// Least score, 0 to 1.
-    pub min_score: f64,
-    /// A gap between samples longer than this splits the record, s.
-    pub max_gap_s: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            min_step_s: 0.2,
-            max_step_s: 20.0,
-            quiet_s: 1.0,
-            threshold: 5.0,
-            min_amplitude: 0.0,
-            relative_amplitude: 0.25,
-            max_steps: 8,
-            timing_tolerance: 0.3,
-            min_score: 0.4,
-            max_gap_s: 0.5,
-        }
-    }
-}
-
-/// One level of a maneuver. Times are those where the signal is half way between neighbouring levels, s.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
-    pub start: f64,
-    pub end: f64,
-    /// Deviation from the local trim, in the channel's SI unit.
-    pub level: f64,
-}
-
-/// A maneuver found on an input channel, or included by hand.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Maneuver {
-    pub kind: Kind,
-    /// Half-way time of the first edge, s.
-    pub t_start: f64,
-    /// Half-way time of the last edge, s.
-    pub t_end: f64,
-    /// When the signal leaves the trim, s: at or before `t_start`.
-    pub onset: f64,
-    /// Duration of the pattern's unit, s, by least squares over the steps; of a multistep the shortest step.
-    pub unit_time: f64,
-    /// Mean absolute deviation of the levels from trim, in the channel's SI unit.
-    pub amplitude: f64,
-    /// +1 or -1: the sign of the first step.
-    pub polarity: f64,
-    /// Level of the signal in the quiet window before the maneuver, in the channel's SI unit.
-    pub trim: f64,
-    pub steps: Vec<Step>,
-    /// 0 to 1: regular timing, consistent levels, sharp edges, small noise, quiet before and after. 0 for an interval given by
-    /// hand, which nothing was found out about.
-    pub score: f64,
-    /// False for a maneuver excluded by hand.
-    pub included: bool,
-    /// The reason of the hand edit; empty without one.
-    pub reason: String,
-}
-
-impl Maneuver {
-    /// The window of `length_s` seconds before the signal leaves trim, for trim conditions: `(from, to)` in s.
-    pub fn pre_window(&self, length_s: f64) -> (f64, f64) {
-        (self.onset - length_s, self.onset)
-    }
-}
+pub use maneuver::{Maneuver, Step};
+pub use settings::Settings;
 
 /// The maneuvers in the samples `u` (SI) at ascending times `t` (s; equal lengths), in order of time and not overlapping.
 ///

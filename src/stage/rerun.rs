@@ -7,7 +7,7 @@ use crate::error::{Error, Errors};
 use serde_json::{Value, json};
 
 pub const STAGE: Stage =
-    Stage { name: "rerun", about: "estimate amended models", units: units, writes: &WRITES, reads, slice, run, ..Stage::PLAIN };
+    Stage { name: "rerun", about: "estimate amended models", units, writes: &WRITES, reads, slice, run, ..Stage::PLAIN };
 
 const ESTIMATED: usize = estimate::STAGE.writes.len();
 

@@ -27,8 +27,10 @@ fn fault_signals_that_differ_by_case_only_are_refused_before_any_log_is_read() {
     let units = ["m/s^2", "m/s^2", "m/s^2", "rad/s", "rad/s", "rad/s", "K", "Pa", "1"];
     let mut text = std::fs::read_to_string(c.path("channels.toml")).expect("readable");
     for (name, unit) in inputs.iter().zip(units) {
-        text += &format!("\n[signal.{name}]\ntopic = \"/air\"\nfield = \"speed\"\nunit = \"{unit}\"\n");
+        let despite = if unit == "m/s" { "" } else { "despite = \"m/s\"\n" };
+        text += &format!("\n[signal.{name}]\ntopic = \"/air\"\nfield = \"speed\"\nunit = \"{unit}\"\n{despite}");
     }
+    text += "\n[signal.phi]\ntopic = \"/sensor\"\nfield = \"angle\"\nunit = \"deg\"\n";
     c.write("channels.toml", &text);
     c.edit("channels.toml", "[signal.u]", "[signal.command]");
     c.edit("pipeline.toml", "signal = \"u\"", "signal = \"command\"");

@@ -4,11 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use indexmap::IndexMap;
 
+use super::added::{Added, Check};
 use super::block::Block;
+use super::candidate::{Candidate, Offer, Skipped};
+use super::context::Context;
 use super::file::{Bind, Effect, Size};
 use super::fill::{fill, placeholders, unit_factor};
 use super::roles::{self, Bound};
-use super::{Added, Candidate, Check, Context, Offer, Skipped};
 use crate::diagnose::thresholds::SIZES;
 use crate::model::file::Value;
 use crate::model::{Model, Scope};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::Added;
+use super::added::Added;
 use crate::model::Scope;
 
 /// Filled lines of an effect.

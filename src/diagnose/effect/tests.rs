@@ -3,8 +3,8 @@
 use super::*;
 use crate::config;
 use crate::dynamics::{Directions, Plan, Record};
-use crate::model::{Constants, StartKind};
-use std::collections::BTreeSet;
+use crate::model::{Constants, Model, StartKind};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 const BASES: &[&str] = &[

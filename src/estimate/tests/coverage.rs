@@ -98,20 +98,16 @@ fn coverage_of(make: Noise, settings: &Settings, trials: u64) -> [f64; 2] {
     [share(0..2), share(0..5)]
 }
 
-/// Which criterion for the order does both jobs: short where the noise is simple, long enough for slow noise hidden under white. All
-/// colours are measured in release builds, the one that decides always.
+/// Which criterion for the order does both jobs: short where the noise is simple, long enough for slow noise hidden under white.
 #[test]
 fn recovery_coverage_by_order_criterion() {
     println!("coverage of 95% intervals (common parameters, all parameters)");
     for (name, make) in COLOURS {
         let decides = name == "white + 1/3 slow 0.97";
-        if cfg!(debug_assertions) && !decides {
-            continue;
-        }
         let of = |ar_order| coverage_of(make, &Settings { ar_order, ..Settings::default() }, 500);
         let (white, bic) = (of(OrderCriterion::White), of(OrderCriterion::Bic));
         println!("{name:22} white {white:.3?}  bic {bic:.3?}");
-        assert!(white.iter().all(|share| (0.92..=0.98).contains(share)), "{name}: {white:?}");
+        assert!((0.92..=0.98).contains(&white[0]) && (0.93..=0.97).contains(&white[1]), "{name}: {white:?}");
         assert!(!decides || bic[1] < 0.90, "the shorter models of BIC cover as much: {bic:?}");
     }
 }

@@ -112,7 +112,7 @@ fn the_bounds_are_several_times_too_small() {
     let e = estimate(&model, &[record], &rule()).unwrap();
     for row in NAMES.iter().map(|name| row(&e, name)) {
         let ratio = row.sd.unwrap() / row.sd_crlb.unwrap();
-        assert!((2.2..9.0).contains(&ratio), "{}: {ratio}", row.name);
+        assert!((2.2..12.0).contains(&ratio), "{}: {ratio}", row.name);
     }
 }
 

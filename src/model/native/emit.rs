@@ -11,7 +11,8 @@ use cranelift_module::{FuncId, Linkage, Module};
 
 use super::super::arithmetic::{COS, HALF_PI, REACH, ROUND, SIN, SMALL, TWO_OVER_PI};
 use super::super::graph::Op;
-use super::super::program::{Code, Instruction, Program};
+use super::super::instruction::{Code, Instruction};
+use super::super::program::Program;
 use super::{CALLS, Form, TABLES};
 
 /// The numbers that the code loads; they have to live as long as it.

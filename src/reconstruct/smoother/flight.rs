@@ -5,7 +5,7 @@
 
 use super::kinematics::Kinematics;
 use super::local;
-use crate::reconstruct::Series;
+use crate::reconstruct::signals::Series;
 
 /// Two stamps closer than this are one time, s.
 pub const SAME: f64 = 1e-7;

@@ -1,8 +1,8 @@
 //! What a flight's signals show of their own noise in; the noise levels a smoother runs with, and their improvement by maximum likelihood, out.
 
-use super::backward::Sums;
 use super::flight::{Flight, spacing};
 use super::kinematics::Kinematics;
+use super::sums::Sums;
 use indexmap::IndexMap;
 
 /// Noise of everything, as the filter uses it.

@@ -54,18 +54,20 @@ pub mod kinematics;
 pub mod levels;
 mod local;
 mod matrix;
+pub mod sums;
 #[cfg(test)]
 pub mod tests;
 
 pub use local::unwrap;
 
 use crate::signal::resample::Grid;
-use backward::{Backward, Sums, Visit};
+use backward::{Backward, Visit};
 use filter::{About, Filter, Scalar, State, Tape, Watch, programs};
 use flight::Flight;
 use grid::{Outputs, Sampler};
 use kinematics::{Derivatives, Evaluator, Kinematics};
 use levels::Levels;
+use sums::Sums;
 
 /// Seconds that are smoothed to find a start, and how often.
 const START_S: f64 = 3.0;

@@ -3,6 +3,7 @@
 use super::smoother::tests::Normal;
 use super::*;
 use crate::model::{Constants, Given};
+use indexmap::IndexMap;
 
 mod fault;
 mod recovery;

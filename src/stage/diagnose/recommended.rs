@@ -87,6 +87,7 @@ mod tests {
         Table::build("estimates")
             .repeat("model", "d.next")
             .strings("group", rows.iter().map(|r| r.0))
+            .opt_strings("flight", vec![None::<String>; n])
             .opt_strings("segment", vec![None::<String>; n])
             .strings("parameter", rows.iter().map(|r| r.1))
             .repeat("per", "campaign")

@@ -1,0 +1,66 @@
+//! One binding of an effect to a base model in; the model with it, where its parameters start, and its text, out.
+
+use std::collections::BTreeMap;
+
+use super::added::Added;
+use super::block::Block;
+use super::file::Family;
+use crate::model::Model;
+
+/// All bindings of all effects, and what does not apply.
+#[derive(Debug, Clone, Default)]
+pub struct Offer {
+    pub candidates: Vec<Candidate>,
+    pub skipped: Vec<Skipped>,
+}
+
+/// An effect, or one binding of it, that is no candidate for this model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Skipped {
+    /// Name of the effect, or of the candidate.
+    pub effect: String,
+    pub why: String,
+}
+
+/// One binding of an effect to a base model.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// `downwash-lag:eta`: the effect and what it is bound to.
+    pub name: String,
+    pub effect: String,
+    /// The sentence that names it.
+    pub sentence: String,
+    pub signature: String,
+    /// The maneuver that separates it from its rivals; empty where none is known.
+    pub separate: String,
+    pub family: Family,
+    /// Names of effects that look alike.
+    pub rivals: Vec<String>,
+    /// The base model with the effect: same inputs and outputs, the parameters of the effect behind its own, sizes at null, shapes at
+    /// their first start, none fixed.
+    pub model: Model,
+    /// The parameters of the effect, in the order of the model.
+    pub added: Vec<Added>,
+    pub(super) block: Block,
+}
+
+impl Candidate {
+    /// How many rows of starts the shapes have; 1 without shapes.
+    pub fn rows(&self) -> usize {
+        self.added.iter().map(|a| a.starts.len()).max().unwrap_or(0).max(1)
+    }
+
+    /// The added parameters at row `row` of the starts, sizes at null.
+    pub fn start(&self, row: usize) -> Vec<f64> {
+        let of_shape = |a: &Added| a.starts.get(row).or(a.starts.last()).copied().unwrap_or(0.0);
+        self.added.iter().map(|a| a.null.unwrap_or_else(|| of_shape(a))).collect()
+    }
+
+    /// The text of the base model's own file with the effect behind it. `values`: by name, what the added parameters are (absent ones
+    /// stay at their starts); switches are held, and `held`. `provenance`: lines for a comment above the effect.
+    pub fn text(&self, base: &Model, values: &BTreeMap<String, f64>, held: &[&str], provenance: &str) -> String {
+        let own = base.own_text();
+        let gap = if own.ends_with('\n') { "\n" } else { "\n\n" };
+        format!("{own}{gap}{}", self.block.text(&self.added, values, true, held, provenance))
+    }
+}

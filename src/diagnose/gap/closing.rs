@@ -1,0 +1,119 @@
+//! The base fitted as it was and as it is with what was added, in; where the gap is and what became of it, out.
+
+use super::closure::{At, Channel, Overlay, Shift, closure};
+use super::coefficient::{Lack, coefficients, mean_square};
+use super::driven::{Driven, EquationError, driven, measured_states};
+use super::gaps::{Flown, Gap, gaps};
+use super::looks::Looks;
+use super::relation::{Relation, relations};
+use crate::diagnose::base::fit::Task;
+use crate::diagnose::base::found::Found;
+use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::residual::timescale::characteristic_time;
+use crate::diagnose::subject::Subject;
+use crate::diagnose::thresholds::Thresholds;
+use crate::error::Errors;
+use crate::estimate::Case;
+
+/// Where the gap is, and what the additions did to it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Closing {
+    pub gaps_before: Vec<Gap>,
+    pub gaps_after: Vec<Gap>,
+    pub channels: Vec<Channel>,
+    pub overlays: Vec<Overlay>,
+    pub shifts: Vec<Shift>,
+    /// Of the base, before anything was added.
+    pub relations: Vec<Relation>,
+    pub driven: Vec<Driven>,
+    pub equations: Vec<EquationError>,
+}
+
+/// What the additions did: the gap before and after, and the other parameters' shifts.
+///
+/// # Errors
+/// None that the base itself would not have.
+pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing, Errors> {
+    let (before, after, thresholds) = (first.case(), last.case(), &subject.settings.thresholds);
+    let looks = Looks::of(thresholds, characteristic_time(before.records.iter(), thresholds));
+    let states = measured_states(first);
+    let lacking = coefficients(first, subject.segments, subject.context, &states, &looks)?;
+    let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
+    let flown = flown(first, &before);
+    let mut closing = Closing {
+        gaps_before: gaps(&flown, &inputs, &looks),
+        relations: relations(&flown, &inputs, &lacking, &looks),
+        ..Closing::default()
+    };
+    closing.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
+    (closing.driven, closing.equations) = driven(first, subject.segments, &states, looks.leading)?;
+    closing.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
+    if first.prepared.used != last.prepared.used {
+        return Ok(closing);
+    }
+    let at = |s: usize| first.theta(s);
+    let then = |s: usize| last.theta(s);
+    (closing.channels, closing.overlays) = closure(
+        &At { case: &before, theta: &at },
+        &At { case: &after, theta: &then },
+        &last.noise,
+        &first.places.held_out,
+        &first.places.training,
+        &first.prepared.used,
+    );
+    closing.shifts = shifts((first, &before), (last, &after), thresholds);
+    Ok(closing)
+}
+
+/// What a coefficient lacks, of all maneuvers together and of each.
+fn errors(lack: &Lack, used: &[usize]) -> Vec<EquationError> {
+    let counts: Vec<f64> = lack.values.iter().map(|v| v.iter().filter(|v| v.is_finite()).count() as f64).collect();
+    let total: f64 = counts.iter().sum();
+    let squares: Vec<[f64; 2]> = lack.values.iter().zip(&lack.noise).map(|(v, noise)| [mean_square(v), noise * noise]).collect();
+    let mean =
+        |i: usize| (squares.iter().zip(&counts).filter(|(_, n)| **n > 0.0).map(|(s, n)| s[i] * n).sum::<f64>() / total).sqrt();
+    let error = |segment, rms, noise| EquationError {
+        segment,
+        name: lack.name.clone(),
+        is_rate: false,
+        unit: lack.unit.clone(),
+        rms,
+        noise,
+    };
+    let each = squares.iter().zip(used).map(|(s, &segment)| error(Some(segment), s[0].sqrt(), s[1].sqrt()));
+    std::iter::once(error(None, mean(0), mean(1))).chain(each).collect()
+}
+
+/// All maneuvers as a base models them.
+fn flown<'a>(found: &Found, case: &'a Case) -> Vec<Flown<'a>> {
+    let one =
+        |s: usize| Flown { segment: found.prepared.used[s], record: &case.records[s], traces: case.traces(s, &found.theta(s)) };
+    (0..case.records.len()).map(one).collect()
+}
+
+/// Shared parameters of the base, before and after.
+fn shifts((first, before): (&Found, &Case), (last, after): (&Found, &Case), thresholds: &Thresholds) -> Vec<Shift> {
+    let sds = |found: &Found, case: &Case, noise: &Noise| {
+        let task = Task { case, noise, segments: &found.places.training, free: &found.free, thresholds };
+        task.spread(&found.fit.theta, found.free.len()).map(|s| s.sd).unwrap_or_else(|| vec![None; found.free.len()])
+    };
+    let (sd_before, sd_after) = (sds(first, before, &first.noise), sds(last, after, &last.noise));
+    let one = |(k, &i): (usize, &usize)| {
+        let unknown = &before.unknowns[i];
+        let same = |&(_, &j): &(usize, &usize)| {
+            let other = &after.unknowns[j];
+            other.name == unknown.name && other.group == unknown.group
+        };
+        let (l, &j) = last.free.iter().enumerate().find(same)?;
+        let of = unknown.group.as_ref().map(|g| format!(" ({g})")).unwrap_or_default();
+        Some(Shift {
+            name: format!("{}{of}", unknown.name),
+            unit: unknown.unit.clone(),
+            before: first.fit.theta[i],
+            after: last.fit.theta[j],
+            before_sd: sd_before[k],
+            after_sd: sd_after[l],
+        })
+    };
+    first.free.iter().enumerate().filter_map(one).collect()
+}

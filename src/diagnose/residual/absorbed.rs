@@ -1,0 +1,92 @@
+//! A fit in; the series that stand in for its noise, residuals and what was absorbed beside them (`crate::noise::absorbed`), out.
+
+use super::noise::Noise;
+use crate::estimate::{Block, Case};
+use crate::noise::{Absorbed, Direction, Part, Prior, Rule, Taken};
+use rayon::prelude::*;
+
+/// A fit as the noise sees it.
+pub struct Fitted<'a> {
+    pub case: &'a Case<'a>,
+    /// Places among the segments of the case.
+    pub segments: &'a [usize],
+    /// Shared parameters that were free.
+    pub free: &'a [usize],
+    pub theta: &'a [f64],
+    /// What is no noise in the residuals, `[segment of the fit][output]`.
+    pub answers: &'a [Vec<Option<Vec<f64>>>],
+    /// How the noise's colour is modelled.
+    pub rule: Rule,
+    /// Per segment of `segments`; empty before `weighted`.
+    taken: Vec<Taken>,
+}
+
+/// Residuals of one output in one segment, and series that were absorbed; not a number where a sample is masked.
+pub struct Series {
+    pub output: usize,
+    pub masked: Vec<bool>,
+    /// The residuals first.
+    pub columns: Vec<Vec<f64>>,
+}
+
+impl<'a> Fitted<'a> {
+    pub fn new(
+        case: &'a Case<'a>,
+        segments: &'a [usize],
+        free: &'a [usize],
+        theta: &'a [f64],
+        answers: &'a [Vec<Option<Vec<f64>>>],
+        rule: Rule,
+    ) -> Fitted<'a> {
+        Fitted { case, segments, free, theta, answers, rule, taken: Vec::new() }
+    }
+
+    /// With what a fit weighted by `noise` absorbs; `None` where the model is not finite.
+    pub fn weighted(mut self, noise: &Noise) -> Option<Fitted<'a>> {
+        let parts: Vec<Part> = (0..self.segments.len()).into_par_iter().map(|at| self.part(noise, at)).collect::<Option<_>>()?;
+        let priors: Vec<Prior> = self.free.iter().map(|&i| self.prior(i)).collect();
+        let all = Absorbed::new(&parts, &priors);
+        self.taken = parts.iter().map(|part| all.of(part)).collect();
+        Some(self)
+    }
+
+    fn prior(&self, i: usize) -> Prior {
+        let (layout, theta) = (&self.case.layout, self.theta[i]);
+        let weight = layout.prior_weight(i);
+        Prior { weight, pull: if weight > 0.0 { weight * (layout.centre[i] - theta) } else { 0.0 } }
+    }
+
+    /// The blocks of a segment, without what the residuals answer.
+    fn blocks(&self, at: usize) -> Option<Vec<Block>> {
+        let s = self.segments[at];
+        let mut blocks = self.case.evaluate(s, &self.case.layout.local(s, self.theta), true)?;
+        for block in &mut blocks {
+            if let Some(Some(answer)) = self.answers.get(at).and_then(|of| of.get(block.output)) {
+                block.e.iter_mut().zip(answer).for_each(|(e, answer)| *e -= answer);
+            }
+        }
+        Some(blocks)
+    }
+
+    fn part(&self, noise: &Noise, at: usize) -> Option<Part> {
+        let part = &self.case.layout.parts[self.segments[at]];
+        let place = |i: &usize| self.free.iter().position(|free| free == i).map_or(Direction::Held, Direction::Shared);
+        let own = part.offset..part.offset + part.own;
+        let directions: Vec<Direction> = part.shared.iter().map(place).chain(own.clone().map(|_| Direction::Own)).collect();
+        let priors: Vec<Prior> = part.shared.iter().copied().chain(own).map(|i| self.prior(i)).collect();
+        Part::new(&directions, &noise.whiten(self.segments[at], &self.blocks(at)?), &priors)
+    }
+
+    /// The series of one segment.
+    pub fn series(&self, at: usize) -> Vec<Series> {
+        let one = |block: Block| {
+            let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
+            let columns = match self.taken.get(at) {
+                Some(taken) => taken.series(&block.e, &block.g),
+                None => vec![block.e],
+            };
+            Series { output: block.output, masked, columns }
+        };
+        self.blocks(at).unwrap_or_default().into_iter().map(one).collect()
+    }
+}

@@ -1,0 +1,14 @@
+//! Residuals of a base fit in; their noise, and what they answer to, out.
+
+pub mod absorbed;
+pub mod answers;
+pub mod colour;
+pub mod gain;
+pub mod innovation;
+pub mod joint;
+pub mod located;
+pub mod noise;
+pub mod sensor;
+pub mod sources;
+pub mod sums;
+pub mod timescale;

@@ -1,0 +1,60 @@
+//! The noise of a base fit and what its segments leave in; residuals and sensitivities made white, segment by segment, out.
+//!
+//! Every output has an autoregressive model (`crate::noise`), restarted at each segment. What the white residuals of outputs that are
+//! sampled together still have in common (a gust moves all of them) is taken out by a joint model. The same linear map makes sensitivities comparable
+//! with the residuals.
+
+use super::joint::Joint;
+use crate::estimate::Block;
+use crate::math::products::dot;
+use crate::noise::Filter;
+
+/// The noise of a base fit: a filter per group of segments and output.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise {
+    /// `[group][scored output]`; none where nothing is known of it.
+    pub(super) filters: Vec<Vec<Option<Filter>>>,
+    /// `[group]`: joint models of the white residuals, each of other outputs.
+    pub(super) joint: Vec<Vec<Joint>>,
+    /// Group of each segment.
+    pub(super) groups: Vec<usize>,
+}
+
+impl Noise {
+    /// Residuals and sensitivities of a segment's blocks, made white: one column per direction, then the residuals; rows block by block.
+    /// Outputs of unknown noise are left out.
+    pub fn whiten(&self, segment: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
+        let directions = blocks.iter().find(|b| !b.e.is_empty()).map_or(0, |b| b.g.len() / b.e.len());
+        let mut columns = vec![Vec::new(); directions + 1];
+        let mut rows: Vec<Option<(usize, usize)>> = Vec::new();
+        for block in blocks {
+            let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
+            let Some(filter) = self.filter(segment, block.output) else { continue };
+            rows.resize(rows.len().max(block.output + 1), None);
+            rows[block.output] = Some((columns[0].len(), block.e.len()));
+            for (d, column) in columns.iter_mut().enumerate() {
+                let mut x: Vec<f64> = match d == directions {
+                    true => block.e.clone(),
+                    false => block.g.iter().skip(d).step_by(directions).copied().collect(),
+                };
+                filter.whiten(&mut x, &masked);
+                column.extend(x);
+            }
+        }
+        let joint = self.groups.get(segment).and_then(|&g| self.joint.get(g));
+        for joint in joint.into_iter().flatten() {
+            columns.iter_mut().for_each(|column| joint.apply(column, &rows));
+        }
+        columns
+    }
+
+    pub fn filter(&self, segment: usize, output: usize) -> Option<&Filter> {
+        self.filters.get(*self.groups.get(segment)?)?.get(output)?.as_ref()
+    }
+
+    /// Half the sum of squares of a segment's white residuals: its part of the cost.
+    pub fn cost(&self, segment: usize, blocks: &[Block]) -> f64 {
+        let columns = self.whiten(segment, blocks);
+        columns.last().map_or(0.0, |e| 0.5 * dot(e, e))
+    }
+}

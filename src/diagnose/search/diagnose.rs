@@ -1,0 +1,335 @@
+//! A subject and the library in; what is missing, found round after round and tested once everything else is in place, and the verdict,
+//! out.
+//!
+//! *Forward*: the candidate of most evidence is added, and all begins again. Where several things are missing, held-out maneuvers may
+//! contradict one of them only because of the others, so here a candidate needs only evidence that they do not take away. *Back*: each
+//! one is taken out of the whole again and must come out of a strict round on what is left, against those that came near it; one that
+//! does not is replaced by the one that does, or dropped for good, and the search goes on. One that explains most and is contradicted all
+//! the same stays in the model without being named: the others are judged with it in place.
+
+use super::judged::Standing;
+use super::judged::{Judged, Round};
+use super::refit::joined;
+use super::round::held_against;
+use super::surrogate::luck;
+use super::unseen::missed;
+use super::verdict::{Diagnosis, Finding, Verdict};
+use crate::diagnose::base::found::{Found, at_first, at_next, values};
+use crate::diagnose::base::stand::{Known, Stand};
+use crate::diagnose::effect::Candidate;
+use crate::diagnose::gap::closing::Closing;
+use crate::diagnose::gap::closing::closing;
+use crate::diagnose::residual::located::locate;
+use crate::diagnose::settings::Settings;
+use crate::diagnose::subject::{Subject, Trouble};
+use crate::diagnose::thresholds::Thresholds;
+use crate::error::Errors;
+use crate::model::Model;
+
+/// What the library has for a model: candidates, and effects that could not be attached with the reason.
+pub type Offered = (Vec<Candidate>, Vec<(String, String)>);
+
+/// Attaches the library to a model.
+pub type Offer<'a> = dyn Fn(&Model) -> Result<Offered, Errors> + 'a;
+
+/// Explains something, and may not be named all the same.
+const DOUBTED: [Standing; 3] = [Standing::HeldOut, Standing::Inconsistent, Standing::Unidentifiable];
+
+/// An effect in the model as it stands.
+#[derive(Debug, Clone)]
+struct Link {
+    name: String,
+    values: Vec<f64>,
+    evidence: f64,
+    /// What luck gains among all candidates of the round in which it was found.
+    limit: f64,
+    /// Candidates that came near it in its round.
+    rivals: Vec<String>,
+    /// Why it is not believed although nothing explains more.
+    doubt: Option<String>,
+    /// Everything that the fit found in which it was added.
+    known: Known,
+}
+
+/// The search while it goes on.
+struct Search<'a> {
+    subject: &'a Subject<'a>,
+    offer: &'a Offer<'a>,
+    progress: &'a (dyn Fn(&str) + Sync),
+    links: Vec<Link>,
+    dropped: Vec<String>,
+    /// Links are only taken out any more.
+    ending: bool,
+    out: Diagnosis,
+}
+
+/// Diagnoses a subject; `progress` is called with words on what is being done.
+///
+/// # Errors
+/// Settings that do not fit the model. What the data say is never an error.
+pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Sync)) -> Result<Diagnosis, Errors> {
+    let out = Diagnosis {
+        verdict: Verdict::NothingMissing,
+        complete: true,
+        rounds: Vec::new(),
+        findings: Vec::new(),
+        doubts: Vec::new(),
+        added: Vec::new(),
+        values: Vec::new(),
+        located: Vec::new(),
+        missed: Vec::new(),
+        skipped: Vec::new(),
+        closing: Closing::default(),
+    };
+    let held = subject.held_out.iter().filter(|h| **h).count();
+    if held == 0 || held == subject.held_out.len() {
+        let why = Trouble::Segments("there must be maneuvers to train on and maneuvers held out".into());
+        return Ok(Diagnosis { verdict: Verdict::None(why), ..out });
+    }
+    let mut search = Search { subject, offer, progress, links: Vec::new(), dropped: Vec::new(), ending: false, out };
+    match search.run()? {
+        Ok(()) => {}
+        Err(trouble) => search.out.verdict = Verdict::None(trouble),
+    }
+    Ok(search.out)
+}
+
+impl Search<'_> {
+    fn run(&mut self) -> Result<Result<(), Trouble>, Errors> {
+        (self.progress)("estimating the base from the training maneuvers");
+        let base = match at_first(&self.first(), self.subject)? {
+            Ok(base) => base,
+            Err(trouble) => return Ok(Err(trouble)),
+        };
+        let most = self.subject.settings.thresholds.rounds_per_effect * self.subject.settings.effects + 2;
+        self.forward(&base)?;
+        while !self.back(&base)? {
+            // No end of it: what does not hold is taken out, and nothing comes in any more.
+            self.ending = self.out.rounds.len() >= most;
+            if !self.ending {
+                self.forward(&base)?;
+            }
+        }
+        let named: Vec<Link> = self.links.iter().filter(|l| l.doubt.is_none()).cloned().collect();
+        let (stand, added) = self.chained(&named)?;
+        let last = self.with(&stand, &base)?;
+        let last = last.as_ref().unwrap_or(&base);
+        let case = last.case();
+        let settings = self.subject.settings;
+        let located = locate(&case, &last.noise, &last.places, &|s| last.theta(s), settings);
+        let out = &mut self.out;
+        out.values = values(&case, &stand, &last.fit.theta);
+        out.located = located.into_iter().filter(|l| l.is_real()).collect();
+        out.missed = missed(last, &case, settings);
+        out.added = added;
+        out.closing = closing(self.subject, &base, last)?;
+        out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
+        out.complete = out.located.is_empty() && out.doubts.is_empty() && out.missed.is_empty();
+        let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
+        out.verdict = verdict(out, doubted, &settings.thresholds);
+        Ok(Ok(()))
+    }
+
+    fn first(&self) -> Stand {
+        Stand::first(self.subject.model, self.subject.method, self.subject.settings.base)
+    }
+
+    fn rivals(&self) -> usize {
+        self.subject.settings.thresholds.rivals
+    }
+
+    /// The base with these links, and the candidates that they are.
+    fn chained(&self, links: &[Link]) -> Result<(Stand, Vec<Candidate>), Errors> {
+        let (mut stand, mut added) = (self.first(), Vec::new());
+        for link in links {
+            let (candidates, _) = (self.offer)(&stand.model)?;
+            if let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) {
+                stand = joined(&stand, &candidate, &link.values);
+                added.push(candidate);
+            }
+        }
+        Ok((stand, added))
+    }
+
+    /// Adds what has most evidence until nothing has.
+    fn forward(&mut self, base: &Found) -> Result<(), Errors> {
+        while self.links.len() < self.subject.settings.effects {
+            let (stand, _) = self.chained(&self.links)?;
+            let made = self.with(&stand, base)?;
+            if made.is_none() && !self.links.is_empty() {
+                return Ok(());
+            }
+            let found = made.as_ref().unwrap_or(base);
+            let (mut candidates, skipped) = (self.offer)(&stand.model)?;
+            if self.out.rounds.is_empty() {
+                self.out.skipped = skipped;
+            }
+            candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
+            let number = self.out.rounds.len() + 1;
+            let round = self.round(&stand, found, &candidates, 0.0)?;
+            let chosen = to_add(&round, self.subject.settings);
+            let link = chosen.and_then(|c| link(&round, &round.judged[c], self.rivals()));
+            (self.progress)(&match &link {
+                Some(link) => format!("round {number}: {} is added, evidence {:.1}", link.name, link.evidence),
+                None => format!("round {number}: nothing is added"),
+            });
+            self.out.rounds.push(round);
+            match link {
+                Some(link) => self.links.push(link),
+                None => return Ok(()),
+            }
+        }
+        Ok(())
+    }
+
+    /// The base with what was added; none where nothing was, or where it does not run.
+    fn with(&self, stand: &Stand, base: &Found) -> Result<Option<Found>, Errors> {
+        let known = self.links.last().map(|link| &link.known);
+        if stand.added.is_empty() { Ok(None) } else { at_next(stand, self.subject, base, known) }
+    }
+
+    /// Tests every link with all others in place, the weakest first; true where all of them hold.
+    fn back(&mut self, base: &Found) -> Result<bool, Errors> {
+        self.out.findings.clear();
+        self.links.iter_mut().for_each(|l| l.doubt = None);
+        let mut order: Vec<usize> = (0..self.links.len()).collect();
+        order.sort_by(|&a, &b| self.links[a].evidence.total_cmp(&self.links[b].evidence));
+        let mut findings = vec![None; self.links.len()];
+        for i in order {
+            let name = self.links[i].name.clone();
+            let at = match self.tested_already() {
+                Some(at) => at,
+                None => {
+                    let round = self.strict(i, base)?;
+                    self.out.rounds.push(round);
+                    self.out.rounds.len() - 1
+                }
+            };
+            let round = &self.out.rounds[at];
+            let judged = |c: &usize| round.judged.get(*c);
+            if let Some(c) = round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name)) {
+                findings[i] = Some(Finding { round: at, added: c });
+                continue;
+            }
+            let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
+            let this = round.judged.iter().find(|j| j.name == name);
+            let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
+            let better = round.class.iter().filter_map(judged).find(others).filter(|j| !self.ending && !(j.evidence < evidence));
+            if let Some(better) = better.and_then(|j| link(round, j, self.rivals())) {
+                self.links[i] = better;
+                return Ok(false);
+            }
+            let kept = self.subject.settings.thresholds.kept_factor * round.limit;
+            let doubt = this.filter(|j| DOUBTED.contains(&j.standing) && evidence > kept).map(|j| j.why.clone());
+            if doubt.is_some() {
+                self.links[i].doubt = doubt;
+                continue;
+            }
+            self.links.remove(i);
+            self.dropped.push(name);
+            return Ok(false);
+        }
+        self.out.findings = findings.into_iter().flatten().collect();
+        Ok(true)
+    }
+
+    /// The round that tested the only link already: the one it was found in, if that was strict enough.
+    fn tested_already(&self) -> Option<usize> {
+        let [only] = &self.links[..] else { return None };
+        let round = |r: &Round| r.base.is_empty() && r.class.iter().any(|&c| r.judged[c].name == only.name);
+        self.out.rounds.iter().rposition(round)
+    }
+
+    /// A round on everything but link `i`, with it and those that came near it.
+    fn strict(&self, i: usize, base: &Found) -> Result<Round, Errors> {
+        let mut others = self.links.clone();
+        let this = others.remove(i);
+        (self.progress)(&format!("{} is taken out and tested with everything else in place", this.name));
+        let (stand, _) = self.chained(&others)?;
+        let (mut candidates, _) = (self.offer)(&stand.model)?;
+        candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));
+        let made = self.with(&stand, base)?;
+        let mut round = match (&made, others.is_empty()) {
+            (None, false) => Round {
+                limit: f64::NAN,
+                judged: Vec::new(),
+                class: Vec::new(),
+                located: Vec::new(),
+                base: Vec::new(),
+                strict: true,
+            },
+            // Few take part, but it was found as the best of all.
+            _ => self.round(&stand, made.as_ref().unwrap_or(base), &candidates, this.limit)?,
+        };
+        round.base = others.iter().map(|l| l.name.clone()).collect();
+        round.strict = true;
+        Ok(round)
+    }
+
+    /// `least`: luck gains at least this.
+    fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate], least: f64) -> Result<Round, Errors> {
+        let number = self.out.rounds.len() + 1;
+        let case = found.case();
+        let located = locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings);
+        let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
+        let mut round = held_against(stand, found, &case, located, (candidates, least), self.subject, &tell)?;
+        round.base = self.links.iter().map(|l| l.name.clone()).collect();
+        Ok(round)
+    }
+}
+
+/// The candidate to add: the first of the class, unless another one has more evidence by far that held-out maneuvers hardly take away. Beside a name that one may be one
+/// that the flights do not determine: the name would be wrong where something else explains far more.
+fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
+    let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
+    let held = |j: &Judged| {
+        DOUBTED.contains(&j.standing)
+            && !(j.standing == Standing::Unidentifiable && round.class.is_empty())
+            && j.evidence > round.limit
+            && j.evidence > (1.0 - settings.thresholds.held_out_taken) * gain(j)
+    };
+    let passing = |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
+    let able = (0..round.judged.len()).filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]));
+    let top = able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;
+    match round.class.first() {
+        Some(&first) if round.class.iter().any(|&c| round.judged[c].evidence > round.judged[top].evidence - settings.apart) => {
+            Some(first)
+        }
+        _ => Some(top),
+    }
+}
+
+fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
+    let refit = judged.refit.as_ref()?;
+    let mut near: Vec<&Judged> = round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
+    near.sort_by(|a, b| b.score.total_cmp(&a.score));
+    Some(Link {
+        name: judged.name.clone(),
+        values: refit.values.iter().map(|v| v.value).collect(),
+        evidence: judged.evidence,
+        limit: round.limit,
+        rivals: near.iter().take(rivals).map(|j| j.name.clone()).collect(),
+        doubt: None,
+        known: refit.known.clone(),
+    })
+}
+
+/// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be little beside what is named: a name given
+/// while more than that is not understood would be one among other things that are wrong.
+fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
+    let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
+    let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
+    let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
+    if out.findings.is_empty() {
+        let much = |r: &Round| thresholds.shown_factor * r.limit + luck(1, thresholds.false_alarm);
+        let shows = |r: &Round| r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r));
+        let shown = out.rounds.first().is_some_and(shows);
+        return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
+    }
+    let alone = |f: &Finding| out.rounds.get(f.round).is_some_and(|r| r.class.len() == 1);
+    match left > thresholds.rest_share * explained {
+        true => Verdict::Located,
+        false if out.findings.iter().all(alone) => Verdict::Named,
+        false => Verdict::OneOfThese,
+    }
+}

@@ -1,0 +1,98 @@
+//! Everything that is known of a candidate in; the rows of a round, with the standing that each ended with, out.
+
+use super::refit::Refit;
+use super::screen::Screened;
+use crate::diagnose::effect;
+use crate::diagnose::residual::located::Located;
+
+/// What became of a candidate in a round.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// The base's free parameters imitate it: no candidate.
+    Absorbed,
+    /// Nothing in these flights moves it.
+    Silent,
+    /// Its gain is what luck gives.
+    Luck,
+    /// Above luck, but not among the few that were refitted.
+    NotRefitted,
+    /// Its full fit did not end.
+    FitFailed,
+    /// A parameter sits on a physical bound, or disagrees with what physics expects.
+    Bounds,
+    /// The flights do not determine its parameters.
+    Unidentifiable,
+    /// Held-out maneuvers contradict it.
+    HeldOut,
+    /// Held-out maneuvers cannot tell: it predicts next to nothing there.
+    Untold,
+    /// Its size differs from maneuver to maneuver by more than its uncertainty.
+    Inconsistent,
+    /// It passes, but with little more evidence than luck gives where the noise is what it is taken for.
+    Faint,
+    /// It passes, another one is better by more than luck.
+    Beaten,
+    /// It passes, and cannot be told from the one chosen.
+    Alike,
+    /// It passes, and is added.
+    Chosen,
+}
+
+impl Standing {
+    /// The stable text that tables carry.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Standing::Absorbed => "absorbed by the base",
+            Standing::Silent => "not excited",
+            Standing::Luck => "luck",
+            Standing::NotRefitted => "not refitted",
+            Standing::FitFailed => "fit failed",
+            Standing::Bounds => "against physics",
+            Standing::Unidentifiable => "not identifiable",
+            Standing::HeldOut => "fails held out",
+            Standing::Untold => "not told held out",
+            Standing::Inconsistent => "inconsistent",
+            Standing::Faint => "faint",
+            Standing::Beaten => "beaten",
+            Standing::Alike => "alike",
+            Standing::Chosen => "chosen",
+        }
+    }
+}
+
+/// One candidate in one round.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    pub name: String,
+    pub effect: String,
+    pub family: effect::Family,
+    pub sentence: String,
+    pub signature: String,
+    /// The maneuver that would tell it from its rivals, in words.
+    pub separate: String,
+    pub screened: Screened,
+    /// Gain of the screening less luck: what is compared with the round's limit.
+    pub score: f64,
+    pub refit: Option<Refit>,
+    /// Log-likelihood for it, training and held out, less luck; NaN without a refit.
+    pub evidence: f64,
+    pub standing: Standing,
+    /// The standing in words, with its figures.
+    pub why: String,
+}
+
+/// One round: a base fit and all candidates held against it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Round {
+    /// What the best candidate's score must exceed.
+    pub limit: f64,
+    pub judged: Vec<Judged>,
+    /// Those that pass alike, best evidence first; the first one is added.
+    pub class: Vec<usize>,
+    /// Outputs that answer to a source in this round's base.
+    pub located: Vec<Located>,
+    /// Candidates that this round's base has already.
+    pub base: Vec<String>,
+    /// It tests one effect with all others in place; otherwise it looks for the next.
+    pub strict: bool,
+}

@@ -1,0 +1,14 @@
+//! A base and candidate effects in; rounds of screening, refits and decisions, and the verdict they end with, out.
+
+pub mod decide;
+pub mod diagnose;
+pub mod ground;
+pub mod judged;
+pub mod probe;
+pub mod refit;
+pub mod round;
+pub mod screen;
+pub mod surrogate;
+pub mod unseen;
+pub mod value;
+pub mod verdict;

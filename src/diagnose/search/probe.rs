@@ -1,0 +1,97 @@
+//! A candidate's model and a place where the base stands in; its residuals and its sensitivities to what it adds, out.
+
+use super::ground::Ground;
+use crate::diagnose::effect::Candidate;
+use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::error::Errors;
+use crate::estimate::{self, Block, Case};
+use crate::model::{Delayed, Model, StartKind};
+use std::borrow::Cow;
+
+/// States, delayed ones besides.
+fn dynamics(model: &Model) -> usize {
+    model.states.len() + model.delays.iter().filter(|d| matches!(d.of, Delayed::State(_))).count()
+}
+
+/// A candidate's model, to be run where the base stands.
+pub struct Probe {
+    plan: Plan,
+    starts: Vec<f64>,
+    /// Per parameter of the candidate's model: its index in the base's.
+    base: Vec<Option<usize>>,
+    /// Per state that needs a start value: its place among the base's.
+    given: Vec<Option<usize>>,
+    /// Index of each added parameter in the candidate's model.
+    added: Vec<usize>,
+    /// Directions of the plan: indices into `added`.
+    pub sizes: Vec<usize>,
+    /// It has more states, or more of them delayed, than the base.
+    adds_dynamics: bool,
+}
+
+impl Probe {
+    /// # Errors
+    /// The candidate's model does not fit the settings of the base's estimation.
+    pub fn new(candidate: &Candidate, ground: &Ground) -> Result<Probe, Errors> {
+        let model = estimate::extended(&candidate.model, ground.method)?.into_owned();
+        let added: Vec<usize> = candidate.added.iter().filter_map(|a| model.parameter(&a.name)).collect();
+        let sizes: Vec<usize> = (0..candidate.added.len()).filter(|&i| candidate.added[i].null.is_some()).collect();
+        let case = ground.case;
+        let index = |name: &str| case.model.parameter(name);
+        // Free initial states need no directions here, only a place for their values: those that start measured have one anyway.
+        let names = case.plan.directions.starts.iter().map(|&i| &case.model.states[i].quantity.name);
+        let free: Vec<usize> =
+            names.filter_map(|name| model.state(name)).filter(|&i| model.states[i].start != StartKind::Measured).collect();
+        let directions = Directions { parameters: sizes.iter().filter_map(|&i| added.get(i).copied()).collect(), starts: free };
+        let plan = Plan::of_outputs(&model, directions, case.outputs.clone())?;
+        let place = |&state: &usize| {
+            let name = &model.states[state].quantity.name;
+            case.plan.given().iter().position(|&b| case.model.states[b].quantity.name == *name)
+        };
+        Ok(Probe {
+            given: plan.given().iter().map(place).collect(),
+            base: model.parameters.iter().map(|p| index(&p.quantity.name)).collect(),
+            starts: model.parameter_starts(),
+            plan,
+            added,
+            sizes,
+            adds_dynamics: dynamics(&model) > dynamics(case.model),
+        })
+    }
+
+    /// A base's record with steps as small as states that a candidate adds ask for (a play's end pushes back within milliseconds), where the
+    /// user leaves that to the program.
+    fn record<'r>(&self, case: &'r Case, s: usize, parameters: &[f64], given: &[f64]) -> Cow<'r, Record> {
+        let base = &case.records[s];
+        let steps = if self.adds_dynamics && case.is_automatic(s) { self.plan.substeps(parameters, given, base) } else { 1 };
+        if steps <= base.substeps.max(1) {
+            return Cow::Borrowed(base);
+        }
+        Cow::Owned(Record { substeps: steps, ..base.clone() })
+    }
+
+    /// The blocks of segment `s` with the added parameters at `at`: residuals, and sensitivities to the sizes.
+    pub fn run(&self, ground: &Ground, s: usize, at: &[f64]) -> Option<Vec<Block>> {
+        let case = ground.case;
+        let (base, given) = case.place(s, &case.layout.local(s, ground.theta));
+        let mut parameters: Vec<f64> =
+            self.base.iter().zip(&self.starts).map(|(from, start)| from.map_or(*start, |i| base[i])).collect();
+        self.added.iter().zip(at).for_each(|(&i, value)| parameters[i] = *value);
+        let given: Vec<f64> = self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
+        let response = self.plan.respond(&parameters, &given, &self.record(case, s, &parameters, &given), true);
+        if !response.finite {
+            return None;
+        }
+        let nd = self.plan.directions.len();
+        let mut dy = response.dy.into_iter();
+        let block = |(channel, y): (&Channel, Vec<f64>)| {
+            let output = case.outputs.iter().position(|&o| o == channel.output)?;
+            let e: Vec<f64> = channel.z.iter().zip(y).map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN }).collect();
+            // Only the sizes' directions: those of the initial states stand behind them.
+            let g = dy.next().unwrap_or_default();
+            let g = g.chunks_exact(nd.max(1)).flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied()).collect();
+            Some(Block { output, e, g })
+        };
+        case.records[s].channels.iter().zip(response.y).map(block).collect()
+    }
+}

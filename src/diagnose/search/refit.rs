@@ -1,0 +1,229 @@
+//! A candidate, the base fit and both sets of maneuvers in; its full fit, and what it gains where it was never fitted, out.
+//!
+//! Held-out maneuvers keep all derivatives as the training found them, of base and candidate alike; only what belongs to the maneuver
+//! (initial states, zero shifts) is found again. The two predictions then differ by `d` (whitened), and if the candidate is true and its
+//! parameters right, the gain in log-likelihood is normal with mean `d'd/2` and variance `d'd`: that is the gain predicted.
+
+use super::value::{Gain, Value};
+use crate::diagnose::base::fit::{Fit, Spread, Task};
+use crate::diagnose::base::frozen::{Frozen, frozen};
+use crate::diagnose::base::stand::{Known, Stand, fitted, settle_steps};
+use crate::diagnose::effect::{Added, Candidate};
+use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::subject::Places;
+use crate::diagnose::thresholds::Thresholds;
+use crate::error::Errors;
+use crate::estimate::{Block, Case, Prepared};
+use crate::math::distribution::chi2_cdf;
+use crate::math::products::dot;
+use crate::model::Scope;
+use rayon::prelude::*;
+
+/// The base where candidates are held against it.
+pub struct Ground<'a> {
+    pub stand: &'a Stand,
+    pub prepared: &'a Prepared,
+    pub case: &'a Case<'a>,
+    pub noise: &'a Noise,
+    pub places: &'a Places,
+    pub fit: &'a Fit,
+    /// Costs and parameters of the held-out maneuvers with the base frozen.
+    pub frozen: &'a [Option<Frozen>],
+    pub thresholds: &'a Thresholds,
+}
+
+/// A candidate after its full fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refit {
+    /// Gain in log-likelihood over the training maneuvers.
+    pub gain: f64,
+    pub converged: bool,
+    /// The added parameters.
+    pub values: Vec<Value>,
+    /// Held-out maneuvers, in the order of the places.
+    pub held_out: Vec<Gain>,
+    /// How the sizes added scatter from maneuver to maneuver; none where one maneuver alone tells.
+    pub consistency: Option<Consistency>,
+    /// The training maneuvers' gains.
+    pub training: Vec<Gain>,
+    /// Everything that the fit found.
+    pub known: Known,
+}
+
+/// What a fit leaves: white residuals, maneuver by maneuver, those of the training first.
+pub type Left = Vec<Vec<f64>>;
+
+/// Scatter of a size from maneuver to maneuver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Consistency {
+    /// Probability of so much, if it is one number.
+    pub p: f64,
+    /// What is more than its uncertainty explains, as a share of the size.
+    pub share: f64,
+}
+
+/// Fits a candidate from where the screening saw it best with its switch held, or with smaller sizes where the model is better there.
+///
+/// # Errors
+/// Its model does not fit the settings of the base's estimation.
+pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Option<(Refit, Left)>, Errors> {
+    let stand = joined(ground.stand, candidate, at);
+    let prepared = Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?;
+    if prepared.used != ground.prepared.used {
+        return Ok(None);
+    }
+    let mut case = prepared.case();
+    let theta = Known::of(ground.case, ground.prepared, &ground.fit.theta).placed(&case, &prepared);
+    let least: Vec<usize> = ground.case.records.iter().map(|r| r.substeps).collect();
+    settle_steps(&mut case, &theta, &least);
+    let names: Vec<String> = candidate.added.iter().map(|a| a.name.clone()).collect();
+    let theta = nearest(ground, &case, candidate, &theta);
+    let (mut free, mut fit) = fitted(&case, ground.noise, ground.places, theta, &names, ground.thresholds);
+    // What is stiffer where the fit ended than where it began (a play that became smaller) was not integrated well on the way.
+    if let Some(found) = fit.as_ref().filter(|found| case.stiffen(&found.theta)).map(|found| found.theta.clone()) {
+        (free, fit) = fitted(&case, ground.noise, ground.places, found, &names, ground.thresholds);
+    }
+    let Some(fit) = fit else { return Ok(None) };
+    let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
+    let task =
+        Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free, thresholds: ground.thresholds };
+    let spread = task.spread(&fit.theta, k);
+    let own = candidate.added.iter().filter(|a| a.hold.is_none() && a.scope == Scope::Segment).count();
+    let held_out = frozen(&case, ground.noise, ground.places, &fit.theta, ground.thresholds);
+    let gains = ground.frozen.iter().zip(&held_out).zip(&ground.places.held_out);
+    let gains = gains.map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s, own)).collect();
+    let training = ground.places.training.iter().zip(ground.fit.costs.iter().zip(&fit.costs));
+    let training = training.map(|(&s, (base, with))| Gain {
+        segment: prepared.used[s],
+        predicted: f64::NAN,
+        realised: base - with - own as f64,
+    });
+    let values = values(&case, (candidate, at), (&free, k), &fit, spread.as_ref(), ground.thresholds);
+    let left = left(ground, &case, &fit.theta, &held_out);
+    let refit = Refit {
+        consistency: spread.as_ref().and_then(|spread| consistency(spread, &values, ground.thresholds.telling_share)),
+        gain: ground.fit.cost() - fit.cost(),
+        converged: fit.converged,
+        values,
+        held_out: gains,
+        training: training.collect(),
+        known: Known::of(&case, &prepared, &fit.theta),
+    };
+    Ok(Some((refit, left)))
+}
+
+fn left(ground: &Ground, case: &Case, theta: &[f64], held_out: &[Option<Frozen>]) -> Left {
+    let white = |s: usize, blocks: &[Block]| ground.noise.whiten(s, blocks).pop();
+    let trained = |&s: &usize| white(s, &case.evaluate(s, &case.layout.local(s, theta), false)?);
+    let unseen = |(&s, with): (&usize, &Option<Frozen>)| white(s, &with.as_ref()?.blocks);
+    let trained = ground.places.training.par_iter().map(trained).map(Option::unwrap_or_default);
+    let unseen = ground.places.held_out.par_iter().zip(held_out).map(unseen).map(Option::unwrap_or_default);
+    trained.chain(unseen).collect()
+}
+
+/// The best of the starts in which a share of the screening's sizes is taken: those were found with everything else moving along.
+fn nearest(ground: &Ground, case: &Case, candidate: &Candidate, theta: &[f64]) -> Vec<f64> {
+    let task = Task { case, noise: ground.noise, segments: &ground.places.training, free: &[], thresholds: ground.thresholds };
+    let shared = |share: f64| -> Vec<f64> {
+        let mut theta = theta.to_vec();
+        for (unknown, value) in case.unknowns.iter().zip(&mut theta) {
+            let null = candidate.added.iter().find(|a| a.name == unknown.name).and_then(|a| a.null);
+            null.iter().for_each(|null| *value = null + share * (*value - null));
+        }
+        theta
+    };
+    let cost = |theta: &Vec<f64>| task.costs(theta).map_or(f64::INFINITY, |costs| costs.iter().sum());
+    let starts = ground.thresholds.start_shares.map(shared);
+    let costs: Vec<f64> = starts.iter().map(cost).collect();
+    let best = (0..starts.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or_default();
+    starts.into_iter().nth(best).unwrap_or_else(|| theta.to_vec())
+}
+
+/// The base with a candidate whose parameters start at `at`.
+pub fn joined(stand: &Stand, candidate: &Candidate, at: &[f64]) -> Stand {
+    let inside = |added: &Added, value: f64| match added.hold {
+        Some(hold) => hold,
+        None => value.clamp(added.min, added.max),
+    };
+    let values: Vec<(String, f64, bool)> =
+        candidate.added.iter().zip(at).map(|(added, value)| (added.name.clone(), inside(added, *value), added.is_held())).collect();
+    stand.with(&candidate.model, &values)
+}
+
+fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, s: usize, own: usize) -> Gain {
+    let segment = ground.prepared.used[s];
+    let (Some(base), Some(with)) = (base, with) else {
+        return Gain { segment, predicted: f64::NAN, realised: f64::NEG_INFINITY };
+    };
+    let difference =
+        |(a, b): (&Block, &Block)| Block { output: a.output, e: a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(), g: Vec::new() };
+    let blocks: Vec<Block> = base.blocks.iter().zip(&with.blocks).map(difference).collect();
+    let white = ground.noise.whiten(s, &blocks);
+    let predicted = white.last().map_or(f64::NAN, |d| 0.5 * dot(d, d));
+    // A parameter of the maneuver's own gains half a unit by luck, and predicts as much.
+    let luck = 0.5 * own as f64;
+    Gain { segment, predicted: (predicted - luck).max(0.0), realised: base.cost - with.cost - luck }
+}
+
+/// `tried`: the candidate, and the values of its parameters from which it was fitted.
+fn values(
+    case: &Case,
+    tried: (&Candidate, &[f64]),
+    (free, k): (&[usize], usize),
+    fit: &Fit,
+    spread: Option<&Spread>,
+    thresholds: &Thresholds,
+) -> Vec<Value> {
+    let one = |(added, start): (&Added, &f64)| {
+        let at = free[free.len() - k..].iter().position(|&i| case.unknowns[i].name == added.name);
+        let index = at.map(|at| free[free.len() - k + at]);
+        let own = || {
+            let mine = (0..case.unknowns.len()).filter(|&i| case.unknowns[i].name == added.name).map(|i| fit.theta[i]);
+            mine.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(f64::NAN)
+        };
+        let value = match (index, added.hold) {
+            (Some(i), _) => fit.theta[i],
+            (None, Some(hold)) => hold,
+            (None, None) if added.chosen => *start,
+            // One per maneuver: the largest.
+            (None, None) => own(),
+        };
+        let bound = index.is_some_and(|i| value <= case.layout.lower[i] || value >= case.layout.upper[i]);
+        let sd = at.and_then(|at| spread.and_then(|s| s.sd.get(at).copied().flatten()));
+        let left = at.and_then(|at| spread.and_then(|s| s.left.get(at).copied()));
+        Value {
+            name: added.name.clone(),
+            unit: added.unit.clone(),
+            value,
+            sd,
+            null: added.null,
+            span: added.span,
+            at_bound: bound,
+            held: added.is_held(),
+            own: added.scope == Scope::Segment,
+            left,
+            check: added.check.as_ref().map(|c| (c.text.clone(), c.value, c.within)),
+            is_determined: false,
+        }
+        .judged(thresholds)
+    };
+    tried.0.added.iter().zip(tried.1).map(one).collect()
+}
+
+/// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against chi-square; its excess over the
+/// uncertainties by DerSimonian and Laird. The worst of the sizes.
+fn consistency(spread: &Spread, values: &[Value], telling_share: f64) -> Option<Consistency> {
+    let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && v.left.is_some()).collect();
+    let one = |(i, v): (usize, &&Value)| {
+        let null = v.null?;
+        let all: Vec<(f64, f64)> = spread.by_segment.iter().filter_map(|s| s.get(i).copied()).collect();
+        let total: f64 = all.iter().map(|s| s.1).sum();
+        let telling: Vec<(f64, f64)> = all.into_iter().filter(|s| s.1 > telling_share * total).collect();
+        let dof = telling.len().checked_sub(1).filter(|dof| *dof > 0)? as f64;
+        let q: f64 = telling.iter().map(|(slope, information)| slope * slope / information).sum();
+        let (sum, squares) = telling.iter().fold((0.0, 0.0), |s, t| (s.0 + t.1, s.1 + t.1 * t.1));
+        let excess = ((q - dof) / (sum - squares / sum)).max(0.0).sqrt();
+        Some(Consistency { p: 1.0 - chi2_cdf(q, dof), share: excess / (v.value - null).abs() })
+    };
+    fitted.iter().enumerate().filter_map(one).min_by(|a, b| a.p.total_cmp(&b.p).then(b.share.total_cmp(&a.share)))
+}

@@ -1,0 +1,148 @@
+//! A fitted base and candidates in; all of them screened, the best refitted and judged, out.
+
+use super::decide::{Distance, class, distances, is_faint, objection};
+use super::ground;
+use super::judged::Standing;
+use super::judged::{Judged, Round};
+use super::refit::{self, refit};
+use super::screen::{Screened, screen};
+use super::surrogate::{best_of_surrogates, luck};
+use crate::diagnose::base::found::Found;
+use crate::diagnose::base::stand::Stand;
+use crate::diagnose::effect::Candidate;
+use crate::diagnose::residual::located::Located;
+use crate::diagnose::settings::Settings;
+use crate::diagnose::subject::Subject;
+use crate::error::Errors;
+use crate::estimate::{Case, Segment};
+use crate::math::quantile;
+use crate::model::Scope;
+
+/// Screens all candidates, refits and judges the best. Luck gains at least `least`: fewer candidates may take part than one of them was
+/// found among.
+///
+/// # Errors
+/// A candidate's model does not fit the settings of the base's estimation.
+pub fn held_against(
+    stand: &Stand,
+    found: &Found,
+    case: &Case,
+    located: Vec<Located>,
+    (candidates, least): (&[Candidate], f64),
+    subject: &Subject,
+    progress: &dyn Fn(&str),
+) -> Result<Round, Errors> {
+    let settings = subject.settings;
+    progress(&format!("screening {} candidates", candidates.len()));
+    let of: Vec<&Segment> = found.prepared.used.iter().map(|&s| &subject.segments[s]).collect();
+    let ground = ground::Ground {
+        of: &of,
+        thresholds: &settings.thresholds,
+        case,
+        noise: &found.noise,
+        method: &stand.method,
+        theta: &found.fit.theta,
+        segments: &found.places.training,
+        free: &found.free,
+    };
+    let screening = screen(&ground, candidates)?;
+    let best = best_of_surrogates(&screening, settings);
+    let limit = least.max(if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) });
+    let mut judged: Vec<Judged> =
+        candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit, settings)).collect();
+    let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
+    // Less than a share of the best one's score is not made up for by a full fit.
+    let worth = limit.max(settings.thresholds.refit_share * best);
+    let mut order: Vec<usize> = (0..judged.len()).filter(|&i| judged[i].score > worth).collect();
+    order.sort_by(|&a, &b| judged[b].score.total_cmp(&judged[a].score));
+    let ground = refit::Ground {
+        stand,
+        prepared: &found.prepared,
+        case,
+        noise: &found.noise,
+        places: &found.places,
+        fit: &found.fit,
+        frozen: &found.frozen,
+        thresholds: &settings.thresholds,
+    };
+    let mut passing = Vec::new();
+    let refits = order.len().min(settings.refits);
+    progress(&match order.first() {
+        Some(&best) => {
+            let best = &judged[best];
+            format!("{} comes furthest, {:.1} where luck gains {limit:.1}; {refits} are fitted in full", best.name, best.score)
+        }
+        None => format!("nothing gains more than luck, {limit:.1}"),
+    });
+    for (at, &i) in order.iter().take(settings.refits).enumerate() {
+        progress(&format!("fit {} of {refits}, {}", at + 1, judged[i].name));
+        let one = refit(&ground, &candidates[i], &judged[i].screened.at)?;
+        let judged = &mut judged[i];
+        let Some((one, left)) = one else {
+            (judged.standing, judged.why) = (Standing::FitFailed, "its model does not run over all maneuvers".into());
+            continue;
+        };
+        let held_out: f64 = one.held_out.iter().map(|g| g.realised).sum();
+        judged.evidence =
+            one.gain - luck(judged.screened.taken.max(fitted_count(&one)), settings.thresholds.false_alarm) + held_out;
+        judged.refit = Some(one);
+        let faint = || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
+        match objection(judged, settings).or_else(faint) {
+            Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
+            None => passing.push((i, left)),
+        }
+    }
+    let distances = distances(&judged, &passing, settings);
+    let class = class(&judged, &distances);
+    for Distance { at: i, less, margin } in distances {
+        let mut words = format!("evidence {:.1} in log-likelihood", judged[i].evidence);
+        if less > 0.0 {
+            words += &format!(", {less:.1} less than the best one's; {margin:.1} less tells them apart");
+        }
+        let standing = match class.iter().position(|&c| c == i) {
+            Some(0) => Standing::Chosen,
+            Some(_) => Standing::Alike,
+            None => Standing::Beaten,
+        };
+        (judged[i].standing, judged[i].why) = (standing, words);
+    }
+    Ok(Round { limit, judged, class, located, base: Vec::new(), strict: false })
+}
+
+fn fitted_count(refit: &refit::Refit) -> usize {
+    refit.values.iter().filter(|v| !v.held).count()
+}
+
+fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &Settings) -> Judged {
+    // What has a value for every maneuver can be fitted to a held-out one, and so never confirmed by it: it is told, and takes no part.
+    let own = candidate.added.iter().any(|a| a.scope == Scope::Segment);
+    let score = if own { 0.0 } else { screened.gain - luck(screened.taken, settings.thresholds.false_alarm) };
+    let (standing, why) = if own {
+        let why = format!("gains {:.1} with a value for every maneuver, which held-out ones cannot confirm", screened.gain);
+        (Standing::Unidentifiable, why)
+    } else if screened.silent {
+        (Standing::Silent, "nothing in these flights moves it".to_string())
+    } else if !screened.gain.is_finite() {
+        (Standing::Silent, "the model with it does not run over these flights".to_string())
+    } else if screened.taken == 0 {
+        (Standing::Absorbed, format!("imitated by {}", crate::config::list(&screened.absorbed_by)))
+    } else if score > limit {
+        (Standing::NotRefitted, format!("gains {:.1}, others gain more", screened.gain))
+    } else {
+        (Standing::Luck, format!("gains {:.1}", screened.gain))
+    };
+    Judged {
+        name: candidate.name.clone(),
+        effect: candidate.effect.clone(),
+        family: candidate.family,
+        sentence: candidate.sentence.clone(),
+        signature: candidate.signature.clone(),
+        separate: candidate.separate.clone(),
+        screened: screened.clone(),
+        score,
+        refit: None,
+        evidence: f64::NAN,
+        standing,
+        why,
+    }
+}

@@ -1,0 +1,283 @@
+//! A base fit and candidates in; the gain in log-likelihood that each promises, by a score test, out.
+//!
+//! At the base fit, with `e` the whitened residuals and `H` the whitened sensitivities of the outputs to what a candidate adds (at its
+//! null), projected on what the base's own free parameters cannot imitate: `u = H~'e`, `F = H~'H~`, gain `= max_b (b'u - b'Fb/2)` within
+//! the candidate's bounds (Rao's score test; `u'F^-1 u/2` inside them). Shapes (a delay, a threshold) matter only once the size is not
+//! null: every row of their starts has columns of its own. A fit starts from the row that is best once switches are held.
+
+use super::ground::Ground;
+use super::probe::Probe;
+use crate::diagnose::effect::Candidate;
+use crate::diagnose::residual::gain::gain;
+use crate::error::Errors;
+use crate::estimate::{Grouping, SEGMENT, Segment};
+use crate::math::products::{DEPENDENT, Gram};
+use crate::model::Scope;
+use rayon::prelude::*;
+
+/// One column of a candidate.
+#[derive(Debug, Clone, PartialEq)]
+struct Column {
+    trial: usize,
+    /// Index into `Candidate::added`.
+    size: usize,
+    /// The segments it belongs to; none for a size common to all.
+    only: Option<Vec<usize>>,
+}
+
+/// One way to bring a candidate in: a row of the starts of its shapes.
+#[derive(Debug, Clone, PartialEq)]
+struct Trial {
+    candidate: usize,
+    /// Values of the added parameters, sizes at null.
+    at: Vec<f64>,
+    columns: Vec<usize>,
+}
+
+/// What screening says of one candidate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Screened {
+    /// Gain in log-likelihood of the best of its trials.
+    pub gain: f64,
+    /// Parameters that this gain takes.
+    pub taken: usize,
+    /// Values of the added parameters that a fit may start from (of the first segment, for those per segment).
+    pub at: Vec<f64>,
+    /// Share of the column that the base's parameters cannot imitate.
+    pub left: f64,
+    /// Base parameters that imitate it most, where nothing is left.
+    pub absorbed_by: Vec<String>,
+    /// The model did not run, or nothing in the flights moves it.
+    pub silent: bool,
+}
+
+/// All candidates at one base fit.
+#[derive(Debug, Clone)]
+pub struct Screening {
+    pub screened: Vec<Screened>,
+    trials: Vec<Trial>,
+    columns: Vec<Column>,
+    bounds: Vec<(f64, f64)>,
+    /// Products of the projected columns, then of the residuals.
+    rest: Gram,
+    raw: Vec<f64>,
+    /// A column is of the base's making if less than this share of it is left.
+    collinear: f64,
+}
+
+fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
+    (0..candidate.rows()).map(|row| Trial { candidate: index, at: candidate.start(row), columns: Vec::new() }).collect()
+}
+
+/// Screens all candidates.
+///
+/// # Errors
+/// A candidate's model does not fit the settings of the base's estimation.
+pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Errors> {
+    let probes: Vec<Probe> = candidates.par_iter().map(|c| Probe::new(c, ground)).collect::<Result<_, _>>()?;
+    let mut trials: Vec<Trial> = candidates.iter().enumerate().flat_map(|(i, c)| trials(c, i)).collect();
+    let (mut columns, mut bounds) = (Vec::new(), Vec::new());
+    for (t, trial) in trials.iter_mut().enumerate() {
+        let added = &candidates[trial.candidate].added;
+        for size in 0..added.len() {
+            let Some(null) = added[size].null else { continue };
+            for only in sets(ground, &added[size].scope) {
+                trial.columns.push(columns.len());
+                columns.push(Column { trial: t, size, only });
+                bounds.push((added[size].min - null, added[size].max - null));
+            }
+        }
+    }
+    let parts: Vec<(Gram, Vec<usize>)> =
+        ground.segments.par_iter().map(|&s| segment(ground, &probes, &trials, &columns, s)).collect::<Option<_>>().ok_or_else(
+            || crate::error::Error::new("the base model is not finite at its own estimate: it cannot be diagnosed".to_string()),
+        )?;
+    let (n, m) = (ground.free.len(), columns.len());
+    let mut all = Gram::zero(n + m + 1);
+    for ((part, to), &s) in parts.iter().zip(ground.segments) {
+        all.add(part, ground.case.layout.parts[s].own, to);
+    }
+    for (place, &i) in ground.free.iter().enumerate() {
+        let weight = ground.case.layout.prior_weight(i);
+        all.sums[place * all.n + place] += weight;
+        all.sums[place * all.n + n + m] += weight * (ground.case.layout.centre[i] - ground.theta[i]);
+    }
+    let before = all.clone();
+    all.eliminate(0, n);
+    let rest = all.rest(n);
+    let raw = rest.scale.clone();
+    let collinear = ground.thresholds.collinear;
+    let mut screening = Screening { screened: Vec::new(), trials, columns, bounds, rest, raw, collinear };
+    screening.screened = (0..candidates.len()).map(|c| screening.judge(c, candidates, ground, &before)).collect();
+    Ok(screening)
+}
+
+/// The sets of training segments that share one value of a parameter; none for all of them.
+fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
+    let column = match scope {
+        Scope::Campaign => return vec![None],
+        Scope::Segment => SEGMENT,
+        Scope::Column(column) => column,
+    };
+    let these: Vec<&Segment> = ground.segments.iter().map(|&s| ground.of[s]).collect();
+    let grouping = Grouping::by(column, &these);
+    let members =
+        |group: usize| ground.segments.iter().zip(&grouping.of).filter(move |(_, of)| **of == group).map(|(&s, _)| s).collect();
+    (0..grouping.values.len()).map(|group| Some(members(group))).collect()
+}
+
+/// Products of one segment: own parameters eliminated, then the free shared ones, the candidates' columns, the residuals.
+fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Column], s: usize) -> Option<(Gram, Vec<usize>)> {
+    let (case, layout) = (ground.case, &ground.case.layout);
+    let blocks = case.evaluate(s, &layout.local(s, ground.theta), true)?;
+    let mut white = ground.noise.whiten(s, &blocks);
+    let part = &layout.parts[s];
+    let (mut used, mut to) = (Vec::new(), Vec::new());
+    used.extend(white.drain(part.shared.len()..part.directions()));
+    for (place, index) in ground.free.iter().enumerate() {
+        if let Some(at) = part.shared.iter().position(|i| i == index) {
+            used.push(std::mem::take(&mut white[at]));
+            to.push(place);
+        }
+    }
+    let e = white.pop()?;
+    for (t, trial) in trials.iter().enumerate() {
+        let made = of_trial(ground, &probes[trial.candidate], trial, s);
+        for &c in &trial.columns {
+            let column = &columns[c];
+            debug_assert_eq!(column.trial, t);
+            if column.only.as_ref().is_some_and(|only| !only.contains(&s)) {
+                continue;
+            }
+            let known = made.as_ref().and_then(|made| made.iter().find(|(size, _)| *size == column.size));
+            let values = known.map(|(_, values)| values.clone()).filter(|values| values.iter().all(|v| v.is_finite()));
+            used.push(values.unwrap_or_else(|| vec![0.0; e.len()]));
+            to.push(ground.free.len() + c);
+        }
+    }
+    to.push(ground.free.len() + columns.len());
+    used.push(e);
+    let mut gram = Gram::of(&used);
+    gram.eliminate(0, part.own);
+    Some((gram, to))
+}
+
+/// Whitened columns of one trial in one segment, by size; `None` where the model does not run.
+fn of_trial(ground: &Ground, probe: &Probe, trial: &Trial, s: usize) -> Option<Vec<(usize, Vec<f64>)>> {
+    let blocks = probe.run(ground, s, &trial.at)?;
+    Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks)).collect())
+}
+
+impl Screening {
+    /// Best trial of a candidate for slopes `u` of all columns: gain, trial, coefficients.
+    fn best(&self, candidate: usize, u: &dyn Fn(usize) -> f64) -> Option<(f64, usize, Vec<f64>)> {
+        self.most(candidate, u, &|c| self.bounds[c])
+    }
+
+    /// The same with the columns within other bounds.
+    fn most(
+        &self,
+        candidate: usize,
+        u: &dyn Fn(usize) -> f64,
+        bounds: &dyn Fn(usize) -> (f64, f64),
+    ) -> Option<(f64, usize, Vec<f64>)> {
+        let mut best: Option<(f64, usize, Vec<f64>)> = None;
+        for (t, trial) in self.trials.iter().enumerate().filter(|(_, t)| t.candidate == candidate) {
+            let sound: Vec<usize> = trial.columns.iter().copied().filter(|&c| self.is_sound(c)).collect();
+            if sound.is_empty() {
+                continue;
+            }
+            let f = self.rest.block(&sound);
+            let slopes: Vec<f64> = sound.iter().map(|&c| u(c)).collect();
+            let bounds: Vec<(f64, f64)> = sound.iter().map(|&c| bounds(c)).collect();
+            let (gain, b) = gain(&f, &slopes, &bounds);
+            if best.as_ref().is_none_or(|(g, _, _)| gain > *g) {
+                let all = trial.columns.iter().map(|c| sound.iter().position(|k| k == c).map_or(0.0, |k| b[k])).collect();
+                best = Some((gain, t, all));
+            }
+        }
+        best
+    }
+
+    /// Where a fit starts: the best trial once switches are held. With a size that is free as well, much play at half its size looks like half
+    /// of it, and a fit from there does not find back.
+    fn start(&self, candidate: usize, candidates: &[Candidate]) -> Option<(f64, usize, Vec<f64>)> {
+        let added = &candidates[candidate].added;
+        let bounds = |c: usize| {
+            let size = &added[self.columns[c].size];
+            size.hold.map_or(self.bounds[c], |hold| {
+                let b = hold - size.null.unwrap_or_default();
+                (b, b)
+            })
+        };
+        self.most(candidate, &|c| self.rest.at(c, self.columns.len()), &bounds)
+    }
+
+    fn is_sound(&self, column: usize) -> bool {
+        self.raw[column] > 0.0 && self.rest.at(column, column) > self.collinear.max(DEPENDENT) * self.raw[column]
+    }
+
+    fn judge(&self, candidate: usize, candidates: &[Candidate], ground: &Ground, before: &Gram) -> Screened {
+        let e = self.columns.len();
+        let mine: Vec<usize> =
+            self.trials.iter().filter(|t| t.candidate == candidate).flat_map(|t| t.columns.iter().copied()).collect();
+        let left = mine.iter().filter(|&&c| self.raw[c] > 0.0).map(|&c| self.rest.at(c, c) / self.raw[c]).fold(0.0, f64::max);
+        let silent = mine.iter().all(|&c| self.raw[c] <= 0.0);
+        let none = Screened { gain: 0.0, taken: 0, at: Vec::new(), left, absorbed_by: Vec::new(), silent };
+        let (Some((gain, ..)), Some((_, t, b))) =
+            (self.best(candidate, &|c| self.rest.at(c, e)), self.start(candidate, candidates))
+        else {
+            let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
+            let absorbed_by = by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
+            return Screened { absorbed_by, ..none };
+        };
+        let trial = &self.trials[t];
+        let mut at = trial.at.clone();
+        for (&c, b) in trial.columns.iter().zip(&b).rev() {
+            let column = &self.columns[c];
+            let null = candidates[candidate].added[column.size].null.unwrap_or_default();
+            at[column.size] = null + b;
+        }
+        Screened { gain, taken: trial.columns.len(), at, ..none }
+    }
+
+    /// Gains of all candidates for slopes `u` (per column): what a surrogate campaign yields.
+    pub fn gains(&self, u: &[f64]) -> Vec<f64> {
+        (0..self.screened.len()).map(|c| self.best(c, &|k| u[k]).map_or(0.0, |best| best.0)).collect()
+    }
+
+    /// Information of all columns, `[n][n]`, and how many there are; those that say nothing are zero.
+    pub fn information(&self) -> (Vec<f64>, usize) {
+        let n = self.columns.len();
+        let all: Vec<usize> = (0..n).collect();
+        let mut f = self.rest.block(&all);
+        for k in 0..n * n {
+            if !self.is_sound(k / n) || !self.is_sound(k % n) {
+                f[k] = 0.0;
+            }
+        }
+        (f, n)
+    }
+}
+
+/// Free base parameters that imitate a column most; in words where those of single maneuvers do.
+fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
+    let n = ground.free.len();
+    if before.at(n + column, n + column) <= ground.thresholds.collinear.max(DEPENDENT) * before.scale[n + column] {
+        return vec!["what has a value of its own in every maneuver".to_string()];
+    }
+    let order: Vec<usize> = (0..n).chain([n + column]).collect();
+    let mut gram = Gram::zero(n + 1);
+    for (a, &from) in order.iter().enumerate() {
+        gram.scale[a] = before.scale[from];
+        (a..=n).for_each(|b| gram.sums[a * (n + 1) + b] = before.at(from, order[b]));
+    }
+    gram.eliminate(0, n);
+    let mut x = vec![0.0; n + 1];
+    gram.solve(0, n, n, &mut x);
+    let mut parts: Vec<(f64, usize)> = (0..n).map(|i| (x[i] * x[i] * before.at(i, i), i)).collect();
+    parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let most = parts.first().map_or(0.0, |p| p.0);
+    let names = parts.iter().filter(|p| p.0 > 1e-2 * most).take(3).map(|p| &ground.case.unknowns[ground.free[p.1]].name);
+    names.cloned().collect()
+}

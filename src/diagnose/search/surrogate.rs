@@ -1,0 +1,34 @@
+//! A screening in; what its best candidate gains in campaigns in which nothing is missing, out.
+//!
+//! A surrogate campaign has coloured noise from the base fit's autoregressive models and nothing else. Whitened, that is white noise
+//! `w` of unit variance, and the slopes of the candidates' projected columns `u = H~'w` are normal with covariance `F = H~'H~`: so a
+//! surrogate is drawn as `u = L z` with `F = L L'` and takes the very projections of the screening, without a single simulation.
+
+use super::screen::Screening;
+use crate::diagnose::settings::Settings;
+use crate::math::distribution::chi2_quantile;
+use crate::math::products::factor;
+use crate::simulate::Stream;
+use rayon::prelude::*;
+
+/// What a candidate of `k` parameters gains by luck with this probability, if it is looked at alone: half the quantile of
+/// chi-square. Candidates of different numbers of parameters compare after it is taken off.
+pub fn luck(k: usize, false_alarm: f64) -> f64 {
+    if k == 0 { 0.0 } else { 0.5 * chi2_quantile(1.0 - false_alarm, k as f64) }
+}
+
+/// Gain less luck of the best candidate of each surrogate, ascending.
+pub fn best_of_surrogates(screening: &Screening, settings: &Settings) -> Vec<f64> {
+    let (information, n) = screening.information();
+    let l = factor(&information, n);
+    let lucks: Vec<f64> = screening.screened.iter().map(|s| luck(s.taken, settings.thresholds.false_alarm)).collect();
+    let one = |i: usize| {
+        let mut stream = Stream::new(settings.seed, &["diagnose", "surrogate", &i.to_string()]);
+        let z: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
+        let u: Vec<f64> = (0..n).map(|i| crate::math::products::dot(&l[i * n..i * n + i + 1], &z[..i + 1])).collect();
+        screening.gains(&u).iter().zip(&lucks).map(|(gain, luck)| gain - luck).fold(0.0, f64::max)
+    };
+    let mut best: Vec<f64> = (0..settings.surrogates).into_par_iter().map(one).collect();
+    best.sort_by(f64::total_cmp);
+    best
+}

@@ -1,0 +1,86 @@
+//! A base at its fit in; held-out maneuvers that it misses by more than it does those that it was fitted to, out.
+//!
+//! What only a held-out maneuver shows (a stop that no other reaches) no candidate can gain on the training maneuvers. But "nothing is missing" would be
+//! false. Maneuvers differ, in gusts above all: the squares per sample, whitened, of the training ones are taken as draws of a lognormal, and a held-out one is
+//! one more of them unless it lies above their prediction limit, Student's t on the logarithms (no narrower than chi-square's own scatter).
+
+use crate::diagnose::base::found::Found;
+use crate::diagnose::settings::Settings;
+use crate::estimate::Case;
+use crate::math::distribution::t_quantile;
+
+/// A held-out maneuver that is missed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Missed {
+    /// Index among the segments.
+    pub segment: usize,
+    /// Squares of the whitened residuals per sample, and what they may be.
+    pub per_sample: f64,
+    pub limit: f64,
+}
+
+/// Held-out maneuvers above the limit; in one of `1/(1 - quantile)` campaigns with nothing missing there is one.
+pub fn missed(found: &Found, case: &Case, settings: &Settings) -> Vec<Missed> {
+    let samples = |s: usize| -> usize {
+        let channels = &case.records[s].channels;
+        channels.iter().map(|channel| channel.z.iter().filter(|z| z.is_finite()).count()).sum()
+    };
+    let training: Vec<(f64, usize)> =
+        found.places.training.iter().zip(&found.fit.costs).map(|(&s, &cost)| (cost, samples(s))).filter(|t| t.1 > 0).collect();
+    let held_out: Vec<(usize, f64, usize)> = found
+        .places
+        .held_out
+        .iter()
+        .zip(&found.frozen)
+        .filter_map(|(&s, frozen)| Some((s, frozen.as_ref()?.cost, samples(s))))
+        .filter(|h| h.2 > 0)
+        .collect();
+    let share = (1.0 - settings.quantile) / held_out.len().max(1) as f64;
+    let above = |(s, cost, n): (usize, f64, usize)| {
+        let limit = limit(&training, n, share, settings.thresholds.fewest)?;
+        let per_sample = 2.0 * cost / n as f64;
+        (per_sample > limit).then_some(Missed { segment: found.prepared.used[s], per_sample, limit })
+    };
+    held_out.into_iter().filter_map(above).collect()
+}
+
+/// What another maneuver of `n` samples exceeds with this probability; none where too few are known. `training`: cost and samples of each.
+fn limit(training: &[(f64, usize)], n: usize, share: f64, fewest: usize) -> Option<f64> {
+    let logs: Vec<f64> = training.iter().map(|&(cost, n)| libm::log(2.0 * cost / n as f64)).filter(|v| v.is_finite()).collect();
+    let count = logs.len() as f64;
+    if logs.len() < fewest {
+        return None;
+    }
+    let mean = logs.iter().sum::<f64>() / count;
+    let variance = logs.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (count - 1.0);
+    let sd = variance.max(2.0 / n as f64).sqrt();
+    Some(libm::exp(mean + t_quantile(1.0 - share, count - 1.0) * sd * (1.0 + count.recip()).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn coverage_another_maneuver_of_the_same_kind_is_seldom_missed() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(3);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        // Gusts whose size differs from maneuver to maneuver by a third.
+        let mut one = |n: usize| {
+            let size = libm::exp(0.3 * normal());
+            let squares: f64 = (0..n).map(|_| size * normal()).map(|e| e * e).sum();
+            (0.5 * squares, n)
+        };
+        let trials = 2000;
+        let hits = (0..trials).filter(|_| {
+            let training: Vec<(f64, usize)> = (0..8).map(|_| one(200)).collect();
+            let (cost, n) = one(200);
+            2.0 * cost / n as f64 > limit(&training, n, 0.05, 3).expect("enough")
+        });
+        let share = hits.count() as f64 / f64::from(trials);
+        assert!((share - 0.05).abs() < 3.0 * (0.05f64 * 0.95 / f64::from(trials)).sqrt(), "{share}");
+        assert_eq!(limit(&[(100.0, 200), (100.0, 200)], 200, 0.05, 3), None);
+    }
+}

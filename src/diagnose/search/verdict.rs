@@ -1,0 +1,74 @@
+//! The rounds of a search in; the verdict and what it rests on, out.
+
+use super::judged::Round;
+use super::unseen::Missed;
+use crate::diagnose::effect;
+use crate::diagnose::gap::closing::Closing;
+use crate::diagnose::residual::located::Located;
+use crate::diagnose::subject::Trouble;
+
+/// An effect that is missing: the round that tested it, and its place there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Finding {
+    pub round: usize,
+    /// The candidate that was added; those of the round's class explain the flights as well.
+    pub added: usize,
+}
+
+/// What is known in the end.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// Every effect added stands alone; what is left is noise, or little against what was explained (`Diagnosis::complete`).
+    Named,
+    /// The same, but at least one cannot be told from others.
+    OneOfThese,
+    /// Outputs answer to inputs and no candidate explains it, or not all of it.
+    Located,
+    NothingMissing,
+    /// No verdict.
+    None(Trouble),
+}
+
+impl Verdict {
+    /// The stable text that tables carry.
+    pub fn as_str(&self) -> &'static str {
+        match self {
+            Verdict::Named => "named",
+            Verdict::OneOfThese => "one of these",
+            Verdict::Located => "located but unexplained",
+            Verdict::NothingMissing => "nothing missing",
+            Verdict::None(_) => "no verdict",
+        }
+    }
+}
+
+/// The result.
+#[derive(Debug, Clone)]
+pub struct Diagnosis {
+    pub verdict: Verdict,
+    /// Nothing is left that answers to an input.
+    pub complete: bool,
+    pub rounds: Vec<Round>,
+    /// One per effect named.
+    pub findings: Vec<Finding>,
+    /// Candidates that are in the model and explain most of something, but are contradicted, and why.
+    pub doubts: Vec<(String, String)>,
+    /// What was added, in order: the candidates as they stand in the model.
+    pub added: Vec<effect::Candidate>,
+    /// Values of the added parameters in the last fit, with everything free.
+    pub values: Vec<(String, f64)>,
+    /// Outputs that still answer to a source in the end.
+    pub located: Vec<Located>,
+    /// Held-out maneuvers that show more than the training ones do, in the end.
+    pub missed: Vec<Missed>,
+    /// Effects of the library that could not be attached to this model, and why.
+    pub skipped: Vec<(String, String)>,
+    pub closing: Closing,
+}
+
+impl Diagnosis {
+    /// Whether effects are named: what is only located makes no model.
+    pub fn is_named(&self) -> bool {
+        matches!(self.verdict, Verdict::Named | Verdict::OneOfThese)
+    }
+}

@@ -1,0 +1,341 @@
+//! Runge-Kutta through a chunk of a record: states in; values, and what the later passes need of every stage, out.
+
+use super::evaluate::Single;
+use super::history::{self, Past};
+use super::plan::Plan;
+use super::sigma::{Smooth, smoothed};
+use super::tableau::{AHEAD, OFFSET, WEIGHT};
+use super::{Interpolation, Record};
+use crate::model::Delayed;
+
+/// A state on its stop, which it would leave outwards.
+pub(super) const RESTS: u8 = 3;
+/// Everything of one run that the three passes share.
+pub(super) struct Run<'p> {
+    pub(super) plan: &'p Plan,
+    pub(super) record: &'p Record,
+    /// Time derivatives of the inputs on the grid (only where the model uses them).
+    slopes: Vec<f64>,
+    /// Inputs without their small movements, per delay.
+    smooth: Vec<Option<Smooth>>,
+    /// Limits of the states: lower, upper.
+    bounds: Vec<f64>,
+    /// Times at which sub-steps begin; states and their rates there (delayed states need them).
+    times: Vec<f64>,
+    x_history: Vec<f64>,
+    f_history: Vec<f64>,
+    /// Scratch of a step.
+    stage: Vec<f64>,
+    sum: Vec<f64>,
+}
+
+impl<'p> Run<'p> {
+    pub(super) fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>, taus: &mut Single) -> Self {
+        let smooth = if plan.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
+            taus.at(&[]); // their parameters are the same all along a record
+            smoothed(&plan.delays, &record.inputs[..record.n * plan.layout.inputs], plan.layout.inputs, record.dt, |k| taus.get(k))
+        } else {
+            Vec::new()
+        };
+        let slopes = if plan.uses_input_rates { input_slopes(record, plan.layout.inputs) } else { Vec::new() };
+        let (times, x_history, f_history, stage, sum) = Default::default();
+        Run { plan, record, slopes, smooth, bounds, times, x_history, f_history, stage, sum }
+    }
+}
+
+/// What one chunk keeps for the later passes.
+#[derive(Default)]
+pub(super) struct Chunk {
+    /// Arguments of every stage, rows of the layout's width.
+    pub(super) stages: Vec<f64>,
+    /// How every stage's delayed states were read: rows of delays.
+    pub(super) pasts: Vec<Past>,
+    /// Arguments at the grid points.
+    pub(super) points: Vec<f64>,
+    pub(super) point_pasts: Vec<Past>,
+    /// Sub-steps of each grid step.
+    pub(super) substeps: Vec<usize>,
+    /// Per sub-step and limited state: 0 free, 1 held at its minimum, 2 at its maximum.
+    pub(super) held: Vec<u8>,
+    /// Per stage and limited state, likewise: its stage value was put on its minimum or maximum. Of a first stage: 3 where it rests on
+    /// a stop, so that the slope of its history is zero.
+    pub(super) clipped: Vec<u8>,
+}
+
+impl Chunk {
+    pub(super) fn clear(&mut self) {
+        self.stages.clear();
+        self.pasts.clear();
+        self.points.clear();
+        self.point_pasts.clear();
+        self.substeps.clear();
+        self.held.clear();
+        self.clipped.clear();
+    }
+}
+
+/// Central differences of the inputs on the grid, one-sided at the ends.
+fn input_slopes(record: &Record, nu: usize) -> Vec<f64> {
+    let n = record.n;
+    let mut out = vec![0.0; n * nu];
+    for k in 0..n {
+        let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
+        if a == b {
+            continue;
+        }
+        for j in 0..nu {
+            out[k * nu + j] = (record.inputs[b * nu + j] - record.inputs[a * nu + j]) / ((b - a) as f64 * record.dt);
+        }
+    }
+    out
+}
+
+impl Run<'_> {
+    /// Fills states, inputs, input rates and time of the point at grid step k (from the start point) and fraction c.
+    pub(super) fn arguments(&self, k: usize, c: f64, x: &[f64], point: &mut [f64]) {
+        let (l, nu) = (&self.plan.layout, self.plan.layout.inputs);
+        point[..l.states].copy_from_slice(x);
+        let k = self.record.start + k;
+        let next = (k + 1).min(self.record.n - 1);
+        let between = |from: &[f64], j: usize| {
+            let (a, b) = (from[k * nu + j], from[next * nu + j]);
+            match self.record.interpolation {
+                _ if c == 0.0 => a,
+                Interpolation::Linear => a + c * (b - a),
+                Interpolation::Cubic => history::input(from, nu, j, self.record.dt, k as f64 + c).0,
+            }
+        };
+        for j in 0..nu {
+            point[l.input() + j] = between(&self.record.inputs, j);
+            if !self.slopes.is_empty() {
+                point[l.input_rate() + j] = between(&self.slopes, j);
+            }
+        }
+        point[l.time()] = (k as f64 - self.record.start as f64 + c) * self.record.dt;
+    }
+
+    /// Fills the delayed values of a point and says how the states among them were read.
+    fn delayed(&self, point: &mut [f64], taus: &mut Single, slope_known: bool, pasts: &mut Vec<Past>) {
+        let (plan, l, record) = (self.plan, &self.plan.layout, self.record);
+        if plan.delays.is_empty() {
+            return;
+        }
+        taus.at(point);
+        let now = point[l.time()];
+        for (k, delay) in plan.delays.iter().enumerate() {
+            let t = now - taus.get(k);
+            let mut past = Past { i: 0, j: 0, w: [0.0; 4], slope: [0.0; 4] };
+            point[l.delayed() + k] = match delay.of {
+                Delayed::Input(j) => {
+                    let at = t / record.dt + record.start as f64;
+                    let (value, slope) = history::input(&record.inputs[..record.n * l.inputs], l.inputs, j, record.dt, at);
+                    past.slope[0] = slope;
+                    value
+                }
+                Delayed::Smooth(_) => {
+                    let at = now / record.dt + record.start as f64;
+                    let [value, by_reach, by_width] = self.smooth[k].as_ref().map_or([f64::NAN; 3], |smooth| smooth.at(at));
+                    past.slope = [by_reach, by_width, 0.0, 0.0];
+                    value
+                }
+                Delayed::Within(_) => 0.0,
+                Delayed::State(i) => {
+                    past = history::locate(&self.times, t, slope_known);
+                    self.past_value(i, &past, &past.w)
+                }
+            };
+            pasts.push(past);
+        }
+    }
+
+    /// The grid points of a chunk and the steps between them, one by one: the point where the states were lost, if they were.
+    pub(super) fn walk(
+        &mut self,
+        points: std::ops::Range<usize>,
+        substeps: usize,
+        x: &mut [f64],
+        rates: &mut Single,
+        taus: &mut Single,
+        chunk: &mut Chunk,
+    ) -> Option<usize> {
+        let last = self.record.n - self.record.start - 1;
+        for k in points {
+            self.point(k, x, taus, chunk);
+            if x.iter().any(|v| !v.is_finite()) {
+                return Some(k);
+            }
+            if k < last {
+                chunk.substeps.push(substeps);
+                for s in 0..substeps {
+                    self.step((k, s, substeps), x, rates, taus, chunk);
+                }
+            }
+        }
+        None
+    }
+
+    /// The same for a plain model: all arguments but the states are laid out first.
+    pub(super) fn march(
+        &mut self,
+        points: std::ops::Range<usize>,
+        m: usize,
+        x: &mut [f64],
+        rates: &mut Single,
+        chunk: &mut Chunk,
+    ) -> Option<usize> {
+        let width = self.plan.layout.time() + 1;
+        let (first, n) = (points.start, self.record.n - self.record.start);
+        let steps = points.end.min(n - 1) - first;
+        chunk.substeps.resize(steps, m);
+        chunk.stages.resize(steps * m * 4 * width, 0.0);
+        self.lay_out(first, m, &mut chunk.stages);
+        self.sum.resize(x.len(), 0.0);
+        rates.march(&mut chunk.stages, width, self.record.dt / m as f64, x, &mut self.sum);
+        for step in 0..steps {
+            let from = step * m * 4 * width;
+            chunk.points.extend_from_slice(&chunk.stages[from..from + width]);
+        }
+        if first + steps < points.end {
+            chunk.points.resize((steps + 1) * width, 0.0);
+            self.arguments(first + steps, 0.0, x, &mut chunk.points[steps * width..]);
+        }
+        let lost = |row: &[f64]| row[..x.len()].iter().any(|v| !v.is_finite());
+        let at = chunk.points.chunks_exact(width).position(lost).map(|k| first + k);
+        at.or_else(|| x.iter().any(|v| !v.is_finite()).then_some(points.end).filter(|&end| end < n))
+    }
+
+    /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps in each.
+    fn lay_out(&self, first: usize, m: usize, rows: &mut [f64]) {
+        let (l, record) = (&self.plan.layout, self.record);
+        let (nu, width) = (l.inputs, l.time() + 1);
+        if record.interpolation == Interpolation::Cubic || m > 1 {
+            let nothing = vec![0.0; l.states];
+            for (i, row) in rows.chunks_exact_mut(width).enumerate() {
+                let (step, stage) = (i / 4, i % 4);
+                self.arguments(first + step / m, ((step % m) as f64 + OFFSET[stage]) / m as f64, &nothing, row);
+            }
+            return;
+        }
+        for (step, rows) in rows.chunks_exact_mut(4 * width).enumerate() {
+            let at = (record.start + first + step) * nu;
+            for (from, to) in [(&record.inputs, l.input()), (&self.slopes, l.input_rate())] {
+                let Some(both) = from.get(at..at + 2 * nu) else { continue };
+                for j in 0..nu {
+                    let (a, b) = (both[j], both[nu + j]);
+                    rows[to + j] = a;
+                    rows[width + to + j] = a + 0.5 * (b - a);
+                    rows[2 * width + to + j] = a + 0.5 * (b - a);
+                    rows[3 * width + to + j] = a + 1.0 * (b - a);
+                }
+            }
+            for (stage, row) in rows.chunks_exact_mut(width).enumerate() {
+                row[l.time()] = ((first + step) as f64 + OFFSET[stage]) * record.dt;
+            }
+        }
+    }
+
+    pub(super) fn past_value(&self, state: usize, p: &Past, w: &[f64; 4]) -> f64 {
+        let nx = self.plan.layout.states;
+        let (i, j) = (p.i * nx + state, p.j * nx + state);
+        w[0] * self.x_history[i] + w[1] * self.f_history[i] + w[2] * self.x_history[j] + w[3] * self.f_history[j]
+    }
+
+    pub(super) fn keeps_history(&self) -> bool {
+        self.plan.delays.iter().any(|d| matches!(d.of, Delayed::State(_)))
+    }
+
+    /// The arguments at grid point `k` where the states have always been `x`.
+    pub(super) fn at_rest(&mut self, k: usize, x: &[f64], taus: &mut Single) -> Chunk {
+        let mut chunk = Chunk::default();
+        (self.times, self.x_history, self.f_history) = (vec![0.0], x.to_vec(), vec![0.0; x.len()]);
+        self.point(k, x, taus, &mut chunk);
+        chunk
+    }
+
+    /// The arguments at a grid point.
+    fn point(&mut self, k: usize, x: &[f64], taus: &mut Single, chunk: &mut Chunk) {
+        let width = self.plan.layout.time() + 1;
+        let at = chunk.points.len();
+        chunk.points.resize(at + width, 0.0);
+        self.arguments(k, 0.0, x, &mut chunk.points[at..]);
+        self.remember(chunk.points[at + width - 1], x);
+        self.delayed(&mut chunk.points[at..], taus, false, &mut chunk.point_pasts);
+    }
+
+    /// Adds a step time and the states there to the history, once.
+    fn remember(&mut self, time: f64, x: &[f64]) {
+        if self.keeps_history() && self.times.last() != Some(&time) {
+            self.times.push(time);
+            self.x_history.extend_from_slice(x);
+            self.f_history.resize(self.x_history.len(), 0.0);
+        }
+    }
+
+    /// Sub-step `s` of `m` in grid step `k`: the classic fourth-order method.
+    fn step(&mut self, (k, s, m): (usize, usize, usize), x: &mut [f64], rates: &mut Single, taus: &mut Single, chunk: &mut Chunk) {
+        let nx = x.len();
+        let width = self.plan.layout.time() + 1;
+        let h = self.record.dt / m as f64;
+        let mut stage_x = std::mem::take(&mut self.stage);
+        stage_x.clear();
+        stage_x.extend_from_slice(x);
+        let mut sum = std::mem::take(&mut self.sum);
+        sum.clear();
+        sum.resize(nx, 0.0);
+        for stage in 0..4 {
+            let at = chunk.stages.len();
+            chunk.stages.resize(at + width, 0.0);
+            let point = &mut chunk.stages[at..];
+            self.arguments(k, (s as f64 + OFFSET[stage]) / m as f64, &stage_x, point);
+            if stage == 0 {
+                self.remember(point[width - 1], x);
+            }
+            self.delayed(point, taus, stage > 0, &mut chunk.pasts);
+            rates.at(point);
+            for i in 0..nx {
+                let f = rates.get(i);
+                sum[i] += WEIGHT[stage] * f;
+                stage_x[i] = x[i] + AHEAD[stage] * h * f;
+                if stage == 0 && self.keeps_history() {
+                    let end = self.f_history.len();
+                    self.f_history[end - nx + i] = f;
+                }
+            }
+            if stage == 0 {
+                self.rests(x, rates, chunk);
+            }
+            if stage < 3 {
+                self.clip(&mut stage_x, &mut chunk.clipped);
+            }
+        }
+        for i in 0..nx {
+            x[i] += h / 6.0 * sum[i];
+        }
+        self.clip(x, &mut chunk.held);
+        (self.stage, self.sum) = (stage_x, sum);
+    }
+
+    /// Puts states that are beyond a stop on it, and says which.
+    fn clip(&self, x: &mut [f64], how: &mut Vec<u8>) {
+        for &i in &self.plan.limited {
+            let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
+            let beyond = u8::from(x[i] < low) + 2 * u8::from(x[i] > high);
+            how.push(beyond);
+            x[i] = [x[i], low, high][usize::from(beyond.min(2))];
+        }
+    }
+
+    /// Notes which states rest on a stop at the start of a sub-step: their history has no slope there.
+    fn rests(&mut self, x: &[f64], rates: &Single, chunk: &mut Chunk) {
+        let nx = x.len();
+        for &i in &self.plan.limited {
+            let (low, high, f) = (self.bounds[2 * i], self.bounds[2 * i + 1], rates.get(i));
+            let rests = x[i] >= high && f > 0.0 || x[i] <= low && f < 0.0;
+            chunk.clipped.push(if rests { RESTS } else { 0 });
+            if rests && self.keeps_history() {
+                let end = self.f_history.len();
+                self.f_history[end - nx + i] = 0.0;
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The result of an estimation: the estimates with their uncertainty, how they were found, and what was left out.
+
+use super::budget::Influence;
+use super::decision::Decision;
+use super::iteration::{Iteration, Stop};
+use super::profile::Profile;
+use super::rank::Verdict;
+use super::regression;
+use super::segment::Label;
+use super::trace::Trace;
+use crate::noise::Modelled;
+
+/// A segment that was not used, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Index of the record.
+    pub segment: usize,
+    pub why: String,
+}
+
+/// A measured output of a segment that says little or nothing, and why. It is scored all the same, as far as it has samples.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Doubtful {
+    /// Index of the record.
+    pub segment: usize,
+    pub output: String,
+    pub why: String,
+}
+
+/// One estimated parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Name in the model file; `alpha(0)` for the initial value of state `alpha`.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// The segment (index of the record) it belongs to; none for a value common to all, or to a group.
+    pub segment: Option<usize>,
+    /// The group of segments it belongs to; none for a value common to all, or of one segment.
+    pub group: Option<Label>,
+    /// Estimate; where the iteration did not converge, the best point reached.
+    pub value: f64,
+    /// Standard deviation that allows for coloured residuals; none unless converged, or on a bound.
+    pub sd: Option<f64>,
+    /// Cramer-Rao bound: the standard deviation if the residuals were white; none like `sd`.
+    pub sd_crlb: Option<f64>,
+    /// `sd` with the sd of the constants that the model assumes (`Estimation::budget`); none like `sd`.
+    pub sd_total: Option<f64>,
+    /// Ends of the interval from the likelihood's profile; none unless asked for, or open on that side.
+    pub lower: Option<f64>,
+    pub upper: Option<f64>,
+    /// Where the iteration started.
+    pub start: f64,
+    /// The estimate sits on a bound of the model file; the other parameters' `sd` hold for it fixed there.
+    pub at_bound: bool,
+}
+
+/// Correlation of two estimates, `rows[a]` and `rows[b]`, `a < b`. Pairs from two different segments are left out: they are
+/// correlated only through the common parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correlation {
+    pub a: usize,
+    pub b: usize,
+    /// With coloured residuals allowed for (belongs to `sd`).
+    pub value: f64,
+    /// Belongs to `sd_crlb`.
+    pub crlb: f64,
+}
+
+/// What is known of one output's residuals over all segments that share an `R`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutputScatter {
+    pub name: String,
+    pub unit: String,
+    /// The group of segments; 0 where all share one `R`.
+    pub group: usize,
+    /// Variance `R_jj` (`sum e^2 / N_j` unless it is on its floor, or fitted together with others), unit squared.
+    pub r: f64,
+    /// Samples scored, N_j.
+    pub count: usize,
+    /// Samples masked (not a number), not scored.
+    pub masked: usize,
+    /// Correlation of the noise with that of each output in the list; empty where outputs count as independent.
+    pub correlation: Vec<f64>,
+    /// The autoregressive model of the noise behind the residuals; none unless converged.
+    pub colour: Option<Modelled>,
+}
+
+/// The result of one estimation, over one or several segments.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimation {
+    pub stop: Stop,
+    /// Parameters common to all segments or a group of them first, in the model's order; then, segment by segment, its parameters and
+    /// initial states. Segments left out have none.
+    pub rows: Vec<Row>,
+    pub correlations: Vec<Correlation>,
+    pub iterations: Vec<Iteration>,
+    /// Determinant of `R`; of several groups of segments the geometric mean, weighted with their samples.
+    pub det_r: f64,
+    /// The scored outputs, in the model's order, for every group of segments with an `R` of its own.
+    pub outputs: Vec<OutputScatter>,
+    /// Group of every segment; none for one left out.
+    pub noise_groups: Vec<Option<usize>>,
+    /// `responses[segment]`: the traces of the record's channels, at the values of `rows`; empty for a segment left out.
+    pub responses: Vec<Vec<Trace>>,
+    pub verdict: Verdict,
+    /// How the assumed constants move the estimates (in the order of `rows`).
+    pub budget: Vec<Influence>,
+    /// The regression that gave the starts, if it was asked for.
+    pub regression: Option<regression::Regression>,
+    /// The profiles asked for, by row.
+    pub profiles: Vec<Profile>,
+    /// What became of the candidates: those that are held, in the order in which they were, then those that are estimated.
+    pub decisions: Vec<Decision>,
+    /// The colour of the residuals and what the fit absorbed of it agree with each other; false where the search for both was ended before.
+    pub settled: bool,
+    /// Segments that could not be used, ascending.
+    pub left_out: Vec<LeftOut>,
+    /// Measured outputs without a sample that is not masked, or that never change, segment by segment.
+    pub doubtful: Vec<Doubtful>,
+}
+
+impl Estimation {
+    /// The profile of one of the rows, if it was asked for.
+    pub fn profile(&self, row: &Row) -> Option<&Profile> {
+        self.profiles.iter().find(|p| self.rows.get(p.row) == Some(row))
+    }
+
+    /// What is known of an output's residuals in the group of a segment.
+    pub fn scatter(&self, segment: usize, output: &str) -> Option<&OutputScatter> {
+        let group = self.noise_groups.get(segment).copied().flatten()?;
+        self.outputs.iter().find(|o| o.group == group && o.name == output)
+    }
+}

@@ -1,0 +1,15 @@
+//! One output of one segment: what was measured, and what the model says at the same times.
+
+/// Measured and modelled values of one output in one segment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// Index into the model's outputs.
+    pub output: usize,
+    pub name: String,
+    pub unit: String,
+    /// Time stamps of the measurement, s.
+    pub t: Vec<f64>,
+    /// As measured; NaN where masked.
+    pub measured: Vec<f64>,
+    pub modelled: Vec<f64>,
+}
