@@ -29,7 +29,7 @@ pub fn parameters(next_models: Option<&Columns>, estimates: Option<&Columns>) ->
             let [group, name, of] = key(row);
             grid.push(vec![
                 Cell::new(&estimate),
-                Cell::new(if of.is_empty() { name } else { format!("{name} ({of})") }).sub(table.unit_in("unit", row)),
+                Cell::new(if of.is_empty() { name } else { format!("{name} ({of})") }).under(table.unit_in("unit", row)),
                 Cell::new(group),
                 old.map_or(Cell::new("").level(Level::Dim), value),
                 value(row),
@@ -66,7 +66,7 @@ pub fn residuals(next_models: Option<&Columns>, residuals: Option<&Columns>) -> 
             let (before, after) = (rms(&estimate, &output), rms(&next, &output));
             grid.push(vec![
                 Cell::new(&estimate),
-                Cell::new(&output).sub(rows.first().map_or(String::new(), |&r| table.unit_in("unit", r))),
+                Cell::new(&output).under(rows.first().map_or(String::new(), |&r| table.unit_in("unit", r))),
                 Cell::new(number(before, 3)),
                 Cell::new(number(after, 3)),
                 Cell::new(number(100.0 * after / before, 3)),

@@ -66,7 +66,7 @@ pub fn table(table: Option<&Columns>) -> Grid {
         // Only the noise has the unit of its channel; the others stand in the heading.
         let unit = rows.iter().find(|&&row| table.text("check", row) == "noise").map(|&row| table.unit_in("unit", row));
         cells.extend(SHOWN.map(|(check, _)| match &unit {
-            Some(unit) if check == "noise" => Cell::new(known(check)).sub(unit),
+            Some(unit) if check == "noise" => Cell::new(known(check)).under(unit),
             _ => Cell::new(known(check)),
         }));
         grid.push(cells);

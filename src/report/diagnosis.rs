@@ -213,7 +213,7 @@ fn closures(table: Option<&Columns>) -> Grid {
         grid.push(vec![
             Cell::new(table.text("diagnosis", row)),
             Cell::new(table.text("set", row)),
-            Cell::new(name).sub(table.unit_in("unit", row)),
+            Cell::new(name).under(table.unit_in("unit", row)),
             figure("rms_before"),
             figure("rms_after"),
             figure("theil_before"),
@@ -233,7 +233,7 @@ fn shifts(table: Option<&Columns>) -> Grid {
         let shift = table.number("shift", row);
         grid.push(vec![
             Cell::new(table.text("diagnosis", row)),
-            Cell::new(table.text("parameter", row)).sub(table.unit_in("unit", row)),
+            Cell::new(table.text("parameter", row)).under(table.unit_in("unit", row)),
             Cell::new(plus_minus(table.number("before", row), table.number("before_sd", row))),
             Cell::new(plus_minus(table.number("after", row), table.number("after_sd", row))),
             Cell::new(number(shift, 3)).level_if(shift.abs() > 3.0, Level::Warn),

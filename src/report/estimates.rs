@@ -154,7 +154,7 @@ fn value(table: &Columns, row: usize) -> Cell {
     let text = plus_minus(table.number("value", row), sd);
     let more = if total > 1.005 * sd { format!(", total {}", number(total, 2)) } else { String::new() };
     let below = format!("sd {}, CR {}{more}", number(sd, 2), number(bound, 2));
-    if sd.is_finite() { Cell::new(text).sub(below) } else { Cell::new(text) }
+    if sd.is_finite() { Cell::new(text).under(below) } else { Cell::new(text) }
 }
 
 fn stop(table: &Columns, row: usize) -> Cell {

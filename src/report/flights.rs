@@ -186,7 +186,7 @@ fn table(table: Option<&Columns>, unasked: bool, unit: impl Fn(&str) -> String) 
             plain(table.number("t_start_s", row), 2).into(),
             plain(table.number("t_end_s", row), 2).into(),
             number(table.number("unit_time_s", row), 3).into(),
-            Cell::new(number(table.number("amplitude", row), 3)).sub(unit(&table.text("input", row))),
+            Cell::new(number(table.number("amplitude", row), 3)).under(unit(&table.text("input", row))),
             number(table.number("score", row), 3).into(),
             Cell::new(if used { "yes" } else { "no" }),
             table.text("reason", row).into(),

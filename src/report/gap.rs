@@ -190,7 +190,7 @@ pub fn equations(table: Option<&Columns>, relations: Option<&Columns>) -> Grid {
         let most = each.first().map(|&r| format!("{} ({})", table.text("segment", r), number(ratio(r), 2)));
         grid.push(vec![
             Cell::new(&name),
-            Cell::new(&equation).sub(table.unit_in("unit", row)),
+            Cell::new(&equation).under(table.unit_in("unit", row)),
             Cell::new(number(table.number("rms", row), 3)),
             Cell::new(number(table.number("noise", row), 2)),
             Cell::new(number(ratio(row), 3)).level_if(ratio(row) > 2.0, Level::Warn),

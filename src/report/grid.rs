@@ -80,7 +80,7 @@ impl Cell {
         Cell { text: text.into(), ..Cell::default() }
     }
 
-    pub fn sub(mut self, sub: impl Into<String>) -> Self {
+    pub fn under(mut self, sub: impl Into<String>) -> Self {
         self.sub = Some(sub.into());
         self
     }

@@ -220,7 +220,7 @@ pub fn table(fits: Option<&Columns>) -> Grid {
         let (unit, unit_x) = (fits.unit_in("unit", row), fits.unit_in("unit_x", row));
         let slope = |factor: f64, x: &str| {
             let value = plus_minus(fits.number("slope", row) / factor, fits.number("slope_sd", row) / factor);
-            Cell::new(value).sub(slope_unit(&unit, x))
+            Cell::new(value).under(slope_unit(&unit, x))
         };
         let (factor, shown_x) = display_unit(&unit_x);
         let chi = reduced_chi2(fits, row);
@@ -228,10 +228,10 @@ pub fn table(fits: Option<&Columns>) -> Grid {
         cells.extend([
             slope(factor, &shown_x),
             slope(1.0, &unit_x),
-            Cell::new(plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row))).sub(&unit),
+            Cell::new(plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row))).under(&unit),
             plain(correlation(fits, row), 3).into(),
             Cell::new(plain(fits.number("n", row), 0)).level_if(fits.number("n", row) < 5.0, Level::Warn),
-            Cell::new(number(fits.number("scatter_sd", row), 2)).sub(&unit),
+            Cell::new(number(fits.number("scatter_sd", row), 2)).under(&unit),
             Cell::new(number(chi, 2)).level_if(chi > EXCESS, Level::Warn),
         ]);
         grid.push(cells);

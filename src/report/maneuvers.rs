@@ -289,7 +289,7 @@ impl Lookup<'_> {
             name(group, segment).into(),
             output.into(),
             found.n.to_string().into(),
-            Cell::new(number(found.rms, 3)).sub(unit),
+            Cell::new(number(found.rms, 3)).under(unit),
             Cell::new(plain(100.0 * found.part, 1)).level_if(found.part > POOR, Level::Warn),
             number(residual.map_or(f64::NAN, |(table, row)| table.number("colour", row)), 3).into(),
         ];

@@ -65,7 +65,7 @@ pub fn table(recommended: Option<&Columns>) -> Grid {
         grid.push(vec![
             Cell::new(&a.diagnosis),
             Cell::new(&a.candidate),
-            Cell::new(&a.parameter).sub(&a.unit),
+            Cell::new(&a.parameter).under(&a.unit),
             Cell::new(plus_minus(a.fitted[0], a.fitted[1])).level(Level::Dim),
             Cell::new(a.value()).level(if a.is_determined() { Level::Good } else { Level::Dim }),
             Cell::new(&a.source),
