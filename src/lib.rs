@@ -10,6 +10,7 @@
 //! | `units` | unit strings, dimensions, conversions to SI |
 //! | `config` | TOML files with positions, checked against the schema of their settings struct, all errors at once |
 //! | `math` | small linear algebra, distributions |
+//! | `least_squares` | Gauss-Newton over segments, each segment's own parameters eliminated first; covariance of the residuals |
 //! | `noise` | the colour of residuals: autoregressive models, whitening, what a fit absorbed |
 //! | `signal` | resampling, smoothing, differentiation of sampled signals |
 //! | `table` | schemas, Parquet datasets, atomic writes, campaign-level joins |
@@ -34,6 +35,7 @@ pub mod dynamics;
 pub mod error;
 pub mod estimate;
 pub mod fit;
+pub mod least_squares;
 pub mod log;
 pub mod math;
 pub mod model;

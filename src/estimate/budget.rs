@@ -13,12 +13,12 @@
 
 use super::case::{Case, plan};
 use super::choice::Chosen;
-use super::gauss::normal_matrix;
 use super::prepare::extended;
 use super::segment::Segment;
 use super::solution::Solution;
 use super::{Settings, Stop};
 use crate::error::Errors;
+use crate::least_squares::normal_matrix;
 use crate::model::{Assumed, Model, Scope, StartKind};
 
 /// How one assumed constant moves the estimates.
@@ -102,7 +102,7 @@ fn slopes(opened: &Model, constants: &[usize], wide: &Case, case: &Case, solutio
         for i in (0..theta.len()).filter(|&i| solution.fit.held[i]) {
             matrix.pin(&mut rhs, shifted(i), 0.0);
         }
-        let step = matrix.factor()?.solve(&rhs);
+        let step = matrix.factor().ok()?.solve(&rhs);
         let slopes: Vec<f64> = (0..theta.len()).map(|i| step[shifted(i)]).collect();
         let constant = opened.constants.iter().find(|c| c.quantity.name == opened.parameters[p].quantity.name)?.clone();
         if slopes.iter().any(|s| *s != 0.0) {

@@ -1,14 +1,13 @@
 //! A model and the segments used in; the least-squares problem over them, its layout and its solution, out.
 
 use super::choice::Chosen;
-use super::noise::Structure;
-use super::problem::{Block, Layout, Part};
 use super::profile::{Profile, profiles};
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::solution::{Solution, solve};
 use super::{Label, Line, NoiseKind, Settings, Trace};
 use crate::dynamics::{Directions, Plan, Record, Response, Sampling};
 use crate::error::Result;
+use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::{Model, Scope};
 use std::ops::Range;
 
@@ -306,7 +305,7 @@ fn layout(
         parts.push(Part { shared, offset: range.start, own: range.len(), group: noise.of[s], instants });
     }
     let floor = plan.outputs.iter().map(|&o| floor(model, segments, o, settings)).collect();
-    let noise = Structure { outputs: plan.outputs.len(), groups: noise.values.len().max(1), full, floor };
+    let noise = Structure { outputs: plan.outputs.len(), groups: noise.values.len().max(1), full, floor, known: false };
     let column = |k: usize| values.iter().map(|u| u[k]).collect();
     let (start, centre): (Vec<f64>, Vec<f64>) = (column(0), column(0));
     (Layout { shared, parts, start, lower: column(1), upper: column(2), centre, prior_sd: column(3), noise }, unknowns)

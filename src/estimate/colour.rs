@@ -13,10 +13,8 @@
 //! same instant counts fully, and correlation between different instants as far as it follows from it and the colours; a delay between
 //! the noise of two outputs is not modelled.
 
-use super::arrow::{Arrow, Factor, Own};
-use super::noise::Covariance;
-use super::problem::{Block, Evaluate, Layout};
 use super::sigma::Sigma;
+use crate::least_squares::{Arrow, Block, Covariance, Evaluate, Factor, Layout, Own};
 use crate::noise::{Absorbed, Direction, Modelled, Part, Prior, Products, Rule, burg};
 use rayon::prelude::*;
 
@@ -104,7 +102,7 @@ pub fn coloured<F: Evaluate>(
     noise: &[Covariance],
     rule: Rule,
 ) -> Option<Colour> {
-    let factor = matrix.factor()?;
+    let factor = matrix.factor().ok()?;
     let mut inverse = factor.sandwich(matrix);
     clear(&mut inverse, held);
     let classes = noise.iter().map(|r| r.count.len()).sum();
@@ -261,7 +259,7 @@ pub mod tests_only {
         models: &[Ar],
     ) -> Option<(Arrow, Series)> {
         let sigma = Sigma::new(source.layout, noise, models);
-        let covariance = spread(source, &matrix.factor()?, &[], &sigma)?;
+        let covariance = spread(source, &matrix.factor().ok()?, &[], &sigma)?;
         let taken = absorbed(source, &sigma, &[])?;
         let mut series = Vec::new();
         let of = |s: usize, blocks: &[Block]| {

@@ -2,12 +2,12 @@
 
 use super::budget::Influence;
 use super::decision::Decision;
-use super::iteration::{Iteration, Stop};
 use super::profile::Profile;
 use super::rank::Verdict;
 use super::regression;
 use super::segment::Label;
 use super::trace::Trace;
+use crate::least_squares::{Iteration, Stop};
 use crate::noise::Modelled;
 
 /// A segment that was not used, and why.

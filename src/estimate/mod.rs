@@ -8,12 +8,6 @@
 //! | file | what it does |
 //! |---|---|
 //! | `segment` | records with labels; groups of segments; which samples belong together |
-//! | `problem` | parameters in two parts, shared and per segment; what a segment hands over; the pass over all segments |
-//! | `noise` | `R` per group of segments, with floor and missing samples, and the cost at it |
-//! | `arrow` | the normal equations, every segment's own block eliminated first |
-//! | `gram` | sums of products of sensitivities and residuals, eight columns at a time |
-//! | `iteration` | how it went, and why it ended |
-//! | `gauss` | the iteration: step, bounds, halving or damping, stopping |
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
 //! | `sigma` | products of a segment's sensitivities with the covariance of coloured noise, and its rows made white |
@@ -35,21 +29,15 @@
 //! | `estimation` | the result |
 //! | `result` | names put to the solution |
 
-mod arrow;
 mod budget;
 mod case;
 mod choice;
 mod colour;
 mod decision;
 mod estimation;
-mod gauss;
-mod gram;
-mod iteration;
-mod noise;
 mod output_error;
 mod prepare;
 mod prepared;
-mod problem;
 mod profile;
 mod rank;
 pub mod regression;
@@ -65,17 +53,16 @@ mod start;
 mod tests;
 mod trace;
 
+pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::Influence;
 pub use case::{Case, Unknown};
 pub use decision::{Decision, Support};
 pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row};
-pub use iteration::{Iteration, Stop};
 pub use output_error::{estimate, estimate_segments};
 pub use prepare::extended;
 pub use prepared::Prepared;
-pub use problem::{Block, Layout, Part};
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
-pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, StepControl};
+pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom};
 pub use trace::Trace;

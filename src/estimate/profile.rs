@@ -6,10 +6,9 @@
 //! while coloured residuals scatter the estimate by `sd`: the rise is multiplied by `(sd_crlb / sd)^2`, which makes it chi-square
 //! again to first order. Where the profile is a parabola, the interval is the estimate and 1.96 sd to both sides (at 95%).
 
-use super::gauss::{Rule, minimise};
-use super::problem::{Evaluate, Layout};
+use super::Settings;
 use super::solution::Solution;
-use super::{Iteration, Settings, StepControl, Stop};
+use crate::least_squares::{Evaluate, Iteration, Layout, StepControl, Stop, minimise};
 use crate::math::distribution::chi2_quantile;
 use rayon::prelude::*;
 
@@ -175,13 +174,13 @@ impl<F: Evaluate> Search<'_, F> {
         let mut layout = self.layout.clone();
         layout.start = warm.to_vec();
         (layout.start[self.i], layout.lower[self.i], layout.upper[self.i]) = (value, value, value);
-        let mut rule = Rule::of(self.settings);
-        let mut fit = minimise(&layout, self.evaluate, &rule);
+        let mut method = self.settings.method();
+        let mut fit = minimise(&layout, self.evaluate, &method);
         if matches!(fit.stop, Stop::NoImprovement | Stop::IterationLimit) {
             // A kink of the cost (a threshold on a sample) stops a step that is only shortened; a damped one may get past it.
             layout.start = fit.theta.clone();
-            rule.control = StepControl::LevenbergMarquardt;
-            fit = minimise(&layout, self.evaluate, &rule);
+            method.control = StepControl::LevenbergMarquardt;
+            fit = minimise(&layout, self.evaluate, &method);
         }
         let last = |iterations: &[Iteration]| iterations.last().map(|i| i.cost);
         let rise = 2.0 * (last(&fit.iterations)? - last(&self.solution.fit.iterations)?);

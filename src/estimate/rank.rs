@@ -1,7 +1,7 @@
 //! A normal matrix in; its condition and the combinations of parameters that the data cannot separate out.
 
 use super::Label;
-use super::arrow::{Arrow, diagonal};
+use crate::least_squares::{Arrow, diagonal};
 use crate::math::dense::symmetric_eigen;
 
 /// Whether the data determine the parameters.

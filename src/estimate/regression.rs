@@ -9,13 +9,12 @@
 //! (Klein & Morelli 2006, sec. 5.1), which is why they are starting values and not results.
 
 use super::case::Case;
-use super::noise::Structure;
-use super::problem::{Block, Layout, each};
 use super::rank::NONE;
 use super::solution::{Solution, solve};
 use super::{Settings, Stop};
 use crate::dynamics::{self, Record};
 use crate::error::Result;
+use crate::least_squares::{Block, Evaluate, Layout, Structure, each};
 use crate::math::distribution::normal_cdf;
 use crate::model::graph::{Leaf, Node};
 use crate::model::linear::{Entry, Linear};
@@ -280,7 +279,8 @@ impl Problem<'_> {
     /// The case's parameters with an `R` of the equations, without priors: what the data alone say.
     fn layout(&self) -> Layout {
         let mut layout = self.case.layout.clone();
-        layout.noise = Structure { outputs: self.sides.len(), groups: 1, full: false, floor: vec![1e-30; self.sides.len()] };
+        layout.noise =
+            Structure { outputs: self.sides.len(), groups: 1, full: false, floor: vec![1e-30; self.sides.len()], known: false };
         layout.prior_sd.fill(f64::INFINITY);
         for part in &mut layout.parts {
             part.group = 0;
@@ -360,7 +360,7 @@ impl Problem<'_> {
     }
 
     /// Size and share explained of every equation in use.
-    fn judge<F: super::problem::Evaluate>(&self, layout: &Layout, evaluate: &F, solution: &Solution, equations: &mut [Equation]) {
+    fn judge<F: Evaluate>(&self, layout: &Layout, evaluate: &F, solution: &Solution, equations: &mut [Equation]) {
         let mut sums = vec![[0.0; 4]; self.sides.len()];
         let take = |s: usize, blocks: Vec<Block>| {
             for block in blocks {

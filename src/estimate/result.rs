@@ -1,14 +1,13 @@
 //! A solution by parameter index in; the estimation with names, units and correlations out.
 
-use super::arrow::Arrow;
 use super::budget::Influence;
 use super::case::Case;
-use super::problem::Layout;
 use super::profile::Profile;
 use super::rank::{Combination, Term, Verdict, Weak};
 use super::regression::Regression;
 use super::solution::Solution;
 use super::{Correlation, Estimation, OutputScatter, Row, Trace};
+use crate::least_squares::{Arrow, Layout};
 use crate::model::Model;
 
 /// What is known of the uncertainty beyond the covariances.

@@ -1,6 +1,7 @@
 //! How an estimation is run: the settings, every one with a default.
 
 use crate::dynamics::Tier;
+use crate::least_squares::{Method, StepControl};
 use crate::noise::{OrderCriterion, Rule};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -162,27 +163,29 @@ pub enum NoiseKind {
     Full,
 }
 
-/// How steps are kept from going too far. Both ways take a step only if it does not raise the concentrated cost.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum StepControl {
-    /// The Gauss-Newton step, halved until it is good.
-    #[default]
-    Halving,
-    /// Damped by a share of the information of every parameter, which follows from the gain of the last step: shorter and turned to
-    /// the steepest descent. Helps where starts are poor or parameters hardly separable.
-    LevenbergMarquardt,
-}
-
 impl Settings {
     /// How the colour of residuals is modelled.
     pub fn colour(&self) -> Rule {
         Rule { highest: self.max_ar_order, criterion: self.ar_order }
     }
+
+    /// How the likelihood's maximum is looked for.
+    pub fn method(&self) -> Method {
+        Method {
+            control: self.step_control,
+            tolerance: self.tolerance,
+            step_tolerance: self.step_tolerance,
+            gradient_tolerance: self.gradient_tolerance,
+            max_iterations: self.max_iterations,
+            max_halvings: self.max_halvings,
+            ..Method::default()
+        }
+    }
 }
 
 impl Default for Settings {
     fn default() -> Self {
+        let method = Method::default();
         Settings {
             free: None,
             fixed: Vec::new(),
@@ -199,13 +202,13 @@ impl Default for Settings {
             noise: NoiseKind::default(),
             noise_per: "campaign".to_string(),
             floor: IndexMap::new(),
-            step_control: StepControl::default(),
-            tolerance: 1e-6,
-            step_tolerance: 0.01,
-            gradient_tolerance: 0.01,
-            max_iterations: 50,
+            step_control: method.control,
+            tolerance: method.tolerance,
+            step_tolerance: method.step_tolerance,
+            gradient_tolerance: method.gradient_tolerance,
+            max_iterations: method.max_iterations,
             tier: Tier::Auto,
-            max_halvings: 20,
+            max_halvings: method.max_halvings,
             priors: true,
             max_ar_order: Rule::default().highest,
             ar_order: Rule::default().criterion,

@@ -3,8 +3,7 @@
 //! `Sigma = A^-1 D^1/2 c D^1/2 A^-T` over all samples of a segment (see `colour` for what it says), so that with `V = A^-T R^-1 G` the
 //! first is `V' D^1/2 c D^1/2 V`; the second are `c^-1/2 D^-1/2 A [G | e]`. Both take time linear in the number of samples.
 
-use super::noise::Covariance;
-use super::problem::{Block, Layout, Samples, at_instants};
+use crate::least_squares::{Block, Covariance, Layout, Samples, at_instants};
 use crate::math::dense::{cholesky, forward, symmetric_eigen};
 use crate::noise::{Ar, Filter};
 

@@ -1,11 +1,9 @@
 //! A problem over segments in; estimates, both covariances, colour and rank verdict, all by parameter index, out.
 
-use super::arrow::Arrow;
+use super::Settings;
 use super::colour::{Source, coloured};
-use super::gauss::{Fit, Rule, minimise};
-use super::problem::{Evaluate, Layout};
 use super::rank::{Weak, judge};
-use super::{Settings, Stop};
+use crate::least_squares::{Arrow, Evaluate, Fit, Layout, Stop, minimise};
 use crate::noise::Modelled;
 
 /// What an estimation yields before names are put to it.
@@ -37,7 +35,7 @@ impl Solution {
 
 /// Estimates and judges. Not converged or singular: no covariance.
 pub fn solve<F: Evaluate>(layout: &Layout, evaluate: &F, settings: &Settings) -> Solution {
-    let mut fit = minimise(layout, evaluate, &Rule::of(settings));
+    let mut fit = minimise(layout, evaluate, &settings.method());
     let none = |fit| Solution {
         fit,
         crlb: None,

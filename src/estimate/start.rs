@@ -1,10 +1,10 @@
 //! A case and the result of a regression on its equations in; the case at the better of its two starts out.
 
 use super::case::Case;
-use super::gauss::cost;
 use super::regression::{Regression, regress};
 use super::{Settings, StartFrom};
 use crate::error::Result;
+use crate::least_squares::cost;
 
 impl Case<'_> {
     /// Starts from the result of a regression on the equations, if the settings ask for it and it fits better.

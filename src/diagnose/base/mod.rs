@@ -3,4 +3,5 @@
 pub mod fit;
 pub mod found;
 pub mod frozen;
+pub mod spread;
 pub mod stand;

@@ -5,8 +5,9 @@
 //! parameters right, the gain in log-likelihood is normal with mean `d'd/2` and variance `d'd`: that is the gain predicted.
 
 use super::value::{Gain, Value};
-use crate::diagnose::base::fit::{Fit, Spread, Task};
+use crate::diagnose::base::fit::{Fit, Task};
 use crate::diagnose::base::frozen::{Frozen, frozen};
+use crate::diagnose::base::spread::Spread;
 use crate::diagnose::base::stand::{Known, Stand, fitted, settle_steps};
 use crate::diagnose::effect::{Added, Candidate};
 use crate::diagnose::residual::noise::Noise;

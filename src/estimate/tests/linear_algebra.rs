@@ -1,10 +1,8 @@
 //! The arrow elimination and the lag sums against the same formulas written with full matrices.
 
 use super::{Toy, normal, rng};
-use crate::estimate::arrow::{Arrow, Own};
 use crate::estimate::colour::{Source, tests_only};
-use crate::estimate::noise::Covariance;
-use crate::estimate::problem::Layout;
+use crate::least_squares::{Arrow, Covariance, Layout, Own};
 use crate::math::dense::{cholesky, cholesky_inverse, multiply, transpose};
 use crate::noise::Ar;
 
@@ -160,7 +158,7 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
     let q: Vec<f64> = multiply(&multiply(&gt, &sigma, np, n, n), &g, np, n, np).iter().map(|v| v / (r * r)).collect();
     let p = multiply(&multiply(&inverse, &q, np, np, np), &inverse, np, np, np);
 
-    let (_, totals) = crate::estimate::problem::pass(&layout, &evaluate, &theta).unwrap();
+    let (_, totals) = crate::least_squares::pass(&layout, &evaluate, &theta).unwrap();
     let (matrix, _) = totals.weigh(&layout, &[1.0 / r]);
     let source = Source::new(&layout, &evaluate, &theta);
     let (covariance, series) =

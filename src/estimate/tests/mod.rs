@@ -12,8 +12,8 @@ mod noise;
 mod points;
 mod shifts;
 
-use super::problem::{Block, Layout};
 use super::{Settings, solution::Solution, solution::solve};
+use crate::least_squares::{Block, Layout};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -103,7 +103,7 @@ impl Toy {
 }
 
 /// Standard deviations from the diagonal of an arrow covariance, whole vector.
-fn sds(covariance: &super::arrow::Arrow) -> Vec<f64> {
+fn sds(covariance: &crate::least_squares::Arrow) -> Vec<f64> {
     let nc = covariance.shared;
     let mut out: Vec<f64> = (0..nc).map(|i| covariance.cc[i * nc + i].sqrt()).collect();
     for own in &covariance.own {

@@ -2,17 +2,16 @@
 
 use super::{normal, rng, sds};
 use crate::estimate::colour::{Source, tests_only};
-use crate::estimate::noise::{Covariance, Scatter, Structure};
-use crate::estimate::problem::{Block, Layout, Part, scatter, weighed};
 use crate::estimate::solution::solve;
 use crate::estimate::{Settings, Stop};
+use crate::least_squares::{Block, Covariance, Layout, Part, Scatter, Structure, scatter, weighed};
 use crate::math::dense::{cholesky, cholesky_inverse, cholesky_log_det, multiply, symmetric_eigen, transpose};
 use crate::noise::Ar;
 
 const OUTPUTS: usize = 3;
 
 fn structure(floor: f64) -> Structure {
-    Structure { outputs: OUTPUTS, groups: 1, full: true, floor: vec![floor; OUTPUTS] }
+    Structure { outputs: OUTPUTS, groups: 1, full: true, floor: vec![floor; OUTPUTS], known: false }
 }
 
 /// Correlated noise of three outputs.

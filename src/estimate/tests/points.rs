@@ -1,9 +1,9 @@
 //! Estimates, standard deviations, stops and verdicts on problems whose answer is known.
 
 use super::{Settings, Toy, normal, rng, sds, toy_response};
-use crate::estimate::problem::{Block, Layout};
 use crate::estimate::solution::{Solution, solve};
 use crate::estimate::{StepControl, Stop};
+use crate::least_squares::{Block, Layout};
 use crate::noise::OrderCriterion;
 
 /// Straight lines `y = c + m t`: rows `[1, t]`, one class per line.

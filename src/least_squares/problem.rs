@@ -5,8 +5,8 @@
 //! there are.
 
 use super::arrow::{Arrow, Own};
-use super::gram;
-use super::noise::{Covariance, Scatter, Structure};
+use super::covariance::{Covariance, Scatter, Structure};
+use super::rows;
 use crate::math::pool;
 use rayon::prelude::*;
 
@@ -74,7 +74,7 @@ impl Layout {
             lower: vec![f64::NEG_INFINITY; n],
             upper: vec![f64::INFINITY; n],
             prior_sd: vec![f64::INFINITY; n],
-            noise: Structure { outputs, groups: 1, full: false, floor: vec![1e-30; outputs] },
+            noise: Structure { outputs, groups: 1, full: false, floor: vec![1e-30; outputs], known: false },
         }
     }
 
@@ -215,7 +215,7 @@ pub fn weighed<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64], r: &[C
 }
 
 /// Keeps the memory of blocks for the next ones.
-fn give_back(blocks: Vec<Block>) {
+pub fn give_back(blocks: Vec<Block>) {
     for block in blocks {
         pool::give(block.g);
         pool::give(block.e);
@@ -376,7 +376,7 @@ fn add_scaled(to: &mut [f64], w: f64, from: &[f64]) {
 /// Sums of one block, or `None` where a scored sample has a value or a sensitivity that is not finite.
 fn sum_block(block: &Block, nd: usize) -> Option<Sums> {
     let mut sums = Sums { kind: block.output, count: 0, square: 0.0, gram: vec![0.0; nd * nd], gradient: vec![0.0; nd] };
-    (sums.count, sums.square) = gram::add(&block.e, &block.g, nd, &mut sums.gram, &mut sums.gradient);
+    (sums.count, sums.square) = rows::add(&block.e, &block.g, nd, &mut sums.gram, &mut sums.gradient);
     let finite = sums.square.is_finite() && (0..nd).all(|i| sums.gradient[i].is_finite() && sums.gram[i * nd + i].is_finite());
     finite.then_some(sums)
 }

@@ -33,6 +33,8 @@ pub struct Structure {
     pub full: bool,
     /// Per output, the smallest variance it may be given.
     pub floor: Vec<f64>,
+    /// `R` is one and stays so: the residuals come white. Then only for `full: false`.
+    pub known: bool,
 }
 
 impl Structure {
@@ -111,7 +113,7 @@ impl Scatter {
         for j in 0..n {
             let of = |p: &Pattern| p.outputs.iter().position(|&o| o == j).map(|i| p.products[i * p.outputs.len() + i]);
             let square: f64 = self.0.iter().filter_map(of).sum();
-            r[j * n + j] = if count[j] > 0 { (square / count[j] as f64).max(floor[j]) } else { 1.0 };
+            r[j * n + j] = if count[j] > 0 && !structure.known { (square / count[j] as f64).max(floor[j]) } else { 1.0 };
         }
         if structure.full {
             self.settle(&mut r, &count, floor)?;
@@ -125,6 +127,13 @@ impl Scatter {
                 (0..m).map(|i| w[i * m + i] * p.products[i * m + i] + 2.0 * dot(&w[i * m..], &p.products[i * m..i * m + i])).sum();
             covariance.cost += 0.5 * (p.count as f64 * (weight.ln_det - m as f64) + trace);
             covariance.weights.push(weight);
+        }
+        if structure.known {
+            // J = 1/2 sum e'e; its share of a sample stands for ln|R|, of which it is the change to first order.
+            let samples = covariance.count.iter().sum::<usize>() as f64;
+            covariance.cost += 0.5 * samples;
+            covariance.ln_det = 2.0 * covariance.cost / samples.max(1.0);
+            return covariance.cost.is_finite().then_some(covariance);
         }
         let scored: Vec<usize> = (0..n).filter(|&j| covariance.count[j] > 0).collect();
         covariance.ln_det = Weight::new(&covariance, &scored)?.ln_det;
@@ -220,7 +229,7 @@ pub struct Covariance {
     weights: Vec<Weight>,
     /// Negative log-likelihood of the group without its constants.
     pub cost: f64,
-    /// `ln|R|` over the outputs that have samples.
+    /// `ln|R|` over the outputs that have samples; where `R` is known, the mean square of the residuals.
     pub ln_det: f64,
 }
 

@@ -64,35 +64,47 @@ struct Eliminated {
 /// known. Sensitivities carry rounding errors of some 1e-14, which square to nothing; sums of products carry 1e-16 each.
 pub const PIVOT: f64 = 1e-13;
 
-/// Inverse of a symmetric positive definite matrix by Cholesky factors; `None` where a pivot is below `PIVOT` times `scale[i]`.
-pub fn invert(matrix: &[f64], scale: &[f64]) -> Option<Vec<f64>> {
+/// Inverse of a symmetric positive definite matrix by Cholesky factors.
+///
+/// # Errors
+/// The first row whose pivot is below `PIVOT` times `scale[i]`: it depends on those before it.
+fn invert(matrix: &[f64], scale: &[f64]) -> Result<Vec<f64>, usize> {
     let n = scale.len();
-    let l = dense::cholesky(matrix, n).ok()?;
-    let sound = (0..n).all(|i| l[i * n + i] * l[i * n + i] > PIVOT * scale[i] && l[i * n + i].is_finite());
-    sound.then(|| dense::cholesky_inverse(&l, n))
+    let l = dense::cholesky(matrix, n)?;
+    let sound = |i: &usize| l[i * n + i] * l[i * n + i] > PIVOT * scale[*i] && l[i * n + i].is_finite();
+    match (0..n).find(|i| !sound(i)) {
+        Some(i) => Err(i),
+        None => Ok(dense::cholesky_inverse(&l, n)),
+    }
 }
 
 impl Arrow {
-    /// Eliminates every segment, then the border; `None` where the matrix is singular to working precision.
-    pub fn factor(&self) -> Option<Factor> {
+    /// Eliminates every segment, then the border.
+    ///
+    /// # Errors
+    /// The matrix is singular to working precision: the first parameter (index of the whole vector) that depends on its segment's own
+    /// ones before it, or a shared one that depends on those before it and all own ones.
+    pub fn factor(&self) -> Result<Factor, usize> {
         let nc = self.shared;
         let mut schur = self.cc.clone();
         let mut own = Vec::with_capacity(self.own.len());
+        let mut offset = nc;
         for s in &self.own {
-            let inverse = invert(&s.ss, &diagonal(&s.ss, s.n))?;
+            let inverse = invert(&s.ss, &diagonal(&s.ss, s.n)).map_err(|i| offset + i)?;
+            offset += s.n;
             let t = multiply(&inverse, &s.sc, s.n, s.n, s.columns.len());
             subtract_transposed(&mut schur, &s.sc, &t, s.n, &s.columns, nc);
             own.push(Eliminated { n: s.n, columns: s.columns.clone(), inverse, t });
         }
         let v = invert(&schur, &diagonal(&self.cc, nc))?;
-        Some(Factor { shared: nc, v, own })
+        Ok(Factor { shared: nc, v, own })
     }
 
     /// The Schur complement, not scaled; `None` where a segment's own block is singular.
     pub fn schur(&self) -> Option<Vec<f64>> {
         let mut schur = self.cc.clone();
         for s in &self.own {
-            let inverse = invert(&s.ss, &diagonal(&s.ss, s.n))?;
+            let inverse = invert(&s.ss, &diagonal(&s.ss, s.n)).ok()?;
             let t = multiply(&inverse, &s.sc, s.n, s.n, s.columns.len());
             subtract_transposed(&mut schur, &s.sc, &t, s.n, &s.columns, self.shared);
         }
@@ -103,7 +115,7 @@ impl Arrow {
     /// empty where its block is singular.
     pub fn follow(&self, s: usize, x: &[f64]) -> Vec<f64> {
         let own = &self.own[s];
-        let Some(inverse) = invert(&own.ss, &diagonal(&own.ss, own.n)) else { return Vec::new() };
+        let Ok(inverse) = invert(&own.ss, &diagonal(&own.ss, own.n)) else { return Vec::new() };
         let force = multiply(&own.sc, &pick(x, &own.columns), own.n, own.columns.len(), 1);
         multiply(&inverse, &force, own.n, own.n, 1).iter().map(|v| -v).collect()
     }

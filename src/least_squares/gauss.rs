@@ -1,33 +1,10 @@
 //! The Gauss-Newton iteration: a problem over segments in; the maximum-likelihood point, its normal matrix and history out.
 
 use super::arrow::{Arrow, Factor};
-use super::noise::{Covariance, Scatter};
+use super::covariance::{Covariance, Scatter};
+use super::iteration::{Iteration, Stop};
+use super::method::{Method, StepControl, Undetermined};
 use super::problem::{Evaluate, Layout, Totals, pass, scatter, weighed};
-use super::{Iteration, Settings, StepControl, Stop};
-
-/// When to stop and how to step (`Settings` documents the fields).
-#[derive(Debug, Clone, Copy)]
-pub struct Rule {
-    pub control: StepControl,
-    pub tolerance: f64,
-    pub step_tolerance: f64,
-    pub gradient_tolerance: f64,
-    pub max_iterations: usize,
-    pub max_halvings: usize,
-}
-
-impl Rule {
-    pub fn of(settings: &Settings) -> Rule {
-        Rule {
-            control: settings.step_control,
-            tolerance: settings.tolerance,
-            step_tolerance: settings.step_tolerance,
-            gradient_tolerance: settings.gradient_tolerance,
-            max_iterations: settings.max_iterations,
-            max_halvings: settings.max_halvings,
-        }
-    }
-}
 
 /// Where the iteration ended.
 #[derive(Debug, Clone)]
@@ -39,6 +16,8 @@ pub struct Fit {
     pub noise: Vec<Covariance>,
     /// `ln|R|`; of several groups the mean, weighted with their samples.
     pub ln_det: f64,
+    /// By how much a further step would lower the cost if that were a parabola; NaN where there is none.
+    pub promise: f64,
     /// The normal matrix at `theta` with priors; none where the model was not finite or there was no data.
     pub matrix: Option<Arrow>,
     /// Parameters that sit on a bound and would leave it if they could.
@@ -134,6 +113,21 @@ impl Point {
         Trial::at(layout, evaluate, theta, Chance::Good)?.complete(layout, evaluate)
     }
 
+    /// The whole step from here inside the bounds; `held` stays where it is.
+    fn step(&self, layout: &Layout, method: &Method, held: Option<usize>) -> Option<Vec<f64>> {
+        bounded_step(layout, &self.theta, (&self.matrix, &self.gradient), held, method.undetermined)
+    }
+
+    /// Length of a step in standard deviations: `sqrt(d' M d)`.
+    fn length(&self, step: &[f64]) -> f64 {
+        self.matrix.quadratic(step).max(0.0).sqrt()
+    }
+
+    /// By how much a step lowers the cost if that is a parabola: `d' g - 1/2 d' M d`.
+    fn promise(&self, step: &[f64]) -> f64 {
+        step.iter().zip(&self.gradient).map(|(d, g)| d * g).sum::<f64>() - 0.5 * self.matrix.quadratic(step).max(0.0)
+    }
+
     /// Parameters on a bound that the gradient pushes against it.
     fn held(&self, layout: &Layout) -> Vec<bool> {
         let at = |i: usize| {
@@ -173,34 +167,34 @@ pub fn normal_matrix<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) 
 }
 
 /// Minimises `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) from `layout.start`.
-pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit {
+pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> Fit {
     let Some(mut point) = Point::at(layout, evaluate, layout.start.clone()) else {
         return failed(layout, Stop::NotFinite);
     };
     if layout.start.is_empty() || point.noise.iter().all(|r| r.count.iter().all(|&n| n == 0)) {
-        return ended(layout, point, Vec::new(), Stop::NoData);
+        return ended(layout, method, point, Vec::new(), Stop::NoData);
     }
     let mut history = vec![line(0, layout, &point)];
     let mut stop = Stop::IterationLimit;
     let mut damping = Damping { value: DAMPING, growth: 2.0 };
-    for iteration in 1..=rule.max_iterations {
-        let whole = bounded_step(layout, &point.theta, &point.matrix, &point.gradient, None);
-        if whole.is_none() && rule.control == StepControl::Halving {
+    for iteration in 1..=method.max_iterations {
+        let whole = point.step(layout, method, None);
+        if whole.is_none() && method.control == StepControl::Halving {
             stop = Stop::Singular;
             break;
         }
-        let length = whole.as_ref().map(|step| point.matrix.quadratic(step).max(0.0).sqrt());
-        let mut taken = match (rule.control, &whole) {
-            (StepControl::Halving, Some(step)) => halve(layout, evaluate, &point, step, rule.max_halvings),
-            _ => damp(layout, evaluate, &point, &mut damping, rule.max_halvings),
+        let length = whole.as_ref().map(|step| point.length(step));
+        let mut taken = match (method.control, &whole) {
+            (StepControl::Halving, Some(step)) => halve(layout, evaluate, &point, step, method.max_halvings),
+            _ => damp(layout, evaluate, &point, &mut damping, method),
         };
-        let is_long = length.is_some_and(|length| length > rule.step_tolerance.max(NOTHING));
+        let is_long = length.is_some_and(|length| length > method.step_tolerance.max(NOTHING));
         let cut_short = taken.as_ref().is_none_or(|taken| taken.refused > 0 || taken.damping > DAMPED);
         if is_long && cut_short && is_idle(&point, taken.as_ref()) {
-            let other = turned(layout, evaluate, &point, rule.max_halvings);
+            let other = turned(layout, evaluate, &point, method);
             if !is_idle(&point, other.as_ref()) {
                 taken = [taken, other].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
-            } else if whole.as_ref().is_some_and(|step| is_lowest(layout, evaluate, &point, step, rule.max_halvings)) {
+            } else if whole.as_ref().is_some_and(|step| is_lowest(layout, evaluate, &point, step, method.max_halvings)) {
                 stop = Stop::Converged;
                 break;
             }
@@ -220,16 +214,16 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, rule: &Rule) -> Fit 
         let now =
             Iteration { change, step: length, halvings: taken.refused, damping: taken.damping, ..line(iteration, layout, &point) };
         history.push(now);
-        let small = rule.step_tolerance == 0.0 || length <= rule.step_tolerance;
-        let flat = rule.gradient_tolerance == 0.0 || now.gradient <= rule.gradient_tolerance;
+        let small = method.step_tolerance == 0.0 || length <= method.step_tolerance;
+        let flat = method.gradient_tolerance == 0.0 || now.gradient <= method.gradient_tolerance;
         // A step cut short changes little without being near the optimum, unless only rounding cut it.
         let free = taken.refused == 0 && taken.damping <= DAMPED || length <= NOTHING;
-        if change < rule.tolerance && small && flat && free {
+        if change < method.tolerance && small && flat && free {
             stop = Stop::Converged;
             break;
         }
     }
-    ended(layout, point, history, stop)
+    ended(layout, method, point, history, stop)
 }
 
 /// The point at `theta + length * step` inside the bounds, if it is finite and not worse.
@@ -246,15 +240,15 @@ fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
 
 /// A step past a kink of the cost, which stops one that is only shortened: damped, or else along it, with one parameter after the other held. The
 /// first that brings something, or the best.
-fn turned<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, max_halvings: usize) -> Option<Taken> {
+fn turned<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, method: &Method) -> Option<Taken> {
     let mut fresh = Damping { value: DAMPING, growth: 2.0 };
-    let mut best = damp(layout, evaluate, point, &mut fresh, max_halvings);
-    for i in 0..point.theta.len() {
+    let mut best = damp(layout, evaluate, point, &mut fresh, method);
+    for i in (0..point.theta.len()).filter(|_| method.turns) {
         if !is_idle(point, best.as_ref()) {
             break;
         }
-        let step = bounded_step(layout, &point.theta, &point.matrix, &point.gradient, Some(i));
-        let along = step.and_then(|step| halve(layout, evaluate, point, &step, max_halvings));
+        let step = point.step(layout, method, Some(i));
+        let along = step.and_then(|step| halve(layout, evaluate, point, &step, method.max_halvings));
         best = [best, along].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
     }
     best
@@ -272,8 +266,7 @@ fn halve<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64]
     let mut length = 1.0;
     for refused in 0..=max_halvings {
         if let Some(next) = try_step(layout, evaluate, point, step, length, refused) {
-            let whole = point.matrix.quadratic(step).max(0.0).sqrt();
-            return Some(Taken { point: next, refused, damping: 0.0, length: length * whole });
+            return Some(Taken { point: next, refused, damping: 0.0, length: length * point.length(step) });
         }
         length *= 0.5;
     }
@@ -288,21 +281,19 @@ struct Damping {
 
 /// A step of `(M + damping diag M) d = g`, damped more until it does not raise the cost. The damping for the next iteration follows
 /// from the gain compared with what the quadratic model promised (Nielsen's rule: Madsen, Nielsen & Tingleff, Eq. 3.14).
-fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut Damping, max_refused: usize) -> Option<Taken> {
+fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut Damping, method: &Method) -> Option<Taken> {
     let diagonal = point.matrix.diagonal();
-    for refused in 0..=max_refused {
+    for refused in 0..=method.max_halvings {
         let used = damping.value;
         let mut matrix = point.matrix.clone();
         diagonal.iter().enumerate().for_each(|(i, d)| matrix.add_diagonal(i, used * d));
-        let step = bounded_step(layout, &point.theta, &matrix, &point.gradient, None)?;
+        let step = bounded_step(layout, &point.theta, (&matrix, &point.gradient), None, method.undetermined)?;
         if let Some(next) = try_step(layout, evaluate, point, &step, 1.0, refused) {
-            let slope: f64 = step.iter().zip(&point.gradient).map(|(d, g)| d * g).sum();
-            let square = point.matrix.quadratic(&step).max(0.0);
-            let promised = slope - 0.5 * square;
+            let promised = point.promise(&step);
             let gain = if promised > 0.0 { (point.cost - next.cost) / promised } else { 0.5 };
             let factor = 1.0 - (2.0 * gain - 1.0).powi(3);
             *damping = Damping { value: used * factor.clamp(1.0 / 3.0, 2.0), growth: 2.0 };
-            return Some(Taken { point: next, refused, damping: used, length: square.sqrt() });
+            return Some(Taken { point: next, refused, damping: used, length: point.length(&step) });
         }
         *damping = Damping { value: used * damping.growth, growth: 2.0 * damping.growth };
     }
@@ -311,15 +302,28 @@ fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut
 
 /// The Gauss-Newton step inside the bounds: components that would cross a bound end on it, the others are solved for given that
 /// (an active set, found afresh in every iteration, so that a parameter leaves its bound when the data pull it off).
-/// `held` stays where it is. `None` where the matrix is singular.
-fn bounded_step(layout: &Layout, theta: &[f64], matrix: &Arrow, gradient: &[f64], held: Option<usize>) -> Option<Vec<f64>> {
+/// `held` stays where it is. A parameter that depends on those before it stays as well, or there is no step at all.
+fn bounded_step(
+    layout: &Layout,
+    theta: &[f64],
+    (matrix, gradient): (&Arrow, &[f64]),
+    held: Option<usize>,
+    undetermined: Undetermined,
+) -> Option<Vec<f64>> {
     // Where both bounds are one value there is nothing to solve for, nor need the data determine anything.
     let prescribed = |i: usize| (layout.lower[i] == layout.upper[i]).then(|| layout.lower[i] - theta[i]);
     let mut pins: Vec<Option<f64>> = (0..theta.len()).map(prescribed).collect();
     held.into_iter().for_each(|i| pins[i] = Some(0.0));
     loop {
         let mut rhs = gradient.to_vec();
-        let step = pinned(matrix, &mut rhs, &pins)?.solve(&rhs);
+        let step = match pinned(matrix, &mut rhs, &pins) {
+            Ok(factor) => factor.solve(&rhs),
+            Err(i) if undetermined == Undetermined::Held && pins[i].is_none() => {
+                pins[i] = Some(0.0);
+                continue;
+            }
+            Err(_) => return None,
+        };
         let mut crossed = false;
         for i in 0..theta.len() {
             let to = theta[i] + step[i];
@@ -334,7 +338,7 @@ fn bounded_step(layout: &Layout, theta: &[f64], matrix: &Arrow, gradient: &[f64]
     }
 }
 
-fn pinned(matrix: &Arrow, rhs: &mut [f64], pins: &[Option<f64>]) -> Option<Factor> {
+fn pinned(matrix: &Arrow, rhs: &mut [f64], pins: &[Option<f64>]) -> Result<Factor, usize> {
     if pins.iter().all(Option::is_none) {
         return matrix.factor();
     }
@@ -367,13 +371,15 @@ fn failed(layout: &Layout, stop: Stop) -> Fit {
         iterations: Vec::new(),
         noise: Vec::new(),
         ln_det: f64::NAN,
+        promise: f64::NAN,
         matrix: None,
         held: vec![false; layout.start.len()],
     }
 }
 
-fn ended(layout: &Layout, point: Point, iterations: Vec<Iteration>, stop: Stop) -> Fit {
+fn ended(layout: &Layout, method: &Method, point: Point, iterations: Vec<Iteration>, stop: Stop) -> Fit {
     let held = point.held(layout);
+    let promise = point.step(layout, method, None).map_or(f64::NAN, |step| point.promise(&step));
     let Point { theta, noise, ln_det, matrix, .. } = point;
-    Fit { theta, stop, iterations, noise, ln_det, matrix: (stop != Stop::NoData).then_some(matrix), held }
+    Fit { theta, stop, iterations, noise, ln_det, promise, matrix: (stop != Stop::NoData).then_some(matrix), held }
 }

@@ -1,0 +1,104 @@
+//! A fit in; what the data say about its last free parameters, together and maneuver by maneuver, out.
+
+use super::fit::Task;
+use crate::math::products::{DEPENDENT, Gram};
+use rayon::prelude::*;
+
+/// What is known of the last `k` free parameters at a point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spread {
+    /// Standard deviations; none where the data do not determine them.
+    pub sd: Vec<Option<f64>>,
+    /// `[k][k]`
+    pub information: Vec<f64>,
+    /// Share of each parameter's information that is left once all others are known to be unknown.
+    pub left: Vec<f64>,
+    /// Per segment: `(slope, information)` of each of them with all other shared parameters held, own ones free.
+    pub by_segment: Vec<Vec<(f64, f64)>>,
+}
+
+/// Sums of one segment: own parameters eliminated.
+struct Part {
+    own: usize,
+    /// Place of each shared column in `Task::free`.
+    to: Vec<usize>,
+    gram: Gram,
+}
+
+impl Task<'_> {
+    /// What the data say about the last `k` free parameters at `theta`.
+    pub fn spread(&self, theta: &[f64], k: usize) -> Option<Spread> {
+        let parts = self.parts(theta)?;
+        let n = self.free.len();
+        let mut all = self.together(&parts, theta);
+        all.eliminate(0, n - k);
+        let wanted: Vec<usize> = (n - k..n).collect();
+        let information = all.block(&wanted);
+        let mut rest = all.rest(n - k);
+        let mut sd = vec![None; k];
+        let mut left = vec![0.0; k];
+        for i in 0..k {
+            // The one in question is brought to the end.
+            let order: Vec<usize> = (0..k).filter(|j| *j != i).chain([i]).collect();
+            let mut one = Gram::zero(k);
+            for (a, &from) in order.iter().enumerate() {
+                one.scale[a] = rest.scale[from];
+                (a..k).for_each(|b| one.sums[a * k + b] = rest.at(from, order[b]));
+            }
+            one.eliminate(0, k - 1);
+            let information = one.at(k - 1, k - 1);
+            left[i] = if rest.scale[i] > 0.0 { information / rest.scale[i] } else { 0.0 };
+            sd[i] = (left[i] > DEPENDENT).then(|| 1.0 / information.sqrt());
+        }
+        rest.eliminate(0, k);
+        let by_segment = parts.iter().map(|part| wanted.iter().map(|&place| local(part, place)).collect()).collect();
+        Some(Spread { sd, information, left, by_segment })
+    }
+
+    fn parts(&self, theta: &[f64]) -> Option<Vec<Part>> {
+        self.segments.par_iter().map(|&s| self.part(s, theta)).collect()
+    }
+
+    fn part(&self, s: usize, theta: &[f64]) -> Option<Part> {
+        let layout = &self.case.layout;
+        let blocks = self.case.evaluate(s, &layout.local(s, theta), true)?;
+        let mut white = self.noise.whiten(s, &blocks);
+        let part = &layout.parts[s];
+        let (mut columns, mut to) = (Vec::new(), Vec::new());
+        columns.extend(white.drain(part.shared.len()..part.directions()));
+        for (place, index) in self.free.iter().enumerate() {
+            if let Some(at) = part.shared.iter().position(|i| i == index) {
+                columns.push(std::mem::take(&mut white[at]));
+                to.push(place);
+            }
+        }
+        columns.extend(white.pop());
+        to.push(self.free.len());
+        let mut gram = Gram::of(&columns);
+        gram.eliminate(0, part.own);
+        gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own: part.own, to, gram })
+    }
+
+    /// All segments together, priors included: free shared parameters, then the residuals.
+    fn together(&self, parts: &[Part], theta: &[f64]) -> Gram {
+        let (n, layout) = (self.free.len(), &self.case.layout);
+        let mut all = Gram::zero(n + 1);
+        parts.iter().for_each(|part| all.add(&part.gram, part.own, &part.to));
+        for (place, &i) in self.free.iter().enumerate() {
+            let weight = layout.prior_weight(i);
+            all.sums[place * (n + 1) + place] += weight;
+            all.scale[place] += weight;
+            all.sums[place * (n + 1) + n] += weight * (layout.centre[i] - theta[i]);
+        }
+        all
+    }
+}
+
+/// Slope and information of one free parameter in one segment.
+fn local(part: &Part, place: usize) -> (f64, f64) {
+    let m = part.gram.n;
+    match part.to[..part.to.len() - 1].iter().position(|&to| to == place) {
+        Some(k) => (part.gram.at(part.own + k, m - 1), part.gram.at(part.own + k, part.own + k)),
+        None => (0.0, 0.0),
+    }
+}

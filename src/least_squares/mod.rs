@@ -1,0 +1,34 @@
+//! Nonlinear least squares over segments: what a model leaves and its sensitivities, segment by segment, in; the parameters at which
+//! the likelihood is largest, the normal matrix there and the history of the iteration out.
+//!
+//! Parameters come in two parts: those that segments share, and those that one segment has to itself. The second are eliminated first,
+//! so that time and memory are linear in the number of segments. The cost is `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) with `R`
+//! at its best for every parameter vector, or with `R = 1` where the residuals come white. Steps of Gauss and Newton, or of Levenberg
+//! and Marquardt, stay inside bounds and are taken only if they do not raise the cost.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `method` | how it steps, and when it stops |
+//! | `rows` | sums of products of sensitivities and residuals, eight columns at a time |
+//! | `arrow` | the normal equations, every segment's own block eliminated first |
+//! | `covariance` | `R` per group of segments, with floor and missing samples, and the cost at it |
+//! | `problem` | parameters in two parts; what a segment hands over; the pass over all segments |
+//! | `iteration` | how it went, and why it ended |
+//! | `gauss` | the iteration: step, bounds, halving or damping, stopping |
+
+mod arrow;
+mod covariance;
+mod gauss;
+mod iteration;
+mod method;
+mod problem;
+mod rows;
+
+pub use arrow::{Arrow, Factor, Own, diagonal};
+pub use covariance::{Covariance, Scatter, Structure};
+pub use gauss::{Fit, cost, minimise, normal_matrix};
+pub use iteration::{Iteration, Stop};
+pub use method::{Method, StepControl, Undetermined};
+#[cfg(test)]
+pub use problem::pass;
+pub use problem::{Block, Evaluate, Layout, Part, Samples, at_instants, each, give_back, scatter, weighed};
