@@ -4,6 +4,7 @@ use super::Settings;
 use super::segment::Segment;
 use crate::dynamics::Record;
 use crate::error::Errors;
+use crate::math::interpolate::held;
 use crate::model::{Model, Scope};
 use std::borrow::Cow;
 
@@ -62,19 +63,9 @@ fn fed(record: &Record, nu: usize, outputs: &[usize]) -> Record {
 /// and after the last; NaN where there is none.
 fn on_grid(record: &Record, output: usize) -> Vec<f64> {
     let channel = record.channels.iter().find(|c| c.output == output);
-    let samples = channel.iter().flat_map(|c| c.t.iter().copied().zip(c.z.iter().copied()));
-    let samples: Vec<(f64, f64)> = samples.filter(|(_, z)| z.is_finite()).collect();
-    let at = |k: usize| {
-        let t = record.t0 + k as f64 * record.dt;
-        let after = samples.partition_point(|s| s.0 <= t);
-        match (after.checked_sub(1).and_then(|i| samples.get(i)), samples.get(after)) {
-            (Some(a), Some(b)) => a.1 + (t - a.0) / (b.0 - a.0) * (b.1 - a.1),
-            (Some(a), None) => a.1,
-            (None, Some(b)) => b.1,
-            (None, None) => f64::NAN,
-        }
-    };
-    (0..record.n).map(at).collect()
+    let known = channel.iter().flat_map(|c| c.t.iter().zip(&c.z)).filter(|(_, z)| z.is_finite());
+    let (t, z): (Vec<f64>, Vec<f64>) = known.map(|(t, z)| (*t, *z)).unzip();
+    (0..record.n).map(|k| held(&t, &z, record.t0 + k as f64 * record.dt)).collect()
 }
 
 #[cfg(test)]

@@ -19,6 +19,7 @@ use crate::math::distribution::normal_cdf;
 use crate::model::graph::{Leaf, Node};
 use crate::model::linear::{Entry, Linear};
 use crate::model::{Delayed, Model, Program};
+use crate::signal::resample::{Grid, linear};
 use crate::signal::smooth::SavitzkyGolay;
 
 /// What became of one parameter.
@@ -203,17 +204,9 @@ fn measured(case: &Case, state: usize) -> Option<usize> {
 /// What was measured of an output on the grid: straight lines between samples, none where one of the two is masked.
 fn on_grid(record: &Record, output: usize, first: usize) -> Vec<f64> {
     let channel = record.channels.iter().find(|c| c.output == output);
-    let at = |k: usize| {
-        let Some(c) = channel else { return f64::NAN };
-        let t = record.t0 + k as f64 * record.dt;
-        let after = c.t.partition_point(|s| *s < t - 1e-6 * record.dt);
-        match (after.checked_sub(1), c.t.get(after)) {
-            (_, Some(s)) if (s - t).abs() <= 1e-6 * record.dt => c.z[after],
-            (Some(i), Some(s)) => c.z[i] + (t - c.t[i]) / (s - c.t[i]) * (c.z[after] - c.z[i]),
-            _ => f64::NAN,
-        }
-    };
-    (first..record.n).map(at).collect()
+    let n = record.n.saturating_sub(first);
+    let grid = Grid { t0: record.t0 + first as f64 * record.dt, dt: record.dt, n };
+    channel.map_or_else(|| vec![f64::NAN; n], |c| linear(&c.t, &c.z, &grid, f64::INFINITY))
 }
 
 fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result<Prepared> {

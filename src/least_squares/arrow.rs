@@ -6,6 +6,7 @@
 //! `S = M_cc - sum_s M_cs T_s`.
 
 use crate::math::dense::{self, multiply};
+use crate::math::products::dot;
 
 /// One segment's rows of an arrow matrix.
 #[derive(Debug, Clone, PartialEq)]
@@ -314,10 +315,6 @@ fn square(matrix: &[f64], n: usize, columns: &[usize]) -> Vec<f64> {
 
 pub fn diagonal(matrix: &[f64], n: usize) -> Vec<f64> {
     (0..n).map(|i| matrix[i * n + i]).collect()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// `c -= a' b` with `a`, `b` `[n][columns]`, into rows and columns `columns` of `c` of size `nc`.

@@ -17,6 +17,7 @@
 //! the concentrated cost is the gradient at fixed `R`.
 
 use crate::math::dense::{self, multiply};
+use crate::math::products::dot;
 
 /// Rounds of expectation and maximisation, and the relative change that ends them: its square is what is missing in the cost.
 const ROUNDS: usize = 2000;
@@ -291,9 +292,4 @@ impl Weight {
 /// Rows and columns `of` of a square matrix of size `n`.
 fn square(matrix: &[f64], n: usize, of: &[usize]) -> Vec<f64> {
     of.iter().flat_map(|&i| of.iter().map(move |&j| matrix[i * n + j])).collect()
-}
-
-/// Over the shorter of both.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

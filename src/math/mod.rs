@@ -1,8 +1,10 @@
-//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of distributions, vectors of
-//! the width the machine has.
+//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of distributions,
+//! interpolation, Fourier sums, vectors of the width the machine has.
 
 pub mod dense;
 pub mod distribution;
+pub mod fourier;
+pub mod interpolate;
 pub mod pool;
 pub mod products;
 pub mod simd;

@@ -1,5 +1,7 @@
 //! Tables of a model: linear interpolation in one or two arguments, held constant outside the break points.
 
+use crate::math::interpolate::locate;
+
 /// One table: break points ascending, values row by row (`y[i * x2.len() + j]` with two arguments).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
@@ -11,21 +13,6 @@ pub struct Table {
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tables(pub Vec<Table>);
-
-/// Interval of `x` in ascending `points`: index of its left end, fraction, and 1/width (0 outside, where the value is held).
-fn locate(points: &[f64], x: f64) -> (usize, f64, f64) {
-    let last = points.len() - 1;
-    if last == 0 || x <= points[0] {
-        return (0, 0.0, 0.0);
-    }
-    if x >= points[last] {
-        return (last - 1, 1.0, 0.0);
-    }
-    // NaN falls through to interval 0 with a NaN fraction
-    let i = points.partition_point(|&p| p <= x).clamp(1, last) - 1;
-    let width = points[i + 1] - points[i];
-    (i, (x - points[i]) / width, 1.0 / width)
-}
 
 impl Tables {
     /// Value (or slope) of table number `k` at x.

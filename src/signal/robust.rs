@@ -26,13 +26,17 @@ pub fn level(y: &[f64]) -> (f64, f64) {
     (median(&values), mad_sd(&values))
 }
 
-/// The sd of white noise on a slowly varying signal, from the MAD of its second differences; steps and outliers hardly count.
+/// The sd of white noise on a moving signal, from the MAD of its third differences: they see no quadratic, the median sees no steps and outliers. The
+/// resolution, as the least step between samples, is the floor (uniform over one step). Samples that are no numbers are left out.
 ///
-/// 0 for fewer than three neighbouring values. Quantisation coarser than the noise may hide the noise (0 as well).
+/// 0 for fewer than four neighbouring values.
 pub fn noise_sd(y: &[f64]) -> f64 {
-    let second: Vec<f64> = y.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).filter(|d| !d.is_nan()).collect();
-    // Var(e0 - 2 e1 + e2) = 6 Var(e)
-    if second.is_empty() { 0.0 } else { mad_sd(&second) / 6f64.sqrt() }
+    let third = y.windows(4).map(|w| w[0] - 3.0 * w[1] + 3.0 * w[2] - w[3]).filter(|d| d.is_finite());
+    let third: Vec<f64> = third.collect();
+    let step = y.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+    let floor = if step.is_finite() { step / 12f64.sqrt() } else { 0.0 };
+    // Var(e0 - 3 e1 + 3 e2 - e3) = 20 Var(e)
+    if third.is_empty() { 0.0 } else { (mad_sd(&third) / 20f64.sqrt()).max(floor) }
 }
 
 #[cfg(test)]
@@ -61,6 +65,13 @@ mod tests {
             .collect();
         assert!((noise_sd(&y) - 0.2).abs() < 0.01);
         assert_eq!(noise_sd(&[1.0, 2.0]), 0.0);
+        // On fast motion, with samples missing; and nothing but steps of the resolution.
+        let wave = |i: usize| 3.0 * libm::sin(0.06 * i as f64);
+        let moving: Vec<f64> =
+            y.iter().enumerate().map(|(i, y)| if i % 50 == 7 { f64::NAN } else { y - 1e-3 * i as f64 + wave(i) }).collect();
+        assert!((noise_sd(&moving) - 0.2).abs() < 0.015, "{}", noise_sd(&moving));
+        let coarse: Vec<f64> = (0..1000).map(|i| (0.01 * f64::from(i)).floor()).collect();
+        assert!((noise_sd(&coarse) - 1.0 / 12f64.sqrt()).abs() < 1e-12);
         assert_eq!(level(&[1.0, f64::NAN, 3.0, 2.0]), (2.0, 1.4826));
     }
 }

@@ -4,6 +4,7 @@ use super::atmosphere::{FOOT, KNOT, true_airspeed};
 use super::input::Shape;
 use super::random::Stream;
 use super::settings::{Flight, Settings, Timing};
+use crate::math::interpolate::held;
 use indexmap::IndexMap;
 use serde::Serialize;
 
@@ -30,20 +31,18 @@ pub struct Placed {
 
 /// A piecewise linear command.
 #[derive(Debug, Clone, PartialEq)]
-struct Profile(Vec<(f64, f64)>);
+struct Profile {
+    t: Vec<f64>,
+    value: Vec<f64>,
+}
 
 impl Profile {
     fn at(&self, t: f64) -> f64 {
-        let i = self.0.partition_point(|p| p.0 <= t);
-        match (i.checked_sub(1).and_then(|i| self.0.get(i)), self.0.get(i)) {
-            (Some(a), Some(b)) => a.1 + (b.1 - a.1) * (t - a.0) / (b.0 - a.0),
-            (Some(p), None) | (None, Some(p)) => p.1,
-            (None, None) => 0.0,
-        }
+        held(&self.t, &self.value, t)
     }
 
     fn last(&self) -> f64 {
-        self.0.last().map_or(0.0, |p| p.1)
+        self.value.last().copied().unwrap_or_default()
     }
 
     /// Holds the last value until `t`, then goes to `value` at `rate`; returns the time at which it is there.
@@ -53,7 +52,8 @@ impl Profile {
             return t;
         }
         let there = t + (value - last).abs() / rate;
-        self.0.extend([(t, last), (there, value)]);
+        self.t.extend([t, there]);
+        self.value.extend([last, value]);
         there
     }
 }
@@ -83,8 +83,8 @@ impl Plan {
             dt: 1.0 / settings.rate_hz,
             n: 0,
             maneuvers: Vec::new(),
-            speed: Profile(vec![(0.0, speed)]),
-            altitude: Profile(vec![(0.0, altitude)]),
+            speed: Profile { t: vec![0.0], value: vec![speed] },
+            altitude: Profile { t: vec![0.0], value: vec![altitude] },
         };
         let mut t: f64 = 0.0;
         for (speed, altitude, names) in points {

@@ -8,10 +8,10 @@
 
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::stand::Known;
-use crate::diagnose::residual::sensor::noise;
 use crate::error::Errors;
 use crate::estimate::{Prepared, Segment, Settings, Trace};
 use crate::math::quantile;
+use crate::signal::robust::noise_sd;
 
 /// The gap of one output with one state driven.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,7 +97,7 @@ pub fn noises(found: &Found) -> Vec<(String, f64)> {
     let case = found.case();
     let of = |&o: &usize| {
         let channels = case.records.iter().flat_map(|r| r.channels.iter().filter(move |c| c.output == o));
-        let all: Vec<f64> = channels.map(|c| noise(&c.z)).filter(|n| *n > 0.0).collect();
+        let all: Vec<f64> = channels.map(|c| noise_sd(&c.z)).filter(|n| *n > 0.0).collect();
         (case.model.outputs[o].name.clone(), quantile(&all, 0.5))
     };
     case.outputs.iter().map(of).collect()

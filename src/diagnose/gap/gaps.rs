@@ -1,12 +1,13 @@
 //! Measured and modelled values in; how large the gap is, and where, in units of the measured noise, out.
 //!
-//! The noise of an output is read from the measurements alone (`residual/sensor.rs`): a ratio of 1 is a model as good as the sensor. Frequency bands share the mean square by Fourier sums over the maneuver's residual.
+//! The noise of an output is read from the measurements alone (`signal::robust`): a ratio of 1 is a model as good as the sensor. Frequency bands share the mean square by Fourier sums over the maneuver's residual.
 
 use super::looks::Looks;
-use crate::diagnose::residual::sensor::noise;
 use crate::dynamics::Record;
 use crate::estimate::Trace;
+use crate::math::fourier;
 use crate::math::quantile;
+use crate::signal::robust::noise_sd;
 
 /// The gap of one output, of some of its samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +50,7 @@ pub fn gaps(flown: &[Flown], inputs: &[String], looks: &Looks) -> Vec<Gap> {
     for (output, unit) in &names {
         let traces: Vec<(&Flown, &Trace)> =
             flown.iter().flat_map(|f| f.traces.iter().filter(|t| t.name == *output).map(move |t| (f, t))).collect();
-        let noise = quantile(&traces.iter().map(|(_, t)| noise(&t.measured)).filter(|n| *n > 0.0).collect::<Vec<_>>(), 0.5);
+        let noise = quantile(&traces.iter().map(|(_, t)| noise_sd(&t.measured)).filter(|n| *n > 0.0).collect::<Vec<_>>(), 0.5);
         let gap = |segment: Option<usize>, by: &str, from: f64, to: f64, values: &mut dyn Iterator<Item = f64>| {
             let (mut n, mut sum, mut square) = (0, 0.0, 0.0);
             for e in values.filter(|e| e.is_finite()) {
@@ -158,24 +159,13 @@ fn bands(traces: &[&Trace], edges: &[f64]) -> Vec<f64> {
         for k in 0..=n / 2 {
             let frequency = k as f64 / (n as f64 * dt);
             let band = edges.iter().position(|edge| frequency < *edge).unwrap_or(edges.len());
+            let (a, b) = fourier::sum(&r, k);
             // Parseval: every frequency but zero and half the sampling rate stands for two.
             let twice = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
-            squares[band] += twice * power(&r, k) / n as f64;
+            squares[band] += twice * (a * a + b * b) / n as f64;
         }
     }
     squares.iter().map(|s| s / samples).collect()
-}
-
-/// Squared magnitude of the Fourier sum at frequency `k`.
-fn power(r: &[f64], k: usize) -> f64 {
-    let (step_sin, step_cos) = libm::sincos(2.0 * std::f64::consts::PI * k as f64 / r.len() as f64);
-    let (mut cos, mut sin, mut a, mut b) = (1.0, 0.0, 0.0, 0.0);
-    for r in r {
-        a += r * cos;
-        b += r * sin;
-        (cos, sin) = (cos * step_cos - sin * step_sin, sin * step_cos + cos * step_sin);
-    }
-    a * a + b * b
 }
 
 #[cfg(test)]

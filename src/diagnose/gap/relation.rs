@@ -9,6 +9,7 @@ use super::coefficient::Lack;
 use super::gaps::Flown;
 use super::looks::Looks;
 use crate::math::distribution::normal_quantile;
+use crate::math::fourier;
 
 /// How one output's residual goes with one source.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,7 +54,8 @@ impl Series {
         let highest = look.bands.last().copied().unwrap_or_default();
         let spectrum = |x: &Vec<f64>| {
             let last = (highest * x.len() as f64 * dt).ceil() as usize;
-            (0..last.min(x.len() / 2)).map(|k| fourier(x, k)).collect()
+            let windowed = fourier::hann(x);
+            (0..last.min(x.len() / 2)).map(|k| fourier::sum(&windowed, k)).collect()
         };
         let spectra = values.iter().map(spectrum).collect();
         let mut series = Series { dt, values, auto: Vec::new(), spectra };
@@ -188,21 +190,6 @@ fn coherence(look: Look, residual: &Series, source: &Series) -> Option<(f64, f64
         }
     }
     best.map(|(value, from, to, averages, _)| (value, from, to, averages))
-}
-
-/// Fourier sum with a Hann window: cosine and sine parts.
-fn fourier(x: &[f64], k: usize) -> (f64, f64) {
-    let turn = 2.0 * std::f64::consts::PI / x.len() as f64;
-    let (step, window) = (libm::sincos(turn * k as f64), libm::sincos(turn));
-    let (mut s, mut c, mut ws, mut wc, mut a, mut b) = (0.0, 1.0, 0.0, 1.0, 0.0, 0.0);
-    for x in x {
-        let weighed = x * 0.5 * (1.0 - wc);
-        a += weighed * c;
-        b += weighed * s;
-        (s, c) = (s * step.1 + c * step.0, c * step.1 - s * step.0);
-        (ws, wc) = (ws * window.1 + wc * window.0, wc * window.1 - ws * window.0);
-    }
-    (a, b)
 }
 
 #[cfg(test)]

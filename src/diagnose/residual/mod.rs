@@ -8,7 +8,6 @@ pub mod innovation;
 pub mod joint;
 pub mod located;
 pub mod noise;
-pub mod sensor;
 pub mod sources;
 pub mod sums;
 pub mod timescale;

@@ -6,10 +6,10 @@
 //! depends on the data alone, so that it stays what it is while a model grows; it is 0.6 s for the short-period motion of a transport aircraft, and
 //! goes with the unit of time. Sampling and the maneuvers' length bound it: lags shorter than half a sample, or longer than a maneuver, say nothing.
 
-use super::sensor::noise;
 use crate::diagnose::thresholds::Thresholds;
 use crate::dynamics::{Channel, Record};
 use crate::math::median;
+use crate::signal::robust::noise_sd;
 
 /// The characteristic time of these records, s; NaN where nothing is measured.
 pub fn characteristic_time<'r>(records: impl Iterator<Item = &'r Record>, thresholds: &Thresholds) -> f64 {
@@ -39,7 +39,7 @@ fn half(z: &[f64], visible: f64) -> Option<f64> {
     let mean = finite().sum::<f64>() / finite().count() as f64;
     let x: Vec<f64> = z.iter().map(|z| if z.is_finite() { z - mean } else { 0.0 }).collect();
     let square = |lag: usize| x[lag..].iter().zip(&x).map(|(a, b)| a * b).sum::<f64>() / finite().count() as f64;
-    let noise = noise(z);
+    let noise = noise_sd(z);
     let motion = square(0) - noise * noise;
     if !(motion > visible * visible * noise * noise && motion > 0.0) {
         return None;

@@ -6,6 +6,7 @@
 use super::kinematics::Kinematics;
 use super::local;
 use crate::reconstruct::signals::Series;
+use crate::signal::robust::noise_sd;
 
 /// Two stamps closer than this are one time, s.
 pub const SAME: f64 = 1e-7;
@@ -77,7 +78,7 @@ impl Flight {
             let known: Vec<usize> = (0..t.len()).filter(|&k| t[k].is_finite() && value[k].is_finite()).collect();
             let t: Vec<f64> = known.iter().map(|&k| t[k]).collect();
             let value: Vec<f64> = known.iter().map(|&k| value[k]).collect();
-            let sd = local::noise(&t, &value);
+            let sd = noise_sd(&value);
             let mut input =
                 Input { sd, direct: [sd * sd, 0.0], spread: local::spread(&value).max(10.0 * sd), ..Default::default() };
             if kinematics.differentiated[i] {
@@ -101,7 +102,7 @@ impl Flight {
         }
         for (output, (t, z)) in measured {
             let angle = kinematics.model.outputs[*output].unit == "rad";
-            let sd = local::noise(t, &if angle { local::unwrap(z) } else { z.to_vec() });
+            let sd = noise_sd(&if angle { local::unwrap(z) } else { z.to_vec() });
             let number = flight.channels.len();
             flight.channels.push(Channel { output: *output, z: z.to_vec(), sd, angle });
             match flight.packets.iter_mut().find(|p| p.t == *t) {

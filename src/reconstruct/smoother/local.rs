@@ -1,6 +1,6 @@
 //! Samples at their own stamps in; local cubics through them, and how noisy the samples are, out.
 
-use crate::math::{mad_sd, median};
+use crate::math::median;
 
 /// Values and slopes at the stamps, and the share of the samples' noise variance that is left in them.
 #[derive(Debug, Clone, Default)]
@@ -75,17 +75,6 @@ fn fit(t: &[f64], y: &[f64], at: usize, basis: &mut Vec<f64>) -> (f64, f64, [f64
     (value, slope, gain)
 }
 
-/// Standard deviation of the fast noise of a signal: third differences see no quadratic; the median of their sizes sees no outliers.
-/// The resolution, as the least step between samples, is the floor (uniform over one step).
-pub fn noise(t: &[f64], y: &[f64]) -> f64 {
-    let good: Vec<f64> = t.iter().zip(y).filter(|(_, y)| y.is_finite()).map(|(_, y)| *y).collect();
-    // variance of y0 - 3 y1 + 3 y2 - y3 is 20 of one sample's
-    let third: Vec<f64> = good.windows(4).map(|w| w[0] - 3.0 * w[1] + 3.0 * w[2] - w[3]).collect();
-    let step = good.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
-    let floor = if step.is_finite() { step / 12f64.sqrt() } else { 0.0 };
-    if third.is_empty() { 0.0 } else { (mad_sd(&third) / 20f64.sqrt()).max(floor) }
-}
-
 /// How far a signal strays from its median: robust standard deviation.
 pub fn spread(y: &[f64]) -> f64 {
     if y.is_empty() {
@@ -128,22 +117,6 @@ mod tests {
             assert!((s.value[k] - f(t)).abs() < 1e-12);
             assert!((s.slope[k] - (-2.0 + 6.0 * t - 12.0 * t * t)).abs() < 1e-9);
         }
-    }
-
-    #[test]
-    fn noise_is_measured_on_a_moving_signal() {
-        let mut x = 1u64;
-        let mut white = || {
-            let mut sum = 0.0;
-            for _ in 0..12 {
-                x = x.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                sum += (x >> 11) as f64 / (1u64 << 53) as f64;
-            }
-            sum - 6.0
-        };
-        let t: Vec<f64> = (0..4000).map(|k| 0.01 * k as f64).collect();
-        let y: Vec<f64> = t.iter().map(|&t| 3.0 * libm::sin(6.0 * t) + 0.02 * white()).collect();
-        assert!((noise(&t, &y) / 0.02 - 1.0).abs() < 0.1, "{}", noise(&t, &y));
     }
 
     #[test]
