@@ -29,7 +29,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
     print_errors(&result.errors);
     result.removed.iter().for_each(|unit| say(&format!("removed: {unit}")));
     // What makes the exit code 1 is named.
-    summary::missing(&result.notes);
+    summary::failing(&result.notes);
     let mut end = if result.complete() { End::Complete } else { End::Partial };
     for (i, diagnosis) in plan.campaign.diagnoses.iter().enumerate().filter(|(_, d)| !d.settings.idle) {
         let Some(findings) = verdict::part(&store, "findings", i)? else {

@@ -128,9 +128,9 @@ fn notes(notes: &[Note]) {
     notes_of(notes, &[(Severity::Missing, "missing"), (Severity::Problem, "problem"), (Severity::Warning, "warning")]);
 }
 
-/// Prints what is missing.
-pub fn missing(notes: &[Note]) {
-    notes_of(notes, &[(Severity::Missing, "missing")]);
+/// Prints what makes the exit code 1.
+pub fn failing(notes: &[Note]) {
+    notes_of(notes, &[(Severity::Missing, "missing"), (Severity::Problem, "problem")]);
 }
 
 fn notes_of(notes: &[Note], kinds: &[(Severity, &str)]) {

@@ -9,13 +9,16 @@ use crate::estimate::{Segment, Stretch};
 pub struct Rule {
     pub held_out: Vec<bool>,
     pub words: String,
+    /// Names in the settings that no maneuver has.
+    pub unknown: Vec<String>,
 }
 
 /// Chooses by the settings, or by the fixed rule: every `hold_every`-th maneuver of each input, in the order given.
 pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> Rule {
     if !settings.held_out.is_empty() {
         let held_out = names.iter().map(|name| settings.held_out.contains(name)).collect();
-        return Rule { held_out, words: "chosen by the settings".into() };
+        let unknown = settings.held_out.iter().filter(|name| !names.contains(name)).cloned().collect();
+        return Rule { held_out, words: "chosen by the settings".into(), unknown };
     }
     let every = settings.hold_every.max(2);
     let mut counts: Vec<(String, usize)> = Vec::new();
@@ -34,7 +37,8 @@ pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> 
         3 => "third".to_string(),
         _ => format!("{every}th"),
     };
-    Rule { held_out, words: format!("every {which} maneuver of each input, in the order of flights and time") }
+    let words = format!("every {which} maneuver of each input, in the order of flights and time");
+    Rule { held_out, words, unknown: Vec::new() }
 }
 
 /// Segments and their names as they are, or, where there are fewer than `hold_every`, cut into blocks of equal time (of at least
@@ -94,7 +98,8 @@ mod tests {
         let names: Vec<String> = (0..7).map(|i| format!("s{i}")).collect();
         let held = held_out(&segments, &names, &Settings::default()).held_out;
         assert_eq!(held, [false, false, false, true, false, true, false]);
-        let settings = Settings { held_out: vec!["s6".into()], ..Settings::default() };
-        assert_eq!(held_out(&segments, &names, &settings).held_out.iter().filter(|h| **h).count(), 1);
+        let settings = Settings { held_out: vec!["s6".into(), "s06".into()], ..Settings::default() };
+        let rule = held_out(&segments, &names, &settings);
+        assert_eq!((rule.held_out.iter().filter(|h| **h).count(), &rule.unknown[..]), (1, &["s06".to_string()][..]));
     }
 }

@@ -9,7 +9,7 @@
 //! is to be expected of a change; what was measured is in the document.
 //!
 //! What is not here, and why: exact numbers of the theory (half a square, the mean of chi-square, a dispersion of at least 1, the sign of a gain);
-//! rounding of the linear algebra (`gram::DEPENDENT`, the pivots of `gram::factor`, the tolerance of `gain::by_coordinates`); the ladder of damped
+//! rounding of the linear algebra (`products::DEPENDENT`, the pivots of `products::factor`, the tolerance of `gain::by_coordinates`); the ladder of damped
 //! steps of a fit (`fit::TRIES`) and sizes of loops, which change the way and not the end; what is only words and digits (which base parameters are
 //! told to imitate a candidate, 95% intervals); and the numbers of one effect (starts, bounds, what physics expects), which stand in its file.
 
@@ -162,10 +162,10 @@ thresholds! {
     /// Lower: gusts in held-out maneuvers contradict true effects. Higher: damage done there is not seen.
     loss_sds: f64 = 3.0, "sd";
 
-    /// A name takes this many times the null maximum of its round. That limit supposes the noise's colour to be known; it is estimated, and what is slow
-    /// in it may be wrong by a factor. *Chosen*: 3, then 5, on nulls (names of nothing had 3, 4.2 and 4.8 times; true names of size 1 had 12 and
-    /// more); 5 to 4.5 on the HFB-320's drag, so that its test is no evidence. Lower: nothing gets a name. Higher: faint truths lose theirs.
-    name_factor: f64 = 4.5, "times the null maximum";
+    /// A name takes this many times the gain that luck gives the best candidate of its round. That gain supposes the noise to be known; where slow noise is
+    /// stronger than it is taken for, every gain is larger by that factor. *Set* on null campaigns (docs/thresholds.md). Lower: nothing gets a name. Higher:
+    /// faint truths lose theirs.
+    name_factor: f64 = 3.25, "times the gain by luck";
 
     // ---- Search: what is added, tested and dropped --------------------------------------------------------------------------------------
 
@@ -173,9 +173,9 @@ thresholds! {
     /// still missing. *First guess*, with several effects missing at once in view (ATTAS). Lower: the second of two is not reached.
     held_out_taken: f64 = 0.2, "share of the gain";
 
-    /// Evidence of so many times the null maximum is not dropped for what held-out maneuvers say against it: it stays, unnamed. *First
+    /// Evidence of so many times the gain by luck is not dropped for what held-out maneuvers say against it: it stays, unnamed. *First
     /// guess*, from when flights of another simulator were first looked at. Lower: more stays unnamed and stands in the way. Higher: it is dropped.
-    kept_factor: f64 = 5.0, "times the null maximum";
+    kept_factor: f64 = 3.5, "times the gain by luck";
 
     /// Rivals that take part when an effect is tested with all others in place. *First guess*. Lower: a better rival is left out. Higher: slower.
     rivals: usize = 12, "candidates";
@@ -188,9 +188,9 @@ thresholds! {
     /// Lower: names are lost to small rests. Higher: names beside larger things that are not understood.
     rest_share: f64 = 0.2, "share of the evidence";
 
-    /// "Nothing missing" is not said where a candidate of the first round scored more than so many times the null maximum, although nothing passed.
+    /// "Nothing missing" is not said where a candidate of the first round gained more than so many times what luck gives the best, although nothing passed.
     /// *First guess*. Lower: nulls become "located". Higher: faint effects become "nothing missing".
-    shown_factor: f64 = 2.0, "times the null maximum";
+    shown_factor: f64 = 2.0, "times the gain by luck";
 
     // ---- What is left: do outputs answer to anything? -----------------------------------------------------------------------------------
 
@@ -286,8 +286,6 @@ pub mod defaults {
 
 /// Numbers of the noise model, by which everything is weighted.
 pub mod noise {
-    /// Highest order of the autoregressive model of one output. *First guess*, about a second of a record; the criterion chooses below it.
-    pub const ORDER: usize = 24;
     /// Highest order of the vector model of several outputs. *Convention*: what single filters leave in common is short.
     pub const JOINT_ORDER: usize = 6;
     /// Samples that each coefficient of one order of the vector model must have. *Convention*.
@@ -306,7 +304,7 @@ mod tests {
     fn one_is_scaled_and_the_others_stay() {
         let all = Thresholds::default();
         let twice = all.scaled("name_factor", 2.0).expect("a threshold");
-        assert_eq!(twice, Thresholds { name_factor: 9.0, ..all.clone() });
+        assert_eq!(twice, Thresholds { name_factor: 6.5, ..all.clone() });
         assert_eq!(all.scaled("rivals", 0.5).expect("a threshold").rivals, 6);
         assert_eq!(all.scaled("gap_bands", 2.0).expect("a threshold").gap_bands[3], 9.6);
         assert_eq!(all.scaled("no such", 2.0), None);

@@ -143,8 +143,7 @@ fn absorbed<F: Evaluate>(source: &Source<F>, sigma: &Sigma, held: &[bool]) -> Op
     let layout = source.layout;
     let is_held = |i: usize| held.get(i).copied().unwrap_or(false);
     let prior = |i: usize| {
-        let weight = layout.prior_weight(i);
-        let pull = if weight > 0.0 { weight * (layout.centre[i] - source.theta[i]) } else { 0.0 };
+        let (weight, pull) = layout.prior(i, source.theta[i]);
         Prior { weight, pull }
     };
     let part = |s: usize, blocks: &[Block]| {

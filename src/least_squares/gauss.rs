@@ -89,10 +89,10 @@ impl Trial {
             _ => weighed(layout, evaluate, &theta, &noise)?.weigh(layout, &[1.0]),
         };
         for i in 0..theta.len() {
-            let weight = layout.prior_weight(i);
+            let (weight, pull) = layout.prior(i, theta[i]);
             if weight > 0.0 {
                 matrix.add_diagonal(i, weight);
-                gradient[i] += weight * (layout.centre[i] - theta[i]);
+                gradient[i] += pull;
             }
         }
         Some(Point { theta, noise, ln_det, cost, matrix, gradient })

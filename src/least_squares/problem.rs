@@ -84,6 +84,12 @@ impl Layout {
         if sd.is_finite() { 1.0 / (sd * sd) } else { 0.0 }
     }
 
+    /// What the prior of parameter `i` adds to the normal equations at `value`: its weight, and its pull downhill.
+    pub fn prior(&self, i: usize, value: f64) -> (f64, f64) {
+        let weight = self.prior_weight(i);
+        (weight, if weight > 0.0 { weight * (self.centre[i] - value) } else { 0.0 })
+    }
+
     /// The parameters as segment `s` sees them, in the order of its directions.
     pub fn local(&self, s: usize, theta: &[f64]) -> Vec<f64> {
         let part = &self.parts[s];

@@ -54,6 +54,14 @@ impl Gram {
         }
     }
 
+    /// Adds to column `i` what a prior says: its weight, and its pull on the last column's fit.
+    pub fn pull(&mut self, i: usize, (weight, pull): (f64, f64)) {
+        let n = self.n;
+        self.sums[i * n + i] += weight;
+        self.scale[i] += weight;
+        self.sums[i * n + n - 1] += pull;
+    }
+
     /// Eliminates columns `from..to`; row `i` then holds what `solve` needs. Dependent columns become rows of zeros.
     pub fn eliminate(&mut self, from: usize, to: usize) {
         let n = self.n;

@@ -422,8 +422,28 @@ impl Reader {
         }
         let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).filter(|folder| folder.is_dir()).collect();
         let effects = self.errors.take(effect::load(&folders))?;
-        estimates.get(index)?.as_ref()?;
+        let base = estimates.get(index)?.as_ref()?;
+        self.roles(key, &settings, &base.model);
         Some(diagnose::Config { settings, estimate: index, effects })
+    }
+
+    /// Checks that roles are roles, and what plays them is in the model.
+    fn roles(&mut self, key: &str, settings: &diagnose::Settings, model: &Model) {
+        let known: Vec<String> = effect::roles::names().iter().map(|name| name.to_string()).collect();
+        for (role, players) in &settings.roles {
+            if !effect::roles::exists(role) {
+                let error = names::unknown(&self.doc, &format!("{key}.roles.{role}"), "role", role, &known);
+                self.errors.push(error);
+            }
+            for (i, name) in players.iter().enumerate().filter(|(_, name)| !effect::roles::is_of(model, name)) {
+                let what = format!("\"{name}\" is nothing of the model that could play the role \"{role}\"");
+                self.push(
+                    &format!("{key}.roles.{role}.{i}"),
+                    what,
+                    "give an input, a state, an equation, a constant, or output(name)",
+                );
+            }
+        }
     }
 
     /// Checks that a name is new and safe in a file's name.

@@ -253,7 +253,7 @@ fn jump(which: Which, pairs: &[Pair]) -> [f64; 2] {
     let delay = |pair: &Pair| regress(which, std::slice::from_ref(pair)).filter(sound).map(|c| c.delay);
     match pairs {
         [first, second] => match (delay(first), delay(second)) {
-            (Some(a), Some(b)) => [b[0] - a[0], a[1].hypot(b[1])],
+            (Some(a), Some(b)) => [b[0] - a[0], libm::hypot(a[1], b[1])],
             _ => [f64::NAN; 2],
         },
         _ => [f64::NAN; 2],

@@ -26,15 +26,17 @@ pub struct Task<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fit {
     pub theta: Vec<f64>,
-    /// Cost of each segment of the task.
+    /// Half the squares of each segment's white residuals.
     pub costs: Vec<f64>,
+    /// Half the squared deviations from priors, in their standard deviations.
+    pub prior: f64,
     /// What a step still promises is less than luck gives one parameter.
     pub converged: bool,
 }
 
 impl Fit {
     pub fn cost(&self) -> f64 {
-        self.costs.iter().sum()
+        self.costs.iter().sum::<f64>() + self.prior
     }
 }
 
@@ -46,10 +48,12 @@ impl Task<'_> {
         if found.stop == Stop::NotFinite {
             return None;
         }
+        let pull = |(i, x): (usize, &f64)| 0.5 * layout.prior_weight(i) * (x - layout.centre[i]).powi(2);
+        let prior = found.theta.iter().enumerate().map(pull).sum();
         let theta = self.whole(&layout, &found.theta, theta);
         // Nothing to fit has been fitted.
         let converged = found.stop == Stop::NoData || found.promise < self.promise();
-        Some(Fit { costs: self.costs(&theta)?, theta, converged })
+        Some(Fit { costs: self.costs(&theta)?, prior, theta, converged })
     }
 
     fn method(&self) -> Method {

@@ -123,7 +123,7 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
         model: stand.model.clone(),
         method: stand.method.clone(),
         prepared: prepared.clone(),
-        frozen: frozen(&case, &noise, &places, &fit.theta, thresholds),
+        frozen: frozen(&case, &noise, &places, &fit.theta, (&stand.nulls, thresholds)),
         substeps: case.records.iter().map(|r| r.substeps).collect(),
         places,
         noise,

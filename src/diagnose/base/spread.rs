@@ -34,7 +34,7 @@ impl Task<'_> {
         all.eliminate(0, n - k);
         let wanted: Vec<usize> = (n - k..n).collect();
         let information = all.block(&wanted);
-        let mut rest = all.rest(n - k);
+        let rest = all.rest(n - k);
         let mut sd = vec![None; k];
         let mut left = vec![0.0; k];
         for i in 0..k {
@@ -50,7 +50,6 @@ impl Task<'_> {
             left[i] = if rest.scale[i] > 0.0 { information / rest.scale[i] } else { 0.0 };
             sd[i] = (left[i] > DEPENDENT).then(|| 1.0 / information.sqrt());
         }
-        rest.eliminate(0, k);
         let by_segment = parts.iter().map(|part| wanted.iter().map(|&place| local(part, place)).collect()).collect();
         Some(Spread { sd, information, left, by_segment })
     }
@@ -75,6 +74,7 @@ impl Task<'_> {
         columns.extend(white.pop());
         to.push(self.free.len());
         let mut gram = Gram::of(&columns);
+        (0..part.own).for_each(|k| gram.pull(k, layout.prior(part.offset + k, theta[part.offset + k])));
         gram.eliminate(0, part.own);
         gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own: part.own, to, gram })
     }
@@ -85,10 +85,7 @@ impl Task<'_> {
         let mut all = Gram::zero(n + 1);
         parts.iter().for_each(|part| all.add(&part.gram, part.own, &part.to));
         for (place, &i) in self.free.iter().enumerate() {
-            let weight = layout.prior_weight(i);
-            all.sums[place * (n + 1) + place] += weight;
-            all.scale[place] += weight;
-            all.sums[place * (n + 1) + n] += weight * (layout.centre[i] - theta[i]);
+            all.pull(place, layout.prior(i, theta[i]));
         }
         all
     }

@@ -17,6 +17,8 @@ pub struct Stand {
     pub method: estimate::Settings,
     /// Names of the parameters that were added, in the order of their addition.
     pub added: Vec<String>,
+    /// Where each of them leaves the model as it was; none for a shape.
+    pub nulls: BTreeMap<String, Option<f64>>,
 }
 
 impl Stand {
@@ -30,13 +32,13 @@ impl Stand {
             };
             method.free = Some(model.parameters.iter().filter(own).map(|p| p.quantity.name.clone()).collect());
         }
-        Stand { model: model.clone(), method, added: Vec::new() }
+        Stand { model: model.clone(), method, added: Vec::new(), nulls: BTreeMap::new() }
     }
 
-    /// With further parameters: `held` ones are fixed at their value, the others free from there on.
-    pub fn with(&self, model: &Model, values: &[(String, f64, bool)]) -> Stand {
+    /// With further parameters (name, value, whether it is held there, null), the others free from there on.
+    pub fn with(&self, model: &Model, values: &[(String, f64, bool, Option<f64>)]) -> Stand {
         let mut stand = Stand { model: model.clone(), ..self.clone() };
-        for (name, value, held) in values {
+        for (name, value, held, null) in values {
             stand.method.starts.insert(name.clone(), *value);
             if *held {
                 stand.method.fixed.push(name.clone());
@@ -44,6 +46,7 @@ impl Stand {
                 free.push(name.clone());
             }
             stand.added.push(name.clone());
+            stand.nulls.insert(name.clone(), *null);
         }
         stand
     }

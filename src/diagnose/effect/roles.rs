@@ -187,6 +187,11 @@ fn dim(unit: &str) -> Option<Dim> {
     Unit::parse(unit).ok().map(|u| u.dim)
 }
 
+/// Whether a name that the pipeline file gives to a role is something of the model: an expression's name, or `output(name)`.
+pub fn is_of(model: &Model, name: &str) -> bool {
+    named(model, name).is_some()
+}
+
 /// What a name of the pipeline file stands for: an expression's name, or an output.
 fn named(model: &Model, name: &str) -> Option<Bound> {
     if let Some(output) = name.strip_prefix("output(").and_then(|n| n.strip_suffix(')')) {

@@ -51,9 +51,8 @@ impl<'a> Fitted<'a> {
     }
 
     fn prior(&self, i: usize) -> Prior {
-        let (layout, theta) = (&self.case.layout, self.theta[i]);
-        let weight = layout.prior_weight(i);
-        Prior { weight, pull: if weight > 0.0 { weight * (layout.centre[i] - theta) } else { 0.0 } }
+        let (weight, pull) = self.case.layout.prior(i, self.theta[i]);
+        Prior { weight, pull }
     }
 
     /// The blocks of a segment, without what the residuals answer.

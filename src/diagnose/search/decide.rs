@@ -2,6 +2,7 @@
 
 use super::judged::{Judged, Standing};
 use super::refit::Left;
+use super::surrogate::times;
 use super::value::{Gain, Value};
 use crate::diagnose::effect::Family;
 use crate::diagnose::settings::Settings;
@@ -11,7 +12,7 @@ use crate::math::products::dot;
 
 /// Why a candidate that passes is not named yet, at the round's limit of luck.
 pub fn is_faint(judged: &Judged, limit: f64, thresholds: &Thresholds) -> Option<String> {
-    let wanted = thresholds.name_factor * limit;
+    let wanted = times(thresholds.name_factor, limit, judged.screened.taken, thresholds);
     let words = format!("evidence {:.1}, where {wanted:.1} makes a name", judged.evidence);
     (!(judged.evidence > wanted)).then_some(words)
 }

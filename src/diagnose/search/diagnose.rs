@@ -11,7 +11,7 @@ use super::judged::Standing;
 use super::judged::{Judged, Round};
 use super::refit::joined;
 use super::round::held_against;
-use super::surrogate::luck;
+use super::surrogate::times;
 use super::unseen::missed;
 use super::verdict::{Diagnosis, Finding, Verdict};
 use crate::diagnose::base::found::{Found, at_first, at_next, values};
@@ -78,6 +78,7 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
         values: Vec::new(),
         located: Vec::new(),
         missed: Vec::new(),
+        left_out: Vec::new(),
         skipped: Vec::new(),
         closing: Closing::default(),
     };
@@ -101,6 +102,11 @@ impl Search<'_> {
             Ok(base) => base,
             Err(trouble) => return Ok(Err(trouble)),
         };
+        self.out.left_out = base.prepared.left_out.clone();
+        if base.places.training.is_empty() || base.places.held_out.is_empty() {
+            let what = if base.places.training.is_empty() { "to train on" } else { "held out" };
+            return Ok(Err(Trouble::Segments(format!("none of the maneuvers {what} can be used"))));
+        }
         let most = self.subject.settings.thresholds.rounds_per_effect * self.subject.settings.effects + 2;
         self.forward(&base)?;
         while !self.back(&base)? {
@@ -111,8 +117,13 @@ impl Search<'_> {
             }
         }
         let named: Vec<Link> = self.links.iter().filter(|l| l.doubt.is_none()).cloned().collect();
-        let (stand, added) = self.chained(&named)?;
+        let chained = self.chained(&named)?;
+        let (stand, added) = chained.unwrap_or_else(|| (self.first(), Vec::new()));
         let last = self.with(&stand, &base)?;
+        if added.len() < named.len() || (last.is_none() && !named.is_empty()) {
+            let names: Vec<&str> = named.iter().map(|l| l.name.as_str()).collect();
+            return Ok(Err(Trouble::Base(format!("the model with {} does not run", names.join(" and ")))));
+        }
         let last = last.as_ref().unwrap_or(&base);
         let case = last.case();
         let settings = self.subject.settings;
@@ -138,23 +149,22 @@ impl Search<'_> {
         self.subject.settings.thresholds.rivals
     }
 
-    /// The base with these links, and the candidates that they are.
-    fn chained(&self, links: &[Link]) -> Result<(Stand, Vec<Candidate>), Errors> {
+    /// The base with these links, and the candidates that they are; none where one of them cannot be attached to the others.
+    fn chained(&self, links: &[Link]) -> Result<Option<(Stand, Vec<Candidate>)>, Errors> {
         let (mut stand, mut added) = (self.first(), Vec::new());
         for link in links {
             let (candidates, _) = (self.offer)(&stand.model)?;
-            if let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) {
-                stand = joined(&stand, &candidate, &link.values);
-                added.push(candidate);
-            }
+            let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) else { return Ok(None) };
+            stand = joined(&stand, &candidate, &link.values);
+            added.push(candidate);
         }
-        Ok((stand, added))
+        Ok(Some((stand, added)))
     }
 
     /// Adds what has most evidence until nothing has.
     fn forward(&mut self, base: &Found) -> Result<(), Errors> {
         while self.links.len() < self.subject.settings.effects {
-            let (stand, _) = self.chained(&self.links)?;
+            let Some((stand, _)) = self.chained(&self.links)? else { return Ok(()) };
             let made = self.with(&stand, base)?;
             if made.is_none() && !self.links.is_empty() {
                 return Ok(());
@@ -199,11 +209,17 @@ impl Search<'_> {
             let name = self.links[i].name.clone();
             let at = match self.tested_already() {
                 Some(at) => at,
-                None => {
-                    let round = self.strict(i, base)?;
-                    self.out.rounds.push(round);
-                    self.out.rounds.len() - 1
-                }
+                None => match self.strict(i, base)? {
+                    Some(round) => {
+                        self.out.rounds.push(round);
+                        self.out.rounds.len() - 1
+                    }
+                    None => {
+                        self.links[i].doubt =
+                            Some("without it the model with everything else does not run: it could not be tested".into());
+                        continue;
+                    }
+                },
             };
             let round = &self.out.rounds[at];
             let judged = |c: &usize| round.judged.get(*c);
@@ -219,8 +235,9 @@ impl Search<'_> {
                 self.links[i] = better;
                 return Ok(false);
             }
-            let kept = self.subject.settings.thresholds.kept_factor * round.limit;
-            let doubt = this.filter(|j| DOUBTED.contains(&j.standing) && evidence > kept).map(|j| j.why.clone());
+            let thresholds = &self.subject.settings.thresholds;
+            let kept = |j: &&Judged| evidence > times(thresholds.kept_factor, round.limit, j.screened.taken, thresholds);
+            let doubt = this.filter(|j| DOUBTED.contains(&j.standing)).filter(kept).map(|j| j.why.clone());
             if doubt.is_some() {
                 self.links[i].doubt = doubt;
                 continue;
@@ -240,30 +257,23 @@ impl Search<'_> {
         self.out.rounds.iter().rposition(round)
     }
 
-    /// A round on everything but link `i`, with it and those that came near it.
-    fn strict(&self, i: usize, base: &Found) -> Result<Round, Errors> {
+    /// A round on everything but link `i`, with it and those that came near it; none where that does not run.
+    fn strict(&self, i: usize, base: &Found) -> Result<Option<Round>, Errors> {
         let mut others = self.links.clone();
         let this = others.remove(i);
         (self.progress)(&format!("{} is taken out and tested with everything else in place", this.name));
-        let (stand, _) = self.chained(&others)?;
+        let Some((stand, _)) = self.chained(&others)? else { return Ok(None) };
         let (mut candidates, _) = (self.offer)(&stand.model)?;
         candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));
         let made = self.with(&stand, base)?;
-        let mut round = match (&made, others.is_empty()) {
-            (None, false) => Round {
-                limit: f64::NAN,
-                judged: Vec::new(),
-                class: Vec::new(),
-                located: Vec::new(),
-                base: Vec::new(),
-                strict: true,
-            },
-            // Few take part, but it was found as the best of all.
-            _ => self.round(&stand, made.as_ref().unwrap_or(base), &candidates, this.limit)?,
-        };
+        if made.is_none() && !others.is_empty() {
+            return Ok(None);
+        }
+        // Few take part, but it was found as the best of all.
+        let mut round = self.round(&stand, made.as_ref().unwrap_or(base), &candidates, this.limit)?;
         round.base = others.iter().map(|l| l.name.clone()).collect();
         round.strict = true;
-        Ok(round)
+        Ok(Some(round))
     }
 
     /// `least`: luck gains at least this.
@@ -321,8 +331,8 @@ fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
-        let much = |r: &Round| thresholds.shown_factor * r.limit + luck(1, thresholds.false_alarm);
-        let shows = |r: &Round| r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r));
+        let much = |r: &Round, j: &Judged| times(thresholds.shown_factor, r.limit, j.screened.taken, thresholds);
+        let shows = |r: &Round| r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r, j));
         let shown = out.rounds.first().is_some_and(shows);
         return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }

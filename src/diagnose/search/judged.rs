@@ -2,8 +2,10 @@
 
 use super::refit::Refit;
 use super::screen::Screened;
+use super::surrogate::luck;
 use crate::diagnose::effect;
 use crate::diagnose::residual::located::Located;
+use crate::diagnose::thresholds::Thresholds;
 
 /// What became of a candidate in a round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,6 +81,14 @@ pub struct Judged {
     pub standing: Standing,
     /// The standing in words, with its figures.
     pub why: String,
+}
+
+impl Judged {
+    /// Its evidence as a gain, over what luck gives the best of its round: what a threshold that counts in times of luck is compared with.
+    pub fn over_luck(&self, limit: f64, thresholds: &Thresholds) -> f64 {
+        let luck = luck(self.screened.taken.max(1), thresholds.false_alarm);
+        (self.evidence + luck) / (limit + luck)
+    }
 }
 
 /// One round: a base fit and all candidates held against it.

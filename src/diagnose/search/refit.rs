@@ -89,23 +89,19 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
     let task =
         Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free, thresholds: ground.thresholds };
     let spread = task.spread(&fit.theta, k);
-    let own = candidate.added.iter().filter(|a| a.hold.is_none() && a.scope == Scope::Segment).count();
-    let held_out = frozen(&case, ground.noise, ground.places, &fit.theta, ground.thresholds);
+    let held_out = frozen(&case, ground.noise, ground.places, &fit.theta, (&stand.nulls, ground.thresholds));
     let gains = ground.frozen.iter().zip(&held_out).zip(&ground.places.held_out);
-    let gains = gains.map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s, own)).collect();
+    let gains = gains.map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s)).collect();
     let training = ground.places.training.iter().zip(ground.fit.costs.iter().zip(&fit.costs));
-    let training = training.map(|(&s, (base, with))| Gain {
-        segment: prepared.used[s],
-        predicted: f64::NAN,
-        realised: base - with - own as f64,
-    });
+    let training =
+        training.map(|(&s, (base, with))| Gain { segment: prepared.used[s], predicted: f64::NAN, realised: base - with });
     let values = values(&case, (candidate, at), (&free, k), &fit, spread.as_ref(), ground.thresholds);
     let left = left(ground, &case, &fit.theta, &held_out);
     let refit = Refit {
         consistency: spread.as_ref().and_then(|spread| consistency(spread, &values, ground.thresholds.telling_share)),
         gain: ground.fit.cost() - fit.cost(),
         converged: fit.converged,
-        values,
+        values: values.into_iter().map(|v| v.0).collect(),
         held_out: gains,
         training: training.collect(),
         known: Known::of(&case, &prepared, &fit.theta),
@@ -146,12 +142,11 @@ pub fn joined(stand: &Stand, candidate: &Candidate, at: &[f64]) -> Stand {
         Some(hold) => hold,
         None => value.clamp(added.min, added.max),
     };
-    let values: Vec<(String, f64, bool)> =
-        candidate.added.iter().zip(at).map(|(added, value)| (added.name.clone(), inside(added, *value), added.is_held())).collect();
-    stand.with(&candidate.model, &values)
+    let one = |(added, value): (&Added, &f64)| (added.name.clone(), inside(added, *value), added.is_held(), added.null);
+    stand.with(&candidate.model, &candidate.added.iter().zip(at).map(one).collect::<Vec<_>>())
 }
 
-fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, s: usize, own: usize) -> Gain {
+fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, s: usize) -> Gain {
     let segment = ground.prepared.used[s];
     let (Some(base), Some(with)) = (base, with) else {
         return Gain { segment, predicted: f64::NAN, realised: f64::NEG_INFINITY };
@@ -161,12 +156,11 @@ fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, 
     let blocks: Vec<Block> = base.blocks.iter().zip(&with.blocks).map(difference).collect();
     let white = ground.noise.whiten(s, &blocks);
     let predicted = white.last().map_or(f64::NAN, |d| 0.5 * dot(d, d));
-    // A parameter of the maneuver's own gains half a unit by luck, and predicts as much.
-    let luck = 0.5 * own as f64;
-    Gain { segment, predicted: (predicted - luck).max(0.0), realised: base.cost - with.cost - luck }
+    Gain { segment, predicted, realised: base.cost - with.cost }
 }
 
-/// `tried`: the candidate, and the values of its parameters from which it was fitted.
+/// The added parameters as they were found, each with its place among the last `k` free ones (none for one that is held). `tried`: the candidate, and the
+/// values of its parameters from which it was fitted.
 fn values(
     case: &Case,
     tried: (&Candidate, &[f64]),
@@ -174,50 +168,45 @@ fn values(
     fit: &Fit,
     spread: Option<&Spread>,
     thresholds: &Thresholds,
-) -> Vec<Value> {
+) -> Vec<(Value, Option<usize>)> {
+    let last = &free[free.len() - k..];
+    let sd = |at: usize| spread.and_then(|s| s.sd.get(at).copied().flatten());
     let one = |(added, start): (&Added, &f64)| {
-        let at = free[free.len() - k..].iter().position(|&i| case.unknowns[i].name == added.name);
-        let index = at.map(|at| free[free.len() - k + at]);
-        let own = || {
-            let mine = (0..case.unknowns.len()).filter(|&i| case.unknowns[i].name == added.name).map(|i| fit.theta[i]);
-            mine.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(f64::NAN)
-        };
-        let value = match (index, added.hold) {
-            (Some(i), _) => fit.theta[i],
+        // Of a parameter that differs from flight to flight the value that is furthest from null, in its sd: there, if anywhere, it is seen.
+        let far = |at: usize| (fit.theta[last[at]] - added.null.unwrap_or_default()).abs() / sd(at).unwrap_or(f64::INFINITY);
+        let these = (0..k).filter(|&at| case.unknowns[last[at]].name == added.name);
+        let at = these.max_by(|&a, &b| far(a).total_cmp(&far(b)).then(b.cmp(&a)));
+        let value = match (at, added.hold) {
+            (Some(at), _) => fit.theta[last[at]],
             (None, Some(hold)) => hold,
-            (None, None) if added.chosen => *start,
-            // One per maneuver: the largest.
-            (None, None) => own(),
+            (None, None) => *start,
         };
-        let bound = index.is_some_and(|i| value <= case.layout.lower[i] || value >= case.layout.upper[i]);
-        let sd = at.and_then(|at| spread.and_then(|s| s.sd.get(at).copied().flatten()));
-        let left = at.and_then(|at| spread.and_then(|s| s.left.get(at).copied()));
-        Value {
+        let bound = |i: usize| value <= case.layout.lower[i] || value >= case.layout.upper[i];
+        let value = Value {
             name: added.name.clone(),
             unit: added.unit.clone(),
             value,
-            sd,
+            sd: at.and_then(sd),
             null: added.null,
             span: added.span,
-            at_bound: bound,
+            at_bound: at.is_some_and(|at| bound(last[at])),
             held: added.is_held(),
             own: added.scope == Scope::Segment,
-            left,
+            left: at.and_then(|at| spread.and_then(|s| s.left.get(at).copied())),
             check: added.check.as_ref().map(|c| (c.text.clone(), c.value, c.within)),
             is_determined: false,
-        }
-        .judged(thresholds)
+        };
+        (value.judged(thresholds), at)
     };
     tried.0.added.iter().zip(tried.1).map(one).collect()
 }
 
 /// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against chi-square; its excess over the
 /// uncertainties by DerSimonian and Laird. The worst of the sizes.
-fn consistency(spread: &Spread, values: &[Value], telling_share: f64) -> Option<Consistency> {
-    let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && v.left.is_some()).collect();
-    let one = |(i, v): (usize, &&Value)| {
-        let null = v.null?;
-        let all: Vec<(f64, f64)> = spread.by_segment.iter().filter_map(|s| s.get(i).copied()).collect();
+fn consistency(spread: &Spread, values: &[(Value, Option<usize>)], telling_share: f64) -> Option<Consistency> {
+    let one = |(v, at): &(Value, Option<usize>)| {
+        let (null, at) = (v.null?, (*at)?);
+        let all: Vec<(f64, f64)> = spread.by_segment.iter().filter_map(|s| s.get(at).copied()).collect();
         let total: f64 = all.iter().map(|s| s.1).sum();
         let telling: Vec<(f64, f64)> = all.into_iter().filter(|s| s.1 > telling_share * total).collect();
         let dof = telling.len().checked_sub(1).filter(|dof| *dof > 0)? as f64;
@@ -226,5 +215,5 @@ fn consistency(spread: &Spread, values: &[Value], telling_share: f64) -> Option<
         let excess = ((q - dof) / (sum - squares / sum)).max(0.0).sqrt();
         Some(Consistency { p: 1.0 - chi2_cdf(q, dof), share: excess / (v.value - null).abs() })
     };
-    fitted.iter().enumerate().filter_map(one).min_by(|a, b| a.p.total_cmp(&b.p).then(b.share.total_cmp(&a.share)))
+    values.iter().filter_map(one).min_by(|a, b| a.p.total_cmp(&b.p).then(b.share.total_cmp(&a.share)))
 }

@@ -46,7 +46,8 @@ pub fn held_against(
         free: &found.free,
     };
     let screening = screen(&ground, candidates)?;
-    let best = best_of_surrogates(&screening, settings);
+    let part: Vec<bool> = candidates.iter().map(takes_part).collect();
+    let best = best_of_surrogates(&screening, &part, settings);
     let limit = least.max(if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) });
     let mut judged: Vec<Judged> =
         candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit, settings)).collect();
@@ -113,9 +114,13 @@ fn fitted_count(refit: &refit::Refit) -> usize {
     refit.values.iter().filter(|v| !v.held).count()
 }
 
+/// What has a value for every maneuver can be fitted to a held-out one, and so never confirmed by it: it is told, and takes no part.
+fn takes_part(candidate: &Candidate) -> bool {
+    candidate.added.iter().all(|a| a.scope != Scope::Segment)
+}
+
 fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &Settings) -> Judged {
-    // What has a value for every maneuver can be fitted to a held-out one, and so never confirmed by it: it is told, and takes no part.
-    let own = candidate.added.iter().any(|a| a.scope == Scope::Segment);
+    let own = !takes_part(candidate);
     let score = if own { 0.0 } else { screened.gain - luck(screened.taken, settings.thresholds.false_alarm) };
     let (standing, why) = if own {
         let why = format!("gains {:.1} with a value for every maneuver, which held-out ones cannot confirm", screened.gain);

@@ -98,9 +98,7 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
         all.add(part, ground.case.layout.parts[s].own, to);
     }
     for (place, &i) in ground.free.iter().enumerate() {
-        let weight = ground.case.layout.prior_weight(i);
-        all.sums[place * all.n + place] += weight;
-        all.sums[place * all.n + n + m] += weight * (ground.case.layout.centre[i] - ground.theta[i]);
+        all.pull(place, ground.case.layout.prior(i, ground.theta[i]));
     }
     let before = all.clone();
     all.eliminate(0, n);
@@ -158,6 +156,7 @@ fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Colum
     to.push(ground.free.len() + columns.len());
     used.push(e);
     let mut gram = Gram::of(&used);
+    (0..part.own).for_each(|k| gram.pull(k, layout.prior(part.offset + k, ground.theta[part.offset + k])));
     gram.eliminate(0, part.own);
     Some((gram, to))
 }
@@ -241,9 +240,10 @@ impl Screening {
         Screened { gain, taken: trial.columns.len(), at, ..none }
     }
 
-    /// Gains of all candidates for slopes `u` (per column): what a surrogate campaign yields.
-    pub fn gains(&self, u: &[f64]) -> Vec<f64> {
-        (0..self.screened.len()).map(|c| self.best(c, &|k| u[k]).map_or(0.0, |best| best.0)).collect()
+    /// Gains of the candidates that take part for slopes `u` (per column), 0 for the others: what a surrogate campaign yields.
+    pub fn gains(&self, u: &[f64], takes_part: &[bool]) -> Vec<f64> {
+        let gain = |c: usize| self.best(c, &|k| u[k]).filter(|_| takes_part[c]).map_or(0.0, |best| best.0);
+        (0..self.screened.len()).map(gain).collect()
     }
 
     /// Information of all columns, `[n][n]`, and how many there are; those that say nothing are zero.

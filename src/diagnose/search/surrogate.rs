@@ -6,6 +6,7 @@
 
 use super::screen::Screening;
 use crate::diagnose::settings::Settings;
+use crate::diagnose::thresholds::Thresholds;
 use crate::math::distribution::chi2_quantile;
 use crate::math::products::factor;
 use crate::simulate::Stream;
@@ -17,8 +18,15 @@ pub fn luck(k: usize, false_alarm: f64) -> f64 {
     if k == 0 { 0.0 } else { 0.5 * chi2_quantile(1.0 - false_alarm, k as f64) }
 }
 
-/// Gain less luck of the best candidate of each surrogate, ascending.
-pub fn best_of_surrogates(screening: &Screening, settings: &Settings) -> Vec<f64> {
+/// What a score (a gain less luck) must exceed so that the gain itself is `factor` times that of the best by luck: noise stronger than it is taken for makes
+/// every gain larger by its factor, and luck with it. `limit`: the best score by luck.
+pub fn times(factor: f64, limit: f64, k: usize, thresholds: &Thresholds) -> f64 {
+    let luck = luck(k.max(1), thresholds.false_alarm);
+    factor * (limit + luck) - luck
+}
+
+/// Gain less luck of the best candidate of each surrogate, ascending; those that take no part (`round::takes_part`) are no candidates here.
+pub fn best_of_surrogates(screening: &Screening, takes_part: &[bool], settings: &Settings) -> Vec<f64> {
     let (information, n) = screening.information();
     let l = factor(&information, n);
     let lucks: Vec<f64> = screening.screened.iter().map(|s| luck(s.taken, settings.thresholds.false_alarm)).collect();
@@ -26,7 +34,8 @@ pub fn best_of_surrogates(screening: &Screening, settings: &Settings) -> Vec<f64
         let mut stream = Stream::new(settings.seed, &["diagnose", "surrogate", &i.to_string()]);
         let z: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
         let u: Vec<f64> = (0..n).map(|i| crate::math::products::dot(&l[i * n..i * n + i + 1], &z[..i + 1])).collect();
-        screening.gains(&u).iter().zip(&lucks).map(|(gain, luck)| gain - luck).fold(0.0, f64::max)
+        let scores = screening.gains(&u, takes_part).into_iter().zip(&lucks).map(|(gain, luck)| gain - luck);
+        scores.fold(0.0, f64::max)
     };
     let mut best: Vec<f64> = (0..settings.surrogates).into_par_iter().map(one).collect();
     best.sort_by(f64::total_cmp);

@@ -5,6 +5,7 @@
 //! one more of them unless it lies above their prediction limit, Student's t on the logarithms (no narrower than chi-square's own scatter).
 
 use crate::diagnose::base::found::Found;
+use crate::diagnose::base::frozen::Frozen;
 use crate::diagnose::settings::Settings;
 use crate::estimate::Case;
 use crate::math::distribution::t_quantile;
@@ -14,7 +15,7 @@ use crate::math::distribution::t_quantile;
 pub struct Missed {
     /// Index among the segments.
     pub segment: usize,
-    /// Squares of the whitened residuals per sample, and what they may be.
+    /// Squares of the whitened residuals per sample, infinite where the model does not run, and what they may be.
     pub per_sample: f64,
     pub limit: f64,
 }
@@ -27,17 +28,13 @@ pub fn missed(found: &Found, case: &Case, settings: &Settings) -> Vec<Missed> {
     };
     let training: Vec<(f64, usize)> =
         found.places.training.iter().zip(&found.fit.costs).map(|(&s, &cost)| (cost, samples(s))).filter(|t| t.1 > 0).collect();
-    let held_out: Vec<(usize, f64, usize)> = found
-        .places
-        .held_out
-        .iter()
-        .zip(&found.frozen)
-        .filter_map(|(&s, frozen)| Some((s, frozen.as_ref()?.cost, samples(s))))
-        .filter(|h| h.2 > 0)
-        .collect();
+    let cost = |frozen: &Option<Frozen>| frozen.as_ref().map_or(f64::INFINITY, |f| f.squares);
+    let held_out = found.places.held_out.iter().zip(&found.frozen).map(|(&s, frozen)| (s, cost(frozen), samples(s)));
+    let held_out: Vec<(usize, f64, usize)> = held_out.filter(|h| h.2 > 0).collect();
     let share = (1.0 - settings.quantile) / held_out.len().max(1) as f64;
     let above = |(s, cost, n): (usize, f64, usize)| {
-        let limit = limit(&training, n, share, settings.thresholds.fewest)?;
+        // Where too few are known to tell what is too much, a model that does not run is.
+        let limit = limit(&training, n, share, settings.thresholds.fewest).unwrap_or(f64::MAX);
         let per_sample = 2.0 * cost / n as f64;
         (per_sample > limit).then_some(Missed { segment: found.prepared.used[s], per_sample, limit })
     };

@@ -6,6 +6,7 @@ use crate::diagnose::effect;
 use crate::diagnose::gap::closing::Closing;
 use crate::diagnose::residual::located::Located;
 use crate::diagnose::subject::Trouble;
+use crate::estimate::LeftOut;
 
 /// An effect that is missing: the round that tested it, and its place there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +62,8 @@ pub struct Diagnosis {
     pub located: Vec<Located>,
     /// Held-out maneuvers that show more than the training ones do, in the end.
     pub missed: Vec<Missed>,
+    /// Maneuvers that the model cannot use, by index among the segments, and why.
+    pub left_out: Vec<LeftOut>,
     /// Effects of the library that could not be attached to this model, and why.
     pub skipped: Vec<(String, String)>,
     pub closing: Closing,

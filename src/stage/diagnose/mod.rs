@@ -217,17 +217,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let held_out = &rule.held_out[..];
     let subject = Subject { model: &base.model, segments: &segments, held_out, method: &method, context: &context, settings };
     let diagnosis = diagnose::diagnose(&subject, &offer, inputs.tell)?;
-    if let Verdict::None(trouble) = &diagnosis.verdict {
-        let text = format!("no verdict: {}", words::trouble(trouble));
-        notes.push(Note {
-            flight: String::new(),
-            stage: STAGE.name.to_string(),
-            severity: Severity::Missing,
-            subject: config.name(),
-            count: 1,
-            text,
-        });
-    }
+    notes.extend(lost(config, &names, &rule, &diagnosis));
     let told = Told { config, model: &base.model.name, names, rule, base: taken, diagnosis };
     let mut files = Vec::new();
     let added = added(&told, base);
@@ -243,6 +233,36 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         tables.push(("recommended", recommended::values(&config.name(), additions, None)?));
     }
     Ok(Output { tables, files, notes })
+}
+
+/// What the diagnosis could not do.
+fn lost(config: &Config, names: &[String], rule: &Rule, diagnosis: &Diagnosis) -> Vec<Note> {
+    let (flight, stage) = (String::new, STAGE.name.to_string());
+    let note = |severity, subject: &str, count: usize, text: String| {
+        let (stage, subject, count) = (stage.clone(), subject.to_string(), count as u64);
+        Note { flight: flight(), stage, severity, subject, count, text }
+    };
+    let mut notes = Vec::new();
+    if let Verdict::None(trouble) = &diagnosis.verdict {
+        let text = format!("no verdict: {}", words::trouble(trouble));
+        notes.push(note(Severity::Missing, &config.name(), 1, text));
+    }
+    for name in &rule.unknown {
+        let text = format!("{name} is to be held out, and no maneuver of that name takes part");
+        notes.push(note(Severity::Missing, name, 1, text));
+    }
+    for left in &diagnosis.left_out {
+        let name = names.get(left.segment).map_or("", String::as_str);
+        let text = format!("{name} is left out of the diagnosis of {}: {}", config.settings.estimate, left.why);
+        notes.push(note(Severity::Missing, name, 1, text));
+    }
+    if !diagnosis.skipped.is_empty() {
+        // Most of a library is about something that a model does not have; the list is for whoever misses one.
+        let each = diagnosis.skipped.iter().map(|(effect, why)| format!("{effect} ({why})"));
+        let text = format!("effects not tried: {}", each.collect::<Vec<_>>().join("; "));
+        notes.push(note(Severity::Info, &config.name(), diagnosis.skipped.len(), text));
+    }
+    notes
 }
 
 /// What effects may want to know of the campaign: roles, half range and middle of every input and measured output of the model.

@@ -95,6 +95,9 @@ fn data_first(d: &Diagnosis) -> String {
 /// A held-out maneuver that shows what no other does.
 fn missed(told: &Told, m: &Missed) -> String {
     let name = told.names.get(m.segment).map_or("", String::as_str);
+    if !m.per_sample.is_finite() {
+        return format!("{name} was held out, and the model does not run over it");
+    }
     let (is, limit) = (digits(m.per_sample), digits(m.limit));
     format!(
         "{name} was held out and is missed by more than any maneuver of the training ({is} per whitened sample, {limit} at most expected)"

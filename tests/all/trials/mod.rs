@@ -195,12 +195,13 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     all.flat_map(seeds).collect()
 }
 
-/// The evidence of the best candidate that passes all tests but that of evidence itself, over the round's limit; 0 without one. What a name must
-/// have is chosen so that nothing has it where nothing is missing.
+/// The gain of the best candidate that passes all tests but that of evidence itself, over what luck gives the best of its round; 0 without one. What a
+/// name must have is chosen so that nothing has it where nothing is missing.
 fn most(diagnosis: &Diagnosis) -> f64 {
     use diagnose::Standing::{Alike, Beaten, Chosen, Faint};
+    let thresholds = diagnose::Thresholds::default();
     let passes = |j: &&diagnose::Judged| matches!(j.standing, Alike | Beaten | Chosen | Faint);
-    let of = |r: &diagnose::Round| r.judged.iter().filter(passes).map(|j| j.evidence / r.limit).fold(0.0, f64::max);
+    let of = |r: &diagnose::Round| r.judged.iter().filter(passes).map(|j| j.over_luck(r.limit, &thresholds)).fold(0.0, f64::max);
     diagnosis.rounds.iter().map(of).fold(0.0, f64::max)
 }
 
@@ -212,7 +213,7 @@ fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     let row = row(hidden, setting, outcome.as_ref());
     println!("{}", row.line());
     if let Some(o) = outcome.as_ref().filter(|_| row.kind == Kind::Nothing) {
-        println!("{} #{}: evidence over limit {:.2}", row.hidden, row.seed, most(&o.diagnosis));
+        println!("{} #{}: gain over that by luck {:.2}", row.hidden, row.seed, most(&o.diagnosis));
     }
     row
 }
