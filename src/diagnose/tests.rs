@@ -13,17 +13,24 @@ use crate::simulate::Stream;
 
 /// Short period with what is hidden in the pitching motion and in the vane.
 fn text(parameters: &str, pitch: &str, vane: &str) -> String {
+    text_at(1.0, parameters, pitch, vane)
+}
+
+/// The same with all rates so many times as fast.
+fn text_at(pace: f64, parameters: &str, pitch: &str, vane: &str) -> String {
+    let (z_a, z_d) = (-0.9 * pace, -0.1 * pace);
+    let (m_a, m_q, m_d) = (-4.0 * pace * pace, -1.5 * pace, -6.0 * pace * pace);
     format!(
         r#"title = "short period"
 [inputs]
 de = "rad"
 V = "m/s"
 [parameters]
-Z_a = {{ unit = "1/s", start = -0.9 }}
-Z_d = {{ unit = "1/s", start = -0.1 }}
-M_a = {{ unit = "1/s^2", start = -4.0 }}
-M_q = {{ unit = "1/s", start = -1.5 }}
-M_d = {{ unit = "1/s^2", start = -6.0 }}
+Z_a = {{ unit = "1/s", start = {z_a:?} }}
+Z_d = {{ unit = "1/s", start = {z_d:?} }}
+M_a = {{ unit = "1/s^2", start = {m_a:?} }}
+M_q = {{ unit = "1/s", start = {m_q:?} }}
+M_d = {{ unit = "1/s^2", start = {m_d:?} }}
 {parameters}
 [equations]
 ddt_alpha = "q + Z_a*alpha + Z_d*de"
@@ -72,13 +79,18 @@ fn steps(t: f64, unit: f64, amplitude: f64) -> f64 {
 
 /// Segments flown by `truth`, noise of correlation `rho` between samples.
 pub fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
+    campaign_at(1.0, truth, seed, rho)
+}
+
+/// The same so many times as fast.
+fn campaign_at(pace: f64, truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
     let plan = Plan::new(truth, Directions::default()).expect("a plan");
-    let sd = [1e-3, 2e-3, 5e-3];
+    let sd = [1e-3, 2e-3 * pace, 5e-3 * pace];
     let one = |s: usize| {
-        let (dt, n, unit) = (0.02, 500, [0.35, 0.5, 0.7][s % 3]);
+        let (dt, n, unit) = (0.02 / pace, 500, [0.35, 0.5, 0.7][s % 3]);
         let amplitude = [0.04, -0.06, 0.09, -0.03][s % 4];
-        let speed = [80.0, 110.0][s % 2];
-        let inputs: Vec<f64> = (0..n).flat_map(|k| [steps(k as f64 * dt, unit, amplitude), speed]).collect();
+        let speed = [80.0, 110.0][s % 2] * pace;
+        let inputs: Vec<f64> = (0..n).flat_map(|k| [steps(k as f64 * 0.02, unit, amplitude), speed]).collect();
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
         let channels = (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
         let mut record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
@@ -97,15 +109,14 @@ pub fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
 }
 
 fn verdict(truth: &Model, seed: u64, rho: f64, settings: &Settings) -> Diagnosis {
-    judged(&campaign(truth, seed, rho), &estimate::Settings::default(), settings)
+    judged(&model("", "", "alpha"), &campaign(truth, seed, rho), &estimate::Settings::default(), settings)
 }
 
-/// The verdict on the model without anything hidden, estimated by `method`.
-fn judged(segments: &[Segment], method: &estimate::Settings, settings: &Settings) -> Diagnosis {
-    let base = model("", "", "alpha");
+/// The verdict on a model estimated by `method`.
+fn judged(base: &Model, segments: &[Segment], method: &estimate::Settings, settings: &Settings) -> Diagnosis {
     let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
     let held = held_out(segments, &names, settings);
-    let subject = Subject { model: &base, segments, held_out: &held.held_out, method, context: &Context::default(), settings };
+    let subject = Subject { model: base, segments, held_out: &held.held_out, method, context: &Context::default(), settings };
     let library: Vec<_> =
         effect::load(&[]).expect("the library").into_iter().filter(|e| LIBRARY.contains(&e.name.as_str())).collect();
     let offer = |model: &Model| Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()));
@@ -168,7 +179,7 @@ fn recovery_what_differs_from_maneuver_to_maneuver_is_not_missing_and_hides_noth
         let claim = Claim { apart: Some(estimate::SEGMENT.to_string()), lines: lines.to_vec() };
         let base = model("", "", "alpha");
         let (method, _) = together(&base, &estimate::Settings::default(), &mut segments, &claim).unwrap_or_else(|e| panic!("{e}"));
-        judged(&segments, &method, &Settings::default())
+        judged(&model("", "", "alpha"), &segments, &method, &Settings::default())
     };
     for lines in [&lines[..], &[]] {
         let d = of(&model(stiffer, "+ k*(V - V_0)*alpha", "alpha"), lines);
@@ -185,6 +196,7 @@ fn recovery_what_differs_from_maneuver_to_maneuver_is_not_missing_and_hides_noth
     }
     // As one number it is something missing.
     let one = judged(
+        &model("", "", "alpha"),
         &campaign(&model(stiffer, "+ k*(V - V_0)*alpha", "alpha"), 11, 0.5),
         &estimate::Settings::default(),
         &Settings::default(),
@@ -222,18 +234,57 @@ fn recovery_an_error_of_a_frozen_derivative_is_named_where_the_base_is_predicted
     assert!((d.values[0].1 + 0.2).abs() < 0.02, "{:?}", d.values);
 }
 
+/// The elevator rings a structural mode, 30 rad/s, which the vane shows.
+fn ringing_vane(pace: f64) -> String {
+    let (square, damping) = (-900.0 * pace * pace, -1.2 * pace);
+    let p = format!("w = {{ unit = \"1/s^2\", start = {:?} }}\n", 60.0 * pace * pace);
+    let rate = format!("{square:?}*eta/sec^2 + {damping:?}*eta_dot/sec + w*de");
+    let states = format!(
+        "eta = {{ unit = \"rad\", rate = \"eta_dot\", start = 0.0 }}\neta_dot = {{ unit = \"rad/s\", rate = \"{rate}\", start = 0.0 }}\n[outputs]"
+    );
+    let text = text_at(pace, &p, "", "alpha + eta").replace("[outputs]", &states);
+    text.replace("[parameters]", "[constants]\nsec = { unit = \"s\", value = 1.0 }\n[parameters]")
+}
+
 #[test]
 fn recovery_an_effect_that_no_candidate_resembles_is_located() {
-    let p = "w = { unit = \"1/s^2\", start = 60.0 }\nk = { unit = \"1/s\", start = 0.05 }\n";
-    let truth = text(p, "", "alpha + eta").replace(
-        "[outputs]",
-        "eta = { unit = \"rad\", rate = \"eta_dot\", start = 0.0 }\neta_dot = { unit = \"rad/s\", rate = \"-900.0*eta/sec^2 - 1.2*eta_dot/sec + w*de\", start = 0.0 }\n[outputs]",
-    );
-    let truth = truth.replace("[parameters]", "[constants]\nsec = { unit = \"s\", value = 1.0 }\n[parameters]");
-    let truth = parsed(&truth);
+    let truth = parsed(&ringing_vane(1.0));
     let d = verdict(&truth, 4, 0.5, &Settings::default());
     assert_eq!(d.verdict, Verdict::Located, "{}", told(&d));
     assert_eq!(d.located[0].output, "alpha", "{}", told(&d));
+}
+
+#[test]
+fn truth_an_aircraft_ten_times_as_fast_has_the_same_verdict() {
+    // A structural mode in the vane, which no candidate resembles; and a downwash that is named.
+    let lag = |pace: f64| {
+        format!("L = {{ unit = \"1/s^2\", start = {:?} }}\nr_H = {{ unit = \"m\", start = 16.0 }}\n", 1.5 * pace * pace)
+    };
+    let all = |pace: f64| {
+        let truths = [ringing_vane(pace), text_at(pace, &lag(pace), "+ L*delay(de, r_H/V)", "alpha")];
+        let base = parsed(&text_at(pace, "", "", "alpha"));
+        truths.map(|truth| {
+            judged(&base, &campaign_at(pace, &parsed(&truth), 4, 0.5), &estimate::Settings::default(), &Settings::default())
+        })
+    };
+    let (slow, fast) = (all(1.0), all(10.0));
+    assert_eq!(
+        (&slow[0].verdict, &slow[1].verdict),
+        (&Verdict::Located, &Verdict::Named),
+        "{}\n{}",
+        told(&slow[0]),
+        told(&slow[1])
+    );
+    for (slow, fast) in slow.iter().zip(&fast) {
+        let both = format!("{}\n\nten times as fast: {}", told(slow), told(fast));
+        assert_eq!(slow.verdict, fast.verdict, "{both}");
+        let named = |d: &Diagnosis| d.added.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+        assert_eq!(named(slow), named(fast), "{both}");
+        // What answers to what; frequencies are named in rad/s.
+        let first =
+            |d: &Diagnosis| d.located.first().map(|l| (l.output.clone(), l.source.split(" at ").next().map(str::to_string)));
+        assert_eq!(first(slow), first(fast), "{both}");
+    }
 }
 
 #[test]

@@ -34,7 +34,8 @@ fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
 #[test]
 fn a_role_that_is_none_and_one_that_nothing_plays_are_refused() {
     let c = Campaign::new();
-    let roles = "[[diagnose]]\nestimate = \"lag\"\nroles = { elevatr = [\"u\"], elevator = [\"uu\"], surface = [\"u\"] }\n\n[[fit]]";
+    let roles =
+        "[[diagnose]]\nestimate = \"lag\"\nroles = { elevatr = [\"u\"], elevator = [\"uu\"], surface = [\"u\"] }\n\n[[fit]]";
     c.edit("pipeline.toml", "[[fit]]", roles);
     let run = c.koehler("check", &[]).ended(2);
     assert!(run.err.contains("\"elevatr\"") && run.err.contains("\"uu\" is nothing of the model"), "{}", run.err);
