@@ -12,16 +12,16 @@
 //!    that is free in the base (shared parameters and what belongs to a maneuver), `H~ = (1 - G (G'G)^-1 G') H`, `u = H~'e`,
 //!    `F = H~'H~`: the gain is `u'F^-1 u / 2` (score test), within the candidate's bounds. Where `H~` vanishes, the base absorbs the effect
 //!    and it is no candidate.
-//! 3. *Luck*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all candidates at once. The best candidate of each
+//! 3. *Chance*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all candidates at once. The best candidate of each
 //!    is noted; the 99% quantile is what a real one must exceed (gains less half the 99% quantile of chi-square for its number of parameters).
 //! 4. *Refits* in full of the few best, with everything free; held-out maneuvers then, all derivatives frozen: the effect predicts
 //!    the gain `d'd/2` from the whitened difference `d` of the two predictions, and has to bring it.
-//! 5. *Evidence* of a candidate: gain of the training less luck, plus the gain realised on held-out maneuvers. Those that pass every
-//!    test and come within `apart` of the best are not told from it (further, where the difference scatters more than noise lets it). Errors of
+//! 5. *Evidence* of a candidate: gain of the training less what chance gives one alone, plus the gain realised on held-out maneuvers. Those that pass every
+//!    test and come within `apart` of the best are not distinguishable from it (further, where the difference scatters more than noise lets it). Errors of
 //!    sensors come before physics among equals.
 //! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes; then each one is taken out again and
 //!    tested with everything else in place.
-//! 7. *What is left* is asked without any candidate: does an output still answer to an input? Is a held-out maneuver missed by more than all
+//! 7. *What is left* is asked without any candidate: does an output still respond to an input? Is a held-out maneuver missed by more than all
 //!    others? Then something is located, not explained.
 //!
 //! | file | what it does |
@@ -44,12 +44,12 @@
 //! | | `absorbed` | what the fit took of it |
 //! | | `joint` | what several outputs' residuals have in common |
 //! | | `colour` | the noise that a fit leaves |
-//! | | `sources` | what an output may answer to |
+//! | | `sources` | what an output may respond to |
 //! | | `gain` | the most that a log-likelihood gains within bounds |
 //! | | `sums` | the response of residuals to a source |
-//! | | `answers` | what the residuals demonstrably answer to, and is no noise |
+//! | | `responses` | what the residuals demonstrably respond to, and is no noise |
 //! | | `innovation` | whether a source foretells what is new in an output at each instant |
-//! | | `located` | whether an output still answers to a source |
+//! | | `located` | whether an output still responds to a source |
 //! | `base` | | **the base as it stands with what was added** |
 //! | | `fit` | maximum of the likelihood of the whitened residuals, bounds kept |
 //! | | `stand` | the base as it stands, its fit |
@@ -66,7 +66,7 @@
 //! | | `ground` | what candidates are screened against |
 //! | | `probe` | a candidate's sensitivities where the base stands |
 //! | | `screen` | score tests of all candidates |
-//! | | `surrogate` | what luck gains |
+//! | | `surrogate` | what chance gives |
 //! | | `value` | a parameter and a maneuver's gain after a full fit |
 //! | | `refit` | a candidate in full, and on held-out maneuvers |
 //! | | `judged` | a round's candidates, each with its standing |

@@ -30,7 +30,7 @@ pub struct Settings {
     pub effects: usize,
     /// A held-out maneuver decides where the effect predicts a gain in log-likelihood above this.
     pub decisive: f64,
-    /// Candidates whose evidence (log-likelihood) comes this near to the best one's are not told from it. 4.6 is a ratio of 100: the
+    /// Candidates whose evidence (log-likelihood) comes this near to the best one's are not distinguishable from it. 4.6 is a ratio of 100: the
     /// wrong one of two leads by so much in at most 1 of 100 campaigns. Where both leave more than noise, it is taken as many times more.
     pub apart: f64,
     /// The numbers behind the rules: not for users, and in no file.
@@ -89,7 +89,7 @@ impl Settings {
         ask(block > 0.0 && block.is_finite(), "block_s", format!("blocks have a positive length in seconds, not {block}"));
         // Fewer have no such quantile.
         let enough = !(q < 1.0) || n as f64 * (1.0 - q) >= 1.0;
-        ask(enough, "surrogates", format!("{n} campaigns do not tell what one in {:.0} gains by luck", 1.0 / (1.0 - q)));
+        ask(enough, "surrogates", format!("{n} campaigns do not tell what one in {:.0} gains by chance", 1.0 / (1.0 - q)));
         ask(self.refits >= 1, "refits", "without a refit nothing can be named: at least 1".into());
         ask(self.effects >= 1, "effects", "without an effect nothing can be named: at least 1".into());
         for (name, gain) in [("decisive", self.decisive), ("apart", self.apart)] {

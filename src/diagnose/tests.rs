@@ -210,8 +210,8 @@ fn recovery_what_the_base_can_imitate_is_no_candidate_and_says_by_what() {
     let stability = d.rounds[0].judged.iter().find(|j| j.name == "static-longitudinal:qdot");
     let stability = stability.unwrap_or_else(|| panic!("{}", told(&d)));
     assert_eq!(
-        (stability.standing, &stability.screened.absorbed_by[..]),
-        (Standing::Absorbed, &["M_a".to_string()][..]),
+        (stability.standing, &stability.screened.collinear_with[..]),
+        (Standing::Collinear, &["M_a".to_string()][..]),
         "{}",
         told(&d)
     );
@@ -280,7 +280,7 @@ fn truth_an_aircraft_ten_times_as_fast_has_the_same_verdict() {
         assert_eq!(slow.verdict, fast.verdict, "{both}");
         let named = |d: &Diagnosis| d.added.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
         assert_eq!(named(slow), named(fast), "{both}");
-        // What answers to what; frequencies are named in rad/s.
+        // What responds to what; frequencies are named in rad/s.
         let first =
             |d: &Diagnosis| d.located.first().map(|l| (l.output.clone(), l.source.split(" at ").next().map(str::to_string)));
         assert_eq!(first(slow), first(fast), "{both}");

@@ -162,10 +162,10 @@ thresholds! {
     /// Lower: gusts in held-out maneuvers contradict true effects. Higher: damage done there is not seen.
     loss_sds: f64 = 3.0, "sd";
 
-    /// A name takes this many times the gain that luck gives the best candidate of its round. That gain supposes the noise to be known; where slow noise is
+    /// A name takes this many times the gain that chance gives the best candidate of its round. That gain supposes the noise to be known; where slow noise is
     /// stronger than it is taken for, every gain is larger by that factor. *Set* on null campaigns (docs/thresholds.md). Lower: nothing gets a name. Higher:
     /// faint truths lose theirs.
-    name_factor: f64 = 3.25, "times the gain by luck";
+    name_factor: f64 = 3.25, "times the gain by chance";
 
     // ---- Search: what is added, tested and dropped --------------------------------------------------------------------------------------
 
@@ -173,9 +173,9 @@ thresholds! {
     /// still missing. *First guess*, with several effects missing at once in view (ATTAS). Lower: the second of two is not reached.
     held_out_taken: f64 = 0.2, "share of the gain";
 
-    /// Evidence of so many times the gain by luck is not dropped for what held-out maneuvers say against it: it stays, unnamed. *First
+    /// Evidence of so many times the gain by chance is not dropped for what held-out maneuvers say against it: it stays, unnamed. *First
     /// guess*, from when flights of another simulator were first looked at. Lower: more stays unnamed and stands in the way. Higher: it is dropped.
-    kept_factor: f64 = 3.5, "times the gain by luck";
+    kept_factor: f64 = 3.5, "times the gain by chance";
 
     /// Rivals that take part when an effect is tested with all others in place. *First guess*. Lower: a better rival is left out. Higher: slower.
     rivals: usize = 12, "candidates";
@@ -188,11 +188,11 @@ thresholds! {
     /// Lower: names are lost to small rests. Higher: names beside larger things that are not understood.
     rest_share: f64 = 0.2, "share of the evidence";
 
-    /// "Nothing missing" is not said where a candidate of the first round gained more than so many times what luck gives the best, although nothing passed.
+    /// "Nothing missing" is not said where a candidate of the first round gained more than so many times what chance gives the best, although nothing passed.
     /// *First guess*. Lower: nulls become "located". Higher: faint effects become "nothing missing".
-    shown_factor: f64 = 2.0, "times the gain by luck";
+    shown_factor: f64 = 2.0, "times the gain by chance";
 
-    // ---- What is left: do outputs answer to anything? -----------------------------------------------------------------------------------
+    // ---- What is left: do outputs respond to anything? -----------------------------------------------------------------------------------
 
     /// Share of the permitted false alarms that each of both questions (does an output answer, does something act) gets, and of these the sources with lags
     /// and the others. *Convention* (halves, Bonferroni).
@@ -200,7 +200,7 @@ thresholds! {
 
     /// Responses taken out of one output's residuals before its noise is made, at most. *First guess*, with effects from outside the
     /// library in view.
-    answers: usize = 4, "per output";
+    responses: usize = 4, "per output";
 
     /// What is added to the diagonal of the regressors' products, as a share: neighbouring lags of a slow source say nearly the same. *Arithmetic*.
     ridge: f64 = 1e-6, "share";
@@ -232,9 +232,9 @@ thresholds! {
     // ---- Where the gap is: described beside the verdict, not part of it -----------------------------------------------------------------
 
     /// Gain by which a state follows its measurement. *First guess* for transport aircraft (8 1/s): above the short period, below what sensors' noise bears.
-    leading: f64 = 4.8, "per characteristic time";
+    feedback: f64 = 4.8, "per characteristic time";
 
-    /// Half the window over which increments of coefficients are found. *First guess* for transport aircraft (0.25 s): twice the memory of a led state.
+    /// Half the window over which increments of coefficients are found. *First guess* for transport aircraft (0.25 s): twice the memory of a state under feedback.
     half_window: f64 = 0.42, "characteristic times";
 
     /// Repeats of the measurements that tell the noise of an increment. *Convention*.
@@ -280,7 +280,7 @@ pub mod defaults {
     pub const EFFECTS: usize = 4;
     /// A held-out maneuver decides where more than this log-likelihood is predicted. *Convention*: a likelihood ratio of 20.
     pub const DECISIVE: f64 = 3.0;
-    /// Evidence within this of the best is not told from it. *Convention*: a likelihood ratio of 100.
+    /// Evidence within this of the best is not distinguishable from it. *Convention*: a likelihood ratio of 100.
     pub const APART: f64 = 4.6;
 }
 

@@ -5,7 +5,7 @@
 pub enum Support {
     Significant,
     NotSignificant,
-    /// The data do not tell it from others.
+    /// The data do not distinguish it from others.
     NotObservable,
 }
 

@@ -56,7 +56,7 @@ impl std::fmt::Display for Combination {
 pub fn weak_words<S: std::borrow::Borrow<str>>(names: &[S]) -> String {
     match names {
         [one] => format!("{} has no effect on the measured outputs", one.borrow()),
-        _ => format!("{} cannot be told apart", names.join(", ")),
+        _ => format!("{} are not distinguishable", names.join(", ")),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Parameters that may be left out in; the estimation in which all that are left are significant, and what was decided of each, out.
 //!
 //! Backward elimination: everything is estimated; of the candidates that are not significant the least significant is held at its start,
-//! and the others are estimated again, until all that are left are. Two that the data cannot tell apart are not both left. (Standard
+//! and the others are estimated again, until all that are left are. Two that the data cannot distinguish are not both left. (Standard
 //! deviations are those that allow for coloured residuals: with the Cramer-Rao bound nearly everything looks significant.)
 
 use super::decision::{Decision, Support};

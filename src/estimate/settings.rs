@@ -17,7 +17,7 @@ pub struct Settings {
     pub fixed: Vec<String>,
     /// Parameters (sensor errors, for example) that are estimated only where the data support them, whatever the model says of them: those
     /// less than two standard deviations from their start are held there, the least significant first, and of those that the data cannot
-    /// tell apart the last named one. Every decision is a row of the table `separability`.
+    /// distinguish the last named one. Every decision is a row of the table `separability`.
     pub candidates: Vec<String>,
     /// Start values that replace those of the model (the value itself for a parameter that is held).
     pub starts: IndexMap<String, f64>,

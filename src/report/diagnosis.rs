@@ -147,8 +147,18 @@ pub fn verdicts(table: &Columns) -> Vec<Verdict> {
 /// Refitted candidates of every round, and the best of the others.
 fn candidates(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No candidates.") };
-    let mut grid =
-        Grid::new(["diagnosis", "#round", "candidate", "#screened", "#gain", "#evidence", "#luck", "verdict", "~why", "~says"]);
+    let mut grid = Grid::new([
+        "diagnosis",
+        "#round",
+        "candidate",
+        "#screened",
+        "#gain",
+        "#evidence",
+        "#null maximum",
+        "verdict",
+        "~why",
+        "~says",
+    ]);
     for ([name, round], mut rows) in table.groups(["diagnosis", "round"]) {
         let evidence = |row: usize| table.number("evidence", row);
         rows.sort_by(|&a, &b| {
@@ -176,7 +186,7 @@ fn candidates(table: Option<&Columns>) -> Grid {
             ]);
         }
     }
-    let note = "Gains are in log-likelihood, residuals whitened. Luck is what the best candidate of campaigns in which nothing is missing \
+    let note = "Gains are in log-likelihood, residuals whitened. The null maximum is what the best candidate of campaigns in which nothing is missing \
                 exceeds in one of a hundred. All candidates are in the table candidates.";
     grid.note = Some(note.into());
     grid.or_missing("No candidates.")

@@ -141,7 +141,7 @@ fn range(from: f64, to: f64, by: &str) -> String {
     }
 }
 
-/// The share of an output's gap that is left with a state led.
+/// The share of an output's gap that is left with observer feedback on a state.
 fn driven(table: &Columns, diagnosis: &str) -> Map {
     let rows: Vec<usize> =
         (0..table.rows()).filter(|&r| table.text("diagnosis", r) == diagnosis && !table.text("state", r).is_empty()).collect();
@@ -149,7 +149,7 @@ fn driven(table: &Columns, diagnosis: &str) -> Map {
         let (state, output, share) = (table.text("state", r), table.text("output", r), table.number("share", r));
         let noise = table.number("rms", r) / table.number("noise", r);
         let words = format!(
-            "{output} with {state} led: {}% of its gap is left, {} times the noise",
+            "{output} with observer feedback on {state}: {}% of its gap is left, {} times the noise",
             number(100.0 * share, 3),
             number(noise, 3)
         );
@@ -200,7 +200,7 @@ pub fn equations(table: Option<&Columns>, relations: Option<&Columns>) -> Grid {
     }
     grid.note = Some(
         "A coefficient lacks the increment along the maneuvers that makes the model agree with all sensors, all coefficients at once; a rate \
-         what leads its state to the measurement. The noise is what white noise of the sensors alone makes of it."
+         what observer feedback takes to keep its state at the measurement. The noise is what white noise of the sensors alone makes of it."
             .into(),
     );
     grid.or_missing("No equation was looked at.")

@@ -113,16 +113,17 @@ fn found(given: &Given, findings: &Columns, rows: &[usize], row: usize, added: &
     }
     let of = |column: &str| number(findings.number(column, row), 3);
     let gains = [of("held_out_realised"), of("held_out_predicted"), of("gain"), of("limit")];
-    let [realised, predicted, gain, luck] = gains;
-    let gains =
-        format!("{realised} in log-likelihood on held-out maneuvers, {predicted} predicted; {gain} on the others (luck: {luck}).");
+    let [realised, predicted, gain, null] = gains;
+    let gains = format!(
+        "{realised} in log-likelihood on held-out maneuvers, {predicted} predicted; {gain} on the others (null maximum, 99%: {null})."
+    );
     lines.push(line("Gain:", gains));
     let others: Vec<String> =
         rows.iter().filter(|&&r| r != row && findings.text("role", r) == "added").map(|&r| sentence(r)).collect();
     let alike = rows.iter().filter(|&&r| findings.text("role", r) == "alike").count();
     let mut rest = others;
     if alike > 0 {
-        rest.push(format!("{alike} that cannot be told from what was added"));
+        rest.push(format!("{alike} that are not distinguishable from what was added"));
     }
     if findings.flag("complete", row) == Some(false) {
         rest.push("something that is left unexplained".into());

@@ -179,7 +179,7 @@ fn singular(model: &Model, steady: &Steady, jacobian: &[f64], n: usize) -> Error
     let mut why: Vec<String> = rows.map(|i| format!("\"{}\" depends on no free quantity", model.trim.zero[i].0)).collect();
     why.extend(columns.map(|j| format!("\"{}\" influences nothing", model.trim.free[j].0)));
     if why.is_empty() {
-        why.push("the free quantities cannot be told apart".into());
+        why.push("the free quantities are not distinguishable".into());
     }
     Error::new(format!("{}: the trim is singular: {}", model.name, why.join("; "))).help(state_of_search(model, steady))
 }

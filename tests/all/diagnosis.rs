@@ -62,10 +62,10 @@ fn recovery_nothing_is_missing_in_the_main_job() {
     // It was looked for: many candidates that the flights could have shown, and maneuvers held out.
     let t = read_dataset(&folder.path().join("out"), "candidates").expect("candidates");
     let standings = t.strings("standing").expect("column");
-    assert!(standings.iter().filter(|s| **s == "luck").count() >= 10, "{standings:?}");
+    assert!(standings.iter().filter(|s| **s == "within chance").count() >= 10, "{standings:?}");
 }
 
-/// Effects named by one diagnosis, with those that cannot be told from them.
+/// Effects named by one diagnosis, with those that are not distinguishable from them.
 fn named(out: &TempDir, diagnosis: &str) -> Vec<String> {
     let t = table(out, "findings");
     let (names, candidates) = (t.strings("diagnosis").unwrap(), t.opt_strings("candidate").unwrap());

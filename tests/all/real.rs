@@ -86,7 +86,7 @@ fn recovery_of_the_pitch_damping_of_the_hfb320() {
     assert!((value - -26.89 * 1.215).abs() < 2.0 * sd, "{value} +- {sd}");
 }
 
-/// `C_DV V/V_0` is brought back as `CD_V V`. Its evidence was 4.95 times the limit of luck when what makes a name was set below that, with this in view.
+/// `C_DV V/V_0` is brought back as `CD_V V`. Its evidence was 4.95 times the null maximum (99%) when what makes a name was set below that, with this in view.
 #[test]
 fn recovery_of_the_drag_with_airspeed_of_the_hfb320() {
     let effect = "speed-dependence:CD";

@@ -30,7 +30,7 @@ pub struct Fit {
     pub costs: Vec<f64>,
     /// Half the squared deviations from priors, in their standard deviations.
     pub prior: f64,
-    /// What a step still promises is less than luck gives one parameter.
+    /// What a step still promises is less than chance gives one parameter.
     pub converged: bool,
 }
 

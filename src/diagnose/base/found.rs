@@ -4,9 +4,9 @@ use super::fit::{Fit, Task};
 use super::frozen::{Frozen, frozen};
 use super::stand::{Known, Stand, estimation, fitted, placed, seen, settle_steps};
 use crate::diagnose::residual::absorbed::Fitted;
-use crate::diagnose::residual::answers::Answers;
 use crate::diagnose::residual::colour::noise_of;
 use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::residual::responses::Responses;
 use crate::diagnose::subject::Places;
 use crate::diagnose::subject::{Subject, Trouble};
 use crate::diagnose::thresholds::Thresholds;
@@ -92,17 +92,17 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     starts.iter().for_each(|theta| settle_steps(&mut case, theta, &least));
     let theta = best(&case, known.as_ref(), (&places.training, thresholds), starts)?;
     let free = seen(&case, &places.training);
-    let nothing = Answers::default();
+    let nothing = Responses::default();
     let rule = stand.method.colour();
-    let again = |theta: &[f64], noise: &Noise, answers: &Answers| {
-        Some(noise_of(&Fitted::new(&case, &places.training, &free, theta, &answers.values, rule).weighted(noise)?))
+    let again = |theta: &[f64], noise: &Noise, responses: &Responses| {
+        Some(noise_of(&Fitted::new(&case, &places.training, &free, theta, &responses.values, rule).weighted(noise)?))
     };
-    // What demonstrably answers to something is taken out before, as long as anything does.
+    // What demonstrably responds to something is taken out before, as long as anything does.
     let settled = |theta: &[f64], mut noise: Noise| {
         let fitted = Fitted::new(&case, &places.training, &free, theta, &nothing.values, rule);
-        let mut answers = Answers::default();
-        while answers.more(&fitted, &noise, subject.settings) {
-            noise = again(theta, &noise, &answers)?;
+        let mut responses = Responses::default();
+        while responses.more(&fitted, &noise, subject.settings) {
+            noise = again(theta, &noise, &responses)?;
         }
         Some(noise)
     };

@@ -29,7 +29,7 @@ pub struct EffectFile {
     /// Effects that look alike.
     #[serde(default)]
     pub rivals: Vec<String>,
-    /// The maneuver that tells it from its rivals.
+    /// The maneuver that distinguishes it from its rivals.
     #[serde(default)]
     pub separate: String,
     /// Where the equations come from.

@@ -46,7 +46,7 @@ pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing
         ..Closing::default()
     };
     closing.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
-    (closing.driven, closing.equations) = driven(first, subject.segments, &states, looks.leading)?;
+    (closing.driven, closing.equations) = driven(first, subject.segments, &states, looks.feedback)?;
     closing.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
     if first.prepared.used != last.prepared.used {
         return Ok(closing);

@@ -1,6 +1,6 @@
 //! A base at its fit in; what each force and moment coefficient lacks along every maneuver, and what noise of the sensors makes of it, out.
 //!
-//! Every coefficient gets an increment of its own, `C_m = ... + d`, and all measured states are led to their measurements (`driven`), so
+//! Every coefficient gets an increment of its own, `C_m = ... + d`, and all measured states have observer feedback (`driven`), so
 //! that the model remembers no longer than `1/K`. Its exact sensitivities `S` to the increments then say what an increment of the last
 //! moments does to every output, to accelerometers and displaced sensors as well: `z - y = S d`. Weighted least squares over a window
 //! that goes along the maneuver give `d(t)`, all coefficients at once, so that what one lacks is not laid on another.
@@ -8,7 +8,7 @@
 //! Its uncertainty is found by measuring once more: white noise of the measured size is added to all measurements, and what that does to
 //! `d(t)` is noise.
 
-use super::driven::{noises, with_led};
+use super::driven::{noises, with_feedback};
 use super::looks::Looks;
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::stand::Known;
@@ -57,20 +57,20 @@ pub fn coefficients(
 ) -> Result<Vec<Lack>, Errors> {
     let targets = targets(&found.model, context);
     let Ok(model) = found.model.amended(&increments(&targets)) else { return Ok(Vec::new()) };
-    let mut method = with_led(&found.method, states, looks.leading);
+    let mut method = with_feedback(&found.method, states, looks.feedback);
     if let Some(free) = &mut method.free {
         free.extend(targets.iter().map(|t| t.increment.clone()));
     }
     let base = found.case();
-    let Some(led) = Led::new((found, &base), &model, segments, &method)? else { return Ok(Vec::new()) };
+    let Some(observer) = Observer::new((found, &base), &model, segments, &method)? else { return Ok(Vec::new()) };
     let noise = noises(found);
-    let Some(sums) = led.with(|case| sums(case, &led, &targets, &noise, looks)) else { return Ok(Vec::new()) };
+    let Some(sums) = observer.with(|case| sums(case, &observer, &targets, &noise, looks)) else { return Ok(Vec::new()) };
     let told = told(&sums, looks.distinguishable);
     let values: Vec<Vec<Vec<f64>>> = sums.iter().map(|s| s.solve(&told, &s.residuals)).collect();
     let mut squares = vec![vec![0.0; told.len()]; values.len()];
     for repeat in 0..looks.repeats {
         let again = measured_again(segments, &found.prepared.model, &noise, repeat);
-        let Some(other) = Led::new((found, &base), &model, &again, &method)? else { return Ok(Vec::new()) };
+        let Some(other) = Observer::new((found, &base), &model, &again, &method)? else { return Ok(Vec::new()) };
         let Some(residuals) = other.with(|case| residuals(case, &other)) else { return Ok(Vec::new()) };
         for ((s, residuals), squares) in sums.iter().zip(&residuals).zip(&mut squares) {
             let moved: Vec<f64> = residuals.iter().zip(&s.residuals).map(|(a, b)| a - b).collect();
@@ -109,23 +109,23 @@ fn increments(targets: &[Target]) -> String {
     format!("\n[[effect]]\ntitle = \"increments\"\n[effect.parameters]\n{parameters}[effect.add]\n{terms}")
 }
 
-/// The model with its increments, led, at the base's fit.
-struct Led<'a> {
+/// The model with its increments and observer feedback, at the base's fit.
+struct Observer<'a> {
     found: &'a Found,
     base: &'a Case<'a>,
     prepared: Prepared,
 }
 
-impl<'a> Led<'a> {
+impl<'a> Observer<'a> {
     /// None where other maneuvers can be used than for the base.
     fn new(
         (found, base): (&'a Found, &'a Case<'a>),
         model: &Model,
         segments: &[Segment],
         method: &Settings,
-    ) -> Result<Option<Led<'a>>, Errors> {
+    ) -> Result<Option<Observer<'a>>, Errors> {
         let prepared = Prepared::new(model, segments, method)?;
-        Ok((prepared.used == found.prepared.used).then_some(Led { found, base, prepared }))
+        Ok((prepared.used == found.prepared.used).then_some(Observer { found, base, prepared }))
     }
 
     fn with<T>(&self, of: impl FnOnce(&Case) -> T) -> T {
@@ -148,8 +148,8 @@ fn scored<'a>(case: &'a Case, s: usize) -> impl Iterator<Item = &'a Channel> {
 }
 
 /// Residuals of all maneuvers, sample after sample.
-fn residuals(case: &Case, led: &Led) -> Option<Vec<Vec<f64>>> {
-    let one = |s: usize| Some(led.blocks(case, s, false)?.into_iter().flat_map(|b| b.e).collect());
+fn residuals(case: &Case, observer: &Observer) -> Option<Vec<Vec<f64>>> {
+    let one = |s: usize| Some(observer.blocks(case, s, false)?.into_iter().flat_map(|b| b.e).collect());
     (0..case.records.len()).into_par_iter().map(one).collect()
 }
 
@@ -167,14 +167,14 @@ struct Sums {
     rows: Vec<(usize, f64, Vec<f64>)>,
 }
 
-fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)], looks: &Looks) -> Option<Vec<Sums>> {
+fn sums(case: &Case, observer: &Observer, targets: &[Target], noise: &[(String, f64)], looks: &Looks) -> Option<Vec<Sums>> {
     let one = |s: usize| {
         let (record, part) = (&case.records[s], &case.layout.parts[s]);
         let place = |t: &Target| part.shared.iter().position(|&i| case.unknowns[i].name == t.increment);
         let columns: Vec<usize> = targets.iter().map(place).collect::<Option<_>>()?;
         let (nd, n) = (part.directions(), record.n.saturating_sub(record.start));
         let (mut residuals, mut rows) = (Vec::new(), Vec::new());
-        for (channel, block) in scored(case, s).zip(led.blocks(case, s, true)?) {
+        for (channel, block) in scored(case, s).zip(observer.blocks(case, s, true)?) {
             let name = &case.model.outputs[channel.output].name;
             let sd = noise.iter().find(|n| n.0 == *name).map_or(0.0, |n| n.1);
             let weight = if sd > 0.0 { 1.0 / (sd * sd) } else { 0.0 };
@@ -187,8 +187,8 @@ fn sums(case: &Case, led: &Led, targets: &[Target], noise: &[(String, f64)], loo
             residuals.extend(block.e);
         }
         let steps = |time: f64| (time / record.dt).round() as usize;
-        // A led state answers with the lag `1/K`: what it shows now was then.
-        let (late, half) = (steps(1.0 / looks.leading), steps(looks.half_window).max(1));
+        // A state under feedback follows with the lag `1/K`: what it shows now was then.
+        let (late, half) = (steps(1.0 / looks.feedback), steps(looks.half_window).max(1));
         let (from, back) = (late.saturating_sub(half), half.saturating_sub(late));
         Some(Sums { n, width: targets.len(), ahead: (from, late + half), back, residuals, rows })
     };
@@ -240,8 +240,8 @@ fn running(sums: &mut [f64], size: usize) {
     (size..sums.len()).for_each(|i| sums[i] += sums[i - size]);
 }
 
-/// The coefficients that the data tell apart, in their order: those with the most information left go first, and one of which no more than `least` is
-/// left is not told from them.
+/// The coefficients that the data distinguish, in their order: those with the most information left go first, and one of which no more than `least` is
+/// left is not distinguishable from them.
 fn told(sums: &[Sums], least: f64) -> Vec<usize> {
     let m = sums.first().map_or(0, |s| s.width);
     let all: Vec<usize> = (0..m).collect();

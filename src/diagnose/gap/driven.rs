@@ -3,7 +3,7 @@
 //! *Driven simulation*: the rate of one state gets `K (z - y)`, so that it follows its measurement whatever its equation says. Outputs
 //! whose gap goes away then are wrong only through that state: the fault is in its equation; those that keep it have one of their own.
 //!
-//! *Equation error*: with all measured states led so, `K (z - y)` is what each rate equation lacks, smoothed over `1/K`. Noise of the
+//! *Equation error*: with observer feedback on all measured states, `K (z - y)` is what each rate equation lacks, smoothed over `1/K`. Noise of the
 //! sensor alone makes it `K` times as large.
 
 use crate::diagnose::base::found::Found;
@@ -76,17 +76,17 @@ pub fn driven(
     Ok((all, errors))
 }
 
-/// States with a measured output of the same name, which are not led already.
+/// States with a measured output of the same name, without feedback so far.
 pub fn measured_states(found: &Found) -> Vec<String> {
     let case = found.case();
     let is_output = |name: &str| case.outputs.iter().any(|&o| case.model.outputs[o].name == name);
-    let led = |name: &String| found.method.stabilise.contains_key(name);
+    let fed = |name: &String| found.method.stabilise.contains_key(name);
     let names = case.model.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.name.clone());
-    names.filter(|name| is_output(name) && !led(name)).collect()
+    names.filter(|name| is_output(name) && !fed(name)).collect()
 }
 
-/// How a model is run with these states led by their measurements.
-pub fn with_led(method: &Settings, states: &[String], gain: f64) -> Settings {
+/// How a model is run with observer feedback on these states.
+pub fn with_feedback(method: &Settings, states: &[String], gain: f64) -> Settings {
     let mut method = method.clone();
     method.stabilise.extend(states.iter().map(|name| (name.clone(), gain)));
     method
@@ -103,10 +103,10 @@ pub fn noises(found: &Found) -> Vec<(String, f64)> {
     case.outputs.iter().map(of).collect()
 }
 
-/// The responses of all segments with these states led by their measurement.
+/// The responses of all segments with observer feedback on these states.
 fn traces(found: &Found, segments: &[Segment], states: &[String], gain: f64) -> Result<Vec<Trace>, Errors> {
-    // A zero shift found for a sensor is the sensor's: the state is led to what the sensor reads less that.
-    let prepared = Prepared::new(&found.model, segments, &with_led(&found.method, states, gain))?;
+    // A zero shift found for a sensor is the sensor's: the feedback is of what the sensor reads less that.
+    let prepared = Prepared::new(&found.model, segments, &with_feedback(&found.method, states, gain))?;
     if prepared.used != found.prepared.used {
         return Ok(Vec::new());
     }

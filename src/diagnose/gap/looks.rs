@@ -6,7 +6,7 @@ use crate::diagnose::thresholds::Thresholds;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Looks {
     /// Gain by which states follow their measurements, 1/s.
-    pub leading: f64,
+    pub feedback: f64,
     pub half_window: f64,
     pub repeats: usize,
     pub distinguishable: f64,
@@ -23,7 +23,7 @@ impl Looks {
     pub fn of(thresholds: &Thresholds, time: f64) -> Looks {
         let all = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|v| two_digits(v * by)).collect() };
         Looks {
-            leading: thresholds.leading / time,
+            feedback: thresholds.feedback / time,
             half_window: thresholds.half_window * time,
             repeats: thresholds.repeats,
             distinguishable: thresholds.distinguishable,
@@ -50,6 +50,6 @@ mod tests {
         let looks = Looks::of(&Thresholds::default(), 0.6);
         assert_eq!((looks.gap_bands, looks.gap_times), (vec![0.3, 1.0, 3.0, 8.0], vec![0.5, 1.0, 2.0, 4.0]));
         assert_eq!((looks.coherence_bands, looks.longest_lag), (vec![0.1, 0.3, 1.0, 2.0, 4.0, 8.0], 2.0));
-        assert!((looks.leading - 8.0).abs() < 1e-9 && (looks.half_window - 0.25).abs() < 0.01);
+        assert!((looks.feedback - 8.0).abs() < 1e-9 && (looks.half_window - 0.25).abs() < 0.01);
     }
 }

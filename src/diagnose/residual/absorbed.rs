@@ -14,7 +14,7 @@ pub struct Fitted<'a> {
     pub free: &'a [usize],
     pub theta: &'a [f64],
     /// What is no noise in the residuals, `[segment of the fit][output]`.
-    pub answers: &'a [Vec<Option<Vec<f64>>>],
+    pub responses: &'a [Vec<Option<Vec<f64>>>],
     /// How the noise's colour is modelled.
     pub rule: Rule,
     /// Per segment of `segments`; empty before `weighted`.
@@ -35,10 +35,10 @@ impl<'a> Fitted<'a> {
         segments: &'a [usize],
         free: &'a [usize],
         theta: &'a [f64],
-        answers: &'a [Vec<Option<Vec<f64>>>],
+        responses: &'a [Vec<Option<Vec<f64>>>],
         rule: Rule,
     ) -> Fitted<'a> {
-        Fitted { case, segments, free, theta, answers, rule, taken: Vec::new() }
+        Fitted { case, segments, free, theta, responses, rule, taken: Vec::new() }
     }
 
     /// With what a fit weighted by `noise` absorbs; `None` where the model is not finite.
@@ -55,13 +55,13 @@ impl<'a> Fitted<'a> {
         Prior { weight, pull }
     }
 
-    /// The blocks of a segment, without what the residuals answer.
+    /// The blocks of a segment, without what the residuals respond to.
     fn blocks(&self, at: usize) -> Option<Vec<Block>> {
         let s = self.segments[at];
         let mut blocks = self.case.evaluate(s, &self.case.layout.local(s, self.theta), true)?;
         for block in &mut blocks {
-            if let Some(Some(answer)) = self.answers.get(at).and_then(|of| of.get(block.output)) {
-                block.e.iter_mut().zip(answer).for_each(|(e, answer)| *e -= answer);
+            if let Some(Some(response)) = self.responses.get(at).and_then(|of| of.get(block.output)) {
+                block.e.iter_mut().zip(response).for_each(|(e, response)| *e -= response);
             }
         }
         Some(blocks)

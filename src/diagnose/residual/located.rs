@@ -1,4 +1,4 @@
-//! A fit's residuals in; whether any output still answers to any input or to the motion, whatever the reason, out.
+//! A fit's residuals in; whether any output still responds to any input or to the motion, whatever the reason, out.
 //!
 //! Two questions are asked of every output and every source (`sources`). Does the *output* answer: is its residual, whitened by its own filter, a
 //! response to the source (whitened likewise)? That finds errors of sensors, and what is fast. Does something *act*: is what is new at each instant, given the past
@@ -9,7 +9,7 @@
 //! coefficients of the training.
 //!
 //! Noise whose size comes and goes (buffet, a burst of turbulence) makes the score `u = X'e` vary more than `X'X` says where the source is large
-//! at the same instants. A pair is therefore only real if its gain also exceeds luck with `u`'s variance as it is, `X' diag(e^2) X` (White,
+//! at the same instants. A pair is therefore only real if its gain also exceeds chance with `u`'s variance as it is, `X' diag(e^2) X` (White,
 //! Econometrica 48, 1980).
 
 use super::gain::gain;
@@ -22,7 +22,7 @@ use crate::diagnose::subject::Places;
 use crate::estimate::Case;
 use crate::math::products::Gram;
 
-/// An output that still answers to a source.
+/// An output that still responds to a source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Located {
     pub output: String,
@@ -45,9 +45,9 @@ impl Located {
 pub fn locate(case: &Case, noise: &Noise, places: &Places, theta: &dyn Fn(usize) -> Vec<f64>, settings: &Settings) -> Vec<Located> {
     let thresholds = &settings.thresholds;
     let at: Vec<Vec<f64>> = (0..case.records.len()).map(theta).collect();
-    // Half of what luck is allowed for each of both questions.
-    let luck = thresholds.question_share * (1.0 - settings.quantile);
-    let sources = |motion: bool| Sources::of(case, &places.training, luck, motion, thresholds);
+    // Half of what chance is allowed for each of both questions.
+    let chance = thresholds.question_share * (1.0 - settings.quantile);
+    let sources = |motion: bool| Sources::of(case, &places.training, chance, motion, thresholds);
     let (answering, foretelling) = (sources(false), sources(true));
     let answers = |of: &Sources, s: usize, size| sums(case, noise, of, s, &at[s], &|_| Some(&None), size);
     let mut found = rows(case, &answering, places, "", &answers, thresholds.ridge);
@@ -117,7 +117,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_distr::StandardNormal;
 
-    /// One pulse of a source; noise of unit size whose sd grows with it `bursts` times, and what answers to it.
+    /// One pulse of a source; noise of unit size whose sd grows with it `bursts` times, and what responds to it.
     fn gains(seed: u64, bursts: f64, answer: f64) -> [f64; 2] {
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
         let source = |lag: usize| -> Vec<f64> {

@@ -1,4 +1,4 @@
-//! A case in; the sources that its residuals may answer to, and what each does at given instants, out.
+//! A case in; the sources that its residuals may respond to, and what each does at given instants, out.
 //!
 //! A source is an input of the model or a modelled output (less its value at the start of the maneuver), or the square of it, with lags; what
 //! such a signal rings at one frequency (a lightly damped oscillation that its changes excite); the time since the start, as waves of one frequency
@@ -13,7 +13,7 @@ use crate::math::distribution::chi2_quantile;
 /// Lags of an impulse response.
 const LAGS: usize = 8;
 
-/// What an output may answer to.
+/// What an output may respond to.
 #[derive(Debug, Clone)]
 pub struct Source {
     pub name: String,
@@ -64,9 +64,9 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// `luck`: share of the campaigns with nothing missing in which one of them may exceed its limit at one of the outputs. `motion`: whether
+    /// `chance`: share of the campaigns with nothing missing in which one of them may exceed its limit at one of the outputs. `motion`: whether
     /// what the motion rings, and what inputs do that come and go, are among them.
-    pub fn of(case: &Case, segments: &[usize], luck: f64, motion: bool, thresholds: &Thresholds) -> Sources {
+    pub fn of(case: &Case, segments: &[usize], chance: f64, motion: bool, thresholds: &Thresholds) -> Sources {
         let inputs = case.model.inputs.iter().map(|i| i.name.clone());
         let modelled = case.outputs.iter().map(|&o| format!("modelled {}", case.model.outputs[o].name));
         let names: Vec<String> = inputs.chain(modelled).collect();
@@ -92,10 +92,10 @@ impl Sources {
         for (signal, name) in names.iter().enumerate().take(if motion { controls } else { 0 }) {
             waves(&format!("{name}, coming and going"), &|frequency| Kind::Coming { signal, frequency });
         }
-        // Half of what luck is allowed for those with lags.
+        // Half of what chance is allowed for those with lags.
         let counts = [lagged, sources.all.len() - lagged];
         for (i, source) in sources.all.iter_mut().enumerate() {
-            let share = thresholds.question_share * luck / (counts[usize::from(i >= lagged)] * case.outputs.len()).max(1) as f64;
+            let share = thresholds.question_share * chance / (counts[usize::from(i >= lagged)] * case.outputs.len()).max(1) as f64;
             source.limit = 0.5 * chi2_quantile(1.0 - share, source.kind.columns() as f64);
         }
         sources

@@ -10,7 +10,7 @@ use crate::diagnose::thresholds::Thresholds;
 use crate::math::distribution::normal_quantile;
 use crate::math::products::dot;
 
-/// Why a candidate that passes is not named yet, at the round's limit of luck.
+/// Why a candidate that passes is not named yet, at the round's null maximum (99%).
 pub fn is_faint(judged: &Judged, limit: f64, thresholds: &Thresholds) -> Option<String> {
     let wanted = times(thresholds.name_factor, limit, judged.screened.taken, thresholds);
     let words = format!("evidence {:.1}, where {wanted:.1} makes a name", judged.evidence);
@@ -106,7 +106,7 @@ pub struct Distance {
     pub at: usize,
     /// By how much less evidence it has.
     pub less: f64,
-    /// By how much less it is told from it: a difference counts for as much less as it scatters more than noise lets it.
+    /// By how much less it is distinguished from it: a difference counts for as much less as it scatters more than noise lets it.
     pub margin: f64,
 }
 
@@ -119,7 +119,7 @@ pub fn distances(judged: &[Judged], passing: &[Passing], settings: &Settings) ->
     passing.iter().map(one).collect()
 }
 
-/// Those that are not told from the best, best evidence first, errors of sensors before physics.
+/// Those that are not distinguishable from the best, best evidence first, errors of sensors before physics.
 pub fn class(judged: &[Judged], distances: &[Distance]) -> Vec<usize> {
     let data = |d: &Distance| judged[d.at].family == Family::Sensor;
     let mut class: Vec<&Distance> = distances.iter().filter(|d| d.less < d.margin).collect();
@@ -174,7 +174,7 @@ mod tests {
     /// A candidate that passes with this evidence.
     fn judged(name: &str, family: Family, evidence: f64) -> Judged {
         let (name, text) = (name.to_string(), String::new);
-        let screened = Screened { gain: 0.0, taken: 1, at: Vec::new(), left: 1.0, absorbed_by: Vec::new(), silent: false };
+        let screened = Screened { gain: 0.0, taken: 1, at: Vec::new(), left: 1.0, collinear_with: Vec::new(), silent: false };
         Judged {
             effect: name.clone(),
             name,
@@ -186,7 +186,7 @@ mod tests {
             score: 0.0,
             refit: None,
             evidence,
-            standing: Standing::Luck,
+            standing: Standing::Chance,
             why: text(),
         }
     }

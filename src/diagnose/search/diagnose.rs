@@ -41,7 +41,7 @@ struct Link {
     name: String,
     values: Vec<f64>,
     evidence: f64,
-    /// What luck gains among all candidates of the round in which it was found.
+    /// What chance gives among all candidates of the round in which it was found.
     limit: f64,
     /// Candidates that came near it in its round.
     rivals: Vec<String>,
@@ -276,7 +276,7 @@ impl Search<'_> {
         Ok(Some(round))
     }
 
-    /// `least`: luck gains at least this.
+    /// `least`: chance gives at least this.
     fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate], least: f64) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();

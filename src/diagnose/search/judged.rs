@@ -2,7 +2,7 @@
 
 use super::refit::Refit;
 use super::screen::Screened;
-use super::surrogate::luck;
+use super::surrogate::chance;
 use crate::diagnose::effect;
 use crate::diagnose::residual::located::Located;
 use crate::diagnose::thresholds::Thresholds;
@@ -11,12 +11,12 @@ use crate::diagnose::thresholds::Thresholds;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
     /// The base's free parameters imitate it: no candidate.
-    Absorbed,
+    Collinear,
     /// Nothing in these flights moves it.
     Silent,
-    /// Its gain is what luck gives.
-    Luck,
-    /// Above luck, but not among the few that were refitted.
+    /// Its gain is what chance gives.
+    Chance,
+    /// Above chance, but not among the few that were refitted.
     NotRefitted,
     /// Its full fit did not end.
     FitFailed,
@@ -30,11 +30,11 @@ pub enum Standing {
     Untold,
     /// Its size differs from maneuver to maneuver by more than its uncertainty.
     Inconsistent,
-    /// It passes, but with little more evidence than luck gives where the noise is what it is taken for.
+    /// It passes, but with little more evidence than chance gives where the noise is what it is taken for.
     Faint,
-    /// It passes, another one is better by more than luck.
+    /// It passes, another one is better by more than chance.
     Beaten,
-    /// It passes, and cannot be told from the one chosen.
+    /// It passes, and is not distinguishable from the one chosen.
     Alike,
     /// It passes, and is added.
     Chosen,
@@ -44,9 +44,9 @@ impl Standing {
     /// The stable text that tables carry.
     pub fn as_str(self) -> &'static str {
         match self {
-            Standing::Absorbed => "absorbed by the base",
+            Standing::Collinear => "collinear with the base",
             Standing::Silent => "not excited",
-            Standing::Luck => "luck",
+            Standing::Chance => "within chance",
             Standing::NotRefitted => "not refitted",
             Standing::FitFailed => "fit failed",
             Standing::Bounds => "against physics",
@@ -70,13 +70,13 @@ pub struct Judged {
     pub family: effect::Family,
     pub sentence: String,
     pub signature: String,
-    /// The maneuver that would tell it from its rivals, in words.
+    /// The maneuver that would distinguish it from its rivals, in words.
     pub separate: String,
     pub screened: Screened,
-    /// Gain of the screening less luck: what is compared with the round's limit.
+    /// Gain of the screening less what chance gives it alone: what is compared with the round's limit.
     pub score: f64,
     pub refit: Option<Refit>,
-    /// Log-likelihood for it, training and held out, less luck; NaN without a refit.
+    /// Log-likelihood for it, training and held out, less what chance gives it alone; NaN without a refit.
     pub evidence: f64,
     pub standing: Standing,
     /// The standing in words, with its figures.
@@ -84,10 +84,10 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Its evidence as a gain, over what luck gives the best of its round: what a threshold that counts in times of luck is compared with.
+    /// Its evidence as a gain, over what chance gives the best of its round: what a threshold that counts in times of chance is compared with.
     pub fn over_luck(&self, limit: f64, thresholds: &Thresholds) -> f64 {
-        let luck = luck(self.screened.taken.max(1), thresholds.false_alarm);
-        (self.evidence + luck) / (limit + luck)
+        let chance = chance(self.screened.taken.max(1), thresholds.false_alarm);
+        (self.evidence + chance) / (limit + chance)
     }
 }
 
@@ -99,7 +99,7 @@ pub struct Round {
     pub judged: Vec<Judged>,
     /// Those that pass alike, best evidence first; the first one is added.
     pub class: Vec<usize>,
-    /// Outputs that answer to a source in this round's base.
+    /// Outputs that respond to a source in this round's base.
     pub located: Vec<Located>,
     /// Candidates that this round's base has already.
     pub base: Vec<String>,

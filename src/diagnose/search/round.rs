@@ -6,7 +6,7 @@ use super::judged::Standing;
 use super::judged::{Judged, Round};
 use super::refit::{self, refit};
 use super::screen::{Screened, screen};
-use super::surrogate::{best_of_surrogates, luck};
+use super::surrogate::{best_of_surrogates, chance};
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::stand::Stand;
 use crate::diagnose::effect::Candidate;
@@ -18,7 +18,7 @@ use crate::estimate::{Case, Segment};
 use crate::math::quantile;
 use crate::model::Scope;
 
-/// Screens all candidates, refits and judges the best. Luck gains at least `least`: fewer candidates may take part than one of them was
+/// Screens all candidates, refits and judges the best. Chance gives at least `least`: fewer candidates may take part than one of them was
 /// found among.
 ///
 /// # Errors
@@ -71,9 +71,9 @@ pub fn held_against(
     progress(&match order.first() {
         Some(&best) => {
             let best = &judged[best];
-            format!("{} comes furthest, {:.1} where luck gains {limit:.1}; {refits} are fitted in full", best.name, best.score)
+            format!("{} comes furthest, {:.1} where chance gives {limit:.1}; {refits} are fitted in full", best.name, best.score)
         }
-        None => format!("nothing gains more than luck, {limit:.1}"),
+        None => format!("nothing gains more than chance, {limit:.1}"),
     });
     for (at, &i) in order.iter().take(settings.refits).enumerate() {
         progress(&format!("fit {} of {refits}, {}", at + 1, judged[i].name));
@@ -85,7 +85,7 @@ pub fn held_against(
         };
         let held_out: f64 = one.held_out.iter().map(|g| g.realised).sum();
         judged.evidence =
-            one.gain - luck(judged.screened.taken.max(fitted_count(&one)), settings.thresholds.false_alarm) + held_out;
+            one.gain - chance(judged.screened.taken.max(fitted_count(&one)), settings.thresholds.false_alarm) + held_out;
         judged.refit = Some(one);
         let faint = || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
         match objection(judged, settings).or_else(faint) {
@@ -98,7 +98,7 @@ pub fn held_against(
     for Distance { at: i, less, margin } in distances {
         let mut words = format!("evidence {:.1} in log-likelihood", judged[i].evidence);
         if less > 0.0 {
-            words += &format!(", {less:.1} less than the best one's; {margin:.1} less tells them apart");
+            words += &format!(", {less:.1} less than the best one's; {margin:.1} less distinguishes them");
         }
         let standing = match class.iter().position(|&c| c == i) {
             Some(0) => Standing::Chosen,
@@ -121,7 +121,7 @@ fn takes_part(candidate: &Candidate) -> bool {
 
 fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &Settings) -> Judged {
     let own = !takes_part(candidate);
-    let score = if own { 0.0 } else { screened.gain - luck(screened.taken, settings.thresholds.false_alarm) };
+    let score = if own { 0.0 } else { screened.gain - chance(screened.taken, settings.thresholds.false_alarm) };
     let (standing, why) = if own {
         let why = format!("gains {:.1} with a value for every maneuver, which held-out ones cannot confirm", screened.gain);
         (Standing::Unidentifiable, why)
@@ -130,11 +130,11 @@ fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &S
     } else if !screened.gain.is_finite() {
         (Standing::Silent, "the model with it does not run over these flights".to_string())
     } else if screened.taken == 0 {
-        (Standing::Absorbed, format!("imitated by {}", crate::config::list(&screened.absorbed_by)))
+        (Standing::Collinear, format!("imitated by {}", crate::config::list(&screened.collinear_with)))
     } else if score > limit {
         (Standing::NotRefitted, format!("gains {:.1}, others gain more", screened.gain))
     } else {
-        (Standing::Luck, format!("gains {:.1}", screened.gain))
+        (Standing::Chance, format!("gains {:.1}", screened.gain))
     };
     Judged {
         name: candidate.name.clone(),

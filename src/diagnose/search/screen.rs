@@ -46,7 +46,7 @@ pub struct Screened {
     /// Share of the column that the base's parameters cannot imitate.
     pub left: f64,
     /// Base parameters that imitate it most, where nothing is left.
-    pub absorbed_by: Vec<String>,
+    pub collinear_with: Vec<String>,
     /// The model did not run, or nothing in the flights moves it.
     pub silent: bool,
 }
@@ -222,13 +222,13 @@ impl Screening {
             self.trials.iter().filter(|t| t.candidate == candidate).flat_map(|t| t.columns.iter().copied()).collect();
         let left = mine.iter().filter(|&&c| self.raw[c] > 0.0).map(|&c| self.rest.at(c, c) / self.raw[c]).fold(0.0, f64::max);
         let silent = mine.iter().all(|&c| self.raw[c] <= 0.0);
-        let none = Screened { gain: 0.0, taken: 0, at: Vec::new(), left, absorbed_by: Vec::new(), silent };
+        let none = Screened { gain: 0.0, taken: 0, at: Vec::new(), left, collinear_with: Vec::new(), silent };
         let (Some((gain, ..)), Some((_, t, b))) =
             (self.best(candidate, &|c| self.rest.at(c, e)), self.start(candidate, candidates))
         else {
             let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
-            let absorbed_by = by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
-            return Screened { absorbed_by, ..none };
+            let collinear_with = by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
+            return Screened { collinear_with, ..none };
         };
         let trial = &self.trials[t];
         let mut at = trial.at.clone();

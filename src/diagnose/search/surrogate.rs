@@ -12,29 +12,29 @@ use crate::math::products::factor;
 use crate::simulate::Stream;
 use rayon::prelude::*;
 
-/// What a candidate of `k` parameters gains by luck with this probability, if it is looked at alone: half the quantile of
+/// What a candidate of `k` parameters gains by chance with this probability, if it is looked at alone: half the quantile of
 /// chi-square. Candidates of different numbers of parameters compare after it is taken off.
-pub fn luck(k: usize, false_alarm: f64) -> f64 {
+pub fn chance(k: usize, false_alarm: f64) -> f64 {
     if k == 0 { 0.0 } else { 0.5 * chi2_quantile(1.0 - false_alarm, k as f64) }
 }
 
-/// What a score (a gain less luck) must exceed so that the gain itself is `factor` times that of the best by luck: noise stronger than it is taken for makes
-/// every gain larger by its factor, and luck with it. `limit`: the best score by luck.
+/// What a score (a gain less what chance gives it alone) must exceed so that the gain itself is `factor` times that of the best by chance: noise stronger than it is taken for makes
+/// every gain larger by its factor, and what chance gives with it. `limit`: the best score by chance.
 pub fn times(factor: f64, limit: f64, k: usize, thresholds: &Thresholds) -> f64 {
-    let luck = luck(k.max(1), thresholds.false_alarm);
-    factor * (limit + luck) - luck
+    let chance = chance(k.max(1), thresholds.false_alarm);
+    factor * (limit + chance) - chance
 }
 
-/// Gain less luck of the best candidate of each surrogate, ascending; those that take no part (`round::takes_part`) are no candidates here.
+/// Best score of each surrogate, ascending; those that take no part (`round::takes_part`) are no candidates here.
 pub fn best_of_surrogates(screening: &Screening, takes_part: &[bool], settings: &Settings) -> Vec<f64> {
     let (information, n) = screening.information();
     let l = factor(&information, n);
-    let lucks: Vec<f64> = screening.screened.iter().map(|s| luck(s.taken, settings.thresholds.false_alarm)).collect();
+    let chances: Vec<f64> = screening.screened.iter().map(|s| chance(s.taken, settings.thresholds.false_alarm)).collect();
     let one = |i: usize| {
         let mut stream = Stream::new(settings.seed, &["diagnose", "surrogate", &i.to_string()]);
         let z: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
         let u: Vec<f64> = (0..n).map(|i| crate::math::products::dot(&l[i * n..i * n + i + 1], &z[..i + 1])).collect();
-        let scores = screening.gains(&u, takes_part).into_iter().zip(&lucks).map(|(gain, luck)| gain - luck);
+        let scores = screening.gains(&u, takes_part).into_iter().zip(&chances).map(|(gain, chance)| gain - chance);
         scores.fold(0.0, f64::max)
     };
     let mut best: Vec<f64> = (0..settings.surrogates).into_par_iter().map(one).collect();

@@ -21,9 +21,9 @@ pub struct Finding {
 pub enum Verdict {
     /// Every effect added stands alone; what is left is noise, or little against what was explained (`Diagnosis::complete`).
     Named,
-    /// The same, but at least one cannot be told from others.
+    /// The same, but at least one is not distinguishable from others.
     OneOfThese,
-    /// Outputs answer to inputs and no candidate explains it, or not all of it.
+    /// Outputs respond to inputs and no candidate explains it, or not all of it.
     Located,
     NothingMissing,
     /// No verdict.
@@ -47,7 +47,7 @@ impl Verdict {
 #[derive(Debug, Clone)]
 pub struct Diagnosis {
     pub verdict: Verdict,
-    /// Nothing is left that answers to an input.
+    /// Nothing is left that responds to an input.
     pub complete: bool,
     pub rounds: Vec<Round>,
     /// One per effect named.
@@ -58,7 +58,7 @@ pub struct Diagnosis {
     pub added: Vec<effect::Candidate>,
     /// Values of the added parameters in the last fit, with everything free.
     pub values: Vec<(String, f64)>,
-    /// Outputs that still answer to a source in the end.
+    /// Outputs that still respond to a source in the end.
     pub located: Vec<Located>,
     /// Held-out maneuvers that show more than the training ones do, in the end.
     pub missed: Vec<Missed>,

@@ -286,7 +286,7 @@ fn fault_a_parameter_without_effect_and_one_twice_are_named_together() {
         let e = estimate(&model, std::slice::from_ref(&record), &settings).unwrap();
         assert_eq!(e.stop, Stop::Singular);
         let named: Vec<String> = e.verdict.combinations.iter().map(ToString::to_string).collect();
-        assert_eq!(named, ["idle has no effect on the measured outputs", "K, K_2 cannot be told apart"]);
+        assert_eq!(named, ["idle has no effect on the measured outputs", "K, K_2 are not distinguishable"]);
         assert!(e.rows.iter().all(|r| r.sd.is_none() && r.value.is_finite()));
     }
     let e = estimate(&model, &[record], &free(&["K", "T"])).unwrap();

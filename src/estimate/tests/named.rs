@@ -117,7 +117,7 @@ fn what_cannot_be_told_apart_is_named() {
     let free = Some(["T", "K", "K_2", "y_0"].map(String::from).to_vec());
     let e = estimate(&model, &records(&model, 1), &Settings { free, ..Settings::default() }).unwrap();
     assert_eq!((e.stop, e.correlations.len()), (Stop::Singular, 0));
-    assert_eq!(e.verdict.combinations[0].to_string(), "K, K_2 cannot be told apart");
+    assert_eq!(e.verdict.combinations[0].to_string(), "K, K_2 are not distinguishable");
     assert!(e.rows.iter().all(|r| r.sd.is_none() && r.sd_crlb.is_none()));
 }
 

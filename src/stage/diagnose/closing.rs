@@ -107,7 +107,7 @@ pub fn relations(told: &Told) -> Result<Table> {
 pub fn driven(told: &Told) -> Result<Table> {
     let all = &told.diagnosis.closing.driven;
     let free = |output: &str| all.iter().find(|d| d.state.is_none() && d.output == output).map_or(f64::NAN, |d| d.rms);
-    // A state that cannot be led so is left out.
+    // A state that cannot have it is left out.
     let rows: Vec<&Driven> = all.iter().filter(|d| d.rms.is_finite()).collect();
     Table::build("driven")
         .repeat("diagnosis", &told.config.name())

@@ -44,7 +44,7 @@ pub fn evidence(judged: &Judged, limit: f64) -> String {
     let predicted: f64 = refit.held_out.iter().map(|g| g.predicted).sum();
     let less = if judged.standing == Standing::Alike { format!("; {}", judged.why) } else { String::new() };
     format!(
-        "log-likelihood gains {} on the training maneuvers (luck: {}), and {} on the held-out ones, where {} is predicted{less}",
+        "log-likelihood gains {} on the training maneuvers (null maximum, 99%: {}), and {} on the held-out ones, where {} is predicted{less}",
         digits(refit.gain),
         digits(limit),
         digits(realised),
@@ -79,7 +79,7 @@ fn data_first(d: &Diagnosis) -> String {
     let last = d.rounds.iter().rfind(|r| !r.strict);
     let judged = last.map(|r| &r.judged[..]).unwrap_or_default();
     let beside = last.filter(|r| !r.base.is_empty()).map(|r| format!(", beside {}", r.base.join(" and "))).unwrap_or_default();
-    let shown = |j: &&Judged| j.family == Family::Sensor && !matches!(j.standing, Standing::Absorbed | Standing::Silent);
+    let shown = |j: &&Judged| j.family == Family::Sensor && !matches!(j.standing, Standing::Collinear | Standing::Silent);
     // Those that were refitted before those that were only screened.
     let far = |j: &Judged| if j.evidence.is_finite() { (true, j.evidence) } else { (false, j.score) };
     let order = |a: &&Judged, b: &&Judged| far(a).0.cmp(&far(b).0).then(far(a).1.total_cmp(&far(b).1));
@@ -133,13 +133,13 @@ fn counted(texts: impl Iterator<Item = String>) -> String {
     }
 }
 
-/// What is not explained: the first outputs that still answer, what explains something and is not believed, held-out maneuvers that are missed.
+/// What is not explained: the first outputs that still response, what explains something and is not believed, held-out maneuvers that are missed.
 fn left(told: &Told) -> String {
     let d = &told.diagnosis;
-    let answers = d.located.iter().take(3).map(|l| format!("{} answers to {}", l.output, l.source));
+    let responses = d.located.iter().take(3).map(|l| format!("{} responds to {}", l.output, l.source));
     let doubts = d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
     let missed = d.missed.iter().map(|m| missed(told, m));
-    answers.chain(doubts).chain(missed).collect::<Vec<_>>().join("; ")
+    responses.chain(doubts).chain(missed).collect::<Vec<_>>().join("; ")
 }
 
 /// The candidate that gains most before anything is added, and why it was not believed.
@@ -149,7 +149,7 @@ fn best(d: &Diagnosis) -> String {
     best.map(|j| format!("{} comes nearest ({})", j.name, j.why)).unwrap_or_default()
 }
 
-/// An effect that is missing, with those that cannot be told from it.
+/// An effect that is missing, with those that are not distinguishable from it.
 fn class(d: &Diagnosis, finding: &Finding) -> String {
     let Some(round) = d.rounds.get(finding.round) else { return String::new() };
     let all: Vec<&Judged> = round.class.iter().filter_map(|&c| round.judged.get(c)).collect();

@@ -116,7 +116,7 @@ fn decided(d: &Decision) -> String {
     } else if value.is_finite() {
         format!("{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}", INTERVAL * sd)
     } else {
-        format!("{parameter} is not told from others by these data: held at {start}")
+        format!("{parameter} is not distinguishable from others by these data: held at {start}")
     }
 }
 

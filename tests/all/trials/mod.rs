@@ -195,7 +195,7 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     all.flat_map(seeds).collect()
 }
 
-/// The gain of the best candidate that passes all tests but that of evidence itself, over what luck gives the best of its round; 0 without one. What a
+/// The gain of the best candidate that passes all tests but that of evidence itself, over what chance gives the best of its round; 0 without one. What a
 /// name must have is chosen so that nothing has it where nothing is missing.
 fn most(diagnosis: &Diagnosis) -> f64 {
     use diagnose::Standing::{Alike, Beaten, Chosen, Faint};
@@ -213,7 +213,7 @@ fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     let row = row(hidden, setting, outcome.as_ref());
     println!("{}", row.line());
     if let Some(o) = outcome.as_ref().filter(|_| row.kind == Kind::Nothing) {
-        println!("{} #{}: gain over that by luck {:.2}", row.hidden, row.seed, most(&o.diagnosis));
+        println!("{} #{}: gain over that by chance {:.2}", row.hidden, row.seed, most(&o.diagnosis));
     }
     row
 }

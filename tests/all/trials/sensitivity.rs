@@ -22,7 +22,7 @@ const BESIDES: [&str; 3] = ["nothing#905001-905004", "scale of az#5", "drift of 
 
 /// What is described beside the verdict and cannot change it.
 const DESCRIBING: [&str; 10] = [
-    "leading",
+    "feedback",
     "half_window",
     "repeats",
     "distinguishable",

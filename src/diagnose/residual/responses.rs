@@ -1,6 +1,6 @@
-//! A fit and its noise in; what its residuals demonstrably answer to, out.
+//! A fit and its noise in; what its residuals demonstrably respond to, out.
 //!
-//! What an output demonstrably answers is no noise: it is taken out of the residuals before the noise is made from them.
+//! What an output demonstrably responds to is no noise: it is taken out of the residuals before the noise is made from them.
 //! Otherwise the noise's colour would imitate what is missing, and hide it.
 
 use super::absorbed::Fitted;
@@ -10,17 +10,17 @@ use super::sums::{Size, best, sums, together};
 use crate::diagnose::settings::Settings;
 use crate::math::products::Gram;
 
-/// What the residuals of a fit demonstrably answer, to be taken out of them before the noise is made: `[segment of the fit][output]`.
+/// What the residuals of a fit demonstrably respond to, to be taken out of them before the noise is made: `[segment of the fit][output]`.
 #[derive(Debug, Clone, Default)]
-pub struct Answers {
+pub struct Responses {
     pub values: Vec<Vec<Option<Vec<f64>>>>,
     /// How many were taken out of each output, and which have no more.
     taken: Vec<usize>,
     done: Vec<bool>,
 }
 
-impl Answers {
-    /// One more for every output that answers above the limit of luck under this noise; false where none does.
+impl Responses {
+    /// One more for every output that responds above the limit of chance under this noise; false where none does.
     pub fn more(&mut self, fitted: &Fitted, noise: &Noise, settings: &Settings) -> bool {
         let (case, thresholds) = (fitted.case, &settings.thresholds);
         let sources = Sources::of(case, fitted.segments, 1.0 - settings.quantile, false, thresholds);
@@ -58,7 +58,7 @@ impl Answers {
         }
         chosen.iter().for_each(|(output, ..)| self.taken[*output] += 1);
         for output in 0..case.outputs.len() {
-            self.done[output] = self.taken[output] >= thresholds.answers || chosen.iter().all(|c| c.0 != output);
+            self.done[output] = self.taken[output] >= thresholds.responses || chosen.iter().all(|c| c.0 != output);
         }
         !chosen.is_empty()
     }
