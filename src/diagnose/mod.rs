@@ -51,7 +51,7 @@
 //! | | `innovation` | whether a source foretells what is new in an output at each instant |
 //! | | `located` | whether an output still responds to a source |
 //! | `base` | | **the base as it stands with what was added** |
-//! | | `fit` | maximum of the likelihood of the whitened residuals, bounds kept |
+//! | | `training` | maximum of the likelihood of the whitened residuals, bounds kept |
 //! | | `stand` | the base as it stands, its fit |
 //! | | `frozen` | held-out maneuvers with the derivatives of the training |
 //! | | `found` | the base fitted as it stands, with the noise it leaves |
@@ -61,7 +61,7 @@
 //! | | `driven` | what goes away when a loop is closed by its measurement; what each rate equation lacks |
 //! | | `coefficient` | what each force and moment coefficient lacks, with its uncertainty |
 //! | | `relation` | correlation, lag and coherence of the residuals with what moves them |
-//! | | `closure`, `closing` | the gap before and after, and what the addition did to the other parameters |
+//! | | `before_after`, `comparison` | the gap before and after, and what the addition did to the other parameters |
 //! | `search` | | **which effect explains it** |
 //! | | `ground` | what candidates are screened against |
 //! | | `probe` | a candidate's sensitivities where the base stands |
@@ -89,8 +89,8 @@ mod tests;
 pub mod thresholds;
 mod together;
 
-pub use gap::closing::Closing;
-pub use gap::closure::{Channel, Match, Overlay, Shift};
+pub use gap::before_after::{Channel, Match, Overlay, Shift};
+pub use gap::comparison::Comparison;
 pub use gap::driven::{Driven, EquationError};
 pub use gap::gaps::Gap;
 pub use gap::relation::Relation;
@@ -98,7 +98,7 @@ pub use held_out::{Rule, cut, held_out};
 pub use residual::located::Located;
 pub use search::diagnose::diagnose;
 pub use search::judged::{Judged, Round, Standing};
-pub use search::refit::{Consistency, Refit};
+pub use search::refit::{Heterogeneity, Refit};
 pub use search::screen::Screened;
 pub use search::unseen::Missed;
 pub use search::value::{Gain, Value};

@@ -139,7 +139,7 @@ fn told(d: &Diagnosis) -> String {
             if let Some(refit) = &j.refit {
                 let values: Vec<String> = refit.values.iter().map(|v| format!("{} {:.4}+-{:?}", v.name, v.value, v.sd)).collect();
                 let held: Vec<String> = refit.held_out.iter().map(|g| format!("{:.1}/{:.1}", g.realised, g.predicted)).collect();
-                text += &format!("\n    gain {:.1} {values:?} held {held:?} consistency {:?}", refit.gain, refit.consistency);
+                text += &format!("\n    gain {:.1} {values:?} held {held:?} heterogeneity {:?}", refit.gain, refit.heterogeneity);
             }
         }
     }

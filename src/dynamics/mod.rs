@@ -34,7 +34,7 @@ mod propagate;
 mod record;
 mod respond;
 mod rows;
-mod sigma;
+mod sigma_filter;
 mod starts;
 mod stiffness;
 mod substeps;
@@ -45,7 +45,7 @@ mod values;
 pub use plan::{Directions, Plan, Tier};
 
 pub use record::{Channel, Interpolation, Record, Sampling};
-pub use sigma::{Smooth, smoothed};
+pub use sigma_filter::{Smooth, smoothed};
 pub(crate) use tableau::{AHEAD, WEIGHT};
 
 /// Outputs on the record's grid from its start point on.

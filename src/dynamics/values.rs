@@ -3,7 +3,7 @@
 use super::evaluate::Single;
 use super::history::{self, Past};
 use super::plan::Plan;
-use super::sigma::{Smooth, smoothed};
+use super::sigma_filter::{Smooth, smoothed};
 use super::tableau::{AHEAD, OFFSET, WEIGHT};
 use super::{Interpolation, Record};
 use crate::model::Delayed;

@@ -13,7 +13,7 @@
 
 use super::case::{Case, plan};
 use super::choice::Chosen;
-use super::prepare::extended;
+use super::extend::extended;
 use super::segment::Segment;
 use super::solution::Solution;
 use super::{Settings, Stop};

@@ -13,7 +13,7 @@
 //! same instant counts fully, and correlation between different instants as far as it follows from it and the colours; a delay between
 //! the noise of two outputs is not modelled.
 
-use super::sigma::Sigma;
+use super::noise_covariance::Sigma;
 use crate::least_squares::{Arrow, Block, Covariance, Evaluate, Factor, Layout, Own};
 use crate::noise::{Absorbed, Direction, Modelled, Part, Prior, Products, Rule, burg};
 use rayon::prelude::*;

@@ -10,7 +10,7 @@
 //! | `segment` | records with labels; groups of segments; which samples belong together |
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
-//! | `sigma` | products of a segment's sensitivities with the covariance of coloured noise, and its rows made white |
+//! | `noise_covariance` | products of a segment's sensitivities with the covariance of coloured noise, and its rows made white |
 //! | `solution` | the four together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
@@ -21,7 +21,7 @@
 //! | `start` | whether they fit better than those of the model |
 //! | `settings` | how an estimation is run |
 //! | `choice` | settings against the model: what is free, where it starts |
-//! | `prepare` | the model with shifts and feedback that the settings ask for, and records that feed it |
+//! | `extend` | the model with shifts and feedback that the settings ask for, and records that feed it |
 //! | `prepared` | the same without an estimation: a model over the segments that can be used, to be evaluated anywhere |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
 //! | `case` | that problem for the segments used |
@@ -35,8 +35,9 @@ mod choice;
 mod colour;
 mod decision;
 mod estimation;
+mod extend;
+mod noise_covariance;
 mod output_error;
-mod prepare;
 mod prepared;
 mod profile;
 mod rank;
@@ -46,7 +47,6 @@ mod result;
 mod segment;
 mod selection;
 mod settings;
-mod sigma;
 mod solution;
 mod start;
 #[cfg(test)]
@@ -58,8 +58,8 @@ pub use budget::Influence;
 pub use case::{Case, Unknown};
 pub use decision::{Decision, Support};
 pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row};
+pub use extend::extended;
 pub use output_error::{estimate, estimate_segments};
-pub use prepare::extended;
 pub use prepared::Prepared;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};

@@ -3,7 +3,7 @@
 use super::budget::influences;
 use super::case::{Case, plan};
 use super::choice::{Chosen, choose};
-use super::prepare::prepare;
+use super::extend::prepare;
 use super::rank::{NONE, weak_words};
 use super::result::{Further, name};
 use super::segment::Segment;

@@ -3,8 +3,8 @@
 
 use super::case::{Case, plan};
 use super::choice::{Chosen, choose};
+use super::extend::prepare;
 use super::output_error::{starts, unusable};
-use super::prepare::prepare;
 use super::segment::Segment;
 use super::{LeftOut, Settings};
 use crate::dynamics::Plan;

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use indexmap::IndexMap;
 
 use super::amend::{Amendment, Target};
-use super::expr;
+use super::syntax;
 use super::file::Value;
 use super::fragments::Source;
 use super::graph::{Leaf, Node};
@@ -373,7 +373,7 @@ impl Compiler<'_> {
     }
 
     pub(super) fn expression(&mut self, text: &str, at: &At) -> Option<Typed> {
-        match expr::parse(text) {
+        match syntax::parse(text) {
             Ok(tree) => self.build(&tree, at),
             Err((offset, what)) => {
                 self.error(at, offset, what);

@@ -2,8 +2,8 @@
 
 use super::amend::Target;
 use super::compile::{At, Compiler, SECOND, Typed};
-use super::expr::{Expr, Kind};
 use super::graph::{Graph, Leaf, Node, Op, View};
+use super::syntax::{Expr, Kind};
 use crate::units::Dim;
 
 /// One function of the language.

@@ -1,7 +1,7 @@
 //! The model language: a text file in, a compiled model out (`docs/model-language.md` is the reference).
 //!
-//! `file` (sections) and `expr` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
-//! checks units and builds (`expression`) one shared graph (`graph`), in which `fuse` joins products and sums. `linear` asks for exact
+//! `file` (sections) and `syntax` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
+//! checks units and builds (`lower`) one shared graph (`graph`), in which `fuse` joins products and sums. `linear` asks for exact
 //! derivatives (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which `interpret` runs over lanes
 //! and `native` turns into machine code; `arithmetic` says to the bit what one operation is; `amend` applies the effects of a file;
 //! `extend` adds zero shifts and feedback to a compiled model. Nothing here knows
@@ -12,8 +12,6 @@ mod arithmetic;
 pub mod compile;
 mod declare;
 mod derivative;
-pub mod expr;
-mod expression;
 pub mod extend;
 pub mod file;
 pub mod fragments;
@@ -23,9 +21,11 @@ pub mod graph;
 mod instruction;
 mod interpret;
 pub mod linear;
+mod lower;
 pub mod native;
 mod op;
 pub mod program;
+pub mod syntax;
 pub mod tables;
 mod walk;
 

@@ -1,7 +1,7 @@
 //! Fresh, stale or missing, and why: a plan and the output folder come in, the state of every unit of every stage goes out.
 
 use super::plan::Plan;
-use super::record::{Ingredients, PLACE, Record};
+use super::provenance::{Ingredients, PLACE, Record};
 use super::store::Store;
 use crate::error::Result;
 use crate::stage::{Part, Stage, Unit};

@@ -2,7 +2,7 @@
 //!
 //! The memory only saves reading: it is never part of a key, and a lost or broken memory file costs time, nothing else.
 
-use super::record::hash_bytes;
+use super::provenance::hash_bytes;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

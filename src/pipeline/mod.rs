@@ -2,7 +2,7 @@
 
 mod assess;
 mod plan;
-mod record;
+mod provenance;
 mod run;
 mod settings;
 mod simulate;

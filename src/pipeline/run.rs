@@ -2,7 +2,7 @@
 
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::plan::Plan;
-use super::record::{PROGRAM, Record, hash_bytes};
+use super::provenance::{PROGRAM, Record, hash_bytes};
 use super::store::Store;
 use crate::error::{Error, Errors, Result};
 use crate::stage::{Inputs, NOTES, Note, Output, Part, STAGES_TABLE, Severity, Stage, Unit};

@@ -1,6 +1,6 @@
 //! The pipeline file `pipeline.toml`: what is done with a campaign's logs, stage by stage.
 
-use super::record::PLACE;
+use super::provenance::PLACE;
 use super::store::Store;
 use crate::stage;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -138,7 +138,7 @@ impl Settings {
     /// Adds the diagnoses that a command asked for earlier and whose results are in the output folder: they are kept as long as they are
     /// fresh. One whose name the pipeline file gives away, or whose estimate is gone, is not.
     pub fn keep(&mut self, store: &Store) {
-        let place = |record: &super::record::Record| record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok());
+        let place = |record: &super::provenance::Record| record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok());
         let mut records: Vec<_> = store.records().into_iter().filter(|r| r.stage == stage::diagnose::STAGE.name).collect();
         records.sort_by_key(place);
         let earlier = records.into_iter().filter_map(|r| serde_json::from_value(r.asked?).ok());

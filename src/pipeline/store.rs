@@ -1,7 +1,7 @@
 //! The output folder: records, tables and pages go in atomically, and come out as bytes; one run at a time.
 
 use super::memo::Memo;
-use super::record::{Record, hash_bytes};
+use super::provenance::{Record, hash_bytes};
 use crate::error::{Error, Result};
 use crate::stage::Part;
 use crate::table::{Table, read_part, write_atomic};

@@ -2,9 +2,9 @@
 
 use super::check::{Interface, check};
 use super::input::Shape;
-use super::plan::Plan;
-use super::record::{Recording, record};
+use super::recorder::{Recording, record};
 use super::settings::{Flight, Settings};
+use super::timeline::Plan;
 use super::truth::{Truth, fly};
 use super::write::{write_log, write_truth};
 use crate::config;

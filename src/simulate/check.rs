@@ -1,8 +1,8 @@
 //! A campaign file and its truth model's names in, every mistake with its place out.
 
 use super::input::Shape;
-use super::plan::{Placed, Plan};
 use super::settings::{Flight, Maneuver, Settings, Timing, Topic};
+use super::timeline::{Placed, Plan};
 use crate::config::{Doc, list, nearest};
 use crate::error::{Error, Errors};
 use crate::units::Unit;

@@ -1,6 +1,6 @@
 //! A truth model and the timeline of a flight in, every true signal on a uniform grid out.
 
-use super::plan::{Placed, Plan};
+use super::timeline::{Placed, Plan};
 use super::trim::trim;
 use crate::dynamics::{self, Directions, Record};
 use crate::error::{Error, Result};

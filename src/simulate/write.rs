@@ -1,7 +1,7 @@
 //! A recording in, an MCAP log out; the truth of a flight in, a JSON file for tests out. Both appear whole or not at all.
 
-use super::plan::Placed;
-use super::record::{Recording, SensorError};
+use super::recorder::{Recording, SensorError};
+use super::timeline::Placed;
 use super::truth::Truth;
 use crate::error::{Error, Result};
 use crate::log::{FieldSpec, LogWriter, Stream};

@@ -1,12 +1,12 @@
 //! A base as it stands in; its fit to the training maneuvers, the noise it leaves, and the held-out maneuvers with its derivatives, out.
 
-use super::fit::{Fit, Task};
 use super::frozen::{Frozen, frozen};
 use super::stand::{Known, Stand, estimation, fitted, placed, seen, settle_steps};
+use super::training::{Fit, Task};
 use crate::diagnose::residual::absorbed::Fitted;
 use crate::diagnose::residual::colour::noise_of;
-use crate::diagnose::residual::noise::Noise;
 use crate::diagnose::residual::responses::Responses;
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::subject::Places;
 use crate::diagnose::subject::{Subject, Trouble};
 use crate::diagnose::thresholds::Thresholds;

@@ -1,8 +1,8 @@
 //! A fit to the training maneuvers in; the held-out maneuvers with its derivatives out.
 
-use super::fit::Task;
 use super::stand::seen;
-use crate::diagnose::residual::noise::Noise;
+use super::training::Task;
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::subject::Places;
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::{Block, Case};

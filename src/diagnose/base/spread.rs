@@ -1,6 +1,6 @@
 //! A fit in; what the data say about its last free parameters, together and maneuver by maneuver, out.
 
-use super::fit::Task;
+use super::training::Task;
 use crate::math::products::{DEPENDENT, Gram};
 use rayon::prelude::*;
 

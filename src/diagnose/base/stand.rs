@@ -1,7 +1,7 @@
 //! A model, segments and which of them are held out, in; the model's best fit to the training segments, with the noise that it leaves, out.
 
-use super::fit::{Fit, Task};
-use crate::diagnose::residual::noise::Noise;
+use super::training::{Fit, Task};
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::settings::Base as Kind;
 use crate::diagnose::subject::{Places, Subject};
 use crate::diagnose::thresholds::Thresholds;

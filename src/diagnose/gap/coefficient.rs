@@ -285,7 +285,7 @@ mod tests {
     use super::*;
     use crate::diagnose::base::found::at_first;
     use crate::diagnose::base::stand::Stand;
-    use crate::diagnose::gap::closing::closing;
+    use crate::diagnose::gap::comparison::closing;
     use crate::diagnose::gap::driven::EquationError;
     use crate::diagnose::settings::Base;
     use crate::diagnose::subject::Subject;

@@ -1,8 +1,8 @@
 //! A base at its fit in; how large the gap is, where it is, and what the additions did to it, out.
 
-pub mod closing;
-pub mod closure;
+pub mod before_after;
 pub mod coefficient;
+pub mod comparison;
 pub mod driven;
 pub mod gaps;
 pub mod looks;

@@ -1,6 +1,6 @@
 //! A fit in; the series that stand in for its noise, residuals and what was absorbed beside them (`crate::noise::absorbed`), out.
 
-use super::noise::Noise;
+use super::whitening::Noise;
 use crate::estimate::{Block, Case};
 use crate::noise::{Absorbed, Direction, Part, Prior, Rule, Taken};
 use rayon::prelude::*;

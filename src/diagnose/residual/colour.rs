@@ -2,7 +2,7 @@
 
 use super::absorbed::{Fitted, Series};
 use super::joint::{Joint, Lagged, together};
-use super::noise::Noise;
+use super::whitening::Noise;
 use crate::noise::{Filter, Products, burg};
 use rayon::prelude::*;
 

@@ -10,9 +10,9 @@
 //! Sources are modelled signals and inputs, never measured outputs: those have the noise itself in them. What the fit absorbed makes `w` smaller than white
 //! (`1 - W G P G' W'`), so that gains are at most those of chance.
 
-use super::noise::Noise;
 use super::sources::{Sources, columns, signals};
 use super::sums::{Size, Sums};
+use super::whitening::Noise;
 use crate::estimate::{Block, Case, Trace};
 use crate::math::products::{Gram, dot};
 

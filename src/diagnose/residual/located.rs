@@ -14,9 +14,9 @@
 
 use super::gain::gain;
 use super::innovation;
-use super::noise::Noise;
 use super::sources::Sources;
 use super::sums::{Size, Sums, best, sums, together};
+use super::whitening::Noise;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::Places;
 use crate::estimate::Case;

@@ -4,9 +4,9 @@
 //! Otherwise the noise's colour would imitate what is missing, and hide it.
 
 use super::absorbed::Fitted;
-use super::noise::Noise;
 use super::sources::{Sources, columns, signals};
 use super::sums::{Size, best, sums, together};
+use super::whitening::Noise;
 use crate::diagnose::settings::Settings;
 use crate::math::products::Gram;
 

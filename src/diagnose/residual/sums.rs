@@ -1,8 +1,8 @@
 //! Residuals of one segment and sources in; sums of what the output, whitened by its own filter, has of each source, and the response that gains most, out.
 
 use super::gain::gain;
-use super::noise::Noise;
 use super::sources::{Source, Sources, columns, signals};
+use super::whitening::Noise;
 use crate::estimate::Case;
 use crate::math::products::Gram;
 use rayon::prelude::*;

@@ -40,7 +40,7 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     if let Some(objection) = held_out_objection(&refit.held_out, settings) {
         return Some(objection);
     }
-    let scatter = refit.consistency.filter(|c| c.p < thresholds.scatter_p && c.share > thresholds.scatter_share)?;
+    let scatter = refit.heterogeneity.filter(|c| c.p < thresholds.scatter_p && c.share > thresholds.scatter_share)?;
     let words = format!("its size differs from maneuver to maneuver by {:.0}% more than its uncertainty", 100.0 * scatter.share);
     Some((Standing::Inconsistent, words))
 }

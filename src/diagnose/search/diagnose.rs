@@ -17,8 +17,8 @@ use super::verdict::{Diagnosis, Finding, Verdict};
 use crate::diagnose::base::found::{Found, at_first, at_next, values};
 use crate::diagnose::base::stand::{Known, Stand};
 use crate::diagnose::effect::Candidate;
-use crate::diagnose::gap::closing::Closing;
-use crate::diagnose::gap::closing::closing;
+use crate::diagnose::gap::comparison::Comparison;
+use crate::diagnose::gap::comparison::closing;
 use crate::diagnose::residual::located::locate;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
@@ -80,7 +80,7 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
         missed: Vec::new(),
         left_out: Vec::new(),
         skipped: Vec::new(),
-        closing: Closing::default(),
+        closing: Comparison::default(),
     };
     let held = subject.held_out.iter().filter(|h| **h).count();
     if held == 0 || held == subject.held_out.len() {

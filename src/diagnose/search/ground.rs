@@ -1,6 +1,6 @@
 //! A base at its fit in; what candidates are screened against out.
 
-use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::{self, Case, Segment};
 

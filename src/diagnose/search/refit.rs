@@ -5,12 +5,12 @@
 //! parameters right, the gain in log-likelihood is normal with mean `d'd/2` and variance `d'd`: that is the gain predicted.
 
 use super::value::{Gain, Value};
-use crate::diagnose::base::fit::{Fit, Task};
 use crate::diagnose::base::frozen::{Frozen, frozen};
 use crate::diagnose::base::spread::Spread;
 use crate::diagnose::base::stand::{Known, Stand, fitted, settle_steps};
+use crate::diagnose::base::training::{Fit, Task};
 use crate::diagnose::effect::{Added, Candidate};
-use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::subject::Places;
 use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
@@ -44,7 +44,7 @@ pub struct Refit {
     /// Held-out maneuvers, in the order of the places.
     pub held_out: Vec<Gain>,
     /// How the sizes added scatter from maneuver to maneuver; none where one maneuver alone tells.
-    pub consistency: Option<Consistency>,
+    pub heterogeneity: Option<Heterogeneity>,
     /// The training maneuvers' gains.
     pub training: Vec<Gain>,
     /// Everything that the fit found.
@@ -56,7 +56,7 @@ pub type Left = Vec<Vec<f64>>;
 
 /// Scatter of a size from maneuver to maneuver.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Consistency {
+pub struct Heterogeneity {
     /// Probability of so much, if it is one number.
     pub p: f64,
     /// What is more than its uncertainty explains, as a share of the size.
@@ -98,7 +98,7 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
     let values = values(&case, (candidate, at), (&free, k), &fit, spread.as_ref(), ground.thresholds);
     let left = left(ground, &case, &fit.theta, &held_out);
     let refit = Refit {
-        consistency: spread.as_ref().and_then(|spread| consistency(spread, &values, ground.thresholds.telling_share)),
+        heterogeneity: spread.as_ref().and_then(|spread| heterogeneity(spread, &values, ground.thresholds.telling_share)),
         gain: ground.fit.cost() - fit.cost(),
         converged: fit.converged,
         values: values.into_iter().map(|v| v.0).collect(),
@@ -203,7 +203,7 @@ fn values(
 
 /// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against chi-square; its excess over the
 /// uncertainties by DerSimonian and Laird. The worst of the sizes.
-fn consistency(spread: &Spread, values: &[(Value, Option<usize>)], telling_share: f64) -> Option<Consistency> {
+fn heterogeneity(spread: &Spread, values: &[(Value, Option<usize>)], telling_share: f64) -> Option<Heterogeneity> {
     let one = |(v, at): &(Value, Option<usize>)| {
         let (null, at) = (v.null?, (*at)?);
         let all: Vec<(f64, f64)> = spread.by_segment.iter().filter_map(|s| s.get(at).copied()).collect();
@@ -213,7 +213,7 @@ fn consistency(spread: &Spread, values: &[(Value, Option<usize>)], telling_share
         let q: f64 = telling.iter().map(|(slope, information)| slope * slope / information).sum();
         let (sum, squares) = telling.iter().fold((0.0, 0.0), |s, t| (s.0 + t.1, s.1 + t.1 * t.1));
         let excess = ((q - dof) / (sum - squares / sum)).max(0.0).sqrt();
-        Some(Consistency { p: 1.0 - chi2_cdf(q, dof), share: excess / (v.value - null).abs() })
+        Some(Heterogeneity { p: 1.0 - chi2_cdf(q, dof), share: excess / (v.value - null).abs() })
     };
     values.iter().filter_map(one).min_by(|a, b| a.p.total_cmp(&b.p).then(b.share.total_cmp(&a.share)))
 }

@@ -3,7 +3,7 @@
 use super::judged::Round;
 use super::unseen::Missed;
 use crate::diagnose::effect;
-use crate::diagnose::gap::closing::Closing;
+use crate::diagnose::gap::comparison::Comparison;
 use crate::diagnose::residual::located::Located;
 use crate::diagnose::subject::Trouble;
 use crate::estimate::LeftOut;
@@ -66,7 +66,7 @@ pub struct Diagnosis {
     pub left_out: Vec<LeftOut>,
     /// Effects of the library that could not be attached to this model, and why.
     pub skipped: Vec<(String, String)>,
-    pub closing: Closing,
+    pub closing: Comparison,
 }
 
 impl Diagnosis {

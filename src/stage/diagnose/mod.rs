@@ -1,6 +1,6 @@
 //! Maneuvers of all flights and the library of effects come in; what one estimate's model lacks, and the amended model file, go out.
 
-mod closing;
+mod comparison;
 pub(super) mod recommended;
 mod tables;
 mod words;

@@ -1,6 +1,6 @@
 //! A diagnosis in; its tables out.
 
-use super::{Told, closing, words};
+use super::{Told, comparison, words};
 use crate::diagnose::{Gain, Judged, Round};
 use crate::error::Result;
 use crate::table::Table;
@@ -12,13 +12,13 @@ pub fn all(told: &Told) -> Result<Vec<(&'static str, Table)>> {
         ("additions", additions(told)?),
         ("held_out", held_out(told)?),
         ("located", located(told)?),
-        ("gaps", closing::gaps(told)?),
-        ("relations", closing::relations(told)?),
-        ("driven", closing::driven(told)?),
-        ("equation_errors", closing::equation_errors(told)?),
-        ("closures", closing::closures(told)?),
-        ("shifts", closing::shifts(told)?),
-        ("overlays", closing::overlays(told)?),
+        ("gaps", comparison::gaps(told)?),
+        ("relations", comparison::relations(told)?),
+        ("driven", comparison::driven(told)?),
+        ("equation_errors", comparison::equation_errors(told)?),
+        ("closures", comparison::closures(told)?),
+        ("shifts", comparison::shifts(told)?),
+        ("overlays", comparison::overlays(told)?),
     ])
 }
 
@@ -122,8 +122,8 @@ fn candidates(told: &Told) -> Result<Table> {
         .f64("limit", number(&|round, _| round.limit))
         .f64("gain", number(&|_, j| j.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
         .f64("evidence", number(&|_, j| j.evidence))
-        .f64("consistency", number(&|_, j| j.refit.as_ref().and_then(|r| r.consistency).map_or(f64::NAN, |c| c.p)))
-        .f64("scatter", number(&|_, j| j.refit.as_ref().and_then(|r| r.consistency).map_or(f64::NAN, |c| c.share)))
+        .f64("consistency", number(&|_, j| j.refit.as_ref().and_then(|r| r.heterogeneity).map_or(f64::NAN, |c| c.p)))
+        .f64("scatter", number(&|_, j| j.refit.as_ref().and_then(|r| r.heterogeneity).map_or(f64::NAN, |c| c.share)))
         .finish()
 }
 

@@ -1,15 +1,15 @@
 //! The base fitted as it was and as it is with what was added, in; where the gap is and what became of it, out.
 
-use super::closure::{At, Channel, Overlay, Shift, closure};
+use super::before_after::{At, Channel, Overlay, Shift, closure};
 use super::coefficient::{Lack, coefficients, mean_square};
 use super::driven::{Driven, EquationError, driven, measured_states};
 use super::gaps::{Flown, Gap, gaps};
 use super::looks::Looks;
 use super::relation::{Relation, relations};
-use crate::diagnose::base::fit::Task;
 use crate::diagnose::base::found::Found;
-use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::base::training::Task;
 use crate::diagnose::residual::timescale::characteristic_time;
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::subject::Subject;
 use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
@@ -17,7 +17,7 @@ use crate::estimate::Case;
 
 /// Where the gap is, and what the additions did to it.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Closing {
+pub struct Comparison {
     pub gaps_before: Vec<Gap>,
     pub gaps_after: Vec<Gap>,
     pub channels: Vec<Channel>,
@@ -33,17 +33,17 @@ pub struct Closing {
 ///
 /// # Errors
 /// None that the base itself would not have.
-pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Closing, Errors> {
+pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Comparison, Errors> {
     let (before, after, thresholds) = (first.case(), last.case(), &subject.settings.thresholds);
     let looks = Looks::of(thresholds, characteristic_time(before.records.iter(), thresholds));
     let states = measured_states(first);
     let lacking = coefficients(first, subject.segments, subject.context, &states, &looks)?;
     let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
     let flown = flown(first, &before);
-    let mut closing = Closing {
+    let mut closing = Comparison {
         gaps_before: gaps(&flown, &inputs, &looks),
         relations: relations(&flown, &inputs, &lacking, &looks),
-        ..Closing::default()
+        ..Comparison::default()
     };
     closing.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
     (closing.driven, closing.equations) = driven(first, subject.segments, &states, looks.feedback)?;

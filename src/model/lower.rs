@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::amend::Target;
 use super::compile::{At, Compiler, SECOND, Symbol, Typed};
-use super::expr::{Expr, Kind, Operator};
 use super::functions;
 use super::graph::{Graph, Leaf, Node};
+use super::syntax::{Expr, Kind, Operator};
 use super::{Delay, Delayed, Quantity, StartKind, State};
 use crate::config;
 use crate::error::Error;

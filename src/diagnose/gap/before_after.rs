@@ -1,7 +1,7 @@
 //! The base as it was and as it is with what was added, in; the gap before and after, channel by channel, and what it did to the other
 //! parameters, out.
 
-use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::residual::whitening::Noise;
 use crate::estimate::{Block, Case, Trace};
 use crate::noise::theil;
 

@@ -212,5 +212,5 @@ fn slope(before: f64, after: f64) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "record_tests.rs"]
+#[path = "recorder_tests.rs"]
 mod tests;

@@ -4,7 +4,7 @@
 //! residuals, `J = 1/2 sum_s |W (z - y)|^2`, so that differences of `J` between models are gains in log-likelihood: a problem of least
 //! squares (`crate::least_squares`) whose `R` is one, over some of the segments and of the shared parameters.
 
-use crate::diagnose::residual::noise::Noise;
+use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::Case;
 use crate::least_squares::{Block, Evaluate, Layout, Method, Part, Stop, Structure, Undetermined, give_back, minimise};
