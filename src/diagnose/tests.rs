@@ -333,7 +333,7 @@ fn truth_the_same_to_the_bit_with_one_thread_and_with_three() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let d = pool.install(|| verdict(&truth, 5, 0.5, &Settings::default()));
         // Debug text prints every number to its last digit, and NaN as such.
-        format!("{:?} {:?} {:?} {:?} {:?}", d.verdict, d.rounds, d.findings, d.values, d.closing)
+        format!("{:?} {:?} {:?} {:?} {:?}", d.verdict, d.rounds, d.findings, d.values, d.comparison)
     };
     assert!(on(1) == on(3));
 }

@@ -75,7 +75,7 @@ const CIRCLES: [&[&str]; 12] = [
     &[
         "stage/campaign.rs",
         "stage/derive.rs",
-        "stage/diagnose/closing.rs",
+        "stage/diagnose/comparison.rs",
         "stage/diagnose/mod.rs",
         "stage/diagnose/tables.rs",
         "stage/diagnose/words.rs",

@@ -285,7 +285,7 @@ mod tests {
     use super::*;
     use crate::diagnose::base::found::at_first;
     use crate::diagnose::base::stand::Stand;
-    use crate::diagnose::gap::comparison::closing;
+    use crate::diagnose::gap::comparison::comparison;
     use crate::diagnose::gap::driven::EquationError;
     use crate::diagnose::settings::Base;
     use crate::diagnose::subject::Subject;
@@ -335,7 +335,7 @@ nz = {{ unit = "1/s", value = "ddt_alpha - q" }}
         };
         let stand = Stand::first(&base, &method, Base::Estimated);
         let found = at_first(&stand, &subject).unwrap_or_else(|e| panic!("{e}")).unwrap_or_else(|e| panic!("{e:?}"));
-        closing(&subject, &found, &found).unwrap_or_else(|e| panic!("{e}")).equations
+        comparison(&subject, &found, &found).unwrap_or_else(|e| panic!("{e}")).equations
     }
 
     fn ratio(all: &[EquationError], name: &str) -> f64 {

@@ -33,27 +33,27 @@ pub struct Comparison {
 ///
 /// # Errors
 /// None that the base itself would not have.
-pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Comparison, Errors> {
+pub fn comparison(subject: &Subject, first: &Found, last: &Found) -> Result<Comparison, Errors> {
     let (before, after, thresholds) = (first.case(), last.case(), &subject.settings.thresholds);
     let looks = Looks::of(thresholds, characteristic_time(before.records.iter(), thresholds));
     let states = measured_states(first);
     let lacking = coefficients(first, subject.segments, subject.context, &states, &looks)?;
     let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
     let flown = flown(first, &before);
-    let mut closing = Comparison {
+    let mut comparison = Comparison {
         gaps_before: gaps(&flown, &inputs, &looks),
         relations: relations(&flown, &inputs, &lacking, &looks),
         ..Comparison::default()
     };
-    closing.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
-    (closing.driven, closing.equations) = driven(first, subject.segments, &states, looks.feedback)?;
-    closing.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
+    comparison.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
+    (comparison.driven, comparison.equations) = driven(first, subject.segments, &states, looks.feedback)?;
+    comparison.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
     if first.prepared.used != last.prepared.used {
-        return Ok(closing);
+        return Ok(comparison);
     }
     let at = |s: usize| first.theta(s);
     let then = |s: usize| last.theta(s);
-    (closing.channels, closing.overlays) = closure(
+    (comparison.channels, comparison.overlays) = closure(
         &At { case: &before, theta: &at },
         &At { case: &after, theta: &then },
         &last.noise,
@@ -61,8 +61,8 @@ pub fn closing(subject: &Subject, first: &Found, last: &Found) -> Result<Compari
         &first.places.training,
         &first.prepared.used,
     );
-    closing.shifts = shifts((first, &before), (last, &after), thresholds);
-    Ok(closing)
+    comparison.shifts = shifts((first, &before), (last, &after), thresholds);
+    Ok(comparison)
 }
 
 /// What a coefficient lacks, of all maneuvers together and of each.

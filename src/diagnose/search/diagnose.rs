@@ -18,7 +18,7 @@ use crate::diagnose::base::found::{Found, at_first, at_next, values};
 use crate::diagnose::base::stand::{Known, Stand};
 use crate::diagnose::effect::Candidate;
 use crate::diagnose::gap::comparison::Comparison;
-use crate::diagnose::gap::comparison::closing;
+use crate::diagnose::gap::comparison::comparison;
 use crate::diagnose::residual::located::locate;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
@@ -80,7 +80,7 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
         missed: Vec::new(),
         left_out: Vec::new(),
         skipped: Vec::new(),
-        closing: Comparison::default(),
+        comparison: Comparison::default(),
     };
     let held = subject.held_out.iter().filter(|h| **h).count();
     if held == 0 || held == subject.held_out.len() {
@@ -133,7 +133,7 @@ impl Search<'_> {
         out.located = located.into_iter().filter(|l| l.is_real()).collect();
         out.missed = missed(last, &case, settings);
         out.added = added;
-        out.closing = closing(self.subject, &base, last)?;
+        out.comparison = comparison(self.subject, &base, last)?;
         out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
         out.complete = out.located.is_empty() && out.doubts.is_empty() && out.missed.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();

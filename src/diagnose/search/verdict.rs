@@ -66,7 +66,7 @@ pub struct Diagnosis {
     pub left_out: Vec<LeftOut>,
     /// Effects of the library that could not be attached to this model, and why.
     pub skipped: Vec<(String, String)>,
-    pub closing: Comparison,
+    pub comparison: Comparison,
 }
 
 impl Diagnosis {

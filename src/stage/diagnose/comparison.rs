@@ -14,10 +14,10 @@ fn finite(v: f64) -> f64 {
 }
 
 pub fn gaps(told: &Told) -> Result<Table> {
-    let closing = &told.diagnosis.closing;
-    let after = if told.diagnosis.added.is_empty() { &[][..] } else { &closing.gaps_after[..] };
+    let comparison = &told.diagnosis.comparison;
+    let after = if told.diagnosis.added.is_empty() { &[][..] } else { &comparison.gaps_after[..] };
     let rows: Vec<(&str, &Gap)> =
-        closing.gaps_before.iter().map(|g| ("before", g)).chain(after.iter().map(|g| ("after", g))).collect();
+        comparison.gaps_before.iter().map(|g| ("before", g)).chain(after.iter().map(|g| ("after", g))).collect();
     let number = |of: fn(&Gap) -> f64| rows.iter().map(|r| finite(of(r.1))).collect::<Vec<f64>>();
     Table::build("gaps")
         .repeat("diagnosis", &told.config.name())
@@ -36,7 +36,7 @@ pub fn gaps(told: &Told) -> Result<Table> {
 }
 
 pub fn closures(told: &Told) -> Result<Table> {
-    let rows: Vec<&Channel> = told.diagnosis.closing.channels.iter().collect();
+    let rows: Vec<&Channel> = told.diagnosis.comparison.channels.iter().collect();
     let number = |which: fn(&Channel) -> Match, of: fn(Match) -> f64| rows.iter().map(|c| of(which(c))).collect::<Vec<f64>>();
     let before = |c: &Channel| c.before;
     let after = |c: &Channel| c.after;
@@ -57,7 +57,7 @@ pub fn closures(told: &Told) -> Result<Table> {
 }
 
 pub fn shifts(told: &Told) -> Result<Table> {
-    let rows = &told.diagnosis.closing.shifts;
+    let rows = &told.diagnosis.comparison.shifts;
     let column = |of: fn(&crate::diagnose::Shift) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
     Table::build("shifts")
         .repeat("diagnosis", &told.config.name())
@@ -73,7 +73,7 @@ pub fn shifts(told: &Told) -> Result<Table> {
 
 pub fn overlays(told: &Told) -> Result<Table> {
     let added = !told.diagnosis.added.is_empty();
-    let all = told.diagnosis.closing.overlays.iter().filter(|_| added);
+    let all = told.diagnosis.comparison.overlays.iter().filter(|_| added);
     let rows: Vec<_> = all.flat_map(|o| (0..o.before.t.len()).map(move |k| (o, k))).collect();
     Table::build("overlays")
         .repeat("diagnosis", &told.config.name())
@@ -88,7 +88,7 @@ pub fn overlays(told: &Told) -> Result<Table> {
 }
 
 pub fn relations(told: &Told) -> Result<Table> {
-    let rows = &told.diagnosis.closing.relations;
+    let rows = &told.diagnosis.comparison.relations;
     let column = |of: fn(&Relation) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
     Table::build("relations")
         .repeat("diagnosis", &told.config.name())
@@ -105,7 +105,7 @@ pub fn relations(told: &Told) -> Result<Table> {
 }
 
 pub fn driven(told: &Told) -> Result<Table> {
-    let all = &told.diagnosis.closing.driven;
+    let all = &told.diagnosis.comparison.driven;
     let free = |output: &str| all.iter().find(|d| d.state.is_none() && d.output == output).map_or(f64::NAN, |d| d.rms);
     // A state that cannot have it is left out.
     let rows: Vec<&Driven> = all.iter().filter(|d| d.rms.is_finite()).collect();
@@ -121,7 +121,7 @@ pub fn driven(told: &Told) -> Result<Table> {
 }
 
 pub fn equation_errors(told: &Told) -> Result<Table> {
-    let rows: Vec<_> = told.diagnosis.closing.equations.iter().filter(|e| e.rms.is_finite()).collect();
+    let rows: Vec<_> = told.diagnosis.comparison.equations.iter().filter(|e| e.rms.is_finite()).collect();
     Table::build("equation_errors")
         .repeat("diagnosis", &told.config.name())
         .strings("equation", rows.iter().map(|e| if e.is_rate { format!("rate of {}", e.name) } else { e.name.clone() }))

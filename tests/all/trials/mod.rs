@@ -341,7 +341,7 @@ fn recovery_a_selection_of_hidden_effects() {
         assert!(expected(hidden, outcome.end), "{}: {:?}", hidden.name, outcome.end);
         if outcome.end == End::Right {
             let whole = |c: &&diagnose::Channel| c.held_out && c.segment.is_none() && c.output.is_none();
-            let gap = outcome.diagnosis.closing.channels.iter().find(whole).expect("held-out maneuvers together");
+            let gap = outcome.diagnosis.comparison.channels.iter().find(whole).expect("held-out maneuvers together");
             println!("chi-square per sample {} before, {} after", gap.before.chi2, gap.after.chi2);
             assert!(gap.before.chi2 > 1.1 * gap.after.chi2 && (gap.after.chi2 - 1.0).abs() < 0.15);
         }
