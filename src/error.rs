@@ -5,12 +5,16 @@ use std::fmt;
 /// A position in a file that a person wrote. Line and column count from 1; 0 means "the whole file".
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Place {
+    /// Path of the file, as the user gave it.
     pub file: String,
+    /// From 1; 0 for the file as a whole.
     pub line: usize,
+    /// From 1; 0 for the file as a whole.
     pub column: usize,
 }
 
 impl Place {
+    /// A file as a whole.
     pub fn file(file: impl Into<String>) -> Self {
         Place { file: file.into(), line: 0, column: 0 }
     }
@@ -33,6 +37,7 @@ impl fmt::Display for Place {
 /// One mistake: `channels.toml:14:9: topic "/airdata" is not in flight-03.mcap; it has "/air_data"`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
+    /// Where; none where no file is concerned.
     pub place: Option<Place>,
     /// What is wrong: what was wanted and what was there.
     pub what: String,
@@ -41,14 +46,17 @@ pub struct Error {
 }
 
 impl Error {
+    /// Says what is wrong, without a place.
     pub fn new(what: impl Into<String>) -> Self {
         Error { place: None, what: what.into(), help: None }
     }
 
+    /// Says what is wrong and where.
     pub fn at(place: Place, what: impl Into<String>) -> Self {
         Error { place: Some(place), what: what.into(), help: None }
     }
 
+    /// With what to do about it.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
@@ -75,10 +83,12 @@ impl std::error::Error for Error {}
 pub struct Errors(pub Vec<Error>);
 
 impl Errors {
+    /// Takes one more.
     pub fn push(&mut self, error: Error) {
         self.0.push(error);
     }
 
+    /// Whether nothing is wrong.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -120,4 +130,5 @@ impl fmt::Display for Errors {
 
 impl std::error::Error for Errors {}
 
+/// A value, or what is wrong.
 pub type Result<T> = std::result::Result<T, Error>;

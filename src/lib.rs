@@ -24,28 +24,49 @@
 //! | `stage` | one file per stage: tables <-> algorithms |
 //! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
 //! | `cli` | verbs, progress, the one place that prints errors |
+//!
+//! Other programs may use `cli` (the command), `table` (its tables) and `error`. What is public besides is so for the tests and benchmarks of the
+//! project; nothing is promised of it.
 
 // A user's file is never a reason to panic: what can be wrong with it is an error with a place.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo))]
+#![deny(missing_docs)]
 
+// The interface to other programs.
 pub mod cli;
-pub mod config;
-pub mod diagnose;
-pub mod dynamics;
 pub mod error;
-pub mod estimate;
-pub mod fit;
-pub mod least_squares;
-pub mod log;
-pub mod math;
-pub mod model;
-pub mod noise;
-pub mod pipeline;
-pub mod reconstruct;
-pub mod report;
-pub mod segment;
-pub mod signal;
-pub mod simulate;
-pub mod stage;
 pub mod table;
+
+// Seen by the tests and benchmarks of the project only; nothing is promised of them.
+#[doc(hidden)]
+pub mod config;
+#[doc(hidden)]
+pub mod diagnose;
+#[doc(hidden)]
+pub mod dynamics;
+#[doc(hidden)]
+pub mod estimate;
+#[doc(hidden)]
+pub mod log;
+#[doc(hidden)]
+pub mod math;
+#[doc(hidden)]
+pub mod model;
+#[doc(hidden)]
+pub mod pipeline;
+#[doc(hidden)]
+pub mod reconstruct;
+#[doc(hidden)]
+pub mod report;
+#[doc(hidden)]
+pub mod simulate;
+#[doc(hidden)]
+pub mod stage;
+#[doc(hidden)]
 pub mod units;
+
+mod fit;
+mod least_squares;
+mod noise;
+mod segment;
+mod signal;

@@ -221,20 +221,6 @@ impl LineFit {
         libm::hypot(self.value_sd(x), (self.q * (self.tau * self.tau + self.typical_variance)).sqrt())
     }
 
-    /// The squared distance of a supposed line from the fitted one, in units of its covariance and per parameter: below
-    /// `f_quantile(level, 2, dof)` where the line is inside the joint confidence region of that level.
-    pub fn joint_statistic(&self, slope: f64, intercept: f64) -> f64 {
-        // Slope and value at the centre are uncorrelated.
-        let term = |difference: f64, sd: f64| if difference == 0.0 { 0.0 } else { (difference / sd) * (difference / sd) };
-        let at_center = intercept + slope * self.x_center;
-        0.5 * (term(slope - self.slope, self.slope_sd) + term(at_center - self.y_center, self.y_center_sd))
-    }
-
-    /// Whether a supposed line is inside the joint confidence region of `level`, and so inside the simultaneous band everywhere.
-    pub fn joint_region_has(&self, slope: f64, intercept: f64, level: f64) -> bool {
-        self.joint_statistic(slope, intercept) <= f_quantile(level, 2.0, self.dof)
-    }
-
     /// Half width of the interval of `level` of one parameter, in units of its sd.
     pub fn interval_factor(&self, level: f64) -> f64 {
         t_quantile(0.5 * (1.0 + level), self.dof)

@@ -40,6 +40,7 @@ impl std::fmt::Display for Stop {
 /// One line of the iteration's history; iteration 0 is the start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
+    /// Its number; 0 is the start.
     pub iteration: usize,
     /// Negative log-likelihood without its constants (`sum_j N_j/2 ln R_jj` where `R` is diagonal), and half the squared deviations
     /// from priors.

@@ -25,10 +25,12 @@ mod problem;
 mod rows;
 
 pub use arrow::{Arrow, Factor, Own, diagonal};
-pub use covariance::{Covariance, Scatter, Structure};
+#[cfg(test)]
+pub use covariance::Scatter;
+pub use covariance::{Covariance, Structure};
 pub use gauss::{Fit, cost, minimise, normal_matrix};
 pub use iteration::{Iteration, Stop};
 pub use method::{Method, StepControl, Undetermined};
+pub use problem::{Block, Evaluate, Layout, Part, Samples, at_instants, each, give_back};
 #[cfg(test)]
-pub use problem::pass;
-pub use problem::{Block, Evaluate, Layout, Part, Samples, at_instants, each, give_back, scatter, weighed};
+pub use problem::{pass, scatter, weighed};

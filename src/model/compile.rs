@@ -8,10 +8,10 @@ use std::collections::{BTreeMap, HashMap};
 use indexmap::IndexMap;
 
 use super::amend::{Amendment, Target};
-use super::syntax;
 use super::file::Value;
 use super::fragments::Source;
 use super::graph::{Leaf, Node};
+use super::syntax;
 use super::{Constants, Model, Quantity, StartKind};
 use crate::error::{Error, Errors};
 use crate::units::{Dim, Unit};

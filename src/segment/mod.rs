@@ -12,7 +12,7 @@ mod measure;
 mod scan;
 mod settings;
 
-pub use edits::{Edits, Exclude, Include, Move, Source, apply};
+pub use edits::{Edits, Source, apply};
 pub use kind::Kind;
 pub use maneuver::{Maneuver, Step};
 pub use settings::Settings;

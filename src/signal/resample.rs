@@ -46,32 +46,6 @@ pub fn linear(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
     })
 }
 
-/// The nearest sample, for discrete signals; of two equally near the earlier one. NaN where it is more than `max_age` seconds away.
-pub fn nearest(t: &[f64], y: &[f64], grid: &Grid, max_age: f64) -> Vec<f64> {
-    (0..grid.n)
-        .map(|i| {
-            let time = grid.time(i);
-            let after = t.partition_point(|v| *v < time);
-            let before = after.checked_sub(1).filter(|&b| after == t.len() || time - t[b] <= t[after] - time);
-            let k = before.unwrap_or(after);
-            if k < t.len() && (t[k] - time).abs() <= max_age + 1e-6 * grid.dt { y[k] } else { f64::NAN }
-        })
-        .collect()
-}
-
-/// The last sample at or before each grid point (zero-order hold), for signals that are sent when they change.
-/// NaN before the first sample and where the sample is older than `max_age` seconds.
-pub fn hold(t: &[f64], y: &[f64], grid: &Grid, max_age: f64) -> Vec<f64> {
-    let slack = 1e-6 * grid.dt;
-    (0..grid.n)
-        .map(|i| {
-            let time = grid.time(i);
-            let k = t.partition_point(|v| *v <= time + slack);
-            if k > 0 && time - t[k - 1] <= max_age + slack { y[k - 1] } else { f64::NAN }
-        })
-        .collect()
-}
-
 /// Visits the grid with the samples on both sides of each point; exact hits and the outside are settled here.
 fn walk(t: &[f64], y: &[f64], grid: &Grid, between: impl Fn(f64, usize, usize) -> f64) -> Vec<f64> {
     assert_eq!(t.len(), y.len(), "one value per time");
@@ -123,16 +97,6 @@ mod tests {
         let known: Vec<usize> = (0..11).filter(|&i| !v[i].is_nan()).collect();
         assert_eq!(known, [1]);
         assert!(linear(&[], &[], &GRID, 1.0).iter().all(|v| v.is_nan()));
-    }
-
-    #[test]
-    fn discrete_signals_keep_their_values() {
-        let (t, y) = ([0.14, 0.56], [1.0, 2.0]);
-        let held = hold(&t, &y, &GRID, 0.3);
-        assert!(held[1].is_nan() && held[2] == 1.0 && held[4] == 1.0 && held[5].is_nan() && held[6] == 2.0 && held[9].is_nan());
-        let near = nearest(&t, &y, &GRID, 0.2);
-        assert!(near[0] == 1.0 && near[3] == 1.0 && near[4] == 2.0 && near[7] == 2.0 && near[8].is_nan());
-        assert_eq!(hold(&[0.3], &[5.0], &GRID, 10.0)[3], 5.0);
     }
 
     #[test]

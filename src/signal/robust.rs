@@ -1,4 +1,4 @@
-//! A sampled signal in, its median-filtered version and estimates of its level and noise out.
+//! A sampled signal in, its median-filtered version and an estimate of its noise out.
 
 use crate::math::{mad_sd, median};
 
@@ -18,12 +18,6 @@ pub fn median_filter(y: &[f64], window: usize) -> Vec<f64> {
             median(&values)
         })
         .collect()
-}
-
-/// Median and MAD standard deviation of the values that are not NaN; both NaN when there are none.
-pub fn level(y: &[f64]) -> (f64, f64) {
-    let values: Vec<f64> = y.iter().copied().filter(|v| !v.is_nan()).collect();
-    (median(&values), mad_sd(&values))
 }
 
 /// The sd of white noise on a moving signal, from the MAD of its third differences: they see no quadratic, the median sees no steps and outliers. The
@@ -72,6 +66,5 @@ mod tests {
         assert!((noise_sd(&moving) - 0.2).abs() < 0.015, "{}", noise_sd(&moving));
         let coarse: Vec<f64> = (0..1000).map(|i| (0.01 * f64::from(i)).floor()).collect();
         assert!((noise_sd(&coarse) - 1.0 / 12f64.sqrt()).abs() < 1e-12);
-        assert_eq!(level(&[1.0, f64::NAN, 3.0, 2.0]), (2.0, 1.4826));
     }
 }

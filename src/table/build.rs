@@ -74,22 +74,27 @@ impl Builder {
         self.array(name, Arc::new(Float64Array::from(values.into())), Kind::F64)
     }
 
+    /// A column of integers.
     pub fn i64(self, name: &str, values: impl Into<Vec<i64>>) -> Self {
         self.array(name, Arc::new(Int64Array::from(values.into())), Kind::I64)
     }
 
+    /// A column of integers that may be absent.
     pub fn opt_i64(self, name: &str, values: impl Into<Vec<Option<i64>>>) -> Self {
         self.array(name, Arc::new(Int64Array::from(values.into())), Kind::I64)
     }
 
+    /// A column of truth values.
     pub fn bools(self, name: &str, values: impl Into<Vec<bool>>) -> Self {
         self.array(name, Arc::new(BooleanArray::from(values.into())), Kind::Bool)
     }
 
+    /// A column of texts.
     pub fn strings<S: AsRef<str>>(self, name: &str, values: impl IntoIterator<Item = S>) -> Self {
         self.opt_strings(name, values.into_iter().map(Some))
     }
 
+    /// A column of texts that may be absent.
     pub fn opt_strings<S: AsRef<str>>(mut self, name: &str, values: impl IntoIterator<Item = Option<S>>) -> Self {
         let values = texts(values).map_or(Values::TooLong, |array| Values::Array(array, Kind::String));
         self.given.push(Given { name: name.into(), values, dynamic: None });

@@ -24,6 +24,7 @@ pub struct Points {
 pub struct Line<'a> {
     /// Column `model` of the estimates.
     pub model: &'a str,
+    /// Name of the parameter.
     pub parameter: &'a str,
     /// Signal of the conditions that is the abscissa.
     pub against: &'a str,

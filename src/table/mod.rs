@@ -65,10 +65,12 @@ impl Table {
         Ok(Table { schema, columns: columns.into(), batch })
     }
 
+    /// Name of the table.
     pub fn name(&self) -> &'static str {
         &self.schema.name
     }
 
+    /// Its columns, with units and meaning.
     pub fn schema(&self) -> &'static Schema {
         self.schema
     }
@@ -78,6 +80,7 @@ impl Table {
         &self.columns
     }
 
+    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.batch.num_rows()
     }
@@ -131,10 +134,12 @@ impl Table {
         }
     }
 
+    /// The values of a column of integers that may be absent.
     pub fn opt_i64(&self, name: &str) -> Result<Vec<Option<i64>>> {
         Ok(self.array::<Int64Array>(name, Kind::I64)?.iter().collect())
     }
 
+    /// The values of a column of truth values.
     pub fn bools(&self, name: &str) -> Result<Vec<bool>> {
         Ok(self.array::<BooleanArray>(name, Kind::Bool)?.iter().map(|b| b.unwrap_or(false)).collect())
     }
@@ -144,6 +149,7 @@ impl Table {
         Ok(self.array::<StringArray>(name, Kind::String)?.iter().map(|s| s.unwrap_or("")).collect())
     }
 
+    /// The values of a column of texts that may be absent.
     pub fn opt_strings(&self, name: &str) -> Result<Vec<Option<&str>>> {
         Ok(self.array::<StringArray>(name, Kind::String)?.iter().collect())
     }

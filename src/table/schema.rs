@@ -15,7 +15,9 @@ include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schema {
+    /// Its name.
     pub name: String,
+    /// What it means.
     pub doc: String,
     /// Whether the table is written flight by flight, into `flight=<id>` folders.
     pub per_flight: bool,
@@ -24,6 +26,7 @@ pub struct Schema {
     /// Where further f64 columns are allowed beside those listed: what they are.
     #[serde(default)]
     pub dynamic: Option<String>,
+    /// In the order of the file.
     pub columns: Vec<Column>,
 }
 
@@ -31,7 +34,9 @@ pub struct Schema {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Column {
+    /// Its name.
     pub name: String,
+    /// Type of its values.
     #[serde(rename = "type")]
     pub kind: Kind,
     /// `-` where there is none; `SI` where another column or the table says which.
@@ -39,23 +44,29 @@ pub struct Column {
     /// Whether a row may have no value. An f64 without a value is NaN in memory and null in the file.
     #[serde(default)]
     pub nullable: bool,
+    /// What it means.
     pub doc: String,
 }
 
 /// The type of a column's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub enum Kind {
+    /// Double-precision numbers.
     #[serde(rename = "f64")]
     F64,
+    /// Integers.
     #[serde(rename = "i64")]
     I64,
+    /// Truth values.
     #[serde(rename = "bool")]
     Bool,
+    /// Texts.
     #[serde(rename = "string")]
     String,
 }
 
 impl Kind {
+    /// As Arrow has it.
     pub fn data_type(self) -> DataType {
         match self {
             Kind::F64 => DataType::Float64,
@@ -65,6 +76,7 @@ impl Kind {
         }
     }
 
+    /// As `schemas/tables` has it.
     pub fn word(self) -> &'static str {
         match self {
             Kind::F64 => "f64",

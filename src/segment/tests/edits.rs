@@ -1,6 +1,7 @@
 //! Hand edits: what they change, and what happens to one that matches nothing.
 
-use super::super::{Edits, Exclude, Include, Kind, Maneuver, Move, Settings, Source, apply, find};
+use super::super::edits::{Exclude, Include, Move};
+use super::super::{Edits, Kind, Maneuver, Settings, Source, apply, find};
 use crate::error::Place;
 
 fn channel() -> (Vec<f64>, Vec<f64>) {
