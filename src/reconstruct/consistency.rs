@@ -84,14 +84,10 @@ pub fn compare(
     out: &[Which],
     known: Option<&[f64]>,
 ) -> Vec<Comparison> {
-    let flight = smoother.flight;
     let mut levels = levels.clone();
     out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
-    // a temperature has no axis that could be the wrong way round, and nothing else tells it
-    let moving = |k: &usize| inertial(&smoother.kinematics.model.inputs[*k].unit);
-    let channels = (0..flight.inputs.len()).filter(moving).map(Which::Input).chain((0..flight.channels.len()).map(Which::Output));
     let channels: Vec<(Which, Vec<[f64; 2]>)> =
-        channels.filter(|which| !out.contains(which)).map(|which| (which, parts(smoother, which, stretches))).collect();
+        channels(smoother).filter(|which| !out.contains(which)).map(|which| (which, parts(smoother, which, stretches))).collect();
     // many channels move in the same parts: one start serves all
     let mut distinct: Vec<[f64; 2]> = channels.iter().flat_map(|(_, parts)| parts.iter().copied()).collect();
     distinct.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -111,6 +107,13 @@ pub fn compare(
             Some(Comparison { jump: jump(*which, &pairs), ..regress(*which, &pairs)? })
         })
         .collect()
+}
+
+/// The channels that others may tell something of: a temperature has no axis that could be the wrong way round, and nothing else tells it.
+pub fn channels<'s>(smoother: &'s Smoother) -> impl Iterator<Item = Which> + 's {
+    let flight = smoother.flight;
+    let moving = |k: &usize| inertial(&smoother.kinematics.model.inputs[*k].unit);
+    (0..flight.inputs.len()).filter(moving).map(Which::Input).chain((0..flight.channels.len()).map(Which::Output))
 }
 
 /// Whether an input is a rate or a specific force: those are never still. A temperature may be one number for a whole flight.

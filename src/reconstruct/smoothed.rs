@@ -281,6 +281,10 @@ impl Work<'_> {
             let name = self.name(comparison.which);
             self.path.checks.extend(comparison.rows(&name));
         }
+        // A check that did not run is told.
+        let is_compared = |which: &Which| compared.iter().any(|c| c.which == *which);
+        let others: Vec<Which> = consistency::channels(&self.smoother).filter(|which| !is_compared(which)).collect();
+        self.path.checks.extend(others.into_iter().map(|which| verdicts::not_compared(&self.name(which))).collect::<Vec<_>>());
     }
 
     /// The rows in the order of channels and checks.

@@ -77,6 +77,21 @@ impl Comparison {
     }
 }
 
+/// The line of a channel that was not compared with the others.
+pub fn not_compared(channel: &str) -> Row {
+    Row {
+        channel: channel.to_string(),
+        check: "sign",
+        value: f64::NAN,
+        low: REVERSED,
+        high: 1.0,
+        unit: "-".to_string(),
+        verdict: "not compared",
+        text: "the other sensors do not tell what it does, even where it moves most: its sign, scale and delay are not known"
+            .to_string(),
+    }
+}
+
 /// Lines about the signal by itself; one that need not move (a temperature) may stand still.
 pub fn health_rows(channel: &str, health: &Health, moves: bool) -> Vec<Row> {
     let row = |check, value, high, unit: &str, verdict, text| Row {

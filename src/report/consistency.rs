@@ -37,7 +37,9 @@ const SHOWN: [(&str, &str); 8] = [
     ("noise", "#noise sd"),
 ];
 /// Verdicts that are remarks, not faults.
-const REMARKS: [&str; 6] = ["coloured", "slow errors", "too small", "gaps", "significant", "not significant"];
+const REMARKS: [&str; 7] = ["coloured", "slow errors", "too small", "gaps", "significant", "not significant", NOT_COMPARED];
+/// Of what the others do not tell.
+const NOT_COMPARED: &str = "not compared";
 
 /// Verdicts that are a matter of degree: worth a look.
 const DEGREE: [&str; 4] = ["too large", "saturated", "outliers", "not used"];
@@ -106,13 +108,20 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
             .collect()
     };
     let (bad, odd, remarks) = (names(Level::Bad), names(Level::Warn), names(Level::Info));
+    let unknown = |row: &usize| table.text("verdict", *row) == NOT_COMPARED;
+    let unknown: Vec<String> = (0..table.rows()).filter(unknown).map(|row| table.text("channel", row)).collect();
+    let agrees = match unknown.len() {
+        0 => "Every channel agrees with what the other sensors say of it".to_string(),
+        _ => format!(
+            "Every channel that could be compared agrees with what the other sensors say of it, not compared: {}",
+            few(&unknown)
+        ),
+    };
     let also = if odd.is_empty() { String::new() } else { format!(" Worth a look: {}.", few(&odd)) };
-    Some(match (bad.as_slice(), odd.as_slice(), remarks.len()) {
-        ([], [], 0) => (Level::Good, "Every channel agrees with what the other sensors say of it.".into()),
-        ([], [], n) => {
-            (Level::Info, format!("Every channel agrees with what the other sensors say of it; {}.", count(n, "remark")))
-        }
-        ([], _, _) => (Level::Warn, format!("Every channel agrees with what the other sensors say of it.{also}")),
+    Some(match (bad.as_slice(), odd.as_slice(), remarks.len() - unknown.len()) {
+        ([], [], 0) => (Level::Good, format!("{agrees}.")),
+        ([], [], n) => (Level::Info, format!("{agrees}; {}.", count(n, "remark"))),
+        ([], _, _) => (Level::Warn, format!("{agrees}.{also}")),
         (bad, _, _) => (Level::Bad, format!("Channels that do not fit with the others: {}.{also}", few(bad))),
     })
 }
