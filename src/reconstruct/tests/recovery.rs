@@ -46,9 +46,11 @@ fn a_clean_flight_is_called_good() {
     let heights = altitude();
     let path = path(&fly(11, 0.0, &heights));
     assert!(path.notes.is_empty(), "{:?}", path.notes);
-    let bad: Vec<_> = path.checks.iter().filter(|r| r.check != "sensor error" && r.verdict != "good").collect();
-    assert!(bad.is_empty(), "{bad:#?}");
-    let signs = path.checks.iter().filter(|r| r.check == "sign").count();
+    // Nothing else tells static pressure here, and that is said.
+    let unlike = path.checks.iter().filter(|r| r.check != "sensor error" && r.verdict != "good");
+    let bad: Vec<_> = unlike.map(|r| (r.channel.as_str(), r.verdict)).collect();
+    assert_eq!(bad, [("static_pressure", "not compared")]);
+    let signs = path.checks.iter().filter(|r| r.check == "sign" && r.verdict == "good").count();
     assert!(signs >= 12, "{signs} channels compared: {:#?}", path.checks.iter().filter(|r| r.check == "sign").collect::<Vec<_>>());
 }
 
