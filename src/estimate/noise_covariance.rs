@@ -105,14 +105,10 @@ impl<'a> Sigma<'a> {
         for block in blocks {
             begins.push(columns[0].len());
             let masked: Vec<bool> = block.e.iter().map(|e| e.is_nan()).collect();
-            for (d, column) in columns.iter_mut().enumerate() {
-                let mut x: Vec<f64> = match d == nd {
-                    true => block.e.clone(),
-                    false => block.g.iter().skip(d).step_by(nd).copied().collect(),
-                };
-                self.filter(s, block).whiten(&mut x, &masked);
-                column.extend(x);
-            }
+            let mut series: Vec<Vec<f64>> = (0..nd).map(|d| block.g.iter().skip(d).step_by(nd).copied().collect()).collect();
+            series.push(block.e.clone());
+            self.filter(s, block).whiten_all(&mut series, &masked);
+            columns.iter_mut().zip(&series).for_each(|(column, series)| column.extend_from_slice(series));
         }
         self.separate(s, blocks, &begins, &mut columns);
         let scored: Vec<bool> = blocks.iter().flat_map(|block| block.e.iter().map(|e| !e.is_nan())).collect();

@@ -4,6 +4,7 @@
 //! samples of a series count as what they are, and `D` holds the variances of the predictions' errors. `D^-1/2 A r` is white, of unit variance.
 
 use super::ar::Ar;
+use super::gaps::{Gaps, innovation};
 
 /// The predictors of a process, of every order.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,21 +29,28 @@ impl Filter {
         i.min(self.predictors.len() - 1)
     }
 
-    /// A series made white, `D^-1/2 A x`; `masked[i]` tells which samples were not measured: one counts as its own prediction, so that it adds nothing,
-    /// and those after it go on.
+    /// A series made white, `D^-1/2 A x`; `masked[i]` tells which samples were not measured.
     pub fn whiten(&self, x: &mut Vec<f64>, masked: &[bool]) {
-        let last = self.predictors.len() - 1;
-        let innovation = |x: &[f64], i: usize| {
-            let a = &self.predictors[i.min(last)];
-            x[i] - a.iter().zip(x[..i].iter().rev()).map(|(a, x)| a * x).sum::<f64>()
-        };
-        // Masked samples first take the value of their prediction.
-        for i in (0..x.len()).filter(|&i| masked.get(i).copied().unwrap_or(false)) {
-            x[i] = 0.0;
-            x[i] = -innovation(x, i);
+        self.whiten_all(std::slice::from_mut(x), masked);
+    }
+
+    /// Series that were measured at the same samples, each made white: what was measured comes out with unit covariance (`gaps`), and what was
+    /// not as 0, whatever it held.
+    pub fn whiten_all(&self, columns: &mut [Vec<f64>], masked: &[bool]) {
+        let gaps = Gaps::new(&self.predictors, &self.variances, masked);
+        for x in columns {
+            masked.iter().zip(x.iter_mut()).filter(|(masked, _)| **masked).for_each(|(_, x)| *x = 0.0);
+            let mut white = self.ordinary(x);
+            gaps.bridge(&self.predictors, x, &mut white);
+            *x = white;
         }
-        let n = x.len();
-        let mut white: Vec<f64> = (0..last.min(n)).map(|i| innovation(x, i) / self.variances[i].sqrt()).collect();
+    }
+
+    /// Every sample less its prediction from measured ones, over the sd of that.
+    fn ordinary(&self, x: &[f64]) -> Vec<f64> {
+        let (last, n) = (self.predictors.len() - 1, x.len());
+        let mut white: Vec<f64> =
+            (0..last.min(n)).map(|i| innovation(&self.predictors[i], &x[..=i]) / self.variances[i].sqrt()).collect();
         // From order p on the predictor stays the same: lag by lag over the whole series.
         white.extend_from_slice(&x[last.min(n)..]);
         for (j, a) in self.predictors[last].iter().enumerate().filter(|_| n > last) {
@@ -50,7 +58,7 @@ impl Filter {
         }
         let scale = 1.0 / self.variances[last].sqrt();
         white.iter_mut().skip(last).for_each(|w| *w *= scale);
-        *x = white;
+        white
     }
 
     /// `A^-T g` for rows `[sample][nd]`.
@@ -101,6 +109,8 @@ const LONGEST: usize = 1 << 14;
 mod tests {
     use super::*;
     use crate::math::dense::{cholesky, forward};
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
 
     #[test]
     fn whitening_is_the_inverse_of_the_covariances_factor() {
@@ -123,6 +133,83 @@ mod tests {
         filter.whiten(&mut a, &masked);
         filter.whiten(&mut b, &masked);
         assert_eq!((&a, a[2]), (&b, 0.0));
-        assert!((a[3] - (4.0 - 0.8 * 0.8 * 2.0)).abs() < 1e-12 && (a[4] - (5.0 - 0.8 * 4.0)).abs() < 1e-12);
+        // Two samples ahead: the prediction is 0.8^2 of the last one, and its error is e_2 + 0.8 e_1.
+        let after = (4.0 - 0.8 * 0.8 * 2.0) / (1.0f64 + 0.8 * 0.8).sqrt();
+        assert!((a[3] - after).abs() < 1e-12 && (a[4] - (5.0 - 0.8 * 4.0)).abs() < 1e-12);
+    }
+
+    fn noise(model: &Ar, seed: u64, n: usize) -> Vec<f64> {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let (predictors, errors) = (model.predictors(), model.errors());
+        let mut x: Vec<f64> = Vec::new();
+        for i in 0..n {
+            let order = i.min(model.order());
+            let foretold: f64 = predictors[order].iter().zip(x.iter().rev()).map(|(a, x)| a * x).sum();
+            let new: f64 = StandardNormal.sample(&mut random);
+            x.push(foretold + errors[order].sqrt() * new);
+        }
+        x
+    }
+
+    fn masked(n: usize, of: &[std::ops::Range<usize>]) -> Vec<bool> {
+        (0..n).map(|k| of.iter().any(|gap| gap.contains(&k))).collect()
+    }
+
+    #[test]
+    fn what_was_measured_is_whitened_by_its_own_covariances_factor() {
+        let model = Ar::with_coefficients(&[1.2, -0.6, 0.2], 0.7).expect("stationary");
+        let n = 60;
+        let c = model.autocovariance(n);
+        let x = noise(&model, 1, n);
+        let patterns: [&[std::ops::Range<usize>]; 7] = [
+            &[0..1, 2..3],
+            &[0..7],
+            &[20..21],
+            &[12..40],
+            &[20..22, 23..26],
+            &[3..4, 5..6, 7..8, 9..11, 30..31, 33..50, 58..60],
+            &[0..60],
+        ];
+        for pattern in patterns {
+            let masked = masked(n, pattern);
+            let there: Vec<usize> = (0..n).filter(|&k| !masked[k]).collect();
+            let m = there.len();
+            let sigma: Vec<f64> = (0..m * m).map(|k| c[there[k / m].abs_diff(there[k % m])]).collect();
+            let mut want: Vec<f64> = there.iter().map(|&k| x[k]).collect();
+            forward(&cholesky(&sigma, m).expect("definite"), m, &mut want);
+            let mut columns = vec![x.clone(), x.iter().map(|v| 3.0 * v).collect()];
+            columns[0].iter_mut().zip(&masked).filter(|(_, masked)| **masked).for_each(|(x, _)| *x = f64::NAN);
+            Filter::new(&model).whiten_all(&mut columns, &masked);
+            for (k, want) in there.iter().zip(&want) {
+                assert!((columns[0][*k] - want).abs() < 1e-9, "{pattern:?} {k}: {} {want}", columns[0][*k]);
+                assert!((columns[1][*k] - 3.0 * want).abs() < 1e-9, "{pattern:?} {k}");
+            }
+            assert!((0..n).filter(|&k| masked[k]).all(|k| columns[0][k] == 0.0 && columns[1][k] == 0.0));
+        }
+    }
+
+    #[test]
+    fn behind_a_long_gap_slow_noise_is_of_unit_variance() {
+        let model = Ar { partial: vec![0.99], variance: 1.0 };
+        let masked = masked(202, &[100..200]);
+        let square = |seed: u64| {
+            let mut x = noise(&model, seed, 202);
+            Filter::new(&model).whiten(&mut x, &masked);
+            x[200] * x[200]
+        };
+        let mean = (0..4000).map(square).sum::<f64>() / 4000.0;
+        // The sd of such a mean is (2/4000)^1/2.
+        assert!((mean - 1.0).abs() < 0.1, "{mean}");
+    }
+
+    #[test]
+    fn away_from_gaps_every_bit_is_as_if_nothing_were_missing() {
+        let model = Ar::with_coefficients(&[1.2, -0.6, 0.2], 0.7).expect("stationary");
+        let x = noise(&model, 2, 100);
+        let (mut whole, mut holed) = (x.clone(), x);
+        Filter::new(&model).whiten(&mut whole, &[false; 100]);
+        Filter::new(&model).whiten(&mut holed, &masked(100, &[40..45]));
+        assert_eq!((&whole[..40], &whole[48..]), (&holed[..40], &holed[48..]));
+        assert!(whole[45..48].iter().zip(&holed[45..48]).all(|(a, b)| a != b));
     }
 }

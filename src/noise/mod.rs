@@ -20,6 +20,7 @@
 //! | `ar` | an autoregressive model |
 //! | `burg` | the model of given series, and its order |
 //! | `filter` | series made white; products with the covariance matrix |
+//! | `gaps` | the same where samples were not measured |
 //! | `absorbed` | what the fit took of the noise, put back |
 //! | `whiteness` | whether a series is white, and how well two match |
 
@@ -27,6 +28,7 @@ pub mod absorbed;
 pub mod ar;
 pub mod burg;
 pub mod filter;
+mod gaps;
 pub mod whiteness;
 
 #[cfg(test)]

@@ -1,13 +1,16 @@
 //! A fit, as the noise sees it, in; the colour of its residuals, output by output and of outputs together, out.
 
 use super::absorbed::{Fitted, Series};
-use super::joint::{Joint, Lagged, together};
+use super::instants::{Set, together};
+use super::joint::{Joint, Lagged};
+use super::partly::runs;
 use super::whitening::Noise;
 use crate::noise::{Filter, Products, burg};
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// Of the residuals of a fit, with what it absorbed (as far as `fitted` knows) put back. A group that the fit has nothing of has the
-/// noise of the first one.
+/// Of the residuals of a fit, with what it absorbed (as far as `fitted` knows) put back. An output of which the fit has nothing in a group has the
+/// filter of the first group in which it has, and a group of which it has nothing the joint models of the first one.
 pub fn noise_of(fitted: &Fitted) -> Noise {
     let case = fitted.case;
     let groups: Vec<usize> = case.layout.parts.iter().map(|part| part.group).collect();
@@ -18,22 +21,38 @@ pub fn noise_of(fitted: &Fitted) -> Noise {
         noise.filters[group] =
             (0..case.outputs.len()).map(|output| filter_of(fitted, members(&noise, fitted, &own, group), output)).collect();
     }
-    let sets = together(case, fitted.segments);
-    let sums: Vec<Vec<Lagged>> = (0..fitted.segments.len()).into_par_iter().map(|at| lagged(&noise, fitted, at, &sets)).collect();
+    let sets: Vec<Vec<Set>> = (0..count).map(|group| sets(&noise, fitted, group)).collect();
+    let sums = |at: usize| lagged(&noise, fitted, at, &sets[noise.groups[fitted.segments[at]]]);
+    let sums: Vec<Vec<Lagged>> = (0..fitted.segments.len()).into_par_iter().map(sums).collect();
     for group in 0..count {
-        for (k, set) in sets.iter().enumerate() {
-            let mut all = Lagged::zero(set.len());
+        for (k, set) in sets[group].iter().enumerate() {
+            let mut all = Lagged::zero(set.outputs.len());
             members(&noise, fitted, &sums, group).for_each(|sums| all.add(&sums[k]));
             noise.joint[group].extend(Joint::new(set.clone(), all));
         }
     }
+    fall_back(&mut noise.filters);
     let known = |g: &usize| fitted.segments.iter().any(|&s| noise.groups[s] == *g);
     let (first, unknown) = ((0..count).find(known), (0..count).filter(|g| !known(g)).collect::<Vec<_>>());
     for (first, group) in unknown.into_iter().filter_map(|g| Some((first?, g))) {
-        noise.filters[group] = noise.filters[first].clone();
         noise.joint[group] = noise.joint[first].clone();
     }
     noise
+}
+
+/// Gives every output that has no filter in a group that of the first group in which it has one. `[group][output]`.
+fn fall_back(filters: &mut [Vec<Option<Filter>>]) {
+    for output in 0..filters.first().map_or(0, Vec::len) {
+        let first = filters.iter().find_map(|of| of[output].clone());
+        filters.iter_mut().filter(|of| of[output].is_none()).for_each(|of| of[output].clone_from(&first));
+    }
+}
+
+/// Outputs whose noise a group knows, by how they are sampled in its segments.
+fn sets(noise: &Noise, fitted: &Fitted, group: usize) -> Vec<Set> {
+    let segments: Vec<usize> = members(noise, fitted, fitted.segments, group).copied().collect();
+    let outputs: Vec<usize> = (0..fitted.case.outputs.len()).filter(|&o| noise.filters[group][o].is_some()).collect();
+    together(fitted.case, &segments, &outputs)
 }
 
 /// Those of `of` (one per segment of the fit) that belong to a group.
@@ -41,25 +60,26 @@ fn members<'t, T>(noise: &'t Noise, fitted: &'t Fitted, of: &'t [T], group: usiz
     fitted.segments.iter().zip(of).filter(move |(s, _)| noise.groups[**s] == group).map(|(_, t)| t)
 }
 
-/// Products of one segment's white series, for every set of outputs that are sampled together.
-fn lagged(noise: &Noise, fitted: &Fitted, at: usize, sets: &[Vec<usize>]) -> Vec<Lagged> {
+/// Products of one segment's white series, for every set of outputs that are sampled together, over instants at which all of it were measured.
+fn lagged(noise: &Noise, fitted: &Fitted, at: usize, sets: &[Set]) -> Vec<Lagged> {
     let s = fitted.segments[at];
     let mut series = fitted.series(at);
     for one in &mut series {
         match noise.filter(s, one.output) {
-            Some(filter) => one.columns.iter_mut().for_each(|column| filter.whiten(column, &one.masked)),
+            Some(filter) => filter.whiten_all(&mut one.columns, &one.masked),
             None => one.columns.clear(),
         }
     }
-    let of = |set: &Vec<usize>| {
+    let of = |set: &Set| {
+        let mut sums = Lagged::zero(set.outputs.len());
         let find = |&o: &usize| series.iter().find(|one| one.output == o && !one.columns.is_empty());
-        let all: Option<Vec<&Series>> = set.iter().map(find).collect();
-        let all = all.filter(|all| all.iter().all(|one| one.masked.len() == all[0].masked.len()));
-        let mut sums = Lagged::zero(set.len());
-        let Some(all) = all else { return sums };
-        sums.count = all[0].masked.len();
+        let all: Option<Vec<&Series>> = set.outputs.iter().map(find).collect();
+        let Some(all) = all.filter(|_| set.segments.binary_search(&s).is_ok()) else { return sums };
+        let there = |k: usize| all.iter().all(|one| !one.masked.get(k).copied().unwrap_or(true));
+        let runs = runs(&(0..all[0].masked.len()).map(there).collect::<Vec<_>>());
+        sums.count = runs.iter().map(Range::len).sum();
         for column in 0..all[0].columns.len() {
-            sums.take(&all.iter().map(|one| &one.columns[column][..]).collect::<Vec<_>>());
+            sums.take(&all.iter().map(|one| &one.columns[column][..]).collect::<Vec<_>>(), &runs);
         }
         sums
     };
@@ -81,4 +101,19 @@ fn filter_of<'t>(fitted: &Fitted, segments: impl Iterator<Item = &'t Vec<(usize,
     let mut all = Products::new(fitted.rule.highest);
     segments.flatten().filter(|one| one.0 == output).for_each(|one| all.add(&one.1));
     Some(Filter::new(&burg::fit(&all, fitted.rule.criterion).model)).filter(Filter::is_definite)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::Ar;
+
+    #[test]
+    fn an_output_without_noise_of_its_own_has_that_of_another_group() {
+        let filter = |variance: f64| Some(Filter::new(&Ar::white(variance)));
+        let mut filters = vec![vec![filter(1.0), None, None], vec![None, filter(2.0), None], vec![None, filter(3.0), None]];
+        fall_back(&mut filters);
+        let want = |second| vec![filter(1.0), filter(second), None];
+        assert_eq!(filters, [want(2.0), want(2.0), want(3.0)]);
+    }
 }

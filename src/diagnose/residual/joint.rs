@@ -3,66 +3,102 @@
 //! A gust moves all outputs at once: whitened one by one they are still correlated, at one instant and over a few. The model is
 //! `w_t = B_1 w_(t-1) + ... + B_q w_(t-q) + v_t`, `cov(v) = L L'`, over the outputs that are sampled at the same instants; `L^-1 v` has unit
 //! covariance. Like the filters of single outputs it restarts at each segment: sample `t` is predicted from the `min(t, q)` before it.
+//! At instants at which an output was not measured, and those behind them, `partly` says what becomes of the others.
 
-use crate::estimate::Case;
 use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
 use crate::math::products::dot;
 
+use super::instants::Set;
+use super::partly::Partly;
 use crate::diagnose::thresholds::noise::{JOINT_ORDER as ORDER, SAMPLES_PER_COEFFICIENT};
+use std::ops::Range;
 
 /// A vector autoregressive model of outputs sampled together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
-    /// Which of the scored outputs.
-    pub outputs: Vec<usize>,
-    /// Per order `0..=q`: `[B_1 | ... ]` as `[m][order * m]`, and the factor `L` of the innovations' covariance.
-    predictors: Vec<(Vec<f64>, Vec<f64>)>,
+    pub set: Set,
+    predictors: Vec<Predictor>,
+}
+
+/// The best predictor of some order `q`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Predictor {
+    /// `[B_1 | ... ]` as `[m][q * m]`.
+    pub b: Vec<f64>,
+    /// The factor `L` of the innovations' covariance.
+    pub l: Vec<f64>,
+}
+
+/// The rows of one output in a segment's columns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rows {
+    /// The first of them.
+    pub from: usize,
+    /// Which of them were not measured.
+    pub masked: Vec<bool>,
 }
 
 impl Joint {
     /// Of the sums of products of white residuals, the order by BIC; `None` where there is nothing in common to be known of.
-    pub fn new(outputs: Vec<usize>, sums: Lagged) -> Option<Joint> {
-        let m = outputs.len();
+    pub fn new(set: Set, sums: Lagged) -> Option<Joint> {
+        let m = set.outputs.len();
         if m < 2 || sums.count < SAMPLES_PER_COEFFICIENT * m * m {
             return None;
         }
         let n = sums.count as f64;
         let lags: Vec<Vec<f64>> = sums.lags.into_iter().map(|lag| lag.into_iter().map(|s| s / n).collect()).collect();
-        let all: Vec<(Vec<f64>, Vec<f64>)> = (0..=ORDER).map_while(|q| predictor(&lags, m, q)).collect();
-        let bic = |q: usize| n * cholesky_log_det(&all[q].1, m) + (q * m * m) as f64 * libm::log(n);
+        let all: Vec<Predictor> = (0..=ORDER).map_while(|q| predictor(&lags, m, q)).collect();
+        let bic = |q: usize| n * cholesky_log_det(&all[q].l, m) + (q * m * m) as f64 * libm::log(n);
         let best = (0..all.len()).min_by(|&a, &b| bic(a).total_cmp(&bic(b)))?;
-        Some(Joint { outputs, predictors: all[..=best].to_vec() })
+        Some(Joint { set, predictors: all[..=best].to_vec() })
     }
 
-    /// Makes the columns of one segment white together, in place. `rows`: where the rows of each of the outputs begin in a column, and how
-    /// many there are; nothing is done where they differ in number.
-    pub fn apply(&self, column: &mut [f64], rows: &[Option<(usize, usize)>]) {
-        let m = self.outputs.len();
-        let at: Option<Vec<(usize, usize)>> = self.outputs.iter().map(|&o| rows.get(o).copied().flatten()).collect();
-        let Some(at) = at.filter(|at| at.iter().all(|r| r.1 == at[0].1)) else { return };
-        let (last, n) = (self.predictors.len() - 1, at[0].1);
-        let mut white: Vec<Vec<f64>> = at.iter().map(|&(from, n)| column[from..from + n].to_vec()).collect();
+    /// Makes the columns of one segment white together, in place; masked rows must be 0, and stay so. `rows`: those of each output. An output
+    /// without rows counts as masked; nothing is done where the others differ in number, or there is but one.
+    pub fn apply(&self, columns: &mut [Vec<f64>], rows: &[Option<Rows>]) {
+        let of = |&o: &usize| rows.get(o).and_then(Option::as_ref).filter(|rows| !rows.masked.is_empty());
+        let at: Vec<Option<&Rows>> = self.set.outputs.iter().map(of).collect();
+        let lengths: Vec<usize> = at.iter().flatten().map(|rows| rows.masked.len()).collect();
+        if lengths.len() < 2 || lengths.iter().any(|n| *n != lengths[0]) {
+            return;
+        }
+        let n = lengths[0];
+        let masked: Vec<Option<&[bool]>> = at.iter().map(|rows| rows.map(|rows| &rows.masked[..])).collect();
+        let partly = Partly::new(&self.predictors, &masked, n);
+        for column in columns {
+            let of = |rows: &Option<&Rows>| rows.map_or_else(|| vec![0.0; n], |rows| column[rows.from..rows.from + n].to_vec());
+            let mut series: Vec<Vec<f64>> = at.iter().map(of).collect();
+            let mut white = self.white(&series);
+            partly.bridge(&self.predictors, &mut series, &mut white);
+            for (rows, white) in at.iter().zip(&white).filter_map(|(rows, white)| Some(((*rows)?, white))) {
+                column[rows.from..rows.from + n].copy_from_slice(white);
+            }
+        }
+    }
+
+    /// Series of all outputs, everything measured, white.
+    fn white(&self, series: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let (last, m, n) = (self.predictors.len() - 1, series.len(), series[0].len());
+        let mut white = series.to_vec();
         for t in 0..last.min(n) {
-            let b = &self.predictors[t].0;
+            let b = &self.predictors[t].b;
             for (i, white) in white.iter_mut().enumerate() {
-                white[t] -= (0..t * m).map(|k| b[i * t * m + k] * column[at[k % m].0 + t - 1 - k / m]).sum::<f64>();
+                white[t] -= (0..t * m).map(|k| b[i * t * m + k] * series[k % m][t - 1 - k / m]).sum::<f64>();
             }
         }
         // From order q on the predictor stays the same: output by output and lag by lag over the whole column.
-        let b = &self.predictors[last].0;
+        let Predictor { b, l } = &self.predictors[last];
         for (i, white) in white.iter_mut().enumerate().filter(|_| n > last) {
             for k in 0..last * m {
-                let from = at[k % m].0 + last - 1 - k / m;
                 let factor = b[i * last * m + k];
-                white[last..].iter_mut().zip(&column[from..from + n - last]).for_each(|(w, x)| *w -= factor * x);
+                white[last..].iter_mut().zip(&series[k % m][last - 1 - k / m..]).for_each(|(w, x)| *w -= factor * x);
             }
         }
         for t in 0..last.min(n) {
             let mut v: Vec<f64> = white.iter().map(|w| w[t]).collect();
-            forward(&self.predictors[t].1, m, &mut v);
+            forward(&self.predictors[t].l, m, &mut v);
             white.iter_mut().zip(v).for_each(|(w, v)| w[t] = v);
         }
-        let l = &self.predictors[last].1;
         for i in 0..m {
             let (before, rest) = white.split_at_mut(i);
             let (own, scale) = (&mut rest[0][last.min(n)..], 1.0 / l[i * m + i]);
@@ -72,9 +108,7 @@ impl Joint {
             }
             own.iter_mut().for_each(|w| *w *= scale);
         }
-        for (&(from, n), white) in at.iter().zip(&white) {
-            column[from..from + n].copy_from_slice(white);
-        }
+        white
     }
 }
 
@@ -82,7 +116,7 @@ impl Joint {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lagged {
     outputs: usize,
-    /// Residuals per output.
+    /// Instants at which all of them were measured.
     pub count: usize,
     /// `[lag][outputs][outputs]`, lags up to the highest order.
     lags: Vec<Vec<f64>>,
@@ -93,13 +127,16 @@ impl Lagged {
         Lagged { outputs, count: 0, lags: vec![vec![0.0; outputs * outputs]; ORDER + 1] }
     }
 
-    /// Adds the products of one segment's series `[output][sample]`, all of one length.
-    pub fn take(&mut self, w: &[&[f64]]) {
+    /// Adds the products of one segment's series `[output][sample]`, all of one length, within runs of samples at which all were measured.
+    /// Products are those of the residuals and of what was absorbed beside them: `count` is told apart.
+    pub fn take(&mut self, w: &[&[f64]], runs: &[Range<usize>]) {
         let m = self.outputs;
-        for (lag, sums) in self.lags.iter_mut().enumerate() {
-            for i in 0..m {
-                let late = w[i].get(lag..).unwrap_or_default();
-                (0..m).for_each(|j| sums[i * m + j] += dot(late, w[j]));
+        for run in runs {
+            for (lag, sums) in self.lags.iter_mut().enumerate() {
+                for i in 0..m {
+                    let late = w[i][run.clone()].get(lag..).unwrap_or_default();
+                    (0..m).for_each(|j| sums[i * m + j] += dot(late, &w[j][run.clone()]));
+                }
             }
         }
     }
@@ -114,7 +151,7 @@ impl Lagged {
 
 /// The best linear predictor of order `q` (multivariate Yule-Walker equations; Brockwell and Davis, section 11.4) and the factor of
 /// its innovations' covariance; `None` where that is not definite.
-fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<Predictor> {
     let n = q * m;
     // E[w_(t-1-a) w_(t-1-b)'] of the stacked past
     let of = |a: usize, b: usize, i: usize, j: usize| if b >= a { lags[b - a][i * m + j] } else { lags[a - b][j * m + i] };
@@ -135,27 +172,7 @@ fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<(Vec<f64>, Vec<f64
         }
     }
     let l = cholesky(&left, m).ok()?;
-    Some((b, l))
-}
-
-/// Scored outputs that these segments sample at the same instants; those that none of them samples are in no set.
-pub fn together(case: &Case, segments: &[usize]) -> Vec<Vec<usize>> {
-    let times = |o: usize| -> Vec<Option<&Vec<f64>>> {
-        let of = |&s: &usize| case.records[s].channels.iter().find(|c| c.output == case.outputs[o]).map(|c| &c.t);
-        segments.iter().map(of).collect()
-    };
-    let mut sets: Vec<Vec<usize>> = Vec::new();
-    for o in 0..case.outputs.len() {
-        let own = times(o);
-        if own.iter().all(Option::is_none) {
-            continue;
-        }
-        match sets.iter_mut().find(|set| times(set[0]) == own) {
-            Some(set) => set.push(o),
-            None => sets.push(vec![o]),
-        }
-    }
-    sets
+    Some(Predictor { b, l })
 }
 
 #[cfg(test)]
@@ -175,9 +192,18 @@ mod tests {
         let mut all = Lagged::zero(2);
         for w in segments {
             all.count += w[0].len();
-            all.take(&[&w[0], &w[1]]);
+            all.take(&[&w[0], &w[1]], &[0..w[0].len()]);
         }
         all
+    }
+
+    fn joint(sums: Lagged) -> Joint {
+        Joint::new(Set { outputs: vec![0, 1], segments: vec![0] }, sums).expect("a model")
+    }
+
+    fn rows(masked: [Vec<bool>; 2]) -> Vec<Option<Rows>> {
+        let from = [0, masked[0].len()];
+        masked.into_iter().zip(from).map(|(masked, from)| Some(Rows { from, masked })).collect()
     }
 
     fn moments(x: &[f64], y: &[f64], lag: usize) -> f64 {
@@ -186,13 +212,13 @@ mod tests {
 
     #[test]
     fn what_outputs_have_in_common_is_taken_out() {
-        let joint = Joint::new(vec![0, 1], sums((0..6).map(|s| sample(500, s)))).expect("a model");
+        let joint = joint(sums((0..6).map(|s| sample(500, s))));
         assert!(joint.predictors.len() > 1, "a delay needs a past");
         let w = sample(20_000, 99);
         assert!(moments(&w[1], &w[0], 1) > 0.6);
-        let mut column = w.concat();
-        joint.apply(&mut column, &[Some((0, 20_000)), Some((20_000, 20_000))]);
-        let (a, b) = column.split_at(20_000);
+        let mut columns = [w.concat()];
+        joint.apply(&mut columns, &rows([vec![false; 20_000], vec![false; 20_000]]));
+        let (a, b) = columns[0].split_at(20_000);
         for (x, y, lag, want) in [(a, a, 0, 1.0), (b, b, 0, 1.0), (a, b, 0, 0.0), (b, a, 1, 0.0), (a, b, 1, 0.0), (a, a, 1, 0.0)] {
             assert!((moments(x, y, lag) - want).abs() < 0.05, "{}", moments(x, y, lag));
         }
@@ -200,9 +226,84 @@ mod tests {
 
     #[test]
     fn outputs_of_other_lengths_stay_as_they_are() {
-        let joint = Joint::new(vec![0, 1], sums((0..6).map(|s| sample(500, s)))).expect("a model");
-        let mut column = vec![1.0; 7];
-        joint.apply(&mut column, &[Some((0, 4)), Some((4, 3))]);
-        assert_eq!(column, vec![1.0; 7]);
+        let joint = joint(sums((0..6).map(|s| sample(500, s))));
+        let mut columns = [vec![1.0; 7]];
+        joint.apply(&mut columns, &rows([vec![false; 4], vec![false; 3]]));
+        assert_eq!(columns[0], vec![1.0; 7]);
+    }
+
+    /// Two outputs of correlation 0.9 at every instant, the second masked where asked.
+    fn alike(n: usize, seed: u64, masked: &[bool]) -> Vec<Vec<f64>> {
+        let mut stream = crate::simulate::Stream::new(seed, &["alike"]);
+        let first: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
+        let like = |a: &f64| 0.9 * a + (1.0 - 0.81f64).sqrt() * stream.normal();
+        let second: Vec<f64> = first.iter().map(like).collect();
+        let second = second.into_iter().zip(masked).map(|(b, masked)| if *masked { 0.0 } else { b }).collect();
+        vec![first, second]
+    }
+
+    #[test]
+    fn masked_samples_neither_count_nor_cost() {
+        let n = 20_000;
+        for masked in [(0..n).map(|k| k % 2 == 0).collect(), (0..n).map(|k| k / 100 % 2 == 0).collect::<Vec<bool>>()] {
+            let w = alike(n, 1, &masked);
+            let mut sums = Lagged::zero(2);
+            let runs = crate::diagnose::residual::partly::runs(&masked.iter().map(|m| !m).collect::<Vec<_>>());
+            sums.count = runs.iter().map(Range::len).sum();
+            sums.take(&[&w[0], &w[1]], &runs);
+            assert_eq!(sums.count, n / 2);
+            let joint = joint(sums);
+            let l = &joint.predictors[0].l;
+            assert!((l[0] - 1.0).abs() < 0.03 && (l[2] - 0.9).abs() < 0.03 && (l[3] - 0.19f64.sqrt()).abs() < 0.03, "{l:?}");
+            let mut columns = [alike(n, 2, &masked).concat()];
+            joint.apply(&mut columns, &rows([vec![false; n], masked.clone()]));
+            let (a, b) = columns[0].split_at(n);
+            assert!(masked.iter().zip(b).all(|(masked, b)| !masked || *b == 0.0));
+            let square = (dot(a, a) + dot(b, b)) / (1.5 * n as f64);
+            assert!((square - 1.0).abs() < 0.03, "{square}");
+            assert!((moments(b, b, 0) - 0.5).abs() < 0.03 && moments(a, b, 0).abs() < 0.03);
+        }
+    }
+
+    #[test]
+    fn a_masked_sample_is_guessed_from_the_past_and_from_what_was_measured_beside_it() {
+        let joint = joint(sums((0..6).map(|s| sample(500, s))));
+        let (q, w) = (joint.predictors.len() - 1, sample(60, 7));
+        let white = |w: &[Vec<f64>], masked: &[bool]| {
+            let mut columns = [w.concat()];
+            joint.apply(&mut columns, &rows([vec![false; 60], masked.to_vec()]));
+            columns[0].clone()
+        };
+        let masked: Vec<bool> = (0..60).map(|k| k == 30).collect();
+        let mut holed = w.clone();
+        holed[1][30] = 0.0;
+        let (whole, found) = (white(&w, &[false; 60]), white(&holed, &masked));
+        // Before it, and as far behind it as predictions do not reach, not a bit is another.
+        assert_eq!((&whole[..30], &whole[31 + q..60]), (&found[..30], &found[31 + q..60]));
+        // The first output comes first in the factor.
+        assert!((whole[30] - found[30]).abs() < 1e-12 && found[90] == 0.0);
+        assert_ne!(whole[31], found[31]);
+        // With the conditional mean in its place its own innovation is nothing, and the others are the same.
+        let Predictor { b, l } = &joint.predictors[q];
+        let mean = |i: usize| (0..2 * q).map(|k| b[i * 2 * q + k] * w[k % 2][29 - k / 2]).sum::<f64>();
+        holed[1][30] = mean(1) + l[2] / l[0] * (w[0][30] - mean(0));
+        let guessed = white(&holed, &[false; 60]);
+        assert!(guessed.iter().zip(&found).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+
+    #[test]
+    fn an_output_that_a_segment_does_not_measure_is_masked_there() {
+        let three = |n: usize, seed: u64| [sample(n, seed), vec![sample(n, seed + 50)[0].clone()]].concat();
+        let mut all = Lagged::zero(3);
+        for w in (0..6).map(|s| three(500, s)) {
+            all.count += 500;
+            all.take(&[&w[0], &w[1], &w[2]], &[0..500]);
+        }
+        let joint = Joint::new(Set { outputs: vec![0, 1, 2], segments: vec![0] }, all).expect("a model");
+        let w = sample(5000, 99);
+        let mut columns = [w.concat()];
+        joint.apply(&mut columns, &rows([vec![false; 5000], vec![false; 5000]]));
+        let (a, b) = columns[0].split_at(5000);
+        assert!((moments(a, a, 0) - 1.0).abs() < 0.06 && (moments(b, b, 0) - 1.0).abs() < 0.06 && moments(b, a, 1).abs() < 0.06);
     }
 }

@@ -1,6 +1,7 @@
 //! One maneuver as a model sees it: the samples' grid and the signals come in, a record of inputs and measured outputs goes out.
 
 use crate::dynamics::{Channel, Record};
+use crate::math::median;
 
 /// Columns of the samples table of one flight.
 pub struct Grid<'a> {
@@ -105,11 +106,55 @@ pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Win
     })
 }
 
+/// More than so many spacings between two samples of a regular channel: some between them were lost.
+const LOST: f64 = 1.5;
+/// A channel is regular where so many of its spacings, as a share, are within that share of their median. One that is sent when it changes is not.
+const USUAL: f64 = 0.75;
+const JITTER: f64 = 0.25;
+/// Fewest spacings that tell.
+const SPACINGS: usize = 4;
+
+/// What was measured within a window. Samples that a regular channel lost are put back as masked ones, so that neighbours are a spacing apart, as
+/// a model of the noise takes them to be, and channels of one clock have the same samples in every window.
 fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {
-    let begin = m.t.partition_point(|t| *t < from - SLACK * dt);
-    let end = m.t.partition_point(|t| *t <= to + SLACK * dt).max(begin);
-    let t = m.t[begin..end].iter().map(|t| t.clamp(from, to)).collect();
-    Channel { output: m.output, t, z: m.z.get(begin..end).unwrap_or_default().to_vec() }
+    let (low, high) = (from - SLACK * dt, to + SLACK * dt);
+    let begin = m.t.partition_point(|t| *t < low);
+    let end = m.t.partition_point(|t| *t <= high).max(begin);
+    let (t, z) = (&m.t[begin..end], m.z.get(begin..end).unwrap_or_default());
+    let clamped = |t: f64| t.clamp(from, to);
+    let Some(spacing) = spacing(t) else {
+        return Channel { output: m.output, t: t.iter().map(|t| clamped(*t)).collect(), z: z.to_vec() };
+    };
+    // The samples around the window; before the channel's first one and behind its last one as many as the window holds.
+    let beyond = |room: f64| spacing * ((room / spacing).floor() + 1.0);
+    let before = begin.checked_sub(1).map_or_else(|| t[0] - beyond(t[0] - low), |k| m.t[k]);
+    let after = m.t.get(end).copied().unwrap_or_else(|| t[t.len() - 1] + beyond(high - t[t.len() - 1]));
+    let mut filled = Channel { output: m.output, ..Channel::default() };
+    let mut last = before;
+    for (next, value) in t.iter().copied().zip(z.iter().copied().map(Some)).chain([(after, None)]) {
+        for lost in lost(last, next, spacing).filter(|t| (low..=high).contains(t)) {
+            filled.t.push(clamped(lost));
+            filled.z.push(f64::NAN);
+        }
+        filled.t.extend(value.map(|_| clamped(next)));
+        filled.z.extend(value);
+        last = next;
+    }
+    filled
+}
+
+/// Time between samples of a regular channel; none for another.
+fn spacing(t: &[f64]) -> Option<f64> {
+    let steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+    let middle = median(&steps);
+    let usual = steps.iter().filter(|step| (**step - middle).abs() <= JITTER * middle).count();
+    (steps.len() >= SPACINGS && middle > 0.0 && usual as f64 >= USUAL * steps.len() as f64).then_some(middle)
+}
+
+/// Times of the samples lost between two others, evenly spread.
+fn lost(a: f64, b: f64, spacing: f64) -> impl Iterator<Item = f64> {
+    let steps = if b - a > LOST * spacing { ((b - a) / spacing).round() } else { 1.0 };
+    (1..steps as usize).map(move |i| a + (b - a) * i as f64 / steps)
 }
 
 #[cfg(test)]
@@ -169,5 +214,42 @@ mod tests {
         let inputs = [Source::Column("u".into())];
         let masked = record(&grid(&column), &inputs, &[], Window { from: 14.0, to: 16.0, preroll: 0.0, settle: 0.0 });
         assert_eq!(masked, Err(Unusable::Masked { input: "u".into(), samples: 2 }));
+    }
+
+    /// The channel of one measured output over 12 s to 13 s.
+    fn within(t: &[f64]) -> Channel {
+        let u = vec![0.0; 101];
+        let column = |_: &str| Some(&u[..]);
+        let m = [Measured { output: 0, t, z: t }];
+        let window = Window { from: 12.0, to: 13.0, preroll: 0.0, settle: 0.0 };
+        record(&grid(&column), &[Source::Column("u".into())], &m, window).expect("covered").channels.swap_remove(0)
+    }
+
+    #[test]
+    fn lost_samples_of_a_regular_channel_are_masked_ones() {
+        let whole: Vec<f64> = (0..400).map(|i| 9.987 + 0.03 * f64::from(i)).collect();
+        // One, several, and both ends of the window.
+        let gone = |t: f64| (12.20..12.23).contains(&t) || (12.5..12.65).contains(&t) || t < 12.1 || (12.9..14.0).contains(&t);
+        let lossy: Vec<f64> = whole.iter().copied().filter(|t| !gone(*t)).collect();
+        let (want, found) = (within(&whole), within(&lossy));
+        assert_eq!(found.t.len(), want.t.len());
+        assert!(found.t.iter().zip(&want.t).all(|(a, b)| (a - b).abs() < 1e-9), "{:?}", found.t);
+        assert!(want.z.iter().zip(&found.z).all(|(z, found)| if gone(*z) { found.is_nan() } else { found == z }));
+        let kept = want.t.iter().filter(|t| !gone(**t)).count();
+        assert!(found.z.iter().filter(|z| z.is_finite()).count() == kept && kept < want.t.len() - 10);
+    }
+
+    #[test]
+    fn a_channel_without_lost_samples_is_as_it_is() {
+        // Late by up to a third of a spacing.
+        let late: Vec<f64> = (0..400).map(|i| 9.987 + 0.03 * f64::from(i) + 0.01 * f64::from(i * i % 7) / 6.0).collect();
+        // Sent when it changed.
+        let changed: Vec<f64> = (0..4000).filter(|i| i * i % 11 < 4).map(|i| 9.987 + 0.003 * f64::from(i)).collect();
+        for t in [late, changed] {
+            let want: Vec<f64> = t.iter().copied().filter(|t| (12.0..=13.0).contains(t)).collect();
+            let found = within(&t);
+            assert!(found.t == want && found.z == want, "{:?}", found.t);
+        }
+        assert!(within(&[12.1, 12.9]).t.len() == 2 && within(&[1.0]).t.is_empty());
     }
 }
