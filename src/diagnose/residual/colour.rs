@@ -106,11 +106,78 @@ fn filter_of<'t>(fitted: &Fitted, segments: impl Iterator<Item = &'t Vec<(usize,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::Ar;
+    use crate::dynamics::{Channel, Record};
+    use crate::estimate::{Prepared, Segment, Settings};
+    use crate::model::{Constants, Model};
+    use crate::noise::Rule;
+    use crate::simulate::Stream;
+
+    const N: usize = 600;
+
+    /// Outputs 0 and 1 share most of their noise, 2 has its own. What is measured is said per segment, with how many samples lost from 1.
+    fn segment(flight: &str, seed: u64, outputs: &[usize], lost: usize) -> Segment {
+        let mut stream = Stream::new(seed, &["colour"]);
+        let shared: Vec<f64> = (0..N).map(|_| stream.normal()).collect();
+        let mut channel = |output: usize| {
+            let share = if output == 2 { 0.0 } else { 0.95 };
+            let z = shared.iter().map(|x| share * x + (1.0f64 - share * share).sqrt() * stream.normal()).collect();
+            let mut channel = Channel { output, t: (0..N).map(|k| 0.02 * k as f64).collect(), z };
+            let lost = if output == 1 { lost } else { 0 };
+            channel.t.drain(100..100 + lost);
+            channel.z.drain(100..100 + lost);
+            channel
+        };
+        let channels = outputs.iter().map(|&o| channel(o)).collect();
+        let record = Record { dt: 0.02, n: N, inputs: vec![0.0; N], channels, substeps: 1, ..Record::default() };
+        Segment { record, labels: [("flight".to_string(), flight.to_string())].into(), ..Segment::default() }
+    }
+
+    #[test]
+    fn a_lost_sample_costs_one_maneuver_and_a_held_out_output_borrows_its_noise() {
+        let text = r#"title = "still"
+[inputs]
+u = "rad"
+[parameters]
+k = { unit = "1", start = 1.0 }
+[states]
+x = { unit = "rad", rate = "(k*u - x)/s", start = 0.0 }
+[constants]
+s = { unit = "s", value = 1.0 }
+[outputs]
+a = { unit = "rad", value = "x" }
+b = { unit = "rad", value = "x" }
+c = { unit = "rad", value = "x" }
+"#;
+        let model = Model::parse("still", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+        let all = [0, 1, 2];
+        let segments = [
+            segment("one", 1, &all, 1),
+            segment("one", 2, &all, 0),
+            segment("one", 3, &all, 0),
+            segment("two", 4, &[0, 1], 0),
+            segment("two", 5, &all, 0),
+        ];
+        let settings = Settings { noise_per: "flight".into(), ..Settings::default() };
+        let prepared = Prepared::new(&model, &segments, &settings).unwrap_or_else(|e| panic!("{e}"));
+        let case = prepared.case();
+        let theta = case.layout.start.clone();
+        // The last one is held out.
+        let noise = noise_of(&Fitted::new(&case, &[0, 1, 2, 3], &[0], &theta, &[], Rule::default()));
+        let told = |group: usize| -> Vec<(&[usize], &[usize])> {
+            noise.joint[group].iter().map(|joint| (&joint.set.outputs[..], &joint.set.segments[..])).collect()
+        };
+        assert_eq!(told(0), [(&all[..], &[1, 2, 3, 4][..])]);
+        assert_eq!(told(1), [(&all[..2], &[1, 2, 3, 4][..])]);
+        assert!(noise.filter(4, 2).is_some() && noise.filter(4, 2) == noise.filter(1, 2));
+        let cost = |s: usize| 2.0 * noise.cost(s, &case.evaluate(s, &case.layout.local(s, &theta), false).expect("finite"));
+        let samples = (3 * N) as f64;
+        // The sd of a mean square of so many is 0.033.
+        assert!((1..5).filter(|s| *s != 3).all(|s| (cost(s) / samples - 1.0).abs() < 0.15), "{} {}", cost(1), cost(4));
+    }
 
     #[test]
     fn an_output_without_noise_of_its_own_has_that_of_another_group() {
-        let filter = |variance: f64| Some(Filter::new(&Ar::white(variance)));
+        let filter = |variance: f64| Some(Filter::new(&crate::noise::Ar::white(variance)));
         let mut filters = vec![vec![filter(1.0), None, None], vec![None, filter(2.0), None], vec![None, filter(3.0), None]];
         fall_back(&mut filters);
         let want = |second| vec![filter(1.0), filter(second), None];

@@ -192,7 +192,7 @@ mod tests {
         let mut all = Lagged::zero(2);
         for w in segments {
             all.count += w[0].len();
-            all.take(&[&w[0], &w[1]], &[0..w[0].len()]);
+            all.take(&[&w[0], &w[1]], std::slice::from_ref(&(0..w[0].len())));
         }
         all
     }
@@ -297,7 +297,7 @@ mod tests {
         let mut all = Lagged::zero(3);
         for w in (0..6).map(|s| three(500, s)) {
             all.count += 500;
-            all.take(&[&w[0], &w[1], &w[2]], &[0..500]);
+            all.take(&[&w[0], &w[1], &w[2]], std::slice::from_ref(&(0..500)));
         }
         let joint = Joint::new(Set { outputs: vec![0, 1, 2], segments: vec![0] }, all).expect("a model");
         let w = sample(5000, 99);
