@@ -9,7 +9,7 @@ use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
 use crate::math::products::dot;
 
 use super::instants::Set;
-use super::partly::Partly;
+use super::partly::{Partly, Predictor};
 use crate::diagnose::thresholds::noise::{JOINT_ORDER as ORDER, SAMPLES_PER_COEFFICIENT};
 use std::ops::Range;
 
@@ -18,15 +18,6 @@ use std::ops::Range;
 pub struct Joint {
     pub set: Set,
     predictors: Vec<Predictor>,
-}
-
-/// The best predictor of some order `q`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Predictor {
-    /// `[B_1 | ... ]` as `[m][q * m]`.
-    pub b: Vec<f64>,
-    /// The factor `L` of the innovations' covariance.
-    pub l: Vec<f64>,
 }
 
 /// The rows of one output in a segment's columns.

@@ -4,9 +4,17 @@
 //! `C = L L'` the innovations' covariance. The others add nothing; the predictions behind them take their mean under the model,
 //! `mu_M + C_MS C_SS^-1 (w_S - mu_S)`, for what they were. That this mean has an error is left out: single filters have taken most of the past already.
 
-use super::joint::Predictor;
 use crate::math::dense::{cholesky, cholesky_solve, forward};
 use std::ops::Range;
+
+/// The best predictor of some order `q` of `m` outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Predictor {
+    /// `[B_1 | ... ]` as `[m][q * m]`.
+    pub b: Vec<f64>,
+    /// The factor `L` of the innovations' covariance.
+    pub l: Vec<f64>,
+}
 
 /// The instants that need more than the predictors.
 pub struct Partly {
