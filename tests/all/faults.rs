@@ -31,6 +31,65 @@ fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
     }
 }
 
+/// The shipped campaign, whose flight path drives `[derive]`, which drives its model: a mistake at the beginning touches all behind it.
+fn chained() -> Campaign {
+    let c = Campaign { folder: tempfile::tempdir().expect("a temporary folder") };
+    let from = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/citation");
+    for entry in std::fs::read_dir(from).expect("readable") {
+        let path = entry.expect("readable").path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            std::fs::copy(&path, c.path(&path.file_name().expect("a name").to_string_lossy())).expect("copied");
+        }
+    }
+    c
+}
+
+/// The first lines of the mistakes that a check finds.
+fn mistakes(c: &Campaign) -> Vec<String> {
+    let run = c.koehler("check", &[]).ended(2);
+    run.err.lines().filter_map(|line| line.strip_prefix("error: ")).map(str::to_string).collect()
+}
+
+#[test]
+fn a_mistake_is_told_without_those_that_only_follow_from_it() {
+    let g = "field = \"acceleration.x\", unit = \"g\"";
+    for (file, old, new, wanted) in [
+        // signals, the flight path, what is derived, what drives the model, the model
+        ("channels.toml", g, "field = \"acceleration.x\", unit = \"kg\"", "\"ax_imu\" is in kg"),
+        ("channels.toml", g, "field = \"acceleration.x\", unit = \"furlong\"", "\"furlong\""),
+        ("pipeline.toml", "[reconstruct]", "[reconstruct]\nfragment = \"kinematic\"", "\"kinematic\""),
+        ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\"", "\"alphadot_ww\""),
+        ("derived.model.toml", "title  =", "title  ", "derived.model.toml:1"),
+        ("channels.toml", "field = \"elevator\", unit = \"deg\"", "field = \"elevator\", unit = \"kg\"", "in kg"),
+        ("elevator.model.toml", "unit = \"rad\", value = \"delta_e\"", "unit = \"rad\", value = \"delta\"", "\"delta\""),
+    ] {
+        let c = chained();
+        c.edit(file, old, new);
+        let found = mistakes(&c);
+        assert!(found.len() == 1 && found[0].contains(wanted), "{file}, {new}: {found:#?}");
+    }
+}
+
+#[test]
+fn a_mistake_at_the_beginning_hides_none_behind_it() {
+    let wrong = ["\"comand_a\"", "\"alfa\"", "\"C_h_O\"", "\"3212\""];
+    for (file, old, new) in [
+        ("channels.toml", "field = \"acceleration.x\", unit = \"g\"", "field = \"acceleration.x\", unit = \"kg\""),
+        ("pipeline.toml", "[reconstruct]", "[reconstruct]\nfragment = \"kinematic\""),
+        ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\""),
+    ] {
+        let c = chained();
+        c.edit("pipeline.toml", "\"command_a\"", wrong[0]);
+        c.edit("pipeline.toml", "= \"alpha\"", &format!("= {}", wrong[1]));
+        c.edit("pipeline.toml", "\"C_h_0\"", wrong[2]);
+        c.edit("pipeline.toml", "\"3211\"", wrong[3]);
+        c.edit(file, old, new);
+        let found = mistakes(&c);
+        let told = |name: &&str| found.iter().any(|line| line.contains(*name));
+        assert!(found.len() == 1 + wrong.len() && wrong.iter().all(told), "{file}: {found:#?}");
+    }
+}
+
 #[test]
 fn a_missing_file_is_named_where_it_is_asked_for() {
     let c = Campaign::new();
