@@ -341,7 +341,7 @@ fn uncertainties_are_told_in_words() {
     for text in ["K_te 69.2 %", "no effect", "tau has no effect on the measured outputs", "id=\"profile-0\"", "&lt; 0.0001"] {
         assert!(page.contains(text), "{text}");
     }
-    assert!(page.contains("Maneuvers repeated at the same condition (1 of them) scatter as their standard deviations say"));
+    assert!(page.contains("Maneuvers repeated at the same condition (1 condition) scatter as their standard deviations say"));
 }
 
 /// Two parameters that go together in every estimation.
