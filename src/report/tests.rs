@@ -212,6 +212,8 @@ fn channels() -> Table {
         .f64("longest_gap_s", rows.iter().map(|r| if r.0 == 3 { 0.4 } else { 1.2 / r.1.4 as f64 }).collect::<Vec<_>>())
         .f64("t_first_s", vec![0.01; n])
         .f64("t_last_s", vec![719.98; n])
+        .f64("still_from_s", vec![f64::NAN; n])
+        .f64("still_to_s", vec![f64::NAN; n])
         .f64("min", vec![-0.1; n])
         .f64("max", vec![0.2; n])
         .finish()

@@ -1,6 +1,6 @@
 //! Bad input: one clear message or a counted note, results for the rest, a non-zero exit when anything asked for is missing.
 
-use crate::campaign::{Campaign, write_log};
+use crate::campaign::{Campaign, write_log, write_log_seen};
 
 #[test]
 fn mistakes_of_all_files_are_reported_at_once_and_before_any_log_is_read() {
@@ -232,6 +232,28 @@ fn a_burst_of_nan_is_counted_and_the_rest_is_used() {
     assert_eq!(channels.i64("dropped_nan").expect("column")[row], 20);
     let fits = koehler::table::read_dataset(&c.path("out"), "fits").expect("fits");
     assert_eq!(fits.i64("n").expect("column"), [12, 12]);
+}
+
+#[test]
+fn fault_a_sensor_that_froze_is_a_problem_that_is_named() {
+    let c = Campaign::new();
+    let sound = c.run();
+    assert!(!sound.err.contains("still") && !sound.out.contains("still"), "{}\n{}", sound.out, sound.err);
+    let mut last = 0.0;
+    write_log_seen(&c.path("logs/flight-2.mcap"), 1, 4, |t, y| {
+        if t < 40.0 {
+            last = y;
+        }
+        last
+    });
+    let run = c.run().ended(1);
+    let said = format!("{}\n{}", run.out, run.err);
+    assert!(
+        said.contains("stand still in maneuvers that are estimated: flight-2 y (from 40.0 s for 40.0 s, 2 maneuvers)"),
+        "{said}"
+    );
+    let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
+    assert!(page.contains("flight-2 y (from 40.0 s"));
 }
 
 #[test]
