@@ -229,6 +229,14 @@ impl Model {
         Model::compiled(Recipe { name, sources, constants: constants.clone() })
     }
 
+    /// The outputs that a model file and its fragments declare, whether or not they compile; none where a file cannot be read as one.
+    pub fn declared_outputs(path: &Path) -> Option<Vec<String>> {
+        let text = config::read_text(path).ok()?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let sources = fragments::gather(&path.to_string_lossy(), &text, Folder::At(folder)).ok()?;
+        Some(sources.iter().flat_map(|s| s.file.outputs.keys().cloned()).collect())
+    }
+
     /// Compiles model text that is not in a file; it can use embedded fragments only.
     ///
     /// # Errors

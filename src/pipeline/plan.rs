@@ -1,5 +1,6 @@
 //! A pipeline file and all files it names come in; a checked campaign, or every mistake in any of them at once, goes out.
 
+mod columns;
 mod logs;
 mod loose;
 mod names;
@@ -14,7 +15,7 @@ use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::segment::Kind;
 use crate::stage::{Campaign, Channels, Known, STAGES, Told, derive, diagnose, estimate, fit, reconstruct, segment};
-use names::Columns;
+use columns::Columns;
 use std::path::{Path, PathBuf};
 
 pub use logs::FlightLog;
@@ -86,26 +87,26 @@ impl Reader {
         let simulation = self.simulation();
         let logs = self.logs(simulation.as_ref());
         let flights: Vec<String> = logs.iter().map(|l| l.flight.clone()).collect();
-        // Names are looked up only where everything that could declare them was read.
-        let columns = channels.as_ref().map(Columns::of_signals);
-        let reconstruct = self.reconstruct(aircraft.as_ref(), channels.as_ref());
-        let columns = columns.map(|c| match &reconstruct {
-            Some(config) => c.with_flight_path(&config.model),
-            None => c,
-        });
-        let derive = self.derive(aircraft.as_ref(), columns.as_ref());
-        let columns = match (columns, &derive) {
-            (Some(columns), Some(derive)) => Some(columns.with_derived(derive)),
-            _ => None,
+        // A name is a mistake only where nothing that has mistakes could have declared it.
+        let mut columns = Columns::of_signals(channels.as_ref());
+        let kinematics = self.kinematics(aircraft.as_ref());
+        if self.settings.reconstruct.is_some() {
+            columns = columns.with_flight_path(kinematics.as_ref());
+        }
+        let reconstruct = self.reconstruct(kinematics, channels.as_ref());
+        let derive = self.derive(aircraft.as_ref(), &columns);
+        let columns = match &derive {
+            Some(derive) => columns.with_derived(derive),
+            None => columns.with_unsure(self.declared()),
         };
-        if let (Some(columns), Some(channels)) = (&columns, &channels) {
+        if let Some(channels) = &channels {
             columns.distinct(channels, &self.doc, &mut self.errors);
         }
-        let segment = self.segment(&flights, columns.as_ref());
-        let estimates = self.estimates(aircraft.as_ref(), columns.as_ref(), channels.as_ref());
-        let fits = self.fits(&estimates, columns.as_ref());
+        let segment = self.segment(&flights, &columns);
+        let estimates = self.estimates(aircraft.as_ref(), &columns, channels.as_ref());
+        let fits = self.fits(&estimates, &columns);
         let diagnoses = self.diagnoses(&estimates);
-        let told = self.told(&flights, columns.as_ref());
+        let told = self.told(&flights, &columns);
         let settings = self.settings.fields;
         match (self.errors.is_empty(), channels, derive) {
             (true, Some(channels), Some(derive)) => Ok(Plan {
@@ -130,15 +131,14 @@ impl Reader {
     }
 
     /// What the file says under the names of stages, each checked by its stage.
-    fn told(&mut self, flights: &[String], columns: Option<&Columns>) -> Told {
+    fn told(&mut self, flights: &[String], columns: &Columns) -> Told {
         let mut told = Told::default();
         for (stage, key) in STAGES.iter().filter_map(|stage| Some((stage, stage.key.as_ref()?))) {
             if let Some(value) = self.settings.told.remove(stage.name) {
                 self.errors.take(told.put(stage.name, key, value, &self.doc).map_err(Errors::from));
             }
         }
-        // Where the signals or the grid have mistakes, it is not known what is a column.
-        let column = |name: &str| columns.map_or_else(|| Some(String::new()), |columns| columns.unit(name));
+        let column = |name: &str| columns.unit(name);
         let known = Known { doc: &self.doc, flights, column: &column };
         let found = STAGES.iter().flat_map(|stage| (stage.check)(&told, &known).0).collect::<Vec<_>>();
         self.errors.0.extend(found);
@@ -207,17 +207,22 @@ impl Reader {
         self.errors.take(Model::load(&path, aircraft?))
     }
 
-    fn reconstruct(&mut self, aircraft: Option<&Constants>, channels: Option<&Channels>) -> Option<reconstruct::Config> {
+    /// The model of `[reconstruct]`; none where it has mistakes.
+    fn kinematics(&mut self, aircraft: Option<&Constants>) -> Option<Model> {
         let settings = self.settings.reconstruct.clone()?;
-        let file = match &settings.model {
-            Some(file) => Some(self.model("reconstruct.model", &file.clone(), aircraft)?),
-            None => None,
-        };
-        let checked = reconstruct::Config::new(settings, file, aircraft?, channels?, &self.doc);
+        match &settings.model {
+            Some(file) => self.model("reconstruct.model", file, aircraft),
+            None => self.errors.take(settings.embedded(aircraft?, &self.doc)),
+        }
+    }
+
+    fn reconstruct(&mut self, kinematics: Option<Model>, channels: Option<&Channels>) -> Option<reconstruct::Config> {
+        let settings = self.settings.reconstruct.clone()?;
+        let checked = reconstruct::Config::new(settings, kinematics?, channels?, &self.doc);
         self.errors.take(checked)
     }
 
-    fn derive(&mut self, aircraft: Option<&Constants>, columns: Option<&Columns>) -> Option<derive::Config> {
+    fn derive(&mut self, aircraft: Option<&Constants>, columns: &Columns) -> Option<derive::Config> {
         let settings = self.settings.derive.clone();
         if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
             self.push("derive.rate_hz", format!("the rate of the grid is a positive number of Hz, not {}", settings.rate_hz), "");
@@ -227,9 +232,7 @@ impl Reader {
             if !(*window > 0.0 && *window <= 3600.0) {
                 self.push(&key, format!("a signal is smoothed over a positive number of seconds, not {window}"), "");
             }
-            if let Some(columns) = columns {
-                columns.look_up(name, "signal or column", &self.doc, &key, &mut self.errors);
-            }
+            columns.look_up(name, "signal or column", &self.doc, &key, &mut self.errors);
         }
         let model = match &settings.model {
             Some(file) => {
@@ -246,30 +249,33 @@ impl Reader {
             None => None,
         };
         let inputs = match &model {
-            Some(model) => names::drivers(model, &settings.inputs, columns?, &self.doc, "derive.inputs", &mut self.errors),
+            Some(model) => names::drivers(model, &settings.inputs, columns, &self.doc, "derive.inputs", &mut self.errors),
             None => Vec::new(),
         };
         Some(derive::Config { settings, model, inputs })
     }
 
-    fn segment(&mut self, flights: &[String], columns: Option<&Columns>) -> Option<segment::Config> {
+    /// The columns that the model of `[derive]` is meant to make.
+    fn declared(&self) -> Option<Vec<String>> {
+        Model::declared_outputs(&self.path(self.settings.derive.model.as_ref()?))
+    }
+
+    fn segment(&mut self, flights: &[String], columns: &Columns) -> Option<segment::Config> {
         let settings = self.settings.segment.clone()?;
         let edits = self.doc.place("segment.edits");
         self.errors.0.extend(segment::check(&settings, flights, &edits).0);
         for (i, input) in settings.input.iter().enumerate() {
-            if let Some(columns) = columns {
-                let key = format!("segment.input.{i}.signal");
-                columns.look_up(&input.signal, "signal or column", &self.doc, &key, &mut self.errors);
-            }
+            let key = format!("segment.input.{i}.signal");
+            columns.look_up(&input.signal, "signal or column", &self.doc, &key, &mut self.errors);
         }
         Some(segment::Config { settings, edits })
     }
 
-    /// One entry per `[[estimate]]`, so that fits find theirs; none where it has mistakes.
+    /// One entry per `[[estimate]]`, so that fits find theirs; none where its model has mistakes.
     fn estimates(
         &mut self,
         aircraft: Option<&Constants>,
-        columns: Option<&Columns>,
+        columns: &Columns,
         channels: Option<&Channels>,
     ) -> Vec<Option<estimate::Config>> {
         let all = self.settings.estimate.clone();
@@ -288,7 +294,7 @@ impl Reader {
         key: &str,
         settings: estimate::Settings,
         aircraft: Option<&Constants>,
-        columns: Option<&Columns>,
+        columns: &Columns,
         channels: Option<&Channels>,
     ) -> Option<estimate::Config> {
         let inputs: Vec<&str> = self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
@@ -316,8 +322,6 @@ impl Reader {
             }
         }
         let model = self.model(&format!("{key}.model"), &settings.model, aircraft)?;
-        let columns = columns?;
-        let before = self.errors.0.len();
         let inputs = names::inputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         let outputs = names::outputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         if let Some(channels) = channels {
@@ -330,10 +334,10 @@ impl Reader {
                 self.errors.0.extend(errors.0.into_iter().map(|e| names::placed(&self.doc, &format!("{key}.method"), e)))
             }
         }
-        (self.errors.0.len() == before).then_some(estimate::Config { settings, model, inputs, outputs })
+        Some(estimate::Config { settings, model, inputs, outputs })
     }
 
-    fn fits(&mut self, estimates: &[Option<estimate::Config>], columns: Option<&Columns>) -> Vec<fit::Config> {
+    fn fits(&mut self, estimates: &[Option<estimate::Config>], columns: &Columns) -> Vec<fit::Config> {
         let all = self.settings.fit.clone();
         let mut names: Vec<String> = Vec::new();
         let mut checked = Vec::new();
@@ -350,7 +354,7 @@ impl Reader {
         key: &str,
         settings: fit::Settings,
         estimates: &[Option<estimate::Config>],
-        columns: Option<&Columns>,
+        columns: &Columns,
     ) -> Option<fit::Config> {
         let names: Vec<String> = self.settings.estimate.iter().map(estimate::Settings::name).collect();
         let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
@@ -365,7 +369,7 @@ impl Reader {
                 "95% is 0.95",
             );
         }
-        let unit_x = columns?.look_up(&settings.against, "column", &self.doc, &format!("{key}.against"), &mut self.errors);
+        let unit_x = columns.look_up(&settings.against, "column", &self.doc, &format!("{key}.against"), &mut self.errors);
         let estimate = estimates.get(index)?.as_ref()?;
         if estimate.settings.group != estimate::Group::Segment || estimate.settings.input.is_none() {
             self.push(

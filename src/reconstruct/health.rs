@@ -1,6 +1,7 @@
 //! One logged signal by itself in; whether it is dead, frozen, saturated or has gaps out. No model is asked.
 
 use super::smoother::flight::spacing;
+use crate::signal::still;
 
 /// A run of equal samples shorter than this is never called frozen, s.
 const FROZEN_S: f64 = 1.0;
@@ -63,6 +64,9 @@ pub fn health(t: &[f64], y: &[f64]) -> Health {
     }
     let resolution = resolution(&good, y);
     let long = |run: &std::ops::Range<usize>| times[run.end - 1] - times[run.start] >= FROZEN_S;
+    let values: Vec<f64> = good.iter().map(|&k| y[k]).collect();
+    // Behind a run that lasts to the end nothing tells whether the quantity moved on: that the signal flickered until then does.
+    let stopped = still::longest(&times, &values).filter(|run| run.end == good.len());
     let count: usize = runs.iter().map(|r| r.len()).sum();
     // how likely so many equal samples in a row are, by how often neighbours are equal outside this run
     let chance = |run: &std::ops::Range<usize>| {
@@ -71,7 +75,8 @@ pub fn health(t: &[f64], y: &[f64]) -> Health {
     };
     for (number, run) in runs.iter().enumerate() {
         let stands = y[good[run.start]];
-        if long(run) && chance(run) < libm::log(UNLIKELY) && !within_resolution(&runs, number, &good, y, resolution) {
+        let excused = || within_resolution(&runs, number, &good, y, resolution) && stopped.as_ref() != Some(run);
+        if long(run) && chance(run) < libm::log(UNLIKELY) && !excused() {
             health.frozen.push(good[run.start]..good[run.end - 1] + 1);
             health.frozen_s += times[run.end - 1] - times[run.start];
         } else if run.len() >= STOP && (stands == low || stands == high) && chance(run) < libm::log(UNLIKELY) {
@@ -184,6 +189,23 @@ mod tests {
         let held = y[1700];
         y[1700..2300].fill(held);
         assert_eq!(health(&t, &y).frozen.len(), 1, "{:?}", health(&t, &y).frozen);
+    }
+
+    #[test]
+    fn fault_a_coarse_noisy_channel_that_freezes_for_good_is_frozen() {
+        let noise = |k: usize| libm::sin(1.0 + 777.7 * 0.02 * k as f64) + libm::sin(2.0 + 1234.5 * 0.02 * k as f64);
+        for resolution in [0.01, 0.1, 0.2] {
+            let t: Vec<f64> = (0..6000).map(|k| 0.02 * k as f64).collect();
+            let motion = |t: f64| 2.0 * libm::sin(0.1 * t);
+            let y: Vec<f64> = (0..6000).map(|k| ((motion(t[k]) + 0.1 * noise(k)) / resolution).round() * resolution).collect();
+            assert!(health(&t, &y).frozen.is_empty(), "{resolution}");
+            for begin in 3000..3010 {
+                let mut y = y.clone();
+                let held = y[begin];
+                y[begin..].fill(held);
+                assert_eq!(health(&t, &y).frozen.len(), 1, "{resolution}, {begin}");
+            }
+        }
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! All tables in, what a reader wants to know first out: the counts at the top and the answers to "can I trust this?".
 //!
 //! A **problem** (`Level::Bad`) is printed by `koehler run` and makes its exit code 1, so it is one only where something asked for is not
-//! there or a result stands on a sensor that is wrong, whatever the threshold: a channel that is dead, reversed, late, scaled or rejected
-//! by the tenth; a flight without a maneuver that is used; an estimation that did not converge; a missing result; a diagnosis without a
+//! there or a result stands on a sensor that is wrong, whatever the threshold: a channel that is dead, reversed, late, scaled, rejected
+//! by the tenth, or still through a maneuver; a flight without a maneuver that is used; an estimation that did not converge; a missing result; a diagnosis without a
 //! verdict. What is a matter of degree (noise larger than predicted, samples at a stop, scatter, correlations, misfits, a model that
 //! lacks something) is worth a look (`Level::Warn`): the numbers say so themselves, and a person has to judge.
 
@@ -11,7 +11,7 @@ use super::format::{count, number};
 use super::grid::Level;
 use super::lines::EXCESS;
 use super::section::{Body, Given, Section};
-use super::{SECTIONS, consistency, diagnosis, estimates, flights, lines, logs, maneuvers, uncertainty};
+use super::{SECTIONS, consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still, uncertainty};
 use crate::error::Result;
 use serde::Serialize;
 
@@ -108,6 +108,7 @@ pub fn answers(given: &Given) -> Vec<Check> {
     let answers = [
         (logs::losses(get("channels")), "channels", "channels"),
         (consistency::summary(get("consistency")), "consistency", "consistency"),
+        (still::summary(get("channels"), get("consistency"), get("segments"), get("responses")), "channels", "channels"),
         (flights::summary(get("segments"), get("responses"), &given.ids()), "flights", "segments"),
         (by_hand(get("segments")), "flights", "segments"),
         (estimates::convergence(get("estimates")), "estimates", "estimates"),

@@ -38,10 +38,12 @@ const LONG_GAP: f64 = 10.0;
 pub fn channels(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No account of channels: the ingest stage has not run.") };
     let any = |name: &str| table.column(name).iter().any(|n| *n > 0.0);
+    let still = any("still_to_s");
     let (present, absent): (Vec<_>, Vec<_>) = DROPPED.into_iter().partition(|(name, _)| any(name));
     let mut columns: Vec<String> =
         ["flight", "signal", "~topic and field", "unit", "#samples", "#rate|Hz", "#longest gap|s"].map(String::from).into();
     columns.extend(present.iter().map(|(_, words)| format!("#{words}")));
+    columns.extend(still.then(|| "#stands still|s".to_string()));
     columns.extend(["#from|s", "#to|s", "#min", "#max"].map(String::from));
     let mut grid = Grid::new(columns);
     for row in 0..table.rows() {
@@ -57,6 +59,12 @@ pub fn channels(table: Option<&Columns>) -> Grid {
             let n = table.number(name, row);
             Cell::new(plain(n, 0)).level_if(many_dropped(table, name, row), Level::Warn)
         }));
+        if still {
+            let lasts = table.number("still_to_s", row) - table.number("still_from_s", row);
+            cells.push(
+                Cell::new(if lasts.is_finite() { plain(lasts, 1) } else { String::new() }).level_if(lasts > 0.0, Level::Warn),
+            );
+        }
         cells.extend(["t_first_s", "t_last_s"].map(|name| Cell::new(plain(table.number(name, row), 1))));
         cells.extend(["min", "max"].map(|name| Cell::new(number(table.number(name, row), 4))));
         grid.push(cells);

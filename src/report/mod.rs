@@ -21,6 +21,7 @@ mod maneuvers;
 mod paths;
 mod provenance;
 mod section;
+mod still;
 mod uncertainty;
 mod used;
 mod verdict;

@@ -212,6 +212,8 @@ fn channels() -> Table {
         .f64("longest_gap_s", rows.iter().map(|r| if r.0 == 3 { 0.4 } else { 1.2 / r.1.4 as f64 }).collect::<Vec<_>>())
         .f64("t_first_s", vec![0.01; n])
         .f64("t_last_s", vec![719.98; n])
+        .f64("still_from_s", vec![f64::NAN; n])
+        .f64("still_to_s", vec![f64::NAN; n])
         .f64("min", vec![-0.1; n])
         .f64("max", vec![0.2; n])
         .finish()
@@ -341,7 +343,7 @@ fn uncertainties_are_told_in_words() {
     for text in ["K_te 69.2 %", "no effect", "tau has no effect on the measured outputs", "id=\"profile-0\"", "&lt; 0.0001"] {
         assert!(page.contains(text), "{text}");
     }
-    assert!(page.contains("Maneuvers repeated at the same condition (1 of them) scatter as their standard deviations say"));
+    assert!(page.contains("Maneuvers repeated at the same condition (1 condition) scatter as their standard deviations say"));
 }
 
 /// Two parameters that go together in every estimation.

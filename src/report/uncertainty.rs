@@ -2,7 +2,7 @@
 
 use super::columns::Columns;
 use super::estimates::few;
-use super::format::{bracketed, number, shorts};
+use super::format::{bracketed, count, number, shorts};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
 use super::section::{Body, Given, Section};
@@ -50,8 +50,14 @@ pub struct ProfilePlot {
 
 /// Contributors shown per parameter.
 const SHOWN: usize = 3;
-/// A probability below this is remarked.
-const RARE: f64 = 0.05;
+/// A table of comparisons is remarked where, all claims being honest, it would be as rarely as this. The page asks some ten such questions, and
+/// is read after every run: at one in twenty each, every other page would point at nothing.
+const RARE: f64 = 0.01;
+
+/// Whether a probability is rare although so many comparisons were made, however they hang together (Bonferroni).
+fn is_rare(p: f64, comparisons: usize) -> bool {
+    p < RARE / comparisons.max(1) as f64
+}
 
 /// The section and its plots.
 fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, Vec<ProfilePlot>) {
@@ -159,15 +165,15 @@ fn repeats(table: Option<&Columns>) -> Grid {
         ["model", "parameter", "unit", "input", "kind", "~condition", "#n", "#mean", "#scatter sd", "#rms sd", "#ratio", "#p"];
     let mut grid = Grid::new(columns);
     // Of many pairs some are far apart by chance.
-    let conditions = (0..table.rows()).filter(|&row| table.text("set", row) == "condition").count() as f64;
-    for p in pooled(table) {
-        let ratio = (p.chi2 / p.freedom).sqrt();
+    let conditions = (0..table.rows()).filter(|&row| table.text("set", row) == "condition").count();
+    let pooled = pooled(table);
+    for p in &pooled {
         let words = format!("the same, {} of them together", p.conditions);
         let mut cells = vec![Cell::new(p.model.clone()), Cell::new(p.parameter.clone()), Cell::new(p.unit.clone())];
         cells.extend(["", ""].map(Cell::new));
         cells.extend([Cell::new(words), Cell::new(format!("{:.0}", p.n))]);
         cells.extend(["", "", ""].map(Cell::new));
-        cells.extend([Cell::new(number(ratio, 2)), probability(p.p(), p.p() < RARE)]);
+        cells.extend([Cell::new(number(p.ratio(), 2)), probability(p.p(), is_rare(p.p(), pooled.len()))]);
         grid.push(cells);
     }
     for row in 0..table.rows() {
@@ -183,13 +189,14 @@ fn repeats(table: Option<&Columns>) -> Grid {
                 .map(|(c, digits)| Cell::new(number(table.number(c, row), digits))),
         );
         let p = table.number("p", row);
-        cells.push(probability(p, repeated && p < RARE / conditions));
+        cells.push(probability(p, repeated && is_rare(p, conditions)));
         grid.push(cells);
     }
     grid.note = Some(
-        "A ratio near 1 says that the standard deviations are honest. At one condition a small p says that they are too small. Over all \
-         conditions it may as well say that the parameter differs between them, for example with the angle of attack: then a fitted line \
-         is the answer. What one condition is, the table repeats says."
+        "A ratio near 1 says that the standard deviations are honest. At one condition a small p says that they are too small; marked is \
+         what honest ones show in less than 1% of campaigns, all such comparisons together. Over all conditions a small p may as well \
+         say that the parameter differs between them, for example with the angle of attack: then a fitted line is the answer. What one \
+         condition is, the table repeats says."
             .into(),
     );
     grid.or_missing(none)
@@ -250,6 +257,11 @@ impl Pooled {
     fn p(&self) -> f64 {
         1.0 - chi2_cdf(self.chi2, self.freedom)
     }
+
+    /// Scatter over what is claimed of it.
+    fn ratio(&self) -> f64 {
+        (self.chi2 / self.freedom).sqrt()
+    }
 }
 
 /// One per model and parameter that was estimated at least twice at some condition.
@@ -269,11 +281,13 @@ fn pooled(table: &Columns) -> Vec<Pooled> {
 pub fn honesty(table: Option<&Columns>) -> Option<(Level, String)> {
     let pooled = pooled(table?);
     let most = pooled.iter().map(|p| p.conditions).max()?;
-    let rare: Vec<String> =
-        pooled.iter().filter(|p| p.p() < RARE / pooled.len() as f64).map(|p| format!("{} ({})", p.parameter, p.model)).collect();
-    let at = format!("Maneuvers repeated at the same condition ({most} of them)");
+    let words = |p: &Pooled| format!("{} of {}, {} times", p.parameter, p.model, number(p.ratio(), 2));
+    let rare: Vec<String> = pooled.iter().filter(|p| is_rare(p.p(), pooled.len())).map(words).collect();
+    let at = format!("Maneuvers repeated at the same condition ({})", count(most, "condition"));
     Some(if rare.is_empty() {
-        (Level::Good, format!("{at} scatter as their standard deviations say."))
+        let least = pooled.iter().min_by(|a, b| a.p().total_cmp(&b.p())).map(words).unwrap_or_default();
+        let among = count(pooled.len(), "parameter");
+        (Level::Good, format!("{at} scatter as their standard deviations say (the least likely of {among}: {least})."))
     } else {
         (Level::Warn, format!("{at} scatter more than their standard deviations say: {}.", few(&rare)))
     })
@@ -286,14 +300,23 @@ mod tests {
 
     /// Rows of one parameter: set, chi-square of two estimates.
     fn repeats(rows: &[(&str, f64)]) -> Columns {
+        table(&rows.iter().map(|(set, chi2)| (*set, "a", *chi2)).collect::<Vec<_>>())
+    }
+
+    /// Rows of two estimates at one condition: parameter, chi-square.
+    fn parameters(rows: &[(&str, f64)]) -> Columns {
+        table(&rows.iter().map(|(parameter, chi2)| ("condition", *parameter, *chi2)).collect::<Vec<_>>())
+    }
+
+    fn table(rows: &[(&str, &str, f64)]) -> Columns {
         let n = rows.len();
-        let table = Table::build("repeats").repeat("model", "m").repeat("parameter", "a").repeat("unit", "s");
+        let table = Table::build("repeats").repeat("model", "m").strings("parameter", rows.iter().map(|r| r.1)).repeat("unit", "s");
         let table =
             table.strings("set", rows.iter().map(|r| r.0)).opt_strings("condition", rows.iter().map(|_| Some("V 80.0 m/s")));
         let table = table.opt_strings("input", vec![Some("de"); n]).opt_strings("kind", vec![Some("3211"); n]).i64("n", vec![2; n]);
         let table = table.f64("mean", vec![1.0; n]).f64("scatter_sd", vec![0.1; n]).f64("rms_sd", vec![0.1; n]);
         let table =
-            table.f64("ratio", vec![1.0; n]).f64("chi2", rows.iter().map(|r| r.1).collect::<Vec<_>>()).f64("p", vec![0.5; n]);
+            table.f64("ratio", vec![1.0; n]).f64("chi2", rows.iter().map(|r| r.2).collect::<Vec<_>>()).f64("p", vec![0.5; n]);
         Columns::of(&table.finish().expect("repeats"))
     }
 
@@ -305,6 +328,15 @@ mod tests {
         let mut many = vec![("condition", 0.8); 12];
         many.push(("condition", 11.0));
         assert_eq!(level(&many), Some(Level::Good));
+        // what one campaign in a hundred shows by chance is no alarm where five parameters are compared
+        let five = |chi2: f64| {
+            let rows = [("a", chi2), ("b", 1.0), ("c", 1.0), ("d", 1.0), ("e", 1.0)];
+            honesty(Some(&parameters(&rows))).expect("a sentence")
+        };
+        let (level_of_few, text) = five(7.0);
+        assert_eq!(level_of_few, Level::Good, "p = 0.008 among five");
+        assert!(text.contains("1 condition") && text.contains("a of m, 2.6 times"), "{text}");
+        assert_eq!(five(10.0).0, Level::Warn, "p = 0.0016 among five");
         // sd too small by half: chi-square of four per pair
         assert_eq!(level(&[("condition", 4.0); 12]), Some(Level::Warn));
     }

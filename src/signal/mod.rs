@@ -3,3 +3,4 @@
 pub mod resample;
 pub mod robust;
 pub mod smooth;
+pub mod still;

@@ -65,6 +65,7 @@ fn accounts(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> 
     let accounts: Vec<_> = order.iter().map(|name| &flight.signals[*name].account).collect();
     let count = |of: fn(&log::Account) -> u64| accounts.iter().map(|a| of(a) as i64).collect::<Vec<i64>>();
     let number = |of: fn(&log::Account) -> f64| accounts.iter().map(|a| of(a)).collect::<Vec<f64>>();
+    let still: Vec<[f64; 2]> = order.iter().map(|name| still(&flight.signals[*name].series)).collect();
     Table::build("channels")
         .repeat("flight", id)
         .strings("signal", &order)
@@ -81,7 +82,15 @@ fn accounts(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> 
         .f64("longest_gap_s", number(|a| if a.count > 1 { a.longest_gap_s } else { f64::NAN }))
         .f64("t_first_s", number(|a| a.t_first_s))
         .f64("t_last_s", number(|a| a.t_last_s))
+        .f64("still_from_s", still.iter().map(|s| s[0]).collect::<Vec<_>>())
+        .f64("still_to_s", still.iter().map(|s| s[1]).collect::<Vec<_>>())
         .f64("min", number(|a| a.min))
         .f64("max", number(|a| a.max))
         .finish()
+}
+
+/// From when to when a signal stands still that flickered before; NaN where it does not.
+fn still(series: &log::Series) -> [f64; 2] {
+    let run = crate::signal::still::longest(&series.t_s, &series.value);
+    run.map_or([f64::NAN; 2], |run| [series.t_s[run.start], series.t_s[run.end - 1]])
 }

@@ -36,6 +36,19 @@ pub struct Settings {
     pub method: reconstruct::Settings,
 }
 
+impl Settings {
+    /// The embedded kinematic model, with the aircraft's constants.
+    ///
+    /// # Errors
+    /// Every mistake of the model, at `[reconstruct]` where it has no place.
+    pub fn embedded(&self, constants: &Constants, doc: &Doc) -> Result<Model, Errors> {
+        Model::embedded(self.fragment.as_deref().unwrap_or("kinematics"), constants).map_err(|mut errors| {
+            placed(&mut errors, doc);
+            errors
+        })
+    }
+}
+
 /// The checked settings of this stage.
 #[derive(Debug)]
 pub struct Config {
@@ -46,23 +59,11 @@ pub struct Config {
 }
 
 impl Config {
-    /// Checks the settings against the aircraft's constants and the signals of the channel map; `file` is the model they name, where they name
-    /// one. Outputs whose signals drive the model, or are given to another output, become `unscored`.
+    /// Checks the settings against the kinematic model that they name and the signals of the channel map. Outputs whose signals drive the model, or are given to another output, become `unscored`.
     ///
     /// # Errors
     /// Every mistake: of the model, of names, of units.
-    pub fn new(
-        mut settings: Settings,
-        file: Option<Model>,
-        constants: &Constants,
-        channels: &Channels,
-        doc: &Doc,
-    ) -> Result<Config, Errors> {
-        let name = settings.fragment.as_deref().unwrap_or("kinematics");
-        let model = match file {
-            Some(model) => model,
-            None => Model::embedded(name, constants)?,
-        };
+    pub fn new(mut settings: Settings, model: Model, channels: &Channels, doc: &Doc) -> Result<Config, Errors> {
         let signals: &IndexMap<String, String> =
             &channels.map.signal.keys().map(|name| (name.clone(), channels.unit(name))).collect();
         let mut errors = Errors::default();
@@ -79,14 +80,14 @@ impl Config {
                     doc.error("reconstruct", format!("the kinematic model needs the signal \"{name}\" ({})", input.doc))
                         .help("map it in the channel map, or name another one under [reconstruct.method.signals]"),
                 ),
-                Some(unit) => same(&mut errors, doc, &name, unit, &input.unit),
+                Some(unit) => same(&mut errors, (doc, channels), &name, unit, &input.unit),
             }
         }
         let mut measured = 0;
         for output in model.outputs.iter().filter(|output| !settings.method.unscored.contains(&output.name)) {
             let name = signal(&output.name);
             if let Some(unit) = signals.get(&name) {
-                same(&mut errors, doc, &name, unit, &output.unit);
+                same(&mut errors, (doc, channels), &name, unit, &output.unit);
                 measured += 1;
             }
         }
@@ -107,10 +108,15 @@ impl Config {
                     .help(format!("it can be compared with {}", known.join(", "))),
             );
         }
-        for error in &mut errors.0 {
-            error.place.get_or_insert_with(|| doc.place("reconstruct"));
-        }
+        placed(&mut errors, doc);
         errors.or(Config { settings, model, apart })
+    }
+}
+
+/// Mistakes without a place are those of `[reconstruct]`.
+fn placed(errors: &mut Errors, doc: &Doc) {
+    for error in &mut errors.0 {
+        error.place.get_or_insert_with(|| doc.place("reconstruct"));
     }
 }
 
@@ -129,11 +135,14 @@ fn itself(model: &Model, settings: &Settings, apart: &Apart, doc: &Doc) -> Error
 }
 
 /// Files an error where a signal's dimension is not the model's.
-fn same(errors: &mut Errors, doc: &Doc, name: &str, unit: &str, wanted: &str) {
+fn same(errors: &mut Errors, (doc, channels): (&Doc, &Channels), name: &str, unit: &str, wanted: &str) {
     if let (Ok(has), Ok(wants)) = (units::Unit::parse(unit), units::Unit::parse(wanted))
         && has.dim != wants.dim
     {
-        errors.push(doc.error("reconstruct", format!("signal \"{name}\" is in {unit}, the kinematic model wants {wanted}")));
+        let what = format!("signal \"{name}\" is in {unit}, the kinematic model wants {wanted}");
+        let place = channels.doc.place(&format!("signal.{name}.unit"));
+        let help = format!("correct its unit at {place}, or name another signal under [reconstruct.method.signals]");
+        errors.push(doc.error("reconstruct", what).help(help));
     }
 }
 

@@ -167,6 +167,11 @@ fn noise(k: u64) -> f64 {
 
 /// Writes a log whose maneuvers begin every 20 s, each at its own speed. `lost` says at which times nothing but NaN is logged in y.
 pub fn write_log(path: &Path, seed: u64, maneuvers: usize, lost: impl Fn(f64) -> bool) {
+    write_log_seen(path, seed, maneuvers, |t, y| if lost(t) { f64::NAN } else { y });
+}
+
+/// The same; `seen` makes what is logged in y of the time and what its sensor measures.
+pub fn write_log_seen(path: &Path, seed: u64, maneuvers: usize, mut seen: impl FnMut(f64, f64) -> f64) {
     let speed = |i: usize| 60.0 + 15.0 * i as f64 + 4.0 * seed as f64;
     let command = |t: f64| {
         let since = t - 20.0 * (t / 20.0).floor() - 5.0;
@@ -196,7 +201,7 @@ pub fn write_log(path: &Path, seed: u64, maneuvers: usize, lost: impl Fn(f64) ->
             writer.write(drive, ns, ns, &[command(t)]).expect("written");
         }
         if k % 25 == 3 {
-            let y = if lost(t) { f64::NAN } else { x + 0.02 * noise(k + 1_000_003 * seed) };
+            let y = seen(t, x + 0.02 * noise(k + 1_000_003 * seed));
             writer.write(sensor, ns, ns, &[y]).expect("written");
         }
         if k % 100 == 7 {

@@ -1,6 +1,6 @@
 //! Bad input: one clear message or a counted note, results for the rest, a non-zero exit when anything asked for is missing.
 
-use crate::campaign::{Campaign, write_log};
+use crate::campaign::{Campaign, write_log, write_log_seen};
 
 #[test]
 fn mistakes_of_all_files_are_reported_at_once_and_before_any_log_is_read() {
@@ -28,6 +28,65 @@ fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
     let run = c.koehler("check", &[]).ended(2);
     for wanted in ["\"fast\"", "\"speed\"", "\"Mach\""] {
         assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
+    }
+}
+
+/// The shipped campaign, whose flight path drives `[derive]`, which drives its model: a mistake at the beginning touches all behind it.
+fn chained() -> Campaign {
+    let c = Campaign { folder: tempfile::tempdir().expect("a temporary folder") };
+    let from = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/citation");
+    for entry in std::fs::read_dir(from).expect("readable") {
+        let path = entry.expect("readable").path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            std::fs::copy(&path, c.path(&path.file_name().expect("a name").to_string_lossy())).expect("copied");
+        }
+    }
+    c
+}
+
+/// The first lines of the mistakes that a check finds.
+fn mistakes(c: &Campaign) -> Vec<String> {
+    let run = c.koehler("check", &[]).ended(2);
+    run.err.lines().filter_map(|line| line.strip_prefix("error: ")).map(str::to_string).collect()
+}
+
+#[test]
+fn a_mistake_is_told_without_those_that_only_follow_from_it() {
+    let g = "field = \"acceleration.x\", unit = \"g\"";
+    for (file, old, new, wanted) in [
+        // signals, the flight path, what is derived, what drives the model, the model
+        ("channels.toml", g, "field = \"acceleration.x\", unit = \"kg\"", "\"ax_imu\" is in kg"),
+        ("channels.toml", g, "field = \"acceleration.x\", unit = \"furlong\"", "\"furlong\""),
+        ("pipeline.toml", "[reconstruct]", "[reconstruct]\nfragment = \"kinematic\"", "\"kinematic\""),
+        ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\"", "\"alphadot_ww\""),
+        ("derived.model.toml", "title  =", "title  ", "derived.model.toml:1"),
+        ("channels.toml", "field = \"elevator\", unit = \"deg\"", "field = \"elevator\", unit = \"kg\"", "in kg"),
+        ("elevator.model.toml", "unit = \"rad\", value = \"delta_e\"", "unit = \"rad\", value = \"delta\"", "\"delta\""),
+    ] {
+        let c = chained();
+        c.edit(file, old, new);
+        let found = mistakes(&c);
+        assert!(found.len() == 1 && found[0].contains(wanted), "{file}, {new}: {found:#?}");
+    }
+}
+
+#[test]
+fn a_mistake_at_the_beginning_hides_none_behind_it() {
+    let wrong = ["\"comand_a\"", "\"alfa\"", "\"C_h_O\"", "\"3212\""];
+    for (file, old, new) in [
+        ("channels.toml", "field = \"acceleration.x\", unit = \"g\"", "field = \"acceleration.x\", unit = \"kg\""),
+        ("pipeline.toml", "[reconstruct]", "[reconstruct]\nfragment = \"kinematic\""),
+        ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\""),
+    ] {
+        let c = chained();
+        c.edit("pipeline.toml", "\"command_a\"", wrong[0]);
+        c.edit("pipeline.toml", "= \"alpha\"", &format!("= {}", wrong[1]));
+        c.edit("pipeline.toml", "\"C_h_0\"", wrong[2]);
+        c.edit("pipeline.toml", "\"3211\"", wrong[3]);
+        c.edit(file, old, new);
+        let found = mistakes(&c);
+        let told = |name: &&str| found.iter().any(|line| line.contains(*name));
+        assert!(found.len() == 1 + wrong.len() && wrong.iter().all(told), "{file}: {found:#?}");
     }
 }
 
@@ -184,6 +243,28 @@ fn a_burst_of_nan_is_counted_and_the_rest_is_used() {
     assert_eq!(channels.i64("dropped_nan").expect("column")[row], 20);
     let fits = koehler::table::read_dataset(&c.path("out"), "fits").expect("fits");
     assert_eq!(fits.i64("n").expect("column"), [12, 12]);
+}
+
+#[test]
+fn fault_a_sensor_that_froze_is_a_problem_that_is_named() {
+    let c = Campaign::new();
+    let sound = c.run();
+    assert!(!sound.err.contains("still") && !sound.out.contains("still"), "{}\n{}", sound.out, sound.err);
+    let mut last = 0.0;
+    write_log_seen(&c.path("logs/flight-2.mcap"), 1, 4, |t, y| {
+        if t < 40.0 {
+            last = y;
+        }
+        last
+    });
+    let run = c.run().ended(1);
+    let said = format!("{}\n{}", run.out, run.err);
+    assert!(
+        said.contains("stand still in maneuvers that are estimated: flight-2 y (from 40.0 s for 40.0 s, 2 maneuvers)"),
+        "{said}"
+    );
+    let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
+    assert!(page.contains("flight-2 y (from 40.0 s"));
 }
 
 #[test]

@@ -1,100 +1,14 @@
 //! Names in the pipeline file and in models come in; what they stand for, with agreeing units, or the mistakes, go out.
 
+use super::columns::{Columns, Found};
 use crate::config::{Doc, list, nearest};
 use crate::error::{Error, Errors};
 use crate::model::graph::Leaf;
 use crate::model::{Model, Quantity};
+use crate::stage::Channels;
 use crate::stage::estimate::{Driver, Scored, Settings};
-use crate::stage::{Channels, derive};
-use crate::table::schema;
 use crate::units::Unit;
 use indexmap::IndexMap;
-
-/// Everything a model can be driven by or compared with, by name.
-#[derive(Debug, Clone, Default)]
-pub struct Columns(IndexMap<String, Column>);
-
-#[derive(Debug, Clone)]
-struct Column {
-    /// SI unit.
-    unit: String,
-    /// Unit of the signal of the channel map with this name; a reconstructed column may have taken its place in the samples.
-    signal: Option<String>,
-    /// Its values are reconstructed or derived, not those of the signal.
-    made: bool,
-}
-
-impl Columns {
-    /// The signals of the channel map.
-    pub fn of_signals(channels: &Channels) -> Columns {
-        let column = |name: &String| Column { unit: channels.unit(name), signal: Some(channels.unit(name)), made: false };
-        Columns(channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect())
-    }
-
-    /// With the columns of the flight path that the kinematic model has.
-    pub fn with_flight_path(mut self, kinematics: &Model) -> Columns {
-        for column in schema("flightpath").iter().flat_map(|s| &s.columns).filter(|c| kinematics.output(&c.name).is_some()) {
-            self.put(&column.name, &column.unit);
-        }
-        self
-    }
-
-    /// With the outputs of the model of `[derive]`.
-    pub fn with_derived(mut self, derive: &derive::Config) -> Columns {
-        for output in derive.model.iter().flat_map(|m| &m.outputs) {
-            self.put(&output.name, &output.unit);
-        }
-        self
-    }
-
-    /// Files an error for every two columns of the samples table whose names differ by case only, at what a person can rename: a signal,
-    /// else the model of `[derive]`.
-    pub fn distinct(&self, channels: &Channels, doc: &Doc, errors: &mut Errors) {
-        let of = |table: &str| schema(table).iter().flat_map(|s| &s.columns).map(|c| c.name.as_str()).collect::<Vec<_>>();
-        let (own, path) = (of("samples"), of("flightpath"));
-        let all: Vec<&str> = own.iter().copied().chain(self.names()).collect();
-        for (i, &name) in all.iter().enumerate() {
-            let Some(&other) = all[..i].iter().find(|other| other.to_lowercase() == name.to_lowercase()) else { continue };
-            let what = format!(
-                "\"{other}\" and \"{name}\" would both be columns of the table `samples`, and many readers (DuckDB, Spark) take them for one"
-            );
-            let signals = &channels.map.signal;
-            let (error, rest) = match [name, other].into_iter().find(|n| signals.contains_key(*n)) {
-                Some(signal) => (channels.doc.error(&format!("signal.{signal}"), what), if signal == name { other } else { name }),
-                None => (doc.error("derive.model", what), ""),
-            };
-            errors.push(error.help(match path.contains(&rest) && !own.contains(&rest) && !signals.contains_key(rest) {
-                true => {
-                    format!("call the signal \"{rest}\" as the flight path does, which then takes its place, or something else")
-                }
-                false => "give one of them another name".to_string(),
-            }));
-        }
-    }
-
-    fn put(&mut self, name: &str, unit: &str) {
-        let signal = self.0.get(name).and_then(|c| c.signal.clone());
-        self.0.insert(name.to_string(), Column { unit: unit.to_string(), signal, made: true });
-    }
-
-    fn names(&self) -> Vec<&str> {
-        self.0.keys().map(String::as_str).collect()
-    }
-
-    /// The unit of a column, if there is one.
-    pub fn unit(&self, name: &str) -> Option<String> {
-        self.0.get(name).map(|column| column.unit.clone())
-    }
-
-    /// The unit of a column; files an error where there is none of this name.
-    pub fn look_up(&self, name: &str, kind: &str, doc: &Doc, key: &str, errors: &mut Errors) -> Option<String> {
-        if let Some(column) = self.0.get(name) {
-            return Some(column.unit.clone());
-        }
-        errors.push(unknown(doc, key, kind, name, &self.names()));
-        None
-    }
-}
 
 /// `pipeline.toml:14:9: there is no column "alfa"`, with the nearest name.
 pub fn unknown<S: AsRef<str>>(doc: &Doc, key: &str, kind: &str, name: &str, known: &[S]) -> Error {
@@ -134,21 +48,24 @@ fn driver(
     let mapped = map.get(&input.name);
     let name = mapped.unwrap_or(&input.name);
     let at = if mapped.is_some() { format!("{key}.{}", input.name) } else { key.to_string() };
-    let Some(column) = columns.0.get(name) else {
-        let mut error = unknown(doc, &at, "signal or column", name, &columns.names());
-        if mapped.is_none() {
-            error.what = format!("input \"{}\" of the model has no column of this name, and none is mapped to it", input.name);
+    match columns.find(name) {
+        Found::Known(column) if !agree(&column.unit, &input.unit) => {
+            let what = format!("input \"{}\" of the model is in {}, column \"{name}\" in {}", input.name, input.unit, column.unit);
+            errors.push(doc.error(&at, what).help("map another column to it, or correct the unit in the model or the channel map"));
         }
-        if name == "v" && columns.0.contains_key("v_body") {
-            let help = format!("the flight path's v is the column \"v_body\": inputs = {{ {} = \"v_body\" }}", input.name);
-            error.help = Some(help);
+        Found::Known(_) | Found::Unsure => (),
+        Found::Missing => {
+            let mut error = unknown(doc, &at, "signal or column", name, &columns.names());
+            if mapped.is_none() {
+                error.what = format!("input \"{}\" of the model has no column of this name, and none is mapped to it", input.name);
+            }
+            if name == "v" && columns.unit("v_body").is_some() {
+                let help = format!("the flight path's v is the column \"v_body\": inputs = {{ {} = \"v_body\" }}", input.name);
+                error.help = Some(help);
+            }
+            errors.push(error);
+            return None;
         }
-        errors.push(error);
-        return None;
-    };
-    if !agree(&column.unit, &input.unit) {
-        let what = format!("input \"{}\" of the model is in {}, column \"{name}\" in {}", input.name, input.unit, column.unit);
-        errors.push(doc.error(&at, what).help("map another column to it, or correct the unit in the model or the channel map"));
     }
     Some(name.clone())
 }
@@ -213,26 +130,29 @@ pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc,
         let mapped = settings.outputs.get(&quantity.name);
         let measured = mapped.unwrap_or(&quantity.name).clone();
         let at = if mapped.is_some() { format!("{of_outputs}.{}", quantity.name) } else { of_outputs.clone() };
-        let Some(column) = columns.0.get(&measured) else {
-            let mut error = unknown(doc, &at, "signal or column", &measured, &columns.names());
-            if mapped.is_none() {
-                error.what =
-                    format!("output \"{}\" of the model has no signal of this name, and none is mapped to it", quantity.name);
-                error.help = Some("map a signal to it in `outputs`, or list it in `unscored`".into());
+        let (unit, is_signal) = match (columns.signal(&measured), columns.find(&measured)) {
+            (Some(unit), _) => (unit, true),
+            (None, Found::Known(column)) => (column.unit.as_str(), false),
+            (None, Found::Unsure) => continue,
+            (None, Found::Missing) => {
+                let mut error = unknown(doc, &at, "signal or column", &measured, &columns.names());
+                if mapped.is_none() {
+                    error.what =
+                        format!("output \"{}\" of the model has no signal of this name, and none is mapped to it", quantity.name);
+                    error.help = Some("map a signal to it in `outputs`, or list it in `unscored`".into());
+                }
+                errors.push(error);
+                continue;
             }
-            errors.push(error);
-            continue;
         };
-        let unit = column.signal.as_ref().unwrap_or(&column.unit);
         if !agree(unit, &quantity.unit) {
-            errors.push(doc.error(
-                &at,
-                format!("output \"{}\" of the model is in {}, \"{measured}\" in {unit}", quantity.name, quantity.unit),
-            ));
+            let what = format!("output \"{}\" of the model is in {}, \"{measured}\" in {unit}", quantity.name, quantity.unit);
+            let help = "map another signal to it, or correct the unit in the model or the channel map";
+            errors.push(doc.error(&at, what).help(help));
         }
-        all.push(Scored { output, measured, is_signal: column.signal.is_some() });
+        all.push(Scored { output, measured, is_signal });
     }
-    if all.is_empty() {
+    if names.iter().all(|name| settings.unscored.iter().any(|unscored| unscored == name)) {
         errors.push(doc.error(key, "no output of the model is scored"));
     }
     all
@@ -255,7 +175,7 @@ pub fn itself(
         let leaves = model.graph.leaves(&[model.output_nodes[scored.output]]);
         let is_it = |(i, driver): &(usize, &Driver)| match driver {
             Driver::Column(name) => {
-                let raw = columns.0.get(name).is_some_and(|column| !column.made);
+                let raw = matches!(columns.find(name), Found::Known(column) if !column.made);
                 raw && leaves.contains(&Leaf::Input(*i)) && channels.same(name, &scored.measured)
             }
             Driver::Held(_) => false,
