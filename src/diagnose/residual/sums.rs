@@ -84,12 +84,11 @@ pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f6
         let masked: Vec<bool> = e.iter().map(|e| !e.is_finite()).collect();
         filter.whiten(&mut e, &masked);
         for (source, columns) in made.1.iter().enumerate() {
-            let white = |x: &Vec<f64>| {
-                let mut x = x.clone();
-                filter.whiten(&mut x, &masked);
-                if x.iter().all(|v| v.is_finite()) { x } else { vec![0.0; e.len()] }
-            };
-            all.push(Sums { output, source, gram: size.products(columns.iter().map(white).collect(), &e) });
+            let mut white = columns.clone();
+            filter.whiten_all(&mut white, &masked);
+            let unknown = |x: &&mut Vec<f64>| !x.iter().all(|v| v.is_finite());
+            white.iter_mut().filter(unknown).for_each(|x| x.fill(0.0));
+            all.push(Sums { output, source, gram: size.products(white, &e) });
         }
     }
     all

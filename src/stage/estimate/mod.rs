@@ -202,7 +202,7 @@ pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, not
                 let record = Record { substeps: config.settings.substeps, interpolation: config.settings.interpolation, ..record };
                 let masked: usize = record.channels.iter().map(|c| c.z.iter().filter(|z| !z.is_finite()).count()).sum();
                 if masked > 0 {
-                    let text = format!("{masked} masked samples of the outputs are not scored in {segment}");
+                    let text = format!("{masked} masked or lost samples of the outputs are not scored in {segment}");
                     notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
                 }
                 let trim = Trim::of(inputs.flight("conditions", flight), &segment, &telling)?;
