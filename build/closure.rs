@@ -105,7 +105,7 @@ fn is_test(path: &str) -> bool {
 }
 
 /// What an edge leads to: a module of `src/`, or a module of `src/stage/`.
-type Module = String;
+pub type Module = String;
 
 /// `src/math/simd.rs` is of `math`; `src/stage/diagnose/words.rs` of `stage/diagnose`; `src/stage/mod.rs` of `stage`.
 fn module(path: &str) -> Option<Module> {
@@ -201,18 +201,29 @@ fn macros(modules: &BTreeMap<Module, Vec<&String>>, files: &Files) -> BTreeMap<S
     found
 }
 
-/// Every file that a stage is made from, by path.
-pub fn closure(files: &Files, stage: &str) -> BTreeSet<String> {
+/// The files of every module; those of tests alone are of none.
+pub fn modules(files: &Files) -> BTreeMap<Module, Vec<&String>> {
     let mut modules: BTreeMap<Module, Vec<&String>> = BTreeMap::new();
     for path in files.keys().filter(|path| !is_test(path)) {
         if let Some(module) = module(path) {
             modules.entry(module).or_default().push(path);
         }
     }
+    modules
+}
+
+/// Every file that a stage is made from, by path.
+pub fn closure(files: &Files, stage: &str) -> BTreeSet<String> {
+    reached(files, &format!("stage/{stage}"))
+}
+
+/// Every file that a module is made from, by path.
+pub fn reached(files: &Files, module: &str) -> BTreeSet<String> {
+    let modules = modules(files);
     let known: BTreeSet<Module> = modules.keys().cloned().collect();
     let (fields, macros) = (fields(files), macros(&modules, files));
     let mut seen: BTreeSet<Module> = BTreeSet::new();
-    let mut todo = vec![format!("stage/{stage}")];
+    let mut todo = vec![module.to_string()];
     let mut all = BTreeSet::new();
     while let Some(module) = todo.pop() {
         if !seen.insert(module.clone()) {

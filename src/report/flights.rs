@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub const SECTION: Section = Section {
     id: "flights",
     heading: "Flights and the maneuvers found",
-    tables: &["samples", "flightpath", "segments", "channels"],
+    tables: &["samples", "flightpath", "segments", "channels", "responses"],
     build,
 };
 
@@ -27,7 +27,8 @@ fn build(given: &Given) -> Result<Option<Body>> {
     let searched = &given.input.searched;
     let (overview, flights) = overview(flightpath, samples, segments, searched, &given.ids());
     let unit = |input: &str| unit_of(searched.get(input).map_or(input, String::as_str), samples, given.get("channels"));
-    let section = Shown { overview, segments: table(segments, given.input.unasked.contains(&"segments"), unit) };
+    let section =
+        Shown { overview, segments: table(segments, given.get("responses"), given.input.unasked.contains(&"segments"), unit) };
     Body::new(include_str!("html/flights.html"), section).plot("overview", &flights).map(Some)
 }
 
@@ -132,7 +133,8 @@ pub fn overview(
     };
     let flights: Vec<Flight> = ids.iter().map(&mut flight).collect();
     let thinned = if thinned { " Traces are thinned for display, extremes kept." } else { "" };
-    let shown = format!("Shaded: maneuvers that are used (blue) and left out (grey), numbered as in the table below.{thinned}");
+    let shown =
+        format!("Shaded: maneuvers that may be used (blue) and those left out (grey), numbered as in the table below.{thinned}");
     (Overview { missing: None, shown }, flights)
 }
 
@@ -170,16 +172,33 @@ pub fn included(segments: &Columns, row: usize) -> bool {
 }
 
 /// The table of maneuvers found; `unit` is that of an input.
-fn table(table: Option<&Columns>, unasked: bool, unit: impl Fn(&str) -> String) -> Grid {
+fn table(table: Option<&Columns>, responses: Option<&Columns>, unasked: bool, unit: impl Fn(&str) -> String) -> Grid {
     let Some(table) = table else {
         let why = "No maneuvers are searched for in this campaign: records are used as they are.";
         return Grid::missing(if unasked { why } else { "No table of segments: the segment stage has not run." });
     };
-    let columns =
-        ["flight", "segment", "kind", "input", "#start|s", "#end|s", "#unit time|s", "#amplitude", "#score", "used", "~reason"];
+    let columns = [
+        "flight",
+        "segment",
+        "kind",
+        "input",
+        "#start|s",
+        "#end|s",
+        "#unit time|s",
+        "#amplitude",
+        "#score",
+        "estimated",
+        "~reason",
+    ];
     let mut grid = Grid::new(columns);
+    let estimated = responses.map(|r| r.rows_by(["segment"])).unwrap_or_default();
     for row in 0..table.rows() {
         let used = included(table, row);
+        let words = match (used, estimated.contains_key(&[table.text("segment", row)])) {
+            (false, _) => "left out",
+            (true, true) => "yes",
+            (true, false) => "not asked for",
+        };
         let mut cells: Vec<Cell> =
             ["flight", "segment", "kind", "input"].iter().map(|name| Cell::new(table.text(name, row))).collect();
         cells.extend([
@@ -188,7 +207,7 @@ fn table(table: Option<&Columns>, unasked: bool, unit: impl Fn(&str) -> String) 
             number(table.number("unit_time_s", row), 3).into(),
             Cell::new(number(table.number("amplitude", row), 3)).under(unit(&table.text("input", row))),
             number(table.number("score", row), 3).into(),
-            Cell::new(if used { "yes" } else { "no" }),
+            Cell::new(words),
             table.text("reason", row).into(),
         ]);
         grid.rows.push(Row { level: (!used).then_some(Level::Dim), pick: None, cells });

@@ -70,7 +70,12 @@ pub fn number(value: f64, significant: usize) -> String {
 
 /// A number as it stands, integers without a decimal point.
 pub fn plain(value: f64, places: usize) -> String {
-    if value.is_finite() { format!("{value:.places$}") } else { "none".into() }
+    if !value.is_finite() {
+        return "none".into();
+    }
+    // a little less than zero is zero, not "-0.0"
+    let text = format!("{value:.places$}");
+    if text.bytes().any(|b| (b'1'..=b'9').contains(&b)) { text } else { text.trim_start_matches('-').to_string() }
 }
 
 /// Decimal exponent of `value` after rounding to two digits, so that 0.0996 counts as 0.10.

@@ -153,8 +153,9 @@ fn separability(table: Option<&Columns>) -> Grid {
             shown.into(),
         ]);
     }
-    grid.note = Some(format!("In {good} estimations the data determine all parameters."));
-    grid.or_missing(&format!("In all {good} estimations the data determine all parameters."))
+    grid.note = Some(format!("In {} the data determine all parameters.", count(good, "estimation")));
+    let all = if good == 1 { "the estimation".to_string() } else { format!("all {good} estimations") };
+    grid.or_missing(&format!("In {all} the data determine all parameters."))
 }
 
 /// The scatter of repeats: every condition at which there are some, then all maneuvers whatever their condition.

@@ -77,7 +77,7 @@ pub fn table(recommended: Option<&Columns>) -> Grid {
          the value of each effect's own test, when not everything had been added: that is evidence, not a result."
             .into(),
     );
-    grid.or_missing("Nothing was added.")
+    grid.or_missing("No effect is trusted enough for a value of it to be used.")
 }
 
 #[cfg(test)]

@@ -75,7 +75,10 @@ fn si(unit: &str) -> String {
     match Unit::parse(unit) {
         _ if is_si(&radians) => radians,
         _ if is_si(unit) => unit.to_string(),
-        Ok(parsed) => parsed.dim.to_string(),
+        Ok(parsed) => {
+            let named = ["Pa", "N", "W", "V"].into_iter().find(|name| Unit::parse(name).is_ok_and(|u| u.dim == parsed.dim));
+            named.map_or_else(|| parsed.dim.to_string(), str::to_string)
+        }
         Err(_) => String::new(),
     }
 }
@@ -94,6 +97,10 @@ mod tests {
             ("degC", "K"),
             ("degrees/s", "rad/s"),
             ("knots", "m/s"),
+            ("hPa", "Pa"),
+            ("lbf", "N"),
+            ("mV", "V"),
+            ("ft lbf", "kg m^2/s^2"),
         ] {
             assert_eq!(si(unit), expected);
         }

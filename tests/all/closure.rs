@@ -3,7 +3,7 @@
 #[path = "../../build/closure.rs"]
 pub mod shared;
 
-use shared::{FOLDERS, Files, GENERATED, closure, code, hashes, locked, stages};
+use shared::{FOLDERS, Files, GENERATED, closure, code, hashes, locked, modules, reached, stages};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -134,6 +134,60 @@ fn an_edge_is_seen_however_it_is_written() {
     for text in ["// crate::far\n", "#[cfg(test)]\nmod tests {\n    use crate::far;\n}\n", "fn f(x: X) { x.others() }\n"] {
         assert!(!stage(text).contains("src/far/deep.rs"), "{text}");
     }
+}
+
+/// Files of the project that the compiler read for the library, as it wrote them down beside the library.
+fn compiled() -> BTreeSet<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let test = std::env::current_exe().expect("a program");
+    let folder = test.parent().expect("a folder");
+    // of several builds (other features, other flags) the last one is that of these sources
+    let mut found = Vec::new();
+    for path in std::fs::read_dir(folder).expect("readable").map(|entry| entry.expect("readable").path()) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if name.starts_with("koehler-") && name.ends_with(".d") {
+            let text = std::fs::read_to_string(&path).expect("readable");
+            let library = folder.join(format!("lib{}", name.replace(".d", ".rlib")));
+            if text.contains(&format!("{}: ", library.display())) {
+                found.push((std::fs::metadata(&path).and_then(|m| m.modified()).expect("a time"), text));
+            }
+        }
+    }
+    let (_, text) = found.into_iter().max().unwrap_or_else(|| {
+        panic!("{} has no koehler-*.d about libkoehler-*.rlib: rustc writes it where cargo builds the library", folder.display())
+    });
+    // every file has a line of its own, `path:`, relative to the root of the project or absolute
+    let file = |line: &str| {
+        let path = root.join(line.strip_suffix(':')?.replace("\\ ", " ")).canonicalize().ok()?;
+        // what build.rs made is made from files that are in the list themselves
+        let made = folder.parent().is_some_and(|built| path.starts_with(built));
+        let inside = path.strip_prefix(root.canonicalize().ok()?).ok()?;
+        (!made).then(|| inside.to_string_lossy().replace('\\', "/"))
+    };
+    text.lines().filter_map(file).collect()
+}
+
+#[test]
+fn every_file_that_the_compiler_reads_is_reached() {
+    let (files, compiled) = (sources(), compiled());
+    assert!(compiled.contains("src/lib.rs") && compiled.len() > 300, "{compiled:?}");
+    // The root of the crate declares the modules and is of none.
+    let missed = |files: &Files| -> Vec<&String> {
+        let seen: BTreeSet<String> = modules(files).keys().flat_map(|module| reached(files, module)).collect();
+        compiled.iter().filter(|path| !seen.contains(*path) && *path != "src/lib.rs").collect()
+    };
+    assert!(missed(&files).is_empty(), "no module is made from {:?}", missed(&files));
+    // A walk that sees no include is found out.
+    let unseen = |bytes: &[u8]| {
+        let text = String::from_utf8_lossy(bytes).replace("include", "exclude");
+        GENERATED.iter().fold(text, |text, (name, _)| text.replace(name, "")).into_bytes()
+    };
+    let blind: Files = files.iter().map(|(path, bytes)| (path.clone(), unseen(bytes))).collect();
+    for folder in ["pipelines/effects/", "schemas/tables/"] {
+        assert!(missed(&blind).iter().any(|path| path.starts_with(folder)), "{folder}");
+    }
+    let unread: Vec<&String> = compiled.iter().filter(|path| !files.contains_key(*path)).collect();
+    assert!(unread.is_empty(), "the hashes leave out {unread:?}: name their folder in FOLDERS");
 }
 
 #[test]
