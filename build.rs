@@ -1,5 +1,5 @@
-//! Hashes what each stage is made from, for its cache key, and lists the candidate effects of `pipelines/effects/` and the tables of
-//! `schemas/tables/`, so that adding one is adding a file.
+//! Hashes what each stage is made from, for its cache key, and lists the candidate effects of
+//! `pipelines/effects/` and the tables of `schemas/tables/`, so that adding one is adding a file.
 
 #[path = "build/closure.rs"]
 mod closure;
@@ -22,7 +22,10 @@ fn embedded(doc: &str, folder: &str, ending: &str) -> String {
     let root = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
     let entry = |path: &PathBuf| {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        format!("    ({name:?}, include_str!({:?})),\n", Path::new(&root).join(path).to_string_lossy())
+        format!(
+            "    ({name:?}, include_str!({:?})),\n",
+            Path::new(&root).join(path).to_string_lossy()
+        )
     };
     let entries: String = paths.iter().map(entry).collect();
     format!("/// {doc}\npub const EMBEDDED: &[(&str, &str)] = &[\n{entries}];\n")
@@ -32,15 +35,22 @@ fn embedded(doc: &str, folder: &str, ending: &str) -> String {
 fn sources() -> closure::Files {
     let mut paths = vec![PathBuf::from("Cargo.lock"), PathBuf::from("Cargo.toml")];
     closure::FOLDERS.iter().for_each(|folder| files(Path::new(folder), &mut paths));
-    let read = |path: PathBuf| (path.to_string_lossy().replace('\\', "/"), std::fs::read(&path).unwrap_or_default());
+    let read = |path: PathBuf| {
+        (path.to_string_lossy().replace('\\', "/"), std::fs::read(&path).unwrap_or_default())
+    };
     paths.into_iter().map(read).collect()
 }
 
 /// The compiler and the target.
 fn compiler() -> String {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let version = std::process::Command::new(rustc).arg("-V").output().map(|o| o.stdout).unwrap_or_default();
-    format!("{}\n{}", String::from_utf8_lossy(&version), std::env::var("TARGET").unwrap_or_default())
+    let version =
+        std::process::Command::new(rustc).arg("-V").output().map(|o| o.stdout).unwrap_or_default();
+    format!(
+        "{}\n{}",
+        String::from_utf8_lossy(&version),
+        std::env::var("TARGET").unwrap_or_default()
+    )
 }
 
 /// The hashes of the stages, and one of everything for a stage that is in no list.
@@ -62,7 +72,10 @@ fn codes() -> String {
 fn main() {
     let out = PathBuf::from(std::env::var("OUT_DIR").unwrap_or_default());
     for (name, text) in [
-        ("effects.rs", embedded("The library: name and text of every effect.", "pipelines/effects", "toml")),
+        (
+            "effects.rs",
+            embedded("The library: name and text of every effect.", "pipelines/effects", "toml"),
+        ),
         ("tables.rs", embedded("Name and text of every table's schema.", "schemas/tables", "json")),
         ("codes.rs", codes()),
     ] {

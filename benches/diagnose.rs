@@ -1,5 +1,7 @@
-//! The diagnosis' speed: ten made-up maneuvers of 1000 samples of seven outputs, flown with a late elevator, and 48 candidates in; seconds for the
-//! whole diagnosis and for one round of it (screening, 500 surrogate campaigns, refits, held-out maneuvers) out. `cargo bench --bench diagnose`.
+//! The diagnosis' speed: ten made-up maneuvers of 1000 samples of seven outputs, flown with a late
+//! elevator, and 48 candidates in; seconds for the whole diagnosis and for one round of it
+//! (screening, 500 surrogate campaigns, refits, held-out maneuvers) out.
+//! `cargo bench --bench diagnose`.
 //!
 //! Held against: at most 60 s on two cores for one round.
 
@@ -23,12 +25,16 @@ fn main() {
     let text = include_str!("../pipelines/hfb320/hfb320.model.toml");
     let model = Model::parse("hfb320", text, &Constants::default()).expect("a model");
     let segments: Vec<Segment> = (0..10).map(|i| maneuver(&model, i)).collect();
-    let method = estimate::Settings { initial: ["V", "alpha", "theta", "q"].map(String::from).to_vec(), ..Default::default() };
+    let method = estimate::Settings {
+        initial: ["V", "alpha", "theta", "q"].map(String::from).to_vec(),
+        ..Default::default()
+    };
     let settings = diagnose::Settings::default();
     let names: Vec<String> = (0..segments.len()).map(|i| format!("m{i}")).collect();
     let held_out = diagnose::held_out(&segments, &names, &settings).held_out;
     let library = effect::load(&[]).expect("the library");
-    let context = effect::Context::of(&model, &segments.iter().map(|s| &s.record).collect::<Vec<_>>());
+    let context =
+        effect::Context::of(&model, &segments.iter().map(|s| &s.record).collect::<Vec<_>>());
     let offer = |model: &Model| {
         let mut offer = effect::candidates(model, &context, &library);
         offer.candidates.truncate(CANDIDATES);
@@ -44,10 +50,13 @@ fn main() {
     };
     let threads = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
     let clock = Instant::now();
-    let found = threads.install(|| diagnose::diagnose(&subject, &offer, &|_| {})).expect("settings that fit");
+    let found = threads
+        .install(|| diagnose::diagnose(&subject, &offer, &|_| {}))
+        .expect("settings that fit");
     let seconds = clock.elapsed().as_secs_f64();
     let rounds = found.rounds.len().max(1);
-    let (count, round) = (found.rounds.first().map_or(0, |r| r.judged.len()), seconds / rounds as f64);
+    let (count, round) =
+        (found.rounds.first().map_or(0, |r| r.judged.len()), seconds / rounds as f64);
     let named: Vec<&str> = found.added.iter().map(|c| c.name.as_str()).collect();
     println!(
         "{count} candidates, 10 x {POINTS} samples x 7 outputs, two threads: {seconds:.1} s for {rounds} rounds, {round:.1} s each (60 wanted)"
@@ -66,10 +75,16 @@ fn maneuver(model: &Model, i: usize) -> Segment {
         -0.007 + 0.01 * sign * now
     };
     let thrust = |k: usize| if k > 500 { 1600.0 + 40.0 * i as f64 } else { 1500.0 };
-    let inputs = |late: usize| (0..POINTS).flat_map(|k| [elevator(k.saturating_sub(late)), thrust(k)]).collect::<Vec<f64>>();
+    let inputs = |late: usize| {
+        (0..POINTS)
+            .flat_map(|k| [elevator(k.saturating_sub(late)), thrust(k)])
+            .collect::<Vec<f64>>()
+    };
     let t: Vec<f64> = (0..POINTS).map(|k| k as f64 * DT).collect();
     let outputs = model.outputs.len();
-    let channels: Vec<Channel> = (0..outputs).map(|output| Channel { output, t: t.clone(), z: vec![f64::NAN; POINTS] }).collect();
+    let channels: Vec<Channel> = (0..outputs)
+        .map(|output| Channel { output, t: t.clone(), z: vec![f64::NAN; POINTS] })
+        .collect();
     let mut record = Record {
         dt: DT,
         n: POINTS,
@@ -88,5 +103,9 @@ fn maneuver(model: &Model, i: usize) -> Segment {
         channel.z = y.iter().zip(drawn).map(|(y, n)| y + sd * n).collect();
     }
     let record = Record { inputs: inputs(0), substeps: 0, ..record };
-    Segment { record, labels: [("input".to_string(), "elevator".to_string())].into(), ..Segment::default() }
+    Segment {
+        record,
+        labels: [("input".to_string(), "elevator".to_string())].into(),
+        ..Segment::default()
+    }
 }

@@ -1,7 +1,10 @@
-//! The estimator's speed: published flight data and a simulated six-degree-of-freedom campaign in; every figure with its floor and
-//! with the references it is held against, out. `cargo bench`; the flight data are looked for in KOEHLER_DATA or ../shared/data.
+//! The estimator's speed: published flight data and a simulated six-degree-of-freedom campaign in;
+//! every figure with its floor and with the references it is held against, out. `cargo bench`; the
+//! flight data are looked for in KOEHLER_DATA or ../shared/data.
 //!
-//! Times are the least of many runs, so that others on the machine count little. An iteration is outputs, exact Jacobian, R, normal equations and solution: the difference of estimations of one and of five iterations, over four.
+//! Times are the least of many runs, so that others on the machine count little. An iteration is
+//! outputs, exact Jacobian, R, normal equations and solution: the difference of estimations of one
+//! and of five iterations, over four.
 
 mod work;
 
@@ -68,7 +71,11 @@ fn figure(name: &str, work: &Work, floors: [[f64; 2]; 2], peak: f64) {
         let seconds = iteration(work, tier);
         let share = work.multiply_adds() / seconds / peak;
         let per = 1e9 * seconds / (work.samples() * work.directions()) as f64;
-        println!("{}   {:4.1}%  {per:.2} ns per sample and parameter", line(name, word, 1e3 * seconds, floors), 100.0 * share);
+        println!(
+            "{}   {:4.1}%  {per:.2} ns per sample and parameter",
+            line(name, word, 1e3 * seconds, floors),
+            100.0 * share
+        );
     }
 }
 
@@ -95,7 +102,11 @@ fn scaling(one: &rayon::ThreadPool) {
         let work = six_dof(segments);
         let each = one.install(|| iteration(&work, Tier::Auto)) / segments as f64;
         first = if first.is_nan() { each } else { first };
-        println!("  {segments:5} segments {:10.4} ms, {:.2} of the first (within 0.8..1.2)", 1e3 * each, each / first);
+        println!(
+            "  {segments:5} segments {:10.4} ms, {:.2} of the first (within 0.8..1.2)",
+            1e3 * each,
+            each / first
+        );
     }
 }
 
@@ -110,7 +121,10 @@ fn two_threads(one: &rayon::ThreadPool) {
         };
         (0..5).map(|_| run(5) - run(1)).fold(f64::INFINITY, f64::min)
     };
-    println!("\n6-DoF, 100 segments, two threads: {:.2} times one (1.8 wanted, on two idle cores)", clock(one) / clock(&two));
+    println!(
+        "\n6-DoF, 100 segments, two threads: {:.2} times one (1.8 wanted, on two idle cores)",
+        clock(one) / clock(&two)
+    );
 }
 
 by_width! { fn multiply_adds(rounds: usize, out: &mut f64) = multiply_adds_body }

@@ -1,8 +1,10 @@
-//! The smoother's speed: a made-up flight of two hours with inertial sensors at 100 Hz in; seconds on one thread and peak memory of the whole
-//! reconstruction (signs, noise levels, path with standard deviations, checks) out. `cargo bench --bench smoother -- [minutes] [errors]`;
-//! with `errors` the vanes' delays, scales and biases are estimated as well.
+//! The smoother's speed: a made-up flight of two hours with inertial sensors at 100 Hz in; seconds
+//! on one thread and peak memory of the whole reconstruction (signs, noise levels, path with
+//! standard deviations, checks) out. `cargo bench --bench smoother -- [minutes] [errors]`; with
+//! `errors` the vanes' delays, scales and biases are estimated as well.
 //!
-//! Held against: at most 60 s on one thread, and memory that does not grow with the length beyond the logs and the results themselves.
+//! Held against: at most 60 s on one thread, and memory that does not grow with the length beyond
+//! the logs and the results themselves.
 
 use koehler::model::{Constants, Given, Model};
 use koehler::reconstruct::{Method, Settings, reconstruct};
@@ -27,10 +29,16 @@ fn main() {
     });
     let seconds = clock.elapsed().as_secs_f64();
     let found = path.biases.iter().find(|b| b.parameter == "b_q").expect("a bias");
-    println!("{minutes} min at 100 Hz: {seconds:.1} s on one thread, of 60 s for 120 min; b_q {:.2e} of 1e-3", found.value);
+    println!(
+        "{minutes} min at 100 Hz: {seconds:.1} s on one thread, of 60 s for 120 min; b_q {:.2e} of 1e-3",
+        found.value
+    );
     let results = 8 * path.t.len() * (1 + path.outputs.len() + path.sd.len());
     let (logs, results) = (bytes as f64 / 1e6, results as f64 / 1e6);
-    println!("peak memory {:.0} MB above the {before:.0} MB before: logs {logs:.0} MB, results {results:.0} MB", peak() - before);
+    println!(
+        "peak memory {:.0} MB above the {before:.0} MB before: logs {logs:.0} MB, results {results:.0} MB",
+        peak() - before
+    );
 }
 
 /// Largest resident size so far, MB.
@@ -41,14 +49,20 @@ fn peak() -> f64 {
 }
 
 fn kinematics() -> Model {
-    let zero =
-        |(name, unit): (&str, &str)| (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "made up".into() });
-    let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"].map(|name| (name, "m"));
+    let zero = |(name, unit): (&str, &str)| {
+        (
+            name.to_string(),
+            Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "made up".into() },
+        )
+    };
+    let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"]
+        .map(|name| (name, "m"));
     let constants = places.into_iter().chain([("upwash", "-")]).map(zero).collect();
     Model::embedded("kinematics", &Constants(constants)).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Gentle motion about all axes: inertial sensors at 100 Hz, all others at 50 Hz, each group with stamps of its own.
+/// Gentle motion about all axes: inertial sensors at 100 Hz, all others at 50 Hz, each group with
+/// stamps of its own.
 fn flight(seconds: f64) -> BTreeMap<String, (Vec<f64>, Vec<f64>)> {
     let mut seed = 1u64;
     let mut noise = move || {
@@ -87,18 +101,27 @@ fn flight(seconds: f64) -> BTreeMap<String, (Vec<f64>, Vec<f64>)> {
         ]
     };
     let mut signals = BTreeMap::new();
-    let stamps = |rate: f64, offset: f64| (0..(seconds * rate) as usize).map(|k| (k as f64 + offset) / rate).collect::<Vec<f64>>();
+    let stamps = |rate: f64, offset: f64| {
+        (0..(seconds * rate) as usize).map(|k| (k as f64 + offset) / rate).collect::<Vec<f64>>()
+    };
     let imu = stamps(100.0, 0.0);
     let inertial: Vec<[f64; 6]> = imu.iter().map(|&t| forces(t)).collect();
-    for (i, name) in ["ax_imu", "ay_imu", "az_imu", "p_imu", "q_imu", "r_imu"].into_iter().enumerate() {
+    for (i, name) in
+        ["ax_imu", "ay_imu", "az_imu", "p_imu", "q_imu", "r_imu"].into_iter().enumerate()
+    {
         let (sd, bias) = if i < 3 { (0.02, 0.03) } else { (5e-4, 1e-3) };
-        signals.insert(name.to_string(), (imu.clone(), inertial.iter().map(|f| f[i] + bias + sd * noise()).collect()));
+        signals.insert(
+            name.to_string(),
+            (imu.clone(), inertial.iter().map(|f| f[i] + bias + sd * noise()).collect()),
+        );
     }
     // altitude by summing the climb
     let mut height = vec![5000.0];
     for k in 0..(seconds * 50.0) as usize {
         let [u, v, w, phi, theta, _] = motion((k as f64 + 0.5) / 50.0);
-        let climb = u * sin(theta) - v * sin(phi) * libm::cos(theta) - w * libm::cos(phi) * libm::cos(theta);
+        let climb = u * sin(theta)
+            - v * sin(phi) * libm::cos(theta)
+            - w * libm::cos(phi) * libm::cos(theta);
         height.push(height[k] + climb / 50.0);
     }
     let warm = |h: f64| 288.15 - 0.0065 * h;

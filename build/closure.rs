@@ -1,7 +1,9 @@
-//! The sources as texts by path in; what each stage is made from, and one hash of that per stage, out.
+//! The sources as texts by path in; what each stage is made from, and one hash of that per stage,
+//! out.
 //!
-//! Shared by `build.rs` and the tests. A module of `src/` counts as a whole, with every file in its folder that is not a test. Inside
-//! `src/stage/` each stage counts on its own. Where an edge is in doubt it is there: one too many costs a rerun, one too few a wrong table.
+//! Shared by `build.rs` and the tests. A module of `src/` counts as a whole, with every file in its
+//! folder that is not a test. Inside `src/stage/` each stage counts on its own. Where an edge is in
+//! doubt it is there: one too many costs a rerun, one too few a wrong table.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,7 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 pub type Files = BTreeMap<String, Vec<u8>>;
 
 /// What `build.rs` writes for `include!`, and the folder that it is made from.
-pub const GENERATED: &[(&str, &str)] = &[("effects.rs", "pipelines/effects/"), ("tables.rs", "schemas/tables/"), ("codes.rs", "")];
+pub const GENERATED: &[(&str, &str)] =
+    &[("effects.rs", "pipelines/effects/"), ("tables.rs", "schemas/tables/"), ("codes.rs", "")];
 
 /// Folders of the project with what goes into a hash.
 pub const FOLDERS: [&str; 3] = ["src", "schemas/tables", "pipelines/effects"];
@@ -29,10 +32,12 @@ pub fn code(text: &str) -> String {
     kept.join("\n")
 }
 
-/// Goes behind the item that begins on the next line: to the line that ends it, which formatted code indents as its first.
+/// Goes behind the item that begins on the next line: to the line that ends it, which formatted
+/// code indents as its first.
 fn skip_item<'a>(lines: &mut impl Iterator<Item = &'a str>, indent: &str) {
     for line in lines {
-        let own = line.strip_prefix(indent).is_some_and(|rest| !rest.starts_with(char::is_whitespace));
+        let own =
+            line.strip_prefix(indent).is_some_and(|rest| !rest.starts_with(char::is_whitespace));
         if own && !line.trim_start().starts_with("#[") && line.ends_with([';', '}']) {
             return;
         }
@@ -45,7 +50,8 @@ fn without_comment(line: &str) -> &str {
     line.match_indices("//").find(begins).map_or(line, |(at, _)| &line[..at])
 }
 
-/// First names of the paths that follow `prefix` in `code`: of `crate::a::b` and `crate::{a::b, c}` they are `a` and `a`, `c`.
+/// First names of the paths that follow `prefix` in `code`: of `crate::a::b` and `crate::{a::b, c}`
+/// they are `a` and `a`, `c`.
 pub fn named(code: &str, prefix: &str) -> Vec<String> {
     let mut found = Vec::new();
     for (at, _) in code.match_indices(prefix) {
@@ -89,11 +95,19 @@ fn word(text: &str) -> String {
     text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
 
-/// The modules of the stages, as `STAGES` in `src/stage/mod.rs` lists them; each is named as its stage.
+/// The modules of the stages, as `STAGES` in `src/stage/mod.rs` lists them; each is named as its
+/// stage.
 pub fn stages(files: &Files) -> Vec<String> {
     let text = text(files, "src/stage/mod.rs");
-    let list = text.split("const STAGES: &[Stage] = &[").nth(1).and_then(|rest| rest.split("];").next()).unwrap_or_default();
-    code(list).split(',').filter_map(|entry| entry.trim().strip_suffix("::STAGE").map(str::to_string)).collect()
+    let list = text
+        .split("const STAGES: &[Stage] = &[")
+        .nth(1)
+        .and_then(|rest| rest.split("];").next())
+        .unwrap_or_default();
+    code(list)
+        .split(',')
+        .filter_map(|entry| entry.trim().strip_suffix("::STAGE").map(str::to_string))
+        .collect()
 }
 
 fn text(files: &Files, path: &str) -> String {
@@ -107,7 +121,8 @@ fn is_test(path: &str) -> bool {
 /// What an edge leads to: a module of `src/`, or a module of `src/stage/`.
 pub type Module = String;
 
-/// `src/math/simd.rs` is of `math`; `src/stage/diagnose/words.rs` of `stage/diagnose`; `src/stage/mod.rs` of `stage`.
+/// `src/math/simd.rs` is of `math`; `src/stage/diagnose/words.rs` of `stage/diagnose`;
+/// `src/stage/mod.rs` of `stage`.
 fn module(path: &str) -> Option<Module> {
     let inner = path.strip_prefix("src/")?;
     let own = |part: &str| part.trim_end_matches(".rs").to_string();
@@ -121,12 +136,18 @@ fn module(path: &str) -> Option<Module> {
 }
 
 /// Edges of one file to modules; to files outside of `src/`.
-fn edges(path: &str, code: &str, known: &BTreeSet<Module>, fields: &BTreeMap<String, Module>) -> BTreeSet<Module> {
+fn edges(
+    path: &str,
+    code: &str,
+    known: &BTreeSet<Module>,
+    fields: &BTreeMap<String, Module>,
+) -> BTreeSet<Module> {
     let mut found: BTreeSet<Module> = imports(code).into_iter().collect();
     // `super::` as often as the file is deep leads to the root of the crate.
     let depth = path.matches('/').count() - usize::from(path.ends_with("/mod.rs"));
     found.extend((depth..=depth + 2).flat_map(|n| named(code, &"super::".repeat(n.max(1)))));
-    // The list of stages and the campaign name all stages; who uses one of them says so himself, or takes the campaign's field.
+    // The list of stages and the campaign name all stages; who uses one of them says so himself, or
+    // takes the campaign's field.
     let hub = ["src/stage/mod.rs", "src/stage/campaign.rs"].contains(&path);
     if hub {
         // It names the type of a section; a stage that has one names it in its own file.
@@ -137,8 +158,18 @@ fn edges(path: &str, code: &str, known: &BTreeSet<Module>, fields: &BTreeMap<Str
         names.extend((1..4).flat_map(|n| named(code, &"super::".repeat(n))));
         names.extend(code.match_indices("::").map(|(at, _)| before(&code[..at])));
         found.extend(names.into_iter().map(|name| format!("stage/{name}")));
-        found.extend(fields.iter().filter(|(field, _)| reads_field(code, field)).map(|(_, module)| module.clone()));
-        found.extend(["stage".to_string(), "stage/campaign".to_string(), "stage/inputs".to_string(), "stage/told".to_string()]);
+        found.extend(
+            fields
+                .iter()
+                .filter(|(field, _)| reads_field(code, field))
+                .map(|(_, module)| module.clone()),
+        );
+        found.extend([
+            "stage".to_string(),
+            "stage/campaign".to_string(),
+            "stage/inputs".to_string(),
+            "stage/told".to_string(),
+        ]);
     }
     found.retain(|module| known.contains(module) && Some(module) != self::module(path).as_ref());
     found
@@ -146,7 +177,8 @@ fn edges(path: &str, code: &str, known: &BTreeSet<Module>, fields: &BTreeMap<Str
 
 /// The identifier at the end of `code`.
 fn before(code: &str) -> String {
-    let word: Vec<char> = code.chars().rev().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+    let word: Vec<char> =
+        code.chars().rev().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
     word.into_iter().rev().collect()
 }
 
@@ -158,7 +190,8 @@ fn reads_field(code: &str, field: &str) -> bool {
     })
 }
 
-/// The fields of the campaign that belong to a stage: `estimates: Vec<estimate::Config>` is of `stage/estimate`.
+/// The fields of the campaign that belong to a stage: `estimates: Vec<estimate::Config>` is of
+/// `stage/estimate`.
 fn fields(files: &Files) -> BTreeMap<String, Module> {
     let text = code(&text(files, "src/stage/campaign.rs"));
     let field = |line: &str| {
@@ -169,10 +202,14 @@ fn fields(files: &Files) -> BTreeMap<String, Module> {
     text.lines().filter_map(field).collect()
 }
 
-/// Files outside of the module that a file includes: by a written path, or made by `build.rs` from a folder.
+/// Files outside of the module that a file includes: by a written path, or made by `build.rs` from
+/// a folder.
 fn included(path: &str, code: &str, files: &Files) -> Vec<String> {
     let mut found = Vec::new();
-    for (name, folder) in GENERATED.iter().filter(|(name, folder)| !folder.is_empty() && code.contains(&format!("\"/{name}\""))) {
+    for (name, folder) in GENERATED
+        .iter()
+        .filter(|(name, folder)| !folder.is_empty() && code.contains(&format!("\"/{name}\"")))
+    {
         debug_assert!(!name.is_empty());
         found.extend(files.keys().filter(|p| p.starts_with(folder)).cloned());
     }
@@ -192,9 +229,15 @@ fn included(path: &str, code: &str, files: &Files) -> Vec<String> {
 /// Modules by the names of their macros that the whole crate sees: no path leads to them.
 fn macros(modules: &BTreeMap<Module, Vec<&String>>, files: &Files) -> BTreeMap<String, Module> {
     let mut found = BTreeMap::new();
-    for (module, path) in modules.iter().flat_map(|(module, paths)| paths.iter().map(move |path| (module, path))) {
+    for (module, path) in
+        modules.iter().flat_map(|(module, paths)| paths.iter().map(move |path| (module, path)))
+    {
         let code = code(&text(files, path));
-        for rest in code.split("#[macro_export]").skip(1).filter_map(|rest| rest.split("macro_rules! ").nth(1)) {
+        for rest in code
+            .split("#[macro_export]")
+            .skip(1)
+            .filter_map(|rest| rest.split("macro_rules! ").nth(1))
+        {
             found.insert(word(rest), module.clone());
         }
     }
@@ -234,7 +277,12 @@ pub fn reached(files: &Files, module: &str) -> BTreeSet<String> {
             if path.ends_with(".rs") {
                 let code = code(&text(files, path));
                 todo.extend(edges(path, &code, &known, &fields));
-                todo.extend(macros.iter().filter(|(name, _)| code.contains(&format!("{name}!"))).map(|(_, module)| module.clone()));
+                todo.extend(
+                    macros
+                        .iter()
+                        .filter(|(name, _)| code.contains(&format!("{name}!")))
+                        .map(|(_, module)| module.clone()),
+                );
                 all.extend(included(path, &code, files));
             }
         }
@@ -242,7 +290,8 @@ pub fn reached(files: &Files, module: &str) -> BTreeSet<String> {
     all
 }
 
-/// The entries of `Cargo.lock` that the program's normal dependencies reach: tools of tests and of the build are left out.
+/// The entries of `Cargo.lock` that the program's normal dependencies reach: tools of tests and of
+/// the build are left out.
 pub fn locked(files: &Files) -> String {
     let (lock, manifest) = (text(files, "Cargo.lock"), text(files, "Cargo.toml"));
     let entries: Vec<&str> = lock.split("[[package]]").skip(1).map(str::trim).collect();
@@ -252,13 +301,18 @@ pub fn locked(files: &Files) -> String {
     };
     let direct = manifest.split("\n[dependencies]\n").nth(1).unwrap_or_default();
     let direct = direct.lines().take_while(|line| !line.starts_with('['));
-    let mut todo: Vec<String> = direct.filter_map(|line| line.split_once(" = ")).map(|(name, _)| name.to_string()).collect();
+    let mut todo: Vec<String> = direct
+        .filter_map(|line| line.split_once(" = "))
+        .map(|(name, _)| name.to_string())
+        .collect();
     let mut reached = BTreeSet::new();
     while let Some(wanted) = todo.pop() {
         // `name`, or `name version` where there are several of one name.
         let mut words = wanted.split(' ');
         let (name, version) = (words.next().unwrap_or_default(), words.next());
-        for entry in entries.iter().filter(|e| value(e, "name") == name && version.is_none_or(|v| value(e, "version") == v)) {
+        for entry in entries.iter().filter(|e| {
+            value(e, "name") == name && version.is_none_or(|v| value(e, "version") == v)
+        }) {
             if reached.insert(*entry) {
                 let list = entry.split("dependencies = [").nth(1).unwrap_or_default();
                 todo.extend(list.split('"').skip(1).step_by(2).map(str::to_string));
@@ -268,14 +322,19 @@ pub fn locked(files: &Files) -> String {
     reached.into_iter().collect::<Vec<_>>().join("\n")
 }
 
-/// One hash per stage, by name: of the files it is made from, of the locked dependencies, and of `rest` (the compiler, the target).
+/// One hash per stage, by name: of the files it is made from, of the locked dependencies, and of
+/// `rest` (the compiler, the target).
 pub fn hashes(files: &Files, rest: &str) -> Vec<(String, String)> {
     let locked = locked(files);
     let hash = |paths: &BTreeSet<String>| {
         let mut hasher = blake3::Hasher::new();
         for path in paths {
             let bytes = files.get(path).map(Vec::as_slice).unwrap_or_default();
-            hasher.update(path.as_bytes()).update(&[0]).update(&(bytes.len() as u64).to_le_bytes()).update(bytes);
+            hasher
+                .update(path.as_bytes())
+                .update(&[0])
+                .update(&(bytes.len() as u64).to_le_bytes())
+                .update(bytes);
         }
         hasher.update(locked.as_bytes()).update(&[0]).update(rest.as_bytes());
         hasher.finalize().to_hex()[..16].to_string()

@@ -1,8 +1,10 @@
-//! The one error type: where it is, what is wrong (what was wanted, what was there), and what to do about it.
+//! The one error type: where it is, what is wrong (what was wanted, what was there), and what to do
+//! about it.
 
 use std::fmt;
 
-/// A position in a file that a person wrote. Line and column count from 1; 0 means "the whole file".
+/// A position in a file that a person wrote. Line and column count from 1; 0 means "the whole
+/// file".
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Place {
     /// Path of the file, as the user gave it.
@@ -30,11 +32,16 @@ impl Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        if self.line == 0 { write!(f, "{}", self.file) } else { write!(f, "{}:{}:{}", self.file, self.line, self.column) }
+        if self.line == 0 {
+            write!(f, "{}", self.file)
+        } else {
+            write!(f, "{}:{}:{}", self.file, self.line, self.column)
+        }
     }
 }
 
-/// One mistake: `channels.toml:14:9: topic "/airdata" is not in flight-03.mcap; it has "/air_data"`.
+/// One mistake: `channels.toml:14:9: topic "/airdata" is not in flight-03.mcap; it has
+/// "/air_data"`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Error {
     /// Where; none where no file is concerned.

@@ -1,8 +1,8 @@
 //! Koehler: flight-test logs in, identified aircraft models with honest uncertainty out.
 //!
-//! The modules are floors of one house: a module imports only modules named above it in this list, and files inside a module do not
-//! import each other in circles (`tests/all/floors.rs` walks the imports and fails on an upward one, and on a circle that
-//! its list does not name).
+//! The modules are floors of one house: a module imports only modules named above it in this list,
+//! and files inside a module do not import each other in circles (`tests/all/floors.rs` walks the
+//! imports and fails on an upward one, and on a circle that its list does not name).
 //!
 //! | floor | what it does |
 //! |---|---|
@@ -25,11 +25,20 @@
 //! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
 //! | `cli` | verbs, progress, the one place that prints errors |
 //!
-//! Other programs may use `cli` (the command), `table` (its tables) and `error`. What is public besides is so for the tests and benchmarks of the
-//! project; nothing is promised of it.
+//! Other programs may use `cli` (the command), `table` (its tables) and `error`. What is public
+//! besides is so for the tests and benchmarks of the project; nothing is promised of it.
 
 // A user's file is never a reason to panic: what can be wrong with it is an error with a place.
-#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo))]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::unreachable,
+        clippy::todo
+    )
+)]
 #![deny(missing_docs)]
 
 // The interface to other programs.

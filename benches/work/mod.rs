@@ -15,7 +15,8 @@ impl Work {
     /// An estimation of exactly `iterations` full Gauss-Newton steps.
     pub fn estimate(&self, iterations: usize, tier: Tier) {
         let settings = Settings { max_iterations: iterations, tier, ..self.settings.clone() };
-        let e = estimate(&self.model, &self.records, &settings).expect("settings that fit the model");
+        let e =
+            estimate(&self.model, &self.records, &settings).expect("settings that fit the model");
         assert_eq!(e.stop, Stop::IterationLimit, "the timed iterations must all take place");
         assert_eq!(e.iterations.len(), iterations + 1);
         assert!(e.iterations.iter().all(|i| i.halvings == 0), "a halved step is two passes");
@@ -47,23 +48,32 @@ fn data() -> Option<PathBuf> {
     if let Ok(given) = std::env::var("KOEHLER_DATA") {
         return Some(PathBuf::from(given));
     }
-    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|p| p.join("shared/data")).find(|p| p.is_dir())
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .ancestors()
+        .map(|p| p.join("shared/data"))
+        .find(|p| p.is_dir())
 }
 
-/// The HFB-320 record as so many equal segments; with more than one their initial states are free. `None`, said aloud, without the data.
+/// The HFB-320 record as so many equal segments; with more than one their initial states are free.
+/// `None`, said aloud, without the data.
 pub fn hfb320(copies: usize) -> Option<Work> {
-    let Some(path) = data().map(|d| d.join("hfb320/hfb320_1_10.asc")).filter(|p| p.is_file()) else {
+    let Some(path) = data().map(|d| d.join("hfb320/hfb320_1_10.asc")).filter(|p| p.is_file())
+    else {
         println!("HFB-320: no hfb320/hfb320_1_10.asc in KOEHLER_DATA or ../shared/data, not timed");
         return None;
     };
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/hfb320/hfb320.model.toml");
     let model = Model::load(&file, &Constants::default()).expect("the model");
     let text = std::fs::read_to_string(path).expect("the data");
-    let numbers = |line: &str| line.split_whitespace().map(|w| w.parse().expect("a number")).collect::<Vec<f64>>();
+    let numbers = |line: &str| {
+        line.split_whitespace().map(|w| w.parse().expect("a number")).collect::<Vec<f64>>()
+    };
     let rows: Vec<Vec<f64>> = text.lines().map(numbers).filter(|r| !r.is_empty()).collect();
     let dt = 0.1;
-    let inputs: Vec<usize> = model.inputs.iter().map(|i| if i.name == "de" { 1 } else { 3 }).collect();
-    let columns = [("V", 4), ("alpha", 5), ("theta", 6), ("q", 7), ("qdot", 8), ("ax", 9), ("az", 10)];
+    let inputs: Vec<usize> =
+        model.inputs.iter().map(|i| if i.name == "de" { 1 } else { 3 }).collect();
+    let columns =
+        [("V", 4), ("alpha", 5), ("theta", 6), ("q", 7), ("qdot", 8), ("ax", 9), ("az", 10)];
     let mut channels: Vec<Channel> = columns
         .iter()
         .map(|(name, c)| Channel {
@@ -75,14 +85,21 @@ pub fn hfb320(copies: usize) -> Option<Work> {
     channels.sort_by_key(|c| c.output);
     let inputs = rows.iter().flat_map(|r| inputs.iter().map(|&c| r[c])).collect();
     let record = Record { dt, n: rows.len(), inputs, channels, substeps: 1, ..Default::default() };
-    let initial = if copies > 1 { ["V", "alpha", "theta", "q"].map(String::from).to_vec() } else { Vec::new() };
+    let initial = if copies > 1 {
+        ["V", "alpha", "theta", "q"].map(String::from).to_vec()
+    } else {
+        Vec::new()
+    };
     let settings = Settings { initial, tolerance: 0.0, ..Settings::default() };
     Some(Work { model, records: vec![record; copies], settings })
 }
 
-/// A simulated campaign: every segment has its own inputs, length and noise, and its initial states are free.
+/// A simulated campaign: every segment has its own inputs, length and noise, and its initial states
+/// are free.
 pub fn six_dof(segments: usize) -> Work {
-    let model = Model::parse("six_dof", include_str!("../six_dof.model.toml"), &Constants::default()).expect("the model");
+    let model =
+        Model::parse("six_dof", include_str!("../six_dof.model.toml"), &Constants::default())
+            .expect("the model");
     let names: Vec<String> = model.states.iter().map(|s| s.quantity.name.clone()).collect();
     let all = Directions { parameters: Vec::new(), starts: (0..names.len()).collect() };
     let plan = Plan::new(&model, all).expect("a plan");
@@ -91,16 +108,24 @@ pub fn six_dof(segments: usize) -> Work {
         let n = 190 + 10 * (s % 3);
         let inputs = (0..n).flat_map(|k| controls(s, k as f64 * dt)).collect();
         let mut record = Record { dt, n, inputs, substeps: 1, ..Default::default() };
-        let truth: Vec<f64> = model.parameters.iter().enumerate().map(|(i, p)| p.start * (1.0 + 0.02 * hash(i, 7))).collect();
+        let truth: Vec<f64> = model
+            .parameters
+            .iter()
+            .enumerate()
+            .map(|(i, p)| p.start * (1.0 + 0.02 * hash(i, 7)))
+            .collect();
         let starts = plan.first_values(&model, &truth, &record).expect("starts");
         let grid = plan.run(&truth, &starts, &record, false);
         assert!(grid.finite);
         let ny = model.outputs.len();
         record.channels = (0..ny)
             .map(|output| {
-                let sd = 1e-3 * (0..n).map(|k| grid.y[k * ny + output].abs()).fold(0.0, f64::max) + 1e-4;
-                let z = (0..n)
-                    .map(|k| grid.y[k * ny + output] + sd * (hash(k, 31 * s + output) + hash(k, 31 * s + output + 1_000_003)));
+                let sd =
+                    1e-3 * (0..n).map(|k| grid.y[k * ny + output].abs()).fold(0.0, f64::max) + 1e-4;
+                let z = (0..n).map(|k| {
+                    grid.y[k * ny + output]
+                        + sd * (hash(k, 31 * s + output) + hash(k, 31 * s + output + 1_000_003))
+                });
                 Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: z.collect() }
             })
             .collect();
@@ -129,7 +154,8 @@ fn controls(segment: usize, t: f64) -> [f64; 4] {
 
 /// A number in -1..1 that looks random and is always the same.
 fn hash(a: usize, b: usize) -> f64 {
-    let mut x = (a as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (b as u64).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let mut x = (a as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        ^ (b as u64).wrapping_mul(0xd1b5_4a32_d192_ed03);
     for _ in 0..3 {
         x = (x ^ (x >> 31)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }

@@ -1,4 +1,5 @@
-//! The verb diagnose: a pipeline file comes in; what its models lack goes out, in words, as tables, and as the exit code.
+//! The verb diagnose: a pipeline file comes in; what its models lack goes out, in words, as tables,
+//! and as the exit code.
 
 use super::progress::Bars;
 use super::run::{look_at_logs, out_folder};
@@ -15,7 +16,10 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
     let store = Store::open(&out);
     let plan = Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store))?;
     if plan.campaign.diagnoses.is_empty() {
-        return Err(Error::new("the pipeline file has no [[estimate]], so there is no model to diagnose").into());
+        return Err(Error::new(
+            "the pipeline file has no [[estimate]], so there is no model to diagnose",
+        )
+        .into());
     }
     let _lock = store.lock()?;
     let bars = Bars::new();
@@ -31,7 +35,9 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
     // What makes the exit code 1 is named.
     summary::failing(&result.notes);
     let mut end = if result.complete() { End::Complete } else { End::Partial };
-    for (i, diagnosis) in plan.campaign.diagnoses.iter().enumerate().filter(|(_, d)| !d.settings.idle) {
+    for (i, diagnosis) in
+        plan.campaign.diagnoses.iter().enumerate().filter(|(_, d)| !d.settings.idle)
+    {
         let Some(findings) = verdict::part(&store, "findings", i)? else {
             end = End::Partial;
             continue;
@@ -46,8 +52,13 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
         if let Some(estimates) = verdict::part(&store, "estimates", again)? {
             say(&format!("  {}", verdict::again(&next, &estimates)?));
         }
-        let recommended = [again, i].into_iter().find_map(|n| verdict::part(&store, "recommended", n).transpose()).transpose()?;
-        verdict::lines(&diagnosis.name(), &findings, recommended.as_ref())?.iter().for_each(|line| say(line));
+        let recommended = [again, i]
+            .into_iter()
+            .find_map(|n| verdict::part(&store, "recommended", n).transpose())
+            .transpose()?;
+        verdict::lines(&diagnosis.name(), &findings, recommended.as_ref())?
+            .iter()
+            .for_each(|line| say(line));
         end = if end == End::Partial { end } else { verdict::end(&findings)?.max(end) };
     }
     let report = "report/index.html";
@@ -58,12 +69,15 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
     Ok(end)
 }
 
-/// The diagnoses that the command asks for: of the estimates it names, else those of the pipeline file, else one per estimate. All others
-/// that there are, in the pipeline file or from an earlier command, are left as they are.
+/// The diagnoses that the command asks for: of the estimates it names, else those of the pipeline
+/// file, else one per estimate. All others that there are, in the pipeline file or from an earlier
+/// command, are left as they are.
 fn ask(settings: &mut Settings, args: &DiagnoseArgs, store: &Store) {
     let wanted: Vec<String> = match (args.estimate.is_empty(), settings.diagnose.is_empty()) {
         (false, _) => args.estimate.clone(),
-        (true, true) => settings.estimate.iter().map(crate::stage::estimate::Settings::name).collect(),
+        (true, true) => {
+            settings.estimate.iter().map(crate::stage::estimate::Settings::name).collect()
+        }
         (true, false) => settings.diagnose.iter().map(|d| d.estimate.clone()).collect(),
     };
     settings.keep(store);

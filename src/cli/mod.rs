@@ -1,4 +1,5 @@
-//! The command line: arguments come in; verbs do the work; this is the one place that prints errors and decides the exit code.
+//! The command line: arguments come in; verbs do the work; this is the one place that prints errors
+//! and decides the exit code.
 
 mod diagnose;
 mod progress;
@@ -34,7 +35,8 @@ enum Verb {
     /// Tell what a run would do and why: fresh, stale or missing
     #[command(after_help = text::STATUS)]
     Status(PipelineArgs),
-    /// Check all configuration files of a campaign, and that its logs have the topics, fields and units they name
+    /// Check all configuration files of a campaign, and that its logs have the topics, fields and
+    /// units they name
     #[command(after_help = text::CHECK)]
     Check {
         /// The pipeline file
@@ -45,7 +47,8 @@ enum Verb {
         /// An MCAP log
         log: PathBuf,
     },
-    /// Write a starter campaign folder from logs: a channel map to be completed, with candidates named in comments
+    /// Write a starter campaign folder from logs: a channel map to be completed, with candidates
+    /// named in comments
     #[command(after_help = text::INIT)]
     Init {
         /// MCAP logs of the campaign
@@ -167,7 +170,10 @@ fn dispatch(verb: Verb) -> Result<End, Errors> {
         Verb::Inspect { log } => shown(&log::inspect::run(&log)?),
         Verb::Init { logs, out } => shown(&log::starter::run(&logs, &out)?),
         Verb::Import { description, out } => {
-            let done: Vec<String> = log::import::run(&description, out.as_deref())?.iter().map(|one| one.to_string()).collect();
+            let done: Vec<String> = log::import::run(&description, out.as_deref())?
+                .iter()
+                .map(|one| one.to_string())
+                .collect();
             shown(&done.join("\n"))
         }
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),

@@ -1,4 +1,5 @@
-//! Progress of a run: events come in, bars on the terminal go out; where standard error is no terminal, only lines of what a unit tells.
+//! Progress of a run: events come in, bars on the terminal go out; where standard error is no
+//! terminal, only lines of what a unit tells.
 
 use crate::pipeline::Event;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -71,7 +72,11 @@ impl Bars {
 impl State {
     fn show(&self) {
         if let Some(bar) = &self.bar {
-            let parts = self.steps.values().filter(|(_, of)| *of > 0).map(|(done, of)| GRAIN * *done as u64 / *of as u64);
+            let parts = self
+                .steps
+                .values()
+                .filter(|(_, of)| *of > 0)
+                .map(|(done, of)| GRAIN * *done as u64 / *of as u64);
             bar.set_position(parts.sum());
             let done = self.steps.values().filter(|(done, of)| done == of).count();
             bar.set_message(format!("{done}/{}", self.units));
@@ -80,7 +85,8 @@ impl State {
 }
 
 fn bar(name: &'static str, about: &'static str, units: usize) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(GRAIN * units as u64), ProgressDrawTarget::stderr());
+    let bar =
+        ProgressBar::with_draw_target(Some(GRAIN * units as u64), ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{prefix:<12} {bar:30} {msg:>7} {elapsed:>4}") {
         bar.set_style(style);
     }

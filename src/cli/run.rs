@@ -25,12 +25,17 @@ pub fn check(pipeline: &Path) -> Result<End, Errors> {
         summary::count(campaign.fits.len(), "fit"),
     ));
     let later = plan.logs.len() - seen.looked_at - seen.without.len();
-    let later = if later > 0 { format!("; {later} more to be simulated first") } else { String::new() };
-    say(&format!("topics, fields and units of the channel map are those of {}{later}", summary::count(seen.looked_at, "log")));
+    let later =
+        if later > 0 { format!("; {later} more to be simulated first") } else { String::new() };
+    say(&format!(
+        "topics, fields and units of the channel map are those of {}{later}",
+        summary::count(seen.looked_at, "log")
+    ));
     Ok(End::Complete)
 }
 
-/// Says what is no mistake of the configuration: units that cannot be compared, logs without a summary.
+/// Says what is no mistake of the configuration: units that cannot be compared, logs without a
+/// summary.
 fn said(seen: &Summaries) {
     seen.remarks.iter().for_each(|remark| eprintln!("note: {remark}"));
     if !seen.without.is_empty() {
@@ -42,8 +47,9 @@ fn said(seen: &Summaries) {
     }
 }
 
-/// Holds the channel map against all logs before work starts. Where no log fits, that is a mistake of the configuration; where some do, the
-/// others are named, and their flights will have no results.
+/// Holds the channel map against all logs before work starts. Where no log fits, that is a mistake
+/// of the configuration; where some do, the others are named, and their flights will have no
+/// results.
 ///
 /// # Errors
 /// No log fits: every mistake.
@@ -53,7 +59,10 @@ pub(super) fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
     if seen.hopeless() {
         return Err(seen.mistakes);
     }
-    seen.mistakes.0.iter().for_each(|mistake| eprintln!("warning: no results of this flight: {mistake}"));
+    seen.mistakes
+        .0
+        .iter()
+        .for_each(|mistake| eprintln!("warning: no results of this flight: {mistake}"));
     Ok(())
 }
 
@@ -101,7 +110,10 @@ pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
     }
     let gone = pipeline::gone(&plan, &store);
     for record in &gone {
-        say(&format!("{:<12} {:<20} no longer part of the campaign: its outputs would be removed", record.stage, record.unit));
+        say(&format!(
+            "{:<12} {:<20} no longer part of the campaign: its outputs would be removed",
+            record.stage, record.unit
+        ));
     }
     say(&match (to_run, gone.len()) {
         (0, 0) => "everything is fresh: a run would do nothing".to_string(),
@@ -114,7 +126,9 @@ pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
 /// One line per reason.
 fn lines(stage: &str, a: &Assessment) -> Vec<String> {
     let line = |word: &str, why: &str| format!("{stage:<12} {:<20} {word}{why}", a.unit.name);
-    let all = |word: &str, reasons: &[String]| reasons.iter().map(|why| line(word, &format!(": {why}"))).collect();
+    let all = |word: &str, reasons: &[String]| {
+        reasons.iter().map(|why| line(word, &format!(": {why}"))).collect()
+    };
     match &a.state {
         State::Fresh => vec![line("fresh", "")],
         State::New => vec![line("missing", ": never run")],
@@ -124,7 +138,8 @@ fn lines(stage: &str, a: &Assessment) -> Vec<String> {
     }
 }
 
-/// `out/` beside `pipeline.toml`; pipelines of other names beside it keep their results apart, in `out/<name>/`.
+/// `out/` beside `pipeline.toml`; pipelines of other names beside it keep their results apart, in
+/// `out/<name>/`.
 pub(super) fn out_folder(args: &PipelineArgs) -> PathBuf {
     let out = args.pipeline.parent().unwrap_or_else(|| Path::new("")).join("out");
     let name = args.pipeline.file_stem().filter(|name| *name != "pipeline");

@@ -1,4 +1,5 @@
-//! The verb schema: the name of a configuration file comes in, its JSON Schema for editors goes out.
+//! The verb schema: the name of a configuration file comes in, its JSON Schema for editors goes
+//! out.
 
 use super::{End, say};
 use crate::config::schema_text;
@@ -23,7 +24,8 @@ fn schemas() -> Vec<(&'static str, String)> {
 pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
     let schemas = schemas();
     let names: Vec<&str> = schemas.iter().map(|(name, _)| *name).collect();
-    let chosen: Vec<&(&str, String)> = schemas.iter().filter(|(name, _)| file.is_none_or(|f| f == *name)).collect();
+    let chosen: Vec<&(&str, String)> =
+        schemas.iter().filter(|(name, _)| file.is_none_or(|f| f == *name)).collect();
     match (file, out, chosen.as_slice()) {
         (Some(file), _, []) => {
             let what = format!("there is no configuration file \"{file}\"");
@@ -38,7 +40,10 @@ pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
             Ok(End::Complete)
         }
         (None, None, _) => {
-            say(&format!("schemas: {}; name one, or give --out DIR to write all", names.join(", ")));
+            say(&format!(
+                "schemas: {}; name one, or give --out DIR to write all",
+                names.join(", ")
+            ));
             Ok(End::Complete)
         }
         (Some(_), None, chosen) => {
@@ -52,7 +57,8 @@ pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
 mod tests {
     use super::schemas;
 
-    /// Editors check configuration files against `schemas/config/`; `UPDATE_SCHEMAS=1 cargo test committed_schemas` rewrites them.
+    /// Editors check configuration files against `schemas/config/`;
+    /// `UPDATE_SCHEMAS=1 cargo test committed_schemas` rewrites them.
     #[test]
     fn the_committed_schemas_are_those_of_the_settings() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas/config");
@@ -62,7 +68,11 @@ mod tests {
                 crate::table::write_atomic(&path, text.as_bytes()).unwrap();
             }
             let committed = std::fs::read_to_string(&path).unwrap_or_default();
-            assert!(committed == text, "{} is behind the settings: UPDATE_SCHEMAS=1 cargo test committed_schemas", path.display());
+            assert!(
+                committed == text,
+                "{} is behind the settings: UPDATE_SCHEMAS=1 cargo test committed_schemas",
+                path.display()
+            );
         }
         assert_eq!(std::fs::read_dir(folder).unwrap().count(), schemas().len());
     }

@@ -32,7 +32,13 @@ pub fn make(simulation: &Simulation, all: bool) -> Result<(), Errors> {
     }
     for f in flown? {
         let maneuvers = summary::count(f.maneuvers, "maneuver");
-        say(&format!("simulated {}: {:.0} s, {maneuvers}, {} messages in {}", f.flight, f.duration_s, f.messages, f.log.display()));
+        say(&format!(
+            "simulated {}: {:.0} s, {maneuvers}, {} messages in {}",
+            f.flight,
+            f.duration_s,
+            f.messages,
+            f.log.display()
+        ));
     }
     Ok(())
 }

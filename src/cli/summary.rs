@@ -1,4 +1,5 @@
-//! The closing words of a run: its result and its tables come in, a page of text on the screen goes out.
+//! The closing words of a run: its result and its tables come in, a page of text on the screen goes
+//! out.
 
 use super::say;
 use crate::error::Result;
@@ -7,7 +8,8 @@ use crate::stage::{Note, Part, Severity, Unit};
 use crate::table::Table;
 use std::path::Path;
 
-/// Half width of the 95% interval in standard deviations: what stands behind +- wherever the program writes it.
+/// Half width of the 95% interval in standard deviations: what stands behind +- wherever the
+/// program writes it.
 const INTERVAL: f64 = 1.96;
 /// Kinds of notes shown before the rest is left to the table.
 const GROUPS_SHOWN: usize = 20;
@@ -46,7 +48,11 @@ fn stages(result: &RunResult) {
 
 /// The part of a table, where there is one.
 fn read(store: &Store, table: &str, part: Part) -> Result<Option<Table>> {
-    if store.path(&part.path(table)).exists() { store.table(table, &part).map(Some) } else { Ok(None) }
+    if store.path(&part.path(table)).exists() {
+        store.table(table, &part).map(Some)
+    } else {
+        Ok(None)
+    }
 }
 
 fn flights(plan: &Plan, store: &Store) -> Result<()> {
@@ -62,7 +68,13 @@ fn flights(plan: &Plan, store: &Store) -> Result<()> {
             kinds = tally(&segments.strings("kind")?);
         }
         let signals = signals.map_or("none: not read".to_string(), |n| n.to_string());
-        rows.push(vec![flight.clone(), signals, found.to_string(), used.to_string(), kinds.join(", ")]);
+        rows.push(vec![
+            flight.clone(),
+            signals,
+            found.to_string(),
+            used.to_string(),
+            kinds.join(", "),
+        ]);
     }
     table(&["flight", "signals", "maneuvers", "used", "kinds"], rows);
     Ok(())
@@ -84,8 +96,14 @@ fn estimates(plan: &Plan, store: &Store) -> Result<()> {
         let mut each: Vec<(&str, &str)> = groups.into_iter().zip(stops).collect();
         each.dedup();
         let converged = each.iter().filter(|(_, stop)| *stop == "converged").count();
-        let others: Vec<&str> = each.iter().map(|(_, stop)| *stop).filter(|stop| *stop != "converged").collect();
-        rows.push(vec![name, each.len().to_string(), converged.to_string(), tally(&others).join(", ")]);
+        let others: Vec<&str> =
+            each.iter().map(|(_, stop)| *stop).filter(|stop| *stop != "converged").collect();
+        rows.push(vec![
+            name,
+            each.len().to_string(),
+            converged.to_string(),
+            tally(&others).join(", "),
+        ]);
     }
     if !rows.is_empty() {
         table(&["estimate", "runs", "converged", "others"], rows);
@@ -97,13 +115,23 @@ fn lines(plan: &Plan, store: &Store) -> Result<()> {
     let mut rows = Vec::new();
     for i in 0..plan.campaign.fits.len() {
         let Some(t) = read(store, "fits", Part::Number(i))? else { continue };
-        let (models, parameters, against) = (t.strings("model")?, t.strings("parameter")?, t.strings("against")?);
-        let (slope, intercept) = ((t.f64("slope")?, t.f64("slope_sd")?), (t.f64("intercept")?, t.f64("intercept_sd")?));
+        let (models, parameters, against) =
+            (t.strings("model")?, t.strings("parameter")?, t.strings("against")?);
+        let (slope, intercept) =
+            ((t.f64("slope")?, t.f64("slope_sd")?), (t.f64("intercept")?, t.f64("intercept_sd")?));
         let n = t.i64("n")?;
         for k in 0..t.rows() {
-            let value = |(value, sd): (&[f64], &[f64])| format!("{} +- {}", number(value[k]), number(INTERVAL * sd[k]));
+            let value = |(value, sd): (&[f64], &[f64])| {
+                format!("{} +- {}", number(value[k]), number(INTERVAL * sd[k]))
+            };
             let name = format!("{}: {}", models[k], parameters[k]);
-            rows.push(vec![name, against[k].to_string(), value(slope), value(intercept), n[k].to_string()]);
+            rows.push(vec![
+                name,
+                against[k].to_string(),
+                value(slope),
+                value(intercept),
+                n[k].to_string(),
+            ]);
         }
     }
     if !rows.is_empty() {
@@ -117,7 +145,8 @@ fn number(value: f64) -> String {
     match value {
         v if !v.is_finite() => "-".to_string(),
         v if v == 0.0 || (1e-4..1e5).contains(&v.abs()) => {
-            let before_point = if v == 0.0 { 1 } else { libm::floor(libm::log10(v.abs())) as i32 + 1 };
+            let before_point =
+                if v == 0.0 { 1 } else { libm::floor(libm::log10(v.abs())) as i32 + 1 };
             format!("{v:.*}", (4 - before_point).max(0) as usize)
         }
         v => format!("{v:.3e}"),
@@ -125,7 +154,14 @@ fn number(value: f64) -> String {
 }
 
 fn notes(notes: &[Note]) {
-    notes_of(notes, &[(Severity::Missing, "missing"), (Severity::Problem, "problem"), (Severity::Warning, "warning")]);
+    notes_of(
+        notes,
+        &[
+            (Severity::Missing, "missing"),
+            (Severity::Problem, "problem"),
+            (Severity::Warning, "warning"),
+        ],
+    );
 }
 
 /// Prints what makes the exit code 1.
@@ -143,7 +179,10 @@ fn notes_of(notes: &[Note], kinds: &[(Severity, &str)]) {
         groups.iter().take(GROUPS_SHOWN).for_each(|group| say(&format!("  {}", line(group))));
         let hidden = groups.len().saturating_sub(GROUPS_SHOWN);
         if hidden > 0 {
-            say(&format!("  and {} of note; all of them are in the table `notes`", count(hidden, "other kind")));
+            say(&format!(
+                "  and {} of note; all of them are in the table `notes`",
+                count(hidden, "other kind")
+            ));
         } else if groups.iter().any(|group| group.len() > 1) {
             say("  all of them are in the table `notes`");
         }
@@ -191,7 +230,8 @@ fn kind(note: &Note) -> String {
 fn line(group: &[&Note]) -> String {
     // the first of equals
     let Some(worst) = group.iter().rev().max_by_key(|n| n.count) else { return String::new() };
-    let flight = if worst.flight.is_empty() { String::new() } else { format!("{}: ", worst.flight) };
+    let flight =
+        if worst.flight.is_empty() { String::new() } else { format!("{}: ", worst.flight) };
     let mut flights: Vec<&str> = group.iter().map(|n| n.flight.as_str()).collect();
     flights.sort_unstable();
     flights.dedup();
@@ -205,11 +245,15 @@ fn line(group: &[&Note]) -> String {
 
 /// Prints columns, the first one flush left.
 fn table(head: &[&str], rows: Vec<Vec<String>>) {
-    let width = |i: usize| rows.iter().map(|r| r[i].chars().count()).chain([head[i].len()]).max().unwrap_or(0);
+    let width = |i: usize| {
+        rows.iter().map(|r| r[i].chars().count()).chain([head[i].len()]).max().unwrap_or(0)
+    };
     let widths: Vec<usize> = (0..head.len()).map(width).collect();
     let line = |cells: Vec<&str>| {
         let padded = cells.iter().zip(&widths).enumerate();
-        let text: Vec<String> = padded.map(|(i, (c, w))| if i == 0 { format!("{c:<w$}") } else { format!("{c:>w$}") }).collect();
+        let text: Vec<String> = padded
+            .map(|(i, (c, w))| if i == 0 { format!("{c:<w$}") } else { format!("{c:>w$}") })
+            .collect();
         text.join("  ").trim_end().to_string()
     };
     say("");
@@ -230,7 +274,13 @@ mod tests {
 
     #[test]
     fn numbers_have_four_digits() {
-        for (value, text) in [(-0.37171, "-0.3717"), (12.3456, "12.35"), (0.0, "0.000"), (1.5e-7, "1.500e-7"), (f64::NAN, "-")] {
+        for (value, text) in [
+            (-0.37171, "-0.3717"),
+            (12.3456, "12.35"),
+            (0.0, "0.000"),
+            (1.5e-7, "1.500e-7"),
+            (f64::NAN, "-"),
+        ] {
             assert_eq!(number(value), text);
         }
     }
@@ -246,17 +296,30 @@ mod tests {
             text: text.into(),
         };
         let gaps = |flight, subject, n: u64| {
-            note(Severity::Warning, flight, subject, n, &format!("/air {subject}_deg: {n} gaps, the longest 0.3 s"))
+            note(
+                Severity::Warning,
+                flight,
+                subject,
+                n,
+                &format!("/air {subject}_deg: {n} gaps, the longest 0.3 s"),
+            )
         };
         let notes = [
             gaps("flight-1", "x", 2),
             gaps("flight-1", "alpha", 37),
-            note(Severity::Warning, "flight-1", "alpha", 900, "alpha is dead: its value never changes"),
+            note(
+                Severity::Warning,
+                "flight-1",
+                "alpha",
+                900,
+                "alpha is dead: its value never changes",
+            ),
             note(Severity::Warning, "flight-2", "x", 5, "x is dead: its value never changes"),
             gaps("flight-2", "x", 3),
             note(Severity::Missing, "flight-2", "x", 1, "x is dead: its value never changes"),
         ];
-        let lines: Vec<String> = grouped(&notes, Severity::Warning).iter().map(|g| line(g)).collect();
+        let lines: Vec<String> =
+            grouped(&notes, Severity::Warning).iter().map(|g| line(g)).collect();
         assert_eq!(
             lines,
             [

@@ -1,4 +1,5 @@
-//! The tables of a diagnosis come in; its verdict as a box of five lines at most goes out, with the one value that is to be used.
+//! The tables of a diagnosis come in; its verdict as a box of five lines at most goes out, with the
+//! one value that is to be used.
 
 use super::End;
 use crate::error::Result;
@@ -15,7 +16,11 @@ const WIDTH: usize = 110;
 /// It cannot be read.
 pub fn part(store: &Store, table: &str, number: usize) -> Result<Option<Table>> {
     let part = Part::Number(number);
-    if store.path(&part.path(table)).exists() { store.table(table, &part).map(Some) } else { Ok(None) }
+    if store.path(&part.path(table)).exists() {
+        store.table(table, &part).map(Some)
+    } else {
+        Ok(None)
+    }
 }
 
 /// How a diagnosis with these findings ends.
@@ -40,12 +45,19 @@ pub fn again(next: &str, estimates: &Table) -> Result<String> {
     each.dedup();
     let others: Vec<&(&str, &str)> = each.iter().filter(|(_, stop)| *stop != "converged").collect();
     Ok(match (others.first(), each.len()) {
-        (None, _) => format!("estimated with it: {next}, in the tables of estimates and in the report"),
+        (None, _) => {
+            format!("estimated with it: {next}, in the tables of estimates and in the report")
+        }
         (Some((_, stop)), 1) => format!("not estimated with it: {next} ended with \"{stop}\""),
         (Some((_, stop)), n) if others.len() < n => {
-            format!("estimated with it: {next}; {} of {n} estimates did not converge (\"{stop}\")", others.len())
+            format!(
+                "estimated with it: {next}; {} of {n} estimates did not converge (\"{stop}\")",
+                others.len()
+            )
         }
-        (Some((_, stop)), n) => format!("not estimated with it: none of the {n} estimates of {next} converged (\"{stop}\")"),
+        (Some((_, stop)), n) => format!(
+            "not estimated with it: none of the {n} estimates of {next} converged (\"{stop}\")"
+        ),
     })
 }
 
@@ -64,10 +76,18 @@ pub fn lines(name: &str, findings: &Table, recommended: Option<&Table>) -> Resul
     }
     let head = format!("{name}: {verdict}{incomplete}");
     let inside: Vec<String> = inside.iter().map(|line| shortened(line, WIDTH)).collect();
-    let width = inside.iter().map(|line| line.chars().count()).chain([head.chars().count() + 2]).max().unwrap_or(0);
+    let width = inside
+        .iter()
+        .map(|line| line.chars().count())
+        .chain([head.chars().count() + 2])
+        .max()
+        .unwrap_or(0);
     let rule = |text: &str| format!("+-{text}{}-+", "-".repeat(width - text.chars().count()));
     let row = |line: &String| format!("| {line}{} |", " ".repeat(width - line.chars().count()));
-    Ok(std::iter::once(rule(&format!(" {head} "))).chain(inside.iter().map(row)).chain([rule("")]).collect())
+    Ok(std::iter::once(rule(&format!(" {head} ")))
+        .chain(inside.iter().map(row))
+        .chain([rule("")])
+        .collect())
 }
 
 /// The effect of most evidence, its values with the one to be used, and what else there is.
@@ -78,17 +98,31 @@ fn named(findings: &Table, recommended: Option<&Table>) -> Result<Vec<String>> {
     let of = |i: usize, role: &str| roles[i] == Some(role) && candidates[i].is_some();
     let added: Vec<usize> = (0..findings.rows()).filter(|&i| of(i, "added")).collect();
     let evidence = |i: usize| gains[i] + held_out[i];
-    let Some(&best) = added.iter().max_by(|a, b| evidence(**a).total_cmp(&evidence(**b))) else { return Ok(Vec::new()) };
+    let Some(&best) = added.iter().max_by(|a, b| evidence(**a).total_cmp(&evidence(**b))) else {
+        return Ok(Vec::new());
+    };
     let candidate = candidates[best].unwrap_or_default();
     let alike = (0..findings.rows()).filter(|&i| of(i, "alike")).count();
-    let others = added.iter().filter(|i| **i != best).filter_map(|&i| candidates[i]).collect::<Vec<_>>().join(", ");
+    let others = added
+        .iter()
+        .filter(|i| **i != best)
+        .filter_map(|&i| candidates[i])
+        .collect::<Vec<_>>()
+        .join(", ");
     let others = if others.is_empty() { others } else { format!("and {others}") };
-    let alike = if alike > 0 { format!("{alike} that the flights do not tell from these") } else { String::new() };
+    let alike = if alike > 0 {
+        format!("{alike} that the flights do not tell from these")
+    } else {
+        String::new()
+    };
     let rest: Vec<String> = [others, alike].into_iter().filter(|text| !text.is_empty()).collect();
     let sentence = texts[best].split(": ").next().unwrap_or_default().to_string();
     let values = recommended.map(|table| to_use(table, candidate)).transpose()?.unwrap_or_default();
     let values = in_two(&values, if rest.is_empty() { WIDTH } else { usize::MAX });
-    Ok(std::iter::once(sentence).chain(values).chain((!rest.is_empty()).then(|| rest.join("; "))).collect())
+    Ok(std::iter::once(sentence)
+        .chain(values)
+        .chain((!rest.is_empty()).then(|| rest.join("; ")))
+        .collect())
 }
 
 /// One line, or two where it is longer than `most`.
@@ -103,18 +137,27 @@ fn in_two(text: &str, most: usize) -> Vec<String> {
 
 /// `use (95%, estimate over all maneuvers): C_m_eta_lag = 0.283 +- 0.010 1/rad`
 fn to_use(table: &Table, candidate: &str) -> Result<String> {
-    let (candidates, parameters, units) = (table.strings("candidate")?, table.strings("parameter")?, table.strings("unit")?);
+    let (candidates, parameters, units) =
+        (table.strings("candidate")?, table.strings("parameter")?, table.strings("unit")?);
     let (values, sds, sources) = (table.f64("value")?, table.f64("sd")?, table.strings("source")?);
     let mine: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i] == candidate).collect();
     let value = |&i: &usize| {
         let unit = if units[i] == "-" { String::new() } else { format!(" {}", units[i]) };
         let digits = crate::stage::diagnose::digits;
         match sds[i].is_finite() {
-            true => format!("{} = {} +- {}{unit}", parameters[i], digits(values[i]), digits(1.96 * sds[i])),
-            false => format!("{} not determined (best at {}{unit})", parameters[i], digits(values[i])),
+            true => format!(
+                "{} = {} +- {}{unit}",
+                parameters[i],
+                digits(values[i]),
+                digits(1.96 * sds[i])
+            ),
+            false => {
+                format!("{} not determined (best at {}{unit})", parameters[i], digits(values[i]))
+            }
         }
     };
-    let source = mine.iter().find(|&&i| sds[i].is_finite()).or(mine.first()).map_or("", |&i| sources[i]);
+    let source =
+        mine.iter().find(|&&i| sds[i].is_finite()).or(mine.first()).map_or("", |&i| sources[i]);
     Ok(format!("use (95%, {source}): {}", mine.iter().map(value).collect::<Vec<_>>().join(", ")))
 }
 
@@ -140,10 +183,18 @@ mod tests {
         let all = |of: &dyn Fn(&(&str, &str, f64)) -> String| -> Vec<Option<String>> {
             std::iter::once(None).chain(rows.iter().map(|r| Some(of(r)))).collect()
         };
-        let number = || std::iter::once(f64::NAN).chain(rows.iter().map(|r| r.2)).collect::<Vec<f64>>();
-        let texts = std::iter::once("Nothing is missing that these flights could show. More words.".to_string());
-        let texts = texts
-            .chain(rows.iter().map(|r| format!("{} is {}: x = 1; gains.", r.0, "far more than fits into a line of it ".repeat(5))));
+        let number =
+            || std::iter::once(f64::NAN).chain(rows.iter().map(|r| r.2)).collect::<Vec<f64>>();
+        let texts = std::iter::once(
+            "Nothing is missing that these flights could show. More words.".to_string(),
+        );
+        let texts = texts.chain(rows.iter().map(|r| {
+            format!(
+                "{} is {}: x = 1; gains.",
+                r.0,
+                "far more than fits into a line of it ".repeat(5)
+            )
+        }));
         Table::build("findings")
             .repeat("diagnosis", "d")
             .repeat("model", "m")
@@ -183,17 +234,30 @@ mod tests {
     #[test]
     fn the_verdict_is_a_box_of_five_lines_at_most_with_the_value_to_use() {
         let rows = [("one", "added", 10.0), ("like-one", "alike", 9.0), ("two", "added", 500.0)];
-        let lines = lines("d", &findings("one of these", &rows), Some(&recommended())).expect("lines");
+        let lines =
+            lines("d", &findings("one of these", &rows), Some(&recommended())).expect("lines");
         assert_eq!(lines.len(), 5, "{lines:#?}");
-        assert!(lines[0].contains("d: ONE OF THESE") && lines[1].contains("two is far"), "{lines:#?}");
+        assert!(
+            lines[0].contains("d: ONE OF THESE") && lines[1].contains("two is far"),
+            "{lines:#?}"
+        );
         let values = "use (95%, estimate over all maneuvers): b = 8.40 +- 0.392 m, c not determined (best at 0.250)";
         assert!(lines[2].contains(values), "{lines:#?}");
-        assert_eq!(in_two("use (x): a = 1, b = 2, c = 3", 20), ["use (x): a = 1,", "    b = 2, c = 3"]);
+        assert_eq!(
+            in_two("use (x): a = 1, b = 2, c = 3", 20),
+            ["use (x): a = 1,", "    b = 2, c = 3"]
+        );
         assert!(in_two("", 20).is_empty() && in_two("short", 20) == ["short"]);
         assert!(lines[3].contains("and one; 1 that the flights do not tell"), "{lines:#?}");
-        assert!(lines.iter().all(|line| line.chars().count() == lines[0].chars().count()), "{lines:#?}");
+        assert!(
+            lines.iter().all(|line| line.chars().count() == lines[0].chars().count()),
+            "{lines:#?}"
+        );
         let nothing = super::lines("d", &findings("nothing missing", &[]), None).expect("lines");
         assert_eq!(nothing.len(), 3);
-        assert!(nothing[1].contains("Nothing is missing that these flights could show |"), "{nothing:#?}");
+        assert!(
+            nothing[1].contains("Nothing is missing that these flights could show |"),
+            "{nothing:#?}"
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! A TOML tree and a JSON Schema in; every place where the tree does not fit the schema out.
 //!
-//! Covers what schemars derives from settings structs: `$ref`, `type`, `enum`, `const`, bounds, `properties`, `required`,
-//! `additionalProperties`, `unevaluatedProperties`, `items`, `prefixItems`, `minItems`, `maxItems`, `allOf`, `oneOf`, `anyOf`.
+//! Covers what schemars derives from settings structs: `$ref`, `type`, `enum`, `const`, bounds,
+//! `properties`, `required`, `additionalProperties`, `unevaluatedProperties`, `items`,
+//! `prefixItems`, `minItems`, `maxItems`, `allOf`, `oneOf`, `anyOf`.
 
 use serde_json::{Map, Value as Json};
 use toml::Spanned;
@@ -34,7 +35,8 @@ pub(super) fn check(schema: &Json, root: &Spanned<DeValue>, doc: &Doc) -> Result
     // Stable: mistakes at one place stay in the order of the schema.
     found.sort_by_key(|f| f.at);
     found.dedup_by(|a, b| a.at == b.at && a.what == b.what);
-    let errors = found.into_iter().map(|f| Error { place: Some(doc.at(f.at)), what: f.what, help: f.help });
+    let errors =
+        found.into_iter().map(|f| Error { place: Some(doc.at(f.at)), what: f.what, help: f.help });
     Errors(errors.collect()).or(())
 }
 
@@ -59,7 +61,10 @@ impl<'s> Checker<'s> {
         let mut schema = schema;
         // A chain longer than this is a circle.
         for _ in 0..32 {
-            let Some(target) = schema.get("$ref").and_then(Json::as_str).and_then(|r| self.root.pointer(r.strip_prefix('#')?))
+            let Some(target) = schema
+                .get("$ref")
+                .and_then(Json::as_str)
+                .and_then(|r| self.root.pointer(r.strip_prefix('#')?))
             else {
                 break;
             };
@@ -68,7 +73,13 @@ impl<'s> Checker<'s> {
         schema
     }
 
-    pub fn value(&self, schema: &'s Json, value: &Spanned<DeValue>, path: &str, out: &mut Vec<Found>) {
+    pub fn value(
+        &self,
+        schema: &'s Json,
+        value: &Spanned<DeValue>,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         let Some(object) = schema.as_object() else { return };
         if object.contains_key("$ref") {
             self.value(self.resolve(schema), value, path, out);
@@ -85,7 +96,8 @@ impl<'s> Checker<'s> {
                 self.union(list_of(object, key), value, path, out);
             }
         }
-        let allowed: Vec<&Json> = object.get("const").into_iter().chain(list_of(object, "enum")).collect();
+        let allowed: Vec<&Json> =
+            object.get("const").into_iter().chain(list_of(object, "enum")).collect();
         if !allowed.is_empty() {
             one_of(&allowed, value, path, out);
         }
@@ -97,7 +109,14 @@ impl<'s> Checker<'s> {
         }
     }
 
-    fn table(&self, schema: &'s Json, table: &DeTable, at: usize, path: &str, out: &mut Vec<Found>) {
+    fn table(
+        &self,
+        schema: &'s Json,
+        table: &DeTable,
+        at: usize,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         let Some(object) = schema.as_object() else { return };
         let known = object.get("properties").and_then(Json::as_object);
         let more = object.get("additionalProperties");
@@ -110,7 +129,9 @@ impl<'s> Checker<'s> {
                 (None, _) => {}
             }
         }
-        if more == Some(&Json::Bool(false)) || object.get("unevaluatedProperties") == Some(&Json::Bool(false)) {
+        if more == Some(&Json::Bool(false))
+            || object.get("unevaluatedProperties") == Some(&Json::Bool(false))
+        {
             self.unknown_keys(schema, table, path, out);
         }
         for name in list_of(object, "required").filter_map(Json::as_str) {
@@ -120,7 +141,13 @@ impl<'s> Checker<'s> {
         }
     }
 
-    pub fn unknown_keys(&self, schema: &'s Json, table: &DeTable, path: &str, out: &mut Vec<Found>) {
+    pub fn unknown_keys(
+        &self,
+        schema: &'s Json,
+        table: &DeTable,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         let mut known = Vec::new();
         self.all_keys(schema, &mut known);
         for key in table.keys().filter(|k| !known.contains(&k.get_ref().as_ref())) {
@@ -139,7 +166,9 @@ impl<'s> Checker<'s> {
         if object.contains_key("$ref") {
             self.all_keys(self.resolve(schema), out);
         }
-        for key in object.get("properties").and_then(Json::as_object).into_iter().flat_map(Map::keys) {
+        for key in
+            object.get("properties").and_then(Json::as_object).into_iter().flat_map(Map::keys)
+        {
             if !out.contains(&key.as_str()) {
                 out.push(key);
             }
@@ -153,8 +182,12 @@ impl<'s> Checker<'s> {
         let owner = if path.is_empty() { "the file".to_string() } else { format!("\"{path}\"") };
         let mut found = Found::new(at, format!("{owner} lacks the key \"{name}\""));
         if let Some(schema) = schema {
-            let doc = [schema, self.resolve(schema)].into_iter().find_map(|s| s.get("description").and_then(Json::as_str));
-            let doc = doc.map(|d| format!(": {}", d.split_whitespace().collect::<Vec<_>>().join(" "))).unwrap_or_default();
+            let doc = [schema, self.resolve(schema)]
+                .into_iter()
+                .find_map(|s| s.get("description").and_then(Json::as_str));
+            let doc = doc
+                .map(|d| format!(": {}", d.split_whitespace().collect::<Vec<_>>().join(" ")))
+                .unwrap_or_default();
             found.help = Some(format!("add {name} = {}{doc}", self.wanted(schema)));
         }
         found
@@ -183,8 +216,11 @@ impl<'s> Checker<'s> {
                 self.value(schema, item, &join(path, &i.to_string()), out);
             }
         }
-        let limit = |key: &str| object.get(key).and_then(Json::as_u64).and_then(|n| usize::try_from(n).ok());
-        let (least, most) = (limit("minItems").unwrap_or(0), limit("maxItems").unwrap_or(usize::MAX));
+        let limit = |key: &str| {
+            object.get(key).and_then(Json::as_u64).and_then(|n| usize::try_from(n).ok())
+        };
+        let (least, most) =
+            (limit("minItems").unwrap_or(0), limit("maxItems").unwrap_or(usize::MAX));
         if items.len() < least || items.len() > most {
             let wanted = match (least == most, items.len() < least) {
                 (true, _) => format!("{least}"),
@@ -198,7 +234,10 @@ impl<'s> Checker<'s> {
 }
 
 /// The schemas or values listed under `key`.
-pub(super) fn list_of<'s>(object: &'s Map<String, Json>, key: &str) -> impl Iterator<Item = &'s Json> {
+pub(super) fn list_of<'s>(
+    object: &'s Map<String, Json>,
+    key: &str,
+) -> impl Iterator<Item = &'s Json> {
     object.get(key).and_then(Json::as_array).into_iter().flatten()
 }
 
@@ -208,7 +247,10 @@ fn subject(path: &str) -> String {
 
 /// `"fit.level" must be a number, not the text "abc"`.
 pub(super) fn wrong(value: &Spanned<DeValue>, path: &str, wanted: &str) -> Found {
-    Found::new(value.span().start, format!("{} must be {wanted}, not {}", subject(path), shown(value.get_ref())))
+    Found::new(
+        value.span().start,
+        format!("{} must be {wanted}, not {}", subject(path), shown(value.get_ref())),
+    )
 }
 
 fn number(object: &Map<String, Json>, value: &Spanned<DeValue>, path: &str, out: &mut Vec<Found>) {
@@ -223,7 +265,9 @@ fn number(object: &Map<String, Json>, value: &Spanned<DeValue>, path: &str, out:
         ("exclusiveMaximum", "less than", bound("exclusiveMaximum").is_some_and(|b| x >= b)),
     ];
     for (key, words, _) in limits.into_iter().filter(|l| l.2) {
-        let limit = object.get(key).map(|l| l.as_f64().filter(|f| f.fract() != 0.0).map_or(whole(l), |f| f.to_string()));
+        let limit = object
+            .get(key)
+            .map(|l| l.as_f64().filter(|f| f.fract() != 0.0).map_or(whole(l), |f| f.to_string()));
         out.push(wrong(value, path, &format!("{words} {}", limit.unwrap_or_default())));
     }
 }
@@ -234,7 +278,12 @@ fn whole(json: &Json) -> String {
 }
 
 /// Holds a value against an enumeration; all of the alternatives are named.
-pub(super) fn one_of(allowed: &[&Json], value: &Spanned<DeValue>, path: &str, out: &mut Vec<Found>) {
+pub(super) fn one_of(
+    allowed: &[&Json],
+    value: &Spanned<DeValue>,
+    path: &str,
+    out: &mut Vec<Found>,
+) {
     let equal = |json: &Json| match value.get_ref() {
         DeValue::String(s) => json.as_str() == Some(s),
         DeValue::Boolean(b) => json.as_bool() == Some(*b),
@@ -287,7 +336,9 @@ fn fits_type(wanted: Option<&Json>, value: &DeValue) -> bool {
 fn type_words(wanted: Option<&Json>) -> Vec<&'static str> {
     match wanted {
         Some(Json::String(w)) => vec![type_word(w)],
-        Some(Json::Array(ws)) => ws.iter().filter_map(Json::as_str).filter(|w| *w != "null").map(type_word).collect(),
+        Some(Json::Array(ws)) => {
+            ws.iter().filter_map(Json::as_str).filter(|w| *w != "null").map(type_word).collect()
+        }
         _ => Vec::new(),
     }
 }
@@ -315,7 +366,9 @@ fn as_f64(value: &DeValue) -> Option<f64> {
 /// A value as a message shows it.
 fn shown(value: &DeValue) -> String {
     match value {
-        DeValue::String(s) if s.chars().count() <= 60 => format!("the text \"{}\"", s.escape_debug()),
+        DeValue::String(s) if s.chars().count() <= 60 => {
+            format!("the text \"{}\"", s.escape_debug())
+        }
         DeValue::String(_) => "a long text".into(),
         DeValue::Integer(i) => i.to_string(),
         DeValue::Float(f) => f.to_string(),

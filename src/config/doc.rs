@@ -1,4 +1,5 @@
-//! A parsed TOML tree in; the file, line and column of every key, and of places inside string values, out.
+//! A parsed TOML tree in; the file, line and column of every key, and of places inside string
+//! values, out.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -8,7 +9,8 @@ use toml::de::{DeTable, DeValue};
 
 use crate::error::{Error, Place};
 
-/// A configuration text and the span of every value in it, by dotted key path: `segment.inputs.0.channel`.
+/// A configuration text and the span of every value in it, by dotted key path:
+/// `segment.inputs.0.channel`.
 ///
 /// Keys of the file stand in a path as they are, without quotes; list items count from 0.
 #[derive(Debug, Clone, Default)]
@@ -65,7 +67,8 @@ impl Doc {
         self.spans.contains_key(path)
     }
 
-    /// Where the value of `path` stands (a table: its header or `{`); without such a key, where its nearest parent stands.
+    /// Where the value of `path` stands (a table: its header or `{`); without such a key, where its
+    /// nearest parent stands.
     pub fn place(&self, path: &str) -> Place {
         self.at(self.nearest(path).map_or(0, |s| s.value.start))
     }
@@ -75,8 +78,8 @@ impl Doc {
         self.at(self.nearest(path).map_or(0, |s| s.key.start))
     }
 
-    /// Where byte `offset` of the string value of `path` stands in the file, escapes and line breaks accounted for; for a value that
-    /// is no string, the place of the value.
+    /// Where byte `offset` of the string value of `path` stands in the file, escapes and line
+    /// breaks accounted for; for a value that is no string, the place of the value.
     pub fn place_in(&self, path: &str, offset: usize) -> Place {
         let Some(spans) = self.spans.get(path) else { return self.place(path) };
         let raw = self.text.get(spans.value.clone()).unwrap_or("");
@@ -108,7 +111,8 @@ pub(super) fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_string() } else { format!("{path}.{key}") }
 }
 
-/// The offset in the raw TOML string literal (with its quotes) of byte `offset` of the string that it stands for.
+/// The offset in the raw TOML string literal (with its quotes) of byte `offset` of the string that
+/// it stands for.
 fn raw_offset(raw: &str, offset: usize) -> usize {
     let Some(quote) = raw.chars().next().filter(|c| *c == '"' || *c == '\'') else { return 0 };
     let long = raw.len() >= 6 && raw.starts_with(&String::from(quote).repeat(3));
@@ -137,14 +141,18 @@ fn unit(raw: &str, basic: bool, long: bool) -> (usize, usize) {
         return (first, first);
     }
     let hex = |digits: usize| {
-        let code = raw.get(2..2 + digits).and_then(|d| u32::from_str_radix(d, 16).ok()).and_then(char::from_u32);
+        let code = raw
+            .get(2..2 + digits)
+            .and_then(|d| u32::from_str_radix(d, 16).ok())
+            .and_then(char::from_u32);
         (2 + digits, code.map_or(1, char::len_utf8))
     };
     match chars.next() {
         Some('x') => hex(2),
         Some('u') => hex(4),
         Some('U') => hex(8),
-        // A backslash at the end of a line joins it to the next text: everything blank up to there is trimmed.
+        // A backslash at the end of a line joins it to the next text: everything blank up to there
+        // is trimmed.
         Some(c) if long && c.is_whitespace() => (raw.len() - raw[1..].trim_start().len(), 0),
         Some(c) => (1 + c.len_utf8(), 1),
         None => (1, 1),

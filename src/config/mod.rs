@@ -1,8 +1,10 @@
-//! TOML text in; checked settings structs with the place of every key out, or every mistake of the file at once.
+//! TOML text in; checked settings structs with the place of every key out, or every mistake of the
+//! file at once.
 //!
-//! A settings struct derives `Deserialize` and `JsonSchema`; the schema is the contract. A file is parsed with positions, its whole
-//! tree is held against the schema (`check`), and only then deserialized. Editors complete and check the same files with the same
-//! schemas: [`schema_text`] writes them.
+//! A settings struct derives `Deserialize` and `JsonSchema`; the schema is the contract. A file is
+//! parsed with positions, its whole tree is held against the schema (`check`), and only then
+//! deserialized. Editors complete and check the same files with the same schemas: [`schema_text`]
+//! writes them.
 
 mod check;
 mod doc;
@@ -23,7 +25,8 @@ pub use words::{list, nearest, quoted};
 /// Reads and checks a configuration file; the name in messages is the path as given.
 ///
 /// # Errors
-/// The file cannot be read, is not UTF-8, is not TOML, or does not fit `T`: all mistakes, in the order of the file.
+/// The file cannot be read, is not UTF-8, is not TOML, or does not fit `T`: all mistakes, in the
+/// order of the file.
 pub fn load<T: DeserializeOwned + JsonSchema>(path: &Path) -> Result<(T, Doc), Errors> {
     let text = read_text(path)?;
     parse(&path.to_string_lossy(), &text)
@@ -40,24 +43,32 @@ pub fn read_text(path: &Path) -> crate::error::Result<String> {
             std::io::ErrorKind::NotFound => "there is no such file".to_string(),
             _ => format!("cannot read the file: {e}"),
         };
-        Error::at(Place::file(name.as_ref()), what).help("check the path; paths in a file are relative to the folder of that file")
+        Error::at(Place::file(name.as_ref()), what)
+            .help("check the path; paths in a file are relative to the folder of that file")
     })?;
     String::from_utf8(bytes).map_err(|e| {
-        let good = String::from_utf8_lossy(&e.as_bytes()[..e.utf8_error().valid_up_to()]).into_owned();
-        Error::at(Place::in_text(&name, &good, good.len()), "the text is not UTF-8 from here on").help("save the file as UTF-8")
+        let good =
+            String::from_utf8_lossy(&e.as_bytes()[..e.utf8_error().valid_up_to()]).into_owned();
+        Error::at(Place::in_text(&name, &good, good.len()), "the text is not UTF-8 from here on")
+            .help("save the file as UTF-8")
     })
 }
 
 /// Checks configuration text; `file_name` is the name that messages carry.
 ///
 /// # Errors
-/// The text is not TOML (syntax errors, one per line), or does not fit `T`: all mistakes, in the order of the text.
-pub fn parse<T: DeserializeOwned + JsonSchema>(file_name: &str, text: &str) -> Result<(T, Doc), Errors> {
+/// The text is not TOML (syntax errors, one per line), or does not fit `T`: all mistakes, in the
+/// order of the text.
+pub fn parse<T: DeserializeOwned + JsonSchema>(
+    file_name: &str,
+    text: &str,
+) -> Result<(T, Doc), Errors> {
     let tree = syntax(file_name, text)?;
     let doc = Doc::new(file_name, text, tree.get_ref());
     let root = Spanned::new(tree.span(), DeValue::Table(tree.into_inner()));
     check::check(&schema::<T>(), &root, &doc)?;
-    // The schema has accepted the tree, so this fails only where a type's own `Deserialize` asks for more than its schema says.
+    // The schema has accepted the tree, so this fails only where a type's own `Deserialize` asks
+    // for more than its schema says.
     let value = T::deserialize(toml::de::ValueDeserializer::from(root)).map_err(|e| {
         let offset = e.span().map_or(0, |span| span.start);
         Errors::from(Error::at(Place::in_text(file_name, text, offset), e.message()))
@@ -65,8 +76,9 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(file_name: &str, text: &str) -> R
     Ok((value, doc))
 }
 
-/// What is sound of a file with mistakes: every key that does not fit `T` taken away, as if it had not been written. So that what only
-/// the rest can tell is told in one go with the mistakes that `load` found. `None` where too little is left.
+/// What is sound of a file with mistakes: every key that does not fit `T` taken away, as if it had
+/// not been written. So that what only the rest can tell is told in one go with the mistakes that
+/// `load` found. `None` where too little is left.
 pub fn load_sound<T: DeserializeOwned + JsonSchema>(path: &Path) -> Option<(T, Doc)> {
     let (name, text) = (path.to_string_lossy(), read_text(path).ok()?);
     let tree = syntax(&name, &text).ok()?;
@@ -94,14 +106,18 @@ fn innermost(value: &DeValue, at: usize) -> Option<std::ops::Range<usize>> {
     }
 }
 
-/// The TOML tree with positions, or the syntax errors: the first one of each line, as later ones tend to follow from it.
+/// The TOML tree with positions, or the syntax errors: the first one of each line, as later ones
+/// tend to follow from it.
 fn syntax<'a>(file: &str, text: &'a str) -> Result<Spanned<DeTable<'a>>, Errors> {
     let (tree, found) = DeTable::parse_recoverable(text);
     let mut errors: Vec<Error> = found
         .iter()
         .map(|e| {
             let offset = e.span().map_or(text.len(), |span| span.start);
-            Error::at(Place::in_text(file, text, offset), format!("this is not TOML: {}", e.message()))
+            Error::at(
+                Place::in_text(file, text, offset),
+                format!("this is not TOML: {}", e.message()),
+            )
         })
         .collect();
     errors.sort_by(|a, b| a.place.cmp(&b.place));
@@ -111,12 +127,16 @@ fn syntax<'a>(file: &str, text: &'a str) -> Result<Spanned<DeTable<'a>>, Errors>
 
 /// The JSON Schema of `T`, draft 2020-12.
 fn schema<T: JsonSchema>() -> serde_json::Value {
-    schemars::generate::SchemaSettings::draft2020_12().into_generator().into_root_schema_for::<T>().to_value()
+    schemars::generate::SchemaSettings::draft2020_12()
+        .into_generator()
+        .into_root_schema_for::<T>()
+        .to_value()
 }
 
 /// The JSON Schema of `T` as a part of another: without references and without a title.
 pub fn schema_of<T: JsonSchema>() -> serde_json::Value {
-    let settings = schemars::generate::SchemaSettings::draft2020_12().with(|s| s.inline_subschemas = true);
+    let settings =
+        schemars::generate::SchemaSettings::draft2020_12().with(|s| s.inline_subschemas = true);
     let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
     if let Some(object) = schema.as_object_mut() {
         object.retain(|key, _| key != "$schema" && key != "title");

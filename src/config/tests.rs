@@ -107,8 +107,7 @@ fn good_text_is_accepted_with_every_representation() {
 
 #[test]
 fn all_mistakes_come_at_once_in_the_order_of_the_text() {
-    let text =
-        "titel = 'a'\nlevel = \"high\"\ncount = 12\n\n[[noise]]\nkind = \"white\"\nsd = true\n\n[units]\nv = { unti = \"m\" }\n";
+    let text = "titel = 'a'\nlevel = \"high\"\ncount = 12\n\n[[noise]]\nkind = \"white\"\nsd = true\n\n[units]\nv = { unti = \"m\" }\n";
     let wanted = "s.toml:1:1: unknown key \"titel\"\n    did you mean \"title\"? the keys here are: title, level, count, kind, noise, units, shape, pair, weights\n\
         s.toml:1:1: the file lacks the key \"title\"\n    add title = <a text>: One line.\n\
         s.toml:2:9: \"level\" must be a number, not the text \"high\"\n\
@@ -122,7 +121,10 @@ fn all_mistakes_come_at_once_in_the_order_of_the_text() {
 #[test]
 fn tagged_enums_point_at_the_wrong_key() {
     let noise = |line: &str| errors(&format!("title = 'a'\nnoise = [{{ {line} }}]"));
-    assert_eq!(noise("sd = 1.0"), "s.toml:2:10: \"noise.0\" lacks the key \"kind\"\n    add kind = one of \"white\", \"bias\"");
+    assert_eq!(
+        noise("sd = 1.0"),
+        "s.toml:2:10: \"noise.0\" lacks the key \"kind\"\n    add kind = one of \"white\", \"bias\""
+    );
     assert_eq!(
         noise("kind = \"wite\", sd = 1.0"),
         "s.toml:2:19: \"noise.0.kind\" must be one of \"white\", \"bias\", not the text \"wite\"\n    did you mean \"white\"?"
@@ -131,7 +133,10 @@ fn tagged_enums_point_at_the_wrong_key() {
         noise("kind = \"white\", sd = 1.0, drift = 1"),
         "s.toml:2:38: unknown key \"drift\" in \"noise.0\"\n    the keys here are: kind, sd"
     );
-    assert_eq!(noise("kind = 3"), "s.toml:2:19: \"noise.0.kind\" must be one of \"white\", \"bias\", not 3");
+    assert_eq!(
+        noise("kind = 3"),
+        "s.toml:2:19: \"noise.0.kind\" must be one of \"white\", \"bias\", not 3"
+    );
 }
 
 #[test]
@@ -145,12 +150,18 @@ fn enums_named_by_a_key_and_plain_ones_list_their_variants() {
         with("shape = { stp = 1 }"),
         "s.toml:2:11: unknown key \"stp\" in \"shape\"\n    did you mean \"step\"? one key of these is wanted: step, ramp"
     );
-    assert_eq!(with("shape = { step = { } }"), "s.toml:2:18: \"shape.step\" lacks the key \"at\"\n    add at = <a number>");
+    assert_eq!(
+        with("shape = { step = { } }"),
+        "s.toml:2:18: \"shape.step\" lacks the key \"at\"\n    add at = <a number>"
+    );
     assert_eq!(
         with("shape = { step = { at = 1, by = 2 } }"),
         "s.toml:2:28: unknown key \"by\" in \"shape.step\"\n    the keys here are: at"
     );
-    assert_eq!(with("shape = \"steep\""), "s.toml:2:9: \"shape\" must be \"flat\", not the text \"steep\"");
+    assert_eq!(
+        with("shape = \"steep\""),
+        "s.toml:2:9: \"shape\" must be \"flat\", not the text \"steep\""
+    );
     assert_eq!(with("units.u = 3"), "s.toml:2:11: \"units.u\" must be a text or a table, not 3");
 }
 
@@ -158,12 +169,21 @@ fn enums_named_by_a_key_and_plain_ones_list_their_variants() {
 fn lists_and_numbers_are_checked() {
     let with = |line: &str| errors(&format!("title = 'a'\n{line}"));
     assert_eq!(with("pair = [1.0]"), "s.toml:2:8: \"pair\" must have 2 items, not 1");
-    assert_eq!(with("level = nan"), "s.toml:2:9: \"level\" must be a finite number within range, not nan");
+    assert_eq!(
+        with("level = nan"),
+        "s.toml:2:9: \"level\" must be a finite number within range, not nan"
+    );
     assert_eq!(with("count = 2.0"), "s.toml:2:9: \"count\" must be a whole number, not 2.0");
     assert_eq!(with("count = 0x0"), "s.toml:2:9: \"count\" must be at least 1, not 0x0");
-    assert_eq!(with("weights.x = 'q'"), "s.toml:2:13: \"weights.x\" must be a number, not the text \"q\"");
+    assert_eq!(
+        with("weights.x = 'q'"),
+        "s.toml:2:13: \"weights.x\" must be a number, not the text \"q\""
+    );
     assert_eq!(with("noise = 3"), "s.toml:2:9: \"noise\" must be a list, not 3");
-    assert_eq!(with("level = 1979-05-27"), "s.toml:2:9: \"level\" must be a number, not the date 1979-05-27");
+    assert_eq!(
+        with("level = 1979-05-27"),
+        "s.toml:2:9: \"level\" must be a number, not the date 1979-05-27"
+    );
 }
 
 #[test]
@@ -237,7 +257,8 @@ fn places_inside_strings_account_for_quotes_escapes_and_lines() {
 
 #[test]
 fn schema_text_is_a_titled_draft_2020_12_schema() {
-    let schema: serde_json::Value = serde_json::from_str(&schema_text::<Settings>("Settings")).unwrap();
+    let schema: serde_json::Value =
+        serde_json::from_str(&schema_text::<Settings>("Settings")).unwrap();
     assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
     assert_eq!(schema["title"], "Settings");
     assert_eq!(schema["additionalProperties"], false);

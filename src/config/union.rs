@@ -1,4 +1,5 @@
-//! A TOML value and the alternatives of a `oneOf` or `anyOf` in; the mistakes against the alternative that was meant out.
+//! A TOML value and the alternatives of a `oneOf` or `anyOf` in; the mistakes against the
+//! alternative that was meant out.
 
 use serde_json::{Map, Value as Json};
 use toml::Spanned;
@@ -9,7 +10,13 @@ use super::words::{quoted, suggestion};
 
 impl<'s> Checker<'s> {
     /// Holds a value against alternatives: an enum of any serde representation, or an `Option`.
-    pub fn union(&self, parts: impl Iterator<Item = &'s Json>, value: &Spanned<DeValue>, path: &str, out: &mut Vec<Found>) {
+    pub fn union(
+        &self,
+        parts: impl Iterator<Item = &'s Json>,
+        value: &Spanned<DeValue>,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         let mut all = Vec::new();
         for part in parts {
             self.alternatives(part, &mut all);
@@ -27,7 +34,9 @@ impl<'s> Checker<'s> {
             many => {
                 let words: Vec<&Json> = many.iter().flat_map(|s| literals(s)).collect();
                 match value.get_ref() {
-                    DeValue::String(_) if many.iter().all(|s| literals(s).next().is_some()) => one_of(&words, value, path, out),
+                    DeValue::String(_) if many.iter().all(|s| literals(s).next().is_some()) => {
+                        one_of(&words, value, path, out)
+                    }
                     DeValue::Table(table) => self.table_union(many, value, table, path, out),
                     _ => self.best(many, value, path, out),
                 }
@@ -44,7 +53,9 @@ impl<'s> Checker<'s> {
         }
         let nested = ["oneOf", "anyOf"].into_iter().find(|k| object.contains_key(*k));
         match nested {
-            Some(key) if !object.contains_key("properties") => list_of(object, key).for_each(|s| self.alternatives(s, out)),
+            Some(key) if !object.contains_key("properties") => {
+                list_of(object, key).for_each(|s| self.alternatives(s, out))
+            }
             _ if object.get("type").and_then(Json::as_str) == Some("null") => {}
             _ => out.push(schema),
         }
@@ -72,7 +83,10 @@ impl<'s> Checker<'s> {
         if object.contains_key("$ref") {
             self.kinds(self.resolve(schema), out);
         }
-        ["oneOf", "anyOf"].into_iter().flat_map(|k| list_of(object, k)).for_each(|s| self.kinds(s, out));
+        ["oneOf", "anyOf"]
+            .into_iter()
+            .flat_map(|k| list_of(object, k))
+            .for_each(|s| self.kinds(s, out));
     }
 
     fn accepts(&self, schema: &'s Json, had: &str) -> bool {
@@ -81,7 +95,14 @@ impl<'s> Checker<'s> {
         kinds.is_empty() || kinds.iter().any(|k| kind_fits(k, had))
     }
 
-    fn table_union(&self, parts: &[&'s Json], value: &Spanned<DeValue>, table: &DeTable, path: &str, out: &mut Vec<Found>) {
+    fn table_union(
+        &self,
+        parts: &[&'s Json],
+        value: &Spanned<DeValue>,
+        table: &DeTable,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         if let Some(tag) = tag_of(parts) {
             return self.tagged(tag, parts, value, table, path, out);
         }
@@ -92,16 +113,29 @@ impl<'s> Checker<'s> {
     }
 
     /// An enum with the variant's name under the key `tag`.
-    fn tagged(&self, tag: &str, parts: &[&'s Json], value: &Spanned<DeValue>, table: &DeTable, path: &str, out: &mut Vec<Found>) {
+    fn tagged(
+        &self,
+        tag: &str,
+        parts: &[&'s Json],
+        value: &Spanned<DeValue>,
+        table: &DeTable,
+        path: &str,
+        out: &mut Vec<Found>,
+    ) {
         let names: Vec<&Json> = parts.iter().filter_map(|s| tag_value(s, tag)).collect();
         let Some((_, had)) = table.iter().find(|(k, _)| k.get_ref() == tag) else {
             let mut found = self.missing(tag, None, value.span().start, path);
-            found.help =
-                Some(format!("add {tag} = one of {}", quoted(&names.iter().filter_map(|n| n.as_str()).collect::<Vec<_>>())));
+            found.help = Some(format!(
+                "add {tag} = one of {}",
+                quoted(&names.iter().filter_map(|n| n.as_str()).collect::<Vec<_>>())
+            ));
             return out.push(found);
         };
         let name = had.get_ref().as_str();
-        match parts.iter().find(|s| name.is_some() && tag_value(s, tag).and_then(Json::as_str) == name) {
+        match parts
+            .iter()
+            .find(|s| name.is_some() && tag_value(s, tag).and_then(Json::as_str) == name)
+        {
             Some(part) => self.value(part, value, path, out),
             None => one_of(&names, had, &super::doc::join(path, tag), out),
         }
@@ -122,7 +156,9 @@ impl<'s> Checker<'s> {
             return self.value(part, value, path, out);
         }
         match table.keys().next() {
-            None => out.push(wrong(value, path, &format!("a table with one key of {}", quoted(names)))),
+            None => {
+                out.push(wrong(value, path, &format!("a table with one key of {}", quoted(names))))
+            }
             Some(key) => out.push(Found {
                 at: key.span().start,
                 what: format!("unknown key \"{}\" in \"{path}\"", key.get_ref()),
@@ -144,13 +180,17 @@ impl<'s> Checker<'s> {
 
 /// The literal values of a `const` or `enum`.
 fn literals(schema: &Json) -> impl Iterator<Item = &Json> {
-    schema.get("const").into_iter().chain(schema.get("enum").and_then(Json::as_array).into_iter().flatten())
+    schema
+        .get("const")
+        .into_iter()
+        .chain(schema.get("enum").and_then(Json::as_array).into_iter().flatten())
 }
 
 /// The key that every alternative requires with a literal of its own.
 fn tag_of<'s>(parts: &[&'s Json]) -> Option<&'s str> {
     let keys = parts.first()?.get("properties")?.as_object()?.keys();
-    keys.map(String::as_str).find(|key| parts.iter().all(|s| tag_value(s, key).is_some() && requires(s, key)))
+    keys.map(String::as_str)
+        .find(|key| parts.iter().all(|s| tag_value(s, key).is_some() && requires(s, key)))
 }
 
 fn tag_value<'s>(schema: &'s Json, tag: &str) -> Option<&'s Json> {

@@ -27,9 +27,11 @@ pub fn quoted<S: AsRef<str>>(words: &[S]) -> String {
     list(&words.iter().map(|w| format!("\"{}\"", w.as_ref())).collect::<Vec<_>>())
 }
 
-/// What to do about an unknown `word` where `known` ones are allowed: `did you mean "level"? The keys here are: ...`.
+/// What to do about an unknown `word` where `known` ones are allowed:
+/// `did you mean "level"? The keys here are: ...`.
 pub(super) fn suggestion(word: &str, known: &[&str], all: &str) -> String {
-    let listed = if known.is_empty() { format!("{all}: none") } else { format!("{all}: {}", list(known)) };
+    let listed =
+        if known.is_empty() { format!("{all}: none") } else { format!("{all}: {}", list(known)) };
     match nearest(word, known.iter().copied()) {
         Some(k) => format!("did you mean \"{k}\"? {listed}"),
         None => listed,

@@ -1,5 +1,5 @@
-//! Labels of maneuvers and settings in; which maneuvers are held out, and the rule in words, out. Few long records are cut into blocks of
-//! time first.
+//! Labels of maneuvers and settings in; which maneuvers are held out, and the rule in words, out.
+//! Few long records are cut into blocks of time first.
 
 use super::settings::Settings;
 use crate::estimate::{Segment, Stretch};
@@ -13,11 +13,13 @@ pub struct Rule {
     pub unknown: Vec<String>,
 }
 
-/// Chooses by the settings, or by the fixed rule: every `hold_every`-th maneuver of each input, in the order given.
+/// Chooses by the settings, or by the fixed rule: every `hold_every`-th maneuver of each input, in
+/// the order given.
 pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> Rule {
     if !settings.held_out.is_empty() {
         let held_out = names.iter().map(|name| settings.held_out.contains(name)).collect();
-        let unknown = settings.held_out.iter().filter(|name| !names.contains(name)).cloned().collect();
+        let unknown =
+            settings.held_out.iter().filter(|name| !names.contains(name)).cloned().collect();
         return Rule { held_out, words: "chosen by the settings".into(), unknown };
     }
     let every = settings.hold_every.max(2);
@@ -41,10 +43,15 @@ pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> 
     Rule { held_out, words, unknown: Vec::new() }
 }
 
-/// Segments and their names as they are, or, where there are fewer than `hold_every`, cut into blocks of equal time (of at least
-/// `block_s`), so that some can be held out. The model runs through a record from its beginning all the same, once for each block, so that
-/// what is slow in it stays visible: start values come from the blocks of the training.
-pub fn cut(segments: Vec<Segment>, names: Vec<String>, settings: &Settings) -> (Vec<Segment>, Vec<String>) {
+/// Segments and their names as they are, or, where there are fewer than `hold_every`, cut into
+/// blocks of equal time (of at least `block_s`), so that some can be held out. The model runs
+/// through a record from its beginning all the same, once for each block, so that what is slow in
+/// it stays visible: start values come from the blocks of the training.
+pub fn cut(
+    segments: Vec<Segment>,
+    names: Vec<String>,
+    settings: &Settings,
+) -> (Vec<Segment>, Vec<String>) {
     if segments.len() >= settings.hold_every.max(2) || !settings.held_out.is_empty() {
         return (segments, names);
     }
@@ -56,8 +63,11 @@ pub fn cut(segments: Vec<Segment>, names: Vec<String>, settings: &Settings) -> (
         let count = most.clamp(1, settings.thresholds.blocks);
         // half a step before a point of the grid: rounding never moves a sample into another block
         let edge = |i: usize| record.t0 + ((record.start + i * steps / count) as f64 - 0.5) * dt;
-        let stretch =
-            |i: usize| Stretch { of: name.clone(), from: edge(i), to: if i + 1 == count { f64::INFINITY } else { edge(i + 1) } };
+        let stretch = |i: usize| Stretch {
+            of: name.clone(),
+            from: edge(i),
+            to: if i + 1 == count { f64::INFINITY } else { edge(i + 1) },
+        };
         if count == 1 {
             block_names.push(name);
             blocks.push(segment);
@@ -78,11 +88,22 @@ mod tests {
     fn one_long_record_is_cut_into_blocks_that_cover_it() {
         let t: Vec<f64> = (0..=400).map(|k| 5.0 + 0.1 * f64::from(k)).collect();
         let channel = Channel { output: 0, t: t.clone(), z: t.clone() };
-        let record = Record { t0: 5.0, dt: 0.1, n: 401, inputs: t.clone(), channels: vec![channel], ..Record::default() };
-        let (blocks, names) =
-            cut(vec![Segment::from(record)], vec!["f".into()], &Settings { block_s: 10.0, ..Settings::default() });
+        let record = Record {
+            t0: 5.0,
+            dt: 0.1,
+            n: 401,
+            inputs: t.clone(),
+            channels: vec![channel],
+            ..Record::default()
+        };
+        let (blocks, names) = cut(
+            vec![Segment::from(record)],
+            vec!["f".into()],
+            &Settings { block_s: 10.0, ..Settings::default() },
+        );
         assert_eq!(names, ["f/1", "f/2", "f/3", "f/4"]);
-        let samples: Vec<f64> = blocks.iter().flat_map(|b| b.scored().channels[0].z.clone()).collect();
+        let samples: Vec<f64> =
+            blocks.iter().flat_map(|b| b.scored().channels[0].z.clone()).collect();
         assert_eq!(samples, t);
         for b in blocks {
             let r = b.scored();
@@ -93,13 +114,20 @@ mod tests {
 
     #[test]
     fn every_third_maneuver_of_each_input_is_held_out() {
-        let with = |input: &str| Segment { labels: [("input".to_string(), input.to_string())].into(), ..Segment::default() };
+        let with = |input: &str| Segment {
+            labels: [("input".to_string(), input.to_string())].into(),
+            ..Segment::default()
+        };
         let segments = ["a", "a", "b", "a", "b", "b", "a"].map(with);
         let names: Vec<String> = (0..7).map(|i| format!("s{i}")).collect();
         let held = held_out(&segments, &names, &Settings::default()).held_out;
         assert_eq!(held, [false, false, false, true, false, true, false]);
-        let settings = Settings { held_out: vec!["s6".into(), "s06".into()], ..Settings::default() };
+        let settings =
+            Settings { held_out: vec!["s6".into(), "s06".into()], ..Settings::default() };
         let rule = held_out(&segments, &names, &settings);
-        assert_eq!((rule.held_out.iter().filter(|h| **h).count(), &rule.unknown[..]), (1, &["s06".to_string()][..]));
+        assert_eq!(
+            (rule.held_out.iter().filter(|h| **h).count(), &rule.unknown[..]),
+            (1, &["s06".to_string()][..])
+        );
     }
 }

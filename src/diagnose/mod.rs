@@ -1,28 +1,35 @@
-//! Where a model and flights disagree, and which missing effect explains it: a base model, maneuvers and candidate effects in; a verdict
-//! with its evidence out. Numbers in, numbers out; how the flights were made is never known here.
+//! Where a model and flights disagree, and which missing effect explains it: a base model,
+//! maneuvers and candidate effects in; a verdict with its evidence out. Numbers in, numbers out;
+//! how the flights were made is never known here.
 //!
 //! # How a verdict comes about
 //!
-//! 0. *Together*: what a pipeline estimates maneuver by maneuver, or flight by flight, becomes one estimation over all of them that claims the
-//!    same: lines where the pipeline fits lines, one value each where it does not.
-//! 1. *Base fit* of the training maneuvers by the estimator; an autoregressive model per output of what is left. `W` makes residuals and
-//!    sensitivities white, segment by segment; `J = |W (z - y)|^2 / 2` is the cost everything below is measured in, so that differences
-//!    of `J` are gains in log-likelihood.
-//! 2. *Screening*: every candidate adds parameters `b` that are nothing at their null. With `H = W dy/db` and `G = W dy/dtheta` of all
-//!    that is free in the base (shared parameters and what belongs to a maneuver), `H~ = (1 - G (G'G)^-1 G') H`, `u = H~'e`,
-//!    `F = H~'H~`: the gain is `u'F^-1 u / 2` (score test), within the candidate's bounds. Where `H~` vanishes, the base absorbs the effect
-//!    and it is no candidate.
-//! 3. *Chance*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all candidates at once. The best candidate of each
-//!    is noted; the 99% quantile is what a real one must exceed (gains less half the 99% quantile of chi-square for its number of parameters).
-//! 4. *Refits* in full of the few best, with everything free; held-out maneuvers then, all derivatives frozen: the effect predicts
-//!    the gain `d'd/2` from the whitened difference `d` of the two predictions, and has to bring it.
-//! 5. *Evidence* of a candidate: gain of the training less what chance gives one alone, plus the gain realised on held-out maneuvers. Those that pass every
-//!    test and come within `apart` of the best are not distinguishable from it (further, where the difference scatters more than noise lets it). Errors of
-//!    sensors come before physics among equals.
-//! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes; then each one is taken out again and
-//!    tested with everything else in place.
-//! 7. *What is left* is asked without any candidate: does an output still respond to an input? Is a held-out maneuver missed by more than all
-//!    others? Then something is located, not explained.
+//! 0. *Together*: what a pipeline estimates maneuver by maneuver, or flight by flight, becomes one
+//!    estimation over all of them that claims the same: lines where the pipeline fits lines, one
+//!    value each where it does not.
+//! 1. *Base fit* of the training maneuvers by the estimator; an autoregressive model per output of
+//!    what is left. `W` makes residuals and sensitivities white, segment by segment;
+//!    `J = |W (z - y)|^2 / 2` is the cost everything below is measured in, so that differences of
+//!    `J` are gains in log-likelihood.
+//! 2. *Screening*: every candidate adds parameters `b` that are nothing at their null. With
+//!    `H = W dy/db` and `G = W dy/dtheta` of all that is free in the base (shared parameters and
+//!    what belongs to a maneuver), `H~ = (1 - G (G'G)^-1 G') H`, `u = H~'e`, `F = H~'H~`: the gain
+//!    is `u'F^-1 u / 2` (score test), within the candidate's bounds. Where `H~` vanishes, the base
+//!    absorbs the effect and it is no candidate.
+//! 3. *Chance*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all
+//!    candidates at once. The best candidate of each is noted; the 99% quantile is what a real one
+//!    must exceed (gains less half the 99% quantile of chi-square for its number of parameters).
+//! 4. *Refits* in full of the few best, with everything free; held-out maneuvers then, all
+//!    derivatives frozen: the effect predicts the gain `d'd/2` from the whitened difference `d` of
+//!    the two predictions, and has to bring it.
+//! 5. *Evidence* of a candidate: gain of the training less what chance gives one alone, plus the
+//!    gain realised on held-out maneuvers. Those that pass every test and come within `apart` of
+//!    the best are not distinguishable from it (further, where the difference scatters more than
+//!    noise lets it). Errors of sensors come before physics among equals.
+//! 6. *Addition*: the best is added to the model, and all of it begins again, until nothing passes;
+//!    then each one is taken out again and tested with everything else in place.
+//! 7. *What is left* is asked without any candidate: does an output still respond to an input? Is a
+//!    held-out maneuver missed by more than all others? Then something is located, not explained.
 //!
 //! | file | what it does |
 //! |---|---|

@@ -10,13 +10,15 @@ use serde::{Deserialize, Serialize};
 pub struct Settings {
     /// Whether the base model's parameters are estimated from the flights, or predicted and held.
     pub base: Base,
-    /// Ids of the maneuvers that are held out: never touched by estimation and screening, they decide. Without any: every `hold_every`-th
-    /// maneuver of each input, in the order of flights and time, beginning with the last of the first `hold_every`.
+    /// Ids of the maneuvers that are held out: never touched by estimation and screening, they
+    /// decide. Without any: every `hold_every`-th maneuver of each input, in the order of flights
+    /// and time, beginning with the last of the first `hold_every`.
     pub held_out: Vec<String>,
     /// Every how many-th maneuver of an input is held out (2 or more).
     pub hold_every: usize,
-    /// Where there are fewer maneuvers than that, records are cut into blocks of at least this length, s (at most 48 of them): shorter than what
-    /// is flown in them, so that those held out see a part of it.
+    /// Where there are fewer maneuvers than that, records are cut into blocks of at least this
+    /// length, s (at most 48 of them): shorter than what is flown in them, so that those held out
+    /// see a part of it.
     pub block_s: f64,
     /// Surrogate campaigns in which nothing is missing.
     pub surrogates: usize,
@@ -30,8 +32,9 @@ pub struct Settings {
     pub effects: usize,
     /// A held-out maneuver decides where the effect predicts a gain in log-likelihood above this.
     pub decisive: f64,
-    /// Candidates whose evidence (log-likelihood) comes this near to the best one's are not distinguishable from it. 4.6 is a ratio of 100: the
-    /// wrong one of two leads by so much in at most 1 of 100 campaigns. Where both leave more than noise, it is taken as many times more.
+    /// Candidates whose evidence (log-likelihood) comes this near to the best one's are not
+    /// distinguishable from it. 4.6 is a ratio of 100: the wrong one of two leads by so much in at
+    /// most 1 of 100 campaigns. Where both leave more than noise, it is taken as many times more.
     pub apart: f64,
     /// The numbers behind the rules: not for users, and in no file.
     #[serde(skip)]
@@ -42,11 +45,13 @@ pub struct Settings {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Base {
-    /// They are free: what they can imitate cannot be found, and the findings say which candidates that concerns.
+    /// They are free: what they can imitate cannot be found, and the findings say which candidates
+    /// that concerns.
     #[default]
     Estimated,
-    /// They are held at the values of the model file (and `starts` of the method), for example those of a wind tunnel: errors of theirs
-    /// are candidates too. What belongs to one maneuver (initial states, zero shifts) is free all the same.
+    /// They are held at the values of the model file (and `starts` of the method), for example
+    /// those of a wind tunnel: errors of theirs are candidates too. What belongs to one maneuver
+    /// (initial states, zero shifts) is free all the same.
     Predicted,
 }
 
@@ -86,14 +91,30 @@ impl Settings {
             format!("every second maneuver at most is held out, not every {}", self.hold_every),
         );
         let block = self.block_s;
-        ask(block > 0.0 && block.is_finite(), "block_s", format!("blocks have a positive length in seconds, not {block}"));
+        ask(
+            block > 0.0 && block.is_finite(),
+            "block_s",
+            format!("blocks have a positive length in seconds, not {block}"),
+        );
         // Fewer have no such quantile.
         let enough = !(q < 1.0) || n as f64 * (1.0 - q) >= 1.0;
-        ask(enough, "surrogates", format!("{n} campaigns do not tell what one in {:.0} gains by chance", 1.0 / (1.0 - q)));
+        ask(
+            enough,
+            "surrogates",
+            format!("{n} campaigns do not tell what one in {:.0} gains by chance", 1.0 / (1.0 - q)),
+        );
         ask(self.refits >= 1, "refits", "without a refit nothing can be named: at least 1".into());
-        ask(self.effects >= 1, "effects", "without an effect nothing can be named: at least 1".into());
+        ask(
+            self.effects >= 1,
+            "effects",
+            "without an effect nothing can be named: at least 1".into(),
+        );
         for (name, gain) in [("decisive", self.decisive), ("apart", self.apart)] {
-            ask(gain >= 0.0 && gain.is_finite(), name, format!("a gain in log-likelihood is not negative, but this is {gain}"));
+            ask(
+                gain >= 0.0 && gain.is_finite(),
+                name,
+                format!("a gain in log-likelihood is not negative, but this is {gain}"),
+            );
         }
         all
     }
@@ -117,7 +138,10 @@ mod tests {
             ..Settings::default()
         };
         let names: Vec<&str> = wrong.faults().iter().map(|f| f.0).collect();
-        assert_eq!(names, ["hold_every", "block_s", "surrogates", "refits", "effects", "decisive", "apart"]);
+        assert_eq!(
+            names,
+            ["hold_every", "block_s", "surrogates", "refits", "effects", "decisive", "apart"]
+        );
         assert_eq!(Settings { quantile: 1.0, ..Settings::default() }.faults().len(), 1);
     }
 }

@@ -1,4 +1,5 @@
-//! A model, maneuvers and which of them are held out, in; the same as one thing to be diagnosed, and why it cannot be, out.
+//! A model, maneuvers and which of them are held out, in; the same as one thing to be diagnosed,
+//! and why it cannot be, out.
 
 use super::effect;
 use super::settings::Settings;
@@ -29,7 +30,8 @@ pub struct Places {
 
 impl Places {
     pub fn of(prepared: &Prepared, held_out: &[bool]) -> Places {
-        let (held_out, training) = (0..prepared.used.len()).partition(|&at| held_out[prepared.used[at]]);
+        let (held_out, training) =
+            (0..prepared.used.len()).partition(|&at| held_out[prepared.used[at]]);
         Places { training, held_out }
     }
 }

@@ -90,9 +90,11 @@ fn campaign_at(pace: f64, truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
         let (dt, n, unit) = (0.02 / pace, 500, [0.35, 0.5, 0.7][s % 3]);
         let amplitude = [0.04, -0.06, 0.09, -0.03][s % 4];
         let speed = [80.0, 110.0][s % 2] * pace;
-        let inputs: Vec<f64> = (0..n).flat_map(|k| [steps(k as f64 * 0.02, unit, amplitude), speed]).collect();
+        let inputs: Vec<f64> =
+            (0..n).flat_map(|k| [steps(k as f64 * 0.02, unit, amplitude), speed]).collect();
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-        let channels = (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
+        let channels =
+            (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
         let mut record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
         let response = plan.respond(&truth.parameter_starts(), &[], &record, false);
         for (channel, y) in record.channels.iter_mut().zip(response.y) {
@@ -103,23 +105,49 @@ fn campaign_at(pace: f64, truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
                 v = rho * v + (1.0 - rho * rho).sqrt() * stream.normal();
             }
         }
-        Segment { record, labels: [("input".to_string(), "de".to_string())].into(), ..Segment::default() }
+        Segment {
+            record,
+            labels: [("input".to_string(), "de".to_string())].into(),
+            ..Segment::default()
+        }
     };
     (0..9).map(one).collect()
 }
 
 fn verdict(truth: &Model, seed: u64, rho: f64, settings: &Settings) -> Diagnosis {
-    judged(&model("", "", "alpha"), &campaign(truth, seed, rho), &estimate::Settings::default(), settings)
+    judged(
+        &model("", "", "alpha"),
+        &campaign(truth, seed, rho),
+        &estimate::Settings::default(),
+        settings,
+    )
 }
 
 /// The verdict on a model estimated by `method`.
-fn judged(base: &Model, segments: &[Segment], method: &estimate::Settings, settings: &Settings) -> Diagnosis {
+fn judged(
+    base: &Model,
+    segments: &[Segment],
+    method: &estimate::Settings,
+    settings: &Settings,
+) -> Diagnosis {
     let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
     let held = held_out(segments, &names, settings);
-    let subject = Subject { model: base, segments, held_out: &held.held_out, method, context: &Context::default(), settings };
-    let library: Vec<_> =
-        effect::load(&[]).expect("the library").into_iter().filter(|e| LIBRARY.contains(&e.name.as_str())).collect();
-    let offer = |model: &Model| Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()));
+    let subject = Subject {
+        model: base,
+        segments,
+        held_out: &held.held_out,
+        method,
+        context: &Context::default(),
+        settings,
+    };
+    let library: Vec<_> = effect::load(&[])
+        .expect("the library")
+        .into_iter()
+        .filter(|e| LIBRARY.contains(&e.name.as_str()))
+        .collect();
+    let offer = |model: &Model| {
+        Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()))
+    };
     diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -137,9 +165,20 @@ fn told(d: &Diagnosis) -> String {
                 j.why
             );
             if let Some(refit) = &j.refit {
-                let values: Vec<String> = refit.values.iter().map(|v| format!("{} {:.4}+-{:?}", v.name, v.value, v.sd)).collect();
-                let held: Vec<String> = refit.held_out.iter().map(|g| format!("{:.1}/{:.1}", g.realised, g.predicted)).collect();
-                text += &format!("\n    gain {:.1} {values:?} held {held:?} heterogeneity {:?}", refit.gain, refit.heterogeneity);
+                let values: Vec<String> = refit
+                    .values
+                    .iter()
+                    .map(|v| format!("{} {:.4}+-{:?}", v.name, v.value, v.sd))
+                    .collect();
+                let held: Vec<String> = refit
+                    .held_out
+                    .iter()
+                    .map(|g| format!("{:.1}/{:.1}", g.realised, g.predicted))
+                    .collect();
+                text += &format!(
+                    "\n    gain {:.1} {values:?} held {held:?} heterogeneity {:?}",
+                    refit.gain, refit.heterogeneity
+                );
             }
         }
     }
@@ -154,7 +193,12 @@ fn recovery_a_hidden_lag_is_named_with_its_size() {
     let p = "L = { unit = \"1/s^2\", start = 1.5 }\nr_H = { unit = \"m\", start = 16.0 }\n";
     let d = verdict(&model(p, "+ L*delay(de, r_H/V)", "alpha"), 1, 0.0, &Settings::default());
     println!("{}", told(&d));
-    assert_eq!((&d.verdict, d.added[0].effect.as_str()), (&Verdict::Named, "downwash-lag"), "{}", told(&d));
+    assert_eq!(
+        (&d.verdict, d.added[0].effect.as_str()),
+        (&Verdict::Named, "downwash-lag"),
+        "{}",
+        told(&d)
+    );
     let finding = d.findings[0];
     let refit = d.rounds[finding.round].judged[finding.added].refit.as_ref().expect("refitted");
     for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
@@ -162,13 +206,19 @@ fn recovery_a_hidden_lag_is_named_with_its_size() {
     }
 }
 
-/// Where the stability grows with airspeed and every maneuver is estimated apart, with lines fitted through the estimates or without, that is not missing; what is
-/// hidden besides is found, and is what it is.
+/// Where the stability grows with airspeed and every maneuver is estimated apart, with lines fitted
+/// through the estimates or without, that is not missing; what is hidden besides is found, and is
+/// what it is.
 #[test]
 fn recovery_what_differs_from_maneuver_to_maneuver_is_not_missing_and_hides_nothing() {
-    let stiffer = "k = { unit = \"1/(m s)\", start = -0.03 }\nV_0 = { unit = \"m/s\", start = 95.0 }\n";
+    let stiffer =
+        "k = { unit = \"1/(m s)\", start = -0.03 }\nV_0 = { unit = \"m/s\", start = 95.0 }\n";
     let lag = "L = { unit = \"1/s^2\", start = 1.5 }\nr_H = { unit = \"m\", start = 16.0 }\n";
-    let line = |name: &str| Fitted { parameter: name.to_string(), against: "V".into(), unit: "m/s".into() };
+    let line = |name: &str| Fitted {
+        parameter: name.to_string(),
+        against: "V".into(),
+        unit: "m/s".into(),
+    };
     let lines: Vec<Fitted> = ["Z_a", "Z_d", "M_a", "M_q", "M_d"].map(line).into();
     let of = |truth: &Model, lines: &[Fitted]| {
         let mut segments = campaign(truth, 11, 0.5);
@@ -178,7 +228,8 @@ fn recovery_what_differs_from_maneuver_to_maneuver_is_not_missing_and_hides_noth
         }
         let claim = Claim { apart: Some(estimate::SEGMENT.to_string()), lines: lines.to_vec() };
         let base = model("", "", "alpha");
-        let (method, _) = together(&base, &estimate::Settings::default(), &mut segments, &claim).unwrap_or_else(|e| panic!("{e}"));
+        let (method, _) = together(&base, &estimate::Settings::default(), &mut segments, &claim)
+            .unwrap_or_else(|e| panic!("{e}"));
         judged(&model("", "", "alpha"), &segments, &method, &Settings::default())
     };
     for lines in [&lines[..], &[]] {
@@ -186,13 +237,27 @@ fn recovery_what_differs_from_maneuver_to_maneuver_is_not_missing_and_hides_noth
         assert_eq!(d.verdict, Verdict::NothingMissing, "{}", told(&d));
         let both = format!("{stiffer}{lag}");
         let d = of(&model(&both, "+ k*(V - V_0)*alpha + L*delay(de, r_H/V)", "alpha"), lines);
-        assert_eq!((&d.verdict, d.added[0].effect.as_str()), (&Verdict::Named, "downwash-lag"), "{}", told(&d));
-        let refit = d.rounds[d.findings[0].round].judged[d.findings[0].added].refit.as_ref().expect("refitted");
+        assert_eq!(
+            (&d.verdict, d.added[0].effect.as_str()),
+            (&Verdict::Named, "downwash-lag"),
+            "{}",
+            told(&d)
+        );
+        let refit = d.rounds[d.findings[0].round].judged[d.findings[0].added]
+            .refit
+            .as_ref()
+            .expect("refitted");
         for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
             assert!((v.value - truth).abs() < 4.0 * v.sd.expect("sd"), "{v:?}");
         }
-        let (predicted, realised) = refit.held_out.iter().fold((0.0, 0.0), |sum, g| (sum.0 + g.predicted, sum.1 + g.realised));
-        assert!((realised - predicted).abs() < 4.0 * (2.0f64 * predicted).sqrt(), "{realised} of {predicted}");
+        let (predicted, realised) = refit
+            .held_out
+            .iter()
+            .fold((0.0, 0.0), |sum, g| (sum.0 + g.predicted, sum.1 + g.realised));
+        assert!(
+            (realised - predicted).abs() < 4.0 * (2.0f64 * predicted).sqrt(),
+            "{realised} of {predicted}"
+        );
     }
     // As one number it is something missing.
     let one = judged(
@@ -258,13 +323,22 @@ fn recovery_an_effect_that_no_candidate_resembles_is_located() {
 fn truth_an_aircraft_ten_times_as_fast_has_the_same_verdict() {
     // A structural mode in the vane, which no candidate resembles; and a downwash that is named.
     let lag = |pace: f64| {
-        format!("L = {{ unit = \"1/s^2\", start = {:?} }}\nr_H = {{ unit = \"m\", start = 16.0 }}\n", 1.5 * pace * pace)
+        format!(
+            "L = {{ unit = \"1/s^2\", start = {:?} }}\nr_H = {{ unit = \"m\", start = 16.0 }}\n",
+            1.5 * pace * pace
+        )
     };
     let all = |pace: f64| {
-        let truths = [ringing_vane(pace), text_at(pace, &lag(pace), "+ L*delay(de, r_H/V)", "alpha")];
+        let truths =
+            [ringing_vane(pace), text_at(pace, &lag(pace), "+ L*delay(de, r_H/V)", "alpha")];
         let base = parsed(&text_at(pace, "", "", "alpha"));
         truths.map(|truth| {
-            judged(&base, &campaign_at(pace, &parsed(&truth), 4, 0.5), &estimate::Settings::default(), &Settings::default())
+            judged(
+                &base,
+                &campaign_at(pace, &parsed(&truth), 4, 0.5),
+                &estimate::Settings::default(),
+                &Settings::default(),
+            )
         })
     };
     let (slow, fast) = (all(1.0), all(10.0));
@@ -281,8 +355,11 @@ fn truth_an_aircraft_ten_times_as_fast_has_the_same_verdict() {
         let named = |d: &Diagnosis| d.added.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
         assert_eq!(named(slow), named(fast), "{both}");
         // What responds to what; frequencies are named in rad/s.
-        let first =
-            |d: &Diagnosis| d.located.first().map(|l| (l.output.clone(), l.source.split(" at ").next().map(str::to_string)));
+        let first = |d: &Diagnosis| {
+            d.located
+                .first()
+                .map(|l| (l.output.clone(), l.source.split(" at ").next().map(str::to_string)))
+        };
         assert_eq!(first(slow), first(fast), "{both}");
     }
 }
@@ -290,7 +367,11 @@ fn truth_an_aircraft_ten_times_as_fast_has_the_same_verdict() {
 #[test]
 fn recovery_an_effect_that_comes_and_goes_is_located_by_what_is_new_at_each_instant() {
     let truth = text("w = { unit = \"1/s^2\", start = 1.5 }\n", "+ w*sin(2.3*t/sec)*de", "alpha");
-    let truth = parsed(&truth.replace("[parameters]", "[constants]\nsec = { unit = \"s\", value = 1.0 }\n[parameters]"));
+    let truth =
+        parsed(&truth.replace(
+            "[parameters]",
+            "[constants]\nsec = { unit = \"s\", value = 1.0 }\n[parameters]",
+        ));
     let d = verdict(&truth, 6, 0.97, &Settings::default());
     assert_eq!(d.verdict, Verdict::Located, "{}", told(&d));
     assert!(d.located[0].source.starts_with("de, coming and going"), "{}", told(&d));
@@ -307,12 +388,21 @@ fn truth_what_is_new_at_each_instant_is_foretold_by_chance_only_where_nothing_is
         let (method, settings) = (estimate::Settings::default(), Settings::default());
         let context = Context::default();
         let (segments, held_out) = (&segments[..], &held_out[..]);
-        let subject = Subject { model: &base, segments, held_out, method: &method, context: &context, settings: &settings };
+        let subject = Subject {
+            model: &base,
+            segments,
+            held_out,
+            method: &method,
+            context: &context,
+            settings: &settings,
+        };
         let stand = Stand::first(&base, &method, settings.base);
         let found = at_first(&stand, &subject).expect("settings").expect("a base");
         let (case, theta) = (found.case(), &found.fit.theta);
-        let sources = Sources::of(&case, &found.places.training, 0.01, true, &Thresholds::default());
-        let of = |s: usize| innovation::sums(&case, &found.noise, &sources, s, theta, sums::Size::Alike);
+        let sources =
+            Sources::of(&case, &found.places.training, 0.01, true, &Thresholds::default());
+        let of =
+            |s: usize| innovation::sums(&case, &found.noise, &sources, s, theta, sums::Size::Alike);
         for gram in sums::together(&case, &sources, &found.places.training, &of) {
             let Some((gain, b)) = sums::best(&gram, Thresholds::default().ridge) else { continue };
             let dof = b.len() as f64;
@@ -321,8 +411,14 @@ fn truth_what_is_new_at_each_instant_is_foretold_by_chance_only_where_nothing_is
             above += f64::from(2.0 * gain > crate::math::distribution::chi2_quantile(0.95, dof));
         }
     }
-    // Inputs that do not move say nothing; the others are chi-square, a little less because of what the fit absorbs.
-    assert!((0.8..1.1).contains(&(sum / all)) && (0.01..0.07).contains(&(above / all)), "{all} {} {}", sum / all, above / all);
+    // Inputs that do not move say nothing; the others are chi-square, a little less because of what
+    // the fit absorbs.
+    assert!(
+        (0.8..1.1).contains(&(sum / all)) && (0.01..0.07).contains(&(above / all)),
+        "{all} {} {}",
+        sum / all,
+        above / all
+    );
 }
 
 #[test]

@@ -1,21 +1,28 @@
-//! How a pipeline estimates its maneuvers (together, flight by flight, one by one; lines fitted through the estimates) in; one estimation over all
-//! of them that claims the same of every parameter, out.
+//! How a pipeline estimates its maneuvers (together, flight by flight, one by one; lines fitted
+//! through the estimates) in; one estimation over all of them that claims the same of every
+//! parameter, out.
 //!
-//! A model is judged as it is used. Effects are looked for over all maneuvers at once, because one that is missing is missing in all of them. But what a
-//! pipeline estimates anew in every maneuver is not one number: taken as one, it would be wrong in nearly all of them, and whatever varies as
+//! A model is judged as it is used. Effects are looked for over all maneuvers at once, because one
+//! that is missing is missing in all of them. But what a pipeline estimates anew in every maneuver
+//! is not one number: taken as one, it would be wrong in nearly all of them, and whatever varies as
 //! it does would pass for an effect.
 //!
-//! - *A line is fitted through the estimates* (`[[fit]]`): that line is what the user says of the parameter. It is `value + slope (x - centre)` in
-//!   every maneuver, `x` its condition (the mean of a signal before the maneuver), value and slope common to all. What held-out maneuvers are predicted with follows
-//!   from the training's line. Where there are several fits of one parameter the first one counts.
-//! - *No line*: one value per maneuver, or per flight. Those of a held-out maneuver are found there, with the effect and without it, as its initial
-//!   states and zero shifts are: what such a parameter can follow is no gain of either, and nothing of the effect itself is ever fitted to a maneuver that is held out. So
-//!   the difference of the two predictions still is what the effect predicts to gain, and no derivative has to be carried to where the pipeline carries none.
-//!   (Of a flight that has maneuvers in the training the training's values are taken.)
+//! - *A line is fitted through the estimates* (`[[fit]]`): that line is what the user says of the
+//!   parameter. It is `value + slope (x - centre)` in every maneuver, `x` its condition (the mean
+//!   of a signal before the maneuver), value and slope common to all. What held-out maneuvers are
+//!   predicted with follows from the training's line. Where there are several fits of one parameter
+//!   the first one counts.
+//! - *No line*: one value per maneuver, or per flight. Those of a held-out maneuver are found
+//!   there, with the effect and without it, as its initial states and zero shifts are: what such a
+//!   parameter can follow is no gain of either, and nothing of the effect itself is ever fitted to
+//!   a maneuver that is held out. So the difference of the two predictions still is what the effect
+//!   predicts to gain, and no derivative has to be carried to where the pipeline carries none. (Of
+//!   a flight that has maneuvers in the training the training's values are taken.)
 //! - *All together*: as it is.
 //!
-//! What an effect adds is one number for all maneuvers in every case; the amended model is the user's own with that effect, and is estimated as the pipeline
-//! does. Parameters that are held at predictions are held: nothing of this concerns them.
+//! What an effect adds is one number for all maneuvers in every case; the amended model is the
+//! user's own with that effect, and is estimated as the pipeline does. Parameters that are held at
+//! predictions are held: nothing of this concerns them.
 
 use crate::error::Errors;
 use crate::estimate::{Grouping, InitialFrom, Line, SEGMENT, Segment, Settings, extended};
@@ -25,7 +32,8 @@ use indexmap::IndexMap;
 /// How the estimates of a pipeline come about.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Claim {
-    /// What is estimated apart: "segment", or the column by which maneuvers are kept apart; none where all are estimated together.
+    /// What is estimated apart: "segment", or the column by which maneuvers are kept apart; none
+    /// where all are estimated together.
     pub apart: Option<String>,
     pub lines: Vec<Fitted>,
 }
@@ -39,15 +47,23 @@ pub struct Fitted {
     pub unit: String,
 }
 
-/// The method for all segments together, and in words what is not one number in it (nothing where all of them are estimated together, or there is
-/// one only); labels by which a parameter comes to differ are put on the segments.
+/// The method for all segments together, and in words what is not one number in it (nothing where
+/// all of them are estimated together, or there is one only); labels by which a parameter comes to
+/// differ are put on the segments.
 ///
 /// # Errors
 /// Shifts that the method asks for and the model cannot have.
-pub fn together(model: &Model, method: &Settings, segments: &mut [Segment], claim: &Claim) -> Result<(Settings, String), Errors> {
+pub fn together(
+    model: &Model,
+    method: &Settings,
+    segments: &mut [Segment],
+    claim: &Claim,
+) -> Result<(Settings, String), Errors> {
     let mut method = method.clone();
     let all: Vec<&Segment> = segments.iter().collect();
-    let Some(apart) = claim.apart.as_ref().filter(|apart| Grouping::by(apart, &all).values.len() > 1) else {
+    let Some(apart) =
+        claim.apart.as_ref().filter(|apart| Grouping::by(apart, &all).values.len() > 1)
+    else {
         return Ok((method, String::new()));
     };
     if apart == SEGMENT {
@@ -58,7 +74,8 @@ pub fn together(model: &Model, method: &Settings, segments: &mut [Segment], clai
     for parameter in &model.parameters {
         let name = &parameter.quantity.name;
         let scope = method.per.get(name).map_or(parameter.scope.clone(), |per| Scope::parse(per));
-        let line = claim.lines.iter().find(|line| line.parameter == *name).filter(|_| apart == SEGMENT);
+        let line =
+            claim.lines.iter().find(|line| line.parameter == *name).filter(|_| apart == SEGMENT);
         let per = match (line, scope) {
             (Some(fitted), _) => {
                 method.lines.extend(line_of(fitted, segments).map(|line| (name.clone(), line)));
@@ -77,7 +94,9 @@ pub fn together(model: &Model, method: &Settings, segments: &mut [Segment], clai
     }
     for segment in segments {
         for column in &columns {
-            if let (Some(a), Some(b)) = (segment.labels.get(apart).cloned(), segment.labels.get(column).cloned()) {
+            if let (Some(a), Some(b)) =
+                (segment.labels.get(apart).cloned(), segment.labels.get(column).cloned())
+            {
                 segment.labels.insert(both(apart, column), both(&a, &b));
             }
         }
@@ -91,9 +110,12 @@ fn both(one: &str, other: &str) -> String {
     format!("{one}, {other}")
 }
 
-/// The line, its centre in the middle of the maneuvers; none where all of them were flown at one condition.
+/// The line, its centre in the middle of the maneuvers; none where all of them were flown at one
+/// condition.
 fn line_of(fitted: &Fitted, segments: &[Segment]) -> Option<Line> {
-    let known = || segments.iter().filter_map(|s| s.conditions.get(&fitted.against)).filter(|x| x.is_finite());
+    let known = || {
+        segments.iter().filter_map(|s| s.conditions.get(&fitted.against)).filter(|x| x.is_finite())
+    };
     let centre = known().sum::<f64>() / known().count() as f64;
     let varies = known().any(|x| (x - centre).abs() > 1e-9 * centre.abs());
     varies.then(|| Line { against: fitted.against.clone(), unit: fitted.unit.clone(), centre })
@@ -102,7 +124,10 @@ fn line_of(fitted: &Fitted, segments: &[Segment]) -> Option<Line> {
 /// The lines and what differs, in words.
 fn words(method: &Settings, apart: &str) -> String {
     let mut groups: IndexMap<&str, Vec<&str>> = IndexMap::new();
-    method.lines.iter().for_each(|(name, line)| groups.entry(&line.against).or_default().push(name));
+    method
+        .lines
+        .iter()
+        .for_each(|(name, line)| groups.entry(&line.against).or_default().push(name));
     let group = |(against, names): (&str, Vec<&str>)| match &names[..] {
         [one] => format!("{one} is a line in {against}"),
         several => format!("{} are lines in {against}", several.join(", ")),
@@ -134,9 +159,13 @@ mod tests {
     }
 
     fn told(apart: Option<&str>, segments: &mut [Segment]) -> (Settings, String) {
-        let model = Model::parse("m", &format!("title = \"m\"\n{TEXT}"), &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+        let model = Model::parse("m", &format!("title = \"m\"\n{TEXT}"), &Constants::default())
+            .unwrap_or_else(|e| panic!("{e}"));
         let fitted = Fitted { parameter: "K".into(), against: "alpha".into(), unit: "rad".into() };
-        let method = Settings { per: [("M".to_string(), "campaign".to_string())].into(), ..Settings::default() };
+        let method = Settings {
+            per: [("M".to_string(), "campaign".to_string())].into(),
+            ..Settings::default()
+        };
         let claim = Claim { apart: apart.map(str::to_string), lines: vec![fitted] };
         together(&model, &method, segments, &claim).unwrap_or_else(|e| panic!("{e}"))
     }
@@ -145,17 +174,31 @@ mod tests {
     fn parameters_are_one_number_where_the_pipeline_has_one() {
         let mut all = segments();
         let (method, words) = told(None, &mut all);
-        assert!(method.lines.is_empty() && method.per.len() == 1 && words.is_empty() && all == segments());
+        assert!(
+            method.lines.is_empty()
+                && method.per.len() == 1
+                && words.is_empty()
+                && all == segments()
+        );
         let (method, words) = told(Some(SEGMENT), &mut all);
         let per = |method: &Settings, name: &str| method.per.get(name).cloned().unwrap_or_default();
-        assert_eq!([per(&method, "K"), per(&method, "L"), per(&method, "M")], ["campaign", "segment", "segment"]);
+        assert_eq!(
+            [per(&method, "K"), per(&method, "L"), per(&method, "M")],
+            ["campaign", "segment", "segment"]
+        );
         let line = &method.lines["K"];
         assert!(line.against == "alpha" && (line.centre - 0.03).abs() < 1e-12, "{line:?}");
         assert_eq!(words, "K is a line in alpha; what has no line has one value per maneuver");
         // Lines are fitted through estimates per maneuver.
         let (method, words) = told(Some("flight"), &mut all);
-        assert_eq!([per(&method, "K"), per(&method, "L"), per(&method, "M")], ["flight", "flight, flap", "flight"]);
-        assert!(method.lines.is_empty() && words == "parameters have one value per flight", "{words}");
+        assert_eq!(
+            [per(&method, "K"), per(&method, "L"), per(&method, "M")],
+            ["flight", "flight, flap", "flight"]
+        );
+        assert!(
+            method.lines.is_empty() && words == "parameters have one value per flight",
+            "{words}"
+        );
         assert_eq!(all[3].labels["flight, flap"], "f2, 15");
         // A single one is what it is.
         let (method, words) = told(Some(SEGMENT), &mut segments()[..1]);

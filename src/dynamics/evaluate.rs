@@ -1,4 +1,5 @@
-//! Programs with their registers: points of a trajectory in; what a model says there, one by one or side by side, out.
+//! Programs with their registers: points of a trajectory in; what a model says there, one by one or
+//! side by side, out.
 
 use super::plan::Compiled;
 use super::plan::Plan;
@@ -24,7 +25,13 @@ impl<'p> Single<'p> {
             file[plan.layout.parameter() + i] = [*p];
         }
         program.prepare(&mut file, &plan.tables);
-        Single { program, native: None, tables: &plan.tables, file, out: vec![0.0; program.outputs()] }
+        Single {
+            program,
+            native: None,
+            tables: &plan.tables,
+            file,
+            out: vec![0.0; program.outputs()],
+        }
     }
 
     /// Evaluates at `point` (states, inputs, input rates, delayed values, time).
@@ -38,13 +45,26 @@ impl<'p> Single<'p> {
         self.program.run(&mut self.file, self.tables);
     }
 
-    /// Runge-Kutta steps of a plain model: `rows` has four points per step, whose states are filled in; `x` goes from the first step's
-    /// start to the last one's end.
-    pub(super) fn march(&mut self, rows: &mut [f64], width: usize, h: f64, x: &mut [f64], sum: &mut [f64]) {
+    /// Runge-Kutta steps of a plain model: `rows` has four points per step, whose states are filled
+    /// in; `x` goes from the first step's start to the last one's end.
+    pub(super) fn march(
+        &mut self,
+        rows: &mut [f64],
+        width: usize,
+        h: f64,
+        x: &mut [f64],
+        sum: &mut [f64],
+    ) {
         if let Some(Compiled::Steps(native)) = self.native {
             let [a, b, c, d] = AHEAD.map(|ahead| ahead * h);
             let [p, q, r, s] = WEIGHT;
-            return native.march(&self.file, rows, x, &[p, a, q, b, r, c, s, d, h / 6.0], self.tables);
+            return native.march(
+                &self.file,
+                rows,
+                x,
+                &[p, a, q, b, r, c, s, d, h / 6.0],
+                self.tables,
+            );
         }
         let nx = x.len();
         for step in rows.chunks_exact_mut(4 * width) {
@@ -52,7 +72,8 @@ impl<'p> Single<'p> {
             for (stage, row) in step.chunks_exact_mut(width).enumerate() {
                 for i in 0..nx {
                     // the rates of the stage before are still there
-                    row[i] = if stage == 0 { x[i] } else { x[i] + AHEAD[stage - 1] * h * self.get(i) };
+                    row[i] =
+                        if stage == 0 { x[i] } else { x[i] + AHEAD[stage - 1] * h * self.get(i) };
                 }
                 for (slot, value) in self.file.iter_mut().zip(row.iter()) {
                     slot[0] = *value;
@@ -69,7 +90,11 @@ impl<'p> Single<'p> {
     }
 
     pub(super) fn get(&self, k: usize) -> f64 {
-        if let Some(Compiled::Points(_)) = self.native { self.out[k] } else { self.program.output(&self.file, k)[0] }
+        if let Some(Compiled::Points(_)) = self.native {
+            self.out[k]
+        } else {
+            self.program.output(&self.file, k)[0]
+        }
     }
 }
 
@@ -92,13 +117,22 @@ impl<'p> Many<'p> {
         }
         program.prepare(&mut file, &plan.tables);
         let width = plan.layout.time() + 1;
-        Many { program, tables: &plan.tables, file: Aligned::of_rows(&file), width, read: program.reads(width) }
+        Many {
+            program,
+            tables: &plan.tables,
+            file: Aligned::of_rows(&file),
+            width,
+            read: program.reads(width),
+        }
     }
 
-    /// Runs the program at the `LANES` points from `first` on (rows of `width`; fewer at the end), and hands out its registers.
+    /// Runs the program at the `LANES` points from `first` on (rows of `width`; fewer at the end),
+    /// and hands out its registers.
     pub(super) fn block(&mut self, points: &[f64], first: usize) -> &[[f64; LANES]] {
         let live = LANES.min(points.len() / self.width - first);
-        let rows: [&[f64]; LANES] = std::array::from_fn(|l| &points[(first + l.min(live - 1)) * self.width..][..self.width]);
+        let rows: [&[f64]; LANES] = std::array::from_fn(|l| {
+            &points[(first + l.min(live - 1)) * self.width..][..self.width]
+        });
         let file = self.file.rows::<LANES>();
         for &slot in &self.read {
             file[slot] = std::array::from_fn(|l| rows[l][slot]);

@@ -1,7 +1,8 @@
-//! Past values: of inputs from the grid (cubic convolution), of delayed states from their own history (cubic Hermite).
+//! Past values: of inputs from the grid (cubic convolution), of delayed states from their own
+//! history (cubic Hermite).
 
-/// Value and time derivative of grid column `column` at fractional grid position `at`; constant before the first and after the last
-/// point.
+/// Value and time derivative of grid column `column` at fractional grid position `at`; constant
+/// before the first and after the last point.
 pub fn input(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> (f64, f64) {
     let n = inputs.len() / stride.max(1);
     if n == 0 {
@@ -21,11 +22,13 @@ pub fn input(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> 
     let s = at - i as f64;
     let (a, b, c, d) = (u(i - 1), u(i), u(i + 1), u(i + 2));
     // Catmull-Rom: passes through the points, slope continuous
-    let (c1, c2, c3) = (0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d, 0.5 * (d - a) + 1.5 * (b - c));
+    let (c1, c2, c3) =
+        (0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d, 0.5 * (d - a) + 1.5 * (b - c));
     (b + s * (c1 + s * (c2 + s * c3)), (c1 + s * (2.0 * c2 + 3.0 * s * c3)) / dt)
 }
 
-/// How a past value is put together from the history: `value = w[0] x_i + w[1] x'_i + w[2] x_j + w[3] x'_j`, its slope with `slope`.
+/// How a past value is put together from the history:
+/// `value = w[0] x_i + w[1] x'_i + w[2] x_j + w[3] x'_j`, its slope with `slope`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Past {
     pub i: usize,
@@ -34,7 +37,8 @@ pub struct Past {
     pub slope: [f64; 4],
 }
 
-/// Locates time `t` in ascending step times. `slope_known`: whether the slope at the last entry has been computed already.
+/// Locates time `t` in ascending step times. `slope_known`: whether the slope at the last entry has
+/// been computed already.
 pub fn locate(times: &[f64], t: f64, slope_known: bool) -> Past {
     let last = times.len() - 1;
     let at_start = Past { i: 0, j: 0, w: [1.0, 0.0, 0.0, 0.0], slope: [0.0; 4] };
@@ -57,8 +61,14 @@ pub fn locate(times: &[f64], t: f64, slope_known: bool) -> Past {
         return Past { i, j, w, slope: [-2.0 * s / h, 1.0 - 2.0 * s, 2.0 * s / h, 0.0] };
     }
     let (s2, s3) = (s * s, s * s * s);
-    let w = [2.0 * s3 - 3.0 * s2 + 1.0, h * (s3 - 2.0 * s2 + s), -2.0 * s3 + 3.0 * s2, h * (s3 - s2)];
-    let slope = [(6.0 * s2 - 6.0 * s) / h, 3.0 * s2 - 4.0 * s + 1.0, (-6.0 * s2 + 6.0 * s) / h, 3.0 * s2 - 2.0 * s];
+    let w =
+        [2.0 * s3 - 3.0 * s2 + 1.0, h * (s3 - 2.0 * s2 + s), -2.0 * s3 + 3.0 * s2, h * (s3 - s2)];
+    let slope = [
+        (6.0 * s2 - 6.0 * s) / h,
+        3.0 * s2 - 4.0 * s + 1.0,
+        (-6.0 * s2 + 6.0 * s) / h,
+        3.0 * s2 - 2.0 * s,
+    ];
     Past { i, j, w, slope }
 }
 
@@ -80,8 +90,12 @@ mod tests {
     fn a_cubic_is_read_back_from_history() {
         let (f, g) = (|t: f64| t * t * t - t, |t: f64| 3.0 * t * t - 1.0);
         let times = [0.0, 0.2, 0.5, 0.6];
-        let value =
-            |p: Past, w: [f64; 4]| w[0] * f(times[p.i]) + w[1] * g(times[p.i]) + w[2] * f(times[p.j]) + w[3] * g(times[p.j]);
+        let value = |p: Past, w: [f64; 4]| {
+            w[0] * f(times[p.i])
+                + w[1] * g(times[p.i])
+                + w[2] * f(times[p.j])
+                + w[3] * g(times[p.j])
+        };
         let p = locate(&times, 0.33, true);
         assert!((value(p, p.w) - f(0.33)).abs() < 1e-12);
         assert!((value(p, p.slope) - g(0.33)).abs() < 1e-12);

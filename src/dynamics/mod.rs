@@ -2,30 +2,36 @@
 //!
 //! # How a trajectory and its sensitivities are computed
 //!
-//! 1. *Values*: classic Runge-Kutta of fourth order on the record's grid, with as many equal sub-steps as the fastest mode asks for
-//!    (`|lambda| h <= 0.5`, lambda from the compiled Jacobian). Inputs are linear between grid points (mid-step is the mean),
-//!    or cubic where the record says so.
-//!    Every stage's arguments are kept.
-//!    A plain model (no delays, no stops) is marched through a whole chunk at once, in machine code where that is worth making.
-//! 2. *Jacobians*: the non-zero entries of A = df/dx, B = df/dp and of the outputs' C, D at all stages of a chunk, evaluated over
-//!    lanes of sixteen points. No sequence here, so the lanes are always full.
-//! 3. *Sensitivities*: `S' = A S + B` through the same Runge-Kutta stages, so the result is the exact derivative of the computed
-//!    values, not an approximation of the derivative of the true ones. Lanes are directions. Of a plain model a kernel takes a block of
-//!    stages at once and leaves S at the grid points, for the outputs' kernel; of others both go point by point.
+//! 1. *Values*: classic Runge-Kutta of fourth order on the record's grid, with as many equal
+//!    sub-steps as the fastest mode asks for (`|lambda| h <= 0.5`, lambda from the compiled
+//!    Jacobian). Inputs are linear between grid points (mid-step is the mean), or cubic where the
+//!    record says so. Every stage's arguments are kept. A plain model (no delays, no stops) is
+//!    marched through a whole chunk at once, in machine code where that is worth making.
+//! 2. *Jacobians*: the non-zero entries of A = df/dx, B = df/dp and of the outputs' C, D at all
+//!    stages of a chunk, evaluated over lanes of sixteen points. No sequence here, so the lanes are
+//!    always full.
+//! 3. *Sensitivities*: `S' = A S + B` through the same Runge-Kutta stages, so the result is the
+//!    exact derivative of the computed values, not an approximation of the derivative of the true
+//!    ones. Lanes are directions. Of a plain model a kernel takes a block of stages at once and
+//!    leaves S at the grid points, for the outputs' kernel; of others both go point by point.
 //!
-//! A chunk of grid steps goes through 1 to 3 before the next one begins: the working set stays in cache, memory does not grow with the
-//! record (except for the outputs themselves, and the history of delayed states).
+//! A chunk of grid steps goes through 1 to 3 before the next one begins: the working set stays in
+//! cache, memory does not grow with the record (except for the outputs themselves, and the history
+//! of delayed states).
 //!
-//! Delayed inputs are read from the grid by cubic interpolation (smooth in the delay), delayed states from their own history by cubic
-//! Hermite interpolation; sensitivities of the history go along. Within an unfinished step (delay shorter than the step) the history
-//! is extrapolated along its slope.
+//! Delayed inputs are read from the grid by cubic interpolation (smooth in the delay), delayed
+//! states from their own history by cubic Hermite interpolation; sensitivities of the history go
+//! along. Within an unfinished step (delay shorter than the step) the history is extrapolated along
+//! its slope.
 //!
-//! A state with a stop is put on it wherever it would be beyond it: in the arguments of every stage, and at the end of every sub-step. Its
-//! sensitivity there is that of the stop. So values change continuously when contacts come and go with a parameter, and what other
-//! states see of it is never beyond the stop.
+//! A state with a stop is put on it wherever it would be beyond it: in the arguments of every
+//! stage, and at the end of every sub-step. Its sensitivity there is that of the stop. So values
+//! change continuously when contacts come and go with a parameter, and what other states see of it
+//! is never beyond the stop.
 //!
-//! Measured outputs keep their own time stamps: a prediction between grid points is the cubic through the four nearest grid values,
-//! a fixed linear map, so values and sensitivities stay exactly consistent; on a grid point it is the value itself.
+//! Measured outputs keep their own time stamps: a prediction between grid points is the cubic
+//! through the four nearest grid values, a fixed linear map, so values and sensitivities stay
+//! exactly consistent; on a grid point it is the value itself.
 
 mod evaluate;
 mod history;

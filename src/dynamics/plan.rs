@@ -1,4 +1,5 @@
-//! The compiled programs of one model for one choice of free directions, ready to run over any number of records.
+//! The compiled programs of one model for one choice of free directions, ready to run over any
+//! number of records.
 
 use super::rows::Rows;
 use crate::error::Result;
@@ -32,7 +33,17 @@ impl Directions {
 }
 
 /// How the rates of a model are evaluated. The results are the same to the bit.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Deserialize,
+    serde::Serialize,
+    schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Tier {
     /// Machine code where the work is worth making it.
@@ -101,8 +112,20 @@ impl Plan {
         let (lanes, nx) = (directions.lanes(), model.states.len());
         Ok(Plan {
             rate_rows: Rows::new(&linear.rates, &linear.rates_program, nx, nx, lanes),
-            output_rows: Rows::new(&linear.outputs, &linear.outputs_program, outputs.len(), nx, lanes),
-            delay_rows: Rows::new(&linear.delays, &linear.delays_program, model.delays.len(), nx, lanes),
+            output_rows: Rows::new(
+                &linear.outputs,
+                &linear.outputs_program,
+                outputs.len(),
+                nx,
+                lanes,
+            ),
+            delay_rows: Rows::new(
+                &linear.delays,
+                &linear.delays_program,
+                model.delays.len(),
+                nx,
+                lanes,
+            ),
             linear,
             native: None,
             layout: model.layout,
@@ -111,9 +134,13 @@ impl Plan {
             output_values: model.outputs_program(&outputs),
             delay_values: model.delays_program(),
             limits: model.limits_program(),
-            limited: (0..model.states.len()).filter(|&i| model.states[i].min.is_some() || model.states[i].max.is_some()).collect(),
+            limited: (0..model.states.len())
+                .filter(|&i| model.states[i].min.is_some() || model.states[i].max.is_some())
+                .collect(),
             delays: model.delays.clone(),
-            uses_input_rates: leaves.iter().any(|l| matches!(l, crate::model::graph::Leaf::InputRate(_))),
+            uses_input_rates: leaves
+                .iter()
+                .any(|l| matches!(l, crate::model::graph::Leaf::InputRate(_))),
             outputs,
             begin: begin.collect(),
             starts,
@@ -121,10 +148,11 @@ impl Plan {
         })
     }
 
-    /// Makes machine code of the rates if `tier` says so. `points`: grid points that one pass goes through.
+    /// Makes machine code of the rates if `tier` says so. `points`: grid points that one pass goes
+    /// through.
     pub fn compile(&mut self, tier: Tier, points: usize) {
-        // An operation costs the interpreter about 2 ns more than machine code, some 20 passes are usual; making code takes about 0.3 ms
-        // and 15 us per operation.
+        // An operation costs the interpreter about 2 ns more than machine code, some 20 passes are
+        // usual; making code takes about 0.3 ms and 15 us per operation.
         let operations = self.rates.operations() as f64;
         let worth = 20.0 * 4.0 * points as f64 * operations * 2e-9 > 0.3e-3 + 15e-6 * operations;
         if tier == Tier::Native || (tier == Tier::Auto && worth) {
@@ -142,7 +170,8 @@ impl Plan {
         self.delays.is_empty() && self.limited.is_empty()
     }
 
-    /// States that need a start value from outside: those that start "measured" and the free ones, ascending.
+    /// States that need a start value from outside: those that start "measured" and the free ones,
+    /// ascending.
     pub fn given(&self) -> &[usize] {
         &self.starts.given
     }

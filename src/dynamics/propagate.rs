@@ -1,4 +1,5 @@
-//! A plan and a record in; values, then Jacobians over lanes, then sensitivities, chunk by chunk (see the module's page), out.
+//! A plan and a record in; values, then Jacobians over lanes, then sensitivities, chunk by chunk
+//! (see the module's page), out.
 
 use super::evaluate::{Many, Single};
 use super::plan::Plan;
@@ -15,8 +16,15 @@ const CHUNK: usize = 32;
 /// Grid steps between two looks at the Jacobian where sub-steps are chosen along the way.
 const LOOK: usize = 64;
 
-/// Runs `record` from its start point to its end. The sensitivities stand apart, per output `[point][direction]`; empty unless asked for.
-pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> (Grid, Vec<Vec<f64>>) {
+/// Runs `record` from its start point to its end. The sensitivities stand apart, per output
+/// `[point][direction]`; empty unless asked for.
+pub fn run(
+    plan: &Plan,
+    parameters: &[f64],
+    given: &[f64],
+    record: &Record,
+    sensitivities: bool,
+) -> (Grid, Vec<Vec<f64>>) {
     let (nx, nu, ny) = (plan.layout.states, plan.layout.inputs, plan.outputs.len());
     let n = record.n.saturating_sub(record.start);
     let nd = plan.directions.len();
@@ -46,7 +54,9 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
         let end = (first + CHUNK).min(n);
         if record.substeps == 0 && first % LOOK == 0 {
             run.arguments(first, 0.0, &x, &mut look);
-            substeps = stiffness.get_or_insert_with(|| Stiffness::new(plan, parameters)).substeps(&look, record.dt);
+            substeps = stiffness
+                .get_or_insert_with(|| Stiffness::new(plan, parameters))
+                .substeps(&look, record.dt);
         }
         let lost = if substeps > MOST_SUBSTEPS {
             Some(first)
@@ -60,7 +70,9 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
         outputs.over(&chunk.points[..(good - first) * width], &mut grid.y[first * ny..good * ny]);
         let bad = match finite(&grid.y[first * ny..good * ny]) {
             true => None,
-            false => (first..good).find(|&k| grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite())),
+            false => {
+                (first..good).find(|&k| grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite()))
+            }
         };
         if let Some(k) = bad.or(lost) {
             grid.finite = false;
@@ -77,7 +89,8 @@ pub fn run(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record, sens
     (grid, tangent.rows)
 }
 
-/// Whether all numbers are finite: zero times each of them is zero then. Sixteen sums side by side, so that none waits for the other.
+/// Whether all numbers are finite: zero times each of them is zero then. Sixteen sums side by side,
+/// so that none waits for the other.
 fn finite(numbers: &[f64]) -> bool {
     let (blocks, rest) = numbers.as_chunks::<16>();
     let mut zeros = [0.0; 16];

@@ -1,4 +1,5 @@
-//! One stretch of flight as a model sees it: inputs on a uniform grid, measured outputs at their own times.
+//! One stretch of flight as a model sees it: inputs on a uniform grid, measured outputs at their
+//! own times.
 
 /// What was measured of one model output, at its own time stamps.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -12,13 +13,24 @@ pub struct Channel {
 }
 
 /// How inputs run between two grid points.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Deserialize,
+    serde::Serialize,
+    schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Interpolation {
     /// Straight: the value at mid-step is the mean of both ends.
     #[default]
     Linear,
-    /// A smooth cubic through the neighbours: better for measured signals that are smooth, wrong for steps.
+    /// A smooth cubic through the neighbours: better for measured signals that are smooth, wrong
+    /// for steps.
     Cubic,
 }
 
@@ -35,7 +47,8 @@ pub struct Record {
     pub inputs: Vec<f64>,
     /// The grid point where the states start; the points before it only feed delays (pre-roll).
     pub start: usize,
-    /// The channels scored, in the order of the model's outputs; outputs that are not measured are absent.
+    /// The channels scored, in the order of the model's outputs; outputs that are not measured are
+    /// absent.
     pub channels: Vec<Channel>,
     /// How inputs run between grid points.
     pub interpolation: Interpolation,
@@ -74,9 +87,15 @@ impl Record {
     pub fn sampling(&self) -> Vec<Sampling> {
         let n = self.n.saturating_sub(self.start);
         let of = |channel: &Channel| {
-            let weights: Vec<Option<Weights>> = channel.t.iter().map(|&t| self.weights(t)).collect();
-            let there = |(k, w): (usize, &Option<Weights>)| w.is_some_and(|w| w.len == 1 && w.first == k);
-            if weights.len() == n && weights.iter().enumerate().all(there) { Sampling::Grid } else { Sampling::Between(weights) }
+            let weights: Vec<Option<Weights>> =
+                channel.t.iter().map(|&t| self.weights(t)).collect();
+            let there =
+                |(k, w): (usize, &Option<Weights>)| w.is_some_and(|w| w.len == 1 && w.first == k);
+            if weights.len() == n && weights.iter().enumerate().all(there) {
+                Sampling::Grid
+            } else {
+                Sampling::Between(weights)
+            }
         };
         self.channels.iter().map(of).collect()
     }
@@ -101,7 +120,11 @@ impl Record {
         let s = at - first as f64;
         // Lagrange's cubic through points 0, 1, 2, 3
         let (a, b, c, d) = (s, s - 1.0, s - 2.0, s - 3.0);
-        Some(Weights { first, len: 4, w: [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0] })
+        Some(Weights {
+            first,
+            len: 4,
+            w: [-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0],
+        })
     }
 
     /// First finite measured value of an output.
@@ -120,7 +143,8 @@ mod tests {
         let f = |t: f64| 1.0 + t - 0.3 * t * t + 0.1 * t * t * t;
         for t in [3.5, 3.6, 3.75, 5.3, 10.9, 11.4, 11.5] {
             let w = record.weights(t).unwrap();
-            let value: f64 = (0..w.len).map(|k| w.w[k] * f(2.0 + 0.5 * (3 + w.first + k) as f64)).sum();
+            let value: f64 =
+                (0..w.len).map(|k| w.w[k] * f(2.0 + 0.5 * (3 + w.first + k) as f64)).sum();
             assert!((value - f(t)).abs() < 1e-9, "{t}");
         }
         assert!(record.weights(3.4).is_none());

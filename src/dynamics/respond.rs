@@ -1,4 +1,5 @@
-//! A plan and a record in; start values, trajectories and predictions at the samples of the record's channels out.
+//! A plan and a record in; start values, trajectories and predictions at the samples of the
+//! record's channels out.
 
 use super::plan::Plan;
 use super::propagate;
@@ -11,11 +12,17 @@ use crate::math::pool;
 use crate::model::Model;
 
 impl Plan {
-    /// Start values for the `given` states of one record: the first measured value, or what the model says.
+    /// Start values for the `given` states of one record: the first measured value, or what the
+    /// model says.
     ///
     /// # Errors
     /// A state starts "measured" and the record has no finite sample of its output.
-    pub fn first_values(&self, model: &Model, parameters: &[f64], record: &Record) -> Result<Vec<f64>> {
+    pub fn first_values(
+        &self,
+        model: &Model,
+        parameters: &[f64],
+        record: &Record,
+    ) -> Result<Vec<f64>> {
         self.first_values_of(model, parameters, record, record)
     }
 
@@ -23,7 +30,13 @@ impl Plan {
     ///
     /// # Errors
     /// As `first_values`.
-    pub fn first_values_of(&self, model: &Model, parameters: &[f64], record: &Record, first: &Record) -> Result<Vec<f64>> {
+    pub fn first_values_of(
+        &self,
+        model: &Model,
+        parameters: &[f64],
+        record: &Record,
+        first: &Record,
+    ) -> Result<Vec<f64>> {
         let mut values = Vec::with_capacity(self.begin.len());
         let free: Vec<usize> = Vec::new();
         let natural = model.starts(&[], &free)?;
@@ -47,24 +60,39 @@ impl Plan {
         Ok(values)
     }
 
-    /// Runs a record. `parameters`: all of the model's; `given`: start values of the `given()` states.
-    pub fn run(&self, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Grid {
+    /// Runs a record. `parameters`: all of the model's; `given`: start values of the `given()`
+    /// states.
+    pub fn run(
+        &self,
+        parameters: &[f64],
+        given: &[f64],
+        record: &Record,
+        sensitivities: bool,
+    ) -> Grid {
         let (mut grid, rows) = propagate::run(self, parameters, given, record, sensitivities);
         let nd = self.directions.len();
-        let point = |k: usize| rows.iter().flat_map(move |row| row[k * nd..(k + 1) * nd].iter().copied());
+        let point =
+            |k: usize| rows.iter().flat_map(move |row| row[k * nd..(k + 1) * nd].iter().copied());
         if sensitivities {
             grid.dy = (0..grid.n).flat_map(point).collect();
         }
         grid
     }
 
-    /// Integration steps per grid step that the model's Jacobian asks for at the start of a record (and at its inputs' extremes).
+    /// Integration steps per grid step that the model's Jacobian asks for at the start of a record
+    /// (and at its inputs' extremes).
     pub fn substeps(&self, parameters: &[f64], given: &[f64], record: &Record) -> usize {
         substeps::substeps(self, parameters, given, record)
     }
 
     /// Runs a record and reads the predictions at the samples of its channels.
-    pub fn respond(&self, parameters: &[f64], given: &[f64], record: &Record, sensitivities: bool) -> Response {
+    pub fn respond(
+        &self,
+        parameters: &[f64],
+        given: &[f64],
+        record: &Record,
+        sensitivities: bool,
+    ) -> Response {
         self.respond_at(parameters, given, record, &record.sampling(), sensitivities)
     }
 
@@ -91,7 +119,10 @@ impl Plan {
             match sampling {
                 Sampling::Grid => values.iter_mut().enumerate().for_each(|(k, v)| *v = y(k)),
                 Sampling::Between(weights) => {
-                    values.iter_mut().zip(weights).for_each(|(v, w)| *v = w.as_ref().map_or(f64::NAN, |w| w.value(y)));
+                    values
+                        .iter_mut()
+                        .zip(weights)
+                        .for_each(|(v, w)| *v = w.as_ref().map_or(f64::NAN, |w| w.value(y)));
                 }
             }
             out.y.push(values);
@@ -100,7 +131,10 @@ impl Plan {
                 out.dy.push(match sampling {
                     Sampling::Grid if again => rows[column].clone(),
                     Sampling::Grid => std::mem::take(&mut rows[column]),
-                    Sampling::Between(weights) => weights.iter().flat_map(|w| between(w.as_ref(), &rows[column], nd)).collect(),
+                    Sampling::Between(weights) => weights
+                        .iter()
+                        .flat_map(|w| between(w.as_ref(), &rows[column], nd))
+                        .collect(),
                 });
             }
         }

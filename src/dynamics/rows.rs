@@ -1,8 +1,10 @@
-//! Sparse Jacobians over lanes of directions: `J_x S + J_p + J_d D`, and with it Runge-Kutta steps of S, eight directions at a time.
+//! Sparse Jacobians over lanes of directions: `J_x S + J_p + J_d D`, and with it Runge-Kutta steps
+//! of S, eight directions at a time.
 //!
-//! The rows of S and, behind them, those of D (sensitivities of delayed values) stand in one list, so that a row of the result is one sum.
-//! Some vectors of directions go through all points of a call before the next ones begin: directions do not see each other, and
-//! their part of S stays in the nearest cache.
+//! The rows of S and, behind them, those of D (sensitivities of delayed values) stand in one list,
+//! so that a row of the result is one sum. Some vectors of directions go through all points of a
+//! call before the next ones begin: directions do not see each other, and their part of S stays in
+//! the nearest cache.
 
 use crate::math::simd::{Aligned, Eight, by_width};
 use crate::model::Program;
@@ -12,7 +14,8 @@ use std::ops::Range;
 /// Points of one evaluation side by side.
 pub(super) const LANES: usize = 16;
 
-/// One product of a row: where the entry of the Jacobian stands in a file of registers (`LANES` points each), and where the row that it multiplies.
+/// One product of a row: where the entry of the Jacobian stands in a file of registers (`LANES`
+/// points each), and where the row that it multiplies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Product {
     entry: u32,
@@ -37,8 +40,15 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// `program` computes the entries; `states`: rows of S; `lanes`: directions, padded to a multiple of eight.
-    pub fn new(sparse: &Sparse, program: &Program, rows: usize, states: usize, lanes: usize) -> Rows {
+    /// `program` computes the entries; `states`: rows of S; `lanes`: directions, padded to a
+    /// multiple of eight.
+    pub fn new(
+        sparse: &Sparse,
+        program: &Program,
+        rows: usize,
+        states: usize,
+        lanes: usize,
+    ) -> Rows {
         let mut out = Rows { rows, lanes, registers: program.file_len(), ..Default::default() };
         let place = |output: usize| (program.register(output) * LANES) as u32;
         for row in 0..rows {
@@ -73,7 +83,8 @@ impl Rows {
     }
 }
 
-/// The Jacobian at a block of points: the registers of its program run for them, and the direct parts that `Rows::spread` wrote.
+/// The Jacobian at a block of points: the registers of its program run for them, and the direct
+/// parts that `Rows::spread` wrote.
 #[derive(Clone, Copy)]
 pub struct Block<'a> {
     pub rows: &'a Rows,
@@ -91,7 +102,8 @@ impl Block<'_> {
     }
 }
 
-/// Calls `$of::<V, K>($v, ...)` for all vectors of lanes, `K` of them from lane `v` on at a time, so that sums do not wait for each other.
+/// Calls `$of::<V, K>($v, ...)` for all vectors of lanes, `K` of them from lane `v` on at a time,
+/// so that sums do not wait for each other.
 macro_rules! each_chunk {
     ($lanes:expr, $v:ident, $of:ident, $($a:expr),*) => {{
         let mut $v = 0;
@@ -113,7 +125,8 @@ macro_rules! each_chunk {
 /// A row of the result at one point: the sum that begins with its direct part.
 ///
 /// # Safety
-/// The machine has the width; `products` are some of `block`'s, which fits; from `source` on as many numbers can be read as they reach.
+/// The machine has the width; `products` are some of `block`'s, which fits; from `source` on as
+/// many numbers can be read as they reach.
 #[inline(always)]
 unsafe fn row_of<V: Eight, const K: usize>(
     values: *const f64,
@@ -125,7 +138,8 @@ unsafe fn row_of<V: Eight, const K: usize>(
     unsafe {
         let mut sum: [V; K] = std::array::from_fn(|i| V::load(direct.add(8 * i)));
         for p in products {
-            let (x, source) = (V::splat(*values.add(p.entry as usize)), source.add(p.source as usize));
+            let (x, source) =
+                (V::splat(*values.add(p.entry as usize)), source.add(p.source as usize));
             for (i, sum) in sum.iter_mut().enumerate() {
                 *sum = x.fma(V::load(source.add(8 * i)), *sum);
             }
@@ -135,7 +149,8 @@ unsafe fn row_of<V: Eight, const K: usize>(
 }
 
 by_width! {
-    /// `out = J_x s + J_p + J_d delayed` at one point of a block, rows of lanes; `s`: rows of S, then of D.
+    /// `out = J_x s + J_p + J_d delayed` at one point of a block, rows of lanes; `s`: rows of S,
+    /// then of D.
     ///
     /// # Safety
     /// The machine has the width.
@@ -144,21 +159,35 @@ by_width! {
 
 #[inline(always)]
 unsafe fn product_body<V: Eight>(block: Block, point: usize, s: &[f64], out: &mut [f64]) {
-    assert!(block.fits(&(point..point + 1)) && s.len() >= block.rows.reach && out.len() >= block.rows.size());
+    assert!(
+        block.fits(&(point..point + 1))
+            && s.len() >= block.rows.reach
+            && out.len() >= block.rows.size()
+    );
     // SAFETY: the sizes were just checked.
-    unsafe { each_chunk!(block.rows.lanes, v, product_chunk, &block, point, s.as_ptr(), out.as_mut_ptr()) }
+    unsafe {
+        each_chunk!(block.rows.lanes, v, product_chunk, &block, point, s.as_ptr(), out.as_mut_ptr())
+    }
 }
 
 /// # Safety
 /// As `product_body`, sizes checked.
 #[inline(always)]
-unsafe fn product_chunk<V: Eight, const K: usize>(v: usize, block: &Block, point: usize, s: *const f64, out: *mut f64) {
+unsafe fn product_chunk<V: Eight, const K: usize>(
+    v: usize,
+    block: &Block,
+    point: usize,
+    s: *const f64,
+    out: *mut f64,
+) {
     let rows = block.rows;
     let mut from = 0;
     // SAFETY: the caller's promises.
     unsafe {
-        let (values, direct) =
-            (block.registers.as_ptr().cast::<f64>().add(point), block.direct.as_ptr().add(point * rows.size() + v));
+        let (values, direct) = (
+            block.registers.as_ptr().cast::<f64>().add(point),
+            block.direct.as_ptr().add(point * rows.size() + v),
+        );
         for (row, &end) in rows.ends.iter().enumerate() {
             let products = rows.products.get_unchecked(from..end as usize);
             let sum = row_of::<V, K>(values, direct.add(row * rows.lanes), products, s.add(v));
@@ -182,7 +211,8 @@ pub struct Append<'a> {
 }
 
 by_width! {
-    /// The rows at some points of a block, each with its own S and D, which stand `stride` numbers apart.
+    /// The rows at some points of a block, each with its own S and D, which stand `stride` numbers
+    /// apart.
     ///
     /// # Safety
     /// The machine has the width.
@@ -190,13 +220,21 @@ by_width! {
 }
 
 #[inline(always)]
-unsafe fn append_body<V: Eight>(block: Block, points: Range<usize>, s: &[f64], stride: usize, mut to: Append) {
+unsafe fn append_body<V: Eight>(
+    block: Block,
+    points: Range<usize>,
+    s: &[f64],
+    stride: usize,
+    mut to: Append,
+) {
     let (rows, n) = (block.rows, points.len());
     assert!(block.fits(&points) && to.lists.len() == rows.rows && to.directions <= rows.lanes);
     assert!(n == 0 || s.len() >= (n - 1) * stride + rows.reach);
     assert!(to.lists.iter().all(|list| list.len() >= (to.k + n) * to.directions));
     // SAFETY: the sizes were just checked.
-    unsafe { each_chunk!(rows.lanes, v, append_chunk, &block, &points, s.as_ptr(), stride, &mut to) }
+    unsafe {
+        each_chunk!(rows.lanes, v, append_chunk, &block, &points, s.as_ptr(), stride, &mut to)
+    }
 }
 
 /// # Safety
@@ -212,7 +250,8 @@ unsafe fn append_chunk<V: Eight, const K: usize>(
 ) {
     let rows = block.rows;
     let mut from = 0;
-    // SAFETY: the caller's promises; of a last vector only the directions that are there are written.
+    // SAFETY: the caller's promises; of a last vector only the directions that are there are
+    // written.
     unsafe {
         let zero = V::splat(0.0);
         let mut zeros = [zero; K];
@@ -226,7 +265,10 @@ unsafe fn append_chunk<V: Eight, const K: usize>(
                 let sum = row_of::<V, K>(values, direct, products, s.add(k * stride + v));
                 for (i, sum) in sum.into_iter().enumerate() {
                     zeros[i] = zero.fma(sum, zeros[i]);
-                    let (to, left) = (list.add(k * to.directions + 8 * i), to.directions.saturating_sub(v + 8 * i));
+                    let (to, left) = (
+                        list.add(k * to.directions + 8 * i),
+                        to.directions.saturating_sub(v + 8 * i),
+                    );
                     if left >= 8 { sum.store(to) } else { sum.store_first(to, left) }
                 }
             }
@@ -236,22 +278,25 @@ unsafe fn append_chunk<V: Eight, const K: usize>(
     }
 }
 
-/// Runge-Kutta steps of S: `k = J_x S + J_p + J_d D`, `sum += weight k`, next `S = s + ahead k`; the last stage `s += ahead (sum + k)`.
+/// Runge-Kutta steps of S: `k = J_x S + J_p + J_d D`, `sum += weight k`, next `S = s + ahead k`;
+/// the last stage `s += ahead (sum + k)`.
 pub struct Steps<'a> {
     /// S at the start of a step; after its last stage at its end.
     pub s: &'a mut [f64],
     /// The weighed sum of rates.
     pub sum: &'a mut [f64],
-    /// S and D at the stages: the first stage reads `between[1]` (or `s`, see `plain`) and writes `between[0]`, the second reads that and
-    /// writes `between[1]`, and so on.
+    /// S and D at the stages: the first stage reads `between[1]` (or `s`, see `plain`) and writes
+    /// `between[0]`, the second reads that and writes `between[1]`, and so on.
     pub between: [&'a mut [f64]; 2],
     /// The rates themselves, where somebody wants them.
     pub k: Option<&'a mut [f64]>,
-    /// Per stage its weight, and how far its rates lead to the next stage (after the last one: what the sum is multiplied by).
+    /// Per stage its weight, and how far its rates lead to the next stage (after the last one: what
+    /// the sum is multiplied by).
     pub weights: [[f64; 2]; 4],
     /// Whether the first stage is simply the start of the step.
     pub plain: bool,
-    /// Where S at the start of every `every`th step of the call is kept, `[step][rows of S]`; none if it is zero.
+    /// Where S at the start of every `every`th step of the call is kept, `[step][rows of S]`; none
+    /// if it is zero.
     pub kept: &'a mut [f64],
     pub every: usize,
     /// Steps since the last one that was kept.
@@ -259,7 +304,8 @@ pub struct Steps<'a> {
 }
 
 by_width! {
-    /// Takes S through some stages of a block, each the one of its step that its number modulo four tells.
+    /// Takes S through some stages of a block, each the one of its step that its number modulo four
+    /// tells.
     ///
     /// # Safety
     /// The machine has the width.
@@ -270,7 +316,10 @@ by_width! {
 unsafe fn steps_body<V: Eight>(block: Block, stages: Range<usize>, job: &mut Steps) {
     let (size, reach) = (block.rows.size(), block.rows.reach);
     assert!(block.fits(&stages) && job.s.len() >= size && job.sum.len() >= size);
-    assert!(job.k.as_ref().is_none_or(|k| k.len() >= size) && job.between.iter().all(|b| b.len() >= size.max(reach)));
+    assert!(
+        job.k.as_ref().is_none_or(|k| k.len() >= size)
+            && job.between.iter().all(|b| b.len() >= size.max(reach))
+    );
     assert!(!job.plain || job.s.len() >= reach);
     let started = stages.clone().filter(|n| n % 4 == 0).count();
     if job.every > 0 {
@@ -284,7 +333,12 @@ unsafe fn steps_body<V: Eight>(block: Block, stages: Range<usize>, job: &mut Ste
 /// # Safety
 /// As `steps_body`, sizes checked.
 #[inline(always)]
-unsafe fn steps_chunk<V: Eight, const K: usize>(v: usize, block: &Block, stages: &Range<usize>, job: &mut Steps) {
+unsafe fn steps_chunk<V: Eight, const K: usize>(
+    v: usize,
+    block: &Block,
+    stages: &Range<usize>,
+    job: &mut Steps,
+) {
     let size = block.rows.size();
     let (mut phase, mut kept) = (job.phase, job.kept.as_mut_ptr());
     // SAFETY: the caller's promises.
@@ -310,7 +364,12 @@ unsafe fn steps_chunk<V: Eight, const K: usize>(v: usize, block: &Block, stages:
 /// # Safety
 /// The machine has the width; both have the size of `rows`.
 #[inline(always)]
-unsafe fn copy_rows<V: Eight, const K: usize>(v: usize, rows: &Rows, from: *const f64, to: *mut f64) {
+unsafe fn copy_rows<V: Eight, const K: usize>(
+    v: usize,
+    rows: &Rows,
+    from: *const f64,
+    to: *mut f64,
+) {
     for row in 0..rows.rows {
         for i in 0..K {
             let at = row * rows.lanes + v + 8 * i;
@@ -323,7 +382,12 @@ unsafe fn copy_rows<V: Eight, const K: usize>(v: usize, rows: &Rows, from: *cons
 /// # Safety
 /// As `steps_body`, sizes checked; `N` is `n % 4`.
 #[inline(always)]
-unsafe fn stage<V: Eight, const K: usize, const N: usize>(v: usize, block: &Block, n: usize, job: &mut Steps) {
+unsafe fn stage<V: Eight, const K: usize, const N: usize>(
+    v: usize,
+    block: &Block,
+    n: usize,
+    job: &mut Steps,
+) {
     let rows = block.rows;
     let [a, b] = [job.between[0].as_mut_ptr(), job.between[1].as_mut_ptr()];
     let (s, sum) = (job.s.as_mut_ptr(), job.sum.as_mut_ptr());
@@ -333,7 +397,10 @@ unsafe fn stage<V: Eight, const K: usize, const N: usize>(v: usize, block: &Bloc
     // SAFETY: the caller's promises.
     unsafe {
         let (weight, ahead) = (V::splat(job.weights[N][0]), V::splat(job.weights[N][1]));
-        let (values, direct) = (block.registers.as_ptr().cast::<f64>().add(n), block.direct.as_ptr().add(n * rows.size() + v));
+        let (values, direct) = (
+            block.registers.as_ptr().cast::<f64>().add(n),
+            block.direct.as_ptr().add(n * rows.size() + v),
+        );
         for (row, &end) in rows.ends.iter().enumerate() {
             let products = rows.products.get_unchecked(first..end as usize);
             first = end as usize;

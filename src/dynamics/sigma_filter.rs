@@ -1,20 +1,31 @@
-//! A recorded input in; its values without small movements out (sigma filter), with their derivatives.
+//! A recorded input in; its values without small movements out (sigma filter), with their
+//! derivatives.
 //!
-//! Lee, J.-S.: Digital image smoothing and the sigma filter. Computer Vision, Graphics and Image Processing 24 (1983): the mean of those
-//! neighbours that agree with the present value. A step stays a step, noise about a level goes, and what is slow against the window stays.
-//! Here neighbours fade out, so that the result is smooth in both of its parameters: `a = 1 - (s/T)^2` with their distance `s` in time,
-//! Tukey's `b = (1 - (d/w)^2)^2` with their difference `d`. The present value's own noise draws such a mean towards itself (by a sixth of that noise
-//! where `w` is five times its sd), so the differences of a second pass are those of what the first one gave.
+//! Lee, J.-S.: Digital image smoothing and the sigma filter. Computer Vision, Graphics and Image
+//! Processing 24 (1983): the mean of those neighbours that agree with the present value. A step
+//! stays a step, noise about a level goes, and what is slow against the window stays. Here
+//! neighbours fade out, so that the result is smooth in both of its parameters: `a = 1 - (s/T)^2`
+//! with their distance `s` in time, Tukey's `b = (1 - (d/w)^2)^2` with their difference `d`. The
+//! present value's own noise draws such a mean towards itself (by a sixth of that noise where `w`
+//! is five times its sd), so the differences of a second pass are those of what the first one gave.
 
 use crate::model::{Delay, Delayed};
 
-/// What the filter gives at every grid point of one input, and its derivatives with respect to `T` (per s) and `w`.
+/// What the filter gives at every grid point of one input, and its derivatives with respect to `T`
+/// (per s) and `w`.
 pub struct Smooth(Vec<[f64; 3]>);
 
 impl Smooth {
-    /// Of grid column `column` with `stride` columns and `dt` s between points: over `reach` s before and after, for differences below `within`
-    /// (in the input's unit). The input as it is where either is not positive.
-    pub fn new(inputs: &[f64], (stride, column): (usize, usize), dt: f64, reach: f64, within: f64) -> Smooth {
+    /// Of grid column `column` with `stride` columns and `dt` s between points: over `reach` s
+    /// before and after, for differences below `within` (in the input's unit). The input as it is
+    /// where either is not positive.
+    pub fn new(
+        inputs: &[f64],
+        (stride, column): (usize, usize),
+        dt: f64,
+        reach: f64,
+        within: f64,
+    ) -> Smooth {
         let u: Vec<f64> = inputs.iter().skip(column).step_by(stride.max(1)).copied().collect();
         if reach.is_nan() || within.is_nan() {
             return Smooth(vec![[f64::NAN; 3]; u.len()]);
@@ -23,7 +34,11 @@ impl Smooth {
             return Smooth(u.into_iter().map(|u| [u, 0.0, 0.0]).collect());
         }
         let far = (reach / dt).min(u.len() as f64) as usize;
-        let pass = |from: &[[f64; 3]]| (0..u.len()).map(|i| at(&u, from, i, far, dt / reach, [reach, within])).collect::<Vec<_>>();
+        let pass = |from: &[[f64; 3]]| {
+            (0..u.len())
+                .map(|i| at(&u, from, i, far, dt / reach, [reach, within]))
+                .collect::<Vec<_>>()
+        };
         let first: Vec<[f64; 3]> = u.iter().map(|u| [*u, 0.0, 0.0]).collect();
         Smooth(pass(&pass(&first)))
     }
@@ -33,14 +48,22 @@ impl Smooth {
         let last = self.0.len().saturating_sub(1);
         let inside = at.clamp(0.0, last as f64);
         let (i, part) = (inside.floor() as usize, inside - inside.floor());
-        let [Some(a), Some(b)] = [i, i + 1].map(|i| self.0.get(i.min(last))) else { return [f64::NAN; 3] };
+        let [Some(a), Some(b)] = [i, i + 1].map(|i| self.0.get(i.min(last))) else {
+            return [f64::NAN; 3];
+        };
         std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
     }
 }
 
-/// For each delay of a model that is a `smooth()`: the filter of its input, with the values that `tau` tells of the delays. `inputs`: the grid
-/// of a record, `stride` in a row, `dt` s apart.
-pub fn smoothed(delays: &[Delay], inputs: &[f64], stride: usize, dt: f64, tau: impl Fn(usize) -> f64) -> Vec<Option<Smooth>> {
+/// For each delay of a model that is a `smooth()`: the filter of its input, with the values that
+/// `tau` tells of the delays. `inputs`: the grid of a record, `stride` in a row, `dt` s apart.
+pub fn smoothed(
+    delays: &[Delay],
+    inputs: &[f64],
+    stride: usize,
+    dt: f64,
+    tau: impl Fn(usize) -> f64,
+) -> Vec<Option<Smooth>> {
     let one = |(k, delay): (usize, &Delay)| match delay.of {
         Delayed::Smooth(j) => Some(Smooth::new(inputs, (stride, j), dt, tau(k), tau(k + 1))),
         _ => None,
@@ -48,19 +71,30 @@ pub fn smoothed(delays: &[Delay], inputs: &[f64], stride: usize, dt: f64, tau: i
     delays.iter().enumerate().map(one).collect()
 }
 
-/// The filter at point `i`: of points up to `far` away, which are `step` apart as a share of `reach`; `by` tells their differences.
-fn at(u: &[f64], by: &[[f64; 3]], i: usize, far: usize, step: f64, [reach, within]: [f64; 2]) -> [f64; 3] {
+/// The filter at point `i`: of points up to `far` away, which are `step` apart as a share of
+/// `reach`; `by` tells their differences.
+fn at(
+    u: &[f64],
+    by: &[[f64; 3]],
+    i: usize,
+    far: usize,
+    step: f64,
+    [reach, within]: [f64; 2],
+) -> [f64; 3] {
     let from = i.saturating_sub(far);
     let near = from..(i + far + 1).min(u.len());
-    // Sums of weights and of weights times values: of the filter, of its derivatives by reach and by width.
+    // Sums of weights and of weights times values: of the filter, of its derivatives by reach and
+    // by width.
     let (mut sum, mut first) = ([0.0; 3], [0.0; 3]);
     for j in near {
         let s = (j as f64 - i as f64) * step;
         let r = (by[j][0] - by[i][0]) / within;
         if r.abs() < 1.0 {
             let (a, b) = (1.0 - s * s, 1.0 - r * r);
-            let change = |k: usize, own: f64| -4.0 * a * b * r * ((by[j][k] - by[i][k]) / within - own);
-            let weights = [a * b * b, 2.0 * s * s / reach * b * b + change(1, 0.0), change(2, r / within)];
+            let change =
+                |k: usize, own: f64| -4.0 * a * b * r * ((by[j][k] - by[i][k]) / within - own);
+            let weights =
+                [a * b * b, 2.0 * s * s / reach * b * b + change(1, 0.0), change(2, r / within)];
             for (k, weight) in weights.into_iter().enumerate() {
                 sum[k] += weight;
                 first[k] += weight * (u[j] - u[i]);
@@ -89,7 +123,9 @@ mod tests {
     fn noise_about_a_level_goes_and_a_step_stays() {
         let u = step(400);
         let smooth = Smooth::new(&u, (1, 0), 0.02, 1.0, 0.1);
-        let worst = (0..400).map(|k| (smooth.at(k as f64)[0] - if k < 200 { 0.0 } else { 1.0 }).abs()).fold(0.0, f64::max);
+        let worst = (0..400)
+            .map(|k| (smooth.at(k as f64)[0] - if k < 200 { 0.0 } else { 1.0 }).abs())
+            .fold(0.0, f64::max);
         assert!(worst < 0.01, "{worst}: one sd of the noise, which has passed 2.5 of them");
         assert_eq!(smooth.at(-3.0), smooth.at(0.0));
         assert_eq!(Smooth::new(&u, (1, 0), 0.02, 0.0, 0.1).at(7.0)[0], u[7]);
@@ -108,7 +144,10 @@ mod tests {
         for (reach, within) in [(0.37, 0.05), (0.83, 0.021), (0.51, 3.0)] {
             let exact = of(reach, within);
             let h = 1e-6;
-            let by = [[of(reach + h, within), of(reach - h, within)], [of(reach, within + h), of(reach, within - h)]];
+            let by = [
+                [of(reach + h, within), of(reach - h, within)],
+                [of(reach, within + h), of(reach, within - h)],
+            ];
             for k in 0..119 {
                 let at = f64::from(k) + 0.3;
                 for (i, [high, low]) in by.iter().enumerate() {

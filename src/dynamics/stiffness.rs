@@ -1,4 +1,5 @@
-//! How fast the fastest mode is: the spectral radius of the compiled Jacobian at a point, and the sub-steps it asks for.
+//! How fast the fastest mode is: the spectral radius of the compiled Jacobian at a point, and the
+//! sub-steps it asks for.
 
 use super::evaluate::Many;
 use super::plan::Plan;
@@ -13,10 +14,15 @@ pub struct Stiffness<'p> {
 impl<'p> Stiffness<'p> {
     pub fn new(plan: &'p Plan, parameters: &[f64]) -> Self {
         let program = &plan.linear.rates_program;
-        Stiffness { plan, jacobian: Many::new(program, plan, parameters), entries: vec![0.0; program.outputs()] }
+        Stiffness {
+            plan,
+            jacobian: Many::new(program, plan, parameters),
+            entries: vec![0.0; program.outputs()],
+        }
     }
 
-    /// Sub-steps per grid step `dt` so that |lambda| h stays below the limit; more than the most allowed if it cannot.
+    /// Sub-steps per grid step `dt` so that |lambda| h stays below the limit; more than the most
+    /// allowed if it cannot.
     pub fn substeps(&mut self, point: &[f64], dt: f64) -> usize {
         let nx = self.plan.layout.states;
         self.jacobian.over(point, &mut self.entries);
@@ -29,7 +35,8 @@ impl<'p> Stiffness<'p> {
     }
 }
 
-/// Spectral radius by Gelfand's formula, |A^k|^(1/k), with k = 1024 by repeated squaring (scaled, so nothing overflows).
+/// Spectral radius by Gelfand's formula, |A^k|^(1/k), with k = 1024 by repeated squaring (scaled,
+/// so nothing overflows).
 pub fn spectral_radius(a: &[f64], n: usize) -> f64 {
     let mut power = a.to_vec();
     let mut log_scale = 0.0;

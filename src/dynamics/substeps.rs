@@ -1,4 +1,5 @@
-//! A plan and a record in; the integration steps per grid step that the model asks for along it, out.
+//! A plan and a record in; the integration steps per grid step that the model asks for along it,
+//! out.
 
 use super::Record;
 use super::evaluate::Single;
@@ -9,9 +10,10 @@ use super::tableau::MOST_SUBSTEPS;
 use super::values::Run;
 use crate::model::Delayed;
 
-/// Integration steps per grid step: the largest that the Jacobian asks for at the start state over inputs along the record, and where each of them is
-/// at its extremes: what is stiff only where an input has passed a threshold (the end of a play) shows there. A threshold between two states does
-/// not.
+/// Integration steps per grid step: the largest that the Jacobian asks for at the start state over
+/// inputs along the record, and where each of them is at its extremes: what is stiff only where an
+/// input has passed a threshold (the end of a play) shows there. A threshold between two states
+/// does not.
 pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record) -> usize {
     let n = record.n.saturating_sub(record.start);
     if n == 0 || record.inputs.len() < record.n * plan.layout.inputs {
@@ -36,7 +38,8 @@ pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record)
     most.min(MOST_SUBSTEPS)
 }
 
-/// Grid points after the start: five along the record, and those with the least and the most of every input; each once.
+/// Grid points after the start: five along the record, and those with the least and the most of
+/// every input; each once.
 fn looks(plan: &Plan, record: &Record) -> Vec<usize> {
     let (n, nu) = (record.n - record.start, plan.layout.inputs);
     let mut looks: Vec<usize> = (0..5).map(|i| i * (n - 1) / 4).collect();
@@ -55,7 +58,8 @@ mod tests {
     use crate::dynamics::{Directions, Plan, Record};
     use crate::model::{Constants, Model};
 
-    /// A surface with play: nothing pushes it until the input has taken the play up, and then within 10 ms.
+    /// A surface with play: nothing pushes it until the input has taken the play up, and then
+    /// within 10 ms.
     const PLAY: &str = r#"title = "play"
 [inputs]
 de = "rad"
@@ -71,14 +75,25 @@ z = { unit = "rad", value = "z" }
 
     #[test]
     fn what_is_stiff_beyond_a_threshold_only_is_found_wherever_the_input_passes_it() {
-        let model = Model::parse("play", PLAY, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+        let model =
+            Model::parse("play", PLAY, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
         let plan = Plan::new(&model, Directions::default()).expect("a plan");
         // Between the points that are looked at along the record.
-        let inputs: Vec<f64> = (0..400).map(|k| if (130..150).contains(&k) { 0.05 } else { 0.0 }).collect();
+        let inputs: Vec<f64> =
+            (0..400).map(|k| if (130..150).contains(&k) { 0.05 } else { 0.0 }).collect();
         let record = Record { dt: 0.04, n: 400, inputs, ..Record::default() };
         let steps = plan.substeps(&model.parameter_starts(), &[], &record);
-        assert!((8..=9).contains(&steps), "a rate of 100 1/s over 0.04 s, half of one in a step: {steps}");
-        let grid = plan.run(&model.parameter_starts(), &[], &Record { substeps: steps, ..record }, false);
-        assert!((grid.y[149] - 0.03).abs() < 1e-6 && (grid.y[399] - 0.02).abs() < 1e-6, "{} {}", grid.y[149], grid.y[399]);
+        assert!(
+            (8..=9).contains(&steps),
+            "a rate of 100 1/s over 0.04 s, half of one in a step: {steps}"
+        );
+        let grid =
+            plan.run(&model.parameter_starts(), &[], &Record { substeps: steps, ..record }, false);
+        assert!(
+            (grid.y[149] - 0.03).abs() < 1e-6 && (grid.y[399] - 0.02).abs() < 1e-6,
+            "{} {}",
+            grid.y[149],
+            grid.y[399]
+        );
     }
 }

@@ -19,7 +19,8 @@ pub struct Tangent<'p> {
     point_delays: Jacobian<'p>,
     /// Directions, padded.
     lanes: usize,
-    /// Sensitivities of the states `[state][lanes]`, behind them those of the delayed values at a grid point.
+    /// Sensitivities of the states `[state][lanes]`, behind them those of the delayed values at a
+    /// grid point.
     s: Aligned,
     /// Sensitivities of the limits `[state][min, max][lanes]`.
     limits: Vec<f64>,
@@ -62,7 +63,8 @@ impl<'p> Jacobian<'p> {
     }
 }
 
-/// Sensitivities within a step: at its stages those of the states, behind them those of the delayed values.
+/// Sensitivities within a step: at its stages those of the states, behind them those of the delayed
+/// values.
 struct Work {
     between: [Aligned; 2],
     k: Aligned,
@@ -117,7 +119,12 @@ impl<'p> Tangent<'p> {
             done: 0,
             s_history: Vec::new(),
             k_history: Vec::new(),
-            work: Work { between: [zeros(both), zeros(both)], k: zeros(nx), sum: zeros(nx), kept: Aligned::default() },
+            work: Work {
+                between: [zeros(both), zeros(both)],
+                k: zeros(nx),
+                sum: zeros(nx),
+                kept: Aligned::default(),
+            },
             zeros: [0.0; 8],
         }
     }
@@ -129,7 +136,9 @@ impl<'p> Tangent<'p> {
 
     /// Takes the sensitivities through a chunk whose values are done.
     pub fn advance(&mut self, run: &Run, chunk: &Chunk) {
-        for jacobian in [&mut self.rates, &mut self.outputs, &mut self.delays, &mut self.point_delays] {
+        for jacobian in
+            [&mut self.rates, &mut self.outputs, &mut self.delays, &mut self.point_delays]
+        {
             jacobian.block = None;
         }
         if self.plan.plain() {
@@ -142,7 +151,8 @@ impl<'p> Tangent<'p> {
     /// A chunk of a plain model, a block of stages at a time.
     fn march(&mut self, run: &Run, chunk: &Chunk) {
         let size = self.plan.layout.states * self.lanes;
-        let (points, whole) = (chunk.points.len() / (self.plan.layout.time() + 1), chunk.substeps.len());
+        let (points, whole) =
+            (chunk.points.len() / (self.plan.layout.time() + 1), chunk.substeps.len());
         let m = chunk.substeps.first().copied().unwrap_or(1);
         let Work { between: [a, b], sum, kept, .. } = &mut self.work;
         kept.resize(points * size);
@@ -168,9 +178,23 @@ impl<'p> Tangent<'p> {
         }
         for first in (0..points).step_by(LANES) {
             let n = LANES.min(points - first);
-            let to = Append { lists: &mut self.rows, directions: self.plan.directions.len(), k: self.done, zeros: &mut self.zeros };
+            let to = Append {
+                lists: &mut self.rows,
+                directions: self.plan.directions.len(),
+                k: self.done,
+                zeros: &mut self.zeros,
+            };
             // SAFETY: as above.
-            unsafe { append(self.width, self.outputs.at(&chunk.points, first), 0..n, &kept[first * size..], size, to) };
+            unsafe {
+                append(
+                    self.width,
+                    self.outputs.at(&chunk.points, first),
+                    0..n,
+                    &kept[first * size..],
+                    size,
+                    to,
+                )
+            };
             self.done += n;
         }
     }
@@ -178,7 +202,8 @@ impl<'p> Tangent<'p> {
     /// A chunk of any model, stage by stage.
     fn walk(&mut self, run: &Run, chunk: &Chunk) {
         let plan = self.plan;
-        let (delays, limited, history) = (plan.delays.len(), plan.limited.len(), run.keeps_history());
+        let (delays, limited, history) =
+            (plan.delays.len(), plan.limited.len(), run.keeps_history());
         let points = chunk.points.len() / (plan.layout.time() + 1);
         let (mut stage, mut substep) = (0, 0);
         for point in 0..points {
@@ -188,12 +213,34 @@ impl<'p> Tangent<'p> {
             if delays > 0 {
                 let pasts = &chunk.point_pasts[point * delays..(point + 1) * delays];
                 let past = [&self.s_history, &self.k_history];
-                delayed(plan, self.width, run, pasts, (self.point_delays.at(&chunk.points, point), point), &mut self.s, past);
+                delayed(
+                    plan,
+                    self.width,
+                    run,
+                    pasts,
+                    (self.point_delays.at(&chunk.points, point), point),
+                    &mut self.s,
+                    past,
+                );
             }
-            let to = Append { lists: &mut self.rows, directions: plan.directions.len(), k: self.done, zeros: &mut self.zeros };
+            let to = Append {
+                lists: &mut self.rows,
+                directions: plan.directions.len(),
+                k: self.done,
+                zeros: &mut self.zeros,
+            };
             let at = point % LANES;
             // SAFETY: the width is this machine's.
-            unsafe { append(self.width, self.outputs.at(&chunk.points, point), at..at + 1, &self.s, 0, to) };
+            unsafe {
+                append(
+                    self.width,
+                    self.outputs.at(&chunk.points, point),
+                    at..at + 1,
+                    &self.s,
+                    0,
+                    to,
+                )
+            };
             self.done += 1;
             let Some(&m) = chunk.substeps.get(point) else { continue };
             let weights = weights(run.record.dt / m as f64);
@@ -214,9 +261,19 @@ impl<'p> Tangent<'p> {
         }
     }
 
-    /// Stage `at` of a chunk's `stages`, and after the last one of a step the step. `pasts`: how its delayed values were read.
-    fn stage(&mut self, run: &Run, stages: &[f64], at: usize, clipped: &[u8], pasts: &[Past], weights: [[f64; 2]; 4]) {
-        let (number, history, size) = (at % 4, !self.s_history.is_empty(), self.plan.layout.states * self.lanes);
+    /// Stage `at` of a chunk's `stages`, and after the last one of a step the step. `pasts`: how
+    /// its delayed values were read.
+    fn stage(
+        &mut self,
+        run: &Run,
+        stages: &[f64],
+        at: usize,
+        clipped: &[u8],
+        pasts: &[Past],
+        weights: [[f64; 2]; 4],
+    ) {
+        let (number, history, size) =
+            (at % 4, !self.s_history.is_empty(), self.plan.layout.states * self.lanes);
         let Work { between: [a, b], sum, k, .. } = &mut self.work;
         if number == 0 {
             b[..size].copy_from_slice(&self.s[..size]);
@@ -225,12 +282,32 @@ impl<'p> Tangent<'p> {
         put_on_stops(self.plan, &self.limits, self.lanes, clipped, from);
         if !pasts.is_empty() {
             let lists = [&self.s_history, &self.k_history];
-            delayed(self.plan, self.width, run, pasts, (self.delays.at(stages, at), at), from, lists);
+            delayed(
+                self.plan,
+                self.width,
+                run,
+                pasts,
+                (self.delays.at(stages, at), at),
+                from,
+                lists,
+            );
         }
         let k = history.then_some(&mut **k);
-        let mut job = Steps { s: &mut self.s, sum, between: [a, b], k, weights, plain: false, kept: &mut [], every: 0, phase: 0 };
+        let mut job = Steps {
+            s: &mut self.s,
+            sum,
+            between: [a, b],
+            k,
+            weights,
+            plain: false,
+            kept: &mut [],
+            every: 0,
+            phase: 0,
+        };
         // SAFETY: the width is this machine's.
-        unsafe { steps(self.width, self.rates.at(stages, at), at % LANES..at % LANES + 1, &mut job) };
+        unsafe {
+            steps(self.width, self.rates.at(stages, at), at % LANES..at % LANES + 1, &mut job)
+        };
         if number == 0 && history {
             let end = self.k_history.len();
             self.k_history[end - size..].copy_from_slice(&self.work.k);
@@ -260,8 +337,9 @@ fn weights(h: f64) -> [[f64; 2]; 4] {
     std::array::from_fn(|i| [WEIGHT[i], if i < 3 { AHEAD[i] * h } else { h / 6.0 }])
 }
 
-/// Sensitivities of the delayed values, behind those of the states in `s`: dX(t - tau) = S(t - tau) - X'(t - tau) dtau. `taus`: the Jacobian
-/// of the delay times, and the point; `history`: sensitivities of the states and of their rates at the remembered times.
+/// Sensitivities of the delayed values, behind those of the states in `s`: dX(t - tau) = S(t - tau)
+/// - X'(t - tau) dtau. `taus`: the Jacobian of the delay times, and the point; `history`:
+/// sensitivities of the states and of their rates at the remembered times.
 fn delayed(
     plan: &Plan,
     width: Width,
@@ -282,7 +360,9 @@ fn delayed(
             Delayed::Input(_) => past.slope[0],
             Delayed::Smooth(_) => {
                 // d smooth = by_reach dT + by_width dw; the row of w stands behind that of T.
-                row.iter_mut().zip(&next[..lanes]).for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
+                row.iter_mut()
+                    .zip(&next[..lanes])
+                    .for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
                 continue;
             }
             Delayed::Within(_) => 0.0,

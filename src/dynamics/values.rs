@@ -1,4 +1,5 @@
-//! Runge-Kutta through a chunk of a record: states in; values, and what the later passes need of every stage, out.
+//! Runge-Kutta through a chunk of a record: states in; values, and what the later passes need of
+//! every stage, out.
 
 use super::evaluate::Single;
 use super::history::{self, Past};
@@ -30,14 +31,29 @@ pub(super) struct Run<'p> {
 }
 
 impl<'p> Run<'p> {
-    pub(super) fn new(plan: &'p Plan, record: &'p Record, bounds: Vec<f64>, taus: &mut Single) -> Self {
+    pub(super) fn new(
+        plan: &'p Plan,
+        record: &'p Record,
+        bounds: Vec<f64>,
+        taus: &mut Single,
+    ) -> Self {
         let smooth = if plan.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
             taus.at(&[]); // their parameters are the same all along a record
-            smoothed(&plan.delays, &record.inputs[..record.n * plan.layout.inputs], plan.layout.inputs, record.dt, |k| taus.get(k))
+            smoothed(
+                &plan.delays,
+                &record.inputs[..record.n * plan.layout.inputs],
+                plan.layout.inputs,
+                record.dt,
+                |k| taus.get(k),
+            )
         } else {
             Vec::new()
         };
-        let slopes = if plan.uses_input_rates { input_slopes(record, plan.layout.inputs) } else { Vec::new() };
+        let slopes = if plan.uses_input_rates {
+            input_slopes(record, plan.layout.inputs)
+        } else {
+            Vec::new()
+        };
         let (times, x_history, f_history, stage, sum) = Default::default();
         Run { plan, record, slopes, smooth, bounds, times, x_history, f_history, stage, sum }
     }
@@ -57,8 +73,8 @@ pub(super) struct Chunk {
     pub(super) substeps: Vec<usize>,
     /// Per sub-step and limited state: 0 free, 1 held at its minimum, 2 at its maximum.
     pub(super) held: Vec<u8>,
-    /// Per stage and limited state, likewise: its stage value was put on its minimum or maximum. Of a first stage: 3 where it rests on
-    /// a stop, so that the slope of its history is zero.
+    /// Per stage and limited state, likewise: its stage value was put on its minimum or maximum. Of
+    /// a first stage: 3 where it rests on a stop, so that the slope of its history is zero.
     pub(super) clipped: Vec<u8>,
 }
 
@@ -84,14 +100,16 @@ fn input_slopes(record: &Record, nu: usize) -> Vec<f64> {
             continue;
         }
         for j in 0..nu {
-            out[k * nu + j] = (record.inputs[b * nu + j] - record.inputs[a * nu + j]) / ((b - a) as f64 * record.dt);
+            out[k * nu + j] = (record.inputs[b * nu + j] - record.inputs[a * nu + j])
+                / ((b - a) as f64 * record.dt);
         }
     }
     out
 }
 
 impl Run<'_> {
-    /// Fills states, inputs, input rates and time of the point at grid step k (from the start point) and fraction c.
+    /// Fills states, inputs, input rates and time of the point at grid step k (from the start
+    /// point) and fraction c.
     pub(super) fn arguments(&self, k: usize, c: f64, x: &[f64], point: &mut [f64]) {
         let (l, nu) = (&self.plan.layout, self.plan.layout.inputs);
         point[..l.states].copy_from_slice(x);
@@ -115,7 +133,13 @@ impl Run<'_> {
     }
 
     /// Fills the delayed values of a point and says how the states among them were read.
-    fn delayed(&self, point: &mut [f64], taus: &mut Single, slope_known: bool, pasts: &mut Vec<Past>) {
+    fn delayed(
+        &self,
+        point: &mut [f64],
+        taus: &mut Single,
+        slope_known: bool,
+        pasts: &mut Vec<Past>,
+    ) {
         let (plan, l, record) = (self.plan, &self.plan.layout, self.record);
         if plan.delays.is_empty() {
             return;
@@ -128,13 +152,20 @@ impl Run<'_> {
             point[l.delayed() + k] = match delay.of {
                 Delayed::Input(j) => {
                     let at = t / record.dt + record.start as f64;
-                    let (value, slope) = history::input(&record.inputs[..record.n * l.inputs], l.inputs, j, record.dt, at);
+                    let (value, slope) = history::input(
+                        &record.inputs[..record.n * l.inputs],
+                        l.inputs,
+                        j,
+                        record.dt,
+                        at,
+                    );
                     past.slope[0] = slope;
                     value
                 }
                 Delayed::Smooth(_) => {
                     let at = now / record.dt + record.start as f64;
-                    let [value, by_reach, by_width] = self.smooth[k].as_ref().map_or([f64::NAN; 3], |smooth| smooth.at(at));
+                    let [value, by_reach, by_width] =
+                        self.smooth[k].as_ref().map_or([f64::NAN; 3], |smooth| smooth.at(at));
                     past.slope = [by_reach, by_width, 0.0, 0.0];
                     value
                 }
@@ -148,7 +179,8 @@ impl Run<'_> {
         }
     }
 
-    /// The grid points of a chunk and the steps between them, one by one: the point where the states were lost, if they were.
+    /// The grid points of a chunk and the steps between them, one by one: the point where the
+    /// states were lost, if they were.
     pub(super) fn walk(
         &mut self,
         points: std::ops::Range<usize>,
@@ -204,7 +236,8 @@ impl Run<'_> {
         at.or_else(|| x.iter().any(|v| !v.is_finite()).then_some(points.end).filter(|&end| end < n))
     }
 
-    /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps in each.
+    /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps
+    /// in each.
     fn lay_out(&self, first: usize, m: usize, rows: &mut [f64]) {
         let (l, record) = (&self.plan.layout, self.record);
         let (nu, width) = (l.inputs, l.time() + 1);
@@ -212,7 +245,12 @@ impl Run<'_> {
             let nothing = vec![0.0; l.states];
             for (i, row) in rows.chunks_exact_mut(width).enumerate() {
                 let (step, stage) = (i / 4, i % 4);
-                self.arguments(first + step / m, ((step % m) as f64 + OFFSET[stage]) / m as f64, &nothing, row);
+                self.arguments(
+                    first + step / m,
+                    ((step % m) as f64 + OFFSET[stage]) / m as f64,
+                    &nothing,
+                    row,
+                );
             }
             return;
         }
@@ -237,7 +275,10 @@ impl Run<'_> {
     pub(super) fn past_value(&self, state: usize, p: &Past, w: &[f64; 4]) -> f64 {
         let nx = self.plan.layout.states;
         let (i, j) = (p.i * nx + state, p.j * nx + state);
-        w[0] * self.x_history[i] + w[1] * self.f_history[i] + w[2] * self.x_history[j] + w[3] * self.f_history[j]
+        w[0] * self.x_history[i]
+            + w[1] * self.f_history[i]
+            + w[2] * self.x_history[j]
+            + w[3] * self.f_history[j]
     }
 
     pub(super) fn keeps_history(&self) -> bool {
@@ -272,7 +313,14 @@ impl Run<'_> {
     }
 
     /// Sub-step `s` of `m` in grid step `k`: the classic fourth-order method.
-    fn step(&mut self, (k, s, m): (usize, usize, usize), x: &mut [f64], rates: &mut Single, taus: &mut Single, chunk: &mut Chunk) {
+    fn step(
+        &mut self,
+        (k, s, m): (usize, usize, usize),
+        x: &mut [f64],
+        rates: &mut Single,
+        taus: &mut Single,
+        chunk: &mut Chunk,
+    ) {
         let nx = x.len();
         let width = self.plan.layout.time() + 1;
         let h = self.record.dt / m as f64;
@@ -325,7 +373,8 @@ impl Run<'_> {
         }
     }
 
-    /// Notes which states rest on a stop at the start of a sub-step: their history has no slope there.
+    /// Notes which states rest on a stop at the start of a sub-step: their history has no slope
+    /// there.
     fn rests(&mut self, x: &[f64], rates: &Single, chunk: &mut Chunk) {
         let nx = x.len();
         for &i in &self.plan.limited {

@@ -1,15 +1,19 @@
-//! A solved case and the sd of the constants that its model assumes in; how far each constant moves each estimate, out.
+//! A solved case and the sd of the constants that its model assumes in; how far each constant moves
+//! each estimate, out.
 //!
-//! The estimate is where the gradient `G' R^-1 e` (with the priors') vanishes. A constant `c` that differs by `dc` changes the residuals
-//! by `-G_c dc`, with `G_c` the sensitivity of the outputs to it, and so, to first order in the residuals (as in Gauss-Newton),
+//! The estimate is where the gradient `G' R^-1 e` (with the priors') vanishes. A constant `c` that
+//! differs by `dc` changes the residuals by `-G_c dc`, with `G_c` the sensitivity of the outputs to
+//! it, and so, to first order in the residuals (as in Gauss-Newton),
 //!
 //! ```text
 //! d theta / dc = -M^-1 G' R^-1 G_c
 //! ```
 //!
-//! with the estimation's own `M` (priors included) and rows of parameters held on a bound empty. Maybeck (1979), sec. 4.11 (Schmidt's
-//! "consider" parameters), is the same for filters. Constants become shared parameters of the opened model (`Model::opened`), so that one
-//! pass yields `G` and `G_c` together, and the formula is the solution of the normal equations with the constant's step prescribed as 1.
+//! with the estimation's own `M` (priors included) and rows of parameters held on a bound empty.
+//! Maybeck (1979), sec. 4.11 (Schmidt's "consider" parameters), is the same for filters. Constants
+//! become shared parameters of the opened model (`Model::opened`), so that one pass yields `G` and
+//! `G_c` together, and the formula is the solution of the normal equations with the constant's step
+//! prescribed as 1.
 
 use super::case::{Case, plan};
 use super::choice::Chosen;
@@ -25,12 +29,14 @@ use crate::model::{Assumed, Model, Scope, StartKind};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Influence {
     pub constant: Assumed,
-    /// `d theta / dc` in the order of the parameter vector, unit of the parameter over that of the constant.
+    /// `d theta / dc` in the order of the parameter vector, unit of the parameter over that of the
+    /// constant.
     pub slopes: Vec<f64>,
 }
 
-/// The influences of all constants with an sd that reach an output; empty unless the estimation converged. `base` is the model as it was
-/// read, `case` that with the settings' extensions; `given` as for the case.
+/// The influences of all constants with an sd that reach an output; empty unless the estimation
+/// converged. `base` is the model as it was read, `case` that with the settings' extensions;
+/// `given` as for the case.
 ///
 /// # Errors
 /// None that compiling and extending the model itself would not have found.
@@ -42,8 +48,12 @@ pub fn influences(
     solution: &Solution,
     settings: &Settings,
 ) -> Result<Vec<Influence>, Errors> {
-    // Where parameters follow lines nobody asks for a budget: the estimates that a campaign tells of are one by one.
-    if solution.fit.stop != Stop::Converged || !case.chosen.lines.is_empty() || base.constants.iter().all(|c| !(c.sd > 0.0)) {
+    // Where parameters follow lines nobody asks for a budget: the estimates that a campaign tells
+    // of are one by one.
+    if solution.fit.stop != Stop::Converged
+        || !case.chosen.lines.is_empty()
+        || base.constants.iter().all(|c| !(c.sd > 0.0))
+    {
         return Ok(Vec::new());
     }
     let opened = base.opened()?;
@@ -53,14 +63,17 @@ pub fn influences(
     let wider = widened(case, &opened, &constants);
     let owned: Vec<Segment> = segments.iter().map(|s| (*s).clone()).collect();
     let plan = plan(&opened, &wider, &owned)?;
-    let opened_case = Case::new(&opened, &wider, &plan, segments, given, settings).with_steps_of(case);
+    let opened_case =
+        Case::new(&opened, &wider, &plan, segments, given, settings).with_steps_of(case);
     Ok(slopes(&opened, &constants, &opened_case, case, solution).unwrap_or_default())
 }
 
-/// The case's choice for the opened model, whose parameters have other indices, with the constants as further shared parameters.
+/// The case's choice for the opened model, whose parameters have other indices, with the constants
+/// as further shared parameters.
 fn widened(case: &Case, opened: &Model, constants: &[usize]) -> Chosen {
     let (model, chosen) = (case.model, case.chosen);
-    let there: Vec<usize> = model.parameters.iter().filter_map(|p| opened.parameter(&p.quantity.name)).collect();
+    let there: Vec<usize> =
+        model.parameters.iter().filter_map(|p| opened.parameter(&p.quantity.name)).collect();
     let moved = |of: &[usize]| of.iter().map(|&p| there[p]).collect::<Vec<usize>>();
     let mut parameters = opened.parameter_starts();
     let mut scopes = vec![Scope::Campaign; parameters.len()];
@@ -69,13 +82,22 @@ fn widened(case: &Case, opened: &Model, constants: &[usize]) -> Chosen {
         scopes[to] = chosen.scopes[p].clone();
     }
     let shared = [moved(&chosen.shared), constants.to_vec()].concat();
-    Chosen { shared, own: moved(&chosen.own), initial: chosen.initial.clone(), parameters, scopes, lines: Vec::new() }
+    Chosen {
+        shared,
+        own: moved(&chosen.own),
+        initial: chosen.initial.clone(),
+        parameters,
+        scopes,
+        lines: Vec::new(),
+    }
 }
 
 /// Indices of the opened constants that the chosen outputs, or what they follow from, depend on.
 fn reaching(opened: &Model, behind: std::ops::Range<usize>, outputs: &[usize]) -> Vec<usize> {
-    let start = |kind: StartKind| if let StartKind::Expression(node) = kind { Some(node) } else { None };
-    let mut nodes: Vec<_> = outputs.iter().filter_map(|&o| opened.output_nodes.get(o)).copied().collect();
+    let start =
+        |kind: StartKind| if let StartKind::Expression(node) = kind { Some(node) } else { None };
+    let mut nodes: Vec<_> =
+        outputs.iter().filter_map(|&o| opened.output_nodes.get(o)).copied().collect();
     nodes.extend(&opened.rates);
     nodes.extend(opened.delays.iter().map(|d| d.tau));
     nodes.extend(opened.states.iter().flat_map(|s| [start(s.start), s.min, s.max]).flatten());
@@ -83,13 +105,20 @@ fn reaching(opened: &Model, behind: std::ops::Range<usize>, outputs: &[usize]) -
     behind.filter(|&p| leaves.contains(&crate::model::graph::Leaf::Parameter(p))).collect()
 }
 
-fn slopes(opened: &Model, constants: &[usize], wide: &Case, case: &Case, solution: &Solution) -> Option<Vec<Influence>> {
+fn slopes(
+    opened: &Model,
+    constants: &[usize],
+    wide: &Case,
+    case: &Case,
+    solution: &Solution,
+) -> Option<Vec<Influence>> {
     let (nc, k) = (case.layout.shared, constants.len());
     let theta = &solution.fit.theta;
     let mut at: Vec<f64> = theta[..nc].to_vec();
     at.extend(constants.iter().map(|&p| opened.parameters[p].start));
     at.extend(&theta[nc..]);
-    let evaluate = |s: usize, local: &[f64], sensitivities: bool| wide.evaluate(s, local, sensitivities);
+    let evaluate =
+        |s: usize, local: &[f64], sensitivities: bool| wide.evaluate(s, local, sensitivities);
     let matrix = normal_matrix(&wide.layout, &evaluate, &at)?;
     let shifted = |i: usize| if i < nc { i } else { i + k };
     let mut all = Vec::with_capacity(k);
@@ -104,7 +133,11 @@ fn slopes(opened: &Model, constants: &[usize], wide: &Case, case: &Case, solutio
         }
         let step = matrix.factor().ok()?.solve(&rhs);
         let slopes: Vec<f64> = (0..theta.len()).map(|i| step[shifted(i)]).collect();
-        let constant = opened.constants.iter().find(|c| c.quantity.name == opened.parameters[p].quantity.name)?.clone();
+        let constant = opened
+            .constants
+            .iter()
+            .find(|c| c.quantity.name == opened.parameters[p].quantity.name)?
+            .clone();
         if slopes.iter().any(|s| *s != 0.0) {
             all.push(Influence { constant, slopes });
         }

@@ -1,4 +1,5 @@
-//! A model and the segments used in; the least-squares problem over them, its layout and its solution, out.
+//! A model and the segments used in; the least-squares problem over them, its layout and its
+//! solution, out.
 
 use super::choice::Chosen;
 use super::profile::{Profile, profiles};
@@ -11,8 +12,8 @@ use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::{Model, Scope};
 use std::ops::Range;
 
-/// A variance is never taken smaller than this share of the mean square of the measurements; the second where outputs may be
-/// correlated, since a combination of outputs can vanish altogether.
+/// A variance is never taken smaller than this share of the mean square of the measurements; the
+/// second where outputs may be correlated, since a combination of outputs can vanish altogether.
 const FLOOR: f64 = 1e-20;
 const FLOOR_FULL: f64 = 1e-12;
 
@@ -60,26 +61,46 @@ impl<'a> Case<'a> {
         let records: Vec<Record> = segments.iter().map(|s| s.scored()).collect();
         let automatic = records.iter().map(|r| r.substeps == 0).collect();
         let outputs = plan.outputs.clone();
-        let (layout, unknowns) = layout(model, plan, (segments, &records), settings, chosen, &given);
+        let (layout, unknowns) =
+            layout(model, plan, (segments, &records), settings, chosen, &given);
         let sampling = records.iter().map(Record::sampling).collect();
         let away = |s: &&Segment| {
-            let of = |(_, line): &(usize, Line)| s.conditions.get(&line.against).map_or(f64::NAN, |x| x - line.centre);
+            let of = |(_, line): &(usize, Line)| {
+                s.conditions.get(&line.against).map_or(f64::NAN, |x| x - line.centre)
+            };
             chosen.lines.iter().map(of).collect()
         };
         let away = segments.iter().map(away).collect();
-        Case { model, chosen, plan, records, sampling, automatic, given, away, outputs, layout, unknowns }
+        Case {
+            model,
+            chosen,
+            plan,
+            records,
+            sampling,
+            automatic,
+            given,
+            away,
+            outputs,
+            layout,
+            unknowns,
+        }
     }
 
-    /// Solves with integration steps that stay the same during an iteration (a cost that changed its steps on the way would have jumps).
-    /// They are chosen at the start; where the solution turns out to be stiffer, the estimation is repeated with the steps that it asks
-    /// for.
+    /// Solves with integration steps that stay the same during an iteration (a cost that changed
+    /// its steps on the way would have jumps). They are chosen at the start; where the solution
+    /// turns out to be stiffer, the estimation is repeated with the steps that it asks for.
     pub fn solve(&mut self, settings: &Settings) -> Solution {
         let mut needed = self.layout.start.clone();
         loop {
             let changed = self.stiffen(&needed);
-            let evaluate = |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
+            let evaluate = |s: usize, local: &[f64], sensitivities: bool| {
+                self.evaluate(s, local, sensitivities)
+            };
             let solution = solve(&self.layout, &evaluate, settings);
-            let stiffer = |s: usize| self.is_automatic(s) && self.substeps(s, &solution.fit.theta) > self.records[s].substeps;
+            let stiffer = |s: usize| {
+                self.is_automatic(s)
+                    && self.substeps(s, &solution.fit.theta) > self.records[s].substeps
+            };
             if !changed || !(0..self.records.len()).any(stiffer) {
                 return solution;
             }
@@ -92,7 +113,8 @@ impl<'a> Case<'a> {
         self.automatic[s]
     }
 
-    /// Raises the integration steps that are left to the program to what the model asks for at `theta`; whether any rose.
+    /// Raises the integration steps that are left to the program to what the model asks for at
+    /// `theta`; whether any rose.
     pub fn stiffen(&mut self, theta: &[f64]) -> bool {
         let mut rose = false;
         for s in 0..self.records.len() {
@@ -109,13 +131,17 @@ impl<'a> Case<'a> {
     pub fn profiles(&self, solution: &Solution, settings: &Settings) -> Vec<Profile> {
         let asked = |i: &usize| settings.profile.contains(&self.unknowns[*i].name);
         let which: Vec<usize> = (0..self.unknowns.len()).filter(asked).collect();
-        let evaluate = |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
+        let evaluate =
+            |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
         profiles(&self.layout, &evaluate, solution, &which, settings)
     }
 
     /// With the integration steps of another case of the same segments.
     pub fn with_steps_of(mut self, other: &Case) -> Case<'a> {
-        self.records.iter_mut().zip(&other.records).for_each(|(mine, other)| mine.substeps = other.substeps);
+        self.records
+            .iter_mut()
+            .zip(&other.records)
+            .for_each(|(mine, other)| mine.substeps = other.substeps);
         self
     }
 
@@ -125,10 +151,17 @@ impl<'a> Case<'a> {
         self.plan.substeps(&parameters, &starts, &self.records[s])
     }
 
-    /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked. `None` where the model is not finite.
+    /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked.
+    /// `None` where the model is not finite.
     pub fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
         let (parameters, starts) = self.place(s, local);
-        let response = self.plan.respond_at(&parameters, &starts, &self.records[s], &self.sampling[s], sensitivities);
+        let response = self.plan.respond_at(
+            &parameters,
+            &starts,
+            &self.records[s],
+            &self.sampling[s],
+            sensitivities,
+        );
         if !response.finite {
             return None;
         }
@@ -137,20 +170,27 @@ impl<'a> Case<'a> {
         let block = |(channel, mut e): (&crate::dynamics::Channel, Vec<f64>)| {
             let output = self.outputs.iter().position(|&o| o == channel.output)?;
             // what was predicted becomes the residual
-            e.iter_mut().zip(&channel.z).for_each(|(e, z)| *e = if z.is_finite() { z - *e } else { f64::NAN });
-            Some(Block { output, e, g: self.with_slopes(s, sensitivities.next().unwrap_or_default()) })
+            e.iter_mut()
+                .zip(&channel.z)
+                .for_each(|(e, z)| *e = if z.is_finite() { z - *e } else { f64::NAN });
+            Some(Block {
+                output,
+                e,
+                g: self.with_slopes(s, sensitivities.next().unwrap_or_default()),
+            })
         };
         channels.map(block).collect()
     }
 
-    /// Sensitivities with those to the slopes of lines behind those to the shared parameters: as those to the line's parameter, times how far
-    /// the segment is from its centre.
+    /// Sensitivities with those to the slopes of lines behind those to the shared parameters: as
+    /// those to the line's parameter, times how far the segment is from its centre.
     fn with_slopes(&self, s: usize, g: Vec<f64>) -> Vec<f64> {
         let lines = &self.chosen.lines;
         if lines.is_empty() || g.is_empty() {
             return g;
         }
-        let (plain, shared) = (self.layout.parts[s].directions() - lines.len(), self.chosen.shared.len());
+        let (plain, shared) =
+            (self.layout.parts[s].directions() - lines.len(), self.chosen.shared.len());
         let mut wide = Vec::with_capacity(g.len() / plain * (plain + lines.len()));
         for row in g.chunks_exact(plain) {
             wide.extend_from_slice(&row[..shared]);
@@ -202,11 +242,14 @@ impl<'a> Case<'a> {
         (parameters, starts)
     }
 
-    /// Segments without which the parameters of a combination (indices) would not be: those of its groups and its own ones.
+    /// Segments without which the parameters of a combination (indices) would not be: those of its
+    /// groups and its own ones.
     pub fn segments_of(&self, parameters: impl Iterator<Item = usize>) -> Vec<usize> {
         let mut found = Vec::new();
         for i in parameters {
-            let sees = |part: &Part| part.shared.contains(&i) || (part.offset..part.offset + part.own).contains(&i);
+            let sees = |part: &Part| {
+                part.shared.contains(&i) || (part.offset..part.offset + part.own).contains(&i)
+            };
             found.extend((0..self.layout.parts.len()).filter(|&s| sees(&self.layout.parts[s])));
         }
         found.sort_unstable();
@@ -224,7 +267,8 @@ pub fn plan(model: &Model, chosen: &Chosen, segments: &[Segment]) -> Result<Plan
 
 /// Model outputs measured in any record, ascending.
 fn scored(model: &Model, segments: &[Segment]) -> Vec<usize> {
-    let measured = |o: usize| segments.iter().any(|s| s.record.channels.iter().any(|c| c.output == o));
+    let measured =
+        |o: usize| segments.iter().any(|s| s.record.channels.iter().any(|c| c.output == o));
     (0..model.outputs.len()).filter(|&o| measured(o)).collect()
 }
 
@@ -239,7 +283,12 @@ fn layout(
     // Start, lower, upper, prior sd of each unknown.
     let bounds = |p: usize| {
         let q = &model.parameters[p];
-        [chosen.parameters[p], q.min, q.max, if settings.priors { q.prior_sd } else { f64::INFINITY }]
+        [
+            chosen.parameters[p],
+            q.min,
+            q.max,
+            if settings.priors { q.prior_sd } else { f64::INFINITY },
+        ]
     };
     let unknown = |p: usize, segment: Option<usize>, group: Option<Label>| {
         let q = &model.parameters[p].quantity;
@@ -255,10 +304,18 @@ fn layout(
         let grouping = Grouping::by(column, segments);
         seen.iter_mut().zip(&grouping.of).for_each(|(seen, group)| seen.push(values.len() + group));
         // A campaign's value is there even without segments.
-        let names = if column == CAMPAIGN { vec![None] } else { grouping.values.into_iter().map(Some).collect() };
+        let names = if column == CAMPAIGN {
+            vec![None]
+        } else {
+            grouping.values.into_iter().map(Some).collect()
+        };
         for value in names {
             values.push(bounds(p));
-            unknowns.push(unknown(p, None, value.map(|value| Label { column: column.to_string(), value })));
+            unknowns.push(unknown(
+                p,
+                None,
+                value.map(|value| Label { column: column.to_string(), value }),
+            ));
         }
     }
     for (at, line) in &chosen.lines {
@@ -269,24 +326,38 @@ fn layout(
         unknowns.push(Unknown { name, unit, segment: None, group: None });
     }
     let shared = values.len();
-    // What belongs to a segment is common to the stretches of one record, and stands among the shared ones then.
+    // What belongs to a segment is common to the stretches of one record, and stands among the
+    // shared ones then.
     let mut own = |s: usize, place: Option<usize>, group: Option<Label>| {
         let from = values.len();
         values.extend(chosen.own.iter().map(|&p| bounds(p)));
         unknowns.extend(chosen.own.iter().map(|&p| unknown(p, place, group.clone())));
-        for (state, value) in plan.given().iter().zip(&given[s]).filter(|(state, _)| chosen.initial.contains(state)) {
+        for (state, value) in
+            plan.given().iter().zip(&given[s]).filter(|(state, _)| chosen.initial.contains(state))
+        {
             let q = &model.states[*state].quantity;
             values.push([*value, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
-            unknowns.push(Unknown { name: format!("{}(0)", q.name), unit: q.unit.clone(), segment: place, group: group.clone() });
+            unknowns.push(Unknown {
+                name: format!("{}(0)", q.name),
+                unit: q.unit.clone(),
+                segment: place,
+                group: group.clone(),
+            });
         }
         from..values.len()
     };
     let mut records: Vec<(&str, Range<usize>)> = Vec::new();
-    for (s, stretch) in segments.iter().enumerate().filter_map(|(s, segment)| Some((s, segment.stretch.as_ref()?))) {
+    for (s, stretch) in
+        segments.iter().enumerate().filter_map(|(s, segment)| Some((s, segment.stretch.as_ref()?)))
+    {
         let range = match records.iter().find(|(of, _)| *of == stretch.of) {
             Some((_, range)) => range.clone(),
             None => {
-                let range = own(s, None, Some(Label { column: SEGMENT.to_string(), value: stretch.of.clone() }));
+                let range = own(
+                    s,
+                    None,
+                    Some(Label { column: SEGMENT.to_string(), value: stretch.of.clone() }),
+                );
                 records.push((&stretch.of, range.clone()));
                 range
             }
@@ -302,16 +373,41 @@ fn layout(
         let range = if alone { own(s, Some(s), None) } else { shared..shared };
         let instants = if full { instants(&scored[s]) } else { Vec::new() };
         let shared = std::mem::take(&mut seen[s]);
-        parts.push(Part { shared, offset: range.start, own: range.len(), group: noise.of[s], instants });
+        parts.push(Part {
+            shared,
+            offset: range.start,
+            own: range.len(),
+            group: noise.of[s],
+            instants,
+        });
     }
     let floor = plan.outputs.iter().map(|&o| floor(model, segments, o, settings)).collect();
-    let noise = Structure { outputs: plan.outputs.len(), groups: noise.values.len().max(1), full, floor, known: false };
+    let noise = Structure {
+        outputs: plan.outputs.len(),
+        groups: noise.values.len().max(1),
+        full,
+        floor,
+        known: false,
+    };
     let column = |k: usize| values.iter().map(|u| u[k]).collect();
     let (start, centre): (Vec<f64>, Vec<f64>) = (column(0), column(0));
-    (Layout { shared, parts, start, lower: column(1), upper: column(2), centre, prior_sd: column(3), noise }, unknowns)
+    (
+        Layout {
+            shared,
+            parts,
+            start,
+            lower: column(1),
+            upper: column(2),
+            centre,
+            prior_sd: column(3),
+            noise,
+        },
+        unknowns,
+    )
 }
 
-/// The smallest variance of an output: what the settings say, and not less than rounding errors make.
+/// The smallest variance of an output: what the settings say, and not less than rounding errors
+/// make.
 fn floor(model: &Model, segments: &[&Segment], output: usize, settings: &Settings) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
     for channel in segments.iter().flat_map(|s| &s.record.channels).filter(|c| c.output == output) {

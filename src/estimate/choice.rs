@@ -1,4 +1,5 @@
-//! A model and settings in; which parameters and initial states are free, where their values hold and where they start, out.
+//! A model and settings in; which parameters and initial states are free, where their values hold
+//! and where they start, out.
 
 use super::segment::{CAMPAIGN, SEGMENT, Segment};
 use super::{Line, Settings};
@@ -9,7 +10,8 @@ use crate::model::{Model, Scope};
 /// What is estimated, by index into the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chosen {
-    /// Free parameters with one value for all segments, or one per group of them, in the model's order.
+    /// Free parameters with one value for all segments, or one per group of them, in the model's
+    /// order.
     pub shared: Vec<usize>,
     /// Free parameters with one value per segment, in the model's order.
     pub own: Vec<usize>,
@@ -36,7 +38,8 @@ impl Chosen {
 /// Reads the settings against the model and the labels of the segments.
 ///
 /// # Errors
-/// Unknown names, columns that no segment has, and free parameters that start outside their bounds or at no number: all at once.
+/// Unknown names, columns that no segment has, and free parameters that start outside their bounds
+/// or at no number: all at once.
 pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Chosen, Errors> {
     let mut errors = Errors::default();
     let names: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
@@ -51,11 +54,24 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
         Some(_) => vec![false; names.len()],
         None => model.parameters.iter().map(|p| !p.fixed).collect(),
     };
-    settings.free.iter().flatten().filter_map(|name| find("free", name)).for_each(|i| free[i] = true);
+    settings
+        .free
+        .iter()
+        .flatten()
+        .filter_map(|name| find("free", name))
+        .for_each(|i| free[i] = true);
     let shifts = &settings.shifts;
-    let shifted = shifts.outputs.iter().map(|o| output_shift(o)).chain(shifts.inputs.iter().map(|i| input_shift(i)));
+    let shifted = shifts
+        .outputs
+        .iter()
+        .map(|o| output_shift(o))
+        .chain(shifts.inputs.iter().map(|i| input_shift(i)));
     shifted.filter_map(|name| model.parameter(&name)).for_each(|i| free[i] = true);
-    settings.candidates.iter().filter_map(|name| find("candidates", name)).for_each(|i| free[i] = true);
+    settings
+        .candidates
+        .iter()
+        .filter_map(|name| find("candidates", name))
+        .for_each(|i| free[i] = true);
     settings.fixed.iter().filter_map(|name| find("fixed", name)).for_each(|i| free[i] = false);
     let mut parameters = model.parameter_starts();
     for (name, value) in &settings.starts {
@@ -69,8 +85,13 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
             scopes[i] = Scope::parse(per);
         }
     }
-    let lines: Vec<(usize, &Line)> = settings.lines.iter().filter_map(|(name, line)| Some((find("lines", name)?, line))).collect();
-    let states: Vec<&str> = model.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.name.as_str()).collect();
+    let lines: Vec<(usize, &Line)> = settings
+        .lines
+        .iter()
+        .filter_map(|(name, line)| Some((find("lines", name)?, line)))
+        .collect();
+    let states: Vec<&str> =
+        model.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.name.as_str()).collect();
     let mut initial = Vec::new();
     for name in &settings.initial {
         match model.state(name) {
@@ -83,17 +104,24 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
     check_starts(model, &parameters, &free, &mut errors);
     check_outputs(model, settings, &mut errors);
     check_profile(model, settings, &free, &initial, &mut errors);
-    let (own, shared): (Vec<usize>, Vec<usize>) = (0..names.len()).filter(|&i| free[i]).partition(|&i| scopes[i] == Scope::Segment);
+    let (own, shared): (Vec<usize>, Vec<usize>) =
+        (0..names.len()).filter(|&i| free[i]).partition(|&i| scopes[i] == Scope::Segment);
     // A parameter with several values has none that could follow a line.
     let line = |(at, p): (usize, &usize)| {
-        let line = lines.iter().find(|(of, _)| of == p).filter(|_| scopes[*p] == Scope::Campaign)?.1;
+        let line =
+            lines.iter().find(|(of, _)| of == p).filter(|_| scopes[*p] == Scope::Campaign)?.1;
         Some((at, line.clone()))
     };
     let lines = shared.iter().enumerate().filter_map(line).collect();
     let chosen = Chosen { shared, own, initial, parameters, scopes, lines };
     for &p in &chosen.shared {
         if let Scope::Column(column) = &chosen.scopes[p] {
-            check_column(&format!("parameter \"{}\" of model {}", names[p], model.name), column, segments, &mut errors);
+            check_column(
+                &format!("parameter \"{}\" of model {}", names[p], model.name),
+                column,
+                segments,
+                &mut errors,
+            );
         }
     }
     if ![CAMPAIGN, SEGMENT].contains(&settings.noise_per.as_str()) {
@@ -110,7 +138,8 @@ fn check_column(what: &str, column: &str, segments: &[Segment], errors: &mut Err
     known.extend(segments.iter().flat_map(|s| s.labels.keys().map(String::as_str)));
     known.sort_unstable();
     known.dedup();
-    let error = Error::new(format!("{what} is per \"{column}\", but no segment has a label of that name"));
+    let error =
+        Error::new(format!("{what} is per \"{column}\", but no segment has a label of that name"));
     errors.push(error.help(format!("there are {}", known.join(", "))));
 }
 
@@ -120,14 +149,29 @@ fn check_outputs(model: &Model, settings: &Settings, errors: &mut Errors) {
         if model.output(name).is_none() {
             errors.push(unknown("floor", name, "output", model, &names));
         } else if !(*sd >= 0.0 && sd.is_finite()) {
-            errors.push(Error::new(format!("floor: the standard deviation of \"{name}\" is at least zero, not {sd}")));
+            errors.push(Error::new(format!(
+                "floor: the standard deviation of \"{name}\" is at least zero, not {sd}"
+            )));
         }
     }
 }
 
-fn check_profile(model: &Model, settings: &Settings, free: &[bool], initial: &[usize], errors: &mut Errors) {
-    let parameters = model.parameters.iter().zip(free).filter(|(_, free)| **free).map(|(p, _)| p.quantity.name.clone());
-    let names: Vec<String> = parameters.chain(initial.iter().map(|&i| format!("{}(0)", model.states[i].quantity.name))).collect();
+fn check_profile(
+    model: &Model,
+    settings: &Settings,
+    free: &[bool],
+    initial: &[usize],
+    errors: &mut Errors,
+) {
+    let parameters = model
+        .parameters
+        .iter()
+        .zip(free)
+        .filter(|(_, free)| **free)
+        .map(|(p, _)| p.quantity.name.clone());
+    let names: Vec<String> = parameters
+        .chain(initial.iter().map(|&i| format!("{}(0)", model.states[i].quantity.name)))
+        .collect();
     let known: Vec<&str> = names.iter().map(String::as_str).collect();
     for name in settings.profile.iter().filter(|name| !names.contains(name)) {
         errors.push(unknown("profile", name, "estimated parameter", model, &known));
@@ -142,19 +186,28 @@ fn check_starts(model: &Model, parameters: &[f64], free: &[bool], errors: &mut E
     for (i, p) in model.parameters.iter().enumerate() {
         let (name, start) = (&p.quantity.name, parameters[i]);
         if !start.is_finite() {
-            errors.push(Error::new(format!("parameter \"{name}\" of model {} starts at {start}, not at a number", model.name)));
+            errors.push(Error::new(format!(
+                "parameter \"{name}\" of model {} starts at {start}, not at a number",
+                model.name
+            )));
         } else if free[i] && !(p.min..=p.max).contains(&start) {
             let what = format!(
                 "parameter \"{name}\" of model {} starts at {start}, outside its bounds {} to {}",
                 model.name, p.min, p.max
             );
-            errors.push(Error::new(what).help("move the start inside the bounds, or widen them in the model file"));
+            errors.push(
+                Error::new(what)
+                    .help("move the start inside the bounds, or widen them in the model file"),
+            );
         }
     }
 }
 
 pub fn unknown(setting: &str, name: &str, kind: &str, model: &Model, known: &[&str]) -> Error {
-    let near = known.iter().copied().max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
+    let near = known
+        .iter()
+        .copied()
+        .max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
     let error = Error::new(format!("{setting}: model {} has no {kind} \"{name}\"", model.name));
     match near {
         Some(near) => error.help(format!("did you mean \"{near}\"? It has {}", known.join(", "))),

@@ -1,36 +1,44 @@
-//! Residuals and sensitivities at the estimate in; the covariance of the estimates under coloured residuals and the colour out.
+//! Residuals and sensitivities at the estimate in; the covariance of the estimates under coloured
+//! residuals and the colour out.
 //!
-//! Morelli & Klein: `cov = M^-1 [sum G' R^-1 Sigma R^-1 G] M^-1`, summed over segments and outputs. `Sigma` is the covariance
-//! of an autoregressive model per noise class, restarted at every segment, with what the fit absorbed put back (`noise`).
+//! Morelli & Klein: `cov = M^-1 [sum G' R^-1 Sigma R^-1 G] M^-1`, summed over segments and outputs.
+//! `Sigma` is the covariance of an autoregressive model per noise class, restarted at every
+//! segment, with what the fit absorbed put back (`noise`).
 //!
-//! Samples count as equally spaced: with uneven time stamps, lag means number of samples. A masked sample keeps its place.
+//! Samples count as equally spaced: with uneven time stamps, lag means number of samples. A masked
+//! sample keeps its place.
 //!
-//! Each output has a model of its own (in each group of segments with an `R` of its own). Where `R` is full, noise of different outputs
-//! is taken to be correlated through innovations of the same instant only: with `A_i` the whitening filter of output `i`,
-//! `Sigma_ij = A_i^-1 D_i^1/2 c_ij P_ij D_j^1/2 A_j^-T`, where `P_ij` marks pairs of the same instant. The numbers `c_ij` are such that
-//! samples of the same instant have the correlation that `R` says (exactly so for outputs of the same rate): `R`'s correlation over the
-//! likeness of both colours, made smaller together where the matrix `c` would not be positive definite. So correlation at the
-//! same instant counts fully, and correlation between different instants as far as it follows from it and the colours; a delay between
-//! the noise of two outputs is not modelled.
+//! Each output has a model of its own (in each group of segments with an `R` of its own). Where `R`
+//! is full, noise of different outputs is taken to be correlated through innovations of the same
+//! instant only: with `A_i` the whitening filter of output `i`,
+//! `Sigma_ij = A_i^-1 D_i^1/2 c_ij P_ij D_j^1/2 A_j^-T`, where `P_ij` marks pairs of the same
+//! instant. The numbers `c_ij` are such that samples of the same instant have the correlation that
+//! `R` says (exactly so for outputs of the same rate): `R`'s correlation over the likeness of both
+//! colours, made smaller together where the matrix `c` would not be positive definite. So
+//! correlation at the same instant counts fully, and correlation between different instants as far
+//! as it follows from it and the colours; a delay between the noise of two outputs is not modelled.
 
 use super::noise_covariance::Sigma;
 use crate::least_squares::{Arrow, Block, Covariance, Evaluate, Factor, Layout, Own};
 use crate::noise::{Absorbed, Direction, Modelled, Part, Prior, Products, Rule, burg};
 use rayon::prelude::*;
 
-/// Blocks are kept while they need fewer numbers than this (256 MB); those of later segments are evaluated again when needed.
+/// Blocks are kept while they need fewer numbers than this (256 MB); those of later segments are
+/// evaluated again when needed.
 const KEPT: usize = 1 << 25;
 /// Segments at a time, as in the pass over all segments.
 const CHUNK: usize = 64;
 /// How often the colour is fitted again after the absorbed part is known better, at most.
 const ROUNDS: usize = 20;
-/// Settled: what matters for slow noise, its level at frequency zero, moves by less than this share.
+/// Settled: what matters for slow noise, its level at frequency zero, moves by less than this
+/// share.
 const SETTLED: f64 = 1e-3;
 
 /// Covariance and colour.
 #[derive(Debug, Clone)]
 pub struct Colour {
-    /// Blocks of `M^-1`, the Cramer-Rao covariance; like `covariance` without variance where a parameter is held.
+    /// Blocks of `M^-1`, the Cramer-Rao covariance; like `covariance` without variance where a
+    /// parameter is held.
     pub crlb: Arrow,
     /// Blocks of the covariance on the border and of every segment with itself and the border.
     pub covariance: Arrow,
@@ -64,7 +72,8 @@ impl<'a, F: Evaluate> Source<'a, F> {
         source
     }
 
-    /// Blocks whose masked samples have sensitivities of zero, which add nothing to any sum; their residuals stay NaN.
+    /// Blocks whose masked samples have sensitivities of zero, which add nothing to any sum; their
+    /// residuals stay NaN.
     fn fresh(&self, s: usize) -> Option<Vec<Block>> {
         let mut blocks = (self.evaluate)(s, &self.layout.local(s, self.theta), true)?;
         let nd = self.layout.parts[s].directions();
@@ -74,8 +83,13 @@ impl<'a, F: Evaluate> Source<'a, F> {
         Some(blocks)
     }
 
-    /// `f(segment, blocks)` for every segment, handed to `take` in segment order; `None` where one is not finite.
-    fn each<T: Send>(&self, f: impl Fn(usize, &[Block]) -> T + Sync, mut take: impl FnMut(usize, T)) -> Option<()> {
+    /// `f(segment, blocks)` for every segment, handed to `take` in segment order; `None` where one
+    /// is not finite.
+    fn each<T: Send>(
+        &self,
+        f: impl Fn(usize, &[Block]) -> T + Sync,
+        mut take: impl FnMut(usize, T),
+    ) -> Option<()> {
         for from in (0..self.layout.parts.len()).step_by(CHUNK) {
             let to = (from + CHUNK).min(self.layout.parts.len());
             let chunk: Vec<Option<T>> = (from..to)
@@ -93,8 +107,9 @@ impl<'a, F: Evaluate> Source<'a, F> {
     }
 }
 
-/// Covariance of the estimates when the residuals have the colour they show. `matrix` is the normal matrix with priors, parameters
-/// on a bound (`held`) pinned; `noise` the `R` of every group it was weighted with.
+/// Covariance of the estimates when the residuals have the colour they show. `matrix` is the normal
+/// matrix with priors, parameters on a bound (`held`) pinned; `noise` the `R` of every group it was
+/// weighted with.
 pub fn coloured<F: Evaluate>(
     source: &Source<F>,
     matrix: &Arrow,
@@ -120,7 +135,8 @@ pub fn coloured<F: Evaluate>(
             break;
         }
     }
-    let covariance = spread(source, &factor, held, &Sigma::new(source.layout, noise, &plain(&models)))?;
+    let covariance =
+        spread(source, &factor, held, &Sigma::new(source.layout, noise, &plain(&models)))?;
     Some(Colour { crlb: inverse, covariance, models, settled })
 }
 
@@ -133,7 +149,8 @@ fn same(a: &Modelled, b: &Modelled) -> bool {
     (a - b).abs() <= SETTLED * b.abs()
 }
 
-/// What each segment's part of the fit absorbed under this noise, with the step that the noise asks for.
+/// What each segment's part of the fit absorbed under this noise, with the step that the noise asks
+/// for.
 struct Taken {
     parts: Vec<Part>,
     all: Absorbed,
@@ -149,20 +166,31 @@ fn absorbed<F: Evaluate>(source: &Source<F>, sigma: &Sigma, held: &[bool]) -> Op
     let part = |s: usize, blocks: &[Block]| {
         let of = &layout.parts[s];
         let own = of.offset..of.offset + of.own;
-        let shared = of.shared.iter().map(|&i| if is_held(i) { Direction::Held } else { Direction::Shared(i) });
-        let directions: Vec<Direction> =
-            shared.chain(own.clone().map(|i| if is_held(i) { Direction::Held } else { Direction::Own })).collect();
+        let shared = of
+            .shared
+            .iter()
+            .map(|&i| if is_held(i) { Direction::Held } else { Direction::Shared(i) });
+        let directions: Vec<Direction> = shared
+            .chain(own.clone().map(|i| if is_held(i) { Direction::Held } else { Direction::Own }))
+            .collect();
         let priors: Vec<Prior> = of.shared.iter().copied().chain(own).map(prior).collect();
         Part::new(&directions, &sigma.whiten(s, blocks), &priors)
     };
     let mut parts = Vec::with_capacity(layout.parts.len());
     source.each(part, |_, part| parts.extend(part))?;
-    let shared: Vec<Prior> = (0..layout.shared).map(|i| if is_held(i) { Prior::default() } else { prior(i) }).collect();
-    (parts.len() == layout.parts.len()).then(|| Taken { all: Absorbed::new(&parts, &shared), parts })
+    let shared: Vec<Prior> =
+        (0..layout.shared).map(|i| if is_held(i) { Prior::default() } else { prior(i) }).collect();
+    (parts.len() == layout.parts.len())
+        .then(|| Taken { all: Absorbed::new(&parts, &shared), parts })
 }
 
 /// One model per class, of the residuals and of what was absorbed beside them.
-fn fit<F: Evaluate>(source: &Source<F>, classes: usize, rule: Rule, taken: Option<&Taken>) -> Option<Vec<Modelled>> {
+fn fit<F: Evaluate>(
+    source: &Source<F>,
+    classes: usize,
+    rule: Rule,
+    taken: Option<&Taken>,
+) -> Option<Vec<Modelled>> {
     let mut all = vec![Products::new(rule.highest); classes];
     let of = |s: usize, blocks: &[Block]| {
         let taken = taken.map(|taken| taken.all.of(&taken.parts[s]));
@@ -176,7 +204,9 @@ fn fit<F: Evaluate>(source: &Source<F>, classes: usize, rule: Rule, taken: Optio
         };
         blocks.iter().map(one).collect::<Vec<_>>()
     };
-    source.each(of, |_, parts| parts.iter().for_each(|(class, products)| all[*class].add(products)))?;
+    source.each(of, |_, parts| {
+        parts.iter().for_each(|(class, products)| all[*class].add(products))
+    })?;
     Some(all.iter().map(|products| burg::fit(products, rule.criterion)).collect())
 }
 
@@ -188,11 +218,18 @@ fn empty_masked(e: &[f64], rows: &mut [f64], nd: usize) {
     }
 }
 
-/// Covariance `M^-1 Q M^-1` with `Q = sum G' R^-1 Sigma R^-1 G`, plus the information of the priors.
-fn spread<F: Evaluate>(source: &Source<F>, factor: &Factor, held: &[bool], sigma: &Sigma) -> Option<Arrow> {
+/// Covariance `M^-1 Q M^-1` with `Q = sum G' R^-1 Sigma R^-1 G`, plus the information of the
+/// priors.
+fn spread<F: Evaluate>(
+    source: &Source<F>,
+    factor: &Factor,
+    held: &[bool],
+    sigma: &Sigma,
+) -> Option<Arrow> {
     let layout = source.layout;
     let nc = layout.shared;
-    let mut q = Arrow { shared: nc, cc: vec![0.0; nc * nc], own: Vec::with_capacity(layout.parts.len()) };
+    let mut q =
+        Arrow { shared: nc, cc: vec![0.0; nc * nc], own: Vec::with_capacity(layout.parts.len()) };
     let mut known = true;
     source.each(
         |s, blocks| sigma.spread(s, blocks),
@@ -211,7 +248,8 @@ fn spread<F: Evaluate>(source: &Source<F>, factor: &Factor, held: &[bool], sigma
     Some(factor.sandwich(&q))
 }
 
-/// Adds a matrix over a segment's directions (lower triangle) to an arrow whose blocks of earlier segments are complete.
+/// Adds a matrix over a segment's directions (lower triangle) to an arrow whose blocks of earlier
+/// segments are complete.
 fn add_local(q: &mut Arrow, layout: &Layout, s: usize, local: &[f64]) {
     let (part, nc) = (&layout.parts[s], layout.shared);
     let (nl, nd, n) = (part.shared.len(), part.directions(), part.own);

@@ -25,7 +25,8 @@ impl Support {
 pub struct Decision {
     pub parameter: String,
     pub unit: String,
-    /// Estimate and standard deviation, before it was held; of several values the one farthest from its start. NaN where there is none.
+    /// Estimate and standard deviation, before it was held; of several values the one farthest from
+    /// its start. NaN where there is none.
     pub value: f64,
     pub sd: f64,
     pub start: f64,

@@ -1,4 +1,5 @@
-//! The result of an estimation: the estimates with their uncertainty, how they were found, and what was left out.
+//! The result of an estimation: the estimates with their uncertainty, how they were found, and what
+//! was left out.
 
 use super::budget::Influence;
 use super::decision::Decision;
@@ -18,7 +19,8 @@ pub struct LeftOut {
     pub why: String,
 }
 
-/// A measured output of a segment that says little or nothing, and why. It is scored all the same, as far as it has samples.
+/// A measured output of a segment that says little or nothing, and why. It is scored all the same,
+/// as far as it has samples.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Doubtful {
     /// Index of the record.
@@ -34,7 +36,8 @@ pub struct Row {
     pub name: String,
     /// SI unit.
     pub unit: String,
-    /// The segment (index of the record) it belongs to; none for a value common to all, or to a group.
+    /// The segment (index of the record) it belongs to; none for a value common to all, or to a
+    /// group.
     pub segment: Option<usize>,
     /// The group of segments it belongs to; none for a value common to all, or of one segment.
     pub group: Option<Label>,
@@ -44,19 +47,22 @@ pub struct Row {
     pub sd: Option<f64>,
     /// Cramer-Rao bound: the standard deviation if the residuals were white; none like `sd`.
     pub sd_crlb: Option<f64>,
-    /// `sd` with the sd of the constants that the model assumes (`Estimation::budget`); none like `sd`.
+    /// `sd` with the sd of the constants that the model assumes (`Estimation::budget`); none like
+    /// `sd`.
     pub sd_total: Option<f64>,
-    /// Ends of the interval from the likelihood's profile; none unless asked for, or open on that side.
+    /// Ends of the interval from the likelihood's profile; none unless asked for, or open on that
+    /// side.
     pub lower: Option<f64>,
     pub upper: Option<f64>,
     /// Where the iteration started.
     pub start: f64,
-    /// The estimate sits on a bound of the model file; the other parameters' `sd` hold for it fixed there.
+    /// The estimate sits on a bound of the model file; the other parameters' `sd` hold for it fixed
+    /// there.
     pub at_bound: bool,
 }
 
-/// Correlation of two estimates, `rows[a]` and `rows[b]`, `a < b`. Pairs from two different segments are left out: they are
-/// correlated only through the common parameters.
+/// Correlation of two estimates, `rows[a]` and `rows[b]`, `a < b`. Pairs from two different
+/// segments are left out: they are correlated only through the common parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correlation {
     pub a: usize,
@@ -74,13 +80,15 @@ pub struct OutputScatter {
     pub unit: String,
     /// The group of segments; 0 where all share one `R`.
     pub group: usize,
-    /// Variance `R_jj` (`sum e^2 / N_j` unless it is on its floor, or fitted together with others), unit squared.
+    /// Variance `R_jj` (`sum e^2 / N_j` unless it is on its floor, or fitted together with others),
+    /// unit squared.
     pub r: f64,
     /// Samples scored, N_j.
     pub count: usize,
     /// Samples masked (not a number), not scored.
     pub masked: usize,
-    /// Correlation of the noise with that of each output in the list; empty where outputs count as independent.
+    /// Correlation of the noise with that of each output in the list; empty where outputs count as
+    /// independent.
     pub correlation: Vec<f64>,
     /// The autoregressive model of the noise behind the residuals; none unless converged.
     pub colour: Option<Modelled>,
@@ -90,18 +98,21 @@ pub struct OutputScatter {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimation {
     pub stop: Stop,
-    /// Parameters common to all segments or a group of them first, in the model's order; then, segment by segment, its parameters and
-    /// initial states. Segments left out have none.
+    /// Parameters common to all segments or a group of them first, in the model's order; then,
+    /// segment by segment, its parameters and initial states. Segments left out have none.
     pub rows: Vec<Row>,
     pub correlations: Vec<Correlation>,
     pub iterations: Vec<Iteration>,
-    /// Determinant of `R`; of several groups of segments the geometric mean, weighted with their samples.
+    /// Determinant of `R`; of several groups of segments the geometric mean, weighted with their
+    /// samples.
     pub det_r: f64,
-    /// The scored outputs, in the model's order, for every group of segments with an `R` of its own.
+    /// The scored outputs, in the model's order, for every group of segments with an `R` of its
+    /// own.
     pub outputs: Vec<OutputScatter>,
     /// Group of every segment; none for one left out.
     pub noise_groups: Vec<Option<usize>>,
-    /// `responses[segment]`: the traces of the record's channels, at the values of `rows`; empty for a segment left out.
+    /// `responses[segment]`: the traces of the record's channels, at the values of `rows`; empty
+    /// for a segment left out.
     pub responses: Vec<Vec<Trace>>,
     pub verdict: Verdict,
     /// How the assumed constants move the estimates (in the order of `rows`).
@@ -110,13 +121,16 @@ pub struct Estimation {
     pub regression: Option<regression::Regression>,
     /// The profiles asked for, by row.
     pub profiles: Vec<Profile>,
-    /// What became of the candidates: those that are held, in the order in which they were, then those that are estimated.
+    /// What became of the candidates: those that are held, in the order in which they were, then
+    /// those that are estimated.
     pub decisions: Vec<Decision>,
-    /// The colour of the residuals and what the fit absorbed of it agree with each other; false where the search for both was ended before.
+    /// The colour of the residuals and what the fit absorbed of it agree with each other; false
+    /// where the search for both was ended before.
     pub settled: bool,
     /// Segments that could not be used, ascending.
     pub left_out: Vec<LeftOut>,
-    /// Measured outputs without a sample that is not masked, or that never change, segment by segment.
+    /// Measured outputs without a sample that is not masked, or that never change, segment by
+    /// segment.
     pub doubtful: Vec<Doubtful>,
 }
 

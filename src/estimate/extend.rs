@@ -1,4 +1,5 @@
-//! A model, segments and settings in; the model with the shifts and the feedback that the settings ask for, and segments that feed it, out.
+//! A model, segments and settings in; the model with the shifts and the feedback that the settings
+//! ask for, and segments that feed it, out.
 
 use super::Settings;
 use super::segment::Segment;
@@ -17,11 +18,18 @@ pub fn extended<'a>(model: &'a Model, settings: &Settings) -> Result<Cow<'a, Mod
 }
 
 /// The same, and the outputs whose measurements are further inputs.
-fn extend<'a>(model: &'a Model, settings: &Settings) -> Result<(Cow<'a, Model>, Vec<usize>), Errors> {
+fn extend<'a>(
+    model: &'a Model,
+    settings: &Settings,
+) -> Result<(Cow<'a, Model>, Vec<usize>), Errors> {
     let mut model = Cow::Borrowed(model);
     let shifts = &settings.shifts;
     if !(shifts.outputs.is_empty() && shifts.inputs.is_empty()) {
-        model = Cow::Owned(model.with_shifts(&shifts.outputs, &shifts.inputs, &Scope::parse(&shifts.per))?);
+        model = Cow::Owned(model.with_shifts(
+            &shifts.outputs,
+            &shifts.inputs,
+            &Scope::parse(&shifts.per),
+        )?);
     }
     if settings.stabilise.is_empty() {
         return Ok((model, Vec::new()));
@@ -59,8 +67,8 @@ fn fed(record: &Record, nu: usize, outputs: &[usize]) -> Record {
     Record { inputs, ..record.clone() }
 }
 
-/// What was measured of an output, at the points of the grid: straight lines between the samples that are not masked, held before the first
-/// and after the last; NaN where there is none.
+/// What was measured of an output, at the points of the grid: straight lines between the samples
+/// that are not masked, held before the first and after the last; NaN where there is none.
 fn on_grid(record: &Record, output: usize) -> Vec<f64> {
     let channel = record.channels.iter().find(|c| c.output == output);
     let known = channel.iter().flat_map(|c| c.t.iter().zip(&c.z)).filter(|(_, z)| z.is_finite());
@@ -75,8 +83,19 @@ mod tests {
 
     #[test]
     fn measurements_between_samples_are_straight_and_masked_ones_are_bridged() {
-        let channel = Channel { output: 3, t: vec![10.1, 10.3, 10.4, 10.5], z: vec![1.0, f64::NAN, 4.0, 4.5] };
-        let record = Record { t0: 10.0, dt: 0.1, n: 7, inputs: vec![7.0; 7], channels: vec![channel], ..Record::default() };
+        let channel = Channel {
+            output: 3,
+            t: vec![10.1, 10.3, 10.4, 10.5],
+            z: vec![1.0, f64::NAN, 4.0, 4.5],
+        };
+        let record = Record {
+            t0: 10.0,
+            dt: 0.1,
+            n: 7,
+            inputs: vec![7.0; 7],
+            channels: vec![channel],
+            ..Record::default()
+        };
         let fed = fed(&record, 1, &[3, 4]);
         let column = |i: usize| (0..7).map(|k| fed.inputs[3 * k + i]).collect::<Vec<f64>>();
         assert_eq!(column(0), [7.0; 7]);

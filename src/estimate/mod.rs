@@ -1,9 +1,11 @@
-//! Maximum-likelihood output error: a model and records in; estimates with honest standard deviations, responses and a stop reason out.
+//! Maximum-likelihood output error: a model and records in; estimates with honest standard
+//! deviations, responses and a stop reason out.
 //!
-//! The cost is `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) with `R` re-estimated from the residuals `e = z - y` of all segments
-//! together (or per group of segments), diagonal or full, every output scored at its own time stamps. Steps of Gauss and Newton, or of
-//! Levenberg and Marquardt, are accepted on the concentrated likelihood (`R` at its optimum for the trial point), never on the cost at
-//! a fixed `R`.
+//! The cost is `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) with `R` re-estimated from the
+//! residuals `e = z - y` of all segments together (or per group of segments), diagonal or full,
+//! every output scored at its own time stamps. Steps of Gauss and Newton, or of Levenberg and
+//! Marquardt, are accepted on the concentrated likelihood (`R` at its optimum for the trial point),
+//! never on the cost at a fixed `R`.
 //!
 //! | file | what it does |
 //! |---|---|

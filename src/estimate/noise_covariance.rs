@@ -1,7 +1,9 @@
-//! A segment's sensitivities and the noise as modelled in; its part of `G' R^-1 Sigma R^-1 G`, and its rows made white by `Sigma`, out.
+//! A segment's sensitivities and the noise as modelled in; its part of `G' R^-1 Sigma R^-1 G`, and
+//! its rows made white by `Sigma`, out.
 //!
-//! `Sigma = A^-1 D^1/2 c D^1/2 A^-T` over all samples of a segment (see `colour` for what it says), so that with `V = A^-T R^-1 G` the
-//! first is `V' D^1/2 c D^1/2 V`; the second are `c^-1/2 D^-1/2 A [G | e]`. Both take time linear in the number of samples.
+//! `Sigma = A^-1 D^1/2 c D^1/2 A^-T` over all samples of a segment (see `colour` for what it says),
+//! so that with `V = A^-T R^-1 G` the first is `V' D^1/2 c D^1/2 V`; the second are
+//! `c^-1/2 D^-1/2 A [G | e]`. Both take time linear in the number of samples.
 
 use crate::least_squares::{Block, Covariance, Layout, Samples, at_instants};
 use crate::math::dense::{cholesky, forward, symmetric_eigen};
@@ -25,7 +27,11 @@ impl<'a> Sigma<'a> {
     pub fn new(layout: &'a Layout, noise: &'a [Covariance], models: &[Ar]) -> Sigma<'a> {
         let filters: Vec<Filter> = models.iter().map(Filter::new).collect();
         let groups = if layout.noise.full { noise } else { &[] };
-        let mix = groups.iter().enumerate().map(|(g, r)| mix(r, &filters[g * r.n..(g + 1) * r.n])).collect();
+        let mix = groups
+            .iter()
+            .enumerate()
+            .map(|(g, r)| mix(r, &filters[g * r.n..(g + 1) * r.n]))
+            .collect();
         Sigma { layout, noise, filters, mix }
     }
 
@@ -53,11 +59,17 @@ impl<'a> Sigma<'a> {
             let w = &weight.inverse;
             for (i, &(b, k)) in present.iter().enumerate() {
                 for (j, &(c, l)) in present.iter().enumerate() {
-                    add_scaled(&mut weighed[b][k * nd..(k + 1) * nd], w[i * present.len() + j], &blocks[c].g[l * nd..(l + 1) * nd]);
+                    add_scaled(
+                        &mut weighed[b][k * nd..(k + 1) * nd],
+                        w[i * present.len() + j],
+                        &blocks[c].g[l * nd..(l + 1) * nd],
+                    );
                 }
             }
         });
-        known.then(|| blocks.iter().zip(&weighed).map(|(b, g)| self.filter(s, b).backward(g, nd)).collect())
+        known.then(|| {
+            blocks.iter().zip(&weighed).map(|(b, g)| self.filter(s, b).backward(g, nd)).collect()
+        })
     }
 
     /// `D^1/2 c D^1/2 V`, per block. Innovations run on through masked samples.
@@ -69,9 +81,17 @@ impl<'a> Sigma<'a> {
             for &(b, k) in present {
                 let mine = self.filter(s, &blocks[b]).variance(k);
                 for &(c, l) in present {
-                    let like = if b == c { 1.0 } else { mix.map_or(0.0, |mix| mix[blocks[b].output * n + blocks[c].output]) };
+                    let like = if b == c {
+                        1.0
+                    } else {
+                        mix.map_or(0.0, |mix| mix[blocks[b].output * n + blocks[c].output])
+                    };
                     let other = if b == c { mine } else { self.filter(s, &blocks[c]).variance(l) };
-                    add_scaled(&mut coupled[b][k * nd..(k + 1) * nd], like * (mine * other).sqrt(), &v[c][l * nd..(l + 1) * nd]);
+                    add_scaled(
+                        &mut coupled[b][k * nd..(k + 1) * nd],
+                        like * (mine * other).sqrt(),
+                        &v[c][l * nd..(l + 1) * nd],
+                    );
                 }
             }
         });
@@ -97,7 +117,8 @@ impl<'a> Sigma<'a> {
         self.filters.iter().zip(counts).all(|(filter, count)| *count == 0 || filter.is_definite())
     }
 
-    /// Sensitivities and residuals of segment `s` made white: one column per direction, then the residuals, scored samples block by block.
+    /// Sensitivities and residuals of segment `s` made white: one column per direction, then the
+    /// residuals, scored samples block by block.
     pub fn whiten(&self, s: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
         let nd = self.layout.parts[s].directions();
         let mut columns: Vec<Vec<f64>> = vec![Vec::new(); nd + 1];
@@ -105,13 +126,18 @@ impl<'a> Sigma<'a> {
         for block in blocks {
             begins.push(columns[0].len());
             let masked: Vec<bool> = block.e.iter().map(|e| e.is_nan()).collect();
-            let mut series: Vec<Vec<f64>> = (0..nd).map(|d| block.g.iter().skip(d).step_by(nd).copied().collect()).collect();
+            let mut series: Vec<Vec<f64>> =
+                (0..nd).map(|d| block.g.iter().skip(d).step_by(nd).copied().collect()).collect();
             series.push(block.e.clone());
             self.filter(s, block).whiten_all(&mut series, &masked);
-            columns.iter_mut().zip(&series).for_each(|(column, series)| column.extend_from_slice(series));
+            columns
+                .iter_mut()
+                .zip(&series)
+                .for_each(|(column, series)| column.extend_from_slice(series));
         }
         self.separate(s, blocks, &begins, &mut columns);
-        let scored: Vec<bool> = blocks.iter().flat_map(|block| block.e.iter().map(|e| !e.is_nan())).collect();
+        let scored: Vec<bool> =
+            blocks.iter().flat_map(|block| block.e.iter().map(|e| !e.is_nan())).collect();
         for column in &mut columns {
             let mut scored = scored.iter();
             column.retain(|_| scored.next().copied().unwrap_or(false));
@@ -128,7 +154,10 @@ impl<'a> Sigma<'a> {
             let outputs: Vec<usize> = present.iter().map(|&(b, _)| blocks[b].output).collect();
             let m = outputs.len();
             let known = roots.iter().position(|(of, _)| *of == outputs).unwrap_or_else(|| {
-                let c: Vec<f64> = outputs.iter().flat_map(|&i| outputs.iter().map(move |&j| mix[i * n + j])).collect();
+                let c: Vec<f64> = outputs
+                    .iter()
+                    .flat_map(|&i| outputs.iter().map(move |&j| mix[i * n + j]))
+                    .collect();
                 // `mix` is positive definite, and so is every block of it.
                 roots.push((outputs, cholesky(&c, m).unwrap_or_default()));
                 roots.len() - 1

@@ -1,5 +1,5 @@
-//! A model, segments and settings in; the model as it would be estimated, over the segments that can be used, out: for those who evaluate
-//! it themselves.
+//! A model, segments and settings in; the model as it would be estimated, over the segments that
+//! can be used, out: for those who evaluate it themselves.
 
 use super::case::{Case, plan};
 use super::choice::{Chosen, choose};
@@ -32,17 +32,36 @@ impl Prepared {
     ///
     /// # Errors
     /// As `estimate_segments`.
-    pub fn new(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Prepared, Errors> {
+    pub fn new(
+        model: &Model,
+        segments: &[Segment],
+        settings: &Settings,
+    ) -> Result<Prepared, Errors> {
         let (model, segments) = prepare(model, segments, settings)?;
         let (model, segments) = (model.into_owned(), segments.into_owned());
         let chosen = choose(&model, &segments, settings)?;
         let plan = plan(&model, &chosen, &segments)?;
         let given = starts(&model, &plan, &segments, &chosen, settings)?;
-        let why: Vec<Option<String>> = (0..segments.len()).map(|s| unusable(&model, &chosen, &segments[s], &given[s])).collect();
+        let why: Vec<Option<String>> = (0..segments.len())
+            .map(|s| unusable(&model, &chosen, &segments[s], &given[s]))
+            .collect();
         let used: Vec<usize> = (0..segments.len()).filter(|&s| why[s].is_none()).collect();
-        let left_out = why.into_iter().enumerate().filter_map(|(segment, why)| Some(LeftOut { segment, why: why? })).collect();
+        let left_out = why
+            .into_iter()
+            .enumerate()
+            .filter_map(|(segment, why)| Some(LeftOut { segment, why: why? }))
+            .collect();
         let given = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
-        Ok(Prepared { model, segments, used, left_out, chosen, plan, given, settings: settings.clone() })
+        Ok(Prepared {
+            model,
+            segments,
+            used,
+            left_out,
+            chosen,
+            plan,
+            given,
+            settings: settings.clone(),
+        })
     }
 
     /// The problem over the segments used, in their order.

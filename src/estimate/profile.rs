@@ -1,10 +1,13 @@
-//! A solved problem and one of its parameters in; the likelihood's profile along it, and the interval that it gives, out.
+//! A solved problem and one of its parameters in; the likelihood's profile along it, and the
+//! interval that it gives, out.
 //!
-//! At every prescribed value all other parameters are estimated again. With white residuals twice the rise of the cost,
-//! `2 (J(value) - J(estimate))`, is chi-square distributed with one degree of freedom where the value is the truth (Wilks 1938), so
-//! the interval of level `p` is where it stays below the chi-square quantile. Near the estimate it is `(value - estimate)^2 / sd_crlb^2`,
-//! while coloured residuals scatter the estimate by `sd`: the rise is multiplied by `(sd_crlb / sd)^2`, which makes it chi-square
-//! again to first order. Where the profile is a parabola, the interval is the estimate and 1.96 sd to both sides (at 95%).
+//! At every prescribed value all other parameters are estimated again. With white residuals twice
+//! the rise of the cost, `2 (J(value) - J(estimate))`, is chi-square distributed with one degree of
+//! freedom where the value is the truth (Wilks 1938), so the interval of level `p` is where it
+//! stays below the chi-square quantile. Near the estimate it is `(value - estimate)^2 / sd_crlb^2`,
+//! while coloured residuals scatter the estimate by `sd`: the rise is multiplied by
+//! `(sd_crlb / sd)^2`, which makes it chi-square again to first order. Where the profile is a
+//! parabola, the interval is the estimate and 1.96 sd to both sides (at 95%).
 
 use super::Settings;
 use super::solution::Solution;
@@ -58,7 +61,10 @@ impl Profile {
             End::Far => Some(format!("open {side}: the limit is not reached within {REACH} sd")),
             End::Lost => Some(format!("open {side}: the other parameters have no estimate there")),
         };
-        let words: Vec<String> = [open("below", self.ends[0]), open("above", self.ends[1])].into_iter().flatten().collect();
+        let words: Vec<String> = [open("below", self.ends[0]), open("above", self.ends[1])]
+            .into_iter()
+            .flatten()
+            .collect();
         if words.is_empty() { "closed".into() } else { words.join("; ") }
     }
 }
@@ -85,7 +91,16 @@ pub fn profiles<F: Evaluate>(
         .par_iter()
         .map(|&(i, direction)| {
             let sd = solution.deviation(i)?;
-            let search = Search { layout, evaluate, solution, settings, i, direction, sd: sd.0, shrink: sd.1 / sd.0 };
+            let search = Search {
+                layout,
+                evaluate,
+                solution,
+                settings,
+                i,
+                direction,
+                sd: sd.0,
+                shrink: sd.1 / sd.0,
+            };
             Some(search.run())
         })
         .collect();
@@ -93,7 +108,8 @@ pub fn profiles<F: Evaluate>(
     let join = |(&row, sides): (&usize, &[Option<Side>])| {
         let [Some(below), Some(above)] = sides else { return None };
         let here = Point { value: solution.fit.theta[row], rise: 0.0 };
-        let mut points: Vec<Point> = below.points.iter().chain([&here]).chain(&above.points).copied().collect();
+        let mut points: Vec<Point> =
+            below.points.iter().chain([&here]).chain(&above.points).copied().collect();
         points.sort_by(|a, b| a.value.total_cmp(&b.value));
         let (lower, upper, ends) = (below.at, above.at, [below.end, above.end]);
         Some(Profile { row, level: settings.profile_level, limit, points, lower, upper, ends })
@@ -122,12 +138,16 @@ struct Search<'a, F> {
 }
 
 impl<F: Evaluate> Search<'_, F> {
-    /// The root of the scaled rise grows like the distance in sd: it is brought to the root of the limit by regula falsi, with a
-    /// bisection where that moves only one end.
+    /// The root of the scaled rise grows like the distance in sd: it is brought to the root of the
+    /// limit by regula falsi, with a bisection where that moves only one end.
     fn run(&self) -> Side {
         let wanted = chi2_quantile(self.settings.profile_level, 1.0).sqrt();
         let centre = self.solution.fit.theta[self.i];
-        let bound = if self.direction < 0.0 { self.layout.lower[self.i] } else { self.layout.upper[self.i] };
+        let bound = if self.direction < 0.0 {
+            self.layout.lower[self.i]
+        } else {
+            self.layout.upper[self.i]
+        };
         let far = centre + self.direction * REACH * self.sd;
         let last = if (bound - centre).abs() < (far - centre).abs() { bound } else { far };
         let mut side = Side { points: Vec::new(), at: None, end: End::Lost };
@@ -163,7 +183,9 @@ impl<F: Evaluate> Search<'_, F> {
                     return side;
                 }
                 Some((above, _)) if same_side.abs() > 2 => 0.5 * (inner.0 + above),
-                Some((above, high)) => inner.0 + (wanted - inner.1) / (high - inner.1) * (above - inner.0),
+                Some((above, high)) => {
+                    inner.0 + (wanted - inner.1) / (high - inner.1) * (above - inner.0)
+                }
             };
         }
         side
@@ -177,14 +199,16 @@ impl<F: Evaluate> Search<'_, F> {
         let mut method = self.settings.method();
         let mut fit = minimise(&layout, self.evaluate, &method);
         if matches!(fit.stop, Stop::NoImprovement | Stop::IterationLimit) {
-            // A kink of the cost (a threshold on a sample) stops a step that is only shortened; a damped one may get past it.
+            // A kink of the cost (a threshold on a sample) stops a step that is only shortened; a
+            // damped one may get past it.
             layout.start = fit.theta.clone();
             method.control = StepControl::LevenbergMarquardt;
             fit = minimise(&layout, self.evaluate, &method);
         }
         let last = |iterations: &[Iteration]| iterations.last().map(|i| i.cost);
         let rise = 2.0 * (last(&fit.iterations)? - last(&self.solution.fit.iterations)?);
-        let ended = matches!(fit.stop, Stop::Converged | Stop::NoImprovement) || settled(&fit.iterations);
+        let ended =
+            matches!(fit.stop, Stop::Converged | Stop::NoImprovement) || settled(&fit.iterations);
         (ended && rise.is_finite()).then_some((rise * self.shrink * self.shrink, fit.theta))
     }
 }

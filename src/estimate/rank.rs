@@ -1,4 +1,5 @@
-//! A normal matrix in; its condition and the combinations of parameters that the data cannot separate out.
+//! A normal matrix in; its condition and the combinations of parameters that the data cannot
+//! separate out.
 
 use super::Label;
 use crate::least_squares::{Arrow, diagonal};
@@ -7,12 +8,14 @@ use crate::math::dense::symmetric_eigen;
 /// Whether the data determine the parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// Largest over smallest eigenvalue of the normal matrix scaled to a unit diagonal (every segment's own parameters first, then
-    /// the common ones after those are eliminated; the worst of them). Infinite when singular, NaN without data.
+    /// Largest over smallest eigenvalue of the normal matrix scaled to a unit diagonal (every
+    /// segment's own parameters first, then the common ones after those are eliminated; the worst
+    /// of them). Infinite when singular, NaN without data.
     pub condition: f64,
     /// At least one combination is not determined at all.
     pub singular: bool,
-    /// Combinations that are not determined, or hardly (less than 1e-6 of the information of their parameters alone).
+    /// Combinations that are not determined, or hardly (less than 1e-6 of the information of their
+    /// parameters alone).
     pub combinations: Vec<Combination>,
 }
 
@@ -63,7 +66,9 @@ pub fn weak_words<S: std::borrow::Borrow<str>>(names: &[S]) -> String {
 impl Verdict {
     /// What is not determined at all, in words, by the parameters' names alone.
     pub fn undetermined(&self) -> Vec<String> {
-        let names = |c: &Combination| weak_words(&c.terms.iter().map(|term| term.name.as_str()).collect::<Vec<_>>());
+        let names = |c: &Combination| {
+            weak_words(&c.terms.iter().map(|term| term.name.as_str()).collect::<Vec<_>>())
+        };
         self.combinations.iter().filter(|c| c.information <= NONE).map(names).collect()
     }
 }
@@ -75,7 +80,8 @@ pub struct Weak {
     pub terms: Vec<(usize, f64)>,
 }
 
-/// Below this share of information a combination is reported, below `NONE` it counts as undetermined.
+/// Below this share of information a combination is reported, below `NONE` it counts as
+/// undetermined.
 const WEAK: f64 = 1e-6;
 /// Squares and sums of some thousand products, each good to 1e-16, leave about this.
 pub const NONE: f64 = 1e-12;
@@ -136,8 +142,8 @@ fn judge_shared(matrix: &mut Arrow, weak: &mut Vec<Weak>, condition: &mut f64) {
     }
 }
 
-/// The eigenvector of the smallest eigenvalue of `matrix` scaled by `scale`, as a change of the parameters, if that eigenvalue is
-/// below `WEAK`; notes the condition otherwise.
+/// The eigenvector of the smallest eigenvalue of `matrix` scaled by `scale`, as a change of the
+/// parameters, if that eigenvalue is below `WEAK`; notes the condition otherwise.
 fn weakest(matrix: &[f64], scale: &[f64], condition: &mut f64) -> Option<(f64, Vec<f64>)> {
     let n = scale.len();
     if let Some(i) = (0..n).find(|&i| !(scale[i] > 0.0)) {
@@ -148,7 +154,9 @@ fn weakest(matrix: &[f64], scale: &[f64], condition: &mut f64) -> Option<(f64, V
     let root: Vec<f64> = scale.iter().map(|d| d.sqrt()).collect();
     let scaled: Vec<f64> = (0..n * n).map(|k| matrix[k] / (root[k / n] * root[k % n])).collect();
     let eigen = symmetric_eigen(&scaled, n);
-    let (Some(&least), Some(&most)) = (eigen.values.first(), eigen.values.last()) else { return None };
+    let (Some(&least), Some(&most)) = (eigen.values.first(), eigen.values.last()) else {
+        return None;
+    };
     let share = (least / most).max(0.0);
     if share > 0.0 {
         *condition = condition.max(1.0 / share);
@@ -161,7 +169,8 @@ fn weakest(matrix: &[f64], scale: &[f64], condition: &mut f64) -> Option<(f64, V
 
 /// The parts of a change that matter, each measured against what its parameter alone would show.
 fn terms(change: &[f64], scale: &[f64], offset: usize) -> Vec<(usize, f64)> {
-    let size = |i: usize| if scale[i] > 0.0 { change[i].abs() * scale[i].sqrt() } else { change[i].abs() };
+    let size =
+        |i: usize| if scale[i] > 0.0 { change[i].abs() * scale[i].sqrt() } else { change[i].abs() };
     let most = (0..change.len()).map(size).fold(0.0, f64::max);
     (0..change.len()).filter(|&i| size(i) > PART * most).map(|i| (offset + i, change[i])).collect()
 }

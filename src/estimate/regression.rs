@@ -1,12 +1,16 @@
-//! A case in; its parameters by regression on the rate and output equations (equation error), with statistics of their own, out.
+//! A case in; its parameters by regression on the rate and output equations (equation error), with
+//! statistics of their own, out.
 //!
-//! The equation of a measured state is `d x/dt = f(x, u, theta)`. Both sides are seen through one filter: the derivative filter of Savitzky
-//! and Golay acts on the measured state and on the integral of `f` at the smoothed measured states, so that the smoothing of the one
-//! is the smoothing of the other and only the trapezoidal rule is left as an error. A measured output that is not a state gives
-//! `z = h(x, u, theta)` at the same points. Weighted least squares over all equations (weights from the residuals, Gauss-Newton for
-//! parameters that enter nonlinearly, bounds, colour of the residuals as for output error) is the likelihood's maximum of this problem: the
-//! same solver. Nothing is integrated over time, so poor starts do no harm; noise of the states in `f` biases the values towards zero
-//! (Klein & Morelli 2006, sec. 5.1), which is why they are starting values and not results.
+//! The equation of a measured state is `d x/dt = f(x, u, theta)`. Both sides are seen through one
+//! filter: the derivative filter of Savitzky and Golay acts on the measured state and on the
+//! integral of `f` at the smoothed measured states, so that the smoothing of the one is the
+//! smoothing of the other and only the trapezoidal rule is left as an error. A measured output that
+//! is not a state gives `z = h(x, u, theta)` at the same points. Weighted least squares over all
+//! equations (weights from the residuals, Gauss-Newton for parameters that enter nonlinearly,
+//! bounds, colour of the residuals as for output error) is the likelihood's maximum of this
+//! problem: the same solver. Nothing is integrated over time, so poor starts do no harm; noise of
+//! the states in `f` biases the values towards zero (Klein & Morelli 2006, sec. 5.1), which is why
+//! they are starting values and not results.
 
 use super::case::Case;
 use super::rank::NONE;
@@ -107,19 +111,35 @@ pub fn regress(case: &Case, settings: &Settings) -> Result<(Regression, Vec<f64>
     let (sides, mut equations) = sides(case);
     let model = case.model;
     let free: Vec<usize> = case.chosen.shared.iter().chain(&case.chosen.own).copied().collect();
-    let segments = (0..case.records.len()).map(|s| prepare(case, &sides, s, settings)).collect::<Result<Vec<_>>>()?;
+    let segments = (0..case.records.len())
+        .map(|s| prepare(case, &sides, s, settings))
+        .collect::<Result<Vec<_>>>()?;
     let linear = model.linearize(&free, &case.outputs);
-    let problem =
-        Problem { case, rates: model.rates_program(), outputs: model.outputs_program(&case.outputs), linear, sides, segments };
-    let evaluate = |s: usize, local: &[f64], sensitivities: bool| Some(problem.blocks(s, local, sensitivities));
+    let problem = Problem {
+        case,
+        rates: model.rates_program(),
+        outputs: model.outputs_program(&case.outputs),
+        linear,
+        sides,
+        segments,
+    };
+    let evaluate = |s: usize, local: &[f64], sensitivities: bool| {
+        Some(problem.blocks(s, local, sensitivities))
+    };
     let mut layout = problem.layout();
     let mut outcome = problem.unreached(&free);
-    let hold = |layout: &mut Layout, i: usize| (layout.lower[i], layout.upper[i]) = (layout.start[i], layout.start[i]);
+    let hold = |layout: &mut Layout, i: usize| {
+        (layout.lower[i], layout.upper[i]) = (layout.start[i], layout.start[i])
+    };
     (0..outcome.len()).filter(|&i| outcome[i] != ESTIMATED).for_each(|i| hold(&mut layout, i));
     let mut solution = solve(&layout, &evaluate, settings);
     for _ in 0..outcome.len() {
         let none = solution.weak.iter().find(|w| w.information <= NONE);
-        let Some(&(i, _)) = none.and_then(|w| w.terms.iter().find(|(i, _)| outcome[*i] == ESTIMATED)) else { break };
+        let Some(&(i, _)) =
+            none.and_then(|w| w.terms.iter().find(|(i, _)| outcome[*i] == ESTIMATED))
+        else {
+            break;
+        };
         outcome[i] = "cannot be separated from others by these equations";
         hold(&mut layout, i);
         solution = solve(&layout, &evaluate, settings);
@@ -149,34 +169,61 @@ const ESTIMATED: &str = "estimated";
 fn sides(case: &Case) -> (Vec<Side>, Vec<Equation>) {
     let model = case.model;
     let (mut sides, mut equations) = (Vec::new(), Vec::new());
-    let mut add = |name: String, unit: String, node: Node, row: usize, is_rate: bool, output: Option<usize>, of_state: bool| {
+    let mut add = |name: String,
+                   unit: String,
+                   node: Node,
+                   row: usize,
+                   is_rate: bool,
+                   output: Option<usize>,
+                   of_state: bool| {
         let outcome = match (needed(model, node), output) {
             (_, _) if of_state => "the state itself: its rate is used".to_string(),
             (Err(hidden), _) => format!("needs {hidden}, which is not measured"),
             (_, None) => "the state is not measured".to_string(),
-            (Ok(states), Some(output)) => match states.iter().find(|&&i| measured(case, i).is_none()) {
-                Some(&i) => format!("needs {}, which is not measured", model.states[i].quantity.name),
-                None => {
-                    sides.push(Side { row, is_rate, output, states });
-                    "used".to_string()
+            (Ok(states), Some(output)) => {
+                match states.iter().find(|&&i| measured(case, i).is_none()) {
+                    Some(&i) => {
+                        format!("needs {}, which is not measured", model.states[i].quantity.name)
+                    }
+                    None => {
+                        sides.push(Side { row, is_rate, output, states });
+                        "used".to_string()
+                    }
                 }
-            },
+            }
         };
         let (n, rms, r2, ar_order) = (0, f64::NAN, f64::NAN, 0);
         equations.push(Equation { name, unit, outcome, n, rms, r2, ar_order });
     };
     for (i, state) in model.states.iter().enumerate() {
         let q = &state.quantity;
-        add(format!("rate of {}", q.name), format!("{}/s", q.unit), model.rates[i], i, true, measured(case, i), false);
+        add(
+            format!("rate of {}", q.name),
+            format!("{}/s", q.unit),
+            model.rates[i],
+            i,
+            true,
+            measured(case, i),
+            false,
+        );
     }
     for (row, &o) in case.outputs.iter().enumerate() {
         let q = &model.outputs[o];
-        add(q.name.clone(), q.unit.clone(), model.output_nodes[o], row, false, Some(o), model.state(&q.name).is_some());
+        add(
+            q.name.clone(),
+            q.unit.clone(),
+            model.output_nodes[o],
+            row,
+            false,
+            Some(o),
+            model.state(&q.name).is_some(),
+        );
     }
     (sides, equations)
 }
 
-/// States that a node depends on, those behind delays included, or the name of one that nobody can measure.
+/// States that a node depends on, those behind delays included, or the name of one that nobody can
+/// measure.
 fn needed(model: &Model, node: Node) -> std::result::Result<Vec<usize>, String> {
     let mut states = Vec::new();
     for leaf in model.graph.leaves(&[node]) {
@@ -201,7 +248,8 @@ fn measured(case: &Case, state: usize) -> Option<usize> {
     case.model.output(&case.model.states[state].quantity.name).filter(|o| case.outputs.contains(o))
 }
 
-/// What was measured of an output on the grid: straight lines between samples, none where one of the two is masked.
+/// What was measured of an output on the grid: straight lines between samples, none where one of
+/// the two is masked.
 fn on_grid(record: &Record, output: usize, first: usize) -> Vec<f64> {
     let channel = record.channels.iter().find(|c| c.output == output);
     let n = record.n.saturating_sub(first);
@@ -219,39 +267,61 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
     let width = l.time() + 1;
     let mut points = vec![0.0; n * width];
     let raw: Vec<Vec<f64>> = (0..model.states.len())
-        .map(|i| measured(case, i).map_or_else(|| vec![f64::NAN; n], |output| on_grid(record, output, first)))
+        .map(|i| {
+            measured(case, i)
+                .map_or_else(|| vec![f64::NAN; n], |output| on_grid(record, output, first))
+        })
         .collect();
     let smoothed: Vec<Vec<f64>> = raw.iter().map(|x| smooth.apply(x)).collect();
     let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
     let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
     let taus = delays(model, &parameters);
-    let without_noise = dynamics::smoothed(&model.delays, &record.inputs[..record.n * l.inputs], l.inputs, dt, |d| taus[d]);
+    let without_noise = dynamics::smoothed(
+        &model.delays,
+        &record.inputs[..record.n * l.inputs],
+        l.inputs,
+        dt,
+        |d| taus[d],
+    );
     for k in 0..n {
         let point = &mut points[k * width..(k + 1) * width];
         smoothed.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
         for j in 0..l.inputs {
-            let (before, after) = ((k + first).saturating_sub(1), (k + first + 1).min(record.n - 1));
+            let (before, after) =
+                ((k + first).saturating_sub(1), (k + first + 1).min(record.n - 1));
             point[l.input() + j] = input(k + first, j);
-            point[l.input_rate() + j] = (input(after, j) - input(before, j)) / ((after - before).max(1) as f64 * dt);
+            point[l.input_rate() + j] =
+                (input(after, j) - input(before, j)) / ((after - before).max(1) as f64 * dt);
         }
         for (d, delay) in model.delays.iter().enumerate() {
             let back = |from: f64, value: &dyn Fn(usize) -> f64| {
                 let at = (from - taus[d] / dt).max(0.0);
                 let (low, part) = (at.floor() as usize, at - at.floor());
-                if part == 0.0 { value(low) } else { (1.0 - part) * value(low) + part * value(low + 1) }
+                if part == 0.0 {
+                    value(low)
+                } else {
+                    (1.0 - part) * value(low) + part * value(low + 1)
+                }
             };
             point[l.delayed() + d] = match delay.of {
                 Delayed::Input(j) => back((k + first) as f64, &|i| input(i, j)),
-                Delayed::Smooth(_) | Delayed::Within(_) => without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0]),
-                Delayed::State(i) => back(k as f64, &|m| smoothed[i].get(m).copied().unwrap_or(f64::NAN)),
+                Delayed::Smooth(_) | Delayed::Within(_) => {
+                    without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0])
+                }
+                Delayed::State(i) => {
+                    back(k as f64, &|m| smoothed[i].get(m).copied().unwrap_or(f64::NAN))
+                }
             };
         }
         point[l.time()] = record.t0 + (k + first) as f64 * dt;
     }
     let left = sides.iter().map(|side| {
         let known = |k: usize| side.states.iter().all(|&i| smoothed[i][k].is_finite());
-        let z: Vec<f64> =
-            on_grid(record, side.output, first).into_iter().enumerate().map(|(k, z)| if known(k) { z } else { f64::NAN }).collect();
+        let z: Vec<f64> = on_grid(record, side.output, first)
+            .into_iter()
+            .enumerate()
+            .map(|(k, z)| if known(k) { z } else { f64::NAN })
+            .collect();
         if side.is_rate { filter.apply(&z) } else { z }
     });
     let left = left.collect();
@@ -272,8 +342,13 @@ impl Problem<'_> {
     /// The case's parameters with an `R` of the equations, without priors: what the data alone say.
     fn layout(&self) -> Layout {
         let mut layout = self.case.layout.clone();
-        layout.noise =
-            Structure { outputs: self.sides.len(), groups: 1, full: false, floor: vec![1e-30; self.sides.len()], known: false };
+        layout.noise = Structure {
+            outputs: self.sides.len(),
+            groups: 1,
+            full: false,
+            floor: vec![1e-30; self.sides.len()],
+            known: false,
+        };
         layout.prior_sd.fill(f64::INFINITY);
         for part in &mut layout.parts {
             part.group = 0;
@@ -284,12 +359,21 @@ impl Problem<'_> {
 
     /// Which unknowns are in an equation in use.
     fn unreached(&self, free: &[usize]) -> Vec<&'static str> {
-        let reached = |column: usize| self.sides.iter().any(|side| self.entries(side).any(|e| e.column == column));
+        let reached = |column: usize| {
+            self.sides.iter().any(|side| self.entries(side).any(|e| e.column == column))
+        };
         let columns: Vec<bool> = (0..free.len()).map(reached).collect();
         let mut outcome = vec!["in none of these equations"; self.case.layout.start.len()];
         for part in &self.case.layout.parts {
             let own = part.offset..part.offset + part.own;
-            for (i, _) in part.shared.iter().copied().chain(own).zip(&columns).filter(|(_, reached)| **reached) {
+            for (i, _) in part
+                .shared
+                .iter()
+                .copied()
+                .chain(own)
+                .zip(&columns)
+                .filter(|(_, reached)| **reached)
+            {
                 outcome[i] = ESTIMATED;
             }
         }
@@ -297,7 +381,8 @@ impl Problem<'_> {
     }
 
     fn entries(&self, side: &Side) -> impl Iterator<Item = &Entry> {
-        let (sparse, row) = (if side.is_rate { &self.linear.rates } else { &self.linear.outputs }, side.row);
+        let (sparse, row) =
+            (if side.is_rate { &self.linear.rates } else { &self.linear.outputs }, side.row);
         sparse.parameters.iter().filter(move |e| e.row == row)
     }
 
@@ -317,7 +402,8 @@ impl Problem<'_> {
         all
     }
 
-    /// A column of the right side as the left one is seen: through the derivative filter of its integral.
+    /// A column of the right side as the left one is seen: through the derivative filter of its
+    /// integral.
     fn seen(&self, side: &Side, s: usize, column: Vec<f64>) -> Vec<f64> {
         let prepared = &self.segments[s];
         if side.is_rate { prepared.filter.apply(&integral(&column, prepared.dt)) } else { column }
@@ -327,23 +413,34 @@ impl Problem<'_> {
         let (parameters, _) = self.case.place(s, local);
         let nd = self.case.layout.parts[s].directions();
         let prepared = &self.segments[s];
-        let values = [self.over(&self.rates, s, &parameters), self.over(&self.outputs, s, &parameters)];
+        let values =
+            [self.over(&self.rates, s, &parameters), self.over(&self.outputs, s, &parameters)];
         let slopes = sensitivities.then(|| {
-            [self.over(&self.linear.rates_program, s, &parameters), self.over(&self.linear.outputs_program, s, &parameters)]
+            [
+                self.over(&self.linear.rates_program, s, &parameters),
+                self.over(&self.linear.outputs_program, s, &parameters),
+            ]
         });
-        let column = |all: &[f64], of: usize, k: usize| -> Vec<f64> { all.iter().skip(k).step_by(of.max(1)).copied().collect() };
+        let column = |all: &[f64], of: usize, k: usize| -> Vec<f64> {
+            all.iter().skip(k).step_by(of.max(1)).copied().collect()
+        };
         let mut blocks = Vec::with_capacity(self.sides.len());
         for (equation, side) in self.sides.iter().enumerate() {
             let which = usize::from(!side.is_rate);
-            let programs = [(&self.rates, &self.linear.rates_program), (&self.outputs, &self.linear.outputs_program)];
+            let programs = [
+                (&self.rates, &self.linear.rates_program),
+                (&self.outputs, &self.linear.outputs_program),
+            ];
             let (program, derived) = programs[which];
             let right = self.seen(side, s, column(&values[which], program.outputs(), side.row));
-            let e: Vec<f64> = prepared.left[equation].iter().zip(&right).map(|(l, r)| l - r).collect();
+            let e: Vec<f64> =
+                prepared.left[equation].iter().zip(&right).map(|(l, r)| l - r).collect();
             let mut g = Vec::new();
             if let Some(slopes) = &slopes {
                 g = vec![0.0; prepared.n * nd];
                 for entry in self.entries(side) {
-                    let seen = self.seen(side, s, column(&slopes[which], derived.outputs(), entry.output));
+                    let seen =
+                        self.seen(side, s, column(&slopes[which], derived.outputs(), entry.output));
                     seen.iter().enumerate().for_each(|(k, v)| g[k * nd + entry.column] = *v);
                 }
             }
@@ -353,18 +450,31 @@ impl Problem<'_> {
     }
 
     /// Size and share explained of every equation in use.
-    fn judge<F: Evaluate>(&self, layout: &Layout, evaluate: &F, solution: &Solution, equations: &mut [Equation]) {
+    fn judge<F: Evaluate>(
+        &self,
+        layout: &Layout,
+        evaluate: &F,
+        solution: &Solution,
+        equations: &mut [Equation],
+    ) {
         let mut sums = vec![[0.0; 4]; self.sides.len()];
         let take = |s: usize, blocks: Vec<Block>| {
             for block in blocks {
-                for (e, l) in block.e.iter().zip(&self.segments[s].left[block.output]).filter(|(e, _)| e.is_finite()) {
+                for (e, l) in block
+                    .e
+                    .iter()
+                    .zip(&self.segments[s].left[block.output])
+                    .filter(|(e, _)| e.is_finite())
+                {
                     let add = [1.0, e * e, *l, l * l];
                     sums[block.output].iter_mut().zip(add).for_each(|(sum, v)| *sum += v);
                 }
             }
         };
         each(layout, evaluate, &solution.fit.theta, false, |_, blocks| Some(blocks), take);
-        for ((equation, [n, square, sum, total]), k) in equations.iter_mut().filter(|e| e.outcome == "used").zip(sums).zip(0..) {
+        for ((equation, [n, square, sum, total]), k) in
+            equations.iter_mut().filter(|e| e.outcome == "used").zip(sums).zip(0..)
+        {
             equation.n = n as usize;
             equation.rms = (square / n).sqrt();
             equation.r2 = 1.0 - square / (total - sum * sum / n);

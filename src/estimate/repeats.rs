@@ -1,4 +1,5 @@
-//! Estimates of one parameter from repeated maneuvers in; whether they scatter as their standard deviations say out.
+//! Estimates of one parameter from repeated maneuvers in; whether they scatter as their standard
+//! deviations say out.
 
 use crate::math::distribution::chi2_cdf;
 
@@ -12,8 +13,8 @@ pub struct Repeats {
     pub scatter: f64,
     /// Root mean square of their claimed standard deviations.
     pub claimed: f64,
-    /// `sum ((value - weighted mean) / sd)^2`: chi-square with n - 1 degrees of freedom where the claims hold and the parameter is one and
-    /// the same in all maneuvers.
+    /// `sum ((value - weighted mean) / sd)^2`: chi-square with n - 1 degrees of freedom where the
+    /// claims hold and the parameter is one and the same in all maneuvers.
     pub chi2: f64,
     /// Probability of so large a value then.
     pub p: f64,
@@ -30,7 +31,8 @@ pub fn compare(values: &[f64], sds: &[f64]) -> Option<Repeats> {
     let scatter = (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (nf - 1.0)).sqrt();
     let claimed = (sds.iter().map(|s| s * s).sum::<f64>() / nf).sqrt();
     let weights: Vec<f64> = sds.iter().map(|s| 1.0 / (s * s)).collect();
-    let weighted = values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>() / weights.iter().sum::<f64>();
+    let weighted =
+        values.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>() / weights.iter().sum::<f64>();
     let chi2 = values.iter().zip(&weights).map(|(v, w)| w * (v - weighted) * (v - weighted)).sum();
     Some(Repeats { n, mean, scatter, claimed, chi2, p: 1.0 - chi2_cdf(chi2, nf - 1.0) })
 }

@@ -17,8 +17,16 @@ pub struct Further {
     pub regression: Option<Regression>,
 }
 
-/// Puts names to a solution over the segments `used`, of `segments` in all; what is wrong with segments is not known here.
-pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solution: Solution, further: Further) -> Estimation {
+/// Puts names to a solution over the segments `used`, of `segments` in all; what is wrong with
+/// segments is not known here.
+pub fn name(
+    model: &Model,
+    case: &Case,
+    used: &[usize],
+    segments: usize,
+    solution: Solution,
+    further: Further,
+) -> Estimation {
     let rows = rows(case, used, &solution, &further);
     let combinations = solution.weak.iter().map(|weak| combination(&rows, weak)).collect();
     let (mut responses, mut noise_groups) = (vec![Vec::new(); segments], vec![None; segments]);
@@ -34,7 +42,11 @@ pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solutio
         settled: solution.settled,
         noise_groups,
         responses,
-        verdict: Verdict { condition: solution.condition, singular: solution.singular, combinations },
+        verdict: Verdict {
+            condition: solution.condition,
+            singular: solution.singular,
+            combinations,
+        },
         iterations: solution.fit.iterations,
         rows,
         budget: further.budget,
@@ -49,7 +61,8 @@ pub fn name(model: &Model, case: &Case, used: &[usize], segments: usize, solutio
 fn rows(case: &Case, used: &[usize], solution: &Solution, further: &Further) -> Vec<Row> {
     let row = |i: usize| {
         let (sd, sd_crlb) = solution.deviation(i).unzip();
-        let assumed: f64 = further.budget.iter().map(|b| b.slopes[i] * b.constant.sd).map(|d| d * d).sum();
+        let assumed: f64 =
+            further.budget.iter().map(|b| b.slopes[i] * b.constant.sd).map(|d| d * d).sum();
         let profile = further.profiles.iter().find(|p| p.row == i);
         let unknown = &case.unknowns[i];
         Row {
@@ -84,7 +97,12 @@ fn correlations(layout: &Layout, solution: &Solution) -> Vec<Correlation> {
     let mut out = Vec::new();
     let mut push = |a: usize, b: usize, ca: f64, cm: f64| {
         if !solution.fit.held[a] && !solution.fit.held[b] {
-            out.push(Correlation { a, b, value: ca / (sd[a] * sd[b]), crlb: cm / (crlb[a] * crlb[b]) });
+            out.push(Correlation {
+                a,
+                b,
+                value: ca / (sd[a] * sd[b]),
+                crlb: cm / (crlb[a] * crlb[b]),
+            });
         }
     };
     for a in 0..nc {
@@ -92,9 +110,17 @@ fn correlations(layout: &Layout, solution: &Solution) -> Vec<Correlation> {
     }
     for ((part, own), bound) in layout.parts.iter().zip(&c.own).zip(&m.own) {
         for i in 0..own.n {
-            own.columns.iter().enumerate().for_each(|(k, &a)| push(a, part.offset + i, own.row(i)[k], bound.row(i)[k]));
+            own.columns
+                .iter()
+                .enumerate()
+                .for_each(|(k, &a)| push(a, part.offset + i, own.row(i)[k], bound.row(i)[k]));
             for j in i + 1..own.n {
-                push(part.offset + i, part.offset + j, own.ss[i * own.n + j], bound.ss[i * own.n + j]);
+                push(
+                    part.offset + i,
+                    part.offset + j,
+                    own.ss[i * own.n + j],
+                    bound.ss[i * own.n + j],
+                );
             }
         }
     }
@@ -103,9 +129,17 @@ fn correlations(layout: &Layout, solution: &Solution) -> Vec<Correlation> {
 
 fn combination(rows: &[Row], weak: &Weak) -> Combination {
     let term = |&(i, change): &(usize, f64)| {
-        rows.get(i).map(|row| Term { name: row.name.clone(), segment: row.segment, group: row.group.clone(), change })
+        rows.get(i).map(|row| Term {
+            name: row.name.clone(),
+            segment: row.segment,
+            group: row.group.clone(),
+            change,
+        })
     };
-    Combination { information: weak.information, terms: weak.terms.iter().filter_map(term).collect() }
+    Combination {
+        information: weak.information,
+        terms: weak.terms.iter().filter_map(term).collect(),
+    }
 }
 
 fn scatter(
@@ -119,7 +153,11 @@ fn scatter(
     let mut all = Vec::new();
     for (group, r) in solution.fit.noise.iter().enumerate() {
         for (j, &output) in case.outputs.iter().enumerate() {
-            let mine = groups.iter().zip(responses).filter(|(g, _)| **g == Some(group)).flat_map(|(_, traces)| traces);
+            let mine = groups
+                .iter()
+                .zip(responses)
+                .filter(|(g, _)| **g == Some(group))
+                .flat_map(|(_, traces)| traces);
             let samples: usize = mine.filter(|t| t.output == output).map(|t| t.t.len()).sum();
             let colour = solution.colour.get(group * n + j);
             all.push(OutputScatter {
@@ -129,7 +167,11 @@ fn scatter(
                 r: r.variances()[j],
                 count: r.count[j],
                 masked: samples - r.count[j],
-                correlation: if case.layout.noise.full { (0..n).map(|i| r.correlation(j, i)).collect() } else { Vec::new() },
+                correlation: if case.layout.noise.full {
+                    (0..n).map(|i| r.correlation(j, i)).collect()
+                } else {
+                    Vec::new()
+                },
                 colour: colour.cloned(),
             });
         }

@@ -1,4 +1,5 @@
-//! Records with labels in; groups of segments, and which samples of different outputs belong together, out.
+//! Records with labels in; groups of segments, and which samples of different outputs belong
+//! together, out.
 
 use crate::dynamics::{Channel, Record};
 use indexmap::IndexMap;
@@ -17,20 +18,23 @@ impl std::fmt::Display for Label {
     }
 }
 
-/// One stretch of flight of an estimation, and what is known of it by name: the columns that parameters can be `per`.
+/// One stretch of flight of an estimation, and what is known of it by name: the columns that
+/// parameters can be `per`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Segment {
     pub record: Record,
     /// For example `flight = "f3"`, `flap = "15"`.
     pub labels: IndexMap<String, String>,
-    /// Conditions at which it was flown, SI: what a parameter may follow as a line (`Settings::lines`).
+    /// Conditions at which it was flown, SI: what a parameter may follow as a line
+    /// (`Settings::lines`).
     pub conditions: IndexMap<String, f64>,
     /// Which part of the record is scored; all of it unless given.
     pub stretch: Option<Stretch>,
 }
 
-/// A stretch of a longer record. The model runs from the record's beginning, with start values and segment parameters that all stretches
-/// of the record have in common; only what was measured within the stretch is scored.
+/// A stretch of a longer record. The model runs from the record's beginning, with start values and
+/// segment parameters that all stretches of the record have in common; only what was measured
+/// within the stretch is scored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stretch {
     /// Name of the record, the same in all of its stretches.
@@ -47,11 +51,17 @@ impl Segment {
         let Some(stretch) = &self.stretch else { return record.clone() };
         let nu = record.inputs.len() / record.n.max(1);
         let channel = |c: &Channel| {
-            let kept: Vec<usize> = (0..c.t.len()).filter(|&k| c.t[k] >= stretch.from && c.t[k] < stretch.to).collect();
-            Channel { output: c.output, t: kept.iter().map(|&k| c.t[k]).collect(), z: kept.iter().map(|&k| c.z[k]).collect() }
+            let kept: Vec<usize> =
+                (0..c.t.len()).filter(|&k| c.t[k] >= stretch.from && c.t[k] < stretch.to).collect();
+            Channel {
+                output: c.output,
+                t: kept.iter().map(|&k| c.t[k]).collect(),
+                z: kept.iter().map(|&k| c.z[k]).collect(),
+            }
         };
         // up to the first point of the grid that no sample of the stretch lies behind
-        let points = (((stretch.to - record.t0) / record.dt).ceil().max(0.0) as usize).saturating_add(1);
+        let points =
+            (((stretch.to - record.t0) / record.dt).ceil().max(0.0) as usize).saturating_add(1);
         let n = points.clamp(record.n.min(record.start + 1), record.n);
         Record {
             n,
@@ -77,13 +87,15 @@ pub struct Grouping {
     pub of: Vec<usize>,
 }
 
-/// The column that tells every segment from every other (stretches of one record count as one), without being written down in `labels`.
+/// The column that tells every segment from every other (stretches of one record count as one),
+/// without being written down in `labels`.
 pub const SEGMENT: &str = "segment";
 /// All segments together.
 pub const CAMPAIGN: &str = "campaign";
 
 impl Grouping {
-    /// By value of `column` ("campaign", "segment" or a label); segments without that label are a group of their own.
+    /// By value of `column` ("campaign", "segment" or a label); segments without that label are a
+    /// group of their own.
     pub fn by(column: &str, segments: &[&Segment]) -> Grouping {
         let mut grouping = Grouping::default();
         for (s, segment) in segments.iter().enumerate() {
@@ -107,15 +119,18 @@ impl Grouping {
 /// Times closer than this share of a grid step are one instant: times in logs are rounded.
 const SAME: f64 = 1e-3;
 
-/// The number of the instant of every sample of every channel of a record, ascending within a channel. Two channels of one output
-/// never share an instant: they would measure the same noise twice.
+/// The number of the instant of every sample of every channel of a record, ascending within a
+/// channel. Two channels of one output never share an instant: they would measure the same noise
+/// twice.
 pub fn instants(record: &Record) -> Vec<Vec<u32>> {
     let channels = &record.channels;
-    let mut numbers: Vec<Vec<u32>> = channels.iter().map(|c| Vec::with_capacity(c.t.len())).collect();
+    let mut numbers: Vec<Vec<u32>> =
+        channels.iter().map(|c| Vec::with_capacity(c.t.len())).collect();
     let head = |numbers: &[Vec<u32>], c: usize| channels[c].t.get(numbers[c].len()).copied();
     let mut now = 0;
     loop {
-        let first = (0..channels.len()).filter_map(|c| head(&numbers, c)).fold(f64::INFINITY, f64::min);
+        let first =
+            (0..channels.len()).filter_map(|c| head(&numbers, c)).fold(f64::INFINITY, f64::min);
         if first == f64::INFINITY {
             return numbers;
         }
@@ -138,19 +153,29 @@ mod tests {
     #[test]
     fn samples_of_one_time_share_an_instant() {
         let channel = |output, t: &[f64]| Channel { output, t: t.to_vec(), z: vec![0.0; t.len()] };
-        let channels =
-            vec![channel(0, &[0.0, 0.1, 0.2]), channel(1, &[0.0, 0.2]), channel(2, &[0.05, 0.100_000_1]), channel(1, &[0.2])];
+        let channels = vec![
+            channel(0, &[0.0, 0.1, 0.2]),
+            channel(1, &[0.0, 0.2]),
+            channel(2, &[0.05, 0.100_000_1]),
+            channel(1, &[0.2]),
+        ];
         let record = Record { dt: 0.1, channels, ..Record::default() };
         assert_eq!(instants(&record), [vec![0, 2, 3], vec![0, 3], vec![1, 2], vec![4]]);
     }
 
     #[test]
     fn segments_are_grouped_in_the_order_in_which_they_come() {
-        let with = |flap: &str| Segment { labels: [("flap".to_string(), flap.to_string())].into(), ..Segment::default() };
+        let with = |flap: &str| Segment {
+            labels: [("flap".to_string(), flap.to_string())].into(),
+            ..Segment::default()
+        };
         let all = [with("15"), with("0"), with("15")];
         let all: Vec<&Segment> = all.iter().collect();
         let by = |column| Grouping::by(column, &all).of;
-        assert_eq!((by("flap"), by("segment"), by("campaign")), (vec![0, 1, 0], vec![0, 1, 2], vec![0, 0, 0]));
+        assert_eq!(
+            (by("flap"), by("segment"), by("campaign")),
+            (vec![0, 1, 0], vec![0, 1, 2], vec![0, 0, 0])
+        );
         assert_eq!(Grouping::by("flap", &all).values, ["15", "0"]);
     }
 }

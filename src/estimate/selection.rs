@@ -1,8 +1,11 @@
-//! Parameters that may be left out in; the estimation in which all that are left are significant, and what was decided of each, out.
+//! Parameters that may be left out in; the estimation in which all that are left are significant,
+//! and what was decided of each, out.
 //!
-//! Backward elimination: everything is estimated; of the candidates that are not significant the least significant is held at its start,
-//! and the others are estimated again, until all that are left are. Two that the data cannot distinguish are not both left. (Standard
-//! deviations are those that allow for coloured residuals: with the Cramer-Rao bound nearly everything looks significant.)
+//! Backward elimination: everything is estimated; of the candidates that are not significant the
+//! least significant is held at its start, and the others are estimated again, until all that are
+//! left are. Two that the data cannot distinguish are not both left. (Standard deviations are those
+//! that allow for coloured residuals: with the Cramer-Rao bound nearly everything looks
+//! significant.)
 
 use super::decision::{Decision, Support};
 use super::rank::NONE;
@@ -10,12 +13,15 @@ use super::{Estimation, Settings, Stop};
 use crate::error::Errors;
 use crate::math::distribution::chi2_cdf;
 
-/// A candidate is significant from so many standard deviations on; one with several values (per segment) where all of them together are
-/// as unlikely to be at their start.
+/// A candidate is significant from so many standard deviations on; one with several values (per
+/// segment) where all of them together are as unlikely to be at their start.
 const SIGNIFICANT: f64 = 2.0;
 
 /// Estimates, without the candidates of the settings that the data do not support.
-pub fn select(settings: &Settings, estimate: impl Fn(&Settings) -> Result<Estimation, Errors>) -> Result<Estimation, Errors> {
+pub fn select(
+    settings: &Settings,
+    estimate: impl Fn(&Settings) -> Result<Estimation, Errors>,
+) -> Result<Estimation, Errors> {
     if settings.candidates.is_empty() {
         return estimate(settings);
     }
@@ -30,17 +36,23 @@ pub fn select(settings: &Settings, estimate: impl Fn(&Settings) -> Result<Estima
     }
     if estimation.stop == Stop::Converged {
         let left = settings.candidates.iter().filter(|name| !trial.fixed.contains(name));
-        decisions.extend(left.filter_map(|name| judge(&estimation, name)).map(|(decision, _)| decision));
+        decisions
+            .extend(left.filter_map(|name| judge(&estimation, name)).map(|(decision, _)| decision));
     }
     if !settings.profile.is_empty() {
-        trial.profile =
-            settings.profile.iter().filter(|name| decisions.iter().all(|d| !d.held() || d.parameter != **name)).cloned().collect();
+        trial.profile = settings
+            .profile
+            .iter()
+            .filter(|name| decisions.iter().all(|d| !d.held() || d.parameter != **name))
+            .cloned()
+            .collect();
         estimation = estimate(&trial)?;
     }
     Ok(Estimation { decisions, ..estimation })
 }
 
-/// The candidate that is held next; none where all that are left are significant, or nothing can be said.
+/// The candidate that is held next; none where all that are left are significant, or nothing can be
+/// said.
 fn weakest(estimation: &Estimation, settings: &Settings, trial: &Settings) -> Option<Decision> {
     let left = || settings.candidates.iter().filter(|name| !trial.fixed.contains(name));
     match estimation.stop {
@@ -51,21 +63,29 @@ fn weakest(estimation: &Estimation, settings: &Settings, trial: &Settings) -> Op
             (chance > level).then_some(Decision { support: Support::NotSignificant, ..decision })
         }
         Stop::Singular => {
-            let undetermined = estimation.verdict.combinations.iter().filter(|c| c.information <= NONE);
+            let undetermined =
+                estimation.verdict.combinations.iter().filter(|c| c.information <= NONE);
             let terms = undetermined.flat_map(|c| &c.terms);
             let weak: Vec<&str> = terms.map(|term| term.name.as_str()).collect();
             // the last one named is the one that is missed least
             let name = left().rev().find(|name| weak.contains(&name.as_str()))?;
             let row = estimation.rows.iter().find(|row| row.name == *name)?;
             let (parameter, unit, start) = (row.name.clone(), row.unit.clone(), row.start);
-            Some(Decision { parameter, unit, value: f64::NAN, sd: f64::NAN, start, support: Support::NotObservable })
+            Some(Decision {
+                parameter,
+                unit,
+                value: f64::NAN,
+                sd: f64::NAN,
+                start,
+                support: Support::NotObservable,
+            })
         }
         _ => None,
     }
 }
 
-/// A candidate's values against their start, and how likely they would be so far from it by chance. One that sits on a bound is as far
-/// from it as it may be.
+/// A candidate's values against their start, and how likely they would be so far from it by chance.
+/// One that sits on a bound is as far from it as it may be.
 fn judge(estimation: &Estimation, name: &str) -> Option<(Decision, f64)> {
     let (mut square, mut count, mut farthest) = (0.0, 0.0, -1.0);
     let mut decision = None;
@@ -78,7 +98,8 @@ fn judge(estimation: &Estimation, name: &str) -> Option<(Decision, f64)> {
             farthest = z.abs();
             let (parameter, unit) = (row.name.clone(), row.unit.clone());
             let support = Support::Significant;
-            decision = Some(Decision { parameter, unit, value: row.value, sd, start: row.start, support });
+            decision =
+                Some(Decision { parameter, unit, value: row.value, sd, start: row.start, support });
         }
     }
     let chance = if square.is_finite() { 1.0 - chi2_cdf(square, count) } else { 0.0 };

@@ -15,56 +15,69 @@ pub struct Settings {
     pub free: Option<Vec<String>>,
     /// Parameters held at their start although the model (or `free`) would free them.
     pub fixed: Vec<String>,
-    /// Parameters (sensor errors, for example) that are estimated only where the data support them, whatever the model says of them: those
-    /// less than two standard deviations from their start are held there, the least significant first, and of those that the data cannot
-    /// distinguish the last named one. Every decision is a row of the table `separability`.
+    /// Parameters (sensor errors, for example) that are estimated only where the data support them,
+    /// whatever the model says of them: those less than two standard deviations from their start
+    /// are held there, the least significant first, and of those that the data cannot distinguish
+    /// the last named one. Every decision is a row of the table `separability`.
     pub candidates: Vec<String>,
-    /// Start values that replace those of the model (the value itself for a parameter that is held).
+    /// Start values that replace those of the model (the value itself for a parameter that is
+    /// held).
     pub starts: IndexMap<String, f64>,
     /// Where parameters start that no entry of `starts` speaks of.
     pub start: StartFrom,
-    /// Window of the smoothing for `start = "equation error"`, s (at least five points of the grid).
+    /// Window of the smoothing for `start = "equation error"`, s (at least five points of the
+    /// grid).
     pub smoothing_s: f64,
-    /// States whose initial value is estimated, one value per segment; all others begin where the model says.
+    /// States whose initial value is estimated, one value per segment; all others begin where the
+    /// model says.
     pub initial: Vec<String>,
-    /// Where states begin that start "measured": each segment at its own first sample, or all at those of the first segment.
+    /// Where states begin that start "measured": each segment at its own first sample, or all at
+    /// those of the first segment.
     pub initial_from: InitialFrom,
     /// Zero shifts of sensors that are estimated besides the model's parameters, sensor by sensor.
     pub shifts: Shifts,
-    /// Stabilised output error, for aircraft that are unstable: gains (1/s) by which states are led back to what was measured of them,
-    /// `stabilise = { alpha = 4.0, q = 4.0 }`. The measured noise then drives the model: estimates are biased by it, the more the
-    /// larger the gains and the noise; take the smallest that keep the response from running away.
+    /// Stabilised output error, for aircraft that are unstable: gains (1/s) by which states are led
+    /// back to what was measured of them, `stabilise = { alpha = 4.0, q = 4.0 }`. The measured
+    /// noise then drives the model: estimates are biased by it, the more the larger the gains and
+    /// the noise; take the smallest that keep the response from running away.
     pub stabilise: IndexMap<String, f64>,
-    /// Where one value of a parameter holds, instead of what the model file says: `per = { C_m_0 = "flap", dz_q = "flight" }`, with
-    /// "campaign", "segment", or a column that describes segments.
+    /// Where one value of a parameter holds, instead of what the model file says:
+    /// `per = { C_m_0 = "flap", dz_q = "flight" }`, with "campaign", "segment", or a column that
+    /// describes segments.
     pub per: IndexMap<String, String>,
-    /// Parameters that follow a condition of the segments as a straight line, in place of one value. No setting of a file: a pipeline estimates
-    /// per maneuver and fits lines (`[[fit]]`), and whoever takes its maneuvers together says so here.
+    /// Parameters that follow a condition of the segments as a straight line, in place of one
+    /// value. No setting of a file: a pipeline estimates per maneuver and fits lines (`[[fit]]`),
+    /// and whoever takes its maneuvers together says so here.
     #[serde(skip)]
     pub lines: IndexMap<String, Line>,
     /// Whether the noise of different outputs is independent, or correlated at the same instant.
     pub noise: NoiseKind,
-    /// What the noise is estimated over: one covariance for all segments ("campaign"), one each ("segment"), or one for all that are
-    /// alike in a column, such as "flight" (calm and turbulent air do not mix).
+    /// What the noise is estimated over: one covariance for all segments ("campaign"), one each
+    /// ("segment"), or one for all that are alike in a column, such as "flight" (calm and turbulent
+    /// air do not mix).
     pub noise_per: String,
-    /// Smallest standard deviation that the noise of an output may be given, SI: `floor = { q = 1e-5 }`.
+    /// Smallest standard deviation that the noise of an output may be given, SI:
+    /// `floor = { q = 1e-5 }`.
     pub floor: IndexMap<String, f64>,
     /// How steps are kept from going too far.
     pub step_control: StepControl,
-    /// Stop when the relative change of det R in one iteration is below this (and the step is small, see `step_tolerance`).
+    /// Stop when the relative change of det R in one iteration is below this (and the step is
+    /// small, see `step_tolerance`).
     pub tolerance: f64,
-    /// Stop only when, besides, no combination of parameters moved by more than this many of its standard deviations;
-    /// 0 asks for nothing beyond `tolerance`.
+    /// Stop only when, besides, no combination of parameters moved by more than this many of its
+    /// standard deviations; 0 asks for nothing beyond `tolerance`.
     pub step_tolerance: f64,
-    /// Stop only when, besides, no free parameter's gradient is larger than this share of the square root of its information (the
-    /// slope of the likelihood per standard deviation that the parameter would have alone); 0 asks for nothing.
+    /// Stop only when, besides, no free parameter's gradient is larger than this share of the
+    /// square root of its information (the slope of the likelihood per standard deviation that the
+    /// parameter would have alone); 0 asks for nothing.
     pub gradient_tolerance: f64,
     /// Iterations after which the estimation ends as "iteration limit".
     pub max_iterations: usize,
-    /// How the model's rates are evaluated: "auto" (machine code where the work is worth making it), "interpreter", "native". The
-    /// results are the same to the bit.
+    /// How the model's rates are evaluated: "auto" (machine code where the work is worth making
+    /// it), "interpreter", "native". The results are the same to the bit.
     pub tier: Tier,
-    /// Refusals of one step (each halves it, or raises its damping) after which the estimation ends as "no improvement".
+    /// Refusals of one step (each halves it, or raises its damping) after which the estimation ends
+    /// as "no improvement".
     pub max_halvings: usize,
     /// Use the priors (`sd`) of the model's parameters.
     pub priors: bool,
@@ -72,16 +85,18 @@ pub struct Settings {
     pub max_ar_order: usize,
     /// How that order is chosen.
     pub ar_order: OrderCriterion,
-    /// Parameters whose interval is read from the likelihood's profile (all other parameters estimated again at each value): for
-    /// those that enter so nonlinearly that `value +- 1.96 sd` would mislead, such as delays and thresholds. `"alpha(0)"` is the
-    /// initial value of state `alpha`. Costs some ten estimations each.
+    /// Parameters whose interval is read from the likelihood's profile (all other parameters
+    /// estimated again at each value): for those that enter so nonlinearly that `value +- 1.96 sd`
+    /// would mislead, such as delays and thresholds. `"alpha(0)"` is the initial value of state
+    /// `alpha`. Costs some ten estimations each.
     pub profile: Vec<String>,
     /// Level of these intervals, between 0 and 1.
     pub profile_level: f64,
 }
 
-/// A straight line that a parameter follows: `value + slope (condition - centre)`. The parameter's own name is that of its value at the centre;
-/// its start and its bounds are those of the model there. The slope starts at zero, without bounds.
+/// A straight line that a parameter follows: `value + slope (condition - centre)`. The parameter's
+/// own name is that of its value at the centre; its start and its bounds are those of the model
+/// there. The slope starts at zero, without bounds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
     /// The condition, by its name in `Segment::conditions`.
@@ -115,12 +130,14 @@ pub enum InitialFrom {
     /// Each segment at its own first measured value.
     #[default]
     Own,
-    /// All segments at the first measured value of the first one (some published results were found so).
+    /// All segments at the first measured value of the first one (some published results were found
+    /// so).
     First,
 }
 
-/// Sensors whose zero shift is estimated: the output `alpha` gets a parameter `dz_alpha` (measured = modelled + shift), the input
-/// `delta_e` a parameter `du_delta_e` (the model is driven by measured - shift). They start at zero.
+/// Sensors whose zero shift is estimated: the output `alpha` gets a parameter `dz_alpha` (measured
+/// = modelled + shift), the input `delta_e` a parameter `du_delta_e` (the model is driven by
+/// measured - shift). They start at zero.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shifts {
@@ -128,7 +145,8 @@ pub struct Shifts {
     pub outputs: Vec<String>,
     /// Inputs of the model.
     pub inputs: Vec<String>,
-    /// Where one value holds: "segment", "campaign", or a column that describes segments; `per` of the method overrides it for one.
+    /// Where one value holds: "segment", "campaign", or a column that describes segments; `per` of
+    /// the method overrides it for one.
     pub per: String,
 }
 
@@ -145,8 +163,8 @@ pub enum StartFrom {
     #[default]
     #[serde(rename = "model")]
     Model,
-    /// The result of a regression on the rate equations of measured states and on measured outputs, where it fits better than the model's
-    /// starts; parameters that it does not reach keep those.
+    /// The result of a regression on the rate equations of measured states and on measured outputs,
+    /// where it fits better than the model's starts; parameters that it does not reach keep those.
     #[serde(rename = "equation error")]
     EquationError,
 }
@@ -158,8 +176,8 @@ pub enum NoiseKind {
     /// Every output has a variance; noise of different outputs is independent.
     #[default]
     Diagonal,
-    /// Samples of the same instant have a full covariance matrix; with masked samples or outputs of different rates its likelihood's
-    /// maximum is found from the pairs that are there.
+    /// Samples of the same instant have a full covariance matrix; with masked samples or outputs of
+    /// different rates its likelihood's maximum is found from the pairs that are there.
     Full,
 }
 

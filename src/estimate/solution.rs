@@ -1,4 +1,5 @@
-//! A problem over segments in; estimates, both covariances, colour and rank verdict, all by parameter index, out.
+//! A problem over segments in; estimates, both covariances, colour and rank verdict, all by
+//! parameter index, out.
 
 use super::Settings;
 use super::colour::{Source, coloured};
@@ -14,7 +15,8 @@ pub struct Solution {
     pub crlb: Option<Arrow>,
     /// The same with coloured residuals allowed for; none unless converged.
     pub covariance: Option<Arrow>,
-    /// Colour per group of segments and output (`group * outputs + output`); empty unless converged.
+    /// Colour per group of segments and output (`group * outputs + output`); empty unless
+    /// converged.
     pub colour: Vec<Modelled>,
     /// Whether that colour and what the fit absorbed of it agree with each other.
     pub settled: bool,
@@ -29,7 +31,10 @@ impl Solution {
         if self.fit.held.get(i).copied().unwrap_or(true) {
             return None;
         }
-        Some((self.covariance.as_ref()?.variance(i)?.sqrt(), self.crlb.as_ref()?.variance(i)?.sqrt()))
+        Some((
+            self.covariance.as_ref()?.variance(i)?.sqrt(),
+            self.crlb.as_ref()?.variance(i)?.sqrt(),
+        ))
     }
 }
 

@@ -1,9 +1,12 @@
-//! Points with standard deviations in, a weighted straight line with covariance, between-point scatter and bands out.
+//! Points with standard deviations in, a weighted straight line with covariance, between-point
+//! scatter and bands out.
 //!
-//! Model: `y_i = intercept + slope x_i + b_i + e_i` with `Var(e_i) = s_i^2` (the claimed sd of the point) and `Var(b_i) = tau^2`
-//! (scatter between maneuvers that the claims do not explain). `tau^2` is the Paule-Mandel estimate, 0 when the claims explain the
-//! scatter; the covariance `(X'WX)^-1` is then multiplied by `q = sum w r^2 / (n - 2)` (Birge; Knapp & Hartung), whatever its
-//! size: claims that are all wrong by one factor do no harm, and t and F quantiles with n - 2 degrees of freedom hold.
+//! Model: `y_i = intercept + slope x_i + b_i + e_i` with `Var(e_i) = s_i^2` (the claimed sd of the
+//! point) and `Var(b_i) = tau^2` (scatter between maneuvers that the claims do not explain).
+//! `tau^2` is the Paule-Mandel estimate, 0 when the claims explain the scatter; the covariance
+//! `(X'WX)^-1` is then multiplied by `q = sum w r^2 / (n - 2)` (Birge; Knapp & Hartung), whatever
+//! its size: claims that are all wrong by one factor do no harm, and t and F quantiles with n - 2
+//! degrees of freedom hold.
 
 use crate::math::distribution::{f_quantile, t_quantile};
 
@@ -11,7 +14,8 @@ use crate::math::distribution::{f_quantile, t_quantile};
 #[derive(Debug, Clone, PartialEq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Estimate the scatter between the points (`tau`) beside their claimed standard deviations; without it `tau` is 0.
+    /// Estimate the scatter between the points (`tau`) beside their claimed standard deviations;
+    /// without it `tau` is 0.
     pub between_scatter: bool,
 }
 
@@ -52,7 +56,10 @@ impl std::fmt::Display for Unfit {
             Unfit::TooFewPoints => write!(f, "fewer than three points"),
             Unfit::IdenticalX => write!(f, "all points have the same x"),
             Unfit::BadValue(i) => write!(f, "point {i} (from 0) has a value that is not finite"),
-            Unfit::BadSd(i) => write!(f, "point {i} (from 0) has a standard deviation that is not positive and finite"),
+            Unfit::BadSd(i) => write!(
+                f,
+                "point {i} (from 0) has a standard deviation that is not positive and finite"
+            ),
         }
     }
 }
@@ -69,7 +76,8 @@ pub struct LineFit {
     pub covariance: f64,
     /// Sd of the scatter between the points beyond their claimed sd, in units of y.
     pub tau: f64,
-    /// `sum w r^2 / (n - 2)` with `w = 1 / (s_i^2 + tau^2)`: 1 where `tau > 0`, below 1 where the claims are too large.
+    /// `sum w r^2 / (n - 2)` with `w = 1 / (s_i^2 + tau^2)`: 1 where `tau > 0`, below 1 where the
+    /// claims are too large.
     pub q: f64,
     /// The same with `tau = 0`: how far the claimed sd explain the scatter.
     pub reduced_chi_square: f64,
@@ -89,18 +97,21 @@ pub struct LineFit {
 
 /// The straight line through `y` at `x` (equal lengths) with claimed standard deviations `sd`.
 ///
-/// An [`Unfit`] says why there is none; slices of unequal length are a mistake of the caller and panic.
+/// An [`Unfit`] says why there is none; slices of unequal length are a mistake of the caller and
+/// panic.
 pub fn line(x: &[f64], y: &[f64], sd: &[f64], settings: &Settings) -> Result<LineFit, Unfit> {
     assert!(x.len() == y.len() && x.len() == sd.len(), "x, y and sd of one length");
     check(x, y, sd)?;
     let n = x.len();
     let dof = (n - 2) as f64;
-    // Work in units of the smallest sd and relative to the first point: squares neither overflow nor vanish.
+    // Work in units of the smallest sd and relative to the first point: squares neither overflow
+    // nor vanish.
     let unit = sd.iter().fold(f64::INFINITY, |m, s| m.min(*s));
     let variance: Vec<f64> = sd.iter().map(|s| (s / unit) * (s / unit)).collect();
     let shifted: Vec<f64> = y.iter().map(|v| (v - y[0]) / unit).collect();
     let plain = Weighted::new(x, &shifted, &variance, 0.0);
-    let tau2 = if settings.between_scatter { paule_mandel(x, &shifted, &variance, dof) } else { 0.0 };
+    let tau2 =
+        if settings.between_scatter { paule_mandel(x, &shifted, &variance, dof) } else { 0.0 };
     let w = Weighted::new(x, &shifted, &variance, tau2);
     let q = w.chi_square / dof;
     let slope = w.slope * unit;
@@ -125,8 +136,9 @@ pub fn line(x: &[f64], y: &[f64], sd: &[f64], settings: &Settings) -> Result<Lin
     })
 }
 
-/// Slope and intercept of the line that is added when the points of a fitted line all move by `change`: the coefficients are linear in the
-/// points, with the weights of the fit. For errors that all points share, such as those of assumed constants.
+/// Slope and intercept of the line that is added when the points of a fitted line all move by
+/// `change`: the coefficients are linear in the points, with the weights of the fit. For errors
+/// that all points share, such as those of assumed constants.
 pub fn carried(fit: &LineFit, x: &[f64], sd: &[f64], change: &[f64]) -> (f64, f64) {
     let unit = sd.iter().fold(f64::INFINITY, |m, s| m.min(*s));
     let variance: Vec<f64> = sd.iter().map(|s| (s / unit) * (s / unit)).collect();
@@ -146,7 +158,8 @@ fn check(x: &[f64], y: &[f64], sd: &[f64]) -> Result<(), Unfit> {
     if x.len() < 3 {
         return Err(Unfit::TooFewPoints);
     }
-    let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let (low, high) =
+        x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
     // Differences of a few units in the last place are rounding, not a range of x.
     if high - low <= 1e-12 * low.abs().max(high.abs()) {
         return Err(Unfit::IdenticalX);
@@ -182,8 +195,8 @@ impl Weighted {
     }
 }
 
-/// `tau^2` such that the weighted sum of squared residuals equals its expectation, n - 2 (Paule & Mandel 1982); the sum falls
-/// monotonically with `tau^2`, so bisection finds it.
+/// `tau^2` such that the weighted sum of squared residuals equals its expectation, n - 2 (Paule &
+/// Mandel 1982); the sum falls monotonically with `tau^2`, so bisection finds it.
 fn paule_mandel(x: &[f64], y: &[f64], variance: &[f64], dof: f64) -> f64 {
     let excess = |tau2: f64| Weighted::new(x, y, variance, tau2).chi_square - dof;
     if !(excess(0.0) > 0.0) {
@@ -214,11 +227,16 @@ impl LineFit {
         libm::hypot(self.y_center_sd, self.slope_sd * (x - self.x_center))
     }
 
-    /// Sd of a further point of typical claimed sd about the line at `x`: line, scatter between points and the point's own error.
+    /// Sd of a further point of typical claimed sd about the line at `x`: line, scatter between
+    /// points and the point's own error.
     ///
-    /// The variance of a point is `q (tau^2 + s^2)`, with the median of the claimed `s_i^2` as `s^2`.
+    /// The variance of a point is `q (tau^2 + s^2)`, with the median of the claimed `s_i^2` as
+    /// `s^2`.
     pub fn point_sd(&self, x: f64) -> f64 {
-        libm::hypot(self.value_sd(x), (self.q * (self.tau * self.tau + self.typical_variance)).sqrt())
+        libm::hypot(
+            self.value_sd(x),
+            (self.q * (self.tau * self.tau + self.typical_variance)).sqrt(),
+        )
     }
 
     /// Half width of the interval of `level` of one parameter, in units of its sd.
@@ -226,7 +244,8 @@ impl LineFit {
         t_quantile(0.5 * (1.0 + level), self.dof)
     }
 
-    /// Half width of the simultaneous band (Working & Hotelling 1929) of `level`, in units of the sd of the line's value.
+    /// Half width of the simultaneous band (Working & Hotelling 1929) of `level`, in units of the
+    /// sd of the line's value.
     pub fn simultaneous_factor(&self, level: f64) -> f64 {
         (2.0 * f_quantile(level, 2.0, self.dof)).sqrt()
     }
@@ -253,7 +272,13 @@ pub fn bands(fit: &LineFit, xs: &[f64], level: f64) -> Vec<Band> {
             let value = fit.value(x);
             let about = |half: f64| (value - half, value + half);
             let (sd, point) = (fit.value_sd(x), fit.point_sd(x));
-            Band { x, value, pointwise: about(single * sd), simultaneous: about(joint * sd), prediction: about(single * point) }
+            Band {
+                x,
+                value,
+                pointwise: about(single * sd),
+                simultaneous: about(joint * sd),
+                prediction: about(single * point),
+            }
         })
         .collect()
 }

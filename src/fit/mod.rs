@@ -1,4 +1,5 @@
-//! Estimates with standard deviations at values of a variable in, straight lines with honest bands out.
+//! Estimates with standard deviations at values of a variable in, straight lines with honest bands
+//! out.
 
 mod line;
 

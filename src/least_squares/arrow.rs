@@ -1,9 +1,9 @@
-//! Normal equations in arrow form: a matrix with one border and one block per segment in; steps and covariances out, in time and
-//! memory linear in the number of segments.
+//! Normal equations in arrow form: a matrix with one border and one block per segment in; steps and
+//! covariances out, in time and memory linear in the number of segments.
 //!
-//! With `c` the shared parameters and `s` a segment's own, `M` has the blocks `M_cc`, `M_ss`, `M_sc` and zeros between different
-//! segments. Every segment is eliminated first: `T_s = M_ss^-1 M_sc`, and what remains is the Schur complement
-//! `S = M_cc - sum_s M_cs T_s`.
+//! With `c` the shared parameters and `s` a segment's own, `M` has the blocks `M_cc`, `M_ss`,
+//! `M_sc` and zeros between different segments. Every segment is eliminated first:
+//! `T_s = M_ss^-1 M_sc`, and what remains is the Schur complement `S = M_cc - sum_s M_cs T_s`.
 
 use crate::math::dense::{self, multiply};
 use crate::math::products::dot;
@@ -13,7 +13,8 @@ use crate::math::products::dot;
 pub struct Own {
     /// Number of the segment's own parameters.
     pub n: usize,
-    /// The shared parameters that the segment sees: the columns of `sc`, ascending or not, each once.
+    /// The shared parameters that the segment sees: the columns of `sc`, ascending or not, each
+    /// once.
     pub columns: Vec<usize>,
     /// `[n][n]`, symmetric.
     pub ss: Vec<f64>,
@@ -61,8 +62,9 @@ struct Eliminated {
     t: Vec<f64>,
 }
 
-/// Pivots smaller than this share of their diagonal count as zero: what is left of a parameter's information after all others are
-/// known. Sensitivities carry rounding errors of some 1e-14, which square to nothing; sums of products carry 1e-16 each.
+/// Pivots smaller than this share of their diagonal count as zero: what is left of a parameter's
+/// information after all others are known. Sensitivities carry rounding errors of some 1e-14, which
+/// square to nothing; sums of products carry 1e-16 each.
 pub const PIVOT: f64 = 1e-13;
 
 /// Inverse of a symmetric positive definite matrix by Cholesky factors.
@@ -72,7 +74,8 @@ pub const PIVOT: f64 = 1e-13;
 fn invert(matrix: &[f64], scale: &[f64]) -> Result<Vec<f64>, usize> {
     let n = scale.len();
     let l = dense::cholesky(matrix, n)?;
-    let sound = |i: &usize| l[i * n + i] * l[i * n + i] > PIVOT * scale[*i] && l[i * n + i].is_finite();
+    let sound =
+        |i: &usize| l[i * n + i] * l[i * n + i] > PIVOT * scale[*i] && l[i * n + i].is_finite();
     match (0..n).find(|i| !sound(i)) {
         Some(i) => Err(i),
         None => Ok(dense::cholesky_inverse(&l, n)),
@@ -83,8 +86,9 @@ impl Arrow {
     /// Eliminates every segment, then the border.
     ///
     /// # Errors
-    /// The matrix is singular to working precision: the first parameter (index of the whole vector) that depends on its segment's own
-    /// ones before it, or a shared one that depends on those before it and all own ones.
+    /// The matrix is singular to working precision: the first parameter (index of the whole vector)
+    /// that depends on its segment's own ones before it, or a shared one that depends on those
+    /// before it and all own ones.
     pub fn factor(&self) -> Result<Factor, usize> {
         let nc = self.shared;
         let mut schur = self.cc.clone();
@@ -112,8 +116,8 @@ impl Arrow {
         Some(schur)
     }
 
-    /// `-M_ss^-1 M_sc x`: how the own parameters of segment `s` follow a change `x` of the shared ones where they can compensate it;
-    /// empty where its block is singular.
+    /// `-M_ss^-1 M_sc x`: how the own parameters of segment `s` follow a change `x` of the shared
+    /// ones where they can compensate it; empty where its block is singular.
     pub fn follow(&self, s: usize, x: &[f64]) -> Vec<f64> {
         let own = &self.own[s];
         let Ok(inverse) = invert(&own.ss, &diagonal(&own.ss, own.n)) else { return Vec::new() };
@@ -121,7 +125,8 @@ impl Arrow {
         multiply(&inverse, &force, own.n, own.n, 1).iter().map(|v| -v).collect()
     }
 
-    /// Adds `value` on the diagonal at `index` of the whole vector (shared parameters first, then segment by segment).
+    /// Adds `value` on the diagonal at `index` of the whole vector (shared parameters first, then
+    /// segment by segment).
     pub fn add_diagonal(&mut self, index: usize, value: f64) {
         if index < self.shared {
             self.cc[index * self.shared + index] += value;
@@ -165,14 +170,16 @@ impl Arrow {
         sum
     }
 
-    /// Empties row and column `index`: the parameter carries no information and, in a covariance, no variance.
+    /// Empties row and column `index`: the parameter carries no information and, in a covariance,
+    /// no variance.
     pub fn clear(&mut self, index: usize) {
         let mut nothing = vec![0.0; self.own.iter().fold(self.shared, |n, own| n + own.n)];
         self.pin(&mut nothing, index, 0.0);
         self.add_diagonal(index, -1.0);
     }
 
-    /// Prescribes component `index` of the solution of `M d = rhs` as `value`, without changing the size of the system.
+    /// Prescribes component `index` of the solution of `M d = rhs` as `value`, without changing the
+    /// size of the system.
     pub fn pin(&mut self, rhs: &mut [f64], index: usize, value: f64) {
         let nc = self.shared;
         let mut offset = nc;
@@ -248,11 +255,13 @@ impl Factor {
         d
     }
 
-    /// The blocks of `M^-1 Q M^-1` on the border and of every segment with itself and the border; `Q` has the same arrow form
-    /// (blocks between two segments vanish because their noise is independent). With `Q = M` these are the blocks of `M^-1`.
+    /// The blocks of `M^-1 Q M^-1` on the border and of every segment with itself and the border;
+    /// `Q` has the same arrow form (blocks between two segments vanish because their noise is
+    /// independent). With `Q = M` these are the blocks of `M^-1`.
     ///
-    /// For a gradient of covariance `Q` the estimates are `d_c = V h` with `h = g_c - sum_s T_s' g_s`, and
-    /// `d_s = M_ss^-1 g_s - T_s d_c`; the blocks are the covariances of these.
+    /// For a gradient of covariance `Q` the estimates are `d_c = V h` with
+    /// `h = g_c - sum_s T_s' g_s`, and `d_s = M_ss^-1 g_s - T_s d_c`; the blocks are the
+    /// covariances of these.
     pub fn sandwich(&self, q: &Arrow) -> Arrow {
         let nc = self.shared;
         let mut qh = q.cc.clone();
@@ -270,7 +279,13 @@ impl Factor {
         let vq = multiply(&self.v, &qh, nc, nc, nc);
         let mut cc = multiply(&vq, &self.v, nc, nc, nc);
         symmetrise(&mut cc, nc);
-        let own = self.own.iter().zip(&q.own).zip(&with_h).map(|((e, qs), k)| self.sandwich_own(e, qs, k, &cc)).collect();
+        let own = self
+            .own
+            .iter()
+            .zip(&q.own)
+            .zip(&with_h)
+            .map(|((e, qs), k)| self.sandwich_own(e, qs, k, &cc))
+            .collect();
         Arrow { shared: nc, cc, own }
     }
 
@@ -287,7 +302,8 @@ impl Factor {
         for i in 0..n {
             for j in 0..n {
                 let (ti, tj) = (&e.t[i * nl..(i + 1) * nl], &e.t[j * nl..(j + 1) * nl]);
-                ss[i * n + j] -= dot(&a[i * nl..(i + 1) * nl], tj) + dot(&sc[j * nl..(j + 1) * nl], ti);
+                ss[i * n + j] -=
+                    dot(&a[i * nl..(i + 1) * nl], tj) + dot(&sc[j * nl..(j + 1) * nl], ti);
             }
         }
         symmetrise(&mut ss, n);
@@ -318,7 +334,14 @@ pub fn diagonal(matrix: &[f64], n: usize) -> Vec<f64> {
 }
 
 /// `c -= a' b` with `a`, `b` `[n][columns]`, into rows and columns `columns` of `c` of size `nc`.
-fn subtract_transposed(c: &mut [f64], a: &[f64], b: &[f64], n: usize, columns: &[usize], nc: usize) {
+fn subtract_transposed(
+    c: &mut [f64],
+    a: &[f64],
+    b: &[f64],
+    n: usize,
+    columns: &[usize],
+    nc: usize,
+) {
     let m = columns.len();
     for k in 0..n {
         let bk = &b[k * m..(k + 1) * m];

@@ -1,25 +1,30 @@
-//! Residuals of all segments in; the covariance `R` of the measurement noise per group of segments, and the cost at it, out.
+//! Residuals of all segments in; the covariance `R` of the measurement noise per group of segments,
+//! and the cost at it, out.
 //!
-//! Samples of different outputs at the same instant belong together; what is there at an instant is its *pattern*. With `R` diagonal
-//! every sample stands alone. All that `R` and the cost need of the residuals is, per pattern `m`, the number `n_m` of instants and
-//! the sum of products `S_m = sum e e'` over them (the sub-block `R_m` weighs them):
+//! Samples of different outputs at the same instant belong together; what is there at an instant is
+//! its *pattern*. With `R` diagonal every sample stands alone. All that `R` and the cost need of
+//! the residuals is, per pattern `m`, the number `n_m` of instants and the sum of products
+//! `S_m = sum e e'` over them (the sub-block `R_m` weighs them):
 //!
 //! `J = 1/2 sum_m (n_m ln|R_m| + tr(R_m^-1 S_m) - n_m dim m)`
 //!
-//! which for complete instants is `N/2 ln|R|` at its minimum `R = S/N` (attas A4). Where patterns differ, `R` is the minimum of `J`
-//! by expectation and maximisation: with `B = R_{:m} R_m^-1` the missing residuals are replaced by what those at hand say of them,
-//! `R <- 1/N sum_m (B S_m B' + n_m (R - B R_{m:}))`, which lowers `J` in every round and keeps `R` positive definite. Two outputs that
-//! never share an instant keep a covariance of zero.
+//! which for complete instants is `N/2 ln|R|` at its minimum `R = S/N` (attas A4). Where patterns
+//! differ, `R` is the minimum of `J` by expectation and maximisation: with `B = R_{:m} R_m^-1` the
+//! missing residuals are replaced by what those at hand say of them,
+//! `R <- 1/N sum_m (B S_m B' + n_m (R - B R_{m:}))`, which lowers `J` in every round and keeps `R`
+//! positive definite. Two outputs that never share an instant keep a covariance of zero.
 //!
-//! `R` is never smaller than the floor `F` (diagonal): `R - F` stays positive semidefinite, so that neither one output nor any
-//! combination of them gets more weight than the floor allows. Each round's minimum under that condition is known in closed form:
-//! eigenvalues of `F^-1/2 A F^-1/2` below one are raised to one. Because `R` minimises `J` at every parameter vector, the gradient of
-//! the concentrated cost is the gradient at fixed `R`.
+//! `R` is never smaller than the floor `F` (diagonal): `R - F` stays positive semidefinite, so that
+//! neither one output nor any combination of them gets more weight than the floor allows. Each
+//! round's minimum under that condition is known in closed form: eigenvalues of `F^-1/2 A F^-1/2`
+//! below one are raised to one. Because `R` minimises `J` at every parameter vector, the gradient
+//! of the concentrated cost is the gradient at fixed `R`.
 
 use crate::math::dense::{self, multiply};
 use crate::math::products::dot;
 
-/// Rounds of expectation and maximisation, and the relative change that ends them: its square is what is missing in the cost.
+/// Rounds of expectation and maximisation, and the relative change that ends them: its square is
+/// what is missing in the cost.
 const ROUNDS: usize = 2000;
 const SETTLED: f64 = 1e-12;
 
@@ -64,7 +69,11 @@ impl Scatter {
         let found = self.0.iter().position(|p| p.outputs == outputs);
         let at = found.unwrap_or_else(|| {
             let m = outputs.len();
-            self.0.push(Pattern { outputs: outputs.to_vec(), count: 0, products: vec![0.0; m * m] });
+            self.0.push(Pattern {
+                outputs: outputs.to_vec(),
+                count: 0,
+                products: vec![0.0; m * m],
+            });
             self.0.len() - 1
         });
         &mut self.0[at]
@@ -83,7 +92,10 @@ impl Scatter {
         let pattern = self.pattern(outputs);
         pattern.count += 1;
         for (i, ei) in e.iter().enumerate() {
-            pattern.products[i * m..i * m + i + 1].iter_mut().zip(e).for_each(|(s, ej)| *s += ei * ej);
+            pattern.products[i * m..i * m + i + 1]
+                .iter_mut()
+                .zip(e)
+                .for_each(|(s, ej)| *s += ei * ej);
         }
     }
 
@@ -112,25 +124,38 @@ impl Scatter {
         let count = self.counts(n);
         let mut r = vec![0.0; n * n];
         for j in 0..n {
-            let of = |p: &Pattern| p.outputs.iter().position(|&o| o == j).map(|i| p.products[i * p.outputs.len() + i]);
+            let of = |p: &Pattern| {
+                p.outputs.iter().position(|&o| o == j).map(|i| p.products[i * p.outputs.len() + i])
+            };
             let square: f64 = self.0.iter().filter_map(of).sum();
-            r[j * n + j] = if count[j] > 0 && !structure.known { (square / count[j] as f64).max(floor[j]) } else { 1.0 };
+            r[j * n + j] = if count[j] > 0 && !structure.known {
+                (square / count[j] as f64).max(floor[j])
+            } else {
+                1.0
+            };
         }
         if structure.full {
             self.settle(&mut r, &count, floor)?;
         }
-        let mut covariance = Covariance { n, r, count, weights: Vec::new(), cost: 0.0, ln_det: 0.0 };
+        let mut covariance =
+            Covariance { n, r, count, weights: Vec::new(), cost: 0.0, ln_det: 0.0 };
         for p in &self.0 {
             let weight = Weight::new(&covariance, &p.outputs)?;
-            // J, the part of this pattern: tr(R_m^-1 S_m) from the lower triangle of the symmetric S_m.
+            // J, the part of this pattern: tr(R_m^-1 S_m) from the lower triangle of the symmetric
+            // S_m.
             let (m, w) = (p.outputs.len(), &weight.inverse);
-            let trace: f64 =
-                (0..m).map(|i| w[i * m + i] * p.products[i * m + i] + 2.0 * dot(&w[i * m..], &p.products[i * m..i * m + i])).sum();
+            let trace: f64 = (0..m)
+                .map(|i| {
+                    w[i * m + i] * p.products[i * m + i]
+                        + 2.0 * dot(&w[i * m..], &p.products[i * m..i * m + i])
+                })
+                .sum();
             covariance.cost += 0.5 * (p.count as f64 * (weight.ln_det - m as f64) + trace);
             covariance.weights.push(weight);
         }
         if structure.known {
-            // J = 1/2 sum e'e; its share of a sample stands for ln|R|, of which it is the change to first order.
+            // J = 1/2 sum e'e; its share of a sample stands for ln|R|, of which it is the change to
+            // first order.
             let samples = covariance.count.iter().sum::<usize>() as f64;
             covariance.cost += 0.5 * samples;
             covariance.ln_det = 2.0 * covariance.cost / samples.max(1.0);
@@ -175,19 +200,22 @@ impl Pattern {
         let m = self.outputs.len();
         let block = square(r, n, &self.outputs);
         let inverse = dense::cholesky_inverse(&dense::cholesky(&block, m).ok()?, m);
-        let across: Vec<f64> = (0..n).flat_map(|i| self.outputs.iter().map(move |&j| r[i * n + j])).collect();
+        let across: Vec<f64> =
+            (0..n).flat_map(|i| self.outputs.iter().map(move |&j| r[i * n + j])).collect();
         let b = multiply(&across, &inverse, n, m, m);
         let mut s = vec![0.0; m * m];
         for i in 0..m {
             for j in 0..m {
                 // B S B' - n B R_{m:} = B (S - n R_m) B'
-                s[i * m + j] = self.products[i.max(j) * m + i.min(j)] - self.count as f64 * block[i * m + j];
+                s[i * m + j] =
+                    self.products[i.max(j) * m + i.min(j)] - self.count as f64 * block[i * m + j];
             }
         }
         let bs = multiply(&b, &s, n, m, m);
         for i in 0..n {
             for j in 0..=i {
-                let value = dot(&bs[i * m..(i + 1) * m], &b[j * m..(j + 1) * m]) + self.count as f64 * r[i * n + j];
+                let value = dot(&bs[i * m..(i + 1) * m], &b[j * m..(j + 1) * m])
+                    + self.count as f64 * r[i * n + j];
                 a[i * n + j] += value;
                 if i != j {
                     a[j * n + i] += value;
@@ -211,7 +239,9 @@ fn raise(a: &mut [f64], floor: &[f64]) {
     let eigen = dense::symmetric_eigen(&scaled, n);
     for i in 0..n {
         for j in 0..n {
-            let product = |e: usize| eigen.values[e].max(1.0) * eigen.vectors[e * n + i] * eigen.vectors[e * n + j];
+            let product = |e: usize| {
+                eigen.values[e].max(1.0) * eigen.vectors[e * n + i] * eigen.vectors[e * n + j]
+            };
             a[i * n + j] = root[i] * root[j] * (0..n).map(product).sum::<f64>();
         }
     }
@@ -230,7 +260,8 @@ pub struct Covariance {
     weights: Vec<Weight>,
     /// Negative log-likelihood of the group without its constants.
     pub cost: f64,
-    /// `ln|R|` over the outputs that have samples; where `R` is known, the mean square of the residuals.
+    /// `ln|R|` over the outputs that have samples; where `R` is known, the mean square of the
+    /// residuals.
     pub ln_det: f64,
 }
 
@@ -241,7 +272,8 @@ impl Covariance {
         let n = variances.len();
         let mut r = vec![0.0; n * n];
         (0..n).for_each(|j| r[j * n + j] = variances[j]);
-        let mut c = Covariance { n, r, count: count.to_vec(), weights: Vec::new(), cost: 0.0, ln_det: 0.0 };
+        let mut c =
+            Covariance { n, r, count: count.to_vec(), weights: Vec::new(), cost: 0.0, ln_det: 0.0 };
         c.weights = (0..n).filter_map(|j| Weight::new(&c, &[j])).collect();
         c
     }
@@ -253,7 +285,11 @@ impl Covariance {
 
     pub fn correlation(&self, i: usize, j: usize) -> f64 {
         let n = self.n;
-        if i == j { 1.0 } else { self.r[i * n + j] / (self.r[i * n + i] * self.r[j * n + j]).sqrt() }
+        if i == j {
+            1.0
+        } else {
+            self.r[i * n + j] / (self.r[i * n + i] * self.r[j * n + j]).sqrt()
+        }
     }
 
     /// How residuals of these outputs at one instant are weighed.
@@ -285,7 +321,12 @@ impl Weight {
             (0..m).for_each(|i| root[i * m + j] = column[i]);
         }
         let inverse = dense::cholesky_inverse(&l, m);
-        Some(Weight { outputs: outputs.to_vec(), root, inverse, ln_det: dense::cholesky_log_det(&l, m) })
+        Some(Weight {
+            outputs: outputs.to_vec(),
+            root,
+            inverse,
+            ln_det: dense::cholesky_log_det(&l, m),
+        })
     }
 }
 

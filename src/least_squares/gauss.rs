@@ -1,4 +1,5 @@
-//! The Gauss-Newton iteration: a problem over segments in; the maximum-likelihood point, its normal matrix and history out.
+//! The Gauss-Newton iteration: a problem over segments in; the maximum-likelihood point, its normal
+//! matrix and history out.
 
 use super::arrow::{Arrow, Factor};
 use super::covariance::{Covariance, Scatter};
@@ -16,19 +17,23 @@ pub struct Fit {
     pub noise: Vec<Covariance>,
     /// `ln|R|`; of several groups the mean, weighted with their samples.
     pub ln_det: f64,
-    /// By how much a further step would lower the cost if that were a parabola; NaN where there is none.
+    /// By how much a further step would lower the cost if that were a parabola; NaN where there is
+    /// none.
     pub promise: f64,
-    /// The normal matrix at `theta` with priors; none where the model was not finite or there was no data.
+    /// The normal matrix at `theta` with priors; none where the model was not finite or there was
+    /// no data.
     pub matrix: Option<Arrow>,
     /// Parameters that sit on a bound and would leave it if they could.
     pub held: Vec<bool>,
 }
 
-/// A step of this length, in standard deviations, is nothing: if no part of it improves the likelihood, rounding is the reason.
+/// A step of this length, in standard deviations, is nothing: if no part of it improves the
+/// likelihood, rounding is the reason.
 const NOTHING: f64 = 1e-3;
 /// A step cut short that changes `det R` by less than this share of it is no progress.
 const CREEP: f64 = 1e-8;
-/// First damping of Levenberg and Marquardt, as a share of the diagonal; with more than `DAMPED` a small change proves nothing.
+/// First damping of Levenberg and Marquardt, as a share of the diagonal; with more than `DAMPED` a
+/// small change proves nothing.
 const DAMPING: f64 = 1e-3;
 const DAMPED: f64 = 1e-2;
 
@@ -42,8 +47,9 @@ struct Trial {
     totals: Option<Totals>,
 }
 
-/// Whether a trial point is likely to be taken: then one pass for residuals and sensitivities together is best, where there can be one;
-/// a point that is likely to be refused is tried without sensitivities.
+/// Whether a trial point is likely to be taken: then one pass for residuals and sensitivities
+/// together is best, where there can be one; a point that is likely to be refused is tried without
+/// sensitivities.
 #[derive(Clone, Copy, PartialEq)]
 enum Chance {
     Good,
@@ -62,13 +68,19 @@ struct Point {
 }
 
 impl Trial {
-    fn at<F: Evaluate>(layout: &Layout, evaluate: &F, theta: Vec<f64>, chance: Chance) -> Option<Trial> {
+    fn at<F: Evaluate>(
+        layout: &Layout,
+        evaluate: &F,
+        theta: Vec<f64>,
+        chance: Chance,
+    ) -> Option<Trial> {
         let (groups, totals) = if layout.noise.is_simple() && chance == Chance::Good {
             pass(layout, evaluate, &theta).map(|(groups, totals)| (groups, Some(totals)))?
         } else {
             (scatter(layout, evaluate, &theta)?, None)
         };
-        let noise: Vec<Covariance> = groups.iter().map(|s: &Scatter| s.covariance(&layout.noise)).collect::<Option<_>>()?;
+        let noise: Vec<Covariance> =
+            groups.iter().map(|s: &Scatter| s.covariance(&layout.noise)).collect::<Option<_>>()?;
         let mut cost: f64 = noise.iter().map(|r| r.cost).sum();
         for i in 0..theta.len() {
             let d = (theta[i] - layout.centre[i]) / layout.prior_sd[i];
@@ -105,7 +117,8 @@ fn mean_ln_det(noise: &[Covariance]) -> f64 {
         return first.ln_det;
     }
     let samples = |r: &Covariance| r.count.iter().sum::<usize>() as f64;
-    noise.iter().map(|r| samples(r) * r.ln_det).sum::<f64>() / noise.iter().map(samples).sum::<f64>().max(1.0)
+    noise.iter().map(|r| samples(r) * r.ln_det).sum::<f64>()
+        / noise.iter().map(samples).sum::<f64>().max(1.0)
 }
 
 impl Point {
@@ -125,7 +138,8 @@ impl Point {
 
     /// By how much a step lowers the cost if that is a parabola: `d' g - 1/2 d' M d`.
     fn promise(&self, step: &[f64]) -> f64 {
-        step.iter().zip(&self.gradient).map(|(d, g)| d * g).sum::<f64>() - 0.5 * self.matrix.quadratic(step).max(0.0)
+        step.iter().zip(&self.gradient).map(|(d, g)| d * g).sum::<f64>()
+            - 0.5 * self.matrix.quadratic(step).max(0.0)
     }
 
     /// Parameters on a bound that the gradient pushes against it.
@@ -137,7 +151,8 @@ impl Point {
         (0..self.theta.len()).map(at).collect()
     }
 
-    /// The steepest slope over the free parameters, each measured by its own information: `max |g_i| / sqrt(M_ii)`.
+    /// The steepest slope over the free parameters, each measured by its own information:
+    /// `max |g_i| / sqrt(M_ii)`.
     fn slope(&self, layout: &Layout) -> f64 {
         let held = self.held(layout);
         let diagonal = self.matrix.diagonal();
@@ -161,7 +176,8 @@ pub fn cost<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option
     Trial::at(layout, evaluate, theta.to_vec(), Chance::Poor).map(|trial| trial.cost)
 }
 
-/// The normal matrix at `theta` with priors, weighted with the `R` of the residuals there; `None` where the model is not finite.
+/// The normal matrix at `theta` with priors, weighted with the `R` of the residuals there; `None`
+/// where the model is not finite.
 pub fn normal_matrix<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<Arrow> {
     Point::at(layout, evaluate, theta.to_vec()).map(|point| point.matrix)
 }
@@ -185,16 +201,25 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
         }
         let length = whole.as_ref().map(|step| point.length(step));
         let mut taken = match (method.control, &whole) {
-            (StepControl::Halving, Some(step)) => halve(layout, evaluate, &point, step, method.max_halvings),
+            (StepControl::Halving, Some(step)) => {
+                halve(layout, evaluate, &point, step, method.max_halvings)
+            }
             _ => damp(layout, evaluate, &point, &mut damping, method),
         };
         let is_long = length.is_some_and(|length| length > method.step_tolerance.max(NOTHING));
-        let cut_short = taken.as_ref().is_none_or(|taken| taken.refused > 0 || taken.damping > DAMPED);
+        let cut_short =
+            taken.as_ref().is_none_or(|taken| taken.refused > 0 || taken.damping > DAMPED);
         if is_long && cut_short && is_idle(&point, taken.as_ref()) {
             let other = turned(layout, evaluate, &point, method);
             if !is_idle(&point, other.as_ref()) {
-                taken = [taken, other].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
-            } else if whole.as_ref().is_some_and(|step| is_lowest(layout, evaluate, &point, step, method.max_halvings)) {
+                taken = [taken, other]
+                    .into_iter()
+                    .flatten()
+                    .min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
+            } else if whole
+                .as_ref()
+                .is_some_and(|step| is_lowest(layout, evaluate, &point, step, method.max_halvings))
+            {
                 stop = Stop::Converged;
                 break;
             }
@@ -207,16 +232,23 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
             };
             break;
         };
-        // Where only damping makes a step finite, its own length counts; whether the data determine it is judged at the end.
+        // Where only damping makes a step finite, its own length counts; whether the data determine
+        // it is judged at the end.
         let length = length.unwrap_or(taken.length);
         let change = libm::expm1(taken.point.ln_det - point.ln_det).abs();
         point = taken.point;
-        let now =
-            Iteration { change, step: length, halvings: taken.refused, damping: taken.damping, ..line(iteration, layout, &point) };
+        let now = Iteration {
+            change,
+            step: length,
+            halvings: taken.refused,
+            damping: taken.damping,
+            ..line(iteration, layout, &point)
+        };
         history.push(now);
         let small = method.step_tolerance == 0.0 || length <= method.step_tolerance;
         let flat = method.gradient_tolerance == 0.0 || now.gradient <= method.gradient_tolerance;
-        // A step cut short changes little without being near the optimum, unless only rounding cut it.
+        // A step cut short changes little without being near the optimum, unless only rounding cut
+        // it.
         let free = taken.refused == 0 && taken.damping <= DAMPED || length <= NOTHING;
         if change < method.tolerance && small && flat && free {
             stop = Stop::Converged;
@@ -227,10 +259,21 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
 }
 
 /// The point at `theta + length * step` inside the bounds, if it is finite and not worse.
-fn try_step<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], length: f64, refused: usize) -> Option<Point> {
+fn try_step<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    point: &Point,
+    step: &[f64],
+    length: f64,
+    refused: usize,
+) -> Option<Point> {
     let chance = if refused == 0 { Chance::Good } else { Chance::Poor };
-    let theta = (0..step.len()).map(|i| (point.theta[i] + length * step[i]).clamp(layout.lower[i], layout.upper[i])).collect();
-    Trial::at(layout, evaluate, theta, chance).filter(|trial| trial.cost <= point.cost)?.complete(layout, evaluate)
+    let theta = (0..step.len())
+        .map(|i| (point.theta[i] + length * step[i]).clamp(layout.lower[i], layout.upper[i]))
+        .collect();
+    Trial::at(layout, evaluate, theta, chance)
+        .filter(|trial| trial.cost <= point.cost)?
+        .complete(layout, evaluate)
 }
 
 /// Whether a step brings nothing: there is none, or it changes `det R` by less than `CREEP` of it.
@@ -238,9 +281,14 @@ fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
     taken.is_none_or(|taken| libm::expm1(taken.point.ln_det - point.ln_det).abs() < CREEP)
 }
 
-/// A step past a kink of the cost, which stops one that is only shortened: damped, or else along it, with one parameter after the other held. The
-/// first that brings something, or the best.
-fn turned<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, method: &Method) -> Option<Taken> {
+/// A step past a kink of the cost, which stops one that is only shortened: damped, or else along
+/// it, with one parameter after the other held. The first that brings something, or the best.
+fn turned<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    point: &Point,
+    method: &Method,
+) -> Option<Taken> {
     let mut fresh = Damping { value: DAMPING, growth: 2.0 };
     let mut best = damp(layout, evaluate, point, &mut fresh, method);
     for i in (0..point.theta.len()).filter(|_| method.turns) {
@@ -248,61 +296,103 @@ fn turned<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, method: &Me
             break;
         }
         let step = point.step(layout, method, Some(i));
-        let along = step.and_then(|step| halve(layout, evaluate, point, &step, method.max_halvings));
-        best = [best, along].into_iter().flatten().min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
+        let along =
+            step.and_then(|step| halve(layout, evaluate, point, &step, method.max_halvings));
+        best = [best, along]
+            .into_iter()
+            .flatten()
+            .min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
     }
     best
 }
 
-/// Whether nothing is to be gained against a step either that brings nothing: the point is the bottom of a kink. Where the cost falls that way, it is
-/// the gradient that is wrong.
-fn is_lowest<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], max_halvings: usize) -> bool {
+/// Whether nothing is to be gained against a step either that brings nothing: the point is the
+/// bottom of a kink. Where the cost falls that way, it is the gradient that is wrong.
+fn is_lowest<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    point: &Point,
+    step: &[f64],
+    max_halvings: usize,
+) -> bool {
     let back: Vec<f64> = step.iter().map(|d| -d).collect();
-    halve(layout, evaluate, point, &back, max_halvings).is_none_or(|taken| is_idle(point, Some(&taken)))
+    halve(layout, evaluate, point, &back, max_halvings)
+        .is_none_or(|taken| is_idle(point, Some(&taken)))
 }
 
 /// The longest of `step`, `step/2`, `step/4` ... that is finite and does not raise the cost.
-fn halve<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, step: &[f64], max_halvings: usize) -> Option<Taken> {
+fn halve<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    point: &Point,
+    step: &[f64],
+    max_halvings: usize,
+) -> Option<Taken> {
     let mut length = 1.0;
     for refused in 0..=max_halvings {
         if let Some(next) = try_step(layout, evaluate, point, step, length, refused) {
-            return Some(Taken { point: next, refused, damping: 0.0, length: length * point.length(step) });
+            return Some(Taken {
+                point: next,
+                refused,
+                damping: 0.0,
+                length: length * point.length(step),
+            });
         }
         length *= 0.5;
     }
     None
 }
 
-/// The damping of Levenberg and Marquardt: a share of the diagonal of the normal matrix added to it (Marquardt's scaling).
+/// The damping of Levenberg and Marquardt: a share of the diagonal of the normal matrix added to it
+/// (Marquardt's scaling).
 struct Damping {
     value: f64,
     growth: f64,
 }
 
-/// A step of `(M + damping diag M) d = g`, damped more until it does not raise the cost. The damping for the next iteration follows
-/// from the gain compared with what the quadratic model promised (Nielsen's rule: Madsen, Nielsen & Tingleff, Eq. 3.14).
-fn damp<F: Evaluate>(layout: &Layout, evaluate: &F, point: &Point, damping: &mut Damping, method: &Method) -> Option<Taken> {
+/// A step of `(M + damping diag M) d = g`, damped more until it does not raise the cost. The
+/// damping for the next iteration follows from the gain compared with what the quadratic model
+/// promised (Nielsen's rule: Madsen, Nielsen & Tingleff, Eq. 3.14).
+fn damp<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    point: &Point,
+    damping: &mut Damping,
+    method: &Method,
+) -> Option<Taken> {
     let diagonal = point.matrix.diagonal();
     for refused in 0..=method.max_halvings {
         let used = damping.value;
         let mut matrix = point.matrix.clone();
         diagonal.iter().enumerate().for_each(|(i, d)| matrix.add_diagonal(i, used * d));
-        let step = bounded_step(layout, &point.theta, (&matrix, &point.gradient), None, method.undetermined)?;
+        let step = bounded_step(
+            layout,
+            &point.theta,
+            (&matrix, &point.gradient),
+            None,
+            method.undetermined,
+        )?;
         if let Some(next) = try_step(layout, evaluate, point, &step, 1.0, refused) {
             let promised = point.promise(&step);
             let gain = if promised > 0.0 { (point.cost - next.cost) / promised } else { 0.5 };
             let factor = 1.0 - (2.0 * gain - 1.0).powi(3);
             *damping = Damping { value: used * factor.clamp(1.0 / 3.0, 2.0), growth: 2.0 };
-            return Some(Taken { point: next, refused, damping: used, length: point.length(&step) });
+            return Some(Taken {
+                point: next,
+                refused,
+                damping: used,
+                length: point.length(&step),
+            });
         }
         *damping = Damping { value: used * damping.growth, growth: 2.0 * damping.growth };
     }
     None
 }
 
-/// The Gauss-Newton step inside the bounds: components that would cross a bound end on it, the others are solved for given that
-/// (an active set, found afresh in every iteration, so that a parameter leaves its bound when the data pull it off).
-/// `held` stays where it is. A parameter that depends on those before it stays as well, or there is no step at all.
+/// The Gauss-Newton step inside the bounds: components that would cross a bound end on it, the
+/// others are solved for given that (an active set, found afresh in every iteration, so that a
+/// parameter leaves its bound when the data pull it off). `held` stays where it is. A parameter
+/// that depends on those before it stays as well, or there is no step at all.
 fn bounded_step(
     layout: &Layout,
     theta: &[f64],
@@ -310,8 +400,10 @@ fn bounded_step(
     held: Option<usize>,
     undetermined: Undetermined,
 ) -> Option<Vec<f64>> {
-    // Where both bounds are one value there is nothing to solve for, nor need the data determine anything.
-    let prescribed = |i: usize| (layout.lower[i] == layout.upper[i]).then(|| layout.lower[i] - theta[i]);
+    // Where both bounds are one value there is nothing to solve for, nor need the data determine
+    // anything.
+    let prescribed =
+        |i: usize| (layout.lower[i] == layout.upper[i]).then(|| layout.lower[i] - theta[i]);
     let mut pins: Vec<Option<f64>> = (0..theta.len()).map(prescribed).collect();
     held.into_iter().for_each(|i| pins[i] = Some(0.0));
     loop {
@@ -377,9 +469,24 @@ fn failed(layout: &Layout, stop: Stop) -> Fit {
     }
 }
 
-fn ended(layout: &Layout, method: &Method, point: Point, iterations: Vec<Iteration>, stop: Stop) -> Fit {
+fn ended(
+    layout: &Layout,
+    method: &Method,
+    point: Point,
+    iterations: Vec<Iteration>,
+    stop: Stop,
+) -> Fit {
     let held = point.held(layout);
     let promise = point.step(layout, method, None).map_or(f64::NAN, |step| point.promise(&step));
     let Point { theta, noise, ln_det, matrix, .. } = point;
-    Fit { theta, stop, iterations, noise, ln_det, promise, matrix: (stop != Stop::NoData).then_some(matrix), held }
+    Fit {
+        theta,
+        stop,
+        iterations,
+        noise,
+        ln_det,
+        promise,
+        matrix: (stop != Stop::NoData).then_some(matrix),
+        held,
+    }
 }

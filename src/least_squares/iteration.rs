@@ -3,7 +3,8 @@
 /// Why the iteration ended. Only `Converged` comes with standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
-    /// The stopping rule holds, or nothing is gained by a step, a damped one, or their opposite: the bottom of a kink.
+    /// The stopping rule holds, or nothing is gained by a step, a damped one, or their opposite:
+    /// the bottom of a kink.
     Converged,
     /// `max_iterations` reached before the stopping rule held.
     IterationLimit,
@@ -42,14 +43,16 @@ impl std::fmt::Display for Stop {
 pub struct Iteration {
     /// Its number; 0 is the start.
     pub iteration: usize,
-    /// Negative log-likelihood without its constants (`sum_j N_j/2 ln R_jj` where `R` is diagonal), and half the squared deviations
-    /// from priors.
+    /// Negative log-likelihood without its constants (`sum_j N_j/2 ln R_jj` where `R` is diagonal),
+    /// and half the squared deviations from priors.
     pub cost: f64,
-    /// Determinant of `R`; of several groups of segments the geometric mean, weighted with their samples.
+    /// Determinant of `R`; of several groups of segments the geometric mean, weighted with their
+    /// samples.
     pub det_r: f64,
     /// Relative change of `det_r`; 0 for the start.
     pub change: f64,
-    /// Length of the full Gauss-Newton step that led here, in standard deviations: `sqrt(d' M d)`; 0 for the start.
+    /// Length of the full Gauss-Newton step that led here, in standard deviations: `sqrt(d' M d)`;
+    /// 0 for the start.
     pub step: f64,
     /// Steepest slope here over the parameters that are free to move: `max |g_i| / sqrt(M_ii)`.
     pub gradient: f64,

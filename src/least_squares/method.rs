@@ -3,15 +3,17 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How steps are kept from going too far. Both ways take a step only if it does not raise the concentrated cost.
+/// How steps are kept from going too far. Both ways take a step only if it does not raise the
+/// concentrated cost.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StepControl {
     /// The Gauss-Newton step, halved until it is good.
     #[default]
     Halving,
-    /// Damped by a share of the information of every parameter, which follows from the gain of the last step: shorter and turned to
-    /// the steepest descent. Helps where starts are poor or parameters hardly separable.
+    /// Damped by a share of the information of every parameter, which follows from the gain of the
+    /// last step: shorter and turned to the steepest descent. Helps where starts are poor or
+    /// parameters hardly separable.
     LevenbergMarquardt,
 }
 
@@ -19,18 +21,19 @@ pub enum StepControl {
 #[derive(Debug, Clone, Copy)]
 pub struct Method {
     pub control: StepControl,
-    /// Stops where `det R` changes by less than this share of it in one iteration (where `R` is known: the mean square of the
-    /// residuals), and the two conditions below hold.
+    /// Stops where `det R` changes by less than this share of it in one iteration (where `R` is
+    /// known: the mean square of the residuals), and the two conditions below hold.
     pub tolerance: f64,
-    /// ... and the whole step is shorter than so many standard deviations, `sqrt(d' M d)`: it promises to lower the cost by half the
-    /// square of that. 0 asks for nothing.
+    /// ... and the whole step is shorter than so many standard deviations, `sqrt(d' M d)`: it
+    /// promises to lower the cost by half the square of that. 0 asks for nothing.
     pub step_tolerance: f64,
     /// ... and the steepest slope is below this. 0 asks for nothing.
     pub gradient_tolerance: f64,
     pub max_iterations: usize,
     pub max_halvings: usize,
     pub undetermined: Undetermined,
-    /// Whether a step that a kink of the cost stops is tried with one shared parameter after the other held, too.
+    /// Whether a step that a kink of the cost stops is tried with one shared parameter after the
+    /// other held, too.
     pub turns: bool,
 }
 

@@ -1,10 +1,13 @@
-//! Nonlinear least squares over segments: what a model leaves and its sensitivities, segment by segment, in; the parameters at which
-//! the likelihood is largest, the normal matrix there and the history of the iteration out.
+//! Nonlinear least squares over segments: what a model leaves and its sensitivities, segment by
+//! segment, in; the parameters at which the likelihood is largest, the normal matrix there and the
+//! history of the iteration out.
 //!
-//! Parameters come in two parts: those that segments share, and those that one segment has to itself. The second are eliminated first,
-//! so that time and memory are linear in the number of segments. The cost is `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) with `R`
-//! at its best for every parameter vector, or with `R = 1` where the residuals come white. Steps of Gauss and Newton, or of Levenberg
-//! and Marquardt, stay inside bounds and are taken only if they do not raise the cost.
+//! Parameters come in two parts: those that segments share, and those that one segment has to
+//! itself. The second are eliminated first, so that time and memory are linear in the number of
+//! segments. The cost is `J = 1/2 sum e' R^-1 e + N/2 ln|R|` (attas A4) with `R` at its best for
+//! every parameter vector, or with `R = 1` where the residuals come white. Steps of Gauss and
+//! Newton, or of Levenberg and Marquardt, stay inside bounds and are taken only if they do not
+//! raise the cost.
 //!
 //! | file | what it does |
 //! |---|---|

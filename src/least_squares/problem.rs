@@ -1,8 +1,9 @@
-//! The least-squares problem over segments: a parameter vector in; residual sums and normal equations, added in segment order, out.
+//! The least-squares problem over segments: a parameter vector in; residual sums and normal
+//! equations, added in segment order, out.
 //!
-//! With one diagonal `R` one pass is enough: sums are kept per output and weighed once all residuals are known. Otherwise `R` comes first
-//! (a pass without sensitivities), and every segment then weighs its own rows, so that a segment costs the same however many groups
-//! there are.
+//! With one diagonal `R` one pass is enough: sums are kept per output and weighed once all
+//! residuals are known. Otherwise `R` comes first (a pass without sensitivities), and every segment
+//! then weighs its own rows, so that a segment costs the same however many groups there are.
 
 use super::arrow::{Arrow, Own};
 use super::covariance::{Covariance, Scatter, Structure};
@@ -10,7 +11,8 @@ use super::rows;
 use crate::math::pool;
 use rayon::prelude::*;
 
-/// Segments evaluated at a time. Fixed, so that memory is bounded and sums never depend on the number of threads.
+/// Segments evaluated at a time. Fixed, so that memory is bounded and sums never depend on the
+/// number of threads.
 const CHUNK: usize = 64;
 
 /// Parameters of one segment: which shared ones it sees, and how many are its own.
@@ -24,8 +26,8 @@ pub struct Part {
     pub own: usize,
     /// The group of segments whose `R` it shares.
     pub group: usize,
-    /// Where outputs may be correlated: the number of the instant of every sample of every block, ascending; samples of the same
-    /// number belong together.
+    /// Where outputs may be correlated: the number of the instant of every sample of every block,
+    /// ascending; samples of the same number belong together.
     pub instants: Vec<Vec<u32>>,
 }
 
@@ -53,14 +55,21 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Every segment sees all `shared` parameters and has `own[s]` of its own; unbounded, no priors, one diagonal `R`.
+    /// Every segment sees all `shared` parameters and has `own[s]` of its own; unbounded, no
+    /// priors, one diagonal `R`.
     #[cfg(test)]
     pub fn plain(shared: usize, own: &[usize], outputs: usize, start: Vec<f64>) -> Layout {
         let mut offset = shared;
         let parts = own
             .iter()
             .map(|&own| {
-                let part = Part { shared: (0..shared).collect(), offset, own, group: 0, instants: Vec::new() };
+                let part = Part {
+                    shared: (0..shared).collect(),
+                    offset,
+                    own,
+                    group: 0,
+                    instants: Vec::new(),
+                };
                 offset += own;
                 part
             })
@@ -74,7 +83,13 @@ impl Layout {
             lower: vec![f64::NEG_INFINITY; n],
             upper: vec![f64::INFINITY; n],
             prior_sd: vec![f64::INFINITY; n],
-            noise: Structure { outputs, groups: 1, full: false, floor: vec![1e-30; outputs], known: false },
+            noise: Structure {
+                outputs,
+                groups: 1,
+                full: false,
+                floor: vec![1e-30; outputs],
+                known: false,
+            },
         }
     }
 
@@ -84,7 +99,8 @@ impl Layout {
         if sd.is_finite() { 1.0 / (sd * sd) } else { 0.0 }
     }
 
-    /// What the prior of parameter `i` adds to the normal equations at `value`: its weight, and its pull downhill.
+    /// What the prior of parameter `i` adds to the normal equations at `value`: its weight, and its
+    /// pull downhill.
     pub fn prior(&self, i: usize, value: f64) -> (f64, f64) {
         let weight = self.prior_weight(i);
         (weight, if weight > 0.0 { weight * (self.centre[i] - value) } else { 0.0 })
@@ -110,8 +126,9 @@ pub struct Block {
     pub g: Vec<f64>,
 }
 
-/// `Fn(segment, local parameters, sensitivities)`: the blocks of one segment (shared parameters it sees, then its own; the same blocks in
-/// the same order at every parameter vector), or `None` where its model is not finite.
+/// `Fn(segment, local parameters, sensitivities)`: the blocks of one segment (shared parameters it
+/// sees, then its own; the same blocks in the same order at every parameter vector), or `None`
+/// where its model is not finite.
 pub trait Evaluate: Fn(usize, &[f64], bool) -> Option<Vec<Block>> + Sync {}
 impl<F: Fn(usize, &[f64], bool) -> Option<Vec<Block>> + Sync> Evaluate for F {}
 
@@ -147,7 +164,8 @@ struct OwnSums {
     gradient: Vec<f64>,
 }
 
-/// Calls `one(segment, blocks)` for all segments and `take` in segment order; `None` where any segment is not finite.
+/// Calls `one(segment, blocks)` for all segments and `take` in segment order; `None` where any
+/// segment is not finite.
 pub fn each<F: Evaluate, T: Send>(
     layout: &Layout,
     evaluate: &F,
@@ -158,8 +176,10 @@ pub fn each<F: Evaluate, T: Send>(
 ) -> Option<()> {
     for from in (0..layout.parts.len()).step_by(CHUNK) {
         let to = (from + CHUNK).min(layout.parts.len());
-        let chunk: Vec<Option<T>> =
-            (from..to).into_par_iter().map(|s| one(s, evaluate(s, &layout.local(s, theta), sensitivities)?)).collect();
+        let chunk: Vec<Option<T>> = (from..to)
+            .into_par_iter()
+            .map(|s| one(s, evaluate(s, &layout.local(s, theta), sensitivities)?))
+            .collect();
         for (s, value) in (from..to).zip(chunk) {
             take(s, value?);
         }
@@ -175,12 +195,18 @@ pub fn scatter<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Opt
         give_back(blocks);
         scatter.is_finite().then_some(scatter)
     };
-    each(layout, evaluate, theta, false, one, |s, scatter| groups[layout.parts[s].group].merge(&scatter))?;
+    each(layout, evaluate, theta, false, one, |s, scatter| {
+        groups[layout.parts[s].group].merge(&scatter)
+    })?;
     Some(groups)
 }
 
 /// One pass for one diagonal `R`: residuals, and sums per output.
-pub fn pass<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<(Vec<Scatter>, Totals)> {
+pub fn pass<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    theta: &[f64],
+) -> Option<(Vec<Scatter>, Totals)> {
     let mut scatter = Scatter::default();
     let mut totals = Totals::new(layout.shared, layout.noise.outputs);
     each(
@@ -189,7 +215,10 @@ pub fn pass<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option
         theta,
         true,
         |s, blocks| {
-            let sums = blocks.iter().map(|b| sum_block(b, layout.parts[s].directions())).collect::<Option<Vec<Sums>>>();
+            let sums = blocks
+                .iter()
+                .map(|b| sum_block(b, layout.parts[s].directions()))
+                .collect::<Option<Vec<Sums>>>();
             give_back(blocks);
             sums
         },
@@ -202,7 +231,12 @@ pub fn pass<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option
 }
 
 /// Sums of rows weighed with known `R` (per group): one kind, of weight 1.
-pub fn weighed<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64], r: &[Covariance]) -> Option<Totals> {
+pub fn weighed<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    theta: &[f64],
+    r: &[Covariance],
+) -> Option<Totals> {
     let mut totals = Totals::new(layout.shared, 1);
     each(
         layout,
@@ -236,9 +270,15 @@ pub enum Samples {
     All,
 }
 
-/// Block and sample of everything measured at one instant, outputs ascending, handed to `f` instant by instant. With `R` diagonal every
-/// sample is an instant.
-pub fn at_instants(layout: &Layout, s: usize, blocks: &[Block], samples: Samples, mut f: impl FnMut(&[(usize, usize)])) {
+/// Block and sample of everything measured at one instant, outputs ascending, handed to `f` instant
+/// by instant. With `R` diagonal every sample is an instant.
+pub fn at_instants(
+    layout: &Layout,
+    s: usize,
+    blocks: &[Block],
+    samples: Samples,
+    mut f: impl FnMut(&[(usize, usize)]),
+) {
     let instants = &layout.parts[s].instants;
     let counts = |b: usize, k: usize| samples == Samples::All || !blocks[b].e[k].is_nan();
     if !layout.noise.full {
@@ -251,7 +291,8 @@ pub fn at_instants(layout: &Layout, s: usize, blocks: &[Block], samples: Samples
     order.sort_by_key(|&b| blocks[b].output);
     let mut next = vec![0; blocks.len()];
     let mut present = Vec::new();
-    while let Some(now) = (0..blocks.len()).filter_map(|b| instants[b].get(next[b])).min().copied() {
+    while let Some(now) = (0..blocks.len()).filter_map(|b| instants[b].get(next[b])).min().copied()
+    {
         present.clear();
         for &b in &order {
             if instants[b].get(next[b]) == Some(&now) {
@@ -287,7 +328,8 @@ fn scatter_of(layout: &Layout, s: usize, blocks: &[Block]) -> Scatter {
     scatter
 }
 
-/// All rows of a segment, made of covariance one: `C^-1 G_m`, `C^-1 e_m` with `R_m = C C'`, instant by instant.
+/// All rows of a segment, made of covariance one: `C^-1 G_m`, `C^-1 e_m` with `R_m = C C'`, instant
+/// by instant.
 fn whiten(layout: &Layout, s: usize, blocks: &[Block], r: &Covariance) -> Option<Block> {
     let nd = layout.parts[s].directions();
     let mut white = Block { output: 0, e: Vec::new(), g: Vec::new() };
@@ -316,7 +358,12 @@ fn whiten(layout: &Layout, s: usize, blocks: &[Block], r: &Covariance) -> Option
 
 impl Totals {
     fn new(shared: usize, kinds: usize) -> Totals {
-        Totals { shared, gram: vec![vec![0.0; shared * shared]; kinds], gradient: vec![vec![0.0; shared]; kinds], own: Vec::new() }
+        Totals {
+            shared,
+            gram: vec![vec![0.0; shared * shared]; kinds],
+            gradient: vec![vec![0.0; shared]; kinds],
+            own: Vec::new(),
+        }
     }
 
     /// Adds a segment's sums: the shared part to the others', the rest by itself.
@@ -350,10 +397,12 @@ impl Totals {
         OwnSums { kind: sum.kind, sums: own, gradient: sum.gradient[nl..].to_vec() }
     }
 
-    /// The normal matrix `M = sum G' R^-1 G` and gradient `G' R^-1 e` for the given weights of the kinds.
+    /// The normal matrix `M = sum G' R^-1 G` and gradient `G' R^-1 e` for the given weights of the
+    /// kinds.
     pub fn weigh(&self, layout: &Layout, weights: &[f64]) -> (Arrow, Vec<f64>) {
         let nc = self.shared;
-        let mut matrix = Arrow { shared: nc, cc: vec![0.0; nc * nc], own: Vec::with_capacity(self.own.len()) };
+        let mut matrix =
+            Arrow { shared: nc, cc: vec![0.0; nc * nc], own: Vec::with_capacity(self.own.len()) };
         let mut gradient = vec![0.0; layout.start.len()];
         for (kind, &w) in weights.iter().enumerate() {
             add_scaled(&mut matrix.cc, w, &self.gram[kind]);
@@ -379,10 +428,19 @@ fn add_scaled(to: &mut [f64], w: f64, from: &[f64]) {
     }
 }
 
-/// Sums of one block, or `None` where a scored sample has a value or a sensitivity that is not finite.
+/// Sums of one block, or `None` where a scored sample has a value or a sensitivity that is not
+/// finite.
 fn sum_block(block: &Block, nd: usize) -> Option<Sums> {
-    let mut sums = Sums { kind: block.output, count: 0, square: 0.0, gram: vec![0.0; nd * nd], gradient: vec![0.0; nd] };
-    (sums.count, sums.square) = rows::add(&block.e, &block.g, nd, &mut sums.gram, &mut sums.gradient);
-    let finite = sums.square.is_finite() && (0..nd).all(|i| sums.gradient[i].is_finite() && sums.gram[i * nd + i].is_finite());
+    let mut sums = Sums {
+        kind: block.output,
+        count: 0,
+        square: 0.0,
+        gram: vec![0.0; nd * nd],
+        gradient: vec![0.0; nd],
+    };
+    (sums.count, sums.square) =
+        rows::add(&block.e, &block.g, nd, &mut sums.gram, &mut sums.gradient);
+    let finite = sums.square.is_finite()
+        && (0..nd).all(|i| sums.gradient[i].is_finite() && sums.gram[i * nd + i].is_finite());
     finite.then_some(sums)
 }

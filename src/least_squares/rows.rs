@@ -1,22 +1,39 @@
-//! Rows of sensitivities and their residuals in; sums of products of the rows with each other and with the residuals out.
+//! Rows of sensitivities and their residuals in; sums of products of the rows with each other and
+//! with the residuals out.
 //!
-//! The lower triangle of `G'G`, and behind it `e'G` as one more row, is made of tiles of up to nine rows and sixteen columns, which stay in
-//! registers while a stretch of samples passes by. Every sum adds its products in the order of the samples, fused, so that neither the
-//! width of the vectors nor the size of a tile changes a bit.
+//! The lower triangle of `G'G`, and behind it `e'G` as one more row, is made of tiles of up to nine
+//! rows and sixteen columns, which stay in registers while a stretch of samples passes by. Every
+//! sum adds its products in the order of the samples, fused, so that neither the width of the
+//! vectors nor the size of a tile changes a bit.
 
 use crate::math::pool;
 use crate::math::simd::{Eight, Width, by_width};
 
-/// Numbers of the samples that pass through one tile before the next tile has its turn: their rows stay in the nearest cache.
+/// Numbers of the samples that pass through one tile before the next tile has its turn: their rows
+/// stay in the nearest cache.
 const STRETCH: usize = 4096;
 
-/// Adds the sums over samples whose residual `e` is a number: `gram[nd][nd]` (lower triangle) `+= g g'`, `gradient[nd] += e g`. Rows of
-/// `g` have `nd` numbers. The number of such samples and the sum of their `e^2`.
-pub fn add(e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradient: &mut [f64]) -> (usize, f64) {
+/// Adds the sums over samples whose residual `e` is a number: `gram[nd][nd]` (lower triangle)
+/// `+= g g'`, `gradient[nd] += e g`. Rows of `g` have `nd` numbers. The number of such samples and
+/// the sum of their `e^2`.
+pub fn add(
+    e: &[f64],
+    g: &[f64],
+    nd: usize,
+    gram: &mut [f64],
+    gradient: &mut [f64],
+) -> (usize, f64) {
     add_of(Width::detect(), e, g, nd, gram, gradient)
 }
 
-fn add_of(width: Width, e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradient: &mut [f64]) -> (usize, f64) {
+fn add_of(
+    width: Width,
+    e: &[f64],
+    g: &[f64],
+    nd: usize,
+    gram: &mut [f64],
+    gradient: &mut [f64],
+) -> (usize, f64) {
     let stride = nd.next_multiple_of(8);
     let mut sums = pool::take((nd + 1) * stride);
     for (row, sums) in sums.chunks_exact_mut(stride.max(1)).enumerate().take(nd) {
@@ -29,7 +46,11 @@ fn add_of(width: Width, e: &[f64], g: &[f64], nd: usize, gram: &mut [f64], gradi
     let most = (STRETCH / nd.max(1)).clamp(16, 256);
     let mut from = 0;
     while from < e.len() {
-        let to = e[from..].iter().take(most).position(|e| e.is_nan()).map_or(e.len().min(from + most), |n| from + n);
+        let to = e[from..]
+            .iter()
+            .take(most)
+            .position(|e| e.is_nan())
+            .map_or(e.len().min(from + most), |n| from + n);
         // SAFETY: the width is this machine's.
         unsafe { stretch(width, &e[from..to], &g[from * nd..to * nd], nd, &mut sums, &mut square) };
         count += to - from;
@@ -53,7 +74,13 @@ by_width! {
 /// # Safety
 /// The machine has the width.
 #[inline(always)]
-unsafe fn stretch_body<V: Eight>(e: &[f64], g: &[f64], nd: usize, sums: &mut [f64], square: &mut f64) {
+unsafe fn stretch_body<V: Eight>(
+    e: &[f64],
+    g: &[f64],
+    nd: usize,
+    sums: &mut [f64],
+    square: &mut f64,
+) {
     let stride = nd.next_multiple_of(8);
     assert!(g.len() >= e.len() * nd && sums.len() >= (nd + 1) * stride);
     let mut all = Sums { e, g, nd, stride, sums, square: 0.0 };
@@ -111,7 +138,11 @@ struct Sums<'a> {
 /// # Safety
 /// The machine has the width; the tile lies in the matrix.
 #[inline(always)]
-unsafe fn tile<V: Eight, const R: usize, const C: usize, const E: usize>(all: &mut Sums, row: usize, column: usize) {
+unsafe fn tile<V: Eight, const R: usize, const C: usize, const E: usize>(
+    all: &mut Sums,
+    row: usize,
+    column: usize,
+) {
     let (nd, stride) = (all.nd, all.stride);
     let last = nd.min(column + 8 * C) - (column + 8 * (C - 1));
     let zero = [[0.0; 8]; C];
@@ -119,9 +150,12 @@ unsafe fn tile<V: Eight, const R: usize, const C: usize, const E: usize>(all: &m
     unsafe {
         let at = |i: usize, c: usize| (row + i) * stride + column + 8 * c;
         let places = all.sums.as_mut_ptr();
-        let mut sum: [[V; C]; R] = std::array::from_fn(|i| std::array::from_fn(|c| V::load(places.add(at(i, c)))));
+        let mut sum: [[V; C]; R] =
+            std::array::from_fn(|i| std::array::from_fn(|c| V::load(places.add(at(i, c)))));
         let towards = |c: usize| nd * stride + column + 8 * c;
-        let mut slope: [V; C] = std::array::from_fn(|c| V::load(if E == 1 { places.add(towards(c)) } else { zero[c].as_ptr() }));
+        let mut slope: [V; C] = std::array::from_fn(|c| {
+            V::load(if E == 1 { places.add(towards(c)) } else { zero[c].as_ptr() })
+        });
         let mut square = all.square;
         for (k, e) in all.e.iter().enumerate() {
             let p = all.g.as_ptr().add(k * nd);
@@ -175,15 +209,24 @@ mod tests {
                 assert_eq!(count, there.len());
                 assert_eq!(square, there.iter().fold(0.0, |s, &k| e[k].mul_add(e[k], s)));
                 for i in 0..nd {
-                    assert_eq!(gradient[i], there.iter().fold(0.0, |s, &k| e[k].mul_add(g[k * nd + i], s)), "{nd} {n} {i}");
+                    assert_eq!(
+                        gradient[i],
+                        there.iter().fold(0.0, |s, &k| e[k].mul_add(g[k * nd + i], s)),
+                        "{nd} {n} {i}"
+                    );
                     for j in 0..=i {
-                        let sum = there.iter().fold(0.0, |s, &k| g[k * nd + i].mul_add(g[k * nd + j], s));
+                        let sum =
+                            there.iter().fold(0.0, |s, &k| g[k * nd + i].mul_add(g[k * nd + j], s));
                         assert_eq!(gram[i * nd + j], sum, "{nd} {n} {i} {j}");
                     }
                 }
                 for &width in Width::available() {
                     let (mut again, mut towards) = (vec![0.0; nd * nd], vec![0.0; nd]);
-                    assert_eq!(add_of(width, &e, &g, nd, &mut again, &mut towards), (count, square), "{width:?}");
+                    assert_eq!(
+                        add_of(width, &e, &g, nd, &mut again, &mut towards),
+                        (count, square),
+                        "{width:?}"
+                    );
                     assert_eq!((&again, &towards), (&gram, &gradient), "{width:?}");
                 }
             }

@@ -1,7 +1,8 @@
-//! What a log says of its topics, fields and units, and the channel map, in; where they do not agree out.
+//! What a log says of its topics, fields and units, and the channel map, in; where they do not
+//! agree out.
 //!
-//! `look` reads the summary section at the end of a log, and messages only where the summary cannot tell whether a field is there. The same
-//! comparisons are made when a flight is read.
+//! `look` reads the summary section at the end of a log, and messages only where the summary cannot
+//! tell whether a field is there. The same comparisons are made when a flight is read.
 
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::decode::{self, FieldInfo, is_unreadable};
@@ -30,7 +31,8 @@ pub struct Mistake {
 impl Mistake {
     /// The mistake as one of this log, or of these.
     pub fn of(&self, logs: &str) -> Error {
-        let error = Error::at(self.place.clone(), format!("{}{logs}{}", self.what[0], self.what[1]));
+        let error =
+            Error::at(self.place.clone(), format!("{}{logs}{}", self.what[0], self.what[1]));
         Error { help: self.help.clone(), ..error }
     }
 }
@@ -101,8 +103,9 @@ impl Eye<'_> {
         topic_fields(self.channels, &self.ids(topic), &BTreeMap::new())
     }
 
-    /// Whether no message of the topic has a value at this path. A schema that names the field is believed; one that does not need not
-    /// be complete, so messages are asked. Then `known` holds what they have.
+    /// Whether no message of the topic has a value at this path. A schema that names the field is
+    /// believed; one that does not need not be complete, so messages are asked. Then `known` holds
+    /// what they have.
     fn lacks(&mut self, topic: &str, path: &str, known: &mut Vec<FieldInfo>) -> bool {
         if field(known, path).is_some() {
             return false;
@@ -125,7 +128,10 @@ impl Eye<'_> {
 fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> bool {
     let mut readers = BTreeMap::new();
     for &id in ids {
-        let reader = log.channels.get(&id).and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &[path.to_string()]).ok());
+        let reader = log
+            .channels
+            .get(&id)
+            .and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &[path.to_string()]).ok());
         readers.extend(reader.map(|reader| (id, reader)));
     }
     let (mut buffer, mut found) = (Vec::new(), false);
@@ -161,13 +167,20 @@ fn field<'f>(known: &'f [FieldInfo], path: &str) -> Option<&'f FieldInfo> {
 }
 
 /// A topic that is not in a log, or cannot be decoded.
-pub(super) fn topic_mistake(channels: &BTreeMap<u16, Channel>, topic: &str, place: Place) -> Option<Mistake> {
+pub(super) fn topic_mistake(
+    channels: &BTreeMap<u16, Channel>,
+    topic: &str,
+    place: Place,
+) -> Option<Mistake> {
     let of_topic: Vec<&Channel> = channels.values().filter(|c| c.topic == topic).collect();
     if of_topic.is_empty() {
         let mut topics: Vec<&str> = channels.values().map(|c| c.topic.as_str()).collect();
         topics.sort_unstable();
         topics.dedup();
-        let what = [format!("topic \"{topic}\" is not in "), format!("; it has {}", words::near(topic, &topics))];
+        let what = [
+            format!("topic \"{topic}\" is not in "),
+            format!("; it has {}", words::near(topic, &topics)),
+        ];
         return Some(Mistake { place, what, help: None });
     }
     let foreign = of_topic.iter().find(|c| decode::encoding_of(c).is_none())?;
@@ -180,15 +193,19 @@ pub(super) fn topic_mistake(channels: &BTreeMap<u16, Channel>, topic: &str, plac
             decode::supported()
         ),
     ];
-    let help = Some("convert the log, or take the signal from a topic with a supported encoding".to_string());
+    let help = Some(
+        "convert the log, or take the signal from a topic with a supported encoding".to_string(),
+    );
     Some(Mistake { place, what, help })
 }
 
 /// A field that a topic does not have, the nearest names first.
 pub(super) fn no_field(topic: &str, field: &str, known: &[FieldInfo], place: Place) -> Mistake {
-    let names: Vec<&str> = known.iter().map(|f| f.path.as_str()).filter(|p| !p.contains('*')).collect();
+    let names: Vec<&str> =
+        known.iter().map(|f| f.path.as_str()).filter(|p| !p.contains('*')).collect();
     let has = words::nearest_first(field, &names);
-    let what = [format!("field \"{field}\" is not in topic \"{topic}\" of "), format!("; it has {has}")];
+    let what =
+        [format!("field \"{field}\" is not in topic \"{topic}\" of "), format!("; it has {has}")];
     Mistake { place, what, help: None }
 }
 
@@ -204,27 +221,38 @@ pub(super) enum Stated {
 
 /// Holds the unit of the channel map against the one that the log states for the field.
 pub(super) fn unit(name: &str, signal: &SignalMap, known: &[FieldInfo], place: Place) -> Stated {
-    let Some(stated) = field(known, &signal.field).map(|f| f.unit.trim()) else { return Stated::Agrees };
+    let Some(stated) = field(known, &signal.field).map(|f| f.unit.trim()) else {
+        return Stated::Agrees;
+    };
     let said = signal.despite.as_deref().map(str::trim);
     if NO_UNIT.contains(&stated.to_lowercase().as_str()) || said == Some(stated) {
         return Stated::Agrees;
     }
-    let (SignalMap { topic, field, unit, .. }, Ok(wanted)) = (signal, Unit::parse(&signal.unit)) else { return Stated::Agrees };
+    let (SignalMap { topic, field, unit, .. }, Ok(wanted)) = (signal, Unit::parse(&signal.unit))
+    else {
+        return Stated::Agrees;
+    };
     let Ok(has) = Unit::parse(stated) else {
         let what = [
             format!("field \"{field}\" of topic \"{topic}\" in "),
-            format!(" is in \"{stated}\", which is no known unit: signal \"{name}\" is read in \"{unit}\" unchecked"),
+            format!(
+                " is in \"{stated}\", which is no known unit: signal \"{name}\" is read in \"{unit}\" unchecked"
+            ),
         ];
         let help = Some(format!("despite = \"{stated}\" says that this is meant"));
         return Stated::Unknown(Mistake { place, what, help });
     };
-    if has.same(&wanted) || said.and_then(|said| Unit::parse(said).ok()).is_some_and(|said| said.same(&has)) {
+    if has.same(&wanted)
+        || said.and_then(|said| Unit::parse(said).ok()).is_some_and(|said| said.same(&has))
+    {
         return Stated::Agrees;
     }
     let of = if has.dim == wanted.dim { "" } else { ", another quantity" };
     let what = format!(
         "signal \"{name}\" is read in \"{unit}\", but field \"{field}\" of topic \"{topic}\" is in \"{stated}\"{of} by the schema of "
     );
-    let help = format!("write unit = \"{stated}\"; where the log is wrong, keep unit = \"{unit}\" and add despite = \"{stated}\"");
+    let help = format!(
+        "write unit = \"{stated}\"; where the log is wrong, keep unit = \"{unit}\" and add despite = \"{stated}\""
+    );
     Stated::Other(Mistake { place, what: [what, String::new()], help: Some(help) })
 }

@@ -1,4 +1,5 @@
-//! The channel map (`channels.toml`): which topic and field of a log is which signal, and how its numbers become SI.
+//! The channel map (`channels.toml`): which topic and field of a log is which signal, and how its
+//! numbers become SI.
 
 use crate::config::Doc;
 use crate::error::{Error, Errors};
@@ -9,7 +10,8 @@ use serde::{Deserialize, Serialize};
 
 /// Maps the topics and fields of a log to signals in SI units.
 ///
-/// One sample becomes `value = sign * scale * si(raw) + offset` at the time `stamp - delay`, where `si` converts from `unit`.
+/// One sample becomes `value = sign * scale * si(raw) + offset` at the time `stamp - delay`, where
+/// `si` converts from `unit`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChannelMap {
@@ -24,10 +26,11 @@ pub struct ChannelMap {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Defaults {
-    /// Which time stamp counts: "log" (when the recorder received the message), "publish" (when it was sent), or the path of a
-    /// field of the message, such as "header.stamp". Default "log".
+    /// Which time stamp counts: "log" (when the recorder received the message), "publish" (when it
+    /// was sent), or the path of a field of the message, such as "header.stamp". Default "log".
     pub time: Option<String>,
-    /// Unit of a time stamp taken from a field: "s", "ms", "us" or "ns". Not needed for a stamp of two fields (sec, nanosec).
+    /// Unit of a time stamp taken from a field: "s", "ms", "us" or "ns". Not needed for a stamp of
+    /// two fields (sec, nanosec).
     pub time_unit: Option<String>,
     /// What a time stamp taken from a field counts from. Default "epoch".
     pub time_zero: Option<TimeZero>,
@@ -50,12 +53,15 @@ pub enum TimeZero {
 pub struct SignalMap {
     /// Topic in the log, for example "/surfaces".
     pub topic: String,
-    /// Field of the message; a path such as "pose.position.x" or "channels.3" reaches into nested messages and lists.
+    /// Field of the message; a path such as "pose.position.x" or "channels.3" reaches into nested
+    /// messages and lists.
     pub field: String,
-    /// Unit of the numbers in the log, for example "deg", "kt", "ft/min", "hPa", "degC"; "1" where there is none. Where the log states
-    /// another one by itself, that is an error, unless `despite` says so.
+    /// Unit of the numbers in the log, for example "deg", "kt", "ft/min", "hPa", "degC"; "1" where
+    /// there is none. Where the log states another one by itself, that is an error, unless
+    /// `despite` says so.
     pub unit: String,
-    /// The unit that the log states for this field where the log is wrong and `unit` is right: unit = "m/s", despite = "kt".
+    /// The unit that the log states for this field where the log is wrong and `unit` is right: unit
+    /// = "m/s", despite = "kt".
     pub despite: Option<String>,
     /// +1, or -1 where the log counts the other way round.
     #[serde(default = "one_int")]
@@ -66,7 +72,8 @@ pub struct SignalMap {
     /// Known offset in SI units: added after sign and scale.
     #[serde(default)]
     pub offset: f64,
-    /// Known latency in s, from the physical event to the time stamp: subtracted from the time stamp.
+    /// Known latency in s, from the physical event to the time stamp: subtracted from the time
+    /// stamp.
     #[serde(default)]
     pub delay: f64,
     /// Which time stamp counts, if another than in [defaults].
@@ -93,7 +100,8 @@ fn one_int() -> i8 {
 pub enum TimeSource {
     Log,
     Publish,
-    /// Path of a field, how many ns one unit of it is (`None`: no unit given, a stamp of `sec` and `nanosec`), and its zero.
+    /// Path of a field, how many ns one unit of it is (`None`: no unit given, a stamp of `sec` and
+    /// `nanosec`), and its zero.
     Field(String, Option<f64>, TimeZero),
 }
 
@@ -102,7 +110,9 @@ impl ChannelMap {
     pub fn check(&self, doc: &Doc) -> Result<(), Errors> {
         let mut errors = Errors::default();
         if let Some(unit) = &self.defaults.time_unit {
-            errors.take(time_unit_ns(unit).map_err(|e| Error::at(doc.place("defaults.time_unit"), e)));
+            errors.take(
+                time_unit_ns(unit).map_err(|e| Error::at(doc.place("defaults.time_unit"), e)),
+            );
         }
         for (name, signal) in &self.signal {
             let place = |key: &str| doc.place(&format!("signal.{name}.{key}"));
@@ -115,11 +125,19 @@ impl ChannelMap {
                 errors.push(Error::at(place("despite"), what).help("leave it out"));
             }
             if signal.sign != 1 && signal.sign != -1 {
-                errors.push(Error::at(place("sign"), format!("sign is 1 or -1, not {}", signal.sign)));
+                errors.push(Error::at(
+                    place("sign"),
+                    format!("sign is 1 or -1, not {}", signal.sign),
+                ));
             }
-            for (key, value) in [("scale", signal.scale), ("offset", signal.offset), ("delay", signal.delay)] {
+            for (key, value) in
+                [("scale", signal.scale), ("offset", signal.offset), ("delay", signal.delay)]
+            {
                 if !value.is_finite() {
-                    errors.push(Error::at(place(key), format!("{key} is a finite number, not {value}")));
+                    errors.push(Error::at(
+                        place(key),
+                        format!("{key} is a finite number, not {value}"),
+                    ));
                 }
             }
             if signal.scale == 0.0 {
@@ -140,7 +158,9 @@ impl ChannelMap {
         match time {
             "log" => TimeSource::Log,
             "publish" => TimeSource::Publish,
-            path => TimeSource::Field(path.to_string(), unit.and_then(|u| time_unit_ns(u).ok()), zero),
+            path => {
+                TimeSource::Field(path.to_string(), unit.and_then(|u| time_unit_ns(u).ok()), zero)
+            }
         }
     }
 }
@@ -151,6 +171,8 @@ fn time_unit_ns(unit: &str) -> Result<f64, String> {
         "ms" => Ok(1e6),
         "us" => Ok(1e3),
         "ns" => Ok(1.0),
-        other => Err(format!("a time stamp is in \"s\", \"ms\", \"us\" or \"ns\", not in \"{other}\"")),
+        other => {
+            Err(format!("a time stamp is in \"s\", \"ms\", \"us\" or \"ns\", not in \"{other}\""))
+        }
     }
 }

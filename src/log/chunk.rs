@@ -5,8 +5,12 @@ use super::bytes::{Bytes, parse_string};
 /// No chunk of a sane recorder is larger than this; a larger size is a damaged one.
 const LARGEST_CHUNK: u64 = 2 << 30;
 
-/// Decompresses a chunk record's body and verifies size and checksum (a checksum of 0 was not recorded).
-pub(super) fn open_chunk<'a>(body: &'a [u8], buffer: &'a mut Vec<u8>) -> std::result::Result<&'a [u8], String> {
+/// Decompresses a chunk record's body and verifies size and checksum (a checksum of 0 was not
+/// recorded).
+pub(super) fn open_chunk<'a>(
+    body: &'a [u8],
+    buffer: &'a mut Vec<u8>,
+) -> std::result::Result<&'a [u8], String> {
     let short = || "its header is cut off".to_string();
     let mut b = Bytes(body);
     b.u64().and_then(|_| b.u64()).ok_or_else(short)?;
@@ -14,7 +18,10 @@ pub(super) fn open_chunk<'a>(body: &'a [u8], buffer: &'a mut Vec<u8>) -> std::re
     let crc = b.u32().ok_or_else(short)?;
     let compression = parse_string(&mut b).ok_or_else(short)?;
     let packed_size = b.u64().ok_or_else(short)?;
-    let packed = usize::try_from(packed_size).ok().and_then(|n| b.0.get(..n)).ok_or("its data are cut off")?;
+    let packed = usize::try_from(packed_size)
+        .ok()
+        .and_then(|n| b.0.get(..n))
+        .ok_or("its data are cut off")?;
     if size > LARGEST_CHUNK {
         return Err(format!("its size of {size} bytes is not credible"));
     }
@@ -24,7 +31,9 @@ pub(super) fn open_chunk<'a>(body: &'a [u8], buffer: &'a mut Vec<u8>) -> std::re
         "zstd" => {
             buffer.clear();
             buffer.reserve(size);
-            zstd::bulk::Decompressor::new().and_then(|mut d| d.decompress_to_buffer(packed, buffer)).map_err(|e| e.to_string())?;
+            zstd::bulk::Decompressor::new()
+                .and_then(|mut d| d.decompress_to_buffer(packed, buffer))
+                .map_err(|e| e.to_string())?;
             buffer
         }
         "lz4" => {

@@ -1,4 +1,5 @@
-//! An MCAP file in; its chunks (every checksum verified), schemas and channels out, with a note for everything that was lost.
+//! An MCAP file in; its chunks (every checksum verified), schemas and channels out, with a note for
+//! everything that was lost.
 
 use super::Note;
 use super::bytes::Bytes;
@@ -32,35 +33,40 @@ pub struct Message<'a> {
     pub data: &'a [u8],
 }
 
-/// A mapped log file and where its parts are. The file must not be changed by others while it is open.
+/// A mapped log file and where its parts are. The file must not be changed by others while it is
+/// open.
 pub struct LogFile {
     map: Option<memmap2::Mmap>,
     pub path: PathBuf,
     /// By channel id.
     pub channels: BTreeMap<u16, Channel>,
-    /// Bodies of the chunk records, in file order, and at last (if any) the stretch of messages outside chunks.
+    /// Bodies of the chunk records, in file order, and at last (if any) the stretch of messages
+    /// outside chunks.
     parts: Vec<Part>,
     /// What was found wrong with the file as a whole.
     pub notes: Vec<Note>,
 }
 
 impl LogFile {
-    /// Maps the file and walks its records. A damaged or cut-off file yields its intact part and notes; a file that is empty,
-    /// no MCAP, or has nothing intact is an error.
+    /// Maps the file and walks its records. A damaged or cut-off file yields its intact part and
+    /// notes; a file that is empty, no MCAP, or has nothing intact is an error.
     pub fn open(path: &Path) -> Result<LogFile> {
         let mut log = LogFile::map(path)?;
         log.survey()?;
         Ok(log)
     }
 
-    /// The channels that the summary section at the end of a log names, with their schemas, by id; none where the log has no summary, one
-    /// that names no channel, or a damaged one. Reads nothing else of the file.
+    /// The channels that the summary section at the end of a log names, with their schemas, by id;
+    /// none where the log has no summary, one that names no channel, or a damaged one. Reads
+    /// nothing else of the file.
     ///
     /// # Errors
     /// The file cannot be read, is empty or is no MCAP.
     pub fn summary(path: &Path) -> Result<Option<BTreeMap<u16, Channel>>> {
         let log = LogFile::map(path)?;
-        let Some(start) = log.summary_start().filter(|_| log.summary_is_sound()) else { return Ok(None) };
+        let Some(start) = log.summary_start().filter(|_| log.summary_is_sound()) else {
+            return Ok(None);
+        };
         let mut walk = Walk::default();
         walk.records(log.bytes(), start);
         Ok((walk.whole && !walk.channels.is_empty()).then(|| walk.joined()))
@@ -68,7 +74,8 @@ impl LogFile {
 
     /// Maps a file that begins as MCAP files do.
     fn map(path: &Path) -> Result<LogFile> {
-        let failed = |e: std::io::Error| Error::new(format!("cannot read the log {}: {e}", path.display()));
+        let failed =
+            |e: std::io::Error| Error::new(format!("cannot read the log {}: {e}", path.display()));
         let file = File::open(path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
         if size == 0 {
@@ -77,18 +84,28 @@ impl LogFile {
         }
         // The mapping is only read, and the file is documented to stay as it is while it is open.
         let map = unsafe { memmap2::Mmap::map(&file) }.map_err(failed)?;
-        let log =
-            LogFile { map: Some(map), path: path.to_path_buf(), channels: BTreeMap::new(), parts: Vec::new(), notes: Vec::new() };
+        let log = LogFile {
+            map: Some(map),
+            path: path.to_path_buf(),
+            channels: BTreeMap::new(),
+            parts: Vec::new(),
+            notes: Vec::new(),
+        };
         if !log.bytes().starts_with(mcap::MAGIC) {
-            return Err(Error::new(format!("{} is not an MCAP file (its first 8 bytes are not the MCAP magic)", path.display()))
-                .help("`koehler import` brings columns of text into MCAP"));
+            return Err(Error::new(format!(
+                "{} is not an MCAP file (its first 8 bytes are not the MCAP magic)",
+                path.display()
+            ))
+            .help("`koehler import` brings columns of text into MCAP"));
         }
         Ok(log)
     }
 
     /// The file's name, as it appears in messages to people.
     pub fn name(&self) -> String {
-        self.path.file_name().map_or_else(|| self.path.display().to_string(), |n| n.to_string_lossy().into_owned())
+        self.path
+            .file_name()
+            .map_or_else(|| self.path.display().to_string(), |n| n.to_string_lossy().into_owned())
     }
 
     /// Number of parts (chunks, and the messages outside chunks together as one).
@@ -108,7 +125,11 @@ impl LogFile {
         if !walk.whole {
             trusted = self.resume(&mut walk);
         } else if !self.summary_is_sound() {
-            self.notes.push(Note::warning("file", 1, "the summary's checksum does not match: channels are taken from the chunks"));
+            self.notes.push(Note::warning(
+                "file",
+                1,
+                "the summary's checksum does not match: channels are taken from the chunks",
+            ));
             walk.schemas.clear();
             walk.channels.clear();
             trusted = false;
@@ -120,13 +141,17 @@ impl LogFile {
         }
         self.channels = walk.joined();
         if self.parts.is_empty() && self.channels.is_empty() {
-            return Err(Error::new(format!("the log {} holds no intact chunk and no message", self.path.display()))
-                .help("the recording was cut off before its first chunk was complete"));
+            return Err(Error::new(format!(
+                "the log {} holds no intact chunk and no message",
+                self.path.display()
+            ))
+            .help("the recording was cut off before its first chunk was complete"));
         }
         Ok(())
     }
 
-    /// The walk broke off: take what the index at the end of the file (if there is one) knows beyond that point.
+    /// The walk broke off: take what the index at the end of the file (if there is one) knows
+    /// beyond that point.
     fn resume(&mut self, walk: &mut Walk) -> bool {
         let stopped = walk.end;
         let lost = self.bytes().len() - stopped;
@@ -153,7 +178,9 @@ impl LogFile {
             }
         }
         walk.parts.sort_by_key(|p| p.start());
-        let text = format!("damaged at byte {stopped}: read on with the index at the end of the file ({added} more chunks)");
+        let text = format!(
+            "damaged at byte {stopped}: read on with the index at the end of the file ({added} more chunks)"
+        );
         self.notes.push(Note::warning("file", 1, text));
         walk.schemas.extend(summary.schemas);
         walk.channels.extend(summary.channels);
@@ -179,7 +206,8 @@ impl LogFile {
         usize::try_from(start).ok().filter(|&s| s > 0 && s < at)
     }
 
-    /// The summary's checksum covers everything from its start to the checksum itself; 0 means "not recorded".
+    /// The summary's checksum covers everything from its start to the checksum itself; 0 means "not
+    /// recorded".
     fn summary_is_sound(&self) -> bool {
         match (self.footer(), self.summary_start()) {
             (Some((at, _, crc)), Some(start)) if crc != 0 => {
@@ -211,24 +239,37 @@ impl LogFile {
     }
 
     /// The records of one part, decompressed and verified, or what is wrong with it.
-    fn records<'a>(&'a self, part: usize, buffer: &'a mut Vec<u8>) -> std::result::Result<&'a [u8], String> {
+    fn records<'a>(
+        &'a self,
+        part: usize,
+        buffer: &'a mut Vec<u8>,
+    ) -> std::result::Result<&'a [u8], String> {
         match self.parts.get(part) {
             None => Ok(&[]),
             Some(&Part::Loose(start, end)) => Ok(self.bytes().get(start..end).unwrap_or(&[])),
-            Some(&Part::Chunk(start, end)) => open_chunk(self.bytes().get(start..end).unwrap_or(&[]), buffer),
+            Some(&Part::Chunk(start, end)) => {
+                open_chunk(self.bytes().get(start..end).unwrap_or(&[]), buffer)
+            }
         }
     }
 
-    /// Calls `each` for every message of one part, in file order. `buffer` is scratch. A damaged chunk yields nothing but the
-    /// reason.
-    pub fn messages(&self, part: usize, buffer: &mut Vec<u8>, mut each: impl FnMut(Message)) -> std::result::Result<(), String> {
+    /// Calls `each` for every message of one part, in file order. `buffer` is scratch. A damaged
+    /// chunk yields nothing but the reason.
+    pub fn messages(
+        &self,
+        part: usize,
+        buffer: &mut Vec<u8>,
+        mut each: impl FnMut(Message),
+    ) -> std::result::Result<(), String> {
         let mut rest = Bytes(self.records(part, buffer)?);
         while let Some((code, body)) = rest.record() {
             let mut b = Bytes(body);
             if code != op::MESSAGE {
                 continue;
             }
-            if let (Some(channel), Some(_), Some(log_time), Some(publish_time)) = (b.u16(), b.u32(), b.u64(), b.u64()) {
+            if let (Some(channel), Some(_), Some(log_time), Some(publish_time)) =
+                (b.u16(), b.u32(), b.u64(), b.u64())
+            {
                 each(Message { channel, log_time, publish_time, data: b.0 });
             }
         }

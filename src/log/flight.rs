@@ -1,7 +1,9 @@
-//! A log file and a channel map in; every signal as an SI series on the flight's time base, with its account, out.
+//! A log file and a channel map in; every signal as an SI series on the flight's time base, with
+//! its account, out.
 //!
-//! Time base: `t_s` is seconds since the earliest log time of any intact message of the file, computed in integer nanoseconds;
-//! one zero for all topics and signals of a flight, whichever time stamp a signal uses.
+//! Time base: `t_s` is seconds since the earliest log time of any intact message of the file,
+//! computed in integer nanoseconds; one zero for all topics and signals of a flight, whichever time
+//! stamp a signal uses.
 
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::decode::{self, FieldInfo, Reader};
@@ -63,8 +65,8 @@ pub(super) struct PartData {
 /// Reads the signals of the map from one log.
 ///
 /// # Errors
-/// The file cannot be read; or, all at once and each at its place in the map: topics and fields that the log does not have,
-/// encodings that cannot be decoded, time stamps that are not there.
+/// The file cannot be read; or, all at once and each at its place in the map: topics and fields
+/// that the log does not have, encodings that cannot be decoded, time stamps that are not there.
 pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog, Errors> {
     let log = LogFile::open(path)?;
     let (plans, remarks) = plan(&log, map, doc)?;
@@ -76,7 +78,8 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
 
     let signals: Vec<(&String, &SignalMap)> = map.signal.iter().collect();
     let context = Context { log: &log, map, doc, plans: &plans, parts: &parts, start_ns };
-    let read: Vec<_> = signals.par_iter().map(|(name, signal)| context.signal(name, signal)).collect();
+    let read: Vec<_> =
+        signals.par_iter().map(|(name, signal)| context.signal(name, signal)).collect();
     let mut errors = Errors::default();
     let mut out = IndexMap::new();
     for ((name, _), result) in signals.into_iter().zip(read) {
@@ -88,17 +91,24 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     errors.or(FlightLog { name: log.name(), start_ns, signals: out, notes })
 }
 
-/// One plan per topic that the map asks for, in the order of the topics' names; notes of units that cannot be compared with the log's.
+/// One plan per topic that the map asks for, in the order of the topics' names; notes of units that
+/// cannot be compared with the log's.
 fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, Vec<Note>), Errors> {
     let mut errors = Errors::default();
     let mut wanted: BTreeMap<&str, Vec<(&String, &SignalMap)>> = BTreeMap::new();
     for (name, signal) in &map.signal {
-        match agree::topic_mistake(&log.channels, &signal.topic, doc.place(&format!("signal.{name}.topic"))) {
+        match agree::topic_mistake(
+            &log.channels,
+            &signal.topic,
+            doc.place(&format!("signal.{name}.topic")),
+        ) {
             Some(mistake) => errors.push(mistake.of(&log.name())),
             None => wanted.entry(&signal.topic).or_default().push((name, signal)),
         }
     }
-    let ids = |topic: &str| log.channels.iter().filter(|(_, c)| c.topic == topic).map(|(&id, _)| id).collect::<Vec<_>>();
+    let ids = |topic: &str| {
+        log.channels.iter().filter(|(_, c)| c.topic == topic).map(|(&id, _)| id).collect::<Vec<_>>()
+    };
     let all: Vec<u16> = wanted.keys().flat_map(|t| ids(t)).collect();
     let samples = first_messages(log, &all);
     let mut remarks = Vec::new();
@@ -109,7 +119,9 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
         for (name, signal) in signals {
             match agree::unit(name, signal, &fields, doc.place(&format!("signal.{name}.unit"))) {
                 agree::Stated::Agrees => {}
-                agree::Stated::Unknown(remark) => remarks.push(Note::warning(name, 1, remark.of(&log.name()).what)),
+                agree::Stated::Unknown(remark) => {
+                    remarks.push(Note::warning(name, 1, remark.of(&log.name()).what))
+                }
                 agree::Stated::Other(mistake) => errors.push(mistake.of(&log.name())),
             }
             let stamps = match map.time_source(signal) {
@@ -146,7 +158,11 @@ pub(super) fn first_messages(log: &LogFile, channels: &[u16]) -> BTreeMap<u16, V
 }
 
 /// The fields of all channels of a topic together.
-pub(super) fn topic_fields(known: &BTreeMap<u16, Channel>, channels: &[u16], samples: &BTreeMap<u16, Vec<u8>>) -> Vec<FieldInfo> {
+pub(super) fn topic_fields(
+    known: &BTreeMap<u16, Channel>,
+    channels: &[u16],
+    samples: &BTreeMap<u16, Vec<u8>>,
+) -> Vec<FieldInfo> {
     let mut fields: Vec<FieldInfo> = Vec::new();
     for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
         let Some(encoding) = decode::encoding_of(channel) else { continue };
@@ -159,11 +175,17 @@ pub(super) fn topic_fields(known: &BTreeMap<u16, Channel>, channels: &[u16], sam
     fields
 }
 
-/// A stamp is one field, or (as ROS writes it) a pair of seconds and nanoseconds below the given path.
+/// A stamp is one field, or (as ROS writes it) a pair of seconds and nanoseconds below the given
+/// path.
 pub(super) fn stamp_paths(path: &str, unit: Option<f64>, fields: &[FieldInfo]) -> Vec<String> {
     let has = |p: &str| fields.iter().any(|f| f.path == p);
     let pair = |s: &str, ns: &str| (format!("{path}.{s}"), format!("{path}.{ns}"));
-    for (sec, nanosec) in [pair("sec", "nanosec"), pair("sec", "nsec"), pair("secs", "nsecs"), pair("seconds", "nanos")] {
+    for (sec, nanosec) in [
+        pair("sec", "nanosec"),
+        pair("sec", "nsec"),
+        pair("secs", "nsecs"),
+        pair("seconds", "nanos"),
+    ] {
         if unit.is_none() && has(&sec) && has(&nanosec) {
             return vec![sec, nanosec];
         }
@@ -172,22 +194,30 @@ pub(super) fn stamp_paths(path: &str, unit: Option<f64>, fields: &[FieldInfo]) -
 }
 
 fn decode_parts(log: &LogFile, plans: &[TopicPlan]) -> Result<Vec<PartData>, Errors> {
-    let parts: Vec<Result<PartData, Error>> =
-        (0..log.parts()).into_par_iter().map_init(Vec::new, |buffer, part| decode_part(log, plans, part, buffer)).collect();
+    let parts: Vec<Result<PartData, Error>> = (0..log.parts())
+        .into_par_iter()
+        .map_init(Vec::new, |buffer, part| decode_part(log, plans, part, buffer))
+        .collect();
     let mut errors = Errors::default();
     let parts: Vec<PartData> = parts.into_iter().filter_map(|p| errors.take(p)).collect();
     errors.0.truncate(1);
     errors.or(parts)
 }
 
-fn decode_part(log: &LogFile, plans: &[TopicPlan], part: usize, buffer: &mut Vec<u8>) -> Result<PartData, Error> {
+fn decode_part(
+    log: &LogFile,
+    plans: &[TopicPlan],
+    part: usize,
+    buffer: &mut Vec<u8>,
+) -> Result<PartData, Error> {
     let mut readers: Vec<Option<(usize, Reader)>> = Vec::new();
     for (i, plan) in plans.iter().enumerate() {
         for &id in &plan.channels {
             let Some(channel) = log.channels.get(&id) else { continue };
             let Some(encoding) = decode::encoding_of(channel) else { continue };
-            let reader = (encoding.reader)(&channel.schema, &plan.paths)
-                .map_err(|e| Error::new(format!("topic \"{}\" of {}: {e}", plan.topic, log.name())))?;
+            let reader = (encoding.reader)(&channel.schema, &plan.paths).map_err(|e| {
+                Error::new(format!("topic \"{}\" of {}: {e}", plan.topic, log.name()))
+            })?;
             let at = usize::from(id);
             if readers.len() <= at {
                 readers.resize_with(at + 1, || None);
@@ -214,7 +244,8 @@ fn decode_part(log: &LogFile, plans: &[TopicPlan], part: usize, buffer: &mut Vec
 }
 
 fn damage_note(log: &LogFile, parts: &[PartData]) -> Option<Note> {
-    let damaged: Vec<(usize, &String)> = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.damage.as_ref()?))).collect();
+    let damaged: Vec<(usize, &String)> =
+        parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.damage.as_ref()?))).collect();
     let (first, why) = damaged.first()?;
     let text = format!(
         "{} of {} chunks are damaged and left out; the first, at byte {}: {why}",

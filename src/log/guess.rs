@@ -1,9 +1,11 @@
-//! A field's name and unit in; the well-known signal it may be, and the unit its numbers may have, out.
+//! A field's name and unit in; the well-known signal it may be, and the unit its numbers may have,
+//! out.
 
 use super::decode::FieldInfo;
 use crate::units::Unit;
 
-/// A quantity that flight logs hold: signal name, SI unit, what it is, and the names that fields have for it.
+/// A quantity that flight logs hold: signal name, SI unit, what it is, and the names that fields
+/// have for it.
 pub(super) struct Known {
     pub signal: &'static str,
     si: &'static str,
@@ -11,12 +13,18 @@ pub(super) struct Known {
     names: &'static [&'static str],
 }
 
-const fn known(signal: &'static str, si: &'static str, doc: &'static str, names: &'static [&'static str]) -> Known {
+const fn known(
+    signal: &'static str,
+    si: &'static str,
+    doc: &'static str,
+    names: &'static [&'static str],
+) -> Known {
     Known { signal, si, doc, names }
 }
 
-/// Everything that is recognised by name, in the order of the starter file. Names are compared without case, underscores, units. Signals that
-/// the flight-path reconstruction asks for have the names it asks for.
+/// Everything that is recognised by name, in the order of the starter file. Names are compared
+/// without case, underscores, units. Signals that the flight-path reconstruction asks for have the
+/// names it asks for.
 #[rustfmt::skip]
 pub(super) const KNOWN: &[Known] = &[
     known("V", "m/s", "True airspeed", &["v", "tas", "vtas", "trueairspeed", "airspeed", "truespeed"]),
@@ -42,9 +50,12 @@ pub(super) const KNOWN: &[Known] = &[
     known("temperature", "K", "Static air temperature", &["statictemperature", "sat", "oat", "airtemperature", "outsideairtemperature", "temperature"]),
 ];
 
-/// What drives the flight-path reconstruction, and what its path is compared with (`tests/all/starter.rs` holds them against its model).
-pub const INPUTS: [&str; 7] = ["ax_imu", "ay_imu", "az_imu", "p_imu", "q_imu", "r_imu", "temperature"];
-pub const OUTPUTS: [&str; 8] = ["V", "alpha_vane", "beta_vane", "phi", "theta", "psi", "h", "static_pressure"];
+/// What drives the flight-path reconstruction, and what its path is compared with
+/// (`tests/all/starter.rs` holds them against its model).
+pub const INPUTS: [&str; 7] =
+    ["ax_imu", "ay_imu", "az_imu", "p_imu", "q_imu", "r_imu", "temperature"];
+pub const OUTPUTS: [&str; 8] =
+    ["V", "alpha_vane", "beta_vane", "phi", "theta", "psi", "h", "static_pressure"];
 
 /// Endings of field names that say the unit, longest first.
 const ENDINGS: &[(&str, &str)] = &[
@@ -84,7 +95,8 @@ const ENDINGS: &[(&str, &str)] = &[
     ("_percent", "%"),
 ];
 
-/// The unit of a field: what the schema says, or what the end of its name says; `None` where neither says a known unit.
+/// The unit of a field: what the schema says, or what the end of its name says; `None` where
+/// neither says a known unit.
 pub(super) fn unit_of(field: &FieldInfo) -> Option<(String, &'static str)> {
     if !field.unit.is_empty() && Unit::parse(&field.unit).is_ok() {
         return Some((field.unit.clone(), "from the schema"));
@@ -98,7 +110,8 @@ fn ending(path: &str) -> Option<(&'static str, &'static str)> {
     ENDINGS.iter().find(|(end, _)| lower.ends_with(end) && lower.len() > end.len()).copied()
 }
 
-/// The well-known signal that a field may be: its name fits, and its unit (if known) does not contradict.
+/// The well-known signal that a field may be: its name fits, and its unit (if known) does not
+/// contradict.
 pub(super) fn signal_of(field: &FieldInfo) -> Option<&'static Known> {
     let lower = field.path.to_lowercase();
     let stem = ending(&field.path).and_then(|(end, _)| lower.strip_suffix(end)).unwrap_or(&lower);
@@ -107,7 +120,8 @@ pub(super) fn signal_of(field: &FieldInfo) -> Option<&'static Known> {
     let (whole, last) = (plain(stem), plain(last));
     let unit = unit_of(field).and_then(|(unit, _)| Unit::parse(&unit).ok());
     let fits = |k: &&Known| {
-        let named = k.names.contains(&last.as_str()) || k.names.iter().any(|n| n.len() > 4 && whole.ends_with(n));
+        let named = k.names.contains(&last.as_str())
+            || k.names.iter().any(|n| n.len() > 4 && whole.ends_with(n));
         let dim = Unit::parse(k.si).ok().map(|u| u.dim);
         named && unit.is_none_or(|u| Some(u.dim) == dim)
     };
@@ -136,12 +150,24 @@ mod tests {
     #[test]
     fn signals_have_the_names_that_the_reconstruction_asks_for() {
         use crate::model::{Constants, Given, Model};
-        let place =
-            |name: &str, unit: &str| (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "nowhere".into() });
-        let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"].map(|name| place(name, "m"));
-        let model = Model::embedded("kinematics", &Constants(places.into_iter().chain([place("upwash", "-")]).collect())).unwrap();
+        let place = |name: &str, unit: &str| {
+            (
+                name.to_string(),
+                Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "nowhere".into() },
+            )
+        };
+        let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"]
+            .map(|name| place(name, "m"));
+        let model = Model::embedded(
+            "kinematics",
+            &Constants(places.into_iter().chain([place("upwash", "-")]).collect()),
+        )
+        .unwrap();
         let asked: Vec<&str> = model.inputs.iter().map(|q| q.name.as_str()).collect();
-        assert!(asked.len() == INPUTS.len() && INPUTS.iter().all(|name| asked.contains(name)), "{asked:?}");
+        assert!(
+            asked.len() == INPUTS.len() && INPUTS.iter().all(|name| asked.contains(name)),
+            "{asked:?}"
+        );
         assert!(OUTPUTS.iter().all(|name| model.output(name).is_some()));
         assert!(INPUTS.iter().chain(&OUTPUTS).all(|name| KNOWN.iter().any(|k| k.signal == *name)));
     }

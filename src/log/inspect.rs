@@ -1,4 +1,5 @@
-//! A log file in; what is in it (topics, fields, rates, gaps, ranges) out, as data and as a table for a person.
+//! A log file in; what is in it (topics, fields, rates, gaps, ranges) out, as data and as a table
+//! for a person.
 
 use super::decode::{self, FieldInfo, Reader, is_unreadable};
 use super::file::LogFile;
@@ -78,17 +79,28 @@ pub fn survey(path: &Path) -> Result<Survey, Errors> {
     }
     let samples = first_messages(&log, &log.channels.keys().copied().collect::<Vec<_>>());
     let concrete = |f: &FieldInfo| !f.path.contains('*');
-    let fields: Vec<Vec<FieldInfo>> =
-        topics.values().map(|ids| topic_fields(&log.channels, ids, &samples).into_iter().filter(concrete).collect()).collect();
-    let index: BTreeMap<u16, usize> = topics.values().enumerate().flat_map(|(i, ids)| ids.iter().map(move |&id| (id, i))).collect();
+    let fields: Vec<Vec<FieldInfo>> = topics
+        .values()
+        .map(|ids| {
+            topic_fields(&log.channels, ids, &samples).into_iter().filter(concrete).collect()
+        })
+        .collect();
+    let index: BTreeMap<u16, usize> = topics
+        .values()
+        .enumerate()
+        .flat_map(|(i, ids)| ids.iter().map(move |&id| (id, i)))
+        .collect();
 
-    let parts: Vec<(Vec<Tally>, Option<String>)> =
-        (0..log.parts()).into_par_iter().map_init(Vec::new, |buffer, part| tally(&log, &fields, &index, part, buffer)).collect();
+    let parts: Vec<(Vec<Tally>, Option<String>)> = (0..log.parts())
+        .into_par_iter()
+        .map_init(Vec::new, |buffer, part| tally(&log, &fields, &index, part, buffer))
+        .collect();
 
     let mut notes = log.notes.clone();
     let damaged = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.1.as_ref()?)));
-    notes
-        .extend(damaged.map(|(i, why)| Note::warning("file", 1, format!("the chunk at byte {} is damaged: {why}", log.offset(i)))));
+    notes.extend(damaged.map(|(i, why)| {
+        Note::warning("file", 1, format!("the chunk at byte {} is damaged: {why}", log.offset(i)))
+    }));
     let all_times = || parts.iter().flat_map(|p| p.0.iter().flat_map(|t| t.log.iter().copied()));
     let make = |(i, (topic, ids)): (usize, (&&str, &Vec<u16>))| {
         let tallies: Vec<&Tally> = parts.iter().filter_map(|p| p.0.get(i)).collect();
@@ -112,13 +124,19 @@ fn tally(
     part: usize,
     buffer: &mut Vec<u8>,
 ) -> (Vec<Tally>, Option<String>) {
-    let empty =
-        |f: &Vec<FieldInfo>| Tally { log: Vec::new(), published: false, fields: vec![(0, 0, 0, f64::NAN, f64::NAN); f.len()] };
+    let empty = |f: &Vec<FieldInfo>| Tally {
+        log: Vec::new(),
+        published: false,
+        fields: vec![(0, 0, 0, f64::NAN, f64::NAN); f.len()],
+    };
     let mut tallies: Vec<Tally> = fields.iter().map(empty).collect();
     let mut readers: BTreeMap<u16, Reader> = BTreeMap::new();
     for (&id, &i) in index {
         let paths: Vec<String> = fields[i].iter().map(|f| f.path.clone()).collect();
-        let reader = log.channels.get(&id).and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &paths).ok());
+        let reader = log
+            .channels
+            .get(&id)
+            .and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &paths).ok());
         readers.extend(reader.map(|r| (id, r)));
     }
     let mut row = Vec::new();
@@ -139,10 +157,20 @@ fn tally(
     (tallies, read.err())
 }
 
-fn topic_survey(log: &LogFile, topic: &str, ids: &[u16], tallies: &[&Tally], fields: &[FieldInfo]) -> TopicSurvey {
+fn topic_survey(
+    log: &LogFile,
+    topic: &str,
+    ids: &[u16],
+    tallies: &[&Tally],
+    fields: &[FieldInfo],
+) -> TopicSurvey {
     let channel = ids.first().and_then(|id| log.channels.get(id));
-    let text = |f: fn(&super::file::Channel) -> &String| channel.map(|c| f(c).clone()).unwrap_or_default();
-    let mut times: Vec<i64> = tallies.iter().flat_map(|t| t.log.iter().map(|&ns| i64::try_from(ns).unwrap_or(i64::MAX))).collect();
+    let text =
+        |f: fn(&super::file::Channel) -> &String| channel.map(|c| f(c).clone()).unwrap_or_default();
+    let mut times: Vec<i64> = tallies
+        .iter()
+        .flat_map(|t| t.log.iter().map(|&ns| i64::try_from(ns).unwrap_or(i64::MAX)))
+        .collect();
     let mut latest = i64::MIN;
     let mut out_of_order = 0;
     for &t in &times {
@@ -152,7 +180,14 @@ fn topic_survey(log: &LogFile, topic: &str, ids: &[u16], tallies: &[&Tally], fie
     times.sort_unstable();
     let spacing = Spacing::of(times.iter().copied());
     let field = |(k, info): (usize, &FieldInfo)| {
-        let mut f = FieldSurvey { info: info.clone(), count: 0, nan: 0, unreadable: 0, min: f64::NAN, max: f64::NAN };
+        let mut f = FieldSurvey {
+            info: info.clone(),
+            count: 0,
+            nan: 0,
+            unreadable: 0,
+            min: f64::NAN,
+            max: f64::NAN,
+        };
         for (count, nan, unreadable, min, max) in tallies.iter().filter_map(|t| t.fields.get(k)) {
             f.count += count;
             f.nan += nan;
@@ -207,7 +242,8 @@ impl std::fmt::Display for Survey {
 
 impl std::fmt::Display for TopicSurvey {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let schema = if self.schema_encoding.is_empty() { "no schema" } else { &self.schema_encoding };
+        let schema =
+            if self.schema_encoding.is_empty() { "no schema" } else { &self.schema_encoding };
         write!(
             f,
             "\n{}  {} ({schema}{}{})",
@@ -229,14 +265,22 @@ impl std::fmt::Display for TopicSurvey {
         }
         writeln!(f, "{}", if self.has_publish_time { ", with publish times" } else { "" })?;
         if !self.decodable {
-            return writeln!(f, "    its messages cannot be decoded; supported: {}", decode::supported());
+            return writeln!(
+                f,
+                "    its messages cannot be decoded; supported: {}",
+                decode::supported()
+            );
         }
         let wide = |head: &str, of: fn(&FieldSurvey) -> &String| {
             self.fields.iter().map(|x| of(x).chars().count()).max().unwrap_or(0).max(head.len())
         };
         let (path, unit) = (wide("field", |x| &x.info.path), wide("unit", |x| &x.info.unit));
         if !self.fields.is_empty() {
-            writeln!(f, "    {:path$}  {:unit$}  {:>12}  {:>12}  {:>7}  about", "field", "unit", "min", "max", "missing")?;
+            writeln!(
+                f,
+                "    {:path$}  {:unit$}  {:>12}  {:>12}  {:>7}  about",
+                "field", "unit", "min", "max", "missing"
+            )?;
         }
         for x in &self.fields {
             let mut line = format!(
@@ -271,7 +315,11 @@ impl std::fmt::Display for Short {
         }
         let digits = 5 - (libm::floor(libm::log10(x.abs().max(1e-4))) as i64).clamp(-4, 5);
         let text = format!("{x:.*}", digits.max(0) as usize);
-        let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+        let text = if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.')
+        } else {
+            &text
+        };
         write!(f, "{text}")
     }
 }
@@ -282,16 +330,23 @@ fn date(ns: u64) -> String {
     if seconds < 978_307_200 {
         return String::new();
     }
-    // Days since 1970 to a date of the Gregorian calendar: years counted from 1 March, 400 years have 146097 days.
+    // Days since 1970 to a date of the Gregorian calendar: years counted from 1 March, 400 years
+    // have 146097 days.
     let (days, of_day) = (seconds / 86_400 + 719_468, seconds % 86_400);
     let (era, day_of_era) = (days / 146_097, days % 146_097);
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let year_of_era =
+        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let shifted = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * shifted + 2) / 5 + 1;
     let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
     let year = era * 400 + year_of_era + u64::from(month <= 2);
-    format!(", from {year}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC", of_day / 3600, of_day / 60 % 60, of_day % 60)
+    format!(
+        ", from {year}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC",
+        of_day / 3600,
+        of_day / 60 % 60,
+        of_day % 60
+    )
 }
 
 #[cfg(test)]
@@ -309,7 +364,15 @@ mod tests {
     fn numbers_are_short() {
         let text = |x: f64| Short(x).to_string();
         assert_eq!(
-            [text(0.0), text(100.0), text(-0.012345678), text(99.5003), text(1e-9), text(123456789.0), text(f64::NAN)],
+            [
+                text(0.0),
+                text(100.0),
+                text(-0.012345678),
+                text(99.5003),
+                text(1e-9),
+                text(123456789.0),
+                text(f64::NAN)
+            ],
             ["0", "100", "-0.0123457", "99.5003", "1.0000e-9", "1.2346e8", "-"]
         );
     }

@@ -1,4 +1,5 @@
-//! Flight logs: MCAP files and a channel map in, signals in SI with their accounts out; and MCAP files out.
+//! Flight logs: MCAP files and a channel map in, signals in SI with their accounts out; and MCAP
+//! files out.
 
 pub mod agree;
 mod bytes;
@@ -45,7 +46,8 @@ impl Severity {
     }
 }
 
-/// Something lost or noticed while reading a log: what (a topic, a signal, `file`), how often, and in words.
+/// Something lost or noticed while reading a log: what (a topic, a signal, `file`), how often, and
+/// in words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
     pub severity: Severity,

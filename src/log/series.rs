@@ -1,9 +1,11 @@
-//! The raw samples of one signal in file order in; a series sorted in time and the account of what was dropped out.
+//! The raw samples of one signal in file order in; a series sorted in time and the account of what
+//! was dropped out.
 
 /// A signal: values at times, ascending.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
-    /// Seconds since the flight's earliest log time, strictly ascending before a delay of zero resolution; never twice the same stamp.
+    /// Seconds since the flight's earliest log time, strictly ascending before a delay of zero
+    /// resolution; never twice the same stamp.
     pub t_s: Vec<f64>,
     /// SI.
     pub value: Vec<f64>,
@@ -28,7 +30,8 @@ pub struct Account {
     pub dropped_nan: u64,
     /// Messages without a number in this field (or without a time stamp).
     pub dropped_unreadable: u64,
-    /// Places where the stamp moved against the log time (or the log time moved backwards) by more than a second.
+    /// Places where the stamp moved against the log time (or the log time moved backwards) by more
+    /// than a second.
     pub clock_jumps: u64,
     /// Spacings above three times the median one (and above 5 ms).
     pub gaps: u64,
@@ -51,8 +54,8 @@ pub(super) fn seconds(ns: i64) -> f64 {
 /// A jump of the clock is a change of more than this between two messages, ns.
 const JUMP_NS: i64 = 1_000_000_000;
 
-/// Counts clock jumps of one topic, in file order: changes of (stamp - log time) where the stamp is not the log time itself,
-/// and backward steps of the log time.
+/// Counts clock jumps of one topic, in file order: changes of (stamp - log time) where the stamp is
+/// not the log time itself, and backward steps of the log time.
 pub(super) fn clock_jumps(log_ns: &[i64], stamp_ns: &[i64]) -> u64 {
     let pairs = log_ns.windows(2).zip(stamp_ns.windows(2));
     let jumped = |(l, s): &(&[i64], &[i64])| {
@@ -62,7 +65,8 @@ pub(super) fn clock_jumps(log_ns: &[i64], stamp_ns: &[i64]) -> u64 {
     pairs.filter(jumped).count() as u64
 }
 
-/// Sorts by stamp (stable), drops samples that repeat a stamp (the first in the file stays), and files the counts.
+/// Sorts by stamp (stable), drops samples that repeat a stamp (the first in the file stays), and
+/// files the counts.
 pub(super) fn order(samples: &mut Vec<(i64, f64)>, account: &mut Account) {
     let mut latest = i64::MIN;
     for &(stamp, _) in samples.iter() {

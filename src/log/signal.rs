@@ -1,4 +1,5 @@
-//! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its account and notes out.
+//! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its
+//! account and notes out.
 
 use super::channel_map::{ChannelMap, SignalMap, TimeSource, TimeZero};
 use super::decode::is_unreadable;
@@ -26,15 +27,20 @@ pub(super) struct Context<'a> {
 impl Context<'_> {
     /// Reads one signal.
     pub fn signal(&self, name: &str, signal: &SignalMap) -> Result<(SignalLog, Vec<Note>), Errors> {
-        let error = |key: &str, what: String| Error::at(self.doc.place(&format!("signal.{name}.{key}")), what);
+        let error = |key: &str, what: String| {
+            Error::at(self.doc.place(&format!("signal.{name}.{key}")), what)
+        };
         let unit = Unit::parse(&signal.unit).map_err(|e| error("unit", e))?;
-        let Some((index, plan)) = self.plans.iter().enumerate().find(|(_, p)| p.topic == signal.topic) else {
+        let Some((index, plan)) =
+            self.plans.iter().enumerate().find(|(_, p)| p.topic == signal.topic)
+        else {
             return Err(error("topic", format!("topic \"{}\" was not read", signal.topic)).into());
         };
         let data: Vec<&Columns> = self.parts.iter().map(|p| &p.topics[index]).collect();
         let messages: usize = data.iter().map(|c| c.log.len()).sum();
         if messages == 0 {
-            let what = format!("topic \"{}\" of {} has no intact message", signal.topic, self.log.name());
+            let what =
+                format!("topic \"{}\" of {} has no intact message", signal.topic, self.log.name());
             return Err(error("topic", what).into());
         }
         let mut account = Account {
@@ -44,8 +50,12 @@ impl Context<'_> {
             messages: messages as u64,
             ..Account::default()
         };
-        let (log_ns, stamps) = self.stamps(plan, &data, signal).map_err(|what| error(self.time_key(signal), what))?;
-        account.clock_jumps = clock_jumps(&log_ns, &stamps.iter().zip(&log_ns).map(|(s, l)| s.unwrap_or(*l)).collect::<Vec<_>>());
+        let (log_ns, stamps) =
+            self.stamps(plan, &data, signal).map_err(|what| error(self.time_key(signal), what))?;
+        account.clock_jumps = clock_jumps(
+            &log_ns,
+            &stamps.iter().zip(&log_ns).map(|(s, l)| s.unwrap_or(*l)).collect::<Vec<_>>(),
+        );
 
         let raw = column(plan, &data, &signal.field);
         if raw.clone().all(is_unreadable) {
@@ -84,15 +94,23 @@ impl Context<'_> {
     }
 
     /// Log times and the stamps that count, ns since the flight's zero, in file order.
-    fn stamps(&self, plan: &TopicPlan, data: &[&Columns], signal: &SignalMap) -> Result<(Vec<i64>, Stamps), String> {
-        let since = |ns: u64| i64::try_from(i128::from(ns) - i128::from(self.start_ns)).unwrap_or(i64::MAX);
+    fn stamps(
+        &self,
+        plan: &TopicPlan,
+        data: &[&Columns],
+        signal: &SignalMap,
+    ) -> Result<(Vec<i64>, Stamps), String> {
+        let since =
+            |ns: u64| i64::try_from(i128::from(ns) - i128::from(self.start_ns)).unwrap_or(i64::MAX);
         let log_ns: Vec<i64> = data.iter().flat_map(|c| c.log.iter().map(|&t| since(t))).collect();
         let stamps = match self.map.time_source(signal) {
             TimeSource::Log => log_ns.iter().copied().map(Some).collect(),
             TimeSource::Publish => {
                 if data.iter().all(|c| c.publish.iter().all(|&t| t == 0)) {
                     let (topic, file) = (&signal.topic, self.log.name());
-                    return Err(format!("topic \"{topic}\" of {file} has no publish times (all are 0); use time = \"log\""));
+                    return Err(format!(
+                        "topic \"{topic}\" of {file} has no publish times (all are 0); use time = \"log\""
+                    ));
                 }
                 data.iter().flat_map(|c| c.publish.iter().map(|&t| Some(since(t)))).collect()
             }
@@ -118,7 +136,9 @@ impl Context<'_> {
     ) -> Result<Stamps, String> {
         let stamp = |ns: i128| i64::try_from(ns - i128::from(zero_ns)).ok();
         // Larger numbers are no time; the limit keeps the sums below in range.
-        let whole = |x: f64, unit: f64| (libm::fabs(x * unit) < 1e20).then(|| libm::round(x * unit) as i128);
+        let whole = |x: f64, unit: f64| {
+            (libm::fabs(x * unit) < 1e20).then(|| libm::round(x * unit) as i128)
+        };
         let stamps: Stamps = match (stamp_paths(path, unit, &plan.fields).as_slice(), unit) {
             ([sec, nanosec], _) => column(plan, data, sec)
                 .zip(column(plan, data, nanosec))
@@ -126,14 +146,19 @@ impl Context<'_> {
                 .collect(),
             (_, Some(unit)) => column(plan, data, path).map(|x| stamp(whole(x, unit)?)).collect(),
             _ => {
-                let what = format!("the time stamp \"{path}\" of topic \"{}\" needs a time_unit", plan.topic);
+                let what = format!(
+                    "the time stamp \"{path}\" of topic \"{}\" needs a time_unit",
+                    plan.topic
+                );
                 return Err(format!("{what}: \"s\", \"ms\", \"us\" or \"ns\""));
             }
         };
         if stamps.iter().all(Option::is_none) {
             let has = words::nearest_first(path, &names(plan));
             let (topic, file) = (&plan.topic, self.log.name());
-            return Err(format!("no message of topic \"{topic}\" in {file} has a time stamp \"{path}\"; it has {has}"));
+            return Err(format!(
+                "no message of topic \"{topic}\" in {file} has a time stamp \"{path}\"; it has {has}"
+            ));
         }
         Ok(stamps)
     }
@@ -159,19 +184,34 @@ impl Context<'_> {
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
         say(
             a.gaps,
-            format!("{} gaps, the longest {:.3} s at a usual spacing of {:.4} s", a.gaps, a.longest_gap_s, 1.0 / a.rate_hz),
+            format!(
+                "{} gaps, the longest {:.3} s at a usual spacing of {:.4} s",
+                a.gaps,
+                a.longest_gap_s,
+                1.0 / a.rate_hz
+            ),
         );
         notes.append(&mut few);
         if a.reordered > 0 {
-            notes.push(Note::info(name, a.reordered, format!("{from}: {} {of} out of order, sorted", a.reordered)));
+            notes.push(Note::info(
+                name,
+                a.reordered,
+                format!("{from}: {} {of} out of order, sorted", a.reordered),
+            ));
         }
         if a.count == 0 {
             notes.push(Note::warning(name, a.messages, format!("{from}: no sample is left")));
         }
-        // Stamps of a clock of their own (since boot, say) would silently shift the signal against all others.
-        let mut apart: Vec<i64> = stamps.iter().zip(log_ns).filter_map(|(s, l)| Some(s.as_ref()?.saturating_sub(*l))).collect();
+        // Stamps of a clock of their own (since boot, say) would silently shift the signal against
+        // all others.
+        let mut apart: Vec<i64> = stamps
+            .iter()
+            .zip(log_ns)
+            .filter_map(|(s, l)| Some(s.as_ref()?.saturating_sub(*l)))
+            .collect();
         let middle = apart.len() / 2;
-        if !apart.is_empty() && apart.select_nth_unstable(middle).1.saturating_abs() > 1_000_000_000 {
+        if !apart.is_empty() && apart.select_nth_unstable(middle).1.saturating_abs() > 1_000_000_000
+        {
             let text = format!(
                 "{from}: its time stamps are {:.3} s off the log time; signals of other clocks are not aligned with it (time_zero = \"start\" for stamps that count from the start of the recording)",
                 seconds(apart[middle])
@@ -188,7 +228,12 @@ fn names(plan: &TopicPlan) -> Vec<&str> {
 }
 
 /// One field of a topic over all parts.
-fn column<'a>(plan: &TopicPlan, data: &'a [&'a Columns], path: &str) -> impl Iterator<Item = f64> + Clone + 'a {
-    let (at, width) = (plan.paths.iter().position(|p| p == path).unwrap_or(0), plan.paths.len().max(1));
+fn column<'a>(
+    plan: &TopicPlan,
+    data: &'a [&'a Columns],
+    path: &str,
+) -> impl Iterator<Item = f64> + Clone + 'a {
+    let (at, width) =
+        (plan.paths.iter().position(|p| p == path).unwrap_or(0), plan.paths.len().max(1));
     data.iter().flat_map(move |c| c.values.iter().skip(at).step_by(width).copied())
 }

@@ -8,11 +8,16 @@ use std::path::{Path, PathBuf};
 const MS: u64 = 1_000_000;
 const START: u64 = 1_700_000_000_000_000_000;
 
-/// A folder of test data that is not part of the project: `$KOEHLER_DATA`, or `shared/data` in a folder above the project.
+/// A folder of test data that is not part of the project: `$KOEHLER_DATA`, or `shared/data` in a
+/// folder above the project.
 fn data(name: &str) -> Option<PathBuf> {
     let above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|a| a.join("shared/data"));
-    let found =
-        std::env::var_os("KOEHLER_DATA").map(PathBuf::from).into_iter().chain(above).map(|d| d.join(name)).find(|p| p.exists());
+    let found = std::env::var_os("KOEHLER_DATA")
+        .map(PathBuf::from)
+        .into_iter()
+        .chain(above)
+        .map(|d| d.join(name))
+        .find(|p| p.exists());
     if found.is_none() {
         eprintln!("skipped: no {name} in $KOEHLER_DATA or in shared/data above the project");
     }
@@ -26,15 +31,20 @@ fn raw(path: &Path, encoding: &str, messages: &[(&str, u64, u64, String)], chunk
     let mut w = options.create(std::io::BufWriter::new(file)).unwrap();
     for (i, (topic, log_time, publish_time, text)) in messages.iter().enumerate() {
         let channel_id = w.add_channel(0, topic, encoding, &BTreeMap::new()).unwrap();
-        let header =
-            mcap::records::MessageHeader { channel_id, sequence: i as u32, log_time: *log_time, publish_time: *publish_time };
+        let header = mcap::records::MessageHeader {
+            channel_id,
+            sequence: i as u32,
+            log_time: *log_time,
+            publish_time: *publish_time,
+        };
         w.write_to_known_channel(&header, text.as_bytes()).unwrap();
     }
     w.finish().unwrap();
 }
 
 fn read(path: &Path, channels: &str) -> std::result::Result<FlightLog, String> {
-    let (map, doc) = config::parse::<ChannelMap>("channels.toml", channels).map_err(|e| e.to_string())?;
+    let (map, doc) =
+        config::parse::<ChannelMap>("channels.toml", channels).map_err(|e| e.to_string())?;
     map.check(&doc).map_err(|e| e.to_string())?;
     read_flight(path, &map, &doc).map_err(|e| e.to_string())
 }
@@ -45,7 +55,11 @@ fn one_signal(time: &str) -> String {
 
 /// `n` messages every 10 ms with x = 0, 1, 2, ...
 fn regular(n: u64) -> Vec<(&'static str, u64, u64, String)> {
-    (0..n).map(|i| ("/t", START + i * 10 * MS, START + i * 10 * MS, format!("{{\"x\":{i},\"y\":0.5}}"))).collect()
+    (0..n)
+        .map(|i| {
+            ("/t", START + i * 10 * MS, START + i * 10 * MS, format!("{{\"x\":{i},\"y\":0.5}}"))
+        })
+        .collect()
 }
 
 fn texts(log: &FlightLog) -> Vec<&str> {
@@ -57,11 +71,17 @@ fn what_is_written_is_read_again_in_si_on_one_time_base() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     let mut log = LogWriter::create(&path).unwrap();
-    let air = log.add_topic("/air", &[FieldSpec::new("tas", "kt", "True airspeed"), FieldSpec::new("alpha", "deg", "")]).unwrap();
+    let air = log
+        .add_topic(
+            "/air",
+            &[FieldSpec::new("tas", "kt", "True airspeed"), FieldSpec::new("alpha", "deg", "")],
+        )
+        .unwrap();
     let servo = log.add_topic("/surfaces", &[FieldSpec::new("elevator_deg", "deg", "")]).unwrap();
     let t: Vec<u64> = (0..1000).map(|i| START + i * 20 * MS).collect();
     let sent: Vec<u64> = t.iter().map(|t| t - 3 * MS).collect();
-    let rows: Vec<f64> = (0..1000).flat_map(|i| [200.0 + f64::from(i), 0.1 * f64::from(i)]).collect();
+    let rows: Vec<f64> =
+        (0..1000).flat_map(|i| [200.0 + f64::from(i), 0.1 * f64::from(i)]).collect();
     let late: Vec<u64> = t.iter().map(|t| t + 5 * MS).collect();
     let elevator: Vec<f64> = (0..1000).map(|i| f64::from(i % 7) - 3.0).collect();
     log.write_streams(&[
@@ -103,7 +123,10 @@ sign = -1
     assert_eq!(alpha.t_s[..2], [-0.1, 0.02 - 0.1]);
     assert!((alpha.value[10] - (2.0 * 1f64.to_radians() + 0.25)).abs() < 1e-12);
     let e = &flight.signals["delta_e"];
-    assert!((e.account.max - 3f64.to_radians()).abs() < 1e-12 && (e.series.value[0] - 3f64.to_radians()).abs() < 1e-12);
+    assert!(
+        (e.account.max - 3f64.to_radians()).abs() < 1e-12
+            && (e.series.value[0] - 3f64.to_radians()).abs() < 1e-12
+    );
 }
 
 #[test]
@@ -126,7 +149,10 @@ fn duplicates_late_messages_nan_bursts_and_gaps_are_counted() {
     let flight = read(&path, &one_signal("log")).unwrap();
     let a = &flight.signals["x"].account;
     assert_eq!((a.messages, a.count), (380, 380 - 12 - 3 - 1));
-    assert_eq!((a.dropped_nan, a.dropped_unreadable, a.dropped_duplicate, a.reordered, a.clock_jumps), (12, 3, 1, 1, 0));
+    assert_eq!(
+        (a.dropped_nan, a.dropped_unreadable, a.dropped_duplicate, a.reordered, a.clock_jumps),
+        (12, 3, 1, 1, 0)
+    );
     assert_eq!(a.gaps, 3, "{a:?}");
     assert!((a.longest_gap_s - 0.21).abs() < 1e-9, "{a:?}");
     let series = &flight.signals["x"].series;
@@ -166,7 +192,11 @@ fn a_cut_off_file_yields_its_intact_part_with_a_note() {
     assert!(e.starts_with(&format!("the log {} is empty (0 bytes)", cut.display())), "{e}");
     std::fs::write(&cut, b"time,x\n0,1\n").unwrap();
     assert!(read(&cut, &one_signal("log")).unwrap_err().contains("is not an MCAP file"));
-    assert!(read(&folder.path().join("none.mcap"), &one_signal("log")).unwrap_err().contains("cannot read the log"));
+    assert!(
+        read(&folder.path().join("none.mcap"), &one_signal("log"))
+            .unwrap_err()
+            .contains("cannot read the log")
+    );
 }
 
 #[test]
@@ -184,7 +214,11 @@ fn a_flipped_byte_costs_one_chunk_and_a_note() {
     let (a, note) = (&flight.signals["x"].account, &flight.notes[0]);
     assert!(a.count < 5000 && a.count > 4500 && a.gaps == 1, "{a:?}");
     assert_eq!((note.subject.as_str(), note.count), ("file", 1));
-    assert!(note.text.contains("1 of") && note.text.contains("chunks are damaged and left out"), "{}", note.text);
+    assert!(
+        note.text.contains("1 of") && note.text.contains("chunks are damaged and left out"),
+        "{}",
+        note.text
+    );
     let series = &flight.signals["x"].series;
     assert!(series.t_s.iter().zip(&series.value).all(|(t, x)| (t * 100.0 - x).abs() < 1e-6));
 }
@@ -209,7 +243,10 @@ fn no_flipped_byte_anywhere_panics_or_changes_a_value() {
                 let s = &flight.signals["x"].series;
                 assert!(s.value.len() > 70, "byte {at}: {}", s.value.len());
                 let zero = value_of((flight.start_ns as i64 - START as i64) as f64 / 1e9);
-                assert!(s.t_s.iter().zip(&s.value).all(|(t, x)| value_of(*t) + zero == *x), "byte {at}");
+                assert!(
+                    s.t_s.iter().zip(&s.value).all(|(t, x)| value_of(*t) + zero == *x),
+                    "byte {at}"
+                );
             }
             std::fs::remove_file(&broken).unwrap();
         }
@@ -237,17 +274,25 @@ field = "x"
 unit = "1"
 time = "header.stamp"
 "#;
-    let topic = "channels.toml:2:9: topic \"/airdata\" is not in flight-03.mcap; it has \"/air_data\"";
+    let topic =
+        "channels.toml:2:9: topic \"/airdata\" is not in flight-03.mcap; it has \"/air_data\"";
     assert_eq!(read(&path, map).unwrap_err(), topic);
     let expected = [
         "channels.toml:7:9: field \"alhpa\" is not in topic \"/air_data\" of flight-03.mcap; it has \"alpha\", \"tas\"",
         "channels.toml:13:8: the time stamp \"header.stamp\" of topic \"/t\" needs a time_unit: \"s\", \"ms\", \"us\" or \"ns\"",
     ];
-    assert_eq!(read(&path, &map.replace("/airdata", "/air_data")).unwrap_err(), expected.join("\n"));
+    assert_eq!(
+        read(&path, &map.replace("/airdata", "/air_data")).unwrap_err(),
+        expected.join("\n")
+    );
     let settings =
         read(&path, "[signal.x]\ntopic = \"/t\"\nfield = \"x\"\nunit = \"furlong\"\nsign = 2\nscale = 0\ntime_unit = \"min\"\n")
             .unwrap_err();
-    assert_eq!(settings.lines().filter(|l| l.starts_with("channels.toml:")).count(), 4, "{settings}");
+    assert_eq!(
+        settings.lines().filter(|l| l.starts_with("channels.toml:")).count(),
+        4,
+        "{settings}"
+    );
 }
 
 #[test]
@@ -265,7 +310,9 @@ fn header_stamps_of_every_kind_give_the_same_times() {
         ("/t", log, 0, text)
     };
     raw(&path, "json", &(0..200).map(message).collect::<Vec<_>>(), 4000);
-    let times = |time: &str, unit: &str| read(&path, &(one_signal(time) + unit)).unwrap().signals["x"].series.t_s.clone();
+    let times = |time: &str, unit: &str| {
+        read(&path, &(one_signal(time) + unit)).unwrap().signals["x"].series.t_s.clone()
+    };
     let exact: Vec<f64> = (0..200).map(|i| f64::from(i) * 10.0 / 1e3).collect();
     assert_eq!(times("stamp", ""), exact);
     for (path, unit) in [("us", "time_unit = \"us\"\n"), ("s", "time_unit = \"s\"\n")] {
@@ -275,12 +322,23 @@ fn header_stamps_of_every_kind_give_the_same_times() {
     wild[3].3 = "{\"stamp\":{\"sec\":1e300,\"nanosec\":1e300},\"x\":3}".into();
     let other = folder.path().join("wild.mcap");
     raw(&other, "json", &wild, 4000);
-    assert_eq!(read(&other, &one_signal("stamp")).unwrap().signals["x"].account.dropped_unreadable, 1);
-    let early = read(&path, &(one_signal("us") + "time_unit = \"us\"\ntime_zero = \"start\"\n")).unwrap();
+    assert_eq!(
+        read(&other, &one_signal("stamp")).unwrap().signals["x"].account.dropped_unreadable,
+        1
+    );
+    let early =
+        read(&path, &(one_signal("us") + "time_unit = \"us\"\ntime_zero = \"start\"\n")).unwrap();
     assert!((early.signals["x"].series.t_s[0] - START as f64 / 1e9).abs() < 1e-3);
-    assert!(texts(&early)[0].contains("signals of other clocks are not aligned"), "{:?}", early.notes);
+    assert!(
+        texts(&early)[0].contains("signals of other clocks are not aligned"),
+        "{:?}",
+        early.notes
+    );
     let e = read(&path, &one_signal("publish")).unwrap_err();
-    assert_eq!(e, "channels.toml:5:8: topic \"/t\" of a.mcap has no publish times (all are 0); use time = \"log\"");
+    assert_eq!(
+        e,
+        "channels.toml:5:8: topic \"/t\" of a.mcap has no publish times (all are 0); use time = \"log\""
+    );
 }
 
 #[test]
@@ -294,7 +352,11 @@ fn a_clock_of_its_own_and_its_jumps_are_noted() {
     raw(&path, "json", &messages, 4000);
     let flight = read(&path, &one_signal("publish")).unwrap();
     assert_eq!(flight.signals["x"].account.clock_jumps, 1);
-    assert!(texts(&flight).iter().any(|t| t.contains("signals of other clocks are not aligned")), "{:?}", flight.notes);
+    assert!(
+        texts(&flight).iter().any(|t| t.contains("signals of other clocks are not aligned")),
+        "{:?}",
+        flight.notes
+    );
 }
 
 #[test]
@@ -316,8 +378,15 @@ fn truth_a_real_recording_with_another_encoding_is_listed_and_refused() {
     assert_eq!(survey.messages, 21258);
     let pose = survey.topics.iter().find(|t| t.topic == "/cub1/pose").unwrap();
     assert_eq!((pose.message_encoding.as_str(), pose.decodable), ("cdr", false));
-    assert!((pose.rate_hz - 99.5).abs() < 1.5 && (pose.longest_gap_s - 0.168).abs() < 0.002, "{pose:?}");
-    let e = read(&path, "[signal.x]\ntopic = \"/cub1/pose\"\nfield = \"pose.position.x\"\nunit = \"m\"\n").unwrap_err();
+    assert!(
+        (pose.rate_hz - 99.5).abs() < 1.5 && (pose.longest_gap_s - 0.168).abs() < 0.002,
+        "{pose:?}"
+    );
+    let e = read(
+        &path,
+        "[signal.x]\ntopic = \"/cub1/pose\"\nfield = \"pose.position.x\"\nunit = \"m\"\n",
+    )
+    .unwrap_err();
     assert!(e.contains("is encoded as cdr with ros2msg schema, which cannot be decoded"), "{e}");
 }
 
@@ -325,15 +394,27 @@ fn truth_a_real_recording_with_another_encoding_is_listed_and_refused() {
 fn truth_logs_of_another_simulator_are_read() {
     let Some(path) = data("jsbsim/logs/flight_01.mcap") else { return };
     let survey = inspect::survey(&path).unwrap();
-    let rates: Vec<(String, f64)> = survey.topics.iter().map(|t| (t.topic.clone(), libm::round(t.rate_hz))).collect();
-    let expected =
-        [("/air_data", 50.0), ("/attitude", 50.0), ("/engine", 20.0), ("/imu", 100.0), ("/mass", 1.0), ("/surfaces", 100.0)];
+    let rates: Vec<(String, f64)> =
+        survey.topics.iter().map(|t| (t.topic.clone(), libm::round(t.rate_hz))).collect();
+    let expected = [
+        ("/air_data", 50.0),
+        ("/attitude", 50.0),
+        ("/engine", 20.0),
+        ("/imu", 100.0),
+        ("/mass", 1.0),
+        ("/surfaces", 100.0),
+    ];
     assert_eq!(rates, expected.map(|(t, r)| (t.to_string(), r)));
     assert!(survey.topics.iter().all(|t| t.decodable && !t.fields.is_empty()));
     // Every field of every topic, each once as a signal.
     let mut map = String::new();
-    for (i, (t, f)) in survey.topics.iter().flat_map(|t| t.fields.iter().map(move |f| (t, f))).enumerate() {
-        map += &format!("[signal.s{i}]\ntopic = \"{}\"\nfield = \"{}\"\nunit = \"{}\"\n", t.topic, f.info.path, f.info.unit);
+    for (i, (t, f)) in
+        survey.topics.iter().flat_map(|t| t.fields.iter().map(move |f| (t, f))).enumerate()
+    {
+        map += &format!(
+            "[signal.s{i}]\ntopic = \"{}\"\nfield = \"{}\"\nunit = \"{}\"\n",
+            t.topic, f.info.path, f.info.unit
+        );
     }
     let flight = read(&path, &map).unwrap();
     for (s, f) in flight.signals.values().zip(survey.topics.iter().flat_map(|t| &t.fields)) {
@@ -364,7 +445,8 @@ fn the_starter_folder_is_accepted_but_for_the_open_entries() {
     let out = folder.path().join("campaign");
     let said = starter::run(std::slice::from_ref(&path), &out).unwrap();
     assert!(
-        said.contains("Recognised by name: V, alpha_vane (of 3 fields)") && said.contains("the units marked \"?\" (1)"),
+        said.contains("Recognised by name: V, alpha_vane (of 3 fields)")
+            && said.contains("the units marked \"?\" (1)"),
         "{said}"
     );
     let text = std::fs::read_to_string(out.join("channels.toml")).unwrap();
@@ -401,7 +483,8 @@ fn stated(folder: &Path) -> PathBuf {
     let path = folder.join("stated.mcap");
     let mut log = LogWriter::create(&path).unwrap();
     let fields = [("tas", "knots"), ("alpha", "deg"), ("plain", ""), ("odd", "furlong")];
-    let air = log.add_topic("/air", &fields.map(|(name, unit)| FieldSpec::new(name, unit, ""))).unwrap();
+    let air =
+        log.add_topic("/air", &fields.map(|(name, unit)| FieldSpec::new(name, unit, ""))).unwrap();
     for i in 0..100 {
         log.write(air, START + i * 20 * MS, START + i * 20 * MS, &[200.0, 3.0, 1.0, 2.0]).unwrap();
     }
@@ -423,7 +506,8 @@ fn one(field: &str, unit: &str) -> String {
 fn fault_a_unit_that_is_not_the_logs_is_refused_unless_it_says_despite() {
     let folder = tempfile::tempdir().unwrap();
     let path = stated(folder.path());
-    // another scale, another dimension: refused when the flight is read, and when the summary is looked at
+    // another scale, another dimension: refused when the flight is read, and when the summary is
+    // looked at
     for (map, wanted) in [
         (
             one("tas", "\"m/s\""),
@@ -435,11 +519,18 @@ fn fault_a_unit_that_is_not_the_logs_is_refused_unless_it_says_despite() {
         let e = read(&path, &map).unwrap_err();
         assert!(e.starts_with("channels.toml:4:8: ") && e.contains(wanted), "{e}");
         let look = looked(&path, &map);
-        assert_eq!(look.mistakes.iter().map(|m| m.of("stated.mcap").to_string()).collect::<Vec<_>>(), [e]);
+        assert_eq!(
+            look.mistakes.iter().map(|m| m.of("stated.mcap").to_string()).collect::<Vec<_>>(),
+            [e]
+        );
     }
     // synonyms, no statement, a wrong statement
-    let good =
-        [one("tas", "\"kt\""), one("alpha", "\"degrees\""), one("plain", "\"ft/min\""), one("odd", "\"m\"\ndespite = \"furlong\"")];
+    let good = [
+        one("tas", "\"kt\""),
+        one("alpha", "\"degrees\""),
+        one("plain", "\"ft/min\""),
+        one("odd", "\"m\"\ndespite = \"furlong\""),
+    ];
     assert_eq!(looked(&path, &good.concat()), Look { summary: true, ..Look::default() });
     assert!(read(&path, &good.concat()).unwrap().notes.is_empty());
     let despite = read(&path, &one("tas", "\"m/s\"\ndespite = \"kt\"")).unwrap();
@@ -448,7 +539,9 @@ fn fault_a_unit_that_is_not_the_logs_is_refused_unless_it_says_despite() {
     let odd = looked(&path, &one("odd", "\"m\""));
     assert_eq!((odd.mistakes.len(), odd.remarks.len()), (0, 1));
     assert!(read(&path, &one("odd", "\"m\"")).unwrap().notes[0].text.contains("no known unit"));
-    let (map, doc) = config::parse::<ChannelMap>("channels.toml", &one("tas", "\"kt\"\ndespite = \"kt\"")).unwrap();
+    let (map, doc) =
+        config::parse::<ChannelMap>("channels.toml", &one("tas", "\"kt\"\ndespite = \"kt\""))
+            .unwrap();
     assert!(map.check(&doc).is_err());
 }
 
@@ -463,13 +556,18 @@ fn fault_a_look_at_the_summary_names_all_that_is_not_there_and_the_nearest() {
     let look = looked(&path, &map);
     let said: Vec<String> = look.mistakes.iter().map(|m| m.of("stated.mcap").to_string()).collect();
     let wanted = ["\"knots\"", "it has \"alpha\"", "field \"stamp\"", "it has \"/air\""];
-    assert!(said.len() == 4 && wanted.iter().all(|w| said.iter().any(|s| s.contains(w))), "{said:?}");
+    assert!(
+        said.len() == 4 && wanted.iter().all(|w| said.iter().any(|s| s.contains(w))),
+        "{said:?}"
+    );
     // a schema that does not name a field does not say that it is not there
     let bare = folder.path().join("bare.mcap");
     let mut messages = regular(50);
     messages[49].3 = "{\"x\":1,\"z\":2}".into();
     raw(&bare, "json", &messages, 300);
-    let of = |field: &str| looked(&bare, &one_signal("log").replace("\"x\"", &format!("\"{field}\""))).mistakes.len();
+    let of = |field: &str| {
+        looked(&bare, &one_signal("log").replace("\"x\"", &format!("\"{field}\""))).mistakes.len()
+    };
     assert_eq!(["x", "y", "z", "w"].map(of), [0, 0, 0, 1]);
     // nor does a log that was cut off
     let bytes = std::fs::read(&path).unwrap();
@@ -480,12 +578,19 @@ fn fault_a_look_at_the_summary_names_all_that_is_not_there_and_the_nearest() {
 #[test]
 fn every_shipped_channel_map_is_sound() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
-    let maps = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path().join("channels.toml")).filter(|p| p.exists());
+    let maps = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path().join("channels.toml"))
+        .filter(|p| p.exists());
     let mut checked = 0;
     for path in maps {
         let (map, doc) = config::load::<ChannelMap>(&path).map_err(|e| e.to_string()).unwrap();
         map.check(&doc).map_err(|e| e.to_string()).unwrap();
-        assert!(map.signal.values().all(|s| !s.doc.is_empty()), "{}: a signal without doc", path.display());
+        assert!(
+            map.signal.values().all(|s| !s.doc.is_empty()),
+            "{}: a signal without doc",
+            path.display()
+        );
         checked += 1;
     }
     assert!(checked > 0);
@@ -495,7 +600,11 @@ fn every_shipped_channel_map_is_sound() {
 fn text_columns_are_imported_with_their_units() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    std::fs::write(at("a.csv"), "# a header\ntime,alpha,V\n0.00,1.5,100\n0.10,,101\n0.20,nan,102.25\n").unwrap();
+    std::fs::write(
+        at("a.csv"),
+        "# a header\ntime,alpha,V\n0.00,1.5,100\n0.10,,101\n0.20,nan,102.25\n",
+    )
+    .unwrap();
     let description = r#"
 input = ["nowhere.csv", "$KOEHLER_SURELY_NOT_SET/a.csv", "a.csv"]
 output = "logs/a.mcap"
@@ -512,16 +621,27 @@ fields = [{ column = "V", name = "tas", unit = "kt", doc = "True airspeed" }, { 
     let map = "[signal.V]\ntopic = \"/air\"\nfield = \"tas\"\nunit = \"m/s\"\ndespite = \"kt\"\n[signal.alpha]\ntopic = \"/air\"\nfield = \"alpha\"\nunit = \"deg\"\n";
     let flight = read(&done.output, map).unwrap();
     assert_eq!(flight.start_ns, 1_000_000_000_000);
-    assert_eq!(flight.signals["V"].series, Series { t_s: vec![0.0, 0.1, 0.2], value: vec![100.0, 101.0, 102.25] });
-    assert_eq!((flight.signals["alpha"].account.count, flight.signals["alpha"].account.dropped_nan), (1, 2));
+    assert_eq!(
+        flight.signals["V"].series,
+        Series { t_s: vec![0.0, 0.1, 0.2], value: vec![100.0, 101.0, 102.25] }
+    );
+    assert_eq!(
+        (flight.signals["alpha"].account.count, flight.signals["alpha"].account.dropped_nan),
+        (1, 2)
+    );
 
     std::fs::write(at("a.csv"), "x\ntime,alpha,V\n0.00,1.5,100\n0.1O,1,101\n0.20,2\n").unwrap();
     let e = import::run(&at("import.toml"), None).unwrap_err().to_string();
     assert!(
-        e.contains("a.csv:4:1: column 1: \"0.1O\" is no number") && e.contains("a.csv:5:7: column 3 is wanted, the row has 2"),
+        e.contains("a.csv:4:1: column 1: \"0.1O\" is no number")
+            && e.contains("a.csv:5:7: column 3 is wanted, the row has 2"),
         "{e}"
     );
-    std::fs::write(at("import.toml"), description.replace("\"a.csv\"]", "\"b.csv\"]").replace("\"alpha\"", "\"tas\"")).unwrap();
+    std::fs::write(
+        at("import.toml"),
+        description.replace("\"a.csv\"]", "\"b.csv\"]").replace("\"alpha\"", "\"tas\""),
+    )
+    .unwrap();
     let e = import::run(&at("import.toml"), None).unwrap_err().to_string();
     assert!(e.contains("topic \"/air\" has two fields \"tas\""), "{e}");
 }
@@ -534,20 +654,25 @@ fn truth_the_hfb320_record_is_imported_unchanged() {
     // The description as shipped, but for the place of the data.
     let text = std::fs::read_to_string(pipeline.join("import.toml")).unwrap();
     let description = folder.path().join("import.toml");
-    std::fs::write(&description, text.replace("data/hfb320_1_10.asc", &input.to_string_lossy())).unwrap();
+    std::fs::write(&description, text.replace("data/hfb320_1_10.asc", &input.to_string_lossy()))
+        .unwrap();
     let done = import::run(&description, None).unwrap().remove(0);
     assert_eq!((done.rows, done.fields), (601, 19));
     let channels = std::fs::read_to_string(pipeline.join("channels.toml")).unwrap();
     let flight = read(&done.output, &channels).unwrap();
     let columns = [
-        "", "de", "qbar", "thrust", "V", "alpha", "theta", "q", "qdot", "ax", "az", "ay", "p", "r", "pdot", "rdot", "beta", "phi",
-        "da", "dr",
+        "", "de", "qbar", "thrust", "V", "alpha", "theta", "q", "qdot", "ax", "az", "ay", "p", "r",
+        "pdot", "rdot", "beta", "phi", "da", "dr",
     ];
     for (row, line) in std::fs::read_to_string(&input).unwrap().lines().enumerate() {
         let cells: Vec<f64> = line.split_whitespace().map(|c| c.parse().unwrap()).collect();
         for (value, name) in cells.iter().zip(columns).skip(1) {
             let series = &flight.signals[name].series;
-            assert_eq!((series.t_s[row], series.value[row]), (cells[0], *value), "{name} row {row}");
+            assert_eq!(
+                (series.t_s[row], series.value[row]),
+                (cells[0], *value),
+                "{name} row {row}"
+            );
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The bytes of an MCAP file in; where its chunks are, and its schemas and channels, out, as far as the records are sound.
+//! The bytes of an MCAP file in; where its chunks are, and its schemas and channels, out, as far as
+//! the records are sound.
 
 use super::bytes::Bytes;
 use super::file::Channel;
@@ -47,7 +48,8 @@ impl Part {
 }
 
 impl Walk {
-    /// Walks top-level records from `at` until the footer or the first thing that is no complete record.
+    /// Walks top-level records from `at` until the footer or the first thing that is no complete
+    /// record.
     pub fn records(&mut self, bytes: &[u8], mut at: usize) {
         let mut in_data = true;
         loop {
@@ -86,7 +88,10 @@ impl Walk {
     fn index(&mut self, body: &[u8]) {
         let mut b = Bytes(body);
         if let (Some(_), Some(_), Some(at), Some(length)) = (b.u64(), b.u64(), b.u64(), b.u64()) {
-            self.indexed.push((usize::try_from(at).unwrap_or(usize::MAX), usize::try_from(length).unwrap_or(usize::MAX)));
+            self.indexed.push((
+                usize::try_from(at).unwrap_or(usize::MAX),
+                usize::try_from(length).unwrap_or(usize::MAX),
+            ));
         }
     }
 
@@ -115,8 +120,15 @@ impl Walk {
     /// The channels with their schemas, by id.
     pub fn joined(&self) -> BTreeMap<u16, Channel> {
         let join = |c: &mcap::records::Channel| {
-            let (schema_name, schema_encoding, schema) = self.schemas.get(&c.schema_id).cloned().unwrap_or_default();
-            Channel { topic: c.topic.clone(), message_encoding: c.message_encoding.clone(), schema_name, schema_encoding, schema }
+            let (schema_name, schema_encoding, schema) =
+                self.schemas.get(&c.schema_id).cloned().unwrap_or_default();
+            Channel {
+                topic: c.topic.clone(),
+                message_encoding: c.message_encoding.clone(),
+                schema_name,
+                schema_encoding,
+                schema,
+            }
         };
         self.channels.iter().map(|(&id, c)| (id, join(c))).collect()
     }

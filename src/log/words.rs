@@ -1,4 +1,5 @@
-//! A name that is not there and the names that are in; the part of an error message that says what was there out.
+//! A name that is not there and the names that are in; the part of an error message that says what
+//! was there out.
 
 use crate::config;
 
@@ -21,10 +22,13 @@ fn all(names: &[&str]) -> String {
 
 fn ranked<'a>(name: &str, known: &[&'a str]) -> Vec<(&'a str, f64)> {
     // "/airdata" and "/Air_Data" are the same words.
-    let plain = |s: &str| s.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
+    let plain =
+        |s: &str| s.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
     let name = plain(name);
-    let mut ranked: Vec<(&str, f64)> =
-        known.iter().map(|k| (*k, strsim::normalized_damerau_levenshtein(&name, &plain(k)))).collect();
+    let mut ranked: Vec<(&str, f64)> = known
+        .iter()
+        .map(|k| (*k, strsim::normalized_damerau_levenshtein(&name, &plain(k))))
+        .collect();
     // Stable: names that are equally near stay in the log's order.
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
     ranked

@@ -1,4 +1,5 @@
-//! Topics of numbers in, one MCAP file of JSON messages with JSON Schema out: the same input gives the same bytes.
+//! Topics of numbers in, one MCAP file of JSON messages with JSON Schema out: the same input gives
+//! the same bytes.
 
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
@@ -50,7 +51,8 @@ struct Topic {
 
 /// Writes one log file. Nothing is at `path` until `finish` has succeeded.
 ///
-/// Numbers are written with the fewest digits that read back to the same `f64`; chunks are compressed with zstd.
+/// Numbers are written with the fewest digits that read back to the same `f64`; chunks are
+/// compressed with zstd.
 pub struct LogWriter {
     writer: mcap::Writer<BufWriter<Shared>>,
     file: tempfile::NamedTempFile,
@@ -85,23 +87,37 @@ impl LogWriter {
         let failed = |e: std::io::Error| cannot_write(path, e);
         let folder = folder_of(path);
         std::fs::create_dir_all(folder).map_err(failed)?;
-        let file = tempfile::Builder::new().prefix(".koehler-").suffix(".mcap.part").tempfile_in(folder).map_err(failed)?;
+        let file = tempfile::Builder::new()
+            .prefix(".koehler-")
+            .suffix(".mcap.part")
+            .tempfile_in(folder)
+            .map_err(failed)?;
         let handle = file.as_file().try_clone().map_err(failed)?;
-        // One compression thread: the library's own threads would make the bytes depend on the machine.
+        // One compression thread: the library's own threads would make the bytes depend on the
+        // machine.
         let writer = mcap::WriteOptions::new()
             .library("koehler")
             .compression_threads(0)
             .create(BufWriter::new(Shared(handle)))
             .map_err(|e| cannot_write(path, e))?;
-        Ok(LogWriter { writer, file, path: path.to_path_buf(), topics: Vec::new(), last_ns: 0, text: Vec::new() })
+        Ok(LogWriter {
+            writer,
+            file,
+            path: path.to_path_buf(),
+            topics: Vec::new(),
+            last_ns: 0,
+            text: Vec::new(),
+        })
     }
 
     /// Adds a topic whose messages are JSON objects with the given fields, in that order.
     ///
     /// # Errors
-    /// A field is there twice, is a number and an object at once, or does not stand next to the others of its object.
+    /// A field is there twice, is a number and an object at once, or does not stand next to the
+    /// others of its object.
     pub fn add_topic(&mut self, name: &str, fields: &[FieldSpec]) -> Result<TopicId> {
-        let (keys, end) = layout(fields).map_err(|what| cannot_write(&self.path, format!("topic {name}: {what}")))?;
+        let (keys, end) = layout(fields)
+            .map_err(|what| cannot_write(&self.path, format!("topic {name}: {what}")))?;
         let schema = json_schema(name, fields).to_string();
         let title = name.trim_matches('/').replace('/', ".");
         let channel = self
@@ -113,17 +129,28 @@ impl LogWriter {
         Ok(TopicId(self.topics.len() - 1))
     }
 
-    /// Writes one message: one value per field. Messages of all topics together come in the order of their log time.
-    pub fn write(&mut self, topic: TopicId, log_time_ns: u64, publish_time_ns: u64, values: &[f64]) -> Result<()> {
+    /// Writes one message: one value per field. Messages of all topics together come in the order
+    /// of their log time.
+    pub fn write(
+        &mut self,
+        topic: TopicId,
+        log_time_ns: u64,
+        publish_time_ns: u64,
+        values: &[f64],
+    ) -> Result<()> {
         let Some(t) = self.topics.get_mut(topic.0) else {
             return Err(cannot_write(&self.path, "the topic belongs to another log"));
         };
         if values.len() != t.keys.len() {
-            let what = format!("a message needs {} values, {} were given", t.keys.len(), values.len());
+            let what =
+                format!("a message needs {} values, {} were given", t.keys.len(), values.len());
             return Err(cannot_write(&self.path, what));
         }
         if log_time_ns < self.last_ns {
-            let what = format!("log time {log_time_ns} ns comes after {} ns: messages must be given in time order", self.last_ns);
+            let what = format!(
+                "log time {log_time_ns} ns comes after {} ns: messages must be given in time order",
+                self.last_ns
+            );
             return Err(cannot_write(&self.path, what));
         }
         self.last_ns = log_time_ns;
@@ -131,7 +158,8 @@ impl LogWriter {
         for (key, value) in t.keys.iter().zip(values) {
             self.text.extend_from_slice(key.as_bytes());
             // NaN and infinity become `null`, JSON has no word for them.
-            serde_json::to_writer(&mut self.text, value).map_err(|e| cannot_write(&self.path, e))?;
+            serde_json::to_writer(&mut self.text, value)
+                .map_err(|e| cannot_write(&self.path, e))?;
         }
         self.text.extend_from_slice(t.end.as_bytes());
         let header = mcap::records::MessageHeader {
@@ -141,14 +169,19 @@ impl LogWriter {
             publish_time: publish_time_ns,
         };
         t.count = t.count.wrapping_add(1);
-        self.writer.write_to_known_channel(&header, &self.text).map_err(|e| cannot_write(&self.path, e))
+        self.writer
+            .write_to_known_channel(&header, &self.text)
+            .map_err(|e| cannot_write(&self.path, e))
     }
 
-    /// Writes whole streams merged by log time; at equal times the earlier stream in the list goes first.
+    /// Writes whole streams merged by log time; at equal times the earlier stream in the list goes
+    /// first.
     pub fn write_streams(&mut self, streams: &[Stream]) -> Result<()> {
         for s in streams {
             let width = self.topics.get(s.topic.0).map_or(0, |t| t.keys.len());
-            if s.publish_time_ns.len() != s.log_time_ns.len() || s.rows.len() != s.log_time_ns.len() * width {
+            if s.publish_time_ns.len() != s.log_time_ns.len()
+                || s.rows.len() != s.log_time_ns.len() * width
+            {
                 let what = format!(
                     "a stream of {} log times and {width} fields has {} publish times and {} values",
                     s.log_time_ns.len(),
@@ -166,7 +199,12 @@ impl LogWriter {
         while let Some(std::cmp::Reverse((at, i, row))) = next.pop() {
             let s = &streams[i];
             let width = s.rows.len() / s.log_time_ns.len();
-            self.write(s.topic, at, s.publish_time_ns[row], &s.rows[row * width..(row + 1) * width])?;
+            self.write(
+                s.topic,
+                at,
+                s.publish_time_ns[row],
+                &s.rows[row * width..(row + 1) * width],
+            )?;
             next.extend(s.log_time_ns.get(row + 1).map(|&at| entry(at, i, row + 1)));
         }
         Ok(())
@@ -183,7 +221,10 @@ impl LogWriter {
         {
             // A temporary file is private; a log is as readable as any other file.
             use std::os::unix::fs::PermissionsExt;
-            self.file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644)).map_err(failed)?;
+            self.file
+                .as_file()
+                .set_permissions(std::fs::Permissions::from_mode(0o644))
+                .map_err(failed)?;
         }
         self.file.persist(&path).map_err(|e| cannot_write(&path, e.error))?;
         File::open(folder_of(&path)).and_then(|d| d.sync_all()).map_err(failed)
@@ -250,7 +291,12 @@ mod tests {
 
     fn sample(path: &Path) {
         let mut log = LogWriter::create(path).unwrap();
-        let imu = log.add_topic("/imu", &[FieldSpec::new("p", "rad/s", "Roll rate"), FieldSpec::new("q", "rad/s", "")]).unwrap();
+        let imu = log
+            .add_topic(
+                "/imu",
+                &[FieldSpec::new("p", "rad/s", "Roll rate"), FieldSpec::new("q", "rad/s", "")],
+            )
+            .unwrap();
         let air = log.add_topic("/air", &[FieldSpec::new("V", "m/s", "True airspeed")]).unwrap();
         let imu = Stream {
             topic: imu,
@@ -258,7 +304,12 @@ mod tests {
             publish_time_ns: &[9, 19, 29],
             rows: &[1.0, 2.0, 3.0, f64::NAN, 0.1, 1e-300],
         };
-        let air = Stream { topic: air, log_time_ns: &[15, 20], publish_time_ns: &[15, 20], rows: &[100.0, 101.5] };
+        let air = Stream {
+            topic: air,
+            log_time_ns: &[15, 20],
+            publish_time_ns: &[15, 20],
+            rows: &[100.0, 101.5],
+        };
         log.write_streams(&[air, imu]).unwrap();
         log.finish().unwrap();
     }
@@ -274,7 +325,15 @@ mod tests {
         let got: Vec<String> = mcap::MessageStream::new(&bytes)
             .unwrap()
             .map(|m| m.unwrap())
-            .map(|m| format!("{} {} {} {}", m.channel.topic, m.log_time, m.publish_time, String::from_utf8_lossy(&m.data)))
+            .map(|m| {
+                format!(
+                    "{} {} {} {}",
+                    m.channel.topic,
+                    m.log_time,
+                    m.publish_time,
+                    String::from_utf8_lossy(&m.data)
+                )
+            })
             .collect();
         let expected = [
             r#"/imu 10 9 {"p":1.0,"q":2.0}"#,
@@ -288,7 +347,8 @@ mod tests {
 
     #[test]
     fn dots_make_nested_objects_and_clashes_are_refused() {
-        let fields = |names: &[&str]| names.iter().map(|n| FieldSpec::new(*n, "1", "")).collect::<Vec<_>>();
+        let fields =
+            |names: &[&str]| names.iter().map(|n| FieldSpec::new(*n, "1", "")).collect::<Vec<_>>();
         let (keys, end) = layout(&fields(&["t", "rate.p", "rate.q", "a.b.c", "a.d", "z"])).unwrap();
         let text: String = keys.iter().map(|k| format!("{k}0")).collect::<String>() + &end;
         assert_eq!(text, r#"{"t":0,"rate":{"p":0,"q":0},"a":{"b":{"c":0},"d":0},"z":0}"#);
@@ -296,7 +356,11 @@ mod tests {
         for names in [["a", "a"], ["a", "a.b"], ["a.b", "a"]] {
             assert!(layout(&fields(&names)).unwrap_err().contains("clashes"), "{names:?}");
         }
-        assert!(layout(&fields(&["a.b", "c", "a.d"])).unwrap_err().contains("clashes with another at \"a\""));
+        assert!(
+            layout(&fields(&["a.b", "c", "a.d"]))
+                .unwrap_err()
+                .contains("clashes with another at \"a\"")
+        );
         let schema = json_schema("/t", &fields(&["rate.p"]));
         assert_eq!(schema["properties"]["rate"]["properties"]["p"]["unit"], "1");
     }
@@ -322,7 +386,12 @@ mod tests {
         let e = log.write(t, 6, 6, &[1.0, 2.0]).unwrap_err().to_string();
         assert!(e.contains("needs 1 values, 2 were given"), "{e}");
         let e = log
-            .write_streams(&[Stream { topic: t, log_time_ns: &[9], publish_time_ns: &[], rows: &[1.0] }])
+            .write_streams(&[Stream {
+                topic: t,
+                log_time_ns: &[9],
+                publish_time_ns: &[],
+                rows: &[1.0],
+            }])
             .unwrap_err()
             .to_string();
         assert!(e.contains("0 publish times"), "{e}");

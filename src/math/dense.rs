@@ -1,11 +1,14 @@
 //! Dense matrices as flat row-major slices in, factors, solutions, inverses and eigenvalues out.
 //!
-//! A matrix `[n][m]` is a slice of length `n*m` whose element `(i, j)` is at `i*m + j`. Sums run in index order, so the same
-//! input gives the same bytes. A slice whose length does not match is a mistake of the caller and panics.
+//! A matrix `[n][m]` is a slice of length `n*m` whose element `(i, j)` is at `i*m + j`. Sums run in
+//! index order, so the same input gives the same bytes. A slice whose length does not match is a
+//! mistake of the caller and panics.
 
-/// The lower Cholesky factor `[n][n]` of a symmetric positive definite `a` (`a = L L'`; only the lower triangle of `a` is read).
+/// The lower Cholesky factor `[n][n]` of a symmetric positive definite `a` (`a = L L'`; only the
+/// lower triangle of `a` is read).
 ///
-/// Errors: the index of the first pivot that is not positive: that row depends on the rows before it (or is not finite).
+/// Errors: the index of the first pivot that is not positive: that row depends on the rows before
+/// it (or is not finite).
 pub fn cholesky(a: &[f64], n: usize) -> Result<Vec<f64>, usize> {
     assert_eq!(a.len(), n * n, "matrix size");
     let mut l = vec![0.0; n * n];
@@ -76,7 +79,8 @@ pub fn cholesky_log_det(l: &[f64], n: usize) -> f64 {
     (0..n).map(|i| 2.0 * libm::log(l[i * n + i])).sum()
 }
 
-/// Solves `A x = b` for a general square `a` `[n][n]` by elimination with row pivoting; `None` when `a` is singular.
+/// Solves `A x = b` for a general square `a` `[n][n]` by elimination with row pivoting; `None` when
+/// `a` is singular.
 pub fn solve(a: &[f64], n: usize, b: &[f64]) -> Option<Vec<f64>> {
     assert_eq!((a.len(), b.len()), (n * n, n), "matrix size");
     let (mut a, mut x) = (a.to_vec(), b.to_vec());
@@ -134,12 +138,14 @@ pub fn transpose(a: &[f64], n: usize, m: usize) -> Vec<f64> {
 pub struct Eigen {
     /// Eigenvalues, ascending.
     pub values: Vec<f64>,
-    /// Unit eigenvectors `[n][n]`, one per row, in the order of the values; the largest component is positive.
+    /// Unit eigenvectors `[n][n]`, one per row, in the order of the values; the largest component
+    /// is positive.
     pub vectors: Vec<f64>,
 }
 
-/// Eigenvalues and eigenvectors of a symmetric `a` `[n][n]` by cyclic Jacobi rotations (Golub & Van Loan, Section 8.5):
-/// slow beyond some hundred rows, but accurate for the small eigenvalues that a verdict on rank needs.
+/// Eigenvalues and eigenvectors of a symmetric `a` `[n][n]` by cyclic Jacobi rotations (Golub & Van
+/// Loan, Section 8.5): slow beyond some hundred rows, but accurate for the small eigenvalues that a
+/// verdict on rank needs.
 pub fn symmetric_eigen(a: &[f64], n: usize) -> Eigen {
     assert_eq!(a.len(), n * n, "matrix size");
     let mut a = a.to_vec();
@@ -163,10 +169,14 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> Eigen {
     Eigen { values, vectors }
 }
 
-/// One Jacobi rotation that zeroes `a[p][q]`; the rows of `v` follow. False when the element is negligible already.
+/// One Jacobi rotation that zeroes `a[p][q]`; the rows of `v` follow. False when the element is
+/// negligible already.
 fn rotate(a: &mut [f64], v: &mut [f64], n: usize, p: usize, q: usize) -> bool {
     let (app, aqq, apq) = (a[p * n + p], a[q * n + q], a[p * n + q]);
-    if apq.is_nan() || apq.abs() <= f64::EPSILON * (app * aqq).abs().sqrt() * 0.5 || apq.abs() < f64::MIN_POSITIVE {
+    if apq.is_nan()
+        || apq.abs() <= f64::EPSILON * (app * aqq).abs().sqrt() * 0.5
+        || apq.abs() < f64::MIN_POSITIVE
+    {
         return false;
     }
     let theta = (aqq - app) / (2.0 * apq);
@@ -200,13 +210,22 @@ fn signed(vector: &[f64]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// A Hilbert matrix with something on the diagonal: symmetric positive definite, far from diagonal.
+    /// A Hilbert matrix with something on the diagonal: symmetric positive definite, far from
+    /// diagonal.
     fn sample(n: usize) -> Vec<f64> {
-        (0..n * n).map(|k| 1.0 / (1.0 + (k / n) as f64 + (k % n) as f64) + if k / n == k % n { 0.1 } else { 0.0 }).collect()
+        (0..n * n)
+            .map(|k| {
+                1.0 / (1.0 + (k / n) as f64 + (k % n) as f64)
+                    + if k / n == k % n { 0.1 } else { 0.0 }
+            })
+            .collect()
     }
 
     fn identity_error(a: &[f64], n: usize) -> f64 {
-        a.iter().enumerate().map(|(k, v)| (v - if k / n == k % n { 1.0 } else { 0.0 }).abs()).fold(0.0, f64::max)
+        a.iter()
+            .enumerate()
+            .map(|(k, v)| (v - if k / n == k % n { 1.0 } else { 0.0 }).abs())
+            .fold(0.0, f64::max)
     }
 
     #[test]
@@ -267,6 +286,9 @@ mod tests {
 
     #[test]
     fn transpose_turns() {
-        assert_eq!(transpose(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 2, 3), [1.0, 4.0, 2.0, 5.0, 3.0, 6.0]);
+        assert_eq!(
+            transpose(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 2, 3),
+            [1.0, 4.0, 2.0, 5.0, 3.0, 6.0]
+        );
     }
 }

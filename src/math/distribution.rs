@@ -1,7 +1,9 @@
-//! A probability and degrees of freedom in, quantiles of the normal, t, F and chi-square distributions out.
+//! A probability and degrees of freedom in, quantiles of the normal, t, F and chi-square
+//! distributions out.
 //!
-//! Written on `libm` because quantiles reach tables and the platform's logarithm differs between processors; `statrs` is the
-//! second source in the tests. Probabilities outside (0, 1) and degrees of freedom that are not positive give NaN.
+//! Written on `libm` because quantiles reach tables and the platform's logarithm differs between
+//! processors; `statrs` is the second source in the tests. Probabilities outside (0, 1) and degrees
+//! of freedom that are not positive give NaN.
 
 /// Probability that a standard normal variable is below `x`.
 pub fn normal_cdf(x: f64) -> f64 {
@@ -40,15 +42,23 @@ pub fn t_quantile(p: f64, dof: f64) -> f64 {
     symmetric(p, |x| 0.5 * beta_regularised(0.5 * dof, 0.5, dof / (dof + x * x)))
 }
 
-/// The value below which an F variable with `d1` (numerator) and `d2` degrees of freedom falls with probability `p`.
+/// The value below which an F variable with `d1` (numerator) and `d2` degrees of freedom falls with
+/// probability `p`.
 pub fn f_quantile(p: f64, d1: f64, d2: f64) -> f64 {
     if !(p > 0.0 && p < 1.0 && d1 > 0.0 && d2 > 0.0) {
         return f64::NAN;
     }
-    crossing(|f| if p < 0.5 { f_cdf(f, d1, d2) - p } else { (1.0 - p) - beta_regularised(0.5 * d2, 0.5 * d1, d2 / (d2 + d1 * f)) })
+    crossing(|f| {
+        if p < 0.5 {
+            f_cdf(f, d1, d2) - p
+        } else {
+            (1.0 - p) - beta_regularised(0.5 * d2, 0.5 * d1, d2 / (d2 + d1 * f))
+        }
+    })
 }
 
-/// The value below which a chi-square variable with `dof` degrees of freedom falls with probability `p`.
+/// The value below which a chi-square variable with `dof` degrees of freedom falls with probability
+/// `p`.
 pub fn chi2_quantile(p: f64, dof: f64) -> f64 {
     if !(p > 0.0 && p < 1.0 && dof > 0.0) {
         return f64::NAN;
@@ -68,7 +78,8 @@ fn symmetric(p: f64, tail: impl Fn(f64) -> f64) -> f64 {
     crossing(|x| wanted - tail(x)) * if p < 0.5 { -1.0 } else { 1.0 }
 }
 
-/// The positive zero of an increasing function, by bracketing and bisection to the last bit: no start value, no tail to fail in.
+/// The positive zero of an increasing function, by bracketing and bisection to the last bit: no
+/// start value, no tail to fail in.
 fn crossing(f: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (1.0, 1.0);
     while f(high) < 0.0 && high < 1e300 {
@@ -96,10 +107,17 @@ fn beta_regularised(a: f64, b: f64, x: f64) -> f64 {
     if x >= 1.0 {
         return 1.0;
     }
-    let ln_front = libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b) + a * libm::log(x) + b * libm::log1p(-x);
+    let ln_front = libm::lgamma(a + b) - libm::lgamma(a) - libm::lgamma(b)
+        + a * libm::log(x)
+        + b * libm::log1p(-x);
     let front = libm::exp(ln_front);
-    // The continued fraction converges fast below the mean; above it, use I_x(a, b) = 1 - I_{1-x}(b, a).
-    if x < (a + 1.0) / (a + b + 2.0) { front * beta_fraction(a, b, x) / a } else { 1.0 - front * beta_fraction(b, a, 1.0 - x) / b }
+    // The continued fraction converges fast below the mean; above it, use I_x(a, b) = 1 -
+    // I_{1-x}(b, a).
+    if x < (a + 1.0) / (a + b + 2.0) {
+        front * beta_fraction(a, b, x) / a
+    } else {
+        1.0 - front * beta_fraction(b, a, 1.0 - x) / b
+    }
 }
 
 /// Abramowitz & Stegun 26.5.8, evaluated by the modified Lentz method.
@@ -189,11 +207,16 @@ mod tests {
 
     #[test]
     fn quantiles_have_closed_forms_where_the_distribution_has() {
-        // F(2, d): p = 1 - (1 + 2 f / d)^(-d/2); t(2): t = (2p - 1) / sqrt(2 p (1 - p)); chi2(2): -2 ln(1 - p)
+        // F(2, d): p = 1 - (1 + 2 f / d)^(-d/2); t(2): t = (2p - 1) / sqrt(2 p (1 - p)); chi2(2):
+        // -2 ln(1 - p)
         for p in [1e-6, 0.01, 0.3, 0.7, 0.95, 0.9875, 0.999999] {
             for d in [1.0, 2.0, 7.0, 40.0, 1000.0] {
                 let wanted = (-2.0 / d * f64::ln_1p(-p)).exp_m1() * d / 2.0;
-                assert!((f_quantile(p, 2.0, d) / wanted - 1.0).abs() < 1e-8, "{p} {d} {}", f_quantile(p, 2.0, d) / wanted - 1.0);
+                assert!(
+                    (f_quantile(p, 2.0, d) / wanted - 1.0).abs() < 1e-8,
+                    "{p} {d} {}",
+                    f_quantile(p, 2.0, d) / wanted - 1.0
+                );
             }
             let wanted = (2.0 * p - 1.0) / (2.0 * p * (1.0 - p)).sqrt();
             assert!((t_quantile(p, 2.0) / wanted - 1.0).abs() < 1e-8);
@@ -205,11 +228,21 @@ mod tests {
     fn distributions_agree_with_a_second_source() {
         for dof in [1.0, 2.0, 3.5, 9.0, 30.0, 200.0] {
             for x in [0.05, 0.5, 1.0, 2.5, 6.0, 30.0] {
-                assert!((t_cdf(x, dof) - StudentsT::new(0.0, 1.0, dof).unwrap().cdf(x)).abs() < 1e-10);
-                assert!((t_cdf(-x, dof) - StudentsT::new(0.0, 1.0, dof).unwrap().cdf(-x)).abs() < 1e-10);
+                assert!(
+                    (t_cdf(x, dof) - StudentsT::new(0.0, 1.0, dof).unwrap().cdf(x)).abs() < 1e-10
+                );
+                assert!(
+                    (t_cdf(-x, dof) - StudentsT::new(0.0, 1.0, dof).unwrap().cdf(-x)).abs() < 1e-10
+                );
                 assert!((chi2_cdf(x, dof) - ChiSquared::new(dof).unwrap().cdf(x)).abs() < 1e-10);
-                assert!((f_cdf(x, 2.0, dof) - FisherSnedecor::new(2.0, dof).unwrap().cdf(x)).abs() < 1e-10);
-                assert!((f_cdf(x, dof, 5.0) - FisherSnedecor::new(dof, 5.0).unwrap().cdf(x)).abs() < 1e-10);
+                assert!(
+                    (f_cdf(x, 2.0, dof) - FisherSnedecor::new(2.0, dof).unwrap().cdf(x)).abs()
+                        < 1e-10
+                );
+                assert!(
+                    (f_cdf(x, dof, 5.0) - FisherSnedecor::new(dof, 5.0).unwrap().cdf(x)).abs()
+                        < 1e-10
+                );
             }
         }
         for x in [-5.0, -1.0, 0.0, 0.3, 4.0] {
@@ -235,6 +268,10 @@ mod tests {
             assert!(normal_quantile(p).is_nan() && t_quantile(p, 3.0).is_nan());
             assert!(f_quantile(p, 2.0, 3.0).is_nan() && chi2_quantile(p, 3.0).is_nan());
         }
-        assert!(t_quantile(0.9, 0.0).is_nan() && f_quantile(0.9, 2.0, -1.0).is_nan() && chi2_quantile(0.9, f64::NAN).is_nan());
+        assert!(
+            t_quantile(0.9, 0.0).is_nan()
+                && f_quantile(0.9, 2.0, -1.0).is_nan()
+                && chi2_quantile(0.9, f64::NAN).is_nan()
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! Ascending points and their values in; straight lines between them, held outside, out.
 
-/// Interval of `x` in ascending `points`, of which there is at least one: index of its left end, fraction, and 1/width (0 outside, where the value is held).
+/// Interval of `x` in ascending `points`, of which there is at least one: index of its left end,
+/// fraction, and 1/width (0 outside, where the value is held).
 pub fn locate(points: &[f64], x: f64) -> (usize, f64, f64) {
     let last = points.len() - 1;
     if last == 0 || x <= points[0] {

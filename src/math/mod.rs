@@ -1,5 +1,5 @@
-//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of distributions,
-//! interpolation, Fourier sums, vectors of the width the machine has.
+//! Small mathematics used on every floor: dense matrices in flat slices, quantiles of
+//! distributions, interpolation, Fourier sums, vectors of the width the machine has.
 
 pub mod dense;
 pub mod distribution;
@@ -14,7 +14,8 @@ pub fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
-/// The quantile `p` (0..=1) of finite values, interpolated linearly between order statistics; NaN for none.
+/// The quantile `p` (0..=1) of finite values, interpolated linearly between order statistics; NaN
+/// for none.
 pub fn quantile(values: &[f64], p: f64) -> f64 {
     let mut v = values.to_vec();
     let last = match v.len() {
@@ -28,7 +29,8 @@ pub fn quantile(values: &[f64], p: f64) -> f64 {
     if position == below as f64 { low } else { low + (position - below as f64) * (high - low) }
 }
 
-/// The median absolute deviation from the median, times 1.4826: the sd where the values are normal, deaf to outliers.
+/// The median absolute deviation from the median, times 1.4826: the sd where the values are normal,
+/// deaf to outliers.
 pub fn mad_sd(values: &[f64]) -> f64 {
     let middle = median(values);
     let deviations: Vec<f64> = values.iter().map(|v| (v - middle).abs()).collect();

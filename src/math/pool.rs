@@ -1,4 +1,5 @@
-//! Buffers that a thread uses again and again: large ones would otherwise be returned to the system and faulted in anew, pass by pass.
+//! Buffers that a thread uses again and again: large ones would otherwise be returned to the system
+//! and faulted in anew, pass by pass.
 
 use std::cell::RefCell;
 
@@ -12,7 +13,9 @@ thread_local! {
 /// A buffer of `n` numbers, whatever they are: the smallest that is large enough.
 pub fn take(n: usize) -> Vec<f64> {
     let mut buffer = FREE.with_borrow_mut(|free| {
-        let fits = (0..free.len()).filter(|&i| free[i].capacity() >= n).min_by_key(|&i| free[i].capacity());
+        let fits = (0..free.len())
+            .filter(|&i| free[i].capacity() >= n)
+            .min_by_key(|&i| free[i].capacity());
         fits.map(|i| free.swap_remove(i)).unwrap_or_default()
     });
     buffer.resize(n, 0.0);

@@ -1,15 +1,19 @@
-//! Columns of whitened numbers in; sums of their products, with columns eliminated one after the other, out.
+//! Columns of whitened numbers in; sums of their products, with columns eliminated one after the
+//! other, out.
 //!
-//! With columns `X = [nuisances | wanted | e]`, eliminating the nuisances from `X'X` leaves the products of what they cannot imitate:
-//! `H~'H~`, `H~'e~`, `e~'e~`. Only the upper triangle is kept. A column that depends on those before it is left out, not divided by.
+//! With columns `X = [nuisances | wanted | e]`, eliminating the nuisances from `X'X` leaves the
+//! products of what they cannot imitate: `H~'H~`, `H~'e~`, `e~'e~`. Only the upper triangle is
+//! kept. A column that depends on those before it is left out, not divided by.
 
-/// A pivot below this share of its column's own sum of squares is rounding: the column depends on those before it.
+/// A pivot below this share of its column's own sum of squares is rounding: the column depends on
+/// those before it.
 pub const DEPENDENT: f64 = 1e-11;
 
 /// Rows at a time.
 const PIECE: usize = 256;
 
-/// Symmetric sums of products, upper triangle of `[n][n]`, and the sums of squares before anything was eliminated.
+/// Symmetric sums of products, upper triangle of `[n][n]`, and the sums of squares before anything
+/// was eliminated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gram {
     pub n: usize,
@@ -28,7 +32,9 @@ impl Gram {
         let (n, rows) = (gram.n, columns.first().map_or(0, Vec::len));
         // Rows in pieces that stay in the cache while every column meets every other.
         for from in (0..rows).step_by(PIECE) {
-            let piece = |column: &Vec<f64>| -> std::ops::Range<usize> { from..(from + PIECE).min(column.len()) };
+            let piece = |column: &Vec<f64>| -> std::ops::Range<usize> {
+                from..(from + PIECE).min(column.len())
+            };
             for (i, a) in columns.iter().enumerate() {
                 let a = &a[piece(a)];
                 for (sum, b) in gram.sums[i * n + i..(i + 1) * n].iter_mut().zip(&columns[i..]) {
@@ -49,7 +55,8 @@ impl Gram {
         for (i, &a) in to.iter().enumerate() {
             self.scale[a] += other.scale[first + i];
             for (j, &b) in to.iter().enumerate().skip(i) {
-                self.sums[a.min(b) * self.n + a.max(b)] += other.sums[(first + i) * other.n + first + j];
+                self.sums[a.min(b) * self.n + a.max(b)] +=
+                    other.sums[(first + i) * other.n + first + j];
             }
         }
     }
@@ -62,7 +69,8 @@ impl Gram {
         self.sums[i * n + n - 1] += pull;
     }
 
-    /// Eliminates columns `from..to`; row `i` then holds what `solve` needs. Dependent columns become rows of zeros.
+    /// Eliminates columns `from..to`; row `i` then holds what `solve` needs. Dependent columns
+    /// become rows of zeros.
     pub fn eliminate(&mut self, from: usize, to: usize) {
         let n = self.n;
         for i in from..to {
@@ -83,8 +91,9 @@ impl Gram {
         }
     }
 
-    /// Coefficients of the eliminated columns `from..to` that fit column `e`, once those of the columns behind them are known: the rest of
-    /// `x` (`[n]`) is read, its entries `from..to` are written. Dependent ones are zero.
+    /// Coefficients of the eliminated columns `from..to` that fit column `e`, once those of the
+    /// columns behind them are known: the rest of `x` (`[n]`) is read, its entries `from..to` are
+    /// written. Dependent ones are zero.
     pub fn solve(&self, from: usize, to: usize, e: usize, x: &mut [f64]) {
         let n = self.n;
         for i in (from..to).rev() {
@@ -124,7 +133,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + tail
 }
 
-/// The lower factor `[n][n]` of a positive semidefinite matrix, `A = L L'`; columns of dependent rows are zero.
+/// The lower factor `[n][n]` of a positive semidefinite matrix, `A = L L'`; columns of dependent
+/// rows are zero.
 pub fn factor(a: &[f64], n: usize) -> Vec<f64> {
     let mut l = vec![0.0; n * n];
     for j in 0..n {
@@ -151,13 +161,20 @@ mod tests {
 
     #[test]
     fn what_is_left_after_elimination_is_the_residual_of_least_squares() {
-        let columns =
-            [column(|_| 1.0), column(|t| t), column(|t| t * t), column(|t| 2.0 + 3.0 * t - 0.5 * t * t + 0.1 * libm::sin(9.0 * t))];
+        let columns = [
+            column(|_| 1.0),
+            column(|t| t),
+            column(|t| t * t),
+            column(|t| 2.0 + 3.0 * t - 0.5 * t * t + 0.1 * libm::sin(9.0 * t)),
+        ];
         let mut gram = Gram::of(&columns);
         gram.eliminate(0, 3);
         let mut x = vec![0.0; 4];
         gram.solve(0, 3, 3, &mut x);
-        let left: f64 = (0..37).map(|k| columns[3][k] - (0..3).map(|i| x[i] * columns[i][k]).sum::<f64>()).map(|r| r * r).sum();
+        let left: f64 = (0..37)
+            .map(|k| columns[3][k] - (0..3).map(|i| x[i] * columns[i][k]).sum::<f64>())
+            .map(|r| r * r)
+            .sum();
         assert!((gram.at(3, 3) / left - 1.0).abs() < 1e-9, "{} {left}", gram.at(3, 3));
         assert!((x[1] - 3.0).abs() < 0.2, "{x:?}");
     }
@@ -165,7 +182,8 @@ mod tests {
     #[test]
     fn a_dependent_column_is_left_out() {
         let columns = [column(|t| t), column(|t| 2.0 * t), column(|t| 5.0 * t + libm::sin(t))];
-        let (mut both, mut one) = (Gram::of(&columns), Gram::of(&[columns[0].clone(), columns[2].clone()]));
+        let (mut both, mut one) =
+            (Gram::of(&columns), Gram::of(&[columns[0].clone(), columns[2].clone()]));
         both.eliminate(0, 2);
         one.eliminate(0, 1);
         assert!((both.at(2, 2) - one.at(1, 1)).abs() < 1e-9);

@@ -1,8 +1,10 @@
-//! Eight numbers at a time: vectors of the width this machine has, chosen once at run time, for the kernels that need the speed.
+//! Eight numbers at a time: vectors of the width this machine has, chosen once at run time, for the
+//! kernels that need the speed.
 //!
-//! A kernel is written once over [`Eight`] and compiled for every [`Width`] by [`by_width!`]. All widths do the same operations in the
-//! same order, multiply-adds always fused (rounded once), so the width changes no bit. Without hardware for fused multiply-adds they
-//! are computed in software: slow, but equal.
+//! A kernel is written once over [`Eight`] and compiled for every [`Width`] by [`by_width!`]. All
+//! widths do the same operations in the same order, multiply-adds always fused (rounded once), so
+//! the width changes no bit. Without hardware for fused multiply-adds they are computed in
+//! software: slow, but equal.
 
 /// How wide the vectors are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,7 +25,8 @@ impl Width {
             // the answers are kept by the standard library
             use std::arch::is_x86_feature_detected as has;
             if has!("avx2") && has!("fma") && has!("bmi2") {
-                let wide = has!("avx512f") && has!("avx512dq") && has!("avx512vl") && has!("avx512bw");
+                let wide =
+                    has!("avx512f") && has!("avx512dq") && has!("avx512vl") && has!("avx512bw");
                 return if wide { Width::Avx512 } else { Width::Avx2 };
             }
         }
@@ -200,10 +203,11 @@ mod x86 {
     }
 }
 
-/// Compiles the `#[inline(always)]` generic function `body::<V, ...>` for every width and makes `name(width, arguments...)` choose.
+/// Compiles the `#[inline(always)]` generic function `body::<V, ...>` for every width and makes
+/// `name(width, arguments...)` choose.
 ///
-/// The function made is unsafe: the caller promises what `body` asks for, and that the machine has `width` (which `Width::detect` and
-/// `Width::available` know).
+/// The function made is unsafe: the caller promises what `body` asks for, and that the machine has
+/// `width` (which `Width::detect` and `Width::available` know).
 #[macro_export]
 macro_rules! by_width {
     ($(#[$meta:meta])* $vis:vis fn $name:ident $(<const $($g:ident),+>)? ($($a:ident: $t:ty),* $(,)?) = $body:ident) => {
@@ -291,7 +295,8 @@ impl Aligned {
 impl std::ops::Deref for Aligned {
     type Target = [f64];
     fn deref(&self) -> &[f64] {
-        // SAFETY: `lines` holds at least `len` numbers in a row (`Line` is `repr(C)` without padding).
+        // SAFETY: `lines` holds at least `len` numbers in a row (`Line` is `repr(C)` without
+        // padding).
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.len) }
     }
 }

@@ -1,7 +1,9 @@
-//! The `add` and `replace` lines of a model's effects in; what equations, rates, outputs and names mean with them, out.
+//! The `add` and `replace` lines of a model's effects in; what equations, rates, outputs and names
+//! mean with them, out.
 //!
-//! The amendments of one target apply in the order of the effects. Everybody reads the last value, except an effect that amends the target
-//! itself: it reads what was there before it. So `replace = { de = "lag(de, T)" }` is no cycle, and two effects on one input form a chain.
+//! The amendments of one target apply in the order of the effects. Everybody reads the last value,
+//! except an effect that amends the target itself: it reads what was there before it. So
+//! `replace = { de = "lag(de, T)" }` is no cycle, and two effects on one input form a chain.
 
 use super::compile::{At, Compiler, Typed};
 use crate::units::Dim;
@@ -19,8 +21,12 @@ pub(super) enum Target {
 impl Target {
     /// `"C_m"`, `"rate(q)"`, `"output(alpha)"`.
     fn parse(text: &str) -> Target {
-        let inside =
-            |function: &str| text.strip_prefix(function)?.strip_prefix('(')?.strip_suffix(')').map(|s| s.trim().to_string());
+        let inside = |function: &str| {
+            text.strip_prefix(function)?
+                .strip_prefix('(')?
+                .strip_suffix(')')
+                .map(|s| s.trim().to_string())
+        };
         match (inside("rate"), inside("output")) {
             (Some(state), _) => Target::Rate(state),
             (_, Some(output)) => Target::Output(output),
@@ -51,12 +57,20 @@ impl Compiler<'_> {
         let sources = self.sources;
         for (s, source) in sources.iter().enumerate() {
             let Some(effect) = &source.amends else { continue };
-            let lines = effect.add.iter().map(|l| (l, true)).chain(effect.replace.iter().map(|l| (l, false)));
+            let lines = effect
+                .add
+                .iter()
+                .map(|l| (l, true))
+                .chain(effect.replace.iter().map(|l| (l, false)));
             for ((key, expression), adds) in lines {
                 let at = self.at(s, format!("{}.{key}", if adds { "add" } else { "replace" }));
                 let target = Target::parse(key);
                 if self.exists(&target, adds, &at) {
-                    self.amended.entry(target).or_default().push(Amendment { adds, at, expression: expression.clone() });
+                    self.amended.entry(target).or_default().push(Amendment {
+                        adds,
+                        at,
+                        expression: expression.clone(),
+                    });
                 }
             }
         }
@@ -75,11 +89,14 @@ impl Compiler<'_> {
         let known = match target {
             Target::Name(name) => self.symbols.contains_key(name),
             Target::Rate(state) => self.model.states.iter().any(|s| s.quantity.name == *state),
-            Target::Output(output) => self.sources.iter().any(|s| s.file.outputs.contains_key(output)),
+            Target::Output(output) => {
+                self.sources.iter().any(|s| s.file.outputs.contains_key(output))
+            }
         };
         if !known {
             let verb = if adds { "add to" } else { "replace" };
-            let help = "an effect acts on a name of the model, on rate(a state), or on output(an output)";
+            let help =
+                "an effect acts on a name of the model, on rate(a state), or on output(an output)";
             self.error_help(at, 0, format!("there is no {} to {verb}", target.text()), help);
         }
         known
@@ -97,7 +114,12 @@ impl Compiler<'_> {
     }
 
     /// The target with its first `count` amendments.
-    pub(super) fn amended_value(&mut self, target: &Target, count: usize, at: &At) -> Option<Typed> {
+    pub(super) fn amended_value(
+        &mut self,
+        target: &Target,
+        count: usize,
+        at: &At,
+    ) -> Option<Typed> {
         let Some(last) = count.checked_sub(1) else { return self.own_target(target, at) };
         let line = self.amended.get(target)?.get(last)?.clone();
         self.once(&format!("{} with {count} effects", target.text()), &line.at, |c| {
@@ -121,10 +143,15 @@ impl Compiler<'_> {
         }
     }
 
-    /// The rate of state i as an expression at `at` sees it: with stops and limits, unless an effect amends that very rate.
+    /// The rate of state i as an expression at `at` sees it: with stops and limits, unless an
+    /// effect amends that very rate.
     pub(super) fn rate_seen(&mut self, i: usize, at: &At) -> Option<Typed> {
         let target = Target::Rate(self.model.states[i].quantity.name.clone());
         let seen = self.seen(&target, at);
-        if seen == self.amendments_of(&target) { self.state_rate(i) } else { self.amended_value(&target, seen, at) }
+        if seen == self.amendments_of(&target) {
+            self.state_rate(i)
+        } else {
+            self.amended_value(&target, seen, at)
+        }
     }
 }

@@ -1,23 +1,29 @@
-//! One operation on numbers: the reference that every evaluator (interpreter at any width, native code) follows to the bit.
+//! One operation on numbers: the reference that every evaluator (interpreter at any width, native
+//! code) follows to the bit.
 //!
-//! Sine and cosine are one polynomial of our own, because models ask for both of one argument all the time and it runs over lanes; all
-//! other functions are those of `libm`, which are the same on every machine. Multiply-adds are fused (rounded once) wherever the graph
-//! says so and nowhere else. So results differ between machines nowhere, except in the unused bits of a NaN.
+//! Sine and cosine are one polynomial of our own, because models ask for both of one argument all
+//! the time and it runs over lanes; all other functions are those of `libm`, which are the same on
+//! every machine. Multiply-adds are fused (rounded once) wherever the graph says so and nowhere
+//! else. So results differ between machines nowhere, except in the unused bits of a NaN.
 
 // The coefficients are written with the digits of their source.
 #![allow(clippy::excessive_precision)]
 
 use super::op::Op;
 
-/// Largest argument, rad, for which the polynomial's reduction is exact enough; beyond it `libm` takes over.
+/// Largest argument, rad, for which the polynomial's reduction is exact enough; beyond it `libm`
+/// takes over.
 pub const REACH: f64 = 1e5;
-/// Up to here, just below pi/4, the reduction leaves an argument as it is: whoever knows that may leave the reduction away.
+/// Up to here, just below pi/4, the reduction leaves an argument as it is: whoever knows that may
+/// leave the reduction away.
 pub const SMALL: f64 = 0.785;
-/// Adding this rounds a number of moderate size to a whole one, which then stands in the lowest bits.
+/// Adding this rounds a number of moderate size to a whole one, which then stands in the lowest
+/// bits.
 pub const ROUND: f64 = 6755399441055744.0;
 pub const TWO_OVER_PI: f64 = std::f64::consts::FRAC_2_PI;
 /// pi/2 in three parts of full precision each (Cody and Waite).
-pub const HALF_PI: [f64; 3] = [std::f64::consts::FRAC_PI_2, 6.123233995736766e-17, -1.497384904859169e-33];
+pub const HALF_PI: [f64; 3] =
+    [std::f64::consts::FRAC_PI_2, 6.123233995736766e-17, -1.497384904859169e-33];
 /// (sin(r) - r)/r^3 in powers of r^2 on |r| <= pi/4: the minimax coefficients of fdlibm.
 pub const SIN: [f64; 6] = [
     -1.66666666666666324348e-01,
@@ -68,7 +74,8 @@ pub fn sin_cos_small(x: f64) -> (f64, f64) {
     polynomials(x, x + 0.0)
 }
 
-/// Sine and cosine of the reduced argument `r`; `tail` is the same with the last part of the reduction.
+/// Sine and cosine of the reduced argument `r`; `tail` is the same with the last part of the
+/// reduction.
 #[inline(always)]
 fn polynomials(r: f64, tail: f64) -> (f64, f64) {
     let z = r * r;
@@ -179,9 +186,12 @@ mod tests {
 
     #[test]
     fn without_the_reduction_small_arguments_have_the_same_bits() {
-        let all = (-100_000..=100_000).map(|i| f64::from(i) * (SMALL / 1e5)).chain([0.0, -0.0, 1e-300, -5e-324, SMALL, -SMALL]);
+        let all = (-100_000..=100_000)
+            .map(|i| f64::from(i) * (SMALL / 1e5))
+            .chain([0.0, -0.0, 1e-300, -5e-324, SMALL, -SMALL]);
         for x in all {
-            let ([s, c], [t, d]) = (<[f64; 2]>::from(sin_cos_small(x)), <[f64; 2]>::from(sin_cos_near(x)));
+            let ([s, c], [t, d]) =
+                (<[f64; 2]>::from(sin_cos_small(x)), <[f64; 2]>::from(sin_cos_near(x)));
             assert_eq!((s.to_bits(), c.to_bits()), (t.to_bits(), d.to_bits()), "{x:e}");
         }
     }
@@ -190,7 +200,11 @@ mod tests {
     fn beyond_its_reach_the_polynomial_is_not_used() {
         for x in [1.0001e5, -3e9, 1e300, f64::INFINITY, f64::NAN] {
             let (s, c) = sin_cos(x);
-            assert_eq!((s.to_bits(), c.to_bits()), (libm::sin(x).to_bits(), libm::cos(x).to_bits()), "{x}");
+            assert_eq!(
+                (s.to_bits(), c.to_bits()),
+                (libm::sin(x).to_bits(), libm::cos(x).to_bits()),
+                "{x}"
+            );
         }
         assert_eq!(sin_cos(0.0), (0.0, 1.0));
     }

@@ -1,7 +1,8 @@
-//! Parsed model files to a compiled model: names looked up, units checked, equations sorted, everything one graph.
+//! Parsed model files to a compiled model: names looked up, units checked, equations sorted,
+//! everything one graph.
 //!
-//! All mistakes of a model are collected. An equation is built when it is first needed; one that is needed while it is being built is
-//! a cycle.
+//! All mistakes of a model are collected. An equation is built when it is first needed; one that is
+//! needed while it is being built is a cycle.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -80,8 +81,14 @@ pub enum Uncertain {
     Open,
 }
 
-/// Compiles gathered sources (fragments first, the model itself last) with the aircraft's constants.
-pub fn compile(name: &str, sources: &[Source], constants: &Constants, uncertain: Uncertain) -> Result<Model, Errors> {
+/// Compiles gathered sources (fragments first, the model itself last) with the aircraft's
+/// constants.
+pub fn compile(
+    name: &str,
+    sources: &[Source],
+    constants: &Constants,
+    uncertain: Uncertain,
+) -> Result<Model, Errors> {
     let mut c = Compiler {
         sources,
         symbols: IndexMap::new(),
@@ -139,7 +146,13 @@ impl Compiler<'_> {
         self.errors.push(Error::at(place, what));
     }
 
-    pub(super) fn error_help(&mut self, at: &At, offset: usize, what: impl Into<String>, help: impl Into<String>) {
+    pub(super) fn error_help(
+        &mut self,
+        at: &At,
+        offset: usize,
+        what: impl Into<String>,
+        help: impl Into<String>,
+    ) {
         let place = self.sources[at.source].doc.place_in(&at.key, offset);
         self.errors.push(Error::at(place, what).help(help));
     }
@@ -149,8 +162,17 @@ impl Compiler<'_> {
         match Unit::parse(text) {
             Ok(unit) if unit.is_si() => unit.dim,
             Ok(unit) => {
-                let si = if unit.dim == Dim::NONE { "rad or -".to_string() } else { unit.dim.to_string() };
-                self.error_help(at, 0, format!("unit \"{text}\" is not a coherent SI unit"), format!("models are in SI: use {si}"));
+                let si = if unit.dim == Dim::NONE {
+                    "rad or -".to_string()
+                } else {
+                    unit.dim.to_string()
+                };
+                self.error_help(
+                    at,
+                    0,
+                    format!("unit \"{text}\" is not a coherent SI unit"),
+                    format!("models are in SI: use {si}"),
+                );
                 unit.dim
             }
             Err(what) => {
@@ -171,7 +193,10 @@ impl Compiler<'_> {
             let Some(entry) = sources[at.source].file.states.get(&name) else { continue };
             let dim = self.dims[&name];
             let prefix = &sources[at.source].prefix;
-            let key = |field: &str| At { source: at.source, key: format!("{prefix}states.{name}.{field}") };
+            let key = |field: &str| At {
+                source: at.source,
+                key: format!("{prefix}states.{name}.{field}"),
+            };
             self.model.states[i].start = match &entry.start {
                 Value::Text(text) if text == "measured" => StartKind::Measured,
                 value => match self.value(value, &key("start"), dim, "start") {
@@ -231,7 +256,8 @@ impl Compiler<'_> {
         let sources = self.sources;
         let entry = sources[at.source].file.states.get(&name)?;
         let prefix = &sources[at.source].prefix;
-        let key = |field: &str| At { source: at.source, key: format!("{prefix}states.{name}.{field}") };
+        let key =
+            |field: &str| At { source: at.source, key: format!("{prefix}states.{name}.{field}") };
         let target = Target::Rate(name.clone());
         let typed = self.amended_value(&target, self.amendments_of(&target), &key("rate"))?;
         let state_dim = self.dims[&name];
@@ -245,13 +271,20 @@ impl Compiler<'_> {
         }
         let x = self.model.graph.leaf(Leaf::State(i));
         for (field, limit) in [("min", &entry.min), ("max", &entry.max)] {
-            let Some(bound) = limit.as_ref().and_then(|v| self.limit(v, &key(field), state_dim, field)) else { continue };
+            let Some(bound) =
+                limit.as_ref().and_then(|v| self.limit(v, &key(field), state_dim, field))
+            else {
+                continue;
+            };
             self.unstopped.entry(i).or_insert(node);
             let g = &mut self.model.graph;
             let zero = g.c(0.0);
             // on the stop and beyond it the rate cannot lead further out
-            let (inside, back) =
-                if field == "min" { (g.sub(x, bound), g.max(node, zero)) } else { (g.sub(bound, x), g.min(node, zero)) };
+            let (inside, back) = if field == "min" {
+                (g.sub(x, bound), g.max(node, zero))
+            } else {
+                (g.sub(bound, x), g.min(node, zero))
+            };
             node = g.select(inside, node, back);
         }
         self.rates[i] = Some(node);
@@ -272,7 +305,12 @@ impl Compiler<'_> {
     }
 
     /// Builds what `name` stands for once; a second visit while it is being built is a cycle.
-    pub(super) fn once(&mut self, name: &str, at: &At, build: impl FnOnce(&mut Self) -> Option<Typed>) -> Option<Typed> {
+    pub(super) fn once(
+        &mut self,
+        name: &str,
+        at: &At,
+        build: impl FnOnce(&mut Self) -> Option<Typed>,
+    ) -> Option<Typed> {
         match self.status.get(name) {
             Some(Status::Done(typed)) => return *typed,
             Some(Status::Active) => {
@@ -300,8 +338,15 @@ impl Compiler<'_> {
                     self.error(&at, 0, format!("output \"{name}\" is declared twice"));
                 }
                 let target = Target::Output(name.clone());
-                let Some(typed) = self.amended_value(&target, self.amendments_of(&target), &at) else { continue };
-                self.model.outputs.push(Quantity { name: name.clone(), unit: output.unit.clone(), doc: output.doc.clone() });
+                let Some(typed) = self.amended_value(&target, self.amendments_of(&target), &at)
+                else {
+                    continue;
+                };
+                self.model.outputs.push(Quantity {
+                    name: name.clone(),
+                    unit: output.unit.clone(),
+                    doc: output.doc.clone(),
+                });
                 self.model.output_nodes.push(typed.node);
             }
         }
@@ -310,7 +355,10 @@ impl Compiler<'_> {
     /// The output `name` as its line says it.
     pub(super) fn own_output(&mut self, name: &str) -> Option<Typed> {
         let sources = self.sources;
-        let (s, output) = sources.iter().enumerate().find_map(|(s, source)| Some((s, source.file.outputs.get(name)?)))?;
+        let (s, output) = sources
+            .iter()
+            .enumerate()
+            .find_map(|(s, source)| Some((s, source.file.outputs.get(name)?)))?;
         let at = self.at(s, format!("outputs.{name}.value"));
         self.once(&format!("output({name})"), &at, |c| {
             let dim = c.unit(&At { source: s, key: format!("outputs.{name}.unit") }, &output.unit);
@@ -327,10 +375,20 @@ impl Compiler<'_> {
             for (i, name) in trim.free.iter().enumerate() {
                 let at = At { source: s, key: format!("trim.free.{i}") };
                 match self.symbols.get(name).map(|(symbol, _)| symbol.clone()) {
-                    Some(Symbol::State(k)) => self.model.trim.free.push((name.clone(), Leaf::State(k))),
-                    Some(Symbol::Input(k)) => self.model.trim.free.push((name.clone(), Leaf::Input(k))),
-                    Some(Symbol::Parameter(k)) => self.model.trim.free.push((name.clone(), Leaf::Parameter(k))),
-                    Some(_) => self.error(&at, 0, format!("\"{name}\" is not a state, an input or a parameter")),
+                    Some(Symbol::State(k)) => {
+                        self.model.trim.free.push((name.clone(), Leaf::State(k)))
+                    }
+                    Some(Symbol::Input(k)) => {
+                        self.model.trim.free.push((name.clone(), Leaf::Input(k)))
+                    }
+                    Some(Symbol::Parameter(k)) => {
+                        self.model.trim.free.push((name.clone(), Leaf::Parameter(k)))
+                    }
+                    Some(_) => self.error(
+                        &at,
+                        0,
+                        format!("\"{name}\" is not a state, an input or a parameter"),
+                    ),
                     None => self.unknown(name, &at, 0),
                 }
             }

@@ -1,4 +1,5 @@
-//! The names that a model's sources declare: inputs, constants, parameters, equations, states, tables.
+//! The names that a model's sources declare: inputs, constants, parameters, equations, states,
+//! tables.
 
 use super::compile::{At, Compiler, Symbol, TableInfo};
 use super::file::{Constant, Input, Values};
@@ -14,7 +15,13 @@ impl Compiler<'_> {
             return false;
         }
         if functions::is_reserved(name) {
-            self.error(&at, 0, format!("\"{name}\" is a function or a constant of the language; choose another name"));
+            self.error(
+                &at,
+                0,
+                format!(
+                    "\"{name}\" is a function or a constant of the language; choose another name"
+                ),
+            );
             return false;
         }
         if let Some((_, first)) = self.symbols.get(name) {
@@ -30,7 +37,10 @@ impl Compiler<'_> {
     pub(super) fn declare(&mut self, constants: &Constants) {
         let sources = self.sources;
         for (s, source) in sources.iter().enumerate() {
-            let at = |section: &str, name: &str| At { source: s, key: format!("{}{section}.{name}", source.prefix) };
+            let at = |section: &str, name: &str| At {
+                source: s,
+                key: format!("{}{section}.{name}", source.prefix),
+            };
             for (name, entry) in &source.file.inputs {
                 let (unit, doc) = match entry {
                     Input::Unit(unit) => (unit, String::new()),
@@ -43,7 +53,11 @@ impl Compiler<'_> {
                 }
                 if self.add_symbol(name, Symbol::Input(self.model.inputs.len()), here) {
                     self.dims.insert(name.clone(), dim);
-                    self.model.inputs.push(Quantity { name: name.clone(), unit: unit.clone(), doc });
+                    self.model.inputs.push(Quantity {
+                        name: name.clone(),
+                        unit: unit.clone(),
+                        doc,
+                    });
                 }
             }
             for (name, entry) in &source.file.constants {
@@ -52,11 +66,20 @@ impl Compiler<'_> {
             for (name, p) in &source.file.parameters {
                 let here = at("parameters", name);
                 let dim = self.unit(&here, &p.unit);
-                let (min, max) = (p.min.unwrap_or(f64::NEG_INFINITY), p.max.unwrap_or(f64::INFINITY));
+                let (min, max) =
+                    (p.min.unwrap_or(f64::NEG_INFINITY), p.max.unwrap_or(f64::INFINITY));
                 if !(min <= p.start && p.start <= max) {
-                    self.error(&here, 0, format!("\"{name}\" starts at {} outside its bounds {min} .. {max}", p.start));
+                    self.error(
+                        &here,
+                        0,
+                        format!(
+                            "\"{name}\" starts at {} outside its bounds {min} .. {max}",
+                            p.start
+                        ),
+                    );
                 }
-                let quantity = Quantity { name: name.clone(), unit: p.unit.clone(), doc: p.doc.clone() };
+                let quantity =
+                    Quantity { name: name.clone(), unit: p.unit.clone(), doc: p.doc.clone() };
                 if p.per.trim().is_empty() {
                     self.error(&here, 0, format!("\"{name}\": per is campaign, segment, or a column of the segments, not empty"));
                 }
@@ -64,7 +87,15 @@ impl Compiler<'_> {
                 if self.add_symbol(name, Symbol::Parameter(self.model.parameters.len()), here) {
                     self.dims.insert(name.clone(), dim);
                     let prior_sd = p.sd.unwrap_or(f64::INFINITY);
-                    self.model.parameters.push(Parameter { quantity, start: p.start, min, max, scope, fixed: p.fixed, prior_sd });
+                    self.model.parameters.push(Parameter {
+                        quantity,
+                        start: p.start,
+                        min,
+                        max,
+                        scope,
+                        fixed: p.fixed,
+                        prior_sd,
+                    });
                 }
             }
             for name in source.file.equations.keys() {
@@ -76,8 +107,18 @@ impl Compiler<'_> {
                 let dim = self.unit(&at("states", &format!("{name}.unit")), &state.unit);
                 if self.add_symbol(name, Symbol::State(self.model.states.len()), here.clone()) {
                     self.dims.insert(name.clone(), dim);
-                    let quantity = Quantity { name: name.clone(), unit: state.unit.clone(), doc: state.doc.clone() };
-                    self.model.states.push(State { quantity, start: StartKind::Measured, min: None, max: None, hidden: false });
+                    let quantity = Quantity {
+                        name: name.clone(),
+                        unit: state.unit.clone(),
+                        doc: state.doc.clone(),
+                    };
+                    self.model.states.push(State {
+                        quantity,
+                        start: StartKind::Measured,
+                        min: None,
+                        max: None,
+                        hidden: false,
+                    });
                     self.rates.push(None);
                     self.state_at.push(here);
                 }
@@ -85,7 +126,8 @@ impl Compiler<'_> {
         }
     }
 
-    /// Whether `name` is declared already as the same kind of thing with the same unit (allowed for inputs and constants).
+    /// Whether `name` is declared already as the same kind of thing with the same unit (allowed for
+    /// inputs and constants).
     fn repeats(&self, name: &str, dim: Dim, same: impl Fn(&Symbol) -> bool) -> bool {
         self.symbols.get(name).is_some_and(|(s, _)| same(s)) && self.dims.get(name) == Some(&dim)
     }
@@ -107,8 +149,17 @@ impl Compiler<'_> {
                         format!("the aircraft file gives \"{name}\" in {}", a.unit),
                         format!("constants are in SI: use {unit}"),
                     ),
-                    Ok(u) => self.error(&at, 0, format!("\"{name}\" is in {dim} here, and in {} in the aircraft file", u.dim)),
-                    Err(what) => self.error(&at, 0, format!("\"{name}\" in the aircraft file: {what}")),
+                    Ok(u) => self.error(
+                        &at,
+                        0,
+                        format!(
+                            "\"{name}\" is in {dim} here, and in {} in the aircraft file",
+                            u.dim
+                        ),
+                    ),
+                    Err(what) => {
+                        self.error(&at, 0, format!("\"{name}\" in the aircraft file: {what}"))
+                    }
                 }
                 (Some(a.value), a.sd)
             }
@@ -116,7 +167,9 @@ impl Compiler<'_> {
         };
         if self.repeats(name, dim, |s| matches!(s, Symbol::Constant(_))) {
             // a later source may give the value that an earlier one left open, or override it
-            if let (Some(v), None, Some((Symbol::Constant(i), _))) = (value, aircraft, self.symbols.get(name)) {
+            if let (Some(v), None, Some((Symbol::Constant(i), _))) =
+                (value, aircraft, self.symbols.get(name))
+            {
                 (self.model.constants[*i].value, self.model.constants[*i].sd) = (v, sd);
             }
             return;
@@ -140,7 +193,15 @@ impl Compiler<'_> {
             }
             let (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
             let scope = Scope::Campaign;
-            self.model.parameters.push(Parameter { quantity, start: value, min, max, scope, fixed: true, prior_sd: f64::INFINITY });
+            self.model.parameters.push(Parameter {
+                quantity,
+                start: value,
+                min,
+                max,
+                scope,
+                fixed: true,
+                prior_sd: f64::INFINITY,
+            });
         }
     }
 
@@ -156,14 +217,25 @@ impl Compiler<'_> {
                     Values::Row(row) => (vec![1; row.len()], row.clone()),
                     Values::Rows(rows) => (rows.iter().map(Vec::len).collect(), rows.concat()),
                 };
-                let ascending = |p: &[f64]| p.windows(2).all(|w| w[0] < w[1]) && p.iter().all(|v| v.is_finite());
+                let ascending = |p: &[f64]| {
+                    p.windows(2).all(|w| w[0] < w[1]) && p.iter().all(|v| v.is_finite())
+                };
                 if t.x.is_empty() || !ascending(&t.x) || !ascending(&x2_points) {
                     self.error(&at, 0, format!("table \"{name}\": the break points must ascend and there must be at least one"));
                 } else if x2.is_some() != t.x2.is_some() || t.x2.is_some() && x2_points.is_empty() {
                     self.error(&at, 0, format!("table \"{name}\": x2 and unit_x2 belong together, with at least one break point"));
-                } else if rows.len() != t.x.len() || rows.iter().any(|&r| r != x2_points.len().max(1)) {
+                } else if rows.len() != t.x.len()
+                    || rows.iter().any(|&r| r != x2_points.len().max(1))
+                {
                     let wanted = format!("{} rows of {}", t.x.len(), x2_points.len().max(1));
-                    self.error(&at, 0, format!("table \"{name}\": {wanted} values are wanted, {} values are there", values.len()));
+                    self.error(
+                        &at,
+                        0,
+                        format!(
+                            "table \"{name}\": {wanted} values are wanted, {} values are there",
+                            values.len()
+                        ),
+                    );
                 } else {
                     let number = self.model.tables.0.len();
                     self.tables.insert(name.clone(), TableInfo { number, x, x2, y });

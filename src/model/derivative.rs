@@ -8,7 +8,8 @@ impl Graph {
         if let Some(&d) = self.derivatives.get(&(n, leaf)) {
             return d;
         }
-        // operands first, without recursion over the depth of the graph: nodes are in topological order
+        // operands first, without recursion over the depth of the graph: nodes are in topological
+        // order
         let mut needed = vec![n];
         let mut seen = std::collections::BTreeSet::new();
         while let Some(m) = needed.pop() {
@@ -136,13 +137,15 @@ impl Graph {
                 self.mul(slope, da)
             }
             Op::Table2 => {
-                let (sx, sy) = (self.op(Op::Table2SlopeX, a, b, c), self.op(Op::Table2SlopeY, a, b, c));
+                let (sx, sy) =
+                    (self.op(Op::Table2SlopeX, a, b, c), self.op(Op::Table2SlopeY, a, b, c));
                 let x = self.mul(sy, db);
                 self.fma(sx, da, x)
             }
             // slopes of piecewise linear tables: constant between break points
             Op::TableSlope => zero,
-            // z = z0 + x.. + x y..: the mixed second derivative is dropped nowhere in first-order use
+            // z = z0 + x.. + x y..: the mixed second derivative is dropped nowhere in first-order
+            // use
             Op::Table2SlopeX | Op::Table2SlopeY => zero,
         }
     }

@@ -1,4 +1,5 @@
-//! A compiled model in; the same model with zero shifts of sensors, or with feedback of measured states, out.
+//! A compiled model in; the same model with zero shifts of sensors, or with feedback of measured
+//! states, out.
 
 use std::collections::BTreeMap;
 
@@ -30,18 +31,26 @@ fn feedback(output: &str) -> String {
 }
 
 impl Model {
-    /// With a new parameter per named output and input: what the sensor reads too much. `z = y + dz_y` for an output, and the model is
-    /// driven by `u - du_u`, also where it sees a delayed `u`. They start at zero, without bounds, and hold where `scope` says. A state
-    /// that starts "measured" begins at the measured value as it stands.
+    /// With a new parameter per named output and input: what the sensor reads too much.
+    /// `z = y + dz_y` for an output, and the model is driven by `u - du_u`, also where it sees a
+    /// delayed `u`. They start at zero, without bounds, and hold where `scope` says. A state that
+    /// starts "measured" begins at the measured value as it stands.
     ///
     /// # Errors
-    /// Names that the model does not have, or whose shift has the name of something else: all at once.
-    pub fn with_shifts(&self, outputs: &[String], inputs: &[String], scope: &Scope) -> std::result::Result<Model, Errors> {
+    /// Names that the model does not have, or whose shift has the name of something else: all at
+    /// once.
+    pub fn with_shifts(
+        &self,
+        outputs: &[String],
+        inputs: &[String],
+        scope: &Scope,
+    ) -> std::result::Result<Model, Errors> {
         let (mut model, mut errors) = (self.clone(), Errors::default());
         for name in outputs {
             let output = errors.take(self.known(self.output(name), "output", name, &self.outputs));
             if let Some(output) = output
-                && let Some(p) = errors.take(model.add_shift(output_shift(name), &self.outputs[output], scope))
+                && let Some(p) =
+                    errors.take(model.add_shift(output_shift(name), &self.outputs[output], scope))
             {
                 let shift = model.graph.leaf(Leaf::Parameter(p));
                 model.output_nodes[output] = model.graph.add(model.output_nodes[output], shift);
@@ -51,12 +60,18 @@ impl Model {
         for name in inputs {
             let input = errors.take(self.known(self.input(name), "input", name, &self.inputs));
             if let Some(input) = input
-                && let Some(p) = errors.take(model.add_shift(input_shift(name), &self.inputs[input], scope))
+                && let Some(p) =
+                    errors.take(model.add_shift(input_shift(name), &self.inputs[input], scope))
             {
-                let delays = self.delays.iter().enumerate().filter(|(_, d)| d.of.now() == Leaf::Input(input));
+                let delays = self
+                    .delays
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, d)| d.of.now() == Leaf::Input(input));
                 let leaves = delays.map(|(k, _)| Leaf::Delayed(k)).chain([Leaf::Input(input)]);
                 for leaf in leaves {
-                    let (read, shift) = (model.graph.leaf(leaf), model.graph.leaf(Leaf::Parameter(p)));
+                    let (read, shift) =
+                        (model.graph.leaf(leaf), model.graph.leaf(Leaf::Parameter(p)));
                     with.insert(leaf, model.graph.sub(read, shift));
                 }
             }
@@ -65,25 +80,29 @@ impl Model {
         errors.or(model)
     }
 
-    /// With a new parameter per named output: how many seconds its sensor is late, to first order, `z = y - tau_y dy/dt`, the slope exact by
-    /// the chain rule over states, inputs and time. It starts at zero, with the prior standard deviation `sd`; where an output depends on
-    /// the slope of an input, the slope of that slope is left out.
+    /// With a new parameter per named output: how many seconds its sensor is late, to first order,
+    /// `z = y - tau_y dy/dt`, the slope exact by the chain rule over states, inputs and time. It
+    /// starts at zero, with the prior standard deviation `sd`; where an output depends on the slope
+    /// of an input, the slope of that slope is left out.
     ///
     /// # Errors
-    /// Names that the model does not have, or whose delay has the name of something else: all at once.
+    /// Names that the model does not have, or whose delay has the name of something else: all at
+    /// once.
     pub fn with_lateness(&self, outputs: &[String], sd: f64) -> std::result::Result<Model, Errors> {
         let (mut model, mut errors) = (self.clone(), Errors::default());
         let second = Quantity { unit: "s".to_string(), ..Default::default() };
         for name in outputs {
             let output = errors.take(self.known(self.output(name), "output", name, &self.outputs));
             if let Some(output) = output
-                && let Some(p) = errors.take(model.add_shift(output_delay(name), &second, &Scope::Campaign))
+                && let Some(p) =
+                    errors.take(model.add_shift(output_delay(name), &second, &Scope::Campaign))
             {
                 model.parameters[p].quantity.doc = format!("{name} is late by");
                 model.parameters[p].prior_sd = sd;
                 let (y, rates, g) = (model.output_nodes[output], &model.rates, &mut model.graph);
                 let states = (0..rates.len()).map(|i| (Leaf::State(i), rates[i]));
-                let inputs = (0..model.inputs.len()).map(|i| (Leaf::Input(i), g.leaf(Leaf::InputRate(i))));
+                let inputs =
+                    (0..model.inputs.len()).map(|i| (Leaf::Input(i), g.leaf(Leaf::InputRate(i))));
                 let moving: Vec<(Leaf, Node)> = states.chain(inputs).collect();
                 let mut slope = g.derivative(y, Leaf::Time);
                 for (leaf, rate) in moving {
@@ -98,27 +117,48 @@ impl Model {
         errors.or(model)
     }
 
-    /// With the rates of the named states led back to their measurement: `rate + gain (measured - modelled)`, where both are of the output
-    /// of the state's name and `measured` is a new input, appended in order. Also returns the outputs that these inputs carry.
+    /// With the rates of the named states led back to their measurement:
+    /// `rate + gain (measured - modelled)`, where both are of the output of the state's name and
+    /// `measured` is a new input, appended in order. Also returns the outputs that these inputs
+    /// carry.
     ///
     /// # Errors
-    /// Names that are no state, or not an output of the same unit, and gains that are not finite: all at once.
-    pub fn stabilised(&self, gains: &IndexMap<String, f64>) -> std::result::Result<(Model, Vec<usize>), Errors> {
+    /// Names that are no state, or not an output of the same unit, and gains that are not finite:
+    /// all at once.
+    pub fn stabilised(
+        &self,
+        gains: &IndexMap<String, f64>,
+    ) -> std::result::Result<(Model, Vec<usize>), Errors> {
         let (mut model, mut errors, mut carried) = (self.clone(), Errors::default(), Vec::new());
-        let states: Vec<Quantity> = self.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.clone()).collect();
+        let states: Vec<Quantity> =
+            self.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.clone()).collect();
         for (name, &gain) in gains {
-            let state = errors.take(self.known(states.iter().position(|q| q.name == *name), "state", name, &states));
+            let state = errors.take(self.known(
+                states.iter().position(|q| q.name == *name),
+                "state",
+                name,
+                &states,
+            ));
             let output = errors.take(self.known(self.output(name), "output", name, &self.outputs));
             let (Some(state), Some(output)) = (state, output) else { continue };
             let dim = |unit: &str| Unit::parse(unit).ok().map(|u| u.dim);
             if dim(&self.states[state].quantity.unit) != dim(&self.outputs[output].unit) {
-                errors.push(Error::new(format!("state and output \"{name}\" of model {} have different units", self.name)));
+                errors.push(Error::new(format!(
+                    "state and output \"{name}\" of model {} have different units",
+                    self.name
+                )));
             }
             if !(gain.is_finite() && gain >= 0.0) {
-                errors.push(Error::new(format!("the gain of \"{name}\" is at least zero, 1/s, not {gain}")));
+                errors.push(Error::new(format!(
+                    "the gain of \"{name}\" is at least zero, 1/s, not {gain}"
+                )));
             }
             errors.take(self.is_new(&feedback(name)));
-            let quantity = Quantity { name: feedback(name), doc: format!("measured {name}"), ..self.outputs[output].clone() };
+            let quantity = Quantity {
+                name: feedback(name),
+                doc: format!("measured {name}"),
+                ..self.outputs[output].clone()
+            };
             let g = &mut model.graph;
             let (measured, k) = (g.leaf(Leaf::Input(model.inputs.len())), g.c(gain));
             let gap = g.sub(measured, model.output_nodes[output]);
@@ -134,10 +174,19 @@ impl Model {
     /// Appends the parameter of a shift and says where it is.
     fn add_shift(&mut self, name: String, of: &Quantity, scope: &Scope) -> Result<usize> {
         self.is_new(&name)?;
-        let quantity = Quantity { name, unit: of.unit.clone(), doc: format!("zero shift of {}", of.name) };
+        let quantity =
+            Quantity { name, unit: of.unit.clone(), doc: format!("zero shift of {}", of.name) };
         let (min, max) = (f64::NEG_INFINITY, f64::INFINITY);
         let scope = scope.clone();
-        self.parameters.push(Parameter { quantity, start: 0.0, min, max, scope, fixed: false, prior_sd: f64::INFINITY });
+        self.parameters.push(Parameter {
+            quantity,
+            start: 0.0,
+            min,
+            max,
+            scope,
+            fixed: false,
+            prior_sd: f64::INFINITY,
+        });
         self.layout.parameters += 1;
         Ok(self.parameters.len() - 1)
     }
@@ -148,8 +197,11 @@ impl Model {
             return;
         }
         let g = &mut self.graph;
-        let nodes = self.rates.iter_mut().chain(&mut self.output_nodes).chain(self.equations.values_mut());
-        let nodes = nodes.chain(self.delays.iter_mut().map(|d| &mut d.tau)).chain(self.trim.zero.iter_mut().map(|z| &mut z.1));
+        let nodes =
+            self.rates.iter_mut().chain(&mut self.output_nodes).chain(self.equations.values_mut());
+        let nodes = nodes
+            .chain(self.delays.iter_mut().map(|d| &mut d.tau))
+            .chain(self.trim.zero.iter_mut().map(|z| &mut z.1));
         let starts = self.states.iter_mut().filter_map(|s| match &mut s.start {
             StartKind::Expression(node) => Some(node),
             StartKind::Measured => None,
@@ -157,7 +209,13 @@ impl Model {
         nodes.chain(starts).for_each(|node| *node = g.substitute(*node, with));
     }
 
-    fn known(&self, found: Option<usize>, kind: &str, name: &str, all: &[Quantity]) -> Result<usize> {
+    fn known(
+        &self,
+        found: Option<usize>,
+        kind: &str,
+        name: &str,
+        all: &[Quantity],
+    ) -> Result<usize> {
         found.ok_or_else(|| {
             let names: Vec<&str> = all.iter().map(|q| q.name.as_str()).collect();
             let error = Error::new(format!("model {} has no {kind} \"{name}\"", self.name));

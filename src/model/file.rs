@@ -62,11 +62,13 @@ pub struct Effect {
     /// What is integrated besides the model's own states.
     #[serde(default)]
     pub states: IndexMap<String, State>,
-    /// Terms added to an equation, to the rate of a state (`"rate(q)"`) or to an output (`"output(alpha)"`).
+    /// Terms added to an equation, to the rate of a state (`"rate(q)"`) or to an output
+    /// (`"output(alpha)"`).
     #[serde(default)]
     pub add: IndexMap<String, String>,
-    /// What everything else reads instead of an input, constant, parameter, equation or state, of a state's rate (`"rate(q)"`) or of
-    /// an output (`"output(alpha)"`). The effect itself still reads what was there before it.
+    /// What everything else reads instead of an input, constant, parameter, equation or state, of a
+    /// state's rate (`"rate(q)"`) or of an output (`"output(alpha)"`). The effect itself still
+    /// reads what was there before it.
     #[serde(default)]
     pub replace: IndexMap<String, String>,
 }
@@ -119,8 +121,9 @@ pub struct ParameterEntry {
     pub min: Option<f64>,
     /// Upper bound.
     pub max: Option<f64>,
-    /// Where one value holds: "campaign" (one value for all segments), "segment" (one for each), or a column that describes
-    /// segments, such as "flight" (one for all segments that are alike there).
+    /// Where one value holds: "campaign" (one value for all segments), "segment" (one for each), or
+    /// a column that describes segments, such as "flight" (one for all segments that are alike
+    /// there).
     #[serde(default = "campaign")]
     pub per: String,
     /// Held at `start` unless an estimation frees it.

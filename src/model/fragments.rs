@@ -122,22 +122,33 @@ fn fragment(
 ) -> Result<(), Errors> {
     let (name, text, base) = if used.starts_with("./") || used.starts_with("../") {
         let Some(base) = base else {
-            return Err(doc.error(key, format!("\"{used}\": this model is not a file, so nothing is beside it")).into());
+            return Err(doc
+                .error(
+                    key,
+                    format!("\"{used}\": this model is not a file, so nothing is beside it"),
+                )
+                .into());
         };
         let path = base.join(used);
-        let text = config::read_text(&path).map_err(|e| doc.error(key, format!("\"{used}\": {}", e.what)))?;
+        let text = config::read_text(&path)
+            .map_err(|e| doc.error(key, format!("\"{used}\": {}", e.what)))?;
         (path.to_string_lossy().into_owned(), text, path.parent().map(Path::to_path_buf))
     } else {
         let Some((_, text)) = EMBEDDED.iter().find(|(n, _)| *n == used) else {
             let known: Vec<&str> = EMBEDDED.iter().map(|e| e.0).collect();
             return Err(Error::at(doc.place(key), format!("there is no fragment \"{used}\""))
-                .help(format!("embedded fragments: {}; a file beside the model begins with \"./\"", known.join(", ")))
+                .help(format!(
+                    "embedded fragments: {}; a file beside the model begins with \"./\"",
+                    known.join(", ")
+                ))
                 .into());
         };
         (format!("<{used}>"), text.to_string(), None)
     };
     if open.contains(&name) {
-        return Err(doc.error(key, format!("\"{used}\" uses itself: {} -> {name}", open.join(" -> "))).into());
+        return Err(doc
+            .error(key, format!("\"{used}\" uses itself: {} -> {name}", open.join(" -> ")))
+            .into());
     }
     if done.contains(&name) {
         return Ok(());

@@ -1,4 +1,5 @@
-//! The functions of the language: argument units, result units, graph nodes. One visible list, every row with all that its function is.
+//! The functions of the language: argument units, result units, graph nodes. One visible list,
+//! every row with all that its function is.
 
 use super::amend::Target;
 use super::compile::{At, Compiler, SECOND, Typed};
@@ -16,8 +17,9 @@ struct Function {
     build: Build,
 }
 
-/// How a call becomes nodes. Those are operations (`Op`), each with its value (`arithmetic::apply`) and its derivative (`Graph::derivative`), both
-/// matched without a way out: neither a function nor an operation can be listed and left without them.
+/// How a call becomes nodes. Those are operations (`Op`), each with its value (`arithmetic::apply`)
+/// and its derivative (`Graph::derivative`), both matched without a way out: neither a function nor
+/// an operation can be listed and left without them.
 enum Build {
     /// One operation on a number without unit.
     Elementary(Op),
@@ -34,7 +36,12 @@ struct Call<'a> {
     at: &'a At,
 }
 
-const fn row(name: &'static str, counts: &'static [usize], form: &'static str, build: Build) -> Function {
+const fn row(
+    name: &'static str,
+    counts: &'static [usize],
+    form: &'static str,
+    build: Build,
+) -> Function {
     Function { name, counts, form, build }
 }
 
@@ -49,8 +56,20 @@ const FUNCTIONS: &[Function] = &[
     row("log", &[1], "log(x)", Build::Elementary(Op::Log)),
     row("tanh", &[1], "tanh(x)", Build::Elementary(Op::Tanh)),
     row("sqrt", &[1], "sqrt(x)", Build::Of(sqrt)),
-    row("abs", &[1], "abs(x)", Build::Of(|c, _, a| Some(Typed { node: c.graph().unary(Op::Abs, a[0].node), dim: a[0].dim }))),
-    row("sign", &[1], "sign(x)", Build::Of(|c, _, a| Some(number(c.graph().unary(Op::Sign, a[0].node))))),
+    row(
+        "abs",
+        &[1],
+        "abs(x)",
+        Build::Of(|c, _, a| {
+            Some(Typed { node: c.graph().unary(Op::Abs, a[0].node), dim: a[0].dim })
+        }),
+    ),
+    row(
+        "sign",
+        &[1],
+        "sign(x)",
+        Build::Of(|c, _, a| Some(number(c.graph().unary(Op::Sign, a[0].node)))),
+    ),
     row("atan2", &[2], "atan2(y, x)", Build::Of(atan2)),
     row("hypot", &[2], "hypot(x, y)", Build::Of(hypot)),
     row("min", &[2], "min(a, b)", Build::Of(|c, call, a| extreme(c, call, a, Graph::min))),
@@ -73,16 +92,28 @@ pub fn is_reserved(name: &str) -> bool {
 }
 
 /// A call as a typed node; mistakes are filed with the compiler.
-pub(super) fn call(c: &mut Compiler, name: &str, arguments: &[Expr], offset: usize, at: &At) -> Option<Typed> {
+pub(super) fn call(
+    c: &mut Compiler,
+    name: &str,
+    arguments: &[Expr],
+    offset: usize,
+    at: &At,
+) -> Option<Typed> {
     let Some(function) = FUNCTIONS.iter().find(|f| f.name == name) else {
         let near = crate::config::nearest(name, FUNCTIONS.iter().map(|f| f.name));
         let known: Vec<&str> = FUNCTIONS.iter().map(|f| f.name).collect();
-        let help = near.map_or(format!("functions: {}", known.join(" ")), |n| format!("did you mean \"{n}\"?"));
+        let help = near.map_or(format!("functions: {}", known.join(" ")), |n| {
+            format!("did you mean \"{n}\"?")
+        });
         c.error_help(at, offset, format!("unknown function \"{name}\""), help);
         return None;
     };
     if !function.counts.contains(&arguments.len()) {
-        c.report(at, offset, format!("{} is wanted, {} argument(s) are there", function.form, arguments.len()));
+        c.report(
+            at,
+            offset,
+            format!("{} is wanted, {} argument(s) are there", function.form, arguments.len()),
+        );
         return None;
     }
     let call = Call { arguments, offset, at };
@@ -131,14 +162,25 @@ fn hypot(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
     Some(Typed { node: g.unary(Op::Sqrt, sum), dim })
 }
 
-fn extreme(c: &mut Compiler, call: &Call, a: &[Typed], of: fn(&mut Graph, Node, Node) -> Node) -> Option<Typed> {
+fn extreme(
+    c: &mut Compiler,
+    call: &Call,
+    a: &[Typed],
+    of: fn(&mut Graph, Node, Node) -> Node,
+) -> Option<Typed> {
     let dim = c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "compared with")?;
     Some(Typed { node: of(c.graph(), a[0].node, a[1].node), dim })
 }
 
 fn clamp(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
     let dim = c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "compared with")?;
-    let dim = c.same_unit(Typed { node: a[0].node, dim }, a[2], call.arguments[2].at, call.at, "compared with")?;
+    let dim = c.same_unit(
+        Typed { node: a[0].node, dim },
+        a[2],
+        call.arguments[2].at,
+        call.at,
+        "compared with",
+    )?;
     let g = c.graph();
     let low = g.max(a[0].node, a[1].node);
     Some(Typed { node: g.min(low, a[2].node), dim })
@@ -180,7 +222,11 @@ fn rate(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
 fn unitless(c: &mut Compiler, x: Typed, offset: usize, at: &At, name: &str) -> Option<()> {
     match x.dim {
         Some(d) if d != Dim::NONE => {
-            c.report(at, offset, format!("{name}() takes a number without unit (or rad), this one is in {d}"));
+            c.report(
+                at,
+                offset,
+                format!("{name}() takes a number without unit (or rad), this one is in {d}"),
+            );
             None
         }
         _ => Some(()),
@@ -208,12 +254,19 @@ fn delay(c: &mut Compiler, &Call { arguments, offset, at }: &Call) -> Option<Typ
     Some(Typed { node: c.delayed(x.node, tau.node, arguments[0].at, at)?, dim: x.dim })
 }
 
-/// `slope(y, x)`: dy/dx; `without(y, x)`: y where x is zero. Both for an input, a state or a parameter x.
+/// `slope(y, x)`: dy/dx; `without(y, x)`: y where x is zero. Both for an input, a state or a
+/// parameter x.
 fn varied(c: &mut Compiler, slope: bool, &Call { arguments, at, .. }: &Call) -> Option<Typed> {
     let (y, x) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
     let (y, x) = (y?, x?);
-    let View::Leaf(leaf @ (Leaf::Input(_) | Leaf::State(_) | Leaf::Parameter(_))) = c.graph().view(x.node) else {
-        c.report(at, arguments[1].at, "slope() and without() take an input, a state or a parameter here".into());
+    let View::Leaf(leaf @ (Leaf::Input(_) | Leaf::State(_) | Leaf::Parameter(_))) =
+        c.graph().view(x.node)
+    else {
+        c.report(
+            at,
+            arguments[1].at,
+            "slope() and without() take an input, a state or a parameter here".into(),
+        );
         return None;
     };
     let g = c.graph();
@@ -242,12 +295,21 @@ fn output(c: &mut Compiler, &Call { arguments, at, .. }: &Call) -> Option<Typed>
 
 fn table(c: &mut Compiler, &Call { arguments, at, .. }: &Call) -> Option<Typed> {
     let Kind::Name(name) = &arguments[0].kind else {
-        c.report(at, arguments[0].at, "the first argument of table() is the name of a table".into());
+        c.report(
+            at,
+            arguments[0].at,
+            "the first argument of table() is the name of a table".into(),
+        );
         return None;
     };
     let Some(info) = c.tables.get(name) else {
         let known: Vec<String> = c.tables.keys().cloned().collect();
-        c.error_help(at, arguments[0].at, format!("unknown table \"{name}\""), format!("tables: {}", known.join(", ")));
+        c.error_help(
+            at,
+            arguments[0].at,
+            format!("unknown table \"{name}\""),
+            format!("tables: {}", known.join(", ")),
+        );
         return None;
     };
     let (number, x, x2, y) = (info.number, info.x, info.x2, info.y);

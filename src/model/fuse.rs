@@ -1,7 +1,8 @@
 //! Products and sums joined: values of a model in, the same values with fused multiply-adds out.
 //!
-//! This is done once, on the values, before any derivative is taken: so every program and every tier computes a value by the same
-//! operations. A product that only one sum reads becomes part of that sum.
+//! This is done once, on the values, before any derivative is taken: so every program and every
+//! tier computes a value by the same operations. A product that only one sum reads becomes part of
+//! that sum.
 
 use std::collections::BTreeMap;
 
@@ -15,9 +16,12 @@ impl Model {
         let roots: Vec<Node> = self.rates.iter().chain(&self.output_nodes).copied().collect();
         let mut map = BTreeMap::new();
         fuse(graph, &roots, &mut map);
-        let others: Vec<Node> = (self.equations.values().copied()).chain(self.trim.zero.iter().map(|z| z.1)).collect();
+        let others: Vec<Node> =
+            (self.equations.values().copied()).chain(self.trim.zero.iter().map(|z| z.1)).collect();
         fuse(graph, &others, &mut map);
-        let nodes = (self.rates.iter_mut()).chain(&mut self.output_nodes).chain(self.equations.values_mut());
+        let nodes = (self.rates.iter_mut())
+            .chain(&mut self.output_nodes)
+            .chain(self.equations.values_mut());
         for node in nodes.chain(self.trim.zero.iter_mut().map(|z| &mut z.1)) {
             *node = map[node];
         }
@@ -54,7 +58,9 @@ fn fuse(graph: &mut Graph, roots: &[Node], map: &mut BTreeMap<Node, Node>) {
             continue;
         };
         let product = |graph: &Graph, m: Node| match graph.view(m) {
-            View::Op(Op::Mul, p, q, _) if uses.get(&m) == Some(&1) && graph.depends(m) & depends::TRAJECTORY != 0 => {
+            View::Op(Op::Mul, p, q, _)
+                if uses.get(&m) == Some(&1) && graph.depends(m) & depends::TRAJECTORY != 0 =>
+            {
                 Some((map[&p], map[&q]))
             }
             _ => None,

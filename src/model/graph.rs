@@ -1,7 +1,9 @@
-//! The expression graph of a model: shared nodes, folded constants, factors that do not change along a trajectory gathered.
+//! The expression graph of a model: shared nodes, folded constants, factors that do not change
+//! along a trajectory gathered.
 //!
-//! Nodes are hash-consed (the same operation on the same operands exists once) and built bottom-up, so a node's operands always have
-//! smaller numbers. Derivatives are nodes of the same graph, which is what makes common terms of a function and its Jacobian shared.
+//! Nodes are hash-consed (the same operation on the same operands exists once) and built bottom-up,
+//! so a node's operands always have smaller numbers. Derivatives are nodes of the same graph, which
+//! is what makes common terms of a function and its Jacobian shared.
 
 use std::collections::HashMap;
 
@@ -116,8 +118,11 @@ impl Graph {
 
     /// A node for any operation, simplified where an operand is constant.
     pub fn op(&mut self, op: Op, a: Node, b: Node, c: Node) -> Node {
-        if !matches!(op, Op::Table | Op::TableSlope | Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY)
-            && let (Some(x), Some(y), Some(z)) = (self.constant(a), self.constant(b), self.constant(c))
+        if !matches!(
+            op,
+            Op::Table | Op::TableSlope | Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY
+        ) && let (Some(x), Some(y), Some(z)) =
+            (self.constant(a), self.constant(b), self.constant(c))
         {
             return self.c(apply(op, x, y, z));
         }
@@ -188,7 +193,8 @@ impl Graph {
                 let product = self.mul(inner, y);
                 return self.neg(product);
             }
-            // factors that do not change along a trajectory are multiplied first, once for all its points
+            // factors that do not change along a trajectory are multiplied first, once for all its
+            // points
             if self.fixed(x)
                 && let View::Op(Op::Mul, p, q, _) = self.view(y)
                 && !self.fixed(y)
@@ -263,7 +269,8 @@ impl Graph {
         if self.is(a, 1.0) || (self.constant(a).is_some() && self.constant(b).is_some()) {
             return self.op(Op::Div, a, b, b);
         }
-        // one reciprocal serves all that is divided by b, and what does not change along a trajectory is not divided by again
+        // one reciprocal serves all that is divided by b, and what does not change along a
+        // trajectory is not divided by again
         let one = self.c(1.0);
         let r = self.div(one, b);
         self.mul(a, r)

@@ -1,4 +1,5 @@
-//! The interpreter: a list of operations run over lanes of `W` independent evaluations, with the vectors this machine has.
+//! The interpreter: a list of operations run over lanes of `W` independent evaluations, with the
+//! vectors this machine has.
 
 use super::arithmetic::{REACH, SMALL, apply, sin_cos_near, sin_cos_small};
 use super::graph::Op;
@@ -11,7 +12,12 @@ use crate::math::simd::Width;
 /// # Safety
 /// `file` points to more registers than any instruction names; the machine has `width`.
 #[inline]
-pub unsafe fn execute<const W: usize>(width: Width, list: &[Instruction], file: *mut [f64; W], tables: &Tables) {
+pub unsafe fn execute<const W: usize>(
+    width: Width,
+    list: &[Instruction],
+    file: *mut [f64; W],
+    tables: &Tables,
+) {
     // SAFETY: handed on.
     unsafe {
         match width {
@@ -43,7 +49,8 @@ unsafe fn avx2<const W: usize>(list: &[Instruction], file: *mut [f64; W], tables
 #[inline(always)]
 unsafe fn plain<const W: usize>(list: &[Instruction], file: *mut [f64; W], tables: &Tables) {
     for i in list {
-        // SAFETY of both: all register numbers are inside the file, and no result is borrowed while another is written.
+        // SAFETY of both: all register numbers are inside the file, and no result is borrowed while
+        // another is written.
         let get = |register: u32| unsafe { &*file.add(register as usize) };
         // every operation writes its own result: a common one would go through memory
         let put = |register: u32, out: [f64; W]| unsafe { *file.add(register as usize) = out };
@@ -99,9 +106,12 @@ unsafe fn plain<const W: usize>(list: &[Instruction], file: *mut [f64; W], table
             }
             Code::Op(Op::Sin) => put(i.to, sin_cos_lanes(get(i.a)).0),
             Code::Op(Op::Cos) => put(i.to, sin_cos_lanes(get(i.a)).1),
-            Code::Op(op @ (Op::Table | Op::TableSlope)) => lanes!(|a, b| tables.one(b, a, op == Op::TableSlope)),
+            Code::Op(op @ (Op::Table | Op::TableSlope)) => {
+                lanes!(|a, b| tables.one(b, a, op == Op::TableSlope))
+            }
             Code::Op(op @ (Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY)) => {
-                let part = usize::from(op == Op::Table2SlopeX) + 2 * usize::from(op == Op::Table2SlopeY);
+                let part =
+                    usize::from(op == Op::Table2SlopeX) + 2 * usize::from(op == Op::Table2SlopeY);
                 lanes!(|a, b, c| tables.two(c, a, b)[part]);
             }
             Code::Op(op) => lanes!(|a, b, c| apply(op, a, b, c)),

@@ -1,4 +1,5 @@
-//! Which programs a trajectory needs: values alone, or values with exact Jacobians for chosen directions.
+//! Which programs a trajectory needs: values alone, or values with exact Jacobians for chosen
+//! directions.
 
 use std::collections::BTreeMap;
 
@@ -38,7 +39,8 @@ pub struct Linear {
     /// Delay times (first) and their Jacobian entries.
     pub delays: Sparse,
     pub delays_program: Program,
-    /// d(limit)/d(parameter) of the states' `min` and `max`: (state, is max, direction, output of `limits_program`).
+    /// d(limit)/d(parameter) of the states' `min` and `max`: (state, is max, direction, output of
+    /// `limits_program`).
     pub limits: Vec<(usize, bool, usize, usize)>,
     pub limits_program: Program,
 }
@@ -75,15 +77,21 @@ impl Model {
         Program::lower(&self.graph, &taus, &self.layout)
     }
 
-    /// Values of the limits of the states: `min` and `max` of each state in turn (infinite where there is none).
+    /// Values of the limits of the states: `min` and `max` of each state in turn (infinite where
+    /// there is none).
     pub fn limits_program(&self) -> Program {
         let mut graph = self.graph.clone();
         let (low, high) = (graph.c(f64::NEG_INFINITY), graph.c(f64::INFINITY));
-        let nodes: Vec<Node> = self.states.iter().flat_map(|s| [s.min.unwrap_or(low), s.max.unwrap_or(high)]).collect();
+        let nodes: Vec<Node> = self
+            .states
+            .iter()
+            .flat_map(|s| [s.min.unwrap_or(low), s.max.unwrap_or(high)])
+            .collect();
         Program::lower(&graph, &nodes, &self.layout)
     }
 
-    /// The programs of the sensitivities of the chosen outputs with respect to `free` parameters (indices).
+    /// The programs of the sensitivities of the chosen outputs with respect to `free` parameters
+    /// (indices).
     pub fn linearize(&self, free: &[usize], outputs: &[usize]) -> Linear {
         let mut g = self.graph.clone();
         let taus: Vec<Node> = self.delays.iter().map(|d| d.tau).collect();
@@ -107,11 +115,26 @@ impl Model {
             }
         }
         let limits_program = Program::lower(&g, &nodes, &self.layout);
-        Linear { rates, rates_program, outputs, outputs_program, delays, delays_program, limits, limits_program }
+        Linear {
+            rates,
+            rates_program,
+            outputs,
+            outputs_program,
+            delays,
+            delays_program,
+            limits,
+            limits_program,
+        }
     }
 
     /// Non-zero derivatives of `rows`; outputs are numbered from `first`.
-    fn sparse(&self, g: &mut Graph, rows: &[Node], free: &[usize], first: usize) -> (Sparse, Vec<Node>) {
+    fn sparse(
+        &self,
+        g: &mut Graph,
+        rows: &[Node],
+        free: &[usize],
+        first: usize,
+    ) -> (Sparse, Vec<Node>) {
         let (mut sparse, mut nodes) = (Sparse::default(), Vec::new());
         let present = |g: &Graph, row: Node| g.leaves(&[row]);
         for (row, &node) in rows.iter().enumerate() {
@@ -141,10 +164,15 @@ impl Model {
 
     /// What stands for delayed values where nothing has changed for long: the present ones.
     pub fn steady(&self, graph: &mut Graph) -> BTreeMap<Leaf, Node> {
-        self.delays.iter().enumerate().map(|(k, delay)| (Leaf::Delayed(k), graph.leaf(delay.of.now()))).collect()
+        self.delays
+            .iter()
+            .enumerate()
+            .map(|(k, delay)| (Leaf::Delayed(k), graph.leaf(delay.of.now())))
+            .collect()
     }
 
-    /// The program of the start values. `given` states (ascending) start at values from outside, `free` parameters give directions.
+    /// The program of the start values. `given` states (ascending) start at values from outside,
+    /// `free` parameters give directions.
     ///
     /// # Errors
     /// A start that depends on itself through other starts.
@@ -158,7 +186,8 @@ impl Model {
         }
         // each round resolves every start whose states are all known
         loop {
-            let open: Vec<usize> = (0..self.states.len()).filter(|&i| !known.contains_key(&Leaf::State(i))).collect();
+            let open: Vec<usize> =
+                (0..self.states.len()).filter(|&i| !known.contains_key(&Leaf::State(i))).collect();
             if open.is_empty() {
                 break;
             }
@@ -168,7 +197,10 @@ impl Model {
                     StartKind::Measured => g.leaf(Leaf::StartValue(i)),
                     StartKind::Expression(node) => {
                         let node = g.substitute(node, &steady);
-                        let ready = g.leaves(&[node]).iter().all(|l| !matches!(l, Leaf::State(_)) || known.contains_key(l));
+                        let ready = g
+                            .leaves(&[node])
+                            .iter()
+                            .all(|l| !matches!(l, Leaf::State(_)) || known.contains_key(l));
                         if !ready {
                             continue;
                         }
@@ -191,10 +223,14 @@ impl Model {
             }
         }
         let starts: Vec<Node> = (0..self.states.len()).map(|i| known[&Leaf::State(i)]).collect();
-        let given: Vec<usize> =
-            (0..self.states.len()).filter(|i| given.contains(i) || self.states[*i].start == StartKind::Measured).collect();
-        let directions: Vec<Leaf> =
-            free.iter().map(|&p| Leaf::Parameter(p)).chain(given.iter().map(|&i| Leaf::StartValue(i))).collect();
+        let given: Vec<usize> = (0..self.states.len())
+            .filter(|i| given.contains(i) || self.states[*i].start == StartKind::Measured)
+            .collect();
+        let directions: Vec<Leaf> = free
+            .iter()
+            .map(|&p| Leaf::Parameter(p))
+            .chain(given.iter().map(|&i| Leaf::StartValue(i)))
+            .collect();
         let (mut entries, mut nodes) = (Vec::new(), starts.clone());
         for (row, &node) in starts.iter().enumerate() {
             for (column, &leaf) in directions.iter().enumerate() {

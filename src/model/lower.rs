@@ -1,4 +1,5 @@
-//! Expressions to nodes of the graph: operators, names, and what delays, lags and rates add to the model.
+//! Expressions to nodes of the graph: operators, names, and what delays, lags and rates add to the
+//! model.
 
 use std::collections::BTreeMap;
 
@@ -33,13 +34,28 @@ impl Compiler<'_> {
         }
     }
 
-    fn binary(&mut self, op: Operator, a: Typed, b: Typed, left: &Expr, right: &Expr, at: &At) -> Option<Typed> {
+    fn binary(
+        &mut self,
+        op: Operator,
+        a: Typed,
+        b: Typed,
+        left: &Expr,
+        right: &Expr,
+        at: &At,
+    ) -> Option<Typed> {
         let unitless = |t: Typed| t.dim.unwrap_or(Dim::NONE);
         match op {
             Operator::Add | Operator::Sub => {
-                let dim = self.same_unit(a, b, right.at, at, if op == Operator::Add { "added to" } else { "subtracted from" })?;
+                let dim = self.same_unit(
+                    a,
+                    b,
+                    right.at,
+                    at,
+                    if op == Operator::Add { "added to" } else { "subtracted from" },
+                )?;
                 let g = &mut self.model.graph;
-                let node = if op == Operator::Add { g.add(a.node, b.node) } else { g.sub(a.node, b.node) };
+                let node =
+                    if op == Operator::Add { g.add(a.node, b.node) } else { g.sub(a.node, b.node) };
                 Some(Typed { node, dim })
             }
             Operator::Mul => {
@@ -56,18 +72,31 @@ impl Compiler<'_> {
             }
             Operator::Pow => {
                 if b.dim.is_some_and(|d| d != Dim::NONE) {
-                    self.error(at, right.at, format!("an exponent has no unit, this one is in {}", unitless(b)));
+                    self.error(
+                        at,
+                        right.at,
+                        format!("an exponent has no unit, this one is in {}", unitless(b)),
+                    );
                     return None;
                 }
                 if let Some(power) = self.power_of_opened(a, b) {
                     return Some(power);
                 }
                 let Some(exponent) = self.model.graph.constant(b.node) else {
-                    self.error_help(at, right.at, "the exponent must be constant", "write exp(b*log(a)) for a varying exponent");
+                    self.error_help(
+                        at,
+                        right.at,
+                        "the exponent must be constant",
+                        "write exp(b*log(a)) for a varying exponent",
+                    );
                     return None;
                 };
                 let Some(dim) = unitless(a).power(exponent) else {
-                    self.error(at, left.at, format!("{} cannot be raised to the power {exponent}", unitless(a)));
+                    self.error(
+                        at,
+                        left.at,
+                        format!("{} cannot be raised to the power {exponent}", unitless(a)),
+                    );
                     return None;
                 };
                 Some(Typed { node: self.model.graph.pow(a.node, exponent), dim: Some(dim) })
@@ -75,13 +104,17 @@ impl Compiler<'_> {
         }
     }
 
-    /// `a^b` where `b` is made of constants that have been opened (see `Model::opened`): `exp(b log a)`, with the dimension that the
-    /// constants' values give.
+    /// `a^b` where `b` is made of constants that have been opened (see `Model::opened`):
+    /// `exp(b log a)`, with the dimension that the constants' values give.
     fn power_of_opened(&mut self, a: Typed, b: Typed) -> Option<Typed> {
         let values = |leaf: Leaf| match leaf {
             Leaf::Parameter(p) => {
                 let p = &self.model.parameters[p];
-                self.model.constants.iter().find(|c| c.quantity.name == p.quantity.name).map(|c| c.value)
+                self.model
+                    .constants
+                    .iter()
+                    .find(|c| c.quantity.name == p.quantity.name)
+                    .map(|c| c.value)
             }
             _ => None,
         };
@@ -89,7 +122,8 @@ impl Compiler<'_> {
         if leaves.is_empty() {
             return None;
         }
-        let known: Vec<(Leaf, f64)> = leaves.iter().map(|&l| values(l).map(|v| (l, v))).collect::<Option<_>>()?;
+        let known: Vec<(Leaf, f64)> =
+            leaves.iter().map(|&l| values(l).map(|v| (l, v))).collect::<Option<_>>()?;
         let g = &mut self.model.graph;
         let known = known.into_iter().map(|(leaf, value)| (leaf, g.c(value))).collect();
         let folded = g.substitute(b.node, &known);
@@ -100,7 +134,14 @@ impl Compiler<'_> {
     }
 
     /// The common dimension of two operands that must agree (a literal 0 agrees with anything).
-    pub(super) fn same_unit(&mut self, a: Typed, b: Typed, offset: usize, at: &At, verb: &str) -> Option<Option<Dim>> {
+    pub(super) fn same_unit(
+        &mut self,
+        a: Typed,
+        b: Typed,
+        offset: usize,
+        at: &At,
+        verb: &str,
+    ) -> Option<Option<Dim>> {
         match (a.dim, b.dim) {
             (Some(x), Some(y)) if x != y => {
                 self.error(at, offset, format!("{y} cannot be {verb} {x}"));
@@ -126,8 +167,15 @@ impl Compiler<'_> {
 
     fn name(&mut self, name: &str, offset: usize, at: &At) -> Option<Typed> {
         match name {
-            "pi" => return Some(Typed { node: self.model.graph.c(std::f64::consts::PI), dim: Some(Dim::NONE) }),
-            "t" => return Some(Typed { node: self.model.graph.leaf(Leaf::Time), dim: Some(SECOND) }),
+            "pi" => {
+                return Some(Typed {
+                    node: self.model.graph.c(std::f64::consts::PI),
+                    dim: Some(Dim::NONE),
+                });
+            }
+            "t" => {
+                return Some(Typed { node: self.model.graph.leaf(Leaf::Time), dim: Some(SECOND) });
+            }
             _ => {}
         }
         match self.seen(&Target::Name(name.to_string()), at) {
@@ -169,7 +217,13 @@ impl Compiler<'_> {
     }
 
     /// A node at time t - tau: each input and state in it is read from the past.
-    pub(super) fn delayed(&mut self, node: Node, tau: Node, offset: usize, at: &At) -> Option<Node> {
+    pub(super) fn delayed(
+        &mut self,
+        node: Node,
+        tau: Node,
+        offset: usize,
+        at: &At,
+    ) -> Option<Node> {
         let mut with = BTreeMap::new();
         for leaf in self.leaves(node) {
             let past = match leaf {
@@ -181,7 +235,11 @@ impl Compiler<'_> {
                 }
                 Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
                 Leaf::Delayed(_) | Leaf::InputRate(_) => {
-                    self.error(at, offset, "delay() of a delayed value or of a rate is not available");
+                    self.error(
+                        at,
+                        offset,
+                        "delay() of a delayed value or of a rate is not available",
+                    );
                     return None;
                 }
             };
@@ -191,10 +249,19 @@ impl Compiler<'_> {
     }
 
     /// `x` with its input, one of the same unit, without small movements: `[x, reach, width]`.
-    pub(super) fn smooth(&mut self, [x, reach, within]: [Node; 3], dim: Option<Dim>, offset: usize, at: &At) -> Option<Node> {
+    pub(super) fn smooth(
+        &mut self,
+        [x, reach, within]: [Node; 3],
+        dim: Option<Dim>,
+        offset: usize,
+        at: &At,
+    ) -> Option<Node> {
         let leaves = self.leaves(x);
-        let inputs = leaves.iter().filter_map(|l| if let Leaf::Input(i) = l { Some(*i) } else { None });
-        let inputs: Vec<usize> = inputs.filter(|&i| dim.is_none_or(|dim| self.dims[&self.model.inputs[i].name] == dim)).collect();
+        let inputs =
+            leaves.iter().filter_map(|l| if let Leaf::Input(i) = l { Some(*i) } else { None });
+        let inputs: Vec<usize> = inputs
+            .filter(|&i| dim.is_none_or(|dim| self.dims[&self.model.inputs[i].name] == dim))
+            .collect();
         let past = leaves.iter().any(|l| matches!(l, Leaf::Delayed(_) | Leaf::InputRate(_)));
         let [input] = inputs[..] else {
             self.error(at, offset, "smooth() is of one input in the unit of its width: what is not recorded has no future");
@@ -204,11 +271,24 @@ impl Compiler<'_> {
             self.error(at, offset, "smooth() of a delayed value or of a rate is not available");
             return None;
         }
-        if self.model.graph.leaves(&[reach, within]).iter().any(|l| !matches!(l, Leaf::Parameter(_))) {
-            self.error(at, offset, "the reach and the width of smooth() cannot change during a record");
+        if self
+            .model
+            .graph
+            .leaves(&[reach, within])
+            .iter()
+            .any(|l| !matches!(l, Leaf::Parameter(_)))
+        {
+            self.error(
+                at,
+                offset,
+                "the reach and the width of smooth() cannot change during a record",
+            );
             return None;
         }
-        let pair = [Delay { of: Delayed::Smooth(input), tau: reach }, Delay { of: Delayed::Within(input), tau: within }];
+        let pair = [
+            Delay { of: Delayed::Smooth(input), tau: reach },
+            Delay { of: Delayed::Within(input), tau: within },
+        ];
         let known = self.model.delays.windows(2).position(|d| *d == pair);
         let k = known.unwrap_or_else(|| {
             self.model.delays.extend(pair);
@@ -239,8 +319,15 @@ impl Compiler<'_> {
         let leaf = g.leaf(Leaf::State(i));
         let gap = g.sub(x.node, leaf);
         let rate = g.div(gap, time);
-        let quantity = Quantity { name: name.clone(), unit: dim.to_string(), doc: "state of a lag()".into() };
-        self.model.states.push(State { quantity, start: StartKind::Expression(x.node), min: None, max: None, hidden: true });
+        let quantity =
+            Quantity { name: name.clone(), unit: dim.to_string(), doc: "state of a lag()".into() };
+        self.model.states.push(State {
+            quantity,
+            start: StartKind::Expression(x.node),
+            min: None,
+            max: None,
+            hidden: true,
+        });
         self.rates.push(Some(rate));
         self.dims.insert(name, dim);
         leaf
@@ -256,7 +343,11 @@ impl Compiler<'_> {
                 Leaf::Time => self.model.graph.c(1.0),
                 Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
                 Leaf::Delayed(_) | Leaf::InputRate(_) => {
-                    self.error(at, offset, "rate() of a delayed value or of a rate is not available");
+                    self.error(
+                        at,
+                        offset,
+                        "rate() of a delayed value or of a rate is not available",
+                    );
                     return None;
                 }
             };

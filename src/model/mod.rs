@@ -1,11 +1,13 @@
-//! The model language: a text file in, a compiled model out (`docs/model-language.md` is the reference).
+//! The model language: a text file in, a compiled model out (`docs/model-language.md` is the
+//! reference).
 //!
-//! `file` (sections) and `syntax` (expressions) read the text; `fragments` gathers what it uses; `compile` looks up names (`declare`),
-//! checks units and builds (`lower`) one shared graph (`graph`), in which `fuse` joins products and sums. `linear` asks for exact
-//! derivatives (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which `interpret` runs over lanes
-//! and `native` turns into machine code; `arithmetic` says to the bit what one operation is; `amend` applies the effects of a file;
-//! `extend` adds zero shifts and feedback to a compiled model. Nothing here knows
-//! about time steps: that is `dynamics`.
+//! `file` (sections) and `syntax` (expressions) read the text; `fragments` gathers what it uses;
+//! `compile` looks up names (`declare`), checks units and builds (`lower`) one shared graph
+//! (`graph`), in which `fuse` joins products and sums. `linear` asks for exact derivatives
+//! (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which
+//! `interpret` runs over lanes and `native` turns into machine code; `arithmetic` says to the bit
+//! what one operation is; `amend` applies the effects of a file; `extend` adds zero shifts and
+//! feedback to a compiled model. Nothing here knows about time steps: that is `dynamics`.
 
 mod amend;
 mod arithmetic;
@@ -129,7 +131,8 @@ pub struct State {
 pub enum Delayed {
     Input(usize),
     State(usize),
-    /// An input without its small movements: `tau` is the reach of the filter, `Within` stands behind it.
+    /// An input without its small movements: `tau` is the reach of the filter, `Within` stands
+    /// behind it.
     Smooth(usize),
     /// How small these movements are (`tau`, in the input's unit); no value of its own.
     Within(usize),
@@ -223,13 +226,18 @@ impl Model {
     pub fn load(path: &Path, constants: &Constants) -> Result<Model, Errors> {
         let text = config::read_text(path)?;
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let name = name.strip_suffix(".model.toml").or(name.strip_suffix(".toml")).unwrap_or(&name).to_string();
+        let name = name
+            .strip_suffix(".model.toml")
+            .or(name.strip_suffix(".toml"))
+            .unwrap_or(&name)
+            .to_string();
         let folder = path.parent().unwrap_or(Path::new("."));
         let sources = fragments::gather(&path.to_string_lossy(), &text, Folder::At(folder))?;
         Model::compiled(Recipe { name, sources, constants: constants.clone() })
     }
 
-    /// The outputs that a model file and its fragments declare, whether or not they compile; none where a file cannot be read as one.
+    /// The outputs that a model file and its fragments declare, whether or not they compile; none
+    /// where a file cannot be read as one.
     pub fn declared_outputs(path: &Path) -> Option<Vec<String>> {
         let text = config::read_text(path).ok()?;
         let folder = path.parent().unwrap_or(Path::new("."));
@@ -247,36 +255,57 @@ impl Model {
     }
 
     fn compiled(recipe: Recipe) -> Result<Model, Errors> {
-        let model = compile::compile(&recipe.name, &recipe.sources, &recipe.constants, compile::Uncertain::Folded)?;
+        let model = compile::compile(
+            &recipe.name,
+            &recipe.sources,
+            &recipe.constants,
+            compile::Uncertain::Folded,
+        )?;
         Ok(Model { recipe: Some(Arc::new(recipe)), ..model })
     }
 
-    /// The same model with every constant of non-zero sd as a fixed parameter of the same name, behind its own parameters: what it takes
-    /// to differentiate with respect to a constant. Constants are folded in the model itself, which keeps it fast.
+    /// The same model with every constant of non-zero sd as a fixed parameter of the same name,
+    /// behind its own parameters: what it takes to differentiate with respect to a constant.
+    /// Constants are folded in the model itself, which keeps it fast.
     ///
     /// # Errors
     /// None that compiling the model itself would not have found.
     pub fn opened(&self) -> Result<Model, Errors> {
         let Some(recipe) = &self.recipe else { return Ok(self.clone()) };
-        let model = compile::compile(&recipe.name, &recipe.sources, &recipe.constants, compile::Uncertain::Open)?;
+        let model = compile::compile(
+            &recipe.name,
+            &recipe.sources,
+            &recipe.constants,
+            compile::Uncertain::Open,
+        )?;
         Ok(Model { name: self.name.clone(), recipe: Some(recipe.clone()), ..model })
     }
 
-    /// The same model with more effects behind its own file: `blocks` is text of `[[effect]]` sections.
+    /// The same model with more effects behind its own file: `blocks` is text of `[[effect]]`
+    /// sections.
     ///
     /// # Errors
-    /// Mistakes of the blocks, at their place in the longer file; a model that was not compiled from text.
+    /// Mistakes of the blocks, at their place in the longer file; a model that was not compiled
+    /// from text.
     pub fn amended(&self, blocks: &str) -> Result<Model, Errors> {
-        let recipe = self.recipe.as_ref().ok_or_else(|| crate::error::Error::new("this model has no text to add to"))?;
+        let recipe = self
+            .recipe
+            .as_ref()
+            .ok_or_else(|| crate::error::Error::new("this model has no text to add to"))?;
         let own = recipe.sources.iter().rposition(|s| s.amends.is_none()).unwrap_or(0);
         let mut sources = recipe.sources[..own].to_vec();
         let doc = &recipe.sources[own].doc;
         let (file, doc) = config::parse(doc.file(), &format!("{}{blocks}", doc.text()))?;
         sources.extend(fragments::sources_of(file, doc));
-        Model::compiled(Recipe { name: recipe.name.clone(), sources, constants: recipe.constants.clone() })
+        Model::compiled(Recipe {
+            name: recipe.name.clone(),
+            sources,
+            constants: recipe.constants.clone(),
+        })
     }
 
-    /// The text of the model's own file, without what it uses; empty if it was not compiled from text.
+    /// The text of the model's own file, without what it uses; empty if it was not compiled from
+    /// text.
     pub fn own_text(&self) -> &str {
         let own = self.recipe.iter().flat_map(|r| &r.sources).rfind(|s| s.amends.is_none());
         own.map_or("", |s| s.doc.text())
@@ -298,8 +327,11 @@ impl Model {
     /// As `load`; also when there is no such fragment.
     pub fn embedded(name: &str, constants: &Constants) -> Result<Model, Errors> {
         let text = fragments::EMBEDDED.iter().find(|e| e.0 == name).map(|e| e.1);
-        let text = text.ok_or_else(|| crate::error::Error::new(format!("there is no embedded fragment \"{name}\"")))?;
-        Model::parse(&format!("<{name}>"), text, constants).map(|m| Model { name: name.to_string(), ..m })
+        let text = text.ok_or_else(|| {
+            crate::error::Error::new(format!("there is no embedded fragment \"{name}\""))
+        })?;
+        Model::parse(&format!("<{name}>"), text, constants)
+            .map(|m| Model { name: name.to_string(), ..m })
     }
 
     pub fn parameter(&self, name: &str) -> Option<usize> {

@@ -1,12 +1,15 @@
-//! Machine code from a program: a list of operations in; a function over many points, or over Runge-Kutta steps, out, with the
-//! interpreter's bits.
+//! Machine code from a program: a list of operations in; a function over many points, or over
+//! Runge-Kutta steps, out, with the interpreter's bits.
 //!
-//! Cranelift generates it in some milliseconds (`opt_level = none`: the graph has shared everything already, and its scheduler only
-//! makes spills). Additions to divisions, fused multiply-adds, square roots and choices are instructions, sine and cosine the
-//! polynomial of `arithmetic`; every other function and the tables are calls of the very functions that the interpreter calls. Constants
-//! and what depends on parameters alone are loaded from the prepared register file where they are used.
+//! Cranelift generates it in some milliseconds (`opt_level = none`: the graph has shared everything
+//! already, and its scheduler only makes spills). Additions to divisions, fused multiply-adds,
+//! square roots and choices are instructions, sine and cosine the polynomial of `arithmetic`; every
+//! other function and the tables are calls of the very functions that the interpreter calls.
+//! Constants and what depends on parameters alone are loaded from the prepared register file where
+//! they are used.
 //!
-//! Where there is no generator for this machine, or it fails, there is no `Native`, and the interpreter does the same work.
+//! Where there is no generator for this machine, or it fails, there is no `Native`, and the
+//! interpreter does the same work.
 
 mod emit;
 
@@ -19,10 +22,13 @@ use super::program::Program;
 use super::tables::Tables;
 use emit::{emit, literals};
 
-/// All outputs at points that are given (`Native::run`): file, points, number of points, out, tables.
+/// All outputs at points that are given (`Native::run`): file, points, number of points, out,
+/// tables.
 pub type Points = unsafe extern "C" fn(*const f64, *const f64, i64, *mut f64, *const Tables);
-/// Runge-Kutta steps, the outputs being the rates of the states (`Native::march`): file, points, number of steps, states, tables, weights.
-pub type Steps = unsafe extern "C" fn(*const f64, *mut f64, i64, *mut f64, *const Tables, *const f64);
+/// Runge-Kutta steps, the outputs being the rates of the states (`Native::march`): file, points,
+/// number of steps, states, tables, weights.
+pub type Steps =
+    unsafe extern "C" fn(*const f64, *mut f64, i64, *mut f64, *const Tables, *const f64);
 
 /// What the code does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,7 +72,8 @@ pub struct Native<F: Function> {
     _literals: Box<[f64]>,
 }
 
-// SAFETY: after `compile` nothing touches the module until it is dropped, and the code only reads what it owns.
+// SAFETY: after `compile` nothing touches the module until it is dropped, and the code only reads
+// what it owns.
 unsafe impl<F: Function> Send for Native<F> {}
 // SAFETY: as above.
 unsafe impl<F: Function> Sync for Native<F> {}
@@ -80,19 +87,26 @@ impl<F: Function> std::fmt::Debug for Native<F> {
 impl<F: Function> Drop for Native<F> {
     fn drop(&mut self) {
         if let Some(module) = self.module.take() {
-            // SAFETY: `function` is private and called by methods alone, which borrow what is being dropped.
+            // SAFETY: `function` is private and called by methods alone, which borrow what is being
+            // dropped.
             unsafe { module.free_memory() }
         }
     }
 }
 
 impl<F: Function> Native<F> {
-    /// Machine code for the body of `program`. The first `width` registers are read from a point (states, inputs, delayed values,
-    /// time), all others from the prepared register file. `None` where this machine has no generator.
+    /// Machine code for the body of `program`. The first `width` registers are read from a point
+    /// (states, inputs, delayed values, time), all others from the prepared register file. `None`
+    /// where this machine has no generator.
     pub fn compile(program: &Program, width: usize) -> Option<Native<F>> {
         let mut flags = settings::builder();
         let verify = if cfg!(debug_assertions) { "true" } else { "false" };
-        for (name, value) in [("opt_level", "none"), ("is_pic", "false"), ("enable_verifier", verify), ("unwind_info", "false")] {
+        for (name, value) in [
+            ("opt_level", "none"),
+            ("is_pic", "false"),
+            ("enable_verifier", verify),
+            ("unwind_info", "false"),
+        ] {
             flags.set(name, value).ok()?;
         }
         let isa = cranelift_native::builder().ok()?.finish(settings::Flags::new(flags)).ok()?;
@@ -116,35 +130,68 @@ impl<F: Function> Native<F> {
         // SAFETY: `emit` made it of this form.
         let function = unsafe { F::of(module.get_finalized_function(id)) };
         let (registers, outputs) = (program.file_len(), program.outputs());
-        Some(Native { module: Some(module), function, width, registers, outputs, _literals: literals })
+        Some(Native {
+            module: Some(module),
+            function,
+            width,
+            registers,
+            outputs,
+            _literals: literals,
+        })
     }
 }
 
 impl Native<Steps> {
-    /// Takes the states `x` through Runge-Kutta steps: `points` holds four rows of the width per step, whose states are filled in.
-    /// `weights`: per stage the weight of its rates and how far they lead to the next stage, then what the weighed sum is multiplied by.
-    pub fn march(&self, file: &[[f64; 1]], points: &mut [f64], x: &mut [f64], weights: &[f64; 9], tables: &Tables) {
+    /// Takes the states `x` through Runge-Kutta steps: `points` holds four rows of the width per
+    /// step, whose states are filled in. `weights`: per stage the weight of its rates and how far
+    /// they lead to the next stage, then what the weighed sum is multiplied by.
+    pub fn march(
+        &self,
+        file: &[[f64; 1]],
+        points: &mut [f64],
+        x: &mut [f64],
+        weights: &[f64; 9],
+        tables: &Tables,
+    ) {
         let steps = points.len() / (4 * self.width);
         assert!(file.len() >= self.registers, "a register file of another program");
         assert!(x.len() == self.outputs, "one rate per state");
         if steps > 0 {
-            // SAFETY: the code reads registers below `registers`, the `4 steps` rows and the weights, and writes states there and in `x`.
+            // SAFETY: the code reads registers below `registers`, the `4 steps` rows and the
+            // weights, and writes states there and in `x`.
             unsafe {
-                (self.function)(file.as_ptr().cast(), points.as_mut_ptr(), steps as i64, x.as_mut_ptr(), tables, weights.as_ptr());
+                (self.function)(
+                    file.as_ptr().cast(),
+                    points.as_mut_ptr(),
+                    steps as i64,
+                    x.as_mut_ptr(),
+                    tables,
+                    weights.as_ptr(),
+                );
             }
         }
     }
 }
 
 impl Native<Points> {
-    /// All outputs at all `points` (rows of the width) into rows of `out`. `file`: the program's own registers, prepared.
+    /// All outputs at all `points` (rows of the width) into rows of `out`. `file`: the program's
+    /// own registers, prepared.
     pub fn run(&self, file: &[[f64; 1]], points: &[f64], out: &mut [f64], tables: &Tables) {
         let n = points.len().checked_div(self.width).unwrap_or(1);
         assert!(file.len() >= self.registers, "a register file of another program");
         assert!(out.len() >= n * self.outputs, "no room for the outputs");
         if n > 0 {
-            // SAFETY: the code reads registers below `registers` and the `n` points, and writes `n` rows of `outputs`.
-            unsafe { (self.function)(file.as_ptr().cast(), points.as_ptr(), n as i64, out.as_mut_ptr(), tables) }
+            // SAFETY: the code reads registers below `registers` and the `n` points, and writes `n`
+            // rows of `outputs`.
+            unsafe {
+                (self.function)(
+                    file.as_ptr().cast(),
+                    points.as_ptr(),
+                    n as i64,
+                    out.as_mut_ptr(),
+                    tables,
+                )
+            }
         }
     }
 }
@@ -208,7 +255,8 @@ mod tests {
 
     /// Values and all derivatives.
     fn program() -> (Model, Program) {
-        let model = Model::parse("all", MODEL, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+        let model =
+            Model::parse("all", MODEL, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
         let mut graph = model.graph.clone();
         let mut nodes: Vec<_> = model.rates.iter().chain(&model.output_nodes).copied().collect();
         for node in nodes.clone() {
@@ -224,11 +272,27 @@ mod tests {
     fn every_operation_has_the_interpreters_bits() {
         let (model, program) = program();
         let width = model.layout.time() + 1;
-        let native = Native::<Points>::compile(&program, width).expect("a generator for this machine");
+        let native =
+            Native::<Points>::compile(&program, width).expect("a generator for this machine");
         let mut file = program.registers::<1>();
         file[model.layout.parameter()] = [0.7];
         program.prepare(&mut file, &model.tables);
-        let values = [0.0, -0.0, 0.3, -0.9, 1.0, -1.0, 2.5, 1e3, -7e4, 1.1e5, -1e12, f64::INFINITY, f64::NAN, 1e-310];
+        let values = [
+            0.0,
+            -0.0,
+            0.3,
+            -0.9,
+            1.0,
+            -1.0,
+            2.5,
+            1e3,
+            -7e4,
+            1.1e5,
+            -1e12,
+            f64::INFINITY,
+            f64::NAN,
+            1e-310,
+        ];
         let mut points = Vec::new();
         for x in values {
             for s in values {

@@ -14,7 +14,8 @@ pub enum Op {
     /// c - a b, rounded once.
     Fnma,
     Sqrt,
-    /// Sine and cosine of one argument become one instruction with two results when a program is lowered.
+    /// Sine and cosine of one argument become one instruction with two results when a program is
+    /// lowered.
     Sin,
     Cos,
     Tan,

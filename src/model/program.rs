@@ -1,8 +1,9 @@
 //! A flat list of operations from a graph.
 //!
-//! Registers are `[f64; W]`: lane i of every register belongs to evaluation i (another segment, another time point). All lanes do the
-//! same operations in the same order, so a result does not depend on `W`. Operations that depend on parameters alone are a prologue,
-//! run once for many evaluations of the body. `interpret` runs a list, `native` makes machine code of it.
+//! Registers are `[f64; W]`: lane i of every register belongs to evaluation i (another segment,
+//! another time point). All lanes do the same operations in the same order, so a result does not
+//! depend on `W`. Operations that depend on parameters alone are a prologue, run once for many
+//! evaluations of the body. `interpret` runs a list, `native` makes machine code of it.
 
 use std::collections::HashMap;
 
@@ -64,7 +65,8 @@ impl Layout {
 /// A compiled list of operations with its outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
-    /// All register numbers of the instructions are below this: what the interpreter's unchecked access relies on.
+    /// All register numbers of the instructions are below this: what the interpreter's unchecked
+    /// access relies on.
     registers: usize,
     constants: Vec<(u32, f64)>,
     prologue: Vec<Instruction>,
@@ -77,7 +79,8 @@ pub struct Program {
 }
 
 impl Program {
-    /// Lowers the nodes `outputs` of `graph`, depth first. Registers of temporaries are reused, so the register file stays in cache.
+    /// Lowers the nodes `outputs` of `graph`, depth first. Registers of temporaries are reused, so
+    /// the register file stays in cache.
     pub fn lower(graph: &Graph, outputs: &[Node], layout: &Layout) -> Program {
         let order = ordered(graph, outputs);
         let in_body = |n: Node| graph.depends(n) & depends::TRAJECTORY != 0;
@@ -124,7 +127,11 @@ impl Program {
             if body {
                 for (i, &m) in [a, b, c].iter().enumerate() {
                     let again = [a, b, c][..i].contains(&m);
-                    if !again && last[m as usize] == at && in_body(m) && matches!(graph.view(m), View::Op(..)) {
+                    if !again
+                        && last[m as usize] == at
+                        && in_body(m)
+                        && matches!(graph.view(m), View::Op(..))
+                    {
                         free.push(slot[m as usize]);
                     }
                 }
@@ -206,7 +213,10 @@ impl Program {
     pub fn reads(&self, n: usize) -> Vec<usize> {
         let mut read = vec![false; n];
         let operands = self.body.iter().flat_map(|i| [i.a, i.b, i.c]);
-        operands.chain(self.outputs.iter().copied()).filter(|&r| (r as usize) < n).for_each(|r| read[r as usize] = true);
+        operands
+            .chain(self.outputs.iter().copied())
+            .filter(|&r| (r as usize) < n)
+            .for_each(|r| read[r as usize] = true);
         (0..n).filter(|&r| read[r]).collect()
     }
 
@@ -218,7 +228,8 @@ impl Program {
         self
     }
 
-    /// Runs what depends on parameters and start values alone. Call after setting those, before `run`.
+    /// Runs what depends on parameters and start values alone. Call after setting those, before
+    /// `run`.
     pub fn prepare<const W: usize>(&self, file: &mut [[f64; W]], tables: &Tables) {
         self.execute(&self.prologue, file, tables);
     }
@@ -230,10 +241,15 @@ impl Program {
     }
 
     #[inline]
-    fn execute<const W: usize>(&self, list: &[Instruction], file: &mut [[f64; W]], tables: &Tables) {
+    fn execute<const W: usize>(
+        &self,
+        list: &[Instruction],
+        file: &mut [[f64; W]],
+        tables: &Tables,
+    ) {
         assert!(file.len() >= self.registers, "a register file of another program");
-        // SAFETY: the file holds all registers the lists name (they were numbered by `lower`, no other code makes instructions), and
-        // the width is one of this machine's.
+        // SAFETY: the file holds all registers the lists name (they were numbered by `lower`, no
+        // other code makes instructions), and the width is one of this machine's.
         unsafe { execute(self.width, list, file.as_mut_ptr(), tables) }
     }
 

@@ -31,7 +31,8 @@ pub type Syntax = (usize, String);
 /// Deepest nesting accepted, so that a hostile file cannot exhaust the stack.
 const DEPTH: usize = 200;
 
-/// Parses one expression. Precedence from low to high: `+ -`, `* /`, unary `-`, `^` (right to left).
+/// Parses one expression. Precedence from low to high: `+ -`, `* /`, unary `-`, `^` (right to
+/// left).
 pub fn parse(text: &str) -> Result<Expr, Syntax> {
     let tokens = tokens(text)?;
     let mut parser = Parser { tokens: &tokens, at: 0, depth: 0 };
@@ -79,7 +80,8 @@ fn tokens(text: &str) -> Result<Vec<(usize, Token)>, Syntax> {
             let start = i;
             i = number_end(bytes, i);
             let digits = &text[start..i];
-            let value: f64 = digits.parse().map_err(|_| (start, format!("\"{digits}\" is not a number")))?;
+            let value: f64 =
+                digits.parse().map_err(|_| (start, format!("\"{digits}\" is not a number")))?;
             out.push((start, Token::Number(value)));
         } else if b"+-*/^(),".contains(&c) {
             out.push((i, Token::Symbol(c as char)));
@@ -149,7 +151,10 @@ impl Parser<'_> {
     fn sum(&mut self) -> Result<Expr, Syntax> {
         self.depth += 1;
         if self.depth > DEPTH {
-            return Err((self.offset(), format!("the expression is nested deeper than {DEPTH} levels")));
+            return Err((
+                self.offset(),
+                format!("the expression is nested deeper than {DEPTH} levels"),
+            ));
         }
         let mut left = self.product()?;
         loop {
@@ -198,7 +203,10 @@ impl Parser<'_> {
         }
         self.depth += 1;
         if self.depth > DEPTH {
-            return Err((self.offset(), format!("the expression is nested deeper than {DEPTH} levels")));
+            return Err((
+                self.offset(),
+                format!("the expression is nested deeper than {DEPTH} levels"),
+            ));
         }
         let exponent = self.unary()?; // right to left, and 2^-1 is allowed
         self.depth -= 1;
@@ -225,7 +233,13 @@ impl Parser<'_> {
                             break;
                         }
                         if !self.accept(',') {
-                            return Err((self.offset(), format!("\",\" or \")\" is wanted, {} is there", self.peek().name())));
+                            return Err((
+                                self.offset(),
+                                format!(
+                                    "\",\" or \")\" is wanted, {} is there",
+                                    self.peek().name()
+                                ),
+                            ));
                         }
                     }
                 }
@@ -235,11 +249,16 @@ impl Parser<'_> {
                 self.advance();
                 let inner = self.sum()?;
                 if !self.accept(')') {
-                    return Err((self.offset(), format!("\")\" is wanted, {} is there", self.peek().name())));
+                    return Err((
+                        self.offset(),
+                        format!("\")\" is wanted, {} is there", self.peek().name()),
+                    ));
                 }
                 Ok(inner)
             }
-            other => Err((at, format!("a number, a name or \"(\" is wanted, {} is there", other.name()))),
+            other => {
+                Err((at, format!("a number, a name or \"(\" is wanted, {} is there", other.name())))
+            }
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Tables of a model: linear interpolation in one or two arguments, held constant outside the break points.
+//! Tables of a model: linear interpolation in one or two arguments, held constant outside the break
+//! points.
 
 use crate::math::interpolate::locate;
 
@@ -29,8 +30,10 @@ impl Tables {
         let ((i, f, r), (j, g, s)) = (locate(&t.x, x), locate(&t.x2, x2));
         let (i1, j1) = ((i + 1).min(t.x.len() - 1), (j + 1).min(t.x2.len() - 1));
         let y = |i: usize, j: usize| t.y[i * t.x2.len() + j];
-        let (low, high) = (y(i, j) + g * (y(i, j1) - y(i, j)), y(i1, j) + g * (y(i1, j1) - y(i1, j)));
-        let (left, right) = (y(i, j) + f * (y(i1, j) - y(i, j)), y(i, j1) + f * (y(i1, j1) - y(i, j1)));
+        let (low, high) =
+            (y(i, j) + g * (y(i, j1) - y(i, j)), y(i1, j) + g * (y(i1, j1) - y(i1, j)));
+        let (left, right) =
+            (y(i, j) + f * (y(i1, j) - y(i, j)), y(i, j1) + f * (y(i1, j1) - y(i, j1)));
         [low + f * (high - low), (high - low) * r, (right - left) * s]
     }
 }

@@ -1,12 +1,16 @@
-//! Whitened sensitivities of a fit in; what the fit absorbed of the noise, put back beside its residuals, out.
+//! Whitened sensitivities of a fit in; what the fit absorbed of the noise, put back beside its
+//! residuals, out.
 //!
-//! The fit is taken as linear about its end: what was measured is `y + G d + n` with all of `d` unknown (up to priors) and noise `n` of covariance `Sigma`. Then `d`
-//! is known to be normal about the generalised least-squares step `d^ = P G' Sigma^-1 e`, with the covariance `P = (G' Sigma^-1 G)^-1`, so that
+//! The fit is taken as linear about its end: what was measured is `y + G d + n` with all of `d`
+//! unknown (up to priors) and noise `n` of covariance `Sigma`. Then `d` is known to be normal about
+//! the generalised least-squares step `d^ = P G' Sigma^-1 e`, with the covariance
+//! `P = (G' Sigma^-1 G)^-1`, so that
 //!
 //! `E[n n' | z] = (e - G d^)(e - G d^)' + G P G'`.
 //!
-//! The residuals of that step and the columns of `G P^(1/2)` are series whose products at every lag add up to this: they stand in for the noise. Where the
-//! fit was weighted by `Sigma`, `d^` is nothing; where it was weighted by the outputs' variances alone, it is the rest of the way.
+//! The residuals of that step and the columns of `G P^(1/2)` are series whose products at every lag
+//! add up to this: they stand in for the noise. Where the fit was weighted by `Sigma`, `d^` is
+//! nothing; where it was weighted by the outputs' variances alone, it is the rest of the way.
 //!
 //! Own parameters of a segment are eliminated first. What the data do not determine counts as held.
 
@@ -49,34 +53,59 @@ pub struct Part {
 }
 
 impl Part {
-    /// `white`: sensitivities made white, one column per direction, and the residuals behind. `priors`: one per direction; only those of own
-    /// parameters are used. `None` where a number is not finite.
+    /// `white`: sensitivities made white, one column per direction, and the residuals behind.
+    /// `priors`: one per direction; only those of own parameters are used. `None` where a number is
+    /// not finite.
     pub fn new(directions: &[Direction], white: &[Vec<f64>], priors: &[Prior]) -> Option<Part> {
-        let places = |wanted: fn(&Direction) -> bool| directions.iter().enumerate().filter(move |(_, d)| wanted(d)).map(|(i, _)| i);
+        let places = |wanted: fn(&Direction) -> bool| {
+            directions.iter().enumerate().filter(move |(_, d)| wanted(d)).map(|(i, _)| i)
+        };
         let own: Vec<usize> = places(|d| *d == Direction::Own).collect();
         let shared: Vec<usize> = places(|d| matches!(d, Direction::Shared(_))).collect();
-        let to = directions.iter().filter_map(|d| if let Direction::Shared(place) = d { Some(*place) } else { None }).collect();
+        let to = directions
+            .iter()
+            .filter_map(|d| if let Direction::Shared(place) = d { Some(*place) } else { None })
+            .collect();
         let order: Vec<usize> = own.iter().chain(&shared).copied().collect();
-        let columns: Vec<Vec<f64>> =
-            order.iter().copied().chain([directions.len()]).map(|d| white.get(d).cloned().unwrap_or_default()).collect();
+        let columns: Vec<Vec<f64>> = order
+            .iter()
+            .copied()
+            .chain([directions.len()])
+            .map(|d| white.get(d).cloned().unwrap_or_default())
+            .collect();
         let mut gram = Gram::of(&columns);
         let e = order.len();
         for (k, &d) in own.iter().enumerate() {
             gram.sums[k * gram.n + k] += priors[d].weight;
             gram.sums[k * gram.n + e] += priors[d].pull;
         }
-        gram.sums.iter().all(|v| v.is_finite()).then(|| Part::eliminated(&gram, own.len(), order, to, directions.len()))
+        gram.sums
+            .iter()
+            .all(|v| v.is_finite())
+            .then(|| Part::eliminated(&gram, own.len(), order, to, directions.len()))
     }
 
-    fn eliminated(gram: &Gram, own: usize, order: Vec<usize>, to: Vec<usize>, directions: usize) -> Part {
+    fn eliminated(
+        gram: &Gram,
+        own: usize,
+        order: Vec<usize>,
+        to: Vec<usize>,
+        directions: usize,
+    ) -> Part {
         let m = to.len() + 1;
         let own_root = inverse_root(&gram.block(&(0..own).collect::<Vec<_>>()), own);
         // A^-1 B = R R' B with A over own parameters, B of these with shared ones and residuals.
-        let half: Vec<f64> =
-            (0..own * m).map(|k| (0..own).map(|i| own_root[i * own + k / m] * gram.at(i, own + k % m)).sum()).collect();
-        let answer = (0..own * m).map(|k| (0..own).map(|i| own_root[(k / m) * own + i] * half[i * m + k % m]).sum()).collect();
-        let taken = |a: usize, b: usize| (0..own).map(|i| half[i * m + a] * half[i * m + b]).sum::<f64>();
-        let information = (0..to.len() * m).map(|k| gram.at(own + k / m, own + k % m) - taken(k / m, k % m)).collect();
+        let half: Vec<f64> = (0..own * m)
+            .map(|k| (0..own).map(|i| own_root[i * own + k / m] * gram.at(i, own + k % m)).sum())
+            .collect();
+        let answer = (0..own * m)
+            .map(|k| (0..own).map(|i| own_root[(k / m) * own + i] * half[i * m + k % m]).sum())
+            .collect();
+        let taken =
+            |a: usize, b: usize| (0..own).map(|i| half[i * m + a] * half[i * m + b]).sum::<f64>();
+        let information = (0..to.len() * m)
+            .map(|k| gram.at(own + k / m, own + k % m) - taken(k / m, k % m))
+            .collect();
         Part { directions, order, to, own, own_root, answer, information }
     }
 }
@@ -106,7 +135,8 @@ impl Absorbed {
             }
         }
         let root = inverse_root(&information, n);
-        let half: Vec<f64> = (0..n).map(|k| (0..n).map(|i| root[i * n + k] * slope[i]).sum()).collect();
+        let half: Vec<f64> =
+            (0..n).map(|k| (0..n).map(|i| root[i * n + k] * slope[i]).sum()).collect();
         let step = (0..n).map(|i| (0..n).map(|k| root[i * n + k] * half[k]).sum()).collect();
         Absorbed { root, step }
     }
@@ -115,7 +145,11 @@ impl Absorbed {
     pub fn of(&self, part: &Part) -> Taken {
         let (own, m, n) = (part.own, part.to.len() + 1, self.step.len());
         let columns = own + n;
-        let mut taken = Taken { columns, step: vec![0.0; part.directions], root: vec![0.0; part.directions * columns] };
+        let mut taken = Taken {
+            columns,
+            step: vec![0.0; part.directions],
+            root: vec![0.0; part.directions * columns],
+        };
         for (place, &direction) in part.order.iter().enumerate() {
             let row = &mut taken.root[direction * columns..(direction + 1) * columns];
             match place.checked_sub(own) {
@@ -129,7 +163,10 @@ impl Absorbed {
                     taken.step[direction] = answer[m - 1];
                     for (&to, answer) in part.to.iter().zip(answer) {
                         taken.step[direction] -= answer * self.step[to];
-                        row[own..].iter_mut().zip(&self.root[to * n..(to + 1) * n]).for_each(|(v, r)| *v -= answer * r);
+                        row[own..]
+                            .iter_mut()
+                            .zip(&self.root[to * n..(to + 1) * n])
+                            .for_each(|(v, r)| *v -= answer * r);
                     }
                 }
             }
@@ -148,7 +185,8 @@ pub struct Taken {
 }
 
 impl Taken {
-    /// As many columns as directions at most: a segment that sees few of many shared parameters is not charged for the others.
+    /// As many columns as directions at most: a segment that sees few of many shared parameters is
+    /// not charged for the others.
     fn narrowed(self) -> Taken {
         let (nd, columns) = (self.step.len(), self.columns);
         if columns <= nd {
@@ -160,8 +198,8 @@ impl Taken {
         Taken { columns: nd, step: self.step, root }
     }
 
-    /// The series that stand in for the noise of one output: the residuals of the step, then what was absorbed; NaN where `e` is. `g`: its
-    /// sensitivities, `[sample][direction]`.
+    /// The series that stand in for the noise of one output: the residuals of the step, then what
+    /// was absorbed; NaN where `e` is. `g`: its sensitivities, `[sample][direction]`.
     pub fn series(&self, e: &[f64], g: &[f64]) -> Vec<Vec<f64>> {
         let nd = self.step.len();
         let mut all = vec![vec![f64::NAN; e.len()]; 1 + self.columns];
@@ -169,7 +207,11 @@ impl Taken {
             let g = &g[k * nd..(k + 1) * nd];
             all[0][k] = e[k] - g.iter().zip(&self.step).map(|(g, d)| g * d).sum::<f64>();
             all[1..].iter_mut().for_each(|column| column[k] = 0.0);
-            for (g, row) in g.iter().zip(self.root.chunks_exact(self.columns.max(1))).filter(|(g, _)| **g != 0.0) {
+            for (g, row) in g
+                .iter()
+                .zip(self.root.chunks_exact(self.columns.max(1)))
+                .filter(|(g, _)| **g != 0.0)
+            {
                 all[1..].iter_mut().zip(row).for_each(|(column, r)| column[k] += g * r);
             }
         }
@@ -177,7 +219,8 @@ impl Taken {
     }
 }
 
-/// `R` with `R R' = A^-1`, `[n][n]`; rows of what `A` does not determine are zero, as if it had been held.
+/// `R` with `R R' = A^-1`, `[n][n]`; rows of what `A` does not determine are zero, as if it had
+/// been held.
 fn inverse_root(a: &[f64], n: usize) -> Vec<f64> {
     let l = factor(a, n);
     let mut root = vec![0.0; n * n];

@@ -1,9 +1,11 @@
-//! An autoregressive model in; its autocovariance, its level at frequency zero and the predictors of every order out.
+//! An autoregressive model in; its autocovariance, its level at frequency zero and the predictors
+//! of every order out.
 //!
-//! The model is `r[i] = a_1 r[i-1] + ... + a_p r[i-p] + e[i]`, with white `e`. It is kept as partial autocorrelations `k_1 ... k_p`
-//! (reflection coefficients): it is stationary exactly where all of them are within -1 and 1, however near, and all else follows by
-//! products: with `A_p(z) = A_(p-1)(z) - k_p z^-p A_(p-1)(1/z)` (Levinson; Kay, Modern Spectral Estimation, 6.4) `A_p(1) = prod (1 - k)`, and the
-//! variance of the process is that of `e` over `prod (1 - k^2)`.
+//! The model is `r[i] = a_1 r[i-1] + ... + a_p r[i-p] + e[i]`, with white `e`. It is kept as
+//! partial autocorrelations `k_1 ... k_p` (reflection coefficients): it is stationary exactly where
+//! all of them are within -1 and 1, however near, and all else follows by products: with
+//! `A_p(z) = A_(p-1)(z) - k_p z^-p A_(p-1)(1/z)` (Levinson; Kay, Modern Spectral Estimation, 6.4)
+//! `A_p(1) = prod (1 - k)`, and the variance of the process is that of `e` over `prod (1 - k^2)`.
 
 /// An autoregressive model.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +31,8 @@ impl Ar {
                 return None;
             }
             partial.push(k);
-            let lower: Vec<f64> = a.iter().zip(a.iter().rev()).map(|(x, y)| (x + k * y) / (1.0 - k * k)).collect();
+            let lower: Vec<f64> =
+                a.iter().zip(a.iter().rev()).map(|(x, y)| (x + k * y) / (1.0 - k * k)).collect();
             a = lower;
         }
         partial.reverse();
@@ -60,12 +63,14 @@ impl Ar {
         all
     }
 
-    /// Power at frequency zero, per sample: the variance of the mean of `n` samples is this over `n`, for many of them.
+    /// Power at frequency zero, per sample: the variance of the mean of `n` samples is this over
+    /// `n`, for many of them.
     pub fn level(&self) -> f64 {
         self.partial.iter().fold(self.variance, |level, k| level / ((1.0 - k) * (1.0 - k)))
     }
 
-    /// That level over the variance of the process: by how much the variance of a mean is larger than if the noise were white.
+    /// That level over the variance of the process: by how much the variance of a mean is larger
+    /// than if the noise were white.
     pub fn colour(&self) -> f64 {
         self.partial.iter().fold(1.0, |colour, k| colour * (1.0 + k) / (1.0 - k))
     }
@@ -117,7 +122,10 @@ mod tests {
         // The level is the sum of the autocovariance over all lags.
         let c = model.autocovariance(400);
         let sum = c[0] + 2.0 * c[1..].iter().sum::<f64>();
-        assert!((model.level() / sum - 1.0).abs() < 1e-9 && (model.colour() / (sum / c[0]) - 1.0).abs() < 1e-9);
+        assert!(
+            (model.level() / sum - 1.0).abs() < 1e-9
+                && (model.colour() / (sum / c[0]) - 1.0).abs() < 1e-9
+        );
     }
 
     #[test]

@@ -1,15 +1,21 @@
-//! Series of residuals in; the autoregressive model of the noise behind them, by Burg's recursion, out.
+//! Series of residuals in; the autoregressive model of the noise behind them, by Burg's recursion,
+//! out.
 //!
-//! Burg's recursion chooses each partial autocorrelation `k_p` so that the forward and backward prediction errors together are least,
+//! Burg's recursion chooses each partial autocorrelation `k_p` so that the forward and backward
+//! prediction errors together are least,
 //!
-//! `k_p = 2 sum f_t b_(t-1) / sum (f_t^2 + b_(t-1)^2)`, `f' = f - k b`, `b' = b - k f` (Burg 1975; Kay, Modern Spectral Estimation, 7.5.3),
+//! `k_p = 2 sum f_t b_(t-1) / sum (f_t^2 + b_(t-1)^2)`, `f' = f - k b`, `b' = b - k f` (Burg 1975;
+//! Kay, Modern Spectral Estimation, 7.5.3),
 //!
-//! the sums taken over all series, each with errors of its own that never reach over its ends. `|k_p| <= 1` by construction, so the
-//! model is stationary whatever the data; and it does not take slow noise for faster than it is, as lagged products over the number of samples do.
+//! the sums taken over all series, each with errors of its own that never reach over its ends.
+//! `|k_p| <= 1` by construction, so the model is stationary whatever the data; and it does not take
+//! slow noise for faster than it is, as lagged products over the number of samples do.
 //!
-//! The errors need not be kept: with the coefficients `alpha` of the forward error (`alpha_0 = 1`) and `beta` the same backwards,
-//! all sums are quadratic forms of `R_p(i, j) = sum_t x_(t-i) x_(t-j)`, `t >= p` (Vos, A fast implementation of Burg's method, 2013). So a
-//! series is reduced to its products once, products of many series are added, and the recursion runs over the sums alone.
+//! The errors need not be kept: with the coefficients `alpha` of the forward error (`alpha_0 = 1`)
+//! and `beta` the same backwards, all sums are quadratic forms of
+//! `R_p(i, j) = sum_t x_(t-i) x_(t-j)`, `t >= p` (Vos, A fast implementation of Burg's method,
+//! 2013). So a series is reduced to its products once, products of many series are added, and the
+//! recursion runs over the sums alone.
 //!
 //! A masked sample (NaN) ends a series, and the next valid one begins another.
 
@@ -21,7 +27,8 @@ use serde::{Deserialize, Serialize};
 
 /// What is so unlikely in white noise is not modelled as white.
 const NOT_WHITE: f64 = 1.0 - 1e-4;
-/// A prediction error below this share of the series' own power is rounding: the recursion ends there.
+/// A prediction error below this share of the series' own power is rounding: the recursion ends
+/// there.
 const ROUNDING: f64 = 1e-12;
 
 /// Products of series, enough for models up to an order.
@@ -30,12 +37,13 @@ pub struct Products {
     order: usize,
     /// Residuals that were measured.
     pub count: usize,
-    /// How many of them have so many (`0..=order`) before them in their run: what a partial autocorrelation is found from.
+    /// How many of them have so many (`0..=order`) before them in their run: what a partial
+    /// autocorrelation is found from.
     behind: Vec<usize>,
     /// Sum of their squares, and of what was absorbed of them.
     square: f64,
-    /// For `t = 0..order` the products `x_(t-i) x_(t-j)`, `j <= i <= t`, of the sample `t` of each run, and last those of all `t >= order`:
-    /// lower triangles, one behind the other.
+    /// For `t = 0..order` the products `x_(t-i) x_(t-j)`, `j <= i <= t`, of the sample `t` of each
+    /// run, and last those of all `t >= order`: lower triangles, one behind the other.
     sums: Vec<f64>,
 }
 
@@ -46,7 +54,13 @@ fn begins(t: usize) -> usize {
 
 impl Products {
     pub fn new(order: usize) -> Products {
-        Products { order, count: 0, behind: vec![0; order + 1], square: 0.0, sums: vec![0.0; begins(order + 1)] }
+        Products {
+            order,
+            count: 0,
+            behind: vec![0; order + 1],
+            square: 0.0,
+            sums: vec![0.0; begins(order + 1)],
+        }
     }
 
     /// Counts the samples of a measured series and adds its products.
@@ -58,7 +72,8 @@ impl Products {
         self.beside(x);
     }
 
-    /// Adds the products of a series that stands beside measured ones: what a fit absorbed of them. It counts no samples.
+    /// Adds the products of a series that stands beside measured ones: what a fit absorbed of them.
+    /// It counts no samples.
     pub fn beside(&mut self, x: &[f64]) {
         for run in x.split(|v| v.is_nan()).filter(|run| !run.is_empty()) {
             self.run(run);
@@ -88,7 +103,8 @@ impl Products {
         if n <= m {
             return;
         }
-        // R(0, j) by its sum, R(i + 1, j + 1) = R(i, j) + what enters before the first sample - what leaves at the last.
+        // R(0, j) by its sum, R(i + 1, j + 1) = R(i, j) + what enters before the first sample -
+        // what leaves at the last.
         let triangle = &mut self.sums[begins(m)..];
         let late = &x[m..];
         for j in 0..=m {
@@ -115,13 +131,14 @@ impl Products {
     }
 }
 
-/// How the order of the residuals' autoregressive model is chosen. Slow noise of a small part of the white noise's size widens
-/// intervals a lot and is easily missed.
+/// How the order of the residuals' autoregressive model is chosen. Slow noise of a small part of
+/// the white noise's size widens intervals a lot and is easily missed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum OrderCriterion {
-    /// The order of `bic`, raised until the residuals it leaves pass as white: the sum of squares of the partial autocorrelations of all
-    /// higher orders is below its median for white noise. Covers 94 to 95%.
+    /// The order of `bic`, raised until the residuals it leaves pass as white: the sum of squares
+    /// of the partial autocorrelations of all higher orders is below its median for white noise.
+    /// Covers 94 to 95%.
     White,
     /// Least `N ln(variance) + 2 p`. Covers 93 to 94%.
     Aic,
@@ -133,8 +150,8 @@ pub enum OrderCriterion {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Modelled {
     pub model: Ar,
-    /// The recursion ended at this order, below the highest asked for, and the criterion wanted no less: what is left is rounding, or no
-    /// series is longer.
+    /// The recursion ended at this order, below the highest asked for, and the criterion wanted no
+    /// less: what is left is rounding, or no series is longer.
     pub cut: Option<usize>,
 }
 
@@ -142,13 +159,15 @@ pub struct Modelled {
 pub(super) fn partial(products: &Products) -> Vec<f64> {
     let m = products.order;
     let mut partial = Vec::new();
-    // `r` is R_p, `p` ascending: what is summed from the first sample on is taken off sample by sample.
+    // `r` is R_p, `p` ascending: what is summed from the first sample on is taken off sample by
+    // sample.
     let mut r = vec![0.0; (m + 1) * (m + 2) / 2];
     for t in 0..=m {
         r.iter_mut().zip(&products.sums[begins(t)..begins(t + 1)]).for_each(|(r, s)| *r += s);
     }
     let mut predictor: Vec<f64> = Vec::new();
-    // An order of more than half a run's length is found from its ends alone (Ulrych & Bishop, Rev. Geophys. 13, 1975).
+    // An order of more than half a run's length is found from its ends alone (Ulrych & Bishop, Rev.
+    // Geophys. 13, 1975).
     for p in (1..=m).take_while(|p| 2 * products.behind[*p] >= products.count) {
         r.iter_mut().zip(&products.sums[begins(p - 1)..begins(p)]).for_each(|(r, s)| *r -= s);
         let at = |i: usize, j: usize| r[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
@@ -200,9 +219,9 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     let order = match criterion {
         OrderCriterion::Aic => least(2.0),
         OrderCriterion::Bic => least(libm::log(products.count as f64)),
-        OrderCriterion::White => {
-            (least(libm::log(products.count as f64))..=partial.len()).find(|&p| unlikely(p) < 0.5).unwrap_or(partial.len())
-        }
+        OrderCriterion::White => (least(libm::log(products.count as f64))..=partial.len())
+            .find(|&p| unlikely(p) < 0.5)
+            .unwrap_or(partial.len()),
     };
     let cut = (order == partial.len() && order < products.order).then_some(order);
     let variance = partial[..order].iter().fold(c0, |variance, k| variance * (1.0 - k * k));

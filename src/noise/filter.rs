@@ -1,7 +1,9 @@
-//! An autoregressive model in; series made white, and products with its covariance matrix, in time linear in the number of samples, out.
+//! An autoregressive model in; series made white, and products with its covariance matrix, in time
+//! linear in the number of samples, out.
 //!
-//! `Sigma = A^-1 D A^-T` of a process that starts stationary: row `i` of `A` is the predictor of the order `min(i, p)`, so that the first
-//! samples of a series count as what they are, and `D` holds the variances of the predictions' errors. `D^-1/2 A r` is white, of unit variance.
+//! `Sigma = A^-1 D A^-T` of a process that starts stationary: row `i` of `A` is the predictor of
+//! the order `min(i, p)`, so that the first samples of a series count as what they are, and `D`
+//! holds the variances of the predictions' errors. `D^-1/2 A r` is white, of unit variance.
 
 use super::ar::Ar;
 use super::gaps::{Gaps, innovation};
@@ -34,12 +36,16 @@ impl Filter {
         self.whiten_all(std::slice::from_mut(x), masked);
     }
 
-    /// Series that were measured at the same samples, each made white: what was measured comes out with unit covariance (`gaps`), and what was
-    /// not as 0, whatever it held.
+    /// Series that were measured at the same samples, each made white: what was measured comes out
+    /// with unit covariance (`gaps`), and what was not as 0, whatever it held.
     pub fn whiten_all(&self, columns: &mut [Vec<f64>], masked: &[bool]) {
         let gaps = Gaps::new(&self.predictors, &self.variances, masked);
         for x in columns {
-            masked.iter().zip(x.iter_mut()).filter(|(masked, _)| **masked).for_each(|(_, x)| *x = 0.0);
+            masked
+                .iter()
+                .zip(x.iter_mut())
+                .filter(|(masked, _)| **masked)
+                .for_each(|(_, x)| *x = 0.0);
             let mut white = self.ordinary(x);
             gaps.bridge(&self.predictors, x, &mut white);
             *x = white;
@@ -49,8 +55,9 @@ impl Filter {
     /// Every sample less its prediction from measured ones, over the sd of that.
     fn ordinary(&self, x: &[f64]) -> Vec<f64> {
         let (last, n) = (self.predictors.len() - 1, x.len());
-        let mut white: Vec<f64> =
-            (0..last.min(n)).map(|i| innovation(&self.predictors[i], &x[..=i]) / self.variances[i].sqrt()).collect();
+        let mut white: Vec<f64> = (0..last.min(n))
+            .map(|i| innovation(&self.predictors[i], &x[..=i]) / self.variances[i].sqrt())
+            .collect();
         // From order p on the predictor stays the same: lag by lag over the whole series.
         white.extend_from_slice(&x[last.min(n)..]);
         for (j, a) in self.predictors[last].iter().enumerate().filter(|_| n > last) {
@@ -66,7 +73,8 @@ impl Filter {
         let mut v = g.to_vec();
         let n = g.len().checked_div(nd).unwrap_or(0);
         for i in (0..n).rev() {
-            // Sample i predicts nothing any more: hand its value to the samples it is predicted from.
+            // Sample i predicts nothing any more: hand its value to the samples it is predicted
+            // from.
             let (before, at) = v.split_at_mut(i * nd);
             for (j, a) in self.predictors[self.order(i)].iter().enumerate() {
                 let to = &mut before[(i - 1 - j) * nd..(i - j) * nd];
@@ -81,8 +89,8 @@ impl Filter {
         self.variances[self.order(i)]
     }
 
-    /// Sum of products of the responses of two processes to an impulse, `sum_k psi(k) phi(k)`, over that of each with itself:
-    /// 1 for processes of the same colour.
+    /// Sum of products of the responses of two processes to an impulse, `sum_k psi(k) phi(k)`, over
+    /// that of each with itself: 1 for processes of the same colour.
     pub fn likeness(&self, other: &Filter) -> f64 {
         let (a, b) = (self.impulse(), other.impulse());
         let sum = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
@@ -133,7 +141,8 @@ mod tests {
         filter.whiten(&mut a, &masked);
         filter.whiten(&mut b, &masked);
         assert_eq!((&a, a[2]), (&b, 0.0));
-        // Two samples ahead: the prediction is 0.8^2 of the last one, and its error is e_2 + 0.8 e_1.
+        // Two samples ahead: the prediction is 0.8^2 of the last one, and its error is e_2 + 0.8
+        // e_1.
         let after = (4.0 - 0.8 * 0.8 * 2.0) / (1.0f64 + 0.8 * 0.8).sqrt();
         assert!((a[3] - after).abs() < 1e-12 && (a[4] - (5.0 - 0.8 * 4.0)).abs() < 1e-12);
     }
@@ -144,7 +153,8 @@ mod tests {
         let mut x: Vec<f64> = Vec::new();
         for i in 0..n {
             let order = i.min(model.order());
-            let foretold: f64 = predictors[order].iter().zip(x.iter().rev()).map(|(a, x)| a * x).sum();
+            let foretold: f64 =
+                predictors[order].iter().zip(x.iter().rev()).map(|(a, x)| a * x).sum();
             let new: f64 = StandardNormal.sample(&mut random);
             x.push(foretold + errors[order].sqrt() * new);
         }
@@ -174,17 +184,28 @@ mod tests {
             let masked = masked(n, pattern);
             let there: Vec<usize> = (0..n).filter(|&k| !masked[k]).collect();
             let m = there.len();
-            let sigma: Vec<f64> = (0..m * m).map(|k| c[there[k / m].abs_diff(there[k % m])]).collect();
+            let sigma: Vec<f64> =
+                (0..m * m).map(|k| c[there[k / m].abs_diff(there[k % m])]).collect();
             let mut want: Vec<f64> = there.iter().map(|&k| x[k]).collect();
             forward(&cholesky(&sigma, m).expect("definite"), m, &mut want);
             let mut columns = vec![x.clone(), x.iter().map(|v| 3.0 * v).collect()];
-            columns[0].iter_mut().zip(&masked).filter(|(_, masked)| **masked).for_each(|(x, _)| *x = f64::NAN);
+            columns[0]
+                .iter_mut()
+                .zip(&masked)
+                .filter(|(_, masked)| **masked)
+                .for_each(|(x, _)| *x = f64::NAN);
             Filter::new(&model).whiten_all(&mut columns, &masked);
             for (k, want) in there.iter().zip(&want) {
-                assert!((columns[0][*k] - want).abs() < 1e-9, "{pattern:?} {k}: {} {want}", columns[0][*k]);
+                assert!(
+                    (columns[0][*k] - want).abs() < 1e-9,
+                    "{pattern:?} {k}: {} {want}",
+                    columns[0][*k]
+                );
                 assert!((columns[1][*k] - 3.0 * want).abs() < 1e-9, "{pattern:?} {k}");
             }
-            assert!((0..n).filter(|&k| masked[k]).all(|k| columns[0][k] == 0.0 && columns[1][k] == 0.0));
+            assert!(
+                (0..n).filter(|&k| masked[k]).all(|k| columns[0][k] == 0.0 && columns[1][k] == 0.0)
+            );
         }
     }
 

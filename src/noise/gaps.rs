@@ -1,14 +1,19 @@
-//! Predictors and which samples of a series were not measured in; those samples bridged, and the first ones behind them made white, out.
+//! Predictors and which samples of a series were not measured in; those samples bridged, and the
+//! first ones behind them made white, out.
 //!
-//! A sample that was not measured is taken for its prediction, whose error the samples behind it inherit. With `P` the covariance of the
-//! errors of the last `p` values (nothing for measured ones), `a` the predictor and `s^2` the variance of its error, the next sample has the
-//! innovation variance `v = a'Pa + s^2` and the covariance `P a` with those values: the Kalman filter of an autoregressive process with
-//! missing observations (Jones, Technometrics 22, 1980). Measured, it tells of the values before it with the gain `K = P a / v`,
-//! `P -= v K K'`. As soon as `p` measured samples follow each other `P` is nothing, and what comes then is as if nothing had been missing.
+//! A sample that was not measured is taken for its prediction, whose error the samples behind it
+//! inherit. With `P` the covariance of the errors of the last `p` values (nothing for measured
+//! ones), `a` the predictor and `s^2` the variance of its error, the next sample has the innovation
+//! variance `v = a'Pa + s^2` and the covariance `P a` with those values: the Kalman filter of an
+//! autoregressive process with missing observations (Jones, Technometrics 22, 1980). Measured, it
+//! tells of the values before it with the gain `K = P a / v`, `P -= v K K'`. As soon as `p`
+//! measured samples follow each other `P` is nothing, and what comes then is as if nothing had been
+//! missing.
 //!
 //! Gains depend on what was measured alone: they are found once for all series of a block.
 
-/// The samples that are no matter of the predictors alone: masked ones, and those within the order behind them.
+/// The samples that are no matter of the predictors alone: masked ones, and those within the order
+/// behind them.
 pub(super) struct Gaps(Vec<Step>);
 
 /// One of these samples.
@@ -55,7 +60,8 @@ impl Gaps {
         Gaps(steps)
     }
 
-    /// Puts estimates in place of the masked samples of `x`, and makes `white` what `Gaps` is about.
+    /// Puts estimates in place of the masked samples of `x`, and makes `white` what `Gaps` is
+    /// about.
     pub(super) fn bridge(&self, predictors: &[Vec<f64>], x: &mut [f64], white: &mut [f64]) {
         let n = x.len();
         for Step { at, measured } in self.0.iter().take_while(|step| step.at < n) {
@@ -81,7 +87,8 @@ impl Errors {
     /// `P a` and the variance of the innovation.
     fn of_prediction(&self, a: &[f64], s2: f64) -> (Vec<f64>, f64) {
         let row = |i: usize| &self.p[i * self.n..(i + 1) * self.n];
-        let with: Vec<f64> = (0..self.n).map(|i| row(i).iter().zip(a).map(|(p, a)| p * a).sum()).collect();
+        let with: Vec<f64> =
+            (0..self.n).map(|i| row(i).iter().zip(a).map(|(p, a)| p * a).sum()).collect();
         let more: f64 = with.iter().zip(a).map(|(p, a)| p * a).sum();
         (with, more.max(0.0) + s2)
     }
@@ -92,11 +99,15 @@ impl Errors {
         for i in 0..n {
             (0..n).for_each(|j| self.p[i * n + j] -= with[i] * with[j] / variance);
         }
-        let of = (0..n.min(at)).filter(|&i| with[i] != 0.0).map(|i| (at - 1 - i, with[i] / variance)).collect();
+        let of = (0..n.min(at))
+            .filter(|&i| with[i] != 0.0)
+            .map(|i| (at - 1 - i, with[i] / variance))
+            .collect();
         Gain { scale: 1.0 / variance.sqrt(), of }
     }
 
-    /// The window moves on by one value: a known one, or one with this covariance with the others and this variance.
+    /// The window moves on by one value: a known one, or one with this covariance with the others
+    /// and this variance.
     fn shift(&mut self, estimated: Option<(&[f64], f64)>) {
         let n = self.n;
         for i in (1..n).rev() {

@@ -1,4 +1,5 @@
-//! Is the model of the noise right where it matters, at low frequencies, and does it hold on any series?
+//! Is the model of the noise right where it matters, at low frequencies, and does it hold on any
+//! series?
 
 use super::{Ar, OrderCriterion, Products, burg, whiteness};
 use crate::math::median;
@@ -26,7 +27,8 @@ fn level_of(rho: f64) -> f64 {
     (1.0 + rho) / (1.0 - rho)
 }
 
-/// The criterion that always takes the highest order: every order gains, however little, without a penalty.
+/// The criterion that always takes the highest order: every order gains, however little, without a
+/// penalty.
 fn of_highest_order(products: &Products) -> Ar {
     let modelled = burg::fit(products, OrderCriterion::White).model;
     let mut partial = burg::partial(products);
@@ -36,7 +38,12 @@ fn of_highest_order(products: &Products) -> Ar {
 }
 
 /// Level over truth in 400 trials of 8 segments of 200 samples, at a fixed order.
-fn levels(order: usize, truth: f64, fit: fn(&Products) -> Ar, make: &dyn Fn(&mut Random) -> Vec<f64>) -> Vec<f64> {
+fn levels(
+    order: usize,
+    truth: f64,
+    fit: fn(&Products) -> Ar,
+    make: &dyn Fn(&mut Random) -> Vec<f64>,
+) -> Vec<f64> {
     let trial = |seed: u64| {
         let mut random = Random::seed_from_u64(4000 + seed);
         let mut products = Products::new(order);
@@ -57,11 +64,17 @@ fn recovery_the_level_of_slow_noise_is_hardly_biased() {
         println!("AR(1) {rho}, order {order}: mean {:.3}, median {:.3}", mean(&of), median(&of));
         assert!((0.85..=1.15).contains(&mean(&of)), "{rho}: {}", mean(&of));
     }
-    // Where the noise is slower than a segment is long, a segment is worth one sample. The level is that of a variance squared over the (well known)
-    // variance of increments, so that of 8 segments its mean is 1 + 2/8 of the truth even where it is known as well as can be.
+    // Where the noise is slower than a segment is long, a segment is worth one sample. The level is
+    // that of a variance squared over the (well known) variance of increments, so that of 8
+    // segments its mean is 1 + 2/8 of the truth even where it is known as well as can be.
     let of = levels(4, level_of(0.999), of_highest_order, &|random| slow(random, 200, 0.999));
     println!("AR(1) 0.999, order 4: mean {:.3}, median {:.3}", mean(&of), median(&of));
-    assert!((0.80..=1.15).contains(&(mean(&of) / 1.25)) && (0.80..=1.15).contains(&median(&of)), "{} {}", mean(&of), median(&of));
+    assert!(
+        (0.80..=1.15).contains(&(mean(&of) / 1.25)) && (0.80..=1.15).contains(&median(&of)),
+        "{} {}",
+        mean(&of),
+        median(&of)
+    );
 }
 
 #[test]
@@ -82,7 +95,10 @@ fn recovery_slow_noise_under_white_noise_is_mostly_seen() {
         };
         mean(&(0..400).map(trial).collect::<Vec<_>>())
     });
-    println!("white and a third of slow noise: level over truth by white {:.2}, aic {:.2}, bic {:.2}", all[0], all[1], all[2]);
+    println!(
+        "white and a third of slow noise: level over truth by white {:.2}, aic {:.2}, bic {:.2}",
+        all[0], all[1], all[2]
+    );
     assert!(all[0] > 0.75 && all[0] > all[1] && all[1] > all[2], "{all:?}");
 }
 
@@ -114,7 +130,10 @@ fn a_process_of_second_order_is_found_and_white_stays_white() {
     let model = burg::fit(&products, OrderCriterion::Bic).model;
     let a = model.predictors().pop().expect("an order");
     assert!(
-        a.len() == 2 && (a[0] - 1.2).abs() < 0.02 && (a[1] + 0.6).abs() < 0.02 && (model.variance - 1.0).abs() < 0.03,
+        a.len() == 2
+            && (a[0] - 1.2).abs() < 0.02
+            && (a[1] + 0.6).abs() < 0.02
+            && (model.variance - 1.0).abs() < 0.03,
         "{model:?}"
     );
     let mut white = Products::new(20);
@@ -126,7 +145,8 @@ fn a_process_of_second_order_is_found_and_white_stays_white() {
 #[test]
 fn sums_of_products_give_the_recursion_over_errors() {
     let mut random = Random::seed_from_u64(7);
-    let series: Vec<Vec<f64>> = [40, 9, 3, 1, 25].iter().map(|&n| slow(&mut random, n, 0.7)).collect();
+    let series: Vec<Vec<f64>> =
+        [40, 9, 3, 1, 25].iter().map(|&n| slow(&mut random, n, 0.7)).collect();
     let mut products = Products::new(12);
     series.iter().for_each(|x| products.take(x));
     let (mut f, mut b) = (series.clone(), series);
@@ -172,7 +192,9 @@ impl Worst {
             });
         }
         let at = |k: usize| k as f64 / self.n as f64 - 0.5;
-        x.iter_mut().enumerate().for_each(|(k, x)| *x += self.white * normal(&mut random) + self.offset + self.trend * at(k));
+        x.iter_mut().enumerate().for_each(|(k, x)| {
+            *x += self.white * normal(&mut random) + self.offset + self.trend * at(k)
+        });
         x.iter_mut().for_each(|x| *x *= self.scale);
         x
     }
@@ -183,14 +205,25 @@ fn worst() -> impl Strategy<Value = Worst> {
     let white = prop_oneof![Just(0.0), 0.0..3.0f64];
     let level = || prop_oneof![Just(0.0), -100.0..100.0f64];
     let scale = prop_oneof![Just(1.0), Just(1e-9), Just(1e6)];
-    (any::<u64>(), rho, white, level(), level(), any::<bool>(), 30..1500usize, scale)
-        .prop_map(|(seed, rho, white, offset, trend, walk, n, scale)| Worst { seed, rho, white, offset, trend, walk, n, scale })
+    (any::<u64>(), rho, white, level(), level(), any::<bool>(), 30..1500usize, scale).prop_map(
+        |(seed, rho, white, offset, trend, walk, n, scale)| Worst {
+            seed,
+            rho,
+            white,
+            offset,
+            trend,
+            walk,
+            n,
+            scale,
+        },
+    )
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// Whatever the series: every order is reached, the model is stationary, and what is plainly not white is not called white.
+    /// Whatever the series: every order is reached, the model is stationary, and what is plainly
+    /// not white is not called white.
     #[test]
     fn the_recursion_never_breaks_off(worst in worst()) {
         let x = worst.series();

@@ -5,15 +5,18 @@ use crate::math::distribution::chi2_cdf;
 /// Answers to "is it white?"
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Whiteness {
-    /// Probability of a Ljung-Box statistic as large as this one in white noise; NaN where there is nothing to tell.
+    /// Probability of a Ljung-Box statistic as large as this one in white noise; NaN where there is
+    /// nothing to tell.
     pub p: f64,
-    /// Share of the autocorrelations outside +-1.96/sqrt(n), within which 95% of them lie in white noise.
+    /// Share of the autocorrelations outside +-1.96/sqrt(n), within which 95% of them lie in white
+    /// noise.
     pub outside: f64,
     /// Lags looked at.
     pub lags: usize,
 }
 
-/// Judges residuals (NaN where masked) about their mean by their first autocorrelations: 20 of them, or a fifth of the samples.
+/// Judges residuals (NaN where masked) about their mean by their first autocorrelations: 20 of
+/// them, or a fifth of the samples.
 pub fn whiteness(e: &[f64]) -> Whiteness {
     let n = e.iter().filter(|v| !v.is_nan()).count();
     let lags = 20.min(n / 5);
@@ -27,20 +30,25 @@ pub fn whiteness(e: &[f64]) -> Whiteness {
     let nf = n as f64;
     let rho: Vec<f64> = c.iter().skip(1).map(|c| c / scale).collect();
     // Ljung & Box, Biometrika 65 (1978)
-    let q: f64 = rho.iter().enumerate().map(|(k, r)| r * r / (nf - 1.0 - k as f64)).sum::<f64>() * nf * (nf + 2.0);
+    let q: f64 = rho.iter().enumerate().map(|(k, r)| r * r / (nf - 1.0 - k as f64)).sum::<f64>()
+        * nf
+        * (nf + 2.0);
     let outside = rho.iter().filter(|r| r.abs() > 1.96 / nf.sqrt()).count() as f64 / lags as f64;
     Whiteness { p: 1.0 - chi2_cdf(q, lags as f64), outside, lags }
 }
 
-/// Autocovariances at lags `0..=lags` over the number of valid samples, as the statistic is defined; pairs with a masked sample are left out.
+/// Autocovariances at lags `0..=lags` over the number of valid samples, as the statistic is
+/// defined; pairs with a masked sample are left out.
 fn autocovariances(r: &[f64], lags: usize) -> Vec<f64> {
     let valid = r.iter().filter(|v| !v.is_nan()).count().max(1) as f64;
-    let products = |lag: usize| r.iter().zip(r.iter().skip(lag)).map(|(a, b)| a * b).filter(|v| !v.is_nan()).sum::<f64>();
+    let products = |lag: usize| {
+        r.iter().zip(r.iter().skip(lag)).map(|(a, b)| a * b).filter(|v| !v.is_nan()).sum::<f64>()
+    };
     (0..=lags).map(|lag| products(lag) / valid).collect()
 }
 
-/// Theil's inequality coefficient of two signals, `rms(a - b) / (rms(a) + rms(b))`: 0 where they are equal, 1 where they have nothing in
-/// common. Samples without both values are left out.
+/// Theil's inequality coefficient of two signals, `rms(a - b) / (rms(a) + rms(b))`: 0 where they
+/// are equal, 1 where they have nothing in common. Samples without both values are left out.
 pub fn theil(a: &[f64], b: &[f64]) -> f64 {
     let (mut d, mut sa, mut sb) = (0.0, 0.0, 0.0);
     for (x, y) in a.iter().zip(b).filter(|(x, y)| x.is_finite() && y.is_finite()) {
@@ -70,7 +78,8 @@ mod tests {
 
     #[test]
     fn white_noise_is_refused_one_time_in_twenty_and_coloured_noise_always() {
-        let white: Vec<Whiteness> = (0..400).map(|seed| whiteness(&series(seed, 300, 0.0))).collect();
+        let white: Vec<Whiteness> =
+            (0..400).map(|seed| whiteness(&series(seed, 300, 0.0))).collect();
         let refused = white.iter().filter(|w| w.p < 0.05).count();
         assert!((8..=34).contains(&refused), "{refused} of 400");
         let outside = white.iter().map(|w| w.outside).sum::<f64>() / 400.0;

@@ -1,4 +1,5 @@
-//! Fresh, stale or missing, and why: a plan and the output folder come in, the state of every unit of every stage goes out.
+//! Fresh, stale or missing, and why: a plan and the output folder come in, the state of every unit
+//! of every stage goes out.
 
 use super::plan::Plan;
 use super::provenance::{Ingredients, PLACE, Record};
@@ -16,13 +17,15 @@ pub enum State {
     New,
     /// It would be run again: the reasons.
     Stale(Vec<String>),
-    /// What it reads is being made anew; whether it is run again depends on what comes out. The reasons.
+    /// What it reads is being made anew; whether it is run again depends on what comes out. The
+    /// reasons.
     Waits(Vec<String>),
     /// It cannot be run, because something it needs is missing: what.
     Blocked(String),
 }
 
-/// Content of a file in the output folder, as far as it is known at this point of a run or of a dry run.
+/// Content of a file in the output folder, as far as it is known at this point of a run or of a dry
+/// run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
     /// The hash of its bytes.
@@ -47,7 +50,13 @@ pub struct Assessment {
 ///
 /// # Errors
 /// A log or an output file is there and cannot be read.
-pub fn assess(plan: &Plan, store: &Store, contents: &Contents, stage: &Stage, unit: Unit) -> Result<Assessment> {
+pub fn assess(
+    plan: &Plan,
+    store: &Store,
+    contents: &Contents,
+    stage: &Stage,
+    unit: Unit,
+) -> Result<Assessment> {
     let campaign = &plan.campaign;
     let record = store.record(stage.name, &unit.name);
     let mut ingredients = Ingredients::new(stage.code(), &(stage.slice)(campaign, &unit));
@@ -84,17 +93,30 @@ pub fn assess(plan: &Plan, store: &Store, contents: &Contents, stage: &Stage, un
     Ok(Assessment { unit, state, ingredients, record })
 }
 
-fn compare(store: &Store, stage: &Stage, unit: &Unit, now: &Ingredients, record: &Record, waits: Vec<String>) -> Result<State> {
+fn compare(
+    store: &Store,
+    stage: &Stage,
+    unit: &Unit,
+    now: &Ingredients,
+    record: &Record,
+    waits: Vec<String>,
+) -> Result<State> {
     let mut why = Vec::new();
     if let Some(error) = &record.error {
         why.push(format!("it failed: {}", error.lines().next().unwrap_or_default()));
     }
     // What is being made anew is no difference yet.
-    why.extend(now.differences(&record.ingredients).into_iter().filter(|d| waits.is_empty() || !d.ends_with(" is gone")));
+    why.extend(
+        now.differences(&record.ingredients)
+            .into_iter()
+            .filter(|d| waits.is_empty() || !d.ends_with(" is gone")),
+    );
     for (path, hash) in &record.outputs {
         match store.memo.hash(&store.path(path))? {
             None => why.push(format!("{path} is gone")),
-            Some(found) if found != *hash => why.push(format!("{path} was changed by something else")),
+            Some(found) if found != *hash => {
+                why.push(format!("{path} was changed by something else"))
+            }
             Some(_) => {}
         }
     }
@@ -108,17 +130,25 @@ fn compare(store: &Store, stage: &Stage, unit: &Unit, now: &Ingredients, record:
     })
 }
 
-/// Adds what a unit's outputs are after this assessment: known where it is fresh, changing where it would run.
+/// Adds what a unit's outputs are after this assessment: known where it is fresh, changing where it
+/// would run.
 pub fn contents_after(stage: &Stage, assessment: &Assessment, contents: &mut Contents) {
     match (&assessment.state, &assessment.record) {
         (State::Blocked(_), _) => {}
         (State::Fresh, Some(record)) => {
-            contents.extend(record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))));
+            contents.extend(
+                record
+                    .outputs
+                    .iter()
+                    .map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))),
+            );
         }
         _ => {
             let part = &assessment.unit.part;
             let by = format!("{} of {}", stage.name, assessment.unit.name);
-            contents.extend(stage.writes.iter().map(|table| (part.path(table), Content::Changing(by.clone()))));
+            contents.extend(
+                stage.writes.iter().map(|table| (part.path(table), Content::Changing(by.clone()))),
+            );
         }
     }
 }

@@ -1,6 +1,8 @@
-//! Content hashes of files: a path comes in, the hash of its bytes goes out, remembered by size and time of change.
+//! Content hashes of files: a path comes in, the hash of its bytes goes out, remembered by size and
+//! time of change.
 //!
-//! The memory only saves reading: it is never part of a key, and a lost or broken memory file costs time, nothing else.
+//! The memory only saves reading: it is never part of a key, and a lost or broken memory file costs
+//! time, nothing else.
 
 use super::provenance::hash_bytes;
 use crate::error::{Error, Result};
@@ -23,13 +25,17 @@ pub struct Memo {
     entries: Mutex<BTreeMap<PathBuf, Entry>>,
 }
 
-/// Files changed less than this before they were hashed are not remembered: they could change again within the clock's grain.
+/// Files changed less than this before they were hashed are not remembered: they could change again
+/// within the clock's grain.
 const SETTLED: Duration = Duration::from_secs(2);
 
 impl Memo {
     /// Reads the memory file; an absent or unreadable one is an empty memory.
     pub fn read(path: &Path) -> Memo {
-        let entries = std::fs::read(path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
+        let entries = std::fs::read(path)
+            .ok()
+            .and_then(|bytes| serde_json::from_slice(&bytes).ok())
+            .unwrap_or_default();
         Memo { entries: Mutex::new(entries) }
     }
 
@@ -45,7 +51,8 @@ impl Memo {
     /// # Errors
     /// The file is there and cannot be read.
     pub fn hash(&self, path: &Path) -> Result<Option<String>> {
-        let unreadable = |e: std::io::Error| Error::new(format!("cannot read {}: {e}", path.display()));
+        let unreadable =
+            |e: std::io::Error| Error::new(format!("cannot read {}: {e}", path.display()));
         let meta = match std::fs::metadata(path) {
             Ok(meta) => meta,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),

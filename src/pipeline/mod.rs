@@ -1,4 +1,5 @@
-//! A pipeline file comes in; it is planned (every mistake of every file is found first), then run stage by stage as far as not fresh.
+//! A pipeline file comes in; it is planned (every mistake of every file is found first), then run
+//! stage by stage as far as not fresh.
 
 mod assess;
 mod plan;

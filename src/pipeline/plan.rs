@@ -1,4 +1,5 @@
-//! A pipeline file and all files it names come in; a checked campaign, or every mistake in any of them at once, goes out.
+//! A pipeline file and all files it names come in; a checked campaign, or every mistake in any of
+//! them at once, goes out.
 
 mod columns;
 mod logs;
@@ -14,7 +15,9 @@ use crate::error::{Error, Errors, Result};
 use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::segment::Kind;
-use crate::stage::{Campaign, Channels, Known, STAGES, Told, derive, diagnose, estimate, fit, reconstruct, segment};
+use crate::stage::{
+    Campaign, Channels, Known, STAGES, Told, derive, diagnose, estimate, fit, reconstruct, segment,
+};
 use columns::Columns;
 use std::path::{Path, PathBuf};
 
@@ -43,7 +46,10 @@ impl Plan {
     ///
     /// # Errors
     /// As `read`.
-    pub fn read_with(pipeline: &Path, change: impl FnOnce(&mut Settings)) -> std::result::Result<Plan, Errors> {
+    pub fn read_with(
+        pipeline: &Path,
+        change: impl FnOnce(&mut Settings),
+    ) -> std::result::Result<Plan, Errors> {
         let plan = |(mut settings, doc): (Settings, Doc)| {
             change(&mut settings);
             let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
@@ -63,7 +69,10 @@ impl Plan {
 
     /// The log of a flight.
     pub fn log(&self, flight: &str) -> Result<&FlightLog> {
-        self.logs.iter().find(|l| l.flight == flight).ok_or_else(|| Error::new(format!("flight {flight} has no log")))
+        self.logs
+            .iter()
+            .find(|l| l.flight == flight)
+            .ok_or_else(|| Error::new(format!("flight {flight} has no log")))
     }
 
     /// Hash of a flight's log; none where the log is not there.
@@ -140,7 +149,8 @@ impl Reader {
         }
         let column = |name: &str| columns.unit(name);
         let known = Known { doc: &self.doc, flights, column: &column };
-        let found = STAGES.iter().flat_map(|stage| (stage.check)(&told, &known).0).collect::<Vec<_>>();
+        let found =
+            STAGES.iter().flat_map(|stage| (stage.check)(&told, &known).0).collect::<Vec<_>>();
         self.errors.0.extend(found);
         told
     }
@@ -160,7 +170,11 @@ impl Reader {
         let path = self.path(relative);
         let there = path.is_file();
         if !there {
-            self.push(key, format!("there is no file {}", path.display()), "paths are relative to the folder of the pipeline file");
+            self.push(
+                key,
+                format!("there is no file {}", path.display()),
+                "paths are relative to the folder of the pipeline file",
+            );
         }
         there
     }
@@ -216,21 +230,40 @@ impl Reader {
         }
     }
 
-    fn reconstruct(&mut self, kinematics: Option<Model>, channels: Option<&Channels>) -> Option<reconstruct::Config> {
+    fn reconstruct(
+        &mut self,
+        kinematics: Option<Model>,
+        channels: Option<&Channels>,
+    ) -> Option<reconstruct::Config> {
         let settings = self.settings.reconstruct.clone()?;
         let checked = reconstruct::Config::new(settings, kinematics?, channels?, &self.doc);
         self.errors.take(checked)
     }
 
-    fn derive(&mut self, aircraft: Option<&Constants>, columns: &Columns) -> Option<derive::Config> {
+    fn derive(
+        &mut self,
+        aircraft: Option<&Constants>,
+        columns: &Columns,
+    ) -> Option<derive::Config> {
         let settings = self.settings.derive.clone();
         if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
-            self.push("derive.rate_hz", format!("the rate of the grid is a positive number of Hz, not {}", settings.rate_hz), "");
+            self.push(
+                "derive.rate_hz",
+                format!(
+                    "the rate of the grid is a positive number of Hz, not {}",
+                    settings.rate_hz
+                ),
+                "",
+            );
         }
         for (name, window) in &settings.smooth {
             let key = format!("derive.smooth.{name}");
             if !(*window > 0.0 && *window <= 3600.0) {
-                self.push(&key, format!("a signal is smoothed over a positive number of seconds, not {window}"), "");
+                self.push(
+                    &key,
+                    format!("a signal is smoothed over a positive number of seconds, not {window}"),
+                    "",
+                );
             }
             columns.look_up(name, "signal or column", &self.doc, &key, &mut self.errors);
         }
@@ -249,7 +282,14 @@ impl Reader {
             None => None,
         };
         let inputs = match &model {
-            Some(model) => names::drivers(model, &settings.inputs, columns, &self.doc, "derive.inputs", &mut self.errors),
+            Some(model) => names::drivers(
+                model,
+                &settings.inputs,
+                columns,
+                &self.doc,
+                "derive.inputs",
+                &mut self.errors,
+            ),
             None => Vec::new(),
         };
         Some(derive::Config { settings, model, inputs })
@@ -297,17 +337,41 @@ impl Reader {
         columns: &Columns,
         channels: Option<&Channels>,
     ) -> Option<estimate::Config> {
-        let inputs: Vec<&str> = self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
-        for input in settings.input.iter().flat_map(estimate::Used::names).filter(|input| !inputs.contains(&input.as_str())) {
-            let error = names::unknown(&self.doc, &format!("{key}.input"), "[[segment.input]]", input, &inputs);
+        let inputs: Vec<&str> =
+            self.settings.segment.iter().flat_map(|s| s.input.iter().map(|i| i.name())).collect();
+        for input in settings
+            .input
+            .iter()
+            .flat_map(estimate::Used::names)
+            .filter(|input| !inputs.contains(&input.as_str()))
+        {
+            let error = names::unknown(
+                &self.doc,
+                &format!("{key}.input"),
+                "[[segment.input]]",
+                input,
+                &inputs,
+            );
             self.errors.push(error);
         }
         if settings.alone && settings.input.is_none() {
-            self.push(&format!("{key}.alone"), "`alone` belongs to `input`, which is missing".to_string(), "");
+            self.push(
+                &format!("{key}.alone"),
+                "`alone` belongs to `input`, which is missing".to_string(),
+                "",
+            );
         }
         let kinds = Kind::ALL.map(Kind::name);
-        for (i, kind) in settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str())) {
-            let error = names::unknown(&self.doc, &format!("{key}.kinds.{i}"), "kind of maneuver", kind, &kinds);
+        for (i, kind) in
+            settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str()))
+        {
+            let error = names::unknown(
+                &self.doc,
+                &format!("{key}.kinds.{i}"),
+                "kind of maneuver",
+                kind,
+                &kinds,
+            );
             self.errors.push(error);
         }
         let times = [
@@ -318,26 +382,42 @@ impl Reader {
         ];
         for (name, value) in times {
             if !(value >= 0.0 && value.is_finite()) {
-                self.push(&format!("{key}.{name}"), format!("{name} is a time of zero or more seconds, not {value}"), "");
+                self.push(
+                    &format!("{key}.{name}"),
+                    format!("{name} is a time of zero or more seconds, not {value}"),
+                    "",
+                );
             }
         }
         let model = self.model(&format!("{key}.model"), &settings.model, aircraft)?;
         let inputs = names::inputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         let outputs = names::outputs(&model, &settings, columns, &self.doc, key, &mut self.errors);
         if let Some(channels) = channels {
-            names::itself(&model, (&inputs, &outputs), columns, channels, &self.doc, key, &mut self.errors);
+            names::itself(
+                &model,
+                (&inputs, &outputs),
+                columns,
+                channels,
+                &self.doc,
+                key,
+                &mut self.errors,
+            );
         }
         names::levels(&settings, columns, &self.doc, key, &mut self.errors);
         match crate::estimate::extended(&model, &settings.method) {
             Ok(extended) => names::method(&extended, &settings, &self.doc, key, &mut self.errors),
-            Err(errors) => {
-                self.errors.0.extend(errors.0.into_iter().map(|e| names::placed(&self.doc, &format!("{key}.method"), e)))
-            }
+            Err(errors) => self.errors.0.extend(
+                errors.0.into_iter().map(|e| names::placed(&self.doc, &format!("{key}.method"), e)),
+            ),
         }
         Some(estimate::Config { settings, model, inputs, outputs })
     }
 
-    fn fits(&mut self, estimates: &[Option<estimate::Config>], columns: &Columns) -> Vec<fit::Config> {
+    fn fits(
+        &mut self,
+        estimates: &[Option<estimate::Config>],
+        columns: &Columns,
+    ) -> Vec<fit::Config> {
         let all = self.settings.fit.clone();
         let mut names: Vec<String> = Vec::new();
         let mut checked = Vec::new();
@@ -356,9 +436,16 @@ impl Reader {
         estimates: &[Option<estimate::Config>],
         columns: &Columns,
     ) -> Option<fit::Config> {
-        let names: Vec<String> = self.settings.estimate.iter().map(estimate::Settings::name).collect();
+        let names: Vec<String> =
+            self.settings.estimate.iter().map(estimate::Settings::name).collect();
         let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
-            let error = names::unknown(&self.doc, &format!("{key}.estimate"), "[[estimate]]", &settings.estimate, &names);
+            let error = names::unknown(
+                &self.doc,
+                &format!("{key}.estimate"),
+                "[[estimate]]",
+                &settings.estimate,
+                &names,
+            );
             self.errors.push(error);
             return None;
         };
@@ -369,9 +456,16 @@ impl Reader {
                 "95% is 0.95",
             );
         }
-        let unit_x = columns.look_up(&settings.against, "column", &self.doc, &format!("{key}.against"), &mut self.errors);
+        let unit_x = columns.look_up(
+            &settings.against,
+            "column",
+            &self.doc,
+            &format!("{key}.against"),
+            &mut self.errors,
+        );
         let estimate = estimates.get(index)?.as_ref()?;
-        if estimate.settings.group != estimate::Group::Segment || estimate.settings.input.is_none() {
+        if estimate.settings.group != estimate::Group::Segment || estimate.settings.input.is_none()
+        {
             self.push(
                 &format!("{key}.estimate"),
                 format!("estimate \"{}\" does not give one estimate per maneuver", settings.estimate),
@@ -380,11 +474,18 @@ impl Reader {
         }
         let mut units = Vec::new();
         for (i, name) in settings.parameters.iter().enumerate() {
-            let known: Vec<&str> = estimate.model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
+            let known: Vec<&str> =
+                estimate.model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
             match estimate.model.parameters.iter().find(|p| p.quantity.name == *name) {
                 Some(parameter) => units.push(parameter.quantity.unit.clone()),
                 None => {
-                    let error = names::unknown(&self.doc, &format!("{key}.parameters.{i}"), "parameter of the model", name, &known);
+                    let error = names::unknown(
+                        &self.doc,
+                        &format!("{key}.parameters.{i}"),
+                        "parameter of the model",
+                        name,
+                        &known,
+                    );
                     self.errors.push(error);
                 }
             }
@@ -414,17 +515,30 @@ impl Reader {
         for (name, what) in settings.method.faults() {
             self.push(&format!("{key}.method.{name}"), what, "");
         }
-        let names: Vec<String> = self.settings.estimate.iter().map(estimate::Settings::name).collect();
+        let names: Vec<String> =
+            self.settings.estimate.iter().map(estimate::Settings::name).collect();
         let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
-            let error = names::unknown(&self.doc, &format!("{key}.estimate"), "[[estimate]]", &settings.estimate, &names);
+            let error = names::unknown(
+                &self.doc,
+                &format!("{key}.estimate"),
+                "[[estimate]]",
+                &settings.estimate,
+                &names,
+            );
             self.errors.push(error);
             return None;
         };
-        let folders: Vec<PathBuf> = settings.effects.iter().map(|folder| self.path(folder)).collect();
+        let folders: Vec<PathBuf> =
+            settings.effects.iter().map(|folder| self.path(folder)).collect();
         for (i, folder) in folders.iter().enumerate().filter(|(_, folder)| !folder.is_dir()) {
-            self.push(&format!("{key}.effects.{i}"), format!("there is no folder {}", folder.display()), "");
+            self.push(
+                &format!("{key}.effects.{i}"),
+                format!("there is no folder {}", folder.display()),
+                "",
+            );
         }
-        let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).filter(|folder| folder.is_dir()).collect();
+        let folders: Vec<&Path> =
+            folders.iter().map(PathBuf::as_path).filter(|folder| folder.is_dir()).collect();
         let effects = self.errors.take(effect::load(&folders))?;
         let base = estimates.get(index)?.as_ref()?;
         self.roles(key, &settings, &base.model);
@@ -433,14 +547,20 @@ impl Reader {
 
     /// Checks that roles are roles, and what plays them is in the model.
     fn roles(&mut self, key: &str, settings: &diagnose::Settings, model: &Model) {
-        let known: Vec<String> = effect::roles::names().iter().map(|name| name.to_string()).collect();
+        let known: Vec<String> =
+            effect::roles::names().iter().map(|name| name.to_string()).collect();
         for (role, players) in &settings.roles {
             if !effect::roles::exists(role) {
-                let error = names::unknown(&self.doc, &format!("{key}.roles.{role}"), "role", role, &known);
+                let error =
+                    names::unknown(&self.doc, &format!("{key}.roles.{role}"), "role", role, &known);
                 self.errors.push(error);
             }
-            for (i, name) in players.iter().enumerate().filter(|(_, name)| !effect::roles::is_of(model, name)) {
-                let what = format!("\"{name}\" is nothing of the model that could play the role \"{role}\"");
+            for (i, name) in
+                players.iter().enumerate().filter(|(_, name)| !effect::roles::is_of(model, name))
+            {
+                let what = format!(
+                    "\"{name}\" is nothing of the model that could play the role \"{role}\""
+                );
                 self.push(
                     &format!("{key}.roles.{role}.{i}"),
                     what,
@@ -452,13 +572,22 @@ impl Reader {
 
     /// Checks that a name is new and safe in a file's name.
     fn new_name(&mut self, key: &str, name: &str, names: &mut Vec<String>) {
-        let clean =
-            !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c)) && !name.starts_with('.');
+        let clean = !name.is_empty()
+            && name.chars().all(|c| c.is_ascii_alphanumeric() || "._-".contains(c))
+            && !name.starts_with('.');
         if !clean {
-            self.push(&format!("{key}.name"), format!("\"{name}\" is no name"), "use letters, digits, '.', '_' and '-'");
+            self.push(
+                &format!("{key}.name"),
+                format!("\"{name}\" is no name"),
+                "use letters, digits, '.', '_' and '-'",
+            );
         }
         if names.iter().any(|n| n == name) {
-            self.push(&format!("{key}.name"), format!("the name \"{name}\" is taken"), "give it another `name`");
+            self.push(
+                &format!("{key}.name"),
+                format!("the name \"{name}\" is taken"),
+                "give it another `name`",
+            );
         }
         names.push(name.to_string());
     }

@@ -1,11 +1,13 @@
-//! What a stage was made from and what it made: in come a unit's ingredients and outputs, out goes the record that decides about reruns.
+//! What a stage was made from and what it made: in come a unit's ingredients and outputs, out goes
+//! the record that decides about reruns.
 
 use crate::stage::Note;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// The record of one stage for one unit (a flight, an estimate, the campaign), kept beside the tables.
+/// The record of one stage for one unit (a flight, an estimate, the campaign), kept beside the
+/// tables.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     pub stage: String,
@@ -20,7 +22,8 @@ pub struct Record {
     pub notes: Vec<Note>,
     /// Why there are no outputs, where the stage failed.
     pub error: Option<String>,
-    /// Settings of a diagnosis that a command asked for, not the pipeline file: it is kept as long as it is fresh.
+    /// Settings of a diagnosis that a command asked for, not the pipeline file: it is kept as long
+    /// as it is fresh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub asked: Option<Value>,
 }
@@ -36,14 +39,17 @@ pub const PROGRAM: &str = "program";
 pub struct Ingredients(pub BTreeMap<String, String>);
 
 impl Ingredients {
-    /// The code of the stage and the configuration slice. Every top-level entry of the slice becomes an ingredient of its own, so that
-    /// `status` can say which setting changed.
+    /// The code of the stage and the configuration slice. Every top-level entry of the slice
+    /// becomes an ingredient of its own, so that `status` can say which setting changed.
     pub fn new(code: &str, slice: &Value) -> Self {
         let mut all = BTreeMap::from([(PROGRAM.to_string(), code.to_string())]);
         match slice {
             Value::Object(entries) => {
                 for (name, value) in entries {
-                    all.insert(format!("setting `{name}`"), hash_bytes(canonical(value).as_bytes()));
+                    all.insert(
+                        format!("setting `{name}`"),
+                        hash_bytes(canonical(value).as_bytes()),
+                    );
                 }
             }
             other => {
@@ -83,7 +89,12 @@ impl Ingredients {
                 Some(_) => {}
             }
         }
-        all.extend(earlier.keys().filter(|name| !self.0.contains_key(*name)).map(|name| format!("{name} is gone")));
+        all.extend(
+            earlier
+                .keys()
+                .filter(|name| !self.0.contains_key(*name))
+                .map(|name| format!("{name} is gone")),
+        );
         all
     }
 }
@@ -92,11 +103,17 @@ impl Ingredients {
 pub fn canonical(value: &Value) -> String {
     match value {
         Value::Object(map) => {
-            let sorted: BTreeMap<&String, String> = map.iter().map(|(k, v)| (k, canonical(v))).collect();
-            let parts: Vec<String> = sorted.into_iter().map(|(k, v)| format!("{}:{v}", Value::String(k.clone()))).collect();
+            let sorted: BTreeMap<&String, String> =
+                map.iter().map(|(k, v)| (k, canonical(v))).collect();
+            let parts: Vec<String> = sorted
+                .into_iter()
+                .map(|(k, v)| format!("{}:{v}", Value::String(k.clone())))
+                .collect();
             format!("{{{}}}", parts.join(","))
         }
-        Value::Array(items) => format!("[{}]", items.iter().map(canonical).collect::<Vec<_>>().join(",")),
+        Value::Array(items) => {
+            format!("[{}]", items.iter().map(canonical).collect::<Vec<_>>().join(","))
+        }
         other => other.to_string(),
     }
 }
@@ -131,6 +148,9 @@ mod tests {
         assert_ne!(before.key("derive", "f1"), before.key("derive", "f2"));
         assert_eq!(after.differences(&before.0), ["setting `rate_hz` changed"]);
         after.add("signals of f1".into(), "00".into());
-        assert_eq!(after.differences(&before.0), ["setting `rate_hz` changed", "signals of f1 is new"]);
+        assert_eq!(
+            after.differences(&before.0),
+            ["setting `rate_hz` changed", "signals of f1 is new"]
+        );
     }
 }

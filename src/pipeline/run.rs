@@ -1,4 +1,5 @@
-//! The run: a plan and an output folder come in; stale units are run in order of stages, in parallel over flights; tables go out.
+//! The run: a plan and an output folder come in; stale units are run in order of stages, in
+//! parallel over flights; tables go out.
 
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::plan::Plan;
@@ -48,7 +49,8 @@ pub struct RunResult {
     pub errors: Errors,
     /// The tables' files, relative to the output folder.
     pub files: Vec<String>,
-    /// The units whose outputs were removed, and why: their flight, estimate or fit is no longer part of the campaign, or cannot be made.
+    /// The units whose outputs were removed, and why: their flight, estimate or fit is no longer
+    /// part of the campaign, or cannot be made.
     pub removed: Vec<String>,
 }
 
@@ -89,7 +91,8 @@ enum Outcome {
 /// Runs what is not fresh. The caller holds the folder's lock.
 ///
 /// # Errors
-/// The output folder cannot be read or written. What fails inside a stage does not stop the others and is in the result.
+/// The output folder cannot be read or written. What fails inside a stage does not stop the others
+/// and is in the result.
 pub fn run(plan: &Plan, store: &Store, watch: Watch) -> Result<RunResult> {
     let mut run = Run {
         plan,
@@ -119,11 +122,16 @@ impl Run<'_> {
     /// Forgets the tables that no later stage reads: signals are most of the memory.
     fn drop_tables(&mut self, later: &[Stage]) {
         let reads = |stage: &Stage| -> BTreeSet<String> {
-            let of = |unit: Unit| (stage.reads)(&self.plan.campaign, &unit).into_iter().map(|r| r.part.path(r.table));
+            let of = |unit: Unit| {
+                (stage.reads)(&self.plan.campaign, &unit).into_iter().map(|r| r.part.path(r.table))
+            };
             (stage.units)(&self.plan.campaign).into_iter().flat_map(of).collect()
         };
         let wanted: BTreeSet<String> = later.iter().flat_map(reads).collect();
-        self.tables.lock().unwrap_or_else(|p| p.into_inner()).retain(|path, _| wanted.contains(path));
+        self.tables
+            .lock()
+            .unwrap_or_else(|p| p.into_inner())
+            .retain(|path, _| wanted.contains(path));
     }
 
     fn stage(&mut self, stage: &'static Stage) -> Result<()> {
@@ -146,7 +154,8 @@ impl Run<'_> {
             })
             .collect::<Result<_>>()?;
         (self.watch)(Event::End { stage });
-        let mut of_stage = StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
+        let mut of_stage =
+            StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
         for (unit, outcome) in outcomes {
             self.take(stage, &unit, outcome, &mut of_stage);
         }
@@ -172,13 +181,17 @@ impl Run<'_> {
             }
             Outcome::Blocked(removed) => {
                 counts.blocked += 1;
-                self.result.removed.extend(removed.map(|why| format!("{} of {}: {why}", stage.name, unit.name)));
+                self.result
+                    .removed
+                    .extend(removed.map(|why| format!("{} of {}: {why}", stage.name, unit.name)));
             }
         }
     }
 
     fn keep(&mut self, record: Record) {
-        self.contents.extend(record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))));
+        self.contents.extend(
+            record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))),
+        );
         self.result.notes.extend(record.notes.iter().cloned());
         self.records.push(record);
     }
@@ -213,7 +226,10 @@ impl Run<'_> {
                         Outcome::Failed(errors)
                     }
                 };
-                let gone = earlier.iter().flat_map(|e| e.outputs.keys()).filter(|path| !record.outputs.contains_key(*path));
+                let gone = earlier
+                    .iter()
+                    .flat_map(|e| e.outputs.keys())
+                    .filter(|path| !record.outputs.contains_key(*path));
                 gone.into_iter().try_for_each(|path| self.store.remove(path))?;
                 self.store.put_record(&record)?;
                 Ok(outcome)
@@ -234,7 +250,12 @@ impl Run<'_> {
         let progress = |done: usize, of: usize| (self.watch)(Event::Step { unit, done, of });
         let log = if stage.reads_log { Some(self.plan.log(&unit.name)?) } else { None };
         let tell = |text: &str| (self.watch)(Event::Told { unit, text });
-        let inputs = Inputs { tables, log: log.map(|log| log.path.as_path()), progress: &progress, tell: &tell };
+        let inputs = Inputs {
+            tables,
+            log: log.map(|log| log.path.as_path()),
+            progress: &progress,
+            tell: &tell,
+        };
         (stage.run)(campaign, unit, &inputs)
     }
 
@@ -264,7 +285,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Writes the pipeline's own tables, notes and provenance so far, so that the report can show them.
+    /// Writes the pipeline's own tables, notes and provenance so far, so that the report can show
+    /// them.
     fn file_own_tables(&mut self) -> Result<()> {
         for table in own_tables(&self.result.notes, &self.records)? {
             let path = Part::Number(0).path(table.name());
@@ -275,18 +297,29 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Removes the outputs of flights, estimates, fits and stages that are no longer part of the campaign.
+    /// Removes the outputs of flights, estimates, fits and stages that are no longer part of the
+    /// campaign.
     fn remove_what_is_gone(&mut self) -> Result<()> {
         for record in gone(self.plan, self.store) {
             self.store.forget(&record)?;
-            self.result.removed.push(format!("{} of {}, no longer part of the campaign", record.stage, record.unit));
+            self.result.removed.push(format!(
+                "{} of {}, no longer part of the campaign",
+                record.stage, record.unit
+            ));
         }
         Ok(())
     }
 
     fn sweep(&self) -> Result<()> {
-        let tables: BTreeSet<&str> =
-            self.plan.campaign.stages.iter().flat_map(|s| s.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+        let tables: BTreeSet<&str> = self
+            .plan
+            .campaign
+            .stages
+            .iter()
+            .flat_map(|s| s.writes)
+            .copied()
+            .chain([NOTES, STAGES_TABLE])
+            .collect();
         let known: BTreeSet<String> = self.contents.keys().cloned().collect();
         self.store.sweep(&tables, &known)
     }
@@ -294,9 +327,18 @@ impl Run<'_> {
 
 /// Records of units that are no longer part of the campaign.
 pub fn gone(plan: &Plan, store: &Store) -> Vec<Record> {
-    let of = |s: &Stage| (s.units)(&plan.campaign).into_iter().map(|u| (s.name.to_string(), u.name)).collect::<Vec<_>>();
+    let of = |s: &Stage| {
+        (s.units)(&plan.campaign)
+            .into_iter()
+            .map(|u| (s.name.to_string(), u.name))
+            .collect::<Vec<_>>()
+    };
     let wanted: BTreeSet<(String, String)> = plan.campaign.stages.iter().flat_map(of).collect();
-    store.records().into_iter().filter(|r| !wanted.contains(&(r.stage.clone(), r.unit.clone()))).collect()
+    store
+        .records()
+        .into_iter()
+        .filter(|r| !wanted.contains(&(r.stage.clone(), r.unit.clone())))
+        .collect()
 }
 
 /// The state of every unit, without running anything.
@@ -312,12 +354,15 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
             match &fresh {
                 Some((notes, records)) => {
                     for table in own_tables(notes, records)? {
-                        contents.insert(Part::Number(0).path(table.name()), Content::Hash(hash_bytes(&table.to_parquet()?)));
+                        contents.insert(
+                            Part::Number(0).path(table.name()),
+                            Content::Hash(hash_bytes(&table.to_parquet()?)),
+                        );
                     }
                 }
-                None => contents.extend(
-                    [NOTES, STAGES_TABLE].map(|table| (Part::Number(0).path(table), Content::Changing("an earlier stage".into()))),
-                ),
+                None => contents.extend([NOTES, STAGES_TABLE].map(|table| {
+                    (Part::Number(0).path(table), Content::Changing("an earlier stage".into()))
+                })),
             }
         }
         let known = &contents;
@@ -343,13 +388,18 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
 
 /// The tables that the pipeline itself writes: notes, and where the other tables come from.
 fn own_tables(notes: &[Note], records: &[Record]) -> Result<[Table; 2]> {
-    let rows: Vec<(&Record, &String, &String)> =
-        records.iter().flat_map(|r| r.ingredients.iter().map(move |(name, hash)| (r, name, hash))).collect();
+    let rows: Vec<(&Record, &String, &String)> = records
+        .iter()
+        .flat_map(|r| r.ingredients.iter().map(move |(name, hash)| (r, name, hash)))
+        .collect();
     let stages = Table::build(STAGES_TABLE)
         .strings("stage", rows.iter().map(|(r, _, _)| &r.stage))
         .strings("unit", rows.iter().map(|(r, _, _)| &r.unit))
         .strings("key", rows.iter().map(|(r, _, _)| &r.key))
-        .strings("code", rows.iter().map(|(r, _, _)| r.ingredients.get(PROGRAM).map_or("", String::as_str)))
+        .strings(
+            "code",
+            rows.iter().map(|(r, _, _)| r.ingredients.get(PROGRAM).map_or("", String::as_str)),
+        )
         .strings("ingredient", rows.iter().map(|(_, name, _)| name))
         .strings("hash", rows.iter().map(|(_, _, hash)| hash))
         .finish()?;
@@ -371,7 +421,8 @@ fn failure_note(stage: &Stage, unit: &Unit, error: &Error) -> Note {
 fn without_folder(error: &Error) -> Error {
     let mut error = error.clone();
     if let Some(place) = &mut error.place {
-        let name = std::path::Path::new(&place.file).file_name().map(|n| n.to_string_lossy().into_owned());
+        let name =
+            std::path::Path::new(&place.file).file_name().map(|n| n.to_string_lossy().into_owned());
         place.file = name.unwrap_or_else(|| place.file.clone());
     }
     error

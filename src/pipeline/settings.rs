@@ -23,11 +23,12 @@ pub struct Fields {
     pub aircraft: Option<String>,
     /// The channel map: which topic and field of a log is which signal.
     pub channels: String,
-    /// The logs: paths or patterns such as "logs/*.mcap", absolute ones as well; one that begins with "$NAME/" lies in the folder that this variable of the
-    /// environment names. The flight's id is the file's name without its ending.
+    /// The logs: paths or patterns such as "logs/*.mcap", absolute ones as well; one that begins
+    /// with "$NAME/" lies in the folder that this variable of the environment names. The flight's
+    /// id is the file's name without its ending.
     pub logs: Vec<String>,
-    /// A campaign file that simulates the logs that are not there yet. Logs that are there are data: after a change of the campaign file,
-    /// `koehler simulate --force` makes them anew.
+    /// A campaign file that simulates the logs that are not there yet. Logs that are there are
+    /// data: after a change of the campaign file, `koehler simulate --force` makes them anew.
     #[serde(default)]
     pub simulate: Option<String>,
     /// Flight-path reconstruction; left out, there is none.
@@ -49,7 +50,8 @@ pub struct Fields {
     pub diagnose: Vec<stage::diagnose::Settings>,
 }
 
-/// A pipeline file: the fields that several stages share, and the keys of stages that have one of their own.
+/// A pipeline file: the fields that several stages share, and the keys of stages that have one of
+/// their own.
 #[derive(Debug, Clone)]
 pub struct Settings {
     pub fields: Fields,
@@ -101,7 +103,10 @@ impl<'de> Deserialize<'de> for Settings {
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Settings, A::Error> {
                 let mut told = BTreeMap::new();
-                let fields = Fields::deserialize(MapAccessDeserializer::new(Apart { map, told: &mut told }))?;
+                let fields = Fields::deserialize(MapAccessDeserializer::new(Apart {
+                    map,
+                    told: &mut told,
+                }))?;
                 Ok(Settings { fields, told })
             }
         }
@@ -118,7 +123,10 @@ struct Apart<'a, A> {
 impl<'de, A: MapAccess<'de>> MapAccess<'de> for Apart<'_, A> {
     type Error = A::Error;
 
-    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, A::Error> {
+    fn next_key_seed<K: DeserializeSeed<'de>>(
+        &mut self,
+        seed: K,
+    ) -> Result<Option<K::Value>, A::Error> {
         while let Some(key) = self.map.next_key::<String>()? {
             if !keys().any(|(name, _)| name == key) {
                 return seed.deserialize(key.into_deserializer()).map(Some);
@@ -135,14 +143,25 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Apart<'_, A> {
 }
 
 impl Settings {
-    /// Adds the diagnoses that a command asked for earlier and whose results are in the output folder: they are kept as long as they are
-    /// fresh. One whose name the pipeline file gives away, or whose estimate is gone, is not.
+    /// Adds the diagnoses that a command asked for earlier and whose results are in the output
+    /// folder: they are kept as long as they are fresh. One whose name the pipeline file gives
+    /// away, or whose estimate is gone, is not.
     pub fn keep(&mut self, store: &Store) {
-        let place = |record: &super::provenance::Record| record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok());
-        let mut records: Vec<_> = store.records().into_iter().filter(|r| r.stage == stage::diagnose::STAGE.name).collect();
+        let place = |record: &super::provenance::Record| {
+            record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok())
+        };
+        let mut records: Vec<_> = store
+            .records()
+            .into_iter()
+            .filter(|r| r.stage == stage::diagnose::STAGE.name)
+            .collect();
         records.sort_by_key(place);
         let earlier = records.into_iter().filter_map(|r| serde_json::from_value(r.asked?).ok());
-        for kept in earlier.map(|settings| stage::diagnose::Settings { asked: true, idle: true, ..settings }) {
+        for kept in earlier.map(|settings| stage::diagnose::Settings {
+            asked: true,
+            idle: true,
+            ..settings
+        }) {
             let known = self.estimate.iter().any(|e| e.name() == kept.estimate);
             if known && self.diagnose.iter().all(|d| d.name() != kept.name()) {
                 self.diagnose.push(kept);

@@ -25,18 +25,23 @@ impl Simulation {
         Ok(Simulation { campaign, missing })
     }
 
-    /// Whether all logs of a campaign are there and the truth they were simulated from is not: there is nothing left to simulate, and
-    /// an analysis needs nothing but logs.
+    /// Whether all logs of a campaign are there and the truth they were simulated from is not:
+    /// there is nothing left to simulate, and an analysis needs nothing but logs.
     pub fn is_over(path: &Path) -> bool {
         let Ok((settings, _)) = config::load::<Settings>(path) else { return false };
         let folder = path.parent().unwrap_or_else(|| Path::new(""));
         let log = |id: &String| folder.join(&settings.logs).join(format!("{id}.mcap"));
-        !folder.join(&settings.truth).is_file() && settings.flights.keys().all(|id| log(id).is_file())
+        !folder.join(&settings.truth).is_file()
+            && settings.flights.keys().all(|id| log(id).is_file())
     }
 
     /// The log of every flight of the campaign.
     pub fn logs(&self) -> Vec<(String, PathBuf)> {
-        self.campaign.flights().into_iter().map(|id| (id.to_string(), self.campaign.log_path(id))).collect()
+        self.campaign
+            .flights()
+            .into_iter()
+            .map(|id| (id.to_string(), self.campaign.log_path(id)))
+            .collect()
     }
 
     /// With only those missing flights that a pipeline asks for; none where all of them are there.
@@ -50,7 +55,11 @@ impl Simulation {
     /// # Errors
     /// A flight cannot be trimmed or flown, or a file cannot be written: every one of them.
     pub fn fly(&self, all: bool, done: &(dyn Fn(&Flown) + Sync)) -> Result<Vec<Flown>, Errors> {
-        let ids: Vec<&str> = if all { self.campaign.flights() } else { self.missing.iter().map(String::as_str).collect() };
+        let ids: Vec<&str> = if all {
+            self.campaign.flights()
+        } else {
+            self.missing.iter().map(String::as_str).collect()
+        };
         self.campaign.fly_all(&ids, done)
     }
 }

@@ -1,4 +1,5 @@
-//! The output folder: records, tables and pages go in atomically, and come out as bytes; one run at a time.
+//! The output folder: records, tables and pages go in atomically, and come out as bytes; one run at
+//! a time.
 
 use super::memo::Memo;
 use super::provenance::{Record, hash_bytes};
@@ -32,7 +33,10 @@ pub struct Lock {
 impl Store {
     /// The output folder at `root`, which need not exist yet: nothing is written by opening it.
     pub fn open(root: &Path) -> Store {
-        Store { root: root.to_path_buf(), memo: Memo::read(&root.join(HOUSEKEEPING).join("memo.json")) }
+        Store {
+            root: root.to_path_buf(),
+            memo: Memo::read(&root.join(HOUSEKEEPING).join("memo.json")),
+        }
     }
 
     pub fn path(&self, relative: &str) -> PathBuf {
@@ -46,7 +50,12 @@ impl Store {
     pub fn lock(&self) -> Result<Lock> {
         let path = self.root.join(HOUSEKEEPING).join("lock");
         make_parent(&path)?;
-        let file = File::options().create(true).truncate(false).write(true).open(&path).map_err(|e| cannot("open", &path, &e))?;
+        let file = File::options()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&path)
+            .map_err(|e| cannot("open", &path, &e))?;
         match file.try_lock() {
             Ok(()) => Ok(Lock { _file: file }),
             Err(std::fs::TryLockError::WouldBlock) => {
@@ -72,7 +81,9 @@ impl Store {
         let mut all = Vec::new();
         for stage in entries(&self.root.join(HOUSEKEEPING)).into_iter().filter(|p| p.is_dir()) {
             for path in entries(&stage) {
-                if let Some(record) = std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()) {
+                if let Some(record) =
+                    std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok())
+                {
                     all.push(record);
                 }
             }
@@ -80,10 +91,11 @@ impl Store {
         all
     }
 
-    /// Files a record. It is written after the outputs it names, so that a run that is stopped leaves nothing half-made that
-    /// would pass for fresh.
+    /// Files a record. It is written after the outputs it names, so that a run that is stopped
+    /// leaves nothing half-made that would pass for fresh.
     pub fn put_record(&self, record: &Record) -> Result<()> {
-        let text = serde_json::to_string_pretty(record).map_err(|e| Error::new(format!("cannot write a record: {e}")))?;
+        let text = serde_json::to_string_pretty(record)
+            .map_err(|e| Error::new(format!("cannot write a record: {e}")))?;
         write_atomic(&self.record_path(&record.stage, &record.unit), text.as_bytes())
     }
 
@@ -95,7 +107,8 @@ impl Store {
         remove_file(&self.record_path(&record.stage, &record.unit))
     }
 
-    /// Writes an output file and returns the hash of its bytes. A file that holds these bytes already is left alone.
+    /// Writes an output file and returns the hash of its bytes. A file that holds these bytes
+    /// already is left alone.
     pub fn put(&self, relative: &str, bytes: &[u8]) -> Result<String> {
         let path = self.path(relative);
         let hash = hash_bytes(bytes);
@@ -133,7 +146,8 @@ impl Store {
         Ok(())
     }
 
-    /// Removes the part files of the named tables that no record knows, and unfinished files: leftovers of a run that was stopped.
+    /// Removes the part files of the named tables that no record knows, and unfinished files:
+    /// leftovers of a run that was stopped.
     pub fn sweep(&self, tables: &BTreeSet<&str>, known: &BTreeSet<String>) -> Result<()> {
         for table in tables {
             let mut parts = Vec::new();
@@ -143,7 +157,8 @@ impl Store {
             for path in parts {
                 let Ok(relative) = path.strip_prefix(&self.root) else { continue };
                 let relative = relative.to_string_lossy().replace('\\', "/");
-                let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+                let name =
+                    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
                 let is_part = name.starts_with("part-") && name.ends_with(".parquet");
                 if (is_part && !known.contains(&relative)) || name.starts_with(UNFINISHED) {
                     self.remove(&relative)?;
@@ -188,7 +203,8 @@ pub fn map(path: &Path) -> Result<Bytes> {
     if meta.len() == 0 {
         return Ok(Bytes::Empty);
     }
-    // SAFETY: the map is only read. Another program that cuts the file short meanwhile can stop this one, as with any mapped log.
+    // SAFETY: the map is only read. Another program that cuts the file short meanwhile can stop
+    // this one, as with any mapped log.
     unsafe { memmap2::Mmap::map(&file) }.map(Bytes::Mapped).map_err(|e| cannot("read", path, &e))
 }
 
@@ -207,7 +223,8 @@ fn remove_file(path: &Path) -> Result<()> {
 
 /// The entries of a folder in order of name; none where there is no such folder.
 fn entries(folder: &Path) -> Vec<PathBuf> {
-    let mut all: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
+    let mut all: Vec<PathBuf> =
+        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
     all.sort();
     all
 }

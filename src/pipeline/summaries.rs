@@ -1,4 +1,5 @@
-//! A plan comes in; what its logs say at their ends against the channel map (topics, fields, units), for all logs at once, goes out.
+//! A plan comes in; what its logs say at their ends against the channel map (topics, fields,
+//! units), for all logs at once, goes out.
 
 use super::plan::Plan;
 use crate::config::list;
@@ -27,7 +28,8 @@ pub struct Summaries {
 }
 
 impl Summaries {
-    /// Whether there is no log that fits: the mistake is then one of the configuration, not of a flight.
+    /// Whether there is no log that fits: the mistake is then one of the configuration, not of a
+    /// flight.
     pub fn hopeless(&self) -> bool {
         !self.mistakes.is_empty() && self.sound == 0 && self.without.is_empty()
     }
@@ -36,8 +38,10 @@ impl Summaries {
 /// Holds the channel map against the summary section of every log that is there.
 pub fn summaries(plan: &Plan) -> Summaries {
     let channels = &plan.campaign.channels;
-    let there: Vec<&Path> = plan.logs.iter().map(|log| log.path.as_path()).filter(|path| path.is_file()).collect();
-    let looks: Vec<_> = there.par_iter().map(|path| log::look(path, &channels.map, &channels.doc)).collect();
+    let there: Vec<&Path> =
+        plan.logs.iter().map(|log| log.path.as_path()).filter(|path| path.is_file()).collect();
+    let looks: Vec<_> =
+        there.par_iter().map(|path| log::look(path, &channels.map, &channels.doc)).collect();
     let mut all = Summaries::default();
     let mut seen: Vec<(String, Look)> = Vec::new();
     for (path, look) in there.iter().zip(looks) {
@@ -58,7 +62,9 @@ pub fn summaries(plan: &Plan) -> Summaries {
 /// Every mistake once, in the order in which it is met, with the names of the logs it is one of.
 fn together(seen: &[(String, Look)], of: fn(&Look) -> &Vec<Mistake>) -> Vec<Error> {
     let mut met: Vec<(&Mistake, Vec<&str>)> = Vec::new();
-    for (name, mistake) in seen.iter().flat_map(|(name, look)| of(look).iter().map(move |m| (name.as_str(), m))) {
+    for (name, mistake) in
+        seen.iter().flat_map(|(name, look)| of(look).iter().map(move |m| (name.as_str(), m)))
+    {
         match met.iter_mut().find(|(known, _)| *known == mistake) {
             Some((_, names)) => names.push(name),
             None => met.push((mistake, vec![name])),

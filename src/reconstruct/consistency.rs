@@ -1,16 +1,19 @@
-//! A flight and its smoother in; each channel against what all others say of it, as rows with verdicts, out.
+//! A flight and its smoother in; each channel against what all others say of it, as rows with
+//! verdicts, out.
 //!
-//! Every channel in turn is left out (a measurement is not used; an input is driven with noise as large as the signal), the flight is
-//! smoothed without it on the parts where it moves most, and what the others say of it is compared with what was measured:
+//! Every channel in turn is left out (a measurement is not used; an input is driven with noise as
+//! large as the signal), the flight is smoothed without it on the parts where it moves most, and
+//! what the others say of it is compared with what was measured:
 //!
 //! ```text
 //! z(t) = c0 + c1 t + k (y(t) - tau y'(t)) + e(t)          least squares per part, common k and tau
 //! ```
 //!
-//! The trend takes up what the others cannot know (an attitude's start, a drift by a gyro's bias). `k` is the scale and its sign, `tau`
-//! the delay, the correlation is of what the trend leaves. So pressure altitude stands against integrated vertical motion, the vane against
-//! the inertial angle of attack, attitude against integrated rates, one recorder's clock against the others'. Standard deviations allow
-//! for the colour of `e`.
+//! The trend takes up what the others cannot know (an attitude's start, a drift by a gyro's bias).
+//! `k` is the scale and its sign, `tau` the delay, the correlation is of what the trend leaves. So
+//! pressure altitude stands against integrated vertical motion, the vane against the inertial angle
+//! of attack, attitude against integrated rates, one recorder's clock against the others'. Standard
+//! deviations allow for the colour of `e`.
 
 use super::smoother::backward::Visit;
 use super::smoother::filter::Tape;
@@ -30,7 +33,8 @@ const BIN: f64 = 0.2;
 const RATE: f64 = 50.0;
 /// Correlation and scale of a part from which its delay is believed.
 const SOUND: f64 = 0.9;
-/// What the others say must vary by more than this many of its standard deviations to be worth a comparison.
+/// What the others say must vary by more than this many of its standard deviations to be worth a
+/// comparison.
 const SIGNAL: f64 = 4.0;
 
 /// One line of the consistency table.
@@ -65,7 +69,8 @@ pub struct Comparison {
     pub scale: [f64; 2],
     /// Delay and its standard deviation, s; NaN for inputs.
     pub delay: [f64; 2],
-    /// By how much later the channel is in the later part than in the earlier one, and its standard deviation, s; NaN where they do not say.
+    /// By how much later the channel is in the later part than in the earlier one, and its standard
+    /// deviation, s; NaN where they do not say.
     pub jump: [f64; 2],
     /// Root mean square of what is left, in the channel's unit, and samples.
     pub left: f64,
@@ -75,8 +80,8 @@ pub struct Comparison {
 /// Times, measured values, what the others say, and its slope; one per part.
 type Pair = [Vec<f64>; 4];
 
-/// Compares every channel with the others; those in `out` are not used at all. `known` are sensor errors found elsewhere (behind the
-/// states, which are not read): the parts begin with them.
+/// Compares every channel with the others; those in `out` are not used at all. `known` are sensor
+/// errors found elsewhere (behind the states, which are not read): the parts begin with them.
 pub fn compare(
     smoother: &Smoother,
     levels: &Levels,
@@ -86,14 +91,18 @@ pub fn compare(
 ) -> Vec<Comparison> {
     let mut levels = levels.clone();
     out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
-    let channels: Vec<(Which, Vec<[f64; 2]>)> =
-        channels(smoother).filter(|which| !out.contains(which)).map(|which| (which, parts(smoother, which, stretches))).collect();
+    let channels: Vec<(Which, Vec<[f64; 2]>)> = channels(smoother)
+        .filter(|which| !out.contains(which))
+        .map(|which| (which, parts(smoother, which, stretches)))
+        .collect();
     // many channels move in the same parts: one start serves all
-    let mut distinct: Vec<[f64; 2]> = channels.iter().flat_map(|(_, parts)| parts.iter().copied()).collect();
+    let mut distinct: Vec<[f64; 2]> =
+        channels.iter().flat_map(|(_, parts)| parts.iter().copied()).collect();
     distinct.sort_by(|a, b| a[0].total_cmp(&b[0]));
     distinct.dedup();
     let open = smoother.with_gate(f64::INFINITY);
-    let starts: Vec<Vec<f64>> = distinct.par_iter().map(|&part| open.begin(&levels, part, known)).collect();
+    let starts: Vec<Vec<f64>> =
+        distinct.par_iter().map(|&part| open.begin(&levels, part, known)).collect();
     channels
         .par_iter()
         .filter_map(|(which, parts)| {
@@ -109,20 +118,32 @@ pub fn compare(
         .collect()
 }
 
-/// The channels that others may tell something of: a temperature has no axis that could be the wrong way round, and nothing else tells it.
+/// The channels that others may tell something of: a temperature has no axis that could be the
+/// wrong way round, and nothing else tells it.
 pub fn channels<'s>(smoother: &'s Smoother) -> impl Iterator<Item = Which> + 's {
     let flight = smoother.flight;
     let moving = |k: &usize| inertial(&smoother.kinematics.model.inputs[*k].unit);
-    (0..flight.inputs.len()).filter(moving).map(Which::Input).chain((0..flight.channels.len()).map(Which::Output))
+    (0..flight.inputs.len())
+        .filter(moving)
+        .map(Which::Input)
+        .chain((0..flight.channels.len()).map(Which::Output))
 }
 
-/// Whether an input is a rate or a specific force: those are never still. A temperature may be one number for a whole flight.
+/// Whether an input is a rate or a specific force: those are never still. A temperature may be one
+/// number for a whole flight.
 pub fn inertial(unit: &str) -> bool {
     matches!(unit, "m/s^2" | "rad/s" | "rad/s^2")
 }
 
-/// How well the measurements fit together over the parts where `which` moves, without the channels `out`: mean normalised innovation squared.
-pub fn misfit(smoother: &Smoother, levels: &Levels, stretches: &[[f64; 2]], which: Which, out: &[Which]) -> f64 {
+/// How well the measurements fit together over the parts where `which` moves, without the channels
+/// `out`: mean normalised innovation squared.
+pub fn misfit(
+    smoother: &Smoother,
+    levels: &Levels,
+    stretches: &[[f64; 2]],
+    which: Which,
+    out: &[Which],
+) -> f64 {
     let mut levels = levels.clone();
     out.iter().for_each(|which| leave_out(smoother, &mut levels, *which));
     let mut watch = super::smoother::Innovations::new(smoother.flight.channels.len());
@@ -145,17 +166,22 @@ fn leave_out(smoother: &Smoother, levels: &mut Levels, which: Which) {
     }
 }
 
-/// The parts of the flight where a channel moves most, one in each half so that a clock that jumps shows, in the order of time.
+/// The parts of the flight where a channel moves most, one in each half so that a clock that jumps
+/// shows, in the order of time.
 fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let flight = smoother.flight;
     let (t, y): (&[f64], &[f64]) = match which {
         Which::Input(k) => (&flight.clocks[flight.inputs[k].clock].t, &flight.inputs[k].value),
         Which::Output(k) => {
-            let Some(packet) = flight.packets.iter().find(|p| p.channels.contains(&k)) else { return Vec::new() };
+            let Some(packet) = flight.packets.iter().find(|p| p.channels.contains(&k)) else {
+                return Vec::new();
+            };
             (&packet.t, &flight.channels[k].z)
         }
     };
-    let (Some(first), Some(last)) = (stretches.first(), stretches.last()) else { return Vec::new() };
+    let (Some(first), Some(last)) = (stretches.first(), stretches.last()) else {
+        return Vec::new();
+    };
     let middle = 0.5 * (first[0] + last[1]);
     let mut found: Vec<(f64, [f64; 2])> = Vec::new();
     for &[from, to] in stretches {
@@ -163,7 +189,8 @@ fn parts(smoother: &Smoother, which: Which, stretches: &[[f64; 2]]) -> Vec<[f64;
         let each = (to - from) / count as f64;
         for i in 0..count {
             let part = [from + each * i as f64, from + each * (i + 1) as f64];
-            let (a, b) = (t.partition_point(|&x| x < part[0]), t.partition_point(|&x| x <= part[1]));
+            let (a, b) =
+                (t.partition_point(|&x| x < part[0]), t.partition_point(|&x| x <= part[1]));
             let z: Vec<f64> = y[a..b].iter().copied().filter(|z| z.is_finite()).collect();
             if z.len() > 20 {
                 let steps: Vec<f64> = z.windows(11).map(|w| w[10] - w[0]).collect();
@@ -190,7 +217,14 @@ struct Bins {
 }
 
 impl Visit for (&mut Bins, &Smoother<'_>) {
-    fn node(&mut self, tape: &Tape, k: usize, _: &[f64], noise: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {
+    fn node(
+        &mut self,
+        tape: &Tape,
+        k: usize,
+        _: &[f64],
+        noise: &[f64],
+        _: &mut dyn FnMut(&mut Vec<f64>),
+    ) {
         let (bins, smoother) = (&mut *self.0, self.1);
         let (t, h) = (tape.t[k], tape.h[k]);
         let mut slope = bins.u.clone();
@@ -207,15 +241,27 @@ impl Visit for (&mut Bins, &Smoother<'_>) {
 }
 
 /// What was measured and what the others say, over one part; none where the others do not know.
-fn pair(smoother: &Smoother, levels: &Levels, which: Which, part: [f64; 2], x: &[f64]) -> Option<Pair> {
+fn pair(
+    smoother: &Smoother,
+    levels: &Levels,
+    which: Which,
+    part: [f64; 2],
+    x: &[f64],
+) -> Option<Pair> {
     let flight = smoother.flight;
     match which {
         Which::Input(input) => {
             let count = ((part[1] - part[0]) / BIN) as usize;
-            let mut bins = Bins { input, from: part[0], sums: vec![[0.0; 4]; count], u: vec![0.0; flight.inputs.len()] };
+            let mut bins = Bins {
+                input,
+                from: part[0],
+                sums: vec![[0.0; 4]; count],
+                u: vec![0.0; flight.inputs.len()],
+            };
             let smoothed = smoother.run(levels, part, x, &mut (), &mut (&mut bins, smoother));
             // the first second still looks for the state
-            let good: Vec<&[f64; 4]> = bins.sums.iter().skip(5).filter(|s| s[1] > 0.5 * BIN).collect();
+            let good: Vec<&[f64; 4]> =
+                bins.sums.iter().skip(5).filter(|s| s[1] > 0.5 * BIN).collect();
             let mean = |k: usize| good.iter().map(|s| s[k] / s[1]).collect::<Vec<f64>>();
             (smoothed.finite && good.len() > 20).then(|| [mean(0), mean(2), mean(3), Vec::new()])
         }
@@ -241,7 +287,8 @@ fn pair(smoother: &Smoother, levels: &Levels, which: Which, part: [f64; 2], x: &
                 let i = at as usize;
                 let w = at - i as f64;
                 let slope = |i: usize| (y[i + 2] - y[i - 2]) / (4.0 * dt);
-                let values = [t, z, y[i] + w * (y[i + 1] - y[i]), slope(i) + w * (slope(i + 1) - slope(i))];
+                let values =
+                    [t, z, y[i] + w * (y[i + 1] - y[i]), slope(i) + w * (slope(i + 1) - slope(i))];
                 all.iter_mut().zip(values).for_each(|(list, value)| list.push(value));
             }
             (all[0].len() > 20).then_some(all)
@@ -253,7 +300,8 @@ fn pair(smoother: &Smoother, levels: &Levels, which: Which, part: [f64; 2], x: &
 fn jump(which: Which, pairs: &[Pair]) -> [f64; 2] {
     // only where the part by itself tells the channel well
     let sound = |c: &Comparison| c.correlation > SOUND && (c.scale[0] - 1.0).abs() < 1.0 - SOUND;
-    let delay = |pair: &Pair| regress(which, std::slice::from_ref(pair)).filter(sound).map(|c| c.delay);
+    let delay =
+        |pair: &Pair| regress(which, std::slice::from_ref(pair)).filter(sound).map(|c| c.delay);
     match pairs {
         [first, second] => match (delay(first), delay(second)) {
             (Some(a), Some(b)) => [b[0] - a[0], libm::hypot(a[1], b[1])],
@@ -270,7 +318,8 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
     let mut rows: Vec<(Vec<f64>, f64)> = Vec::new();
     for (number, [t, z, y, slope]) in pairs.iter().enumerate() {
         let (t0, span) = (t[0], t[t.len() - 1] - t[0]);
-        let (y0, z0) = (y.iter().sum::<f64>() / y.len() as f64, z.iter().sum::<f64>() / z.len() as f64);
+        let (y0, z0) =
+            (y.iter().sum::<f64>() / y.len() as f64, z.iter().sum::<f64>() / z.len() as f64);
         for k in 0..t.len() {
             let mut row = vec![0.0; size];
             row[0] = y[k] - y0;
@@ -295,7 +344,10 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
         }
         let factor = dense::cholesky(&gram, n).ok()?;
         dense::cholesky_solve(&factor, n, &mut right);
-        let residuals = rows.iter().map(|(row, z)| z - columns.iter().zip(&right).map(|(&c, x)| row[c] * x).sum::<f64>()).collect();
+        let residuals = rows
+            .iter()
+            .map(|(row, z)| z - columns.iter().zip(&right).map(|(&c, x)| row[c] * x).sum::<f64>())
+            .collect();
         Some((right, dense::cholesky_inverse(&factor, n), residuals))
     };
     let trend: Vec<usize> = (shared..size).collect();
@@ -321,8 +373,8 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
     })
 }
 
-/// By how much coloured errors of all `parts` widen the variance of what is slow: their power at frequency zero over that of white ones of their
-/// size; never less than one.
+/// By how much coloured errors of all `parts` widen the variance of what is slow: their power at
+/// frequency zero over that of white ones of their size; never less than one.
 fn colour(errors: &[f64], parts: &[usize]) -> f64 {
     let rule = Rule::default();
     let mut products = Products::new(rule.highest);

@@ -1,4 +1,5 @@
-//! What was decided about the sensor errors in; the flight with its stamps moved, and what the filter starts from, out.
+//! What was decided about the sensor errors in; the flight with its stamps moved, and what the
+//! filter starts from, out.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +18,8 @@ pub struct Found {
     pub late: BTreeMap<usize, f64>,
     /// Errors that the data do not support.
     pub held: Vec<Held>,
-    /// Runs that are linearised about the one before: scales and delays make products of states and parameters.
+    /// Runs that are linearised about the one before: scales and delays make products of states and
+    /// parameters.
     pub passes: usize,
     /// Value and standard deviation of the sensor errors over the whole flight, by parameter.
     pub values: BTreeMap<usize, [f64; 2]>,
@@ -37,20 +39,31 @@ pub struct Held {
     pub known: bool,
 }
 
-/// Parts of a flight know the sensor errors as the whole one does, give or take so many standard deviations.
+/// Parts of a flight know the sensor errors as the whole one does, give or take so many standard
+/// deviations.
 const WIDER: f64 = 3.0;
 
 impl Found {
     /// The parameters that are smoothed.
     pub fn free(&self, model: &Model, settings: &Settings) -> Vec<usize> {
         let named = |list: &[String], p: &Parameter| list.contains(&p.quantity.name);
-        let free = |p: &Parameter| !p.fixed || named(&settings.free, p) || named(&settings.candidates, p);
-        let held = |i: usize| self.held.iter().any(|h| h.parameter == i) || named(&settings.fixed, &model.parameters[i]);
+        let free =
+            |p: &Parameter| !p.fixed || named(&settings.free, p) || named(&settings.candidates, p);
+        let held = |i: usize| {
+            self.held.iter().any(|h| h.parameter == i)
+                || named(&settings.fixed, &model.parameters[i])
+        };
         (0..model.parameters.len()).filter(|&i| free(&model.parameters[i]) && !held(i)).collect()
     }
 
     /// The signals, those of late sensors at the times they stand for.
-    pub fn flight(&self, kinematics: &Kinematics, driving: &[Series], measured: &[Logged], settings: &Settings) -> Flight {
+    pub fn flight(
+        &self,
+        kinematics: &Kinematics,
+        driving: &[Series],
+        measured: &[Logged],
+        settings: &Settings,
+    ) -> Flight {
         let shifted: Vec<(usize, Vec<f64>, &[f64])> = measured
             .iter()
             .map(|m| {
@@ -58,11 +71,13 @@ impl Found {
                 (m.output, m.t.iter().map(|t| t - late).collect(), &m.z[..])
             })
             .collect();
-        let series: Vec<(usize, Series)> = shifted.iter().map(|(k, t, z)| (*k, (&t[..], *z))).collect();
+        let series: Vec<(usize, Series)> =
+            shifted.iter().map(|(k, t, z)| (*k, (&t[..], *z))).collect();
         Flight::new(kinematics, driving, &series, settings.smooth_s)
     }
 
-    /// Narrows the start of the sensor errors to what the whole flight says of them; what it was, where that is known.
+    /// Narrows the start of the sensor errors to what the whole flight says of them; what it was,
+    /// where that is known.
     pub fn narrow(&self, kinematics: &Kinematics, levels: &mut Levels) -> Option<Vec<f64>> {
         if self.values.is_empty() {
             return None;
@@ -78,8 +93,12 @@ impl Found {
 
     /// States (not read) and sensor errors as the whole flight says.
     pub fn known(&self, kinematics: &Kinematics) -> Vec<f64> {
-        let start = |i: &usize| self.values.get(i).map_or(kinematics.model.parameters[*i].start, |v| v[0]);
-        vec![0.0; kinematics.states()].into_iter().chain(kinematics.free.iter().map(start)).collect()
+        let start =
+            |i: &usize| self.values.get(i).map_or(kinematics.model.parameters[*i].start, |v| v[0]);
+        vec![0.0; kinematics.states()]
+            .into_iter()
+            .chain(kinematics.free.iter().map(start))
+            .collect()
     }
 
     /// The same where they are constant, NaN where they drift: what the filter is linearised about.
@@ -87,13 +106,19 @@ impl Found {
         if self.values.is_empty() {
             return Vec::new();
         }
-        self.known(kinematics).iter().zip(&levels.walk).map(|(x, walk)| if *walk > 0.0 { f64::NAN } else { *x }).collect()
+        self.known(kinematics)
+            .iter()
+            .zip(&levels.walk)
+            .map(|(x, walk)| if *walk > 0.0 { f64::NAN } else { *x })
+            .collect()
     }
 
     /// What a parameter has beyond what was smoothed: stamps that were moved already.
     pub fn offset(&self, model: &Model, parameter: usize) -> f64 {
         let of = |(output, late): (&usize, &f64)| {
-            (output_delay(&model.outputs[*output].name) == model.parameters[parameter].quantity.name).then_some(*late)
+            (output_delay(&model.outputs[*output].name)
+                == model.parameters[parameter].quantity.name)
+                .then_some(*late)
         };
         self.late.iter().find_map(of).unwrap_or(0.0)
     }

@@ -1,9 +1,11 @@
-//! Measured motion of one flight in; the flight path that is consistent with the kinematics, and the sensor errors it needed, out.
+//! Measured motion of one flight in; the flight path that is consistent with the kinematics, and
+//! the sensor errors it needed, out.
 //!
 //! # Method
 //!
-//! The kinematic equations (a model file, by default the embedded fragment `kinematics`) are driven by the measured specific forces and
-//! rates minus their biases; the other sensors are its outputs, each at its own time stamps. One model file, two ways to use it:
+//! The kinematic equations (a model file, by default the embedded fragment `kinematics`) are driven
+//! by the measured specific forces and rates minus their biases; the other sensors are its outputs,
+//! each at its own time stamps. One model file, two ways to use it:
 //!
 //! | | `by = "smoother"` | `by = "windows"` |
 //! |---|---|---|
@@ -13,10 +15,12 @@
 //! | turbulence | gusts as random walks of the velocities, their size estimated | not part of the model |
 //! | standard deviations | of every signal along the path, and of the sensor errors | of the sensor errors |
 //!
-//! Either way every channel is first checked by itself and against all others (`consistency`, by the smoother).
+//! Either way every channel is first checked by itself and against all others (`consistency`, by
+//! the smoother).
 //!
-//! `alphadot`-like quantities come from the model's own rates (`udot`, `wdot`), never from differencing a vane. With gusts these are the
-//! accelerations of the aircraft's motion, without the gusts' own.
+//! `alphadot`-like quantities come from the model's own rates (`udot`, `wdot`), never from
+//! differencing a vane. With gusts these are the accelerations of the aircraft's motion, without
+//! the gusts' own.
 
 pub mod consistency;
 mod found;
@@ -78,7 +82,8 @@ pub fn reconstruct<'a>(
             continue;
         }
         if let Some((t, z)) = signals(signal_of(settings, &quantity.name)).filter(several) {
-            let z = if quantity.unit == "rad" { Cow::Owned(unwrap_angle(z)) } else { Cow::Borrowed(z) };
+            let z =
+                if quantity.unit == "rad" { Cow::Owned(unwrap_angle(z)) } else { Cow::Borrowed(z) };
             measured.push(Logged { output, t, z });
         }
     }
@@ -91,19 +96,24 @@ pub fn reconstruct<'a>(
     }
     errors.or(())?;
     let sensors = ["V", "alpha_vane", "beta_vane", "phi", "theta", "psi"];
-    let missing = |name: &&str| model.output(name).is_some_and(|k| measured.iter().all(|m| m.output != k));
+    let missing =
+        |name: &&str| model.output(name).is_some_and(|k| measured.iter().all(|m| m.output != k));
     let missing: Vec<&str> = sensors.into_iter().filter(missing).collect();
     if !missing.is_empty() {
         notes.push(format!("not measured, so not checked: {}", missing.join(", ")).into());
     }
     let grid = common_grid(&driving, settings);
     if grid.n < 2 {
-        notes.push(Note::lost("no flight path: the inputs of the kinematic model have no common time".to_string()));
+        notes.push(Note::lost(
+            "no flight path: the inputs of the kinematic model have no common time".to_string(),
+        ));
         return Ok(FlightPath { notes, ..Default::default() });
     }
     if grid.n > Grid::MOST {
         let [from, to] = [0, grid.n - 1].map(|k| grid.time(k));
-        let text = format!("no flight path: the inputs run from {from:.0} s to {to:.0} s, so some clock has jumped");
+        let text = format!(
+            "no flight path: the inputs run from {from:.0} s to {to:.0} s, so some clock has jumped"
+        );
         notes.push(Note::lost(text));
         return Ok(FlightPath { notes, ..Default::default() });
     }
@@ -116,14 +126,28 @@ pub fn reconstruct<'a>(
     Ok(path)
 }
 
-/// The path by windows of output error, with every channel checked against the others first: a sensor that is dead or reversed is not used.
-fn checked(model: &Model, driving: &[Series], measured: &[Logged], grid: &Grid, settings: &Settings) -> Result<FlightPath, Errors> {
+/// The path by windows of output error, with every channel checked against the others first: a
+/// sensor that is dead or reversed is not used.
+fn checked(
+    model: &Model,
+    driving: &[Series],
+    measured: &[Logged],
+    grid: &Grid,
+    settings: &Settings,
+) -> Result<FlightPath, Errors> {
     let seen = smoothed::checks(model, driving, measured, grid, settings)?;
     if seen.unfit {
         let (t, nowhere) = (grid.times(), vec![vec![f64::NAN; grid.n]; model.outputs.len()]);
-        return Ok(FlightPath { t, outputs: nowhere, checks: seen.checks, notes: seen.notes, ..Default::default() });
+        return Ok(FlightPath {
+            t,
+            outputs: nowhere,
+            checks: seen.checks,
+            notes: seen.notes,
+            ..Default::default()
+        });
     }
-    let driving: Vec<Series> = driving.iter().zip(&seen.driving).map(|((t, _), y)| (*t, &y[..])).collect();
+    let driving: Vec<Series> =
+        driving.iter().zip(&seen.driving).map(|((t, _), y)| (*t, &y[..])).collect();
     let mut path = output_error::path(model, &driving, &seen.measured, grid, settings);
     path.checks = seen.checks;
     path.notes.splice(0..0, seen.notes);
@@ -142,7 +166,11 @@ const COMPARED: f64 = 0.2;
 fn compared(model: &Model, path: &FlightPath, grid: &Grid, logged: &Logged) -> Compared {
     let Logged { output, t, ref z } = *logged;
     let mut out = Compared { output, ..Default::default() };
-    let y = if model.outputs[output].unit == "rad" { unwrap_angle(&path.outputs[output]) } else { path.outputs[output].clone() };
+    let y = if model.outputs[output].unit == "rad" {
+        unwrap_angle(&path.outputs[output])
+    } else {
+        path.outputs[output].clone()
+    };
     let late = path.late.get(&output).copied().unwrap_or(0.0);
     let mut next = f64::NEG_INFINITY;
     let turn = 2.0 * std::f64::consts::PI;
@@ -154,8 +182,11 @@ fn compared(model: &Model, path: &FlightPath, grid: &Grid, logged: &Logged) -> C
         next = t + COMPARED - 1e-6;
         let k = at as usize;
         let value = y[k] + (at - k as f64) * (y[k + 1] - y[k]);
-        let whole =
-            if model.outputs[output].unit == "rad" && value.is_finite() { turn * ((z - value) / turn).round() } else { 0.0 };
+        let whole = if model.outputs[output].unit == "rad" && value.is_finite() {
+            turn * ((z - value) / turn).round()
+        } else {
+            0.0
+        };
         out.t.push(t);
         out.measured.push(z);
         out.reconstructed.push(value + whole);
@@ -166,7 +197,8 @@ fn compared(model: &Model, path: &FlightPath, grid: &Grid, logged: &Logged) -> C
 /// The uniform grid on which all inputs have values: whole multiples of its spacing.
 fn common_grid(driving: &[Series], settings: &Settings) -> Grid {
     let dt = 1.0 / settings.rate_hz;
-    let first = driving.iter().filter_map(|(t, _)| t.first()).copied().fold(f64::NEG_INFINITY, f64::max);
+    let first =
+        driving.iter().filter_map(|(t, _)| t.first()).copied().fold(f64::NEG_INFINITY, f64::max);
     let last = driving.iter().filter_map(|(t, _)| t.last()).copied().fold(f64::INFINITY, f64::min);
     if !(last > first) {
         return Grid { t0: 0.0, dt, n: 0 };

@@ -1,4 +1,5 @@
-//! A reconstructed flight: its path, the sensor errors it needed, what its channels show, and what a reader must know.
+//! A reconstructed flight: its path, the sensor errors it needed, what its channels show, and what
+//! a reader must know.
 
 use std::collections::BTreeMap;
 
@@ -55,7 +56,8 @@ pub struct FlightPath {
 /// Something that a reader of the path must know.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Note {
-    /// A part of the path that was asked for is not there, and the data do not say why by themselves (as a gap does).
+    /// A part of the path that was asked for is not there, and the data do not say why by
+    /// themselves (as a gap does).
     pub missing: bool,
     /// A channel; `flightpath` where it is none.
     pub subject: String,

@@ -42,42 +42,54 @@ pub struct Settings {
     /// A gap of an input longer than this ends a window, s.
     #[schemars(range(min = 0.0))]
     pub max_gap_s: f64,
-    /// Signals of the log for the inputs and outputs of the kinematic model, where the names differ. A signal named here stands for that
-    /// quantity alone: an output of the signal's own name is not compared with it.
+    /// Signals of the log for the inputs and outputs of the kinematic model, where the names
+    /// differ. A signal named here stands for that quantity alone: an output of the signal's own
+    /// name is not compared with it.
     pub signals: IndexMap<String, String>,
     /// Outputs of the kinematic model that are not compared with the signals of their names.
     pub unscored: Vec<String>,
-    /// Smoother: a gap of an input longer than this ends the path, s; shorter ones are coasted over.
+    /// Smoother: a gap of an input longer than this ends the path, s; shorter ones are coasted
+    /// over.
     #[schemars(range(min = 0.0))]
     pub coast_s: f64,
-    /// Smoother: measurements further than this many standard deviations from their prediction are rejected and counted.
+    /// Smoother: measurements further than this many standard deviations from their prediction are
+    /// rejected and counted.
     #[schemars(range(min = 3.0))]
     pub gate: f64,
-    /// Smoother: random walks, in the unit of the state or parameter per square root of a second, by name; the others are constant.
+    /// Smoother: random walks, in the unit of the state or parameter per square root of a second,
+    /// by name; the others are constant.
     pub walk: IndexMap<String, f64>,
-    /// Smoother: noise of single samples (standard deviation, SI) by name of the model's output or input, where it is known; that of the
-    /// others is estimated. What a recorder has filtered or interpolated does not show its noise: give it.
+    /// Smoother: noise of single samples (standard deviation, SI) by name of the model's output or
+    /// input, where it is known; that of the others is estimated. What a recorder has filtered or
+    /// interpolated does not show its noise: give it.
     pub sd: IndexMap<String, f64>,
-    /// Smoother: states and parameters that gusts disturb, as random walks whose size is estimated; names the model does not have are passed over.
-    /// Altitude is among them because it follows the motion over ground, the model's the motion through the air.
+    /// Smoother: states and parameters that gusts disturb, as random walks whose size is estimated;
+    /// names the model does not have are passed over. Altitude is among them because it follows the
+    /// motion over ground, the model's the motion through the air.
     pub gusts: Vec<String>,
-    /// Smoother: seconds of the flight, spread evenly over it, from which noise levels are estimated.
+    /// Smoother: seconds of the flight, spread evenly over it, from which noise levels are
+    /// estimated.
     #[schemars(range(min = 10.0))]
     pub noise_s: f64,
     /// Smoother: most iterations of that; 0 keeps the levels that the signals themselves show.
     pub noise_iterations: usize,
-    /// Smoother: outputs of sensors that may be late (vanes with filters, slow recorders): how late is estimated, as the parameter `tau_<output>`.
+    /// Smoother: outputs of sensors that may be late (vanes with filters, slow recorders): how late
+    /// is estimated, as the parameter `tau_<output>`.
     pub late: Vec<String>,
-    /// Smoother: further sensor errors, by name of the model's parameters, that are estimated only where the data support them: those that
-    /// are less than two standard deviations from their start are held there, the least significant first. Every decision is a row of the
-    /// table `consistency`.
+    /// Smoother: further sensor errors, by name of the model's parameters, that are estimated only
+    /// where the data support them: those that are less than two standard deviations from their
+    /// start are held there, the least significant first. Every decision is a row of the table
+    /// `consistency`.
     pub candidates: Vec<String>,
-    /// Smoother: outputs that depend on the flow of air; they mean nothing while the aircraft stands or rolls slowly.
+    /// Smoother: outputs that depend on the flow of air; they mean nothing while the aircraft
+    /// stands or rolls slowly.
     pub air_data: Vec<String>,
-    /// Smoother: slow is a measured airspeed below this share of the flight's usual one (its 90% quantile).
+    /// Smoother: slow is a measured airspeed below this share of the flight's usual one (its 90%
+    /// quantile).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub slow: f64,
-    /// Further sensor errors to estimate, by name of the model's parameters (for example "b_alpha").
+    /// Further sensor errors to estimate, by name of the model's parameters (for example
+    /// "b_alpha").
     pub free: Vec<String>,
     /// Sensor errors held at their start values.
     pub fixed: Vec<String>,
@@ -125,39 +137,54 @@ pub fn check(model: &Model, settings: &Settings) -> Result<(), Errors> {
     let mut errors = Errors::default();
     for name in settings.free.iter().chain(&settings.fixed).chain(&settings.candidates) {
         if model.parameter(name).is_none() {
-            let known: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
+            let known: Vec<&str> =
+                model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
             errors.push(
-                Error::new(format!("the kinematic model has no parameter \"{name}\"")).help(format!("it has {}", known.join(", "))),
+                Error::new(format!("the kinematic model has no parameter \"{name}\""))
+                    .help(format!("it has {}", known.join(", "))),
             );
         }
     }
     for name in settings.walk.keys() {
         if model.state(name).is_none() && model.parameter(name).is_none() {
-            errors.push(Error::new(format!("the kinematic model has no state or parameter \"{name}\"")));
+            errors.push(Error::new(format!(
+                "the kinematic model has no state or parameter \"{name}\""
+            )));
         }
     }
     for name in settings.late.iter().filter(|name| model.output(name).is_none()) {
-        errors.push(Error::new(format!("the kinematic model has no output \"{name}\" that could be late")));
+        errors.push(Error::new(format!(
+            "the kinematic model has no output \"{name}\" that could be late"
+        )));
     }
     for name in settings.unscored.iter().filter(|name| model.output(name).is_none()) {
         let known: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
-        errors
-            .push(Error::new(format!("the kinematic model has no output \"{name}\"")).help(format!("it has {}", known.join(", "))));
+        errors.push(
+            Error::new(format!("the kinematic model has no output \"{name}\""))
+                .help(format!("it has {}", known.join(", "))),
+        );
     }
     for name in settings.signals.keys().chain(settings.sd.keys()) {
         if model.input(name).is_none() && model.output(name).is_none() {
-            errors.push(Error::new(format!("the kinematic model has no input or output \"{name}\"")));
+            errors
+                .push(Error::new(format!("the kinematic model has no input or output \"{name}\"")));
         }
     }
     for (name, sd) in settings.sd.iter().filter(|(_, sd)| !(**sd > 0.0 && sd.is_finite())) {
-        errors.push(Error::new(format!("sd: the noise of \"{name}\" is a standard deviation above zero, not {sd}")));
+        errors.push(Error::new(format!(
+            "sd: the noise of \"{name}\" is a standard deviation above zero, not {sd}"
+        )));
     }
-    for (name, walk) in settings.walk.iter().filter(|(_, walk)| !(**walk >= 0.0 && walk.is_finite())) {
+    for (name, walk) in
+        settings.walk.iter().filter(|(_, walk)| !(**walk >= 0.0 && walk.is_finite()))
+    {
         errors.push(Error::new(format!("walk: that of \"{name}\" is at least zero, not {walk}")));
     }
     if settings.overlap_s * 2.0 > settings.window_s {
-        errors
-            .push(Error::new(format!("overlap_s = {} is more than half of window_s = {}", settings.overlap_s, settings.window_s)));
+        errors.push(Error::new(format!(
+            "overlap_s = {} is more than half of window_s = {}",
+            settings.overlap_s, settings.window_s
+        )));
     }
     errors.or(())
 }

@@ -1,4 +1,5 @@
-//! A flight's signals in; its path by the smoother, stretch by stretch between long gaps, with noise levels estimated first, out.
+//! A flight's signals in; its path by the smoother, stretch by stretch between long gaps, with
+//! noise levels estimated first, out.
 
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -41,7 +42,8 @@ struct Work<'a> {
     out: Vec<Which>,
 }
 
-/// The path on `grid` from the driving signals (one per input of the model) and the measured outputs.
+/// The path on `grid` from the driving signals (one per input of the model) and the measured
+/// outputs.
 ///
 /// # Errors
 /// The model is none that the smoother can run.
@@ -71,15 +73,18 @@ pub struct Checked<'s> {
     pub notes: Vec<Note>,
     /// An input of the model is dead or has its sign reversed: there is no path.
     pub unfit: bool,
-    /// The signals with what is dead or frozen masked, and without the outputs whose sign is reversed.
+    /// The signals with what is dead or frozen masked, and without the outputs whose sign is
+    /// reversed.
     pub driving: Vec<Cow<'s, [f64]>>,
     pub measured: Vec<Logged<'s>>,
 }
 
-/// Output grid of a smoothing whose path nobody asks for, Hz: it has to be fine enough to be a grid.
+/// Output grid of a smoothing whose path nobody asks for, Hz: it has to be fine enough to be a
+/// grid.
 const COARSE_HZ: f64 = 1.0;
 
-/// The checks of a flight alone, for a path that is found otherwise; the sensor errors are left to that.
+/// The checks of a flight alone, for a path that is found otherwise; the sensor errors are left to
+/// that.
 ///
 /// # Errors
 /// As `path`.
@@ -96,7 +101,8 @@ pub fn checks<'s>(
         let Fit { unfit, driving, measured } = fit;
         return Ok(Checked { checks: path.checks, notes: path.notes, unfit, driving, measured });
     }
-    let plain = Settings { late: Vec::new(), candidates: Vec::new(), free: Vec::new(), ..settings.clone() };
+    let plain =
+        Settings { late: Vec::new(), candidates: Vec::new(), free: Vec::new(), ..settings.clone() };
     let coarse = Grid::covering(grid.t0, grid.time(grid.n - 1), 1.0 / COARSE_HZ);
     let nothing = Outputs::empty(model.outputs.len(), 0, coarse.n);
     (path.t, path.outputs, path.sd) = (coarse.times(), nothing.value, nothing.sd);
@@ -109,7 +115,11 @@ pub fn checks<'s>(
     Ok(Checked {
         checks: path.checks.into_iter().filter(|row| row.check != "sensor error").collect(),
         // what the smoother says of its own path is of no interest here
-        notes: path.notes.into_iter().filter(|note| note.subject != FLIGHT_PATH || unfit && note.missing).collect(),
+        notes: path
+            .notes
+            .into_iter()
+            .filter(|note| note.subject != FLIGHT_PATH || unfit && note.missing)
+            .collect(),
         unfit,
         driving: fit.driving,
         measured: fit.measured.into_iter().filter(|m| !reversed(m)).collect(),
@@ -126,24 +136,43 @@ struct Fit<'s> {
 
 impl<'s> Fit<'s> {
     fn series<'a>(&'a self, driving: &[Series<'a>]) -> (Vec<Series<'a>>, Vec<Logged<'a>>) {
-        let measured = self.measured.iter().map(|m| Logged { output: m.output, t: m.t, z: Cow::Borrowed(&m.z[..]) });
-        (driving.iter().zip(&self.driving).map(|((t, _), y)| (*t, &y[..])).collect(), measured.collect())
+        let measured = self.measured.iter().map(|m| Logged {
+            output: m.output,
+            t: m.t,
+            z: Cow::Borrowed(&m.z[..]),
+        });
+        (
+            driving.iter().zip(&self.driving).map(|((t, _), y)| (*t, &y[..])).collect(),
+            measured.collect(),
+        )
     }
 }
 
-/// The signals with what is dead or frozen masked; their health goes into the rows and notes of the path.
-fn fit<'s>(model: &Model, driving: &[Series<'s>], measured: &'s [Logged<'s>], path: &mut FlightPath) -> Fit<'s> {
-    let (driving, inputs_well) = well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, path);
+/// The signals with what is dead or frozen masked; their health goes into the rows and notes of the
+/// path.
+fn fit<'s>(
+    model: &Model,
+    driving: &[Series<'s>],
+    measured: &'s [Logged<'s>],
+    path: &mut FlightPath,
+) -> Fit<'s> {
+    let (driving, inputs_well) =
+        well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, path);
     let series: Vec<Series> = measured.iter().map(|m| (m.t, &m.z[..])).collect();
-    let (outputs, _) = well(measured.iter().map(|m| (&model.outputs[m.output], true)), &series, path);
+    let (outputs, _) =
+        well(measured.iter().map(|m| (&model.outputs[m.output], true)), &series, path);
     if !inputs_well {
-        path.notes.push(Note::lost("no flight path: an input of the kinematic model is dead".to_string()));
+        path.notes.push(Note::lost(
+            "no flight path: an input of the kinematic model is dead".to_string(),
+        ));
     }
-    let measured = measured.iter().zip(outputs).map(|(m, z)| Logged { output: m.output, t: m.t, z }).collect();
+    let measured =
+        measured.iter().zip(outputs).map(|(m, z)| Logged { output: m.output, t: m.t, z }).collect();
     Fit { unfit: !inputs_well, driving, measured }
 }
 
-/// The path by the smoother, and the channels that were left out because their sign is reversed (outputs by their place in the model).
+/// The path by the smoother, and the channels that were left out because their sign is reversed
+/// (outputs by their place in the model).
 fn smooth(
     model: &Model,
     driving: &[Series],
@@ -163,14 +192,26 @@ fn smooth(
     path.late.clone_from(&found.late);
     let stretches = stretches(&flight, settings);
     if stretches.is_empty() {
-        let text = format!("no flight path: nowhere are all inputs of the kinematic model known for {SHORTEST} s");
+        let text = format!(
+            "no flight path: nowhere are all inputs of the kinematic model known for {SHORTEST} s"
+        );
         path.notes.push(Note::lost(text));
     }
     path.windows = stretches.len();
-    Ok(Work { settings, kinematics: &kinematics, smoother, stretches, path, found, out: Vec::new() }.run(grid)?)
+    Ok(Work {
+        settings,
+        kinematics: &kinematics,
+        smoother,
+        stretches,
+        path,
+        found,
+        out: Vec::new(),
+    }
+    .run(grid)?)
 }
 
-/// Signals with what is dead or frozen masked where it ought to move, their health as rows; false where one is dead.
+/// Signals with what is dead or frozen masked where it ought to move, their health as rows; false
+/// where one is dead.
 fn well<'n, 's>(
     names: impl Iterator<Item = (&'n Quantity, bool)>,
     series: &[Series<'s>],
@@ -185,7 +226,11 @@ fn well<'n, 's>(
         if moves && health.dead {
             y.to_mut().fill(f64::NAN);
             good = false;
-            path.notes.push(Note::of(name, health.samples, format!("{name} is dead: its value never changes")));
+            path.notes.push(Note::of(
+                name,
+                health.samples,
+                format!("{name} is dead: its value never changes"),
+            ));
         } else if moves && health.samples < FEW {
             y.to_mut().fill(f64::NAN);
             let text = format!("{name} has only {} samples: not used", health.samples);
@@ -196,7 +241,10 @@ fn well<'n, 's>(
                 // the first sample of a run was still measured
                 y[run.start + 1..run.end].fill(f64::NAN);
             }
-            let text = format!("{name} stands still for together {:.1} s: not used there", health.frozen_s);
+            let text = format!(
+                "{name} stands still for together {:.1} s: not used there",
+                health.frozen_s
+            );
             path.notes.push(Note::of(name, health.frozen.iter().map(|run| run.len()).sum(), text));
         }
         out.push(y);
@@ -219,14 +267,17 @@ impl Work<'_> {
             match which {
                 Which::Output(k) => guess.r[k] = f64::INFINITY,
                 Which::Input(_) => {
-                    let text = "no flight path: an input of the kinematic model has its sign reversed".to_string();
+                    let text =
+                        "no flight path: an input of the kinematic model has its sign reversed"
+                            .to_string();
                     self.path.notes.push(Note::lost(text));
                     self.rows(&[compared, culprits].concat());
                     return Ok(self.finish());
                 }
             }
         }
-        let levels = levels(&self.smoother, &self.stretches, &guess, &gusts, &self.found, self.settings);
+        let levels =
+            levels(&self.smoother, &self.stretches, &guess, &gusts, &self.found, self.settings);
         let errors = self.smooth(grid, &levels);
         if errors.values.is_empty() {
             self.rows(&[compared, culprits].concat());
@@ -235,16 +286,21 @@ impl Work<'_> {
             let mut sharp = levels.clone();
             errors.narrow(self.kinematics, &mut sharp);
             let known = errors.known(self.kinematics);
-            let compared = consistency::compare(&self.smoother, &sharp, &self.stretches, &out, Some(&known));
+            let compared =
+                consistency::compare(&self.smoother, &sharp, &self.stretches, &out, Some(&known));
             self.rows(&[compared, culprits].concat());
         }
-        for (k, channel) in flight.channels.iter().enumerate().filter(|(k, _)| levels.r[*k].is_finite()) {
+        for (k, channel) in
+            flight.channels.iter().enumerate().filter(|(k, _)| levels.r[*k].is_finite())
+        {
             let quantity = &self.kinematics.model.outputs[channel.output];
             let innovation = &self.path.innovations.channels[k];
             let (sd, fast) = (levels.r[k].sqrt(), channel.sd);
             if let Some(text) = verdicts::outliers(innovation) {
-                let text =
-                    format!("{}: {text}, further than {} sd from what all sensors together say", quantity.name, self.settings.gate);
+                let text = format!(
+                    "{}: {text}, further than {} sd from what all sensors together say",
+                    quantity.name, self.settings.gate
+                );
                 self.path.notes.push(Note::of(&quantity.name, innovation.rejected, text));
             }
             self.path.checks.extend(verdicts::innovation_rows(
@@ -264,8 +320,10 @@ impl Work<'_> {
         let channels = self.smoother.flight.channels.iter().enumerate();
         let known = |k: usize| levels.given[0].get(k).copied().unwrap_or(false);
         let slow = |k: usize| self.path.innovations.channels.get(k).is_some_and(verdicts::filtered);
-        let names: Vec<&str> =
-            channels.filter(|(k, _)| !known(*k) && slow(*k)).map(|(_, c)| model.outputs[c.output].name.as_str()).collect();
+        let names: Vec<&str> = channels
+            .filter(|(k, _)| !known(*k) && slow(*k))
+            .map(|(_, c)| model.outputs[c.output].name.as_str())
+            .collect();
         if !names.is_empty() {
             let text = format!(
                 "filtered before they were logged, so that their noise cannot be told and the path's standard deviations are too small: {}; \
@@ -283,8 +341,14 @@ impl Work<'_> {
         }
         // A check that did not run is told.
         let is_compared = |which: &Which| compared.iter().any(|c| c.which == *which);
-        let others: Vec<Which> = consistency::channels(&self.smoother).filter(|which| !is_compared(which)).collect();
-        self.path.checks.extend(others.into_iter().map(|which| verdicts::not_compared(&self.name(which))).collect::<Vec<_>>());
+        let others: Vec<Which> =
+            consistency::channels(&self.smoother).filter(|which| !is_compared(which)).collect();
+        self.path.checks.extend(
+            others
+                .into_iter()
+                .map(|which| verdicts::not_compared(&self.name(which)))
+                .collect::<Vec<_>>(),
+        );
     }
 
     /// The rows in the order of channels and checks.
@@ -302,29 +366,44 @@ impl Work<'_> {
         }
     }
 
-    /// Channels whose sign is reversed, and the comparisons of all without them, theirs last. Where several may be the culprit (a rate and its angle
-    /// contradict each other), it is the one without which the others fit together best.
+    /// Channels whose sign is reversed, and the comparisons of all without them, theirs last. Where
+    /// several may be the culprit (a rate and its angle contradict each other), it is the one
+    /// without which the others fit together best.
     fn reversed(&mut self, levels: &Levels) -> (Vec<Which>, Vec<Comparison>) {
         let mut out: Vec<Which> = Vec::new();
         let mut culprits: Vec<Comparison> = Vec::new();
         loop {
-            let mut compared = consistency::compare(&self.smoother, levels, &self.stretches, &out, None);
-            let suspects: Vec<Comparison> = compared.iter().copied().filter(Comparison::reversed).collect();
+            let mut compared =
+                consistency::compare(&self.smoother, levels, &self.stretches, &out, None);
+            let suspects: Vec<Comparison> =
+                compared.iter().copied().filter(Comparison::reversed).collect();
             let Some(&first) = suspects.first().filter(|_| out.len() < REVERSED) else {
                 compared.extend(culprits);
                 return (out, compared);
             };
             let misfit = |suspect: &Comparison| {
                 let without = [&out[..], &[suspect.which]].concat();
-                let sum: f64 =
-                    suspects.iter().map(|s| consistency::misfit(&self.smoother, levels, &self.stretches, s.which, &without)).sum();
+                let sum: f64 = suspects
+                    .iter()
+                    .map(|s| {
+                        consistency::misfit(
+                            &self.smoother,
+                            levels,
+                            &self.stretches,
+                            s.which,
+                            &without,
+                        )
+                    })
+                    .sum();
                 if sum.is_finite() { sum } else { f64::MAX }
             };
             let scores: Vec<f64> = suspects.par_iter().map(misfit).collect();
             let best = (0..suspects.len()).min_by(|&a, &b| scores[a].total_cmp(&scores[b]));
             let culprit = best.map_or(first, |k| suspects[k]);
             let name = self.name(culprit.which);
-            let text = format!("{name}: the sign is reversed against what all other sensors say; not used");
+            let text = format!(
+                "{name}: the sign is reversed against what all other sensors say; not used"
+            );
             self.path.notes.push(Note::of(&name, 1, text));
             out.push(culprit.which);
             culprits.push(culprit);
@@ -349,11 +428,21 @@ impl Work<'_> {
                 // scales and delays are products with states all along
                 about.get_or_insert_default().known = self.found.constants(kinematics, levels);
             }
-            let smoothed = self.smoother.path(about.as_ref(), levels, stretch, &x, (*grid, every), &mut innovations, &mut out);
+            let smoothed = self.smoother.path(
+                about.as_ref(),
+                levels,
+                stretch,
+                &x,
+                (*grid, every),
+                &mut innovations,
+                &mut out,
+            );
             if !smoothed.finite {
                 self.path.failed += 1;
                 let [from, to] = stretch;
-                let text = format!("no flight path from {from:.1} s to {to:.1} s: the filter does not stay finite");
+                let text = format!(
+                    "no flight path from {from:.1} s to {to:.1} s: the filter does not stay finite"
+                );
                 self.path.notes.push(Note::lost(text));
                 continue;
             }
@@ -366,7 +455,9 @@ impl Work<'_> {
         }
         for pair in self.stretches.windows(2) {
             let [from, to] = [pair[0][1], pair[1][0]];
-            self.path.notes.push(format!("no flight path from {from:.1} s to {to:.1} s: an input has a gap").into());
+            self.path.notes.push(
+                format!("no flight path from {from:.1} s to {to:.1} s: an input has a gap").into(),
+            );
         }
         self.held();
         self.undetermined(levels, &mut out);
@@ -386,7 +477,10 @@ impl Work<'_> {
             );
             let known = sd < UNKNOWN * levels.start_sd[nx + k];
             let half = verdicts::INTERVAL * sd;
-            let text = format!("{} {value:.4e} +- {half:.1e} (95%), stretch {stretch}", parameter.quantity.doc);
+            let text = format!(
+                "{} {value:.4e} +- {half:.1e} (95%), stretch {stretch}",
+                parameter.quantity.doc
+            );
             self.path.checks.push(consistency::Row {
                 channel: parameter.quantity.name.clone(),
                 check: "sensor error",
@@ -427,7 +521,8 @@ impl Work<'_> {
         }
     }
 
-    /// Outputs of states that no sensor determines have no value: not a number that was only assumed.
+    /// Outputs of states that no sensor determines have no value: not a number that was only
+    /// assumed.
     fn undetermined(&mut self, levels: &Levels, out: &mut Outputs) {
         let model = self.kinematics.model;
         for i in 0..self.kinematics.states() {
@@ -436,9 +531,19 @@ impl Work<'_> {
                 continue;
             }
             let name = &model.states[i].quantity.name;
-            let lost: Vec<usize> = self.kinematics.output_jacobian.entries.iter().filter(|e| e.1 == i).map(|e| e.0).collect();
+            let lost: Vec<usize> = self
+                .kinematics
+                .output_jacobian
+                .entries
+                .iter()
+                .filter(|e| e.1 == i)
+                .map(|e| e.0)
+                .collect();
             let names: Vec<&str> = lost.iter().map(|&k| model.outputs[k].name.as_str()).collect();
-            self.path.notes.push(format!("no sensor determines {name}: there is no path of {}", names.join(", ")).into());
+            self.path.notes.push(
+                format!("no sensor determines {name}: there is no path of {}", names.join(", "))
+                    .into(),
+            );
             for k in lost {
                 out.value[k].fill(f64::NAN);
                 out.sd[k].fill(f64::NAN);
@@ -448,7 +553,13 @@ impl Work<'_> {
 }
 
 /// The smoothed parameters of a stretch.
-fn biases(kinematics: &Kinematics, found: &Found, smoothed: &Smoothed, window: usize, [t_start_s, t_end_s]: [f64; 2]) -> Vec<Bias> {
+fn biases(
+    kinematics: &Kinematics,
+    found: &Found,
+    smoothed: &Smoothed,
+    window: usize,
+    [t_start_s, t_end_s]: [f64; 2],
+) -> Vec<Bias> {
     let (nx, n) = (kinematics.states(), kinematics.size());
     let m = smoothed.p.len() / n.max(1);
     let row = |(k, &i): (usize, &usize)| {

@@ -16,11 +16,13 @@ pub const SHORTEST: f64 = 1.0;
 const PART: f64 = 60.0;
 /// First guess of a gust's walk, m/s per square root of a second: light turbulence.
 const GUST: f64 = 0.05;
-/// Least length of such a part where the flight is longer than can be used, s: a part first has to find where it is.
+/// Least length of such a part where the flight is longer than can be used, s: a part first has to
+/// find where it is.
 const LEAST_PART: f64 = 20.0;
 /// Noise levels are good when none changes by more than this share.
 const SETTLED: f64 = 0.03;
-/// Outliers are rejected after so many iterations of the noise levels and once none changes by more than this share; in the last ones always.
+/// Outliers are rejected after so many iterations of the noise levels and once none changes by more
+/// than this share; in the last ones always.
 const OPEN: usize = 3;
 const ROUGH: f64 = 0.3;
 
@@ -30,7 +32,11 @@ pub fn stretches(flight: &Flight, settings: &Settings) -> Vec<[f64; 2]> {
 }
 
 /// First noise levels, and the places of what gusts disturb.
-pub fn guess(kinematics: &Kinematics, flight: &Flight, settings: &Settings) -> (Levels, Vec<usize>) {
+pub fn guess(
+    kinematics: &Kinematics,
+    flight: &Flight,
+    settings: &Settings,
+) -> (Levels, Vec<usize>) {
     let mut guess = Levels::guess(kinematics, flight, &settings.walk, &settings.sd);
     let gusts = settings.gusts.iter().filter(|name| !settings.walk.contains_key(*name));
     let gusts: Vec<usize> = gusts.filter_map(|name| kinematics.place(name)).collect();
@@ -55,15 +61,20 @@ pub fn levels(
     let start_sd = found.narrow(smoother.kinematics, &mut levels);
     let known = start_sd.as_ref().map(|_| found.known(smoother.kinematics));
     let parts = parts(stretches, settings.noise_s);
-    let mut starts: Vec<Vec<f64>> = parts.par_iter().map(|&part| smoother.begin(&levels, part, known.as_deref())).collect();
+    let mut starts: Vec<Vec<f64>> =
+        parts.par_iter().map(|&part| smoother.begin(&levels, part, known.as_deref())).collect();
     let all = smoother.with_gate(f64::INFINITY);
     let mut change = if found.levels.is_some() { 0.0 } else { f64::INFINITY };
     for iteration in 0..settings.noise_iterations {
         // levels that begin far too small would have everything rejected that says so
-        let open = (iteration < open_first || change > ROUGH) && iteration + OPEN < settings.noise_iterations;
+        let open = (iteration < open_first || change > ROUGH)
+            && iteration + OPEN < settings.noise_iterations;
         let with = if open { &all } else { smoother };
-        let runs: Vec<Smoothed> =
-            parts.par_iter().zip(&starts).map(|(&part, x)| with.run(&levels, part, x, &mut (), &mut Nothing)).collect();
+        let runs: Vec<Smoothed> = parts
+            .par_iter()
+            .zip(&starts)
+            .map(|(&part, x)| with.run(&levels, part, x, &mut (), &mut Nothing))
+            .collect();
         let mut sums: Option<Sums> = None;
         for (run, start) in runs.into_iter().zip(&mut starts).filter(|(run, _)| run.finite) {
             sums.get_or_insert_with(|| run.sums.zero()).add(&run.sums);
@@ -81,7 +92,8 @@ pub fn levels(
     levels
 }
 
-/// Parts of the stretches, spread evenly, of together about `total` s; everything where there is not more.
+/// Parts of the stretches, spread evenly, of together about `total` s; everything where there is
+/// not more.
 fn parts(stretches: &[[f64; 2]], total: f64) -> Vec<[f64; 2]> {
     let length: f64 = stretches.iter().map(|s| s[1] - s[0]).sum();
     let part = PART.max(LEAST_PART * length / total);

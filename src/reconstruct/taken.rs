@@ -1,8 +1,10 @@
-//! A kinematic model and the signals of its inputs and outputs in; the outputs that are not to be compared with theirs, and why, out.
+//! A kinematic model and the signals of its inputs and outputs in; the outputs that are not to be
+//! compared with theirs, and why, out.
 //!
-//! An output that is compared with the signal that drives it compares a sensor with itself: any bias fits, the best one is zero, and it
-//! looks very well known. And a signal that was given to one output (the angle of attack at a vane) says nothing new of another one that
-//! happens to have its name (the angle of attack at the centre of gravity).
+//! An output that is compared with the signal that drives it compares a sensor with itself: any
+//! bias fits, the best one is zero, and it looks very well known. And a signal that was given to
+//! one output (the angle of attack at a vane) says nothing new of another one that happens to have
+//! its name (the angle of attack at the centre of gravity).
 
 use super::settings::{Settings, signal_of};
 use crate::model::Model;
@@ -26,16 +28,23 @@ pub struct Apart {
     pub asked: bool,
 }
 
-/// The outputs whose signals are taken; `same` tells whether two names of signals are one measurement.
+/// The outputs whose signals are taken; `same` tells whether two names of signals are one
+/// measurement.
 pub fn apart(model: &Model, settings: &Settings, same: impl Fn(&str, &str) -> bool) -> Vec<Apart> {
-    let leaves = model.graph.leaves(&model.rates.iter().chain(&model.output_nodes).copied().collect::<Vec<_>>());
+    let leaves = model
+        .graph
+        .leaves(&model.rates.iter().chain(&model.output_nodes).copied().collect::<Vec<_>>());
     // an input that only begins the states (the attitude of a quaternion) drives nothing
-    let drives = |i: usize| leaves.contains(&Leaf::Input(i)) || leaves.contains(&Leaf::InputRate(i));
+    let drives =
+        |i: usize| leaves.contains(&Leaf::Input(i)) || leaves.contains(&Leaf::InputRate(i));
     let asked = |output: usize| settings.signals.contains_key(&model.outputs[output].name);
     let of = |output: usize| signal_of(settings, &model.outputs[output].name);
     let one = |output: usize| {
-        let input = (0..model.inputs.len()).find(|&i| drives(i) && same(signal_of(settings, &model.inputs[i].name), of(output)));
-        let first = |&other: &usize| other != output && (asked(other) || other < output) && same(of(other), of(output));
+        let input = (0..model.inputs.len())
+            .find(|&i| drives(i) && same(signal_of(settings, &model.inputs[i].name), of(output)));
+        let first = |&other: &usize| {
+            other != output && (asked(other) || other < output) && same(of(other), of(output))
+        };
         let other = || (0..model.outputs.len()).find(first).filter(|_| !asked(output));
         let taken = input.map(Taken::Input).or_else(|| other().map(Taken::Output))?;
         Some(Apart { output, taken, asked: asked(output) })
@@ -45,10 +54,15 @@ pub fn apart(model: &Model, settings: &Settings, same: impl Fn(&str, &str) -> bo
 
 /// What is said of outputs that are not compared, by their names.
 pub fn words(model: &Model, apart: &[Apart]) -> String {
-    let inputs: Vec<&str> =
-        apart.iter().filter(|a| matches!(a.taken, Taken::Input(_))).map(|a| model.outputs[a.output].name.as_str()).collect();
+    let inputs: Vec<&str> = apart
+        .iter()
+        .filter(|a| matches!(a.taken, Taken::Input(_)))
+        .map(|a| model.outputs[a.output].name.as_str())
+        .collect();
     let others = apart.iter().filter_map(|a| match a.taken {
-        Taken::Output(other) => Some(format!("{} (as {})", model.outputs[a.output].name, model.outputs[other].name)),
+        Taken::Output(other) => {
+            Some(format!("{} (as {})", model.outputs[a.output].name, model.outputs[other].name))
+        }
         Taken::Input(_) => None,
     });
     let others: Vec<String> = others.collect();
@@ -69,8 +83,12 @@ mod tests {
 
     fn names(settings: &Settings, model: &Model, same: impl Fn(&str, &str) -> bool) -> Vec<String> {
         let word = |a: &Apart| match a.taken {
-            Taken::Input(i) => format!("{} is {}", model.outputs[a.output].name, model.inputs[i].name),
-            Taken::Output(o) => format!("{} is {}", model.outputs[a.output].name, model.outputs[o].name),
+            Taken::Input(i) => {
+                format!("{} is {}", model.outputs[a.output].name, model.inputs[i].name)
+            }
+            Taken::Output(o) => {
+                format!("{} is {}", model.outputs[a.output].name, model.outputs[o].name)
+            }
         };
         apart(model, settings, same).iter().map(word).collect()
     }
@@ -86,7 +104,10 @@ mod tests {
         let same = |a: &str, b: &str| a == b;
         assert!(names(&Settings::default(), &model, same).is_empty());
         let natural = mapped(&[("ax_imu", "ax"), ("q_imu", "q"), ("alpha_vane", "alpha")]);
-        assert_eq!(names(&natural, &model, same), ["alpha is alpha_vane", "q is q_imu", "ax is ax_imu"]);
+        assert_eq!(
+            names(&natural, &model, same),
+            ["alpha is alpha_vane", "q is q_imu", "ax is ax_imu"]
+        );
         // two names of the channel map for one field of the log
         let alias = |a: &str, b: &str| a == b || [a, b] == ["q_imu", "q"];
         assert_eq!(names(&Settings::default(), &model, alias), ["q is q_imu"]);

@@ -1,5 +1,5 @@
-//! What a channel shows of itself, against the others and against its predicted noise, in; the lines of the consistency table with their
-//! verdicts out.
+//! What a channel shows of itself, against the others and against its predicted noise, in; the
+//! lines of the consistency table with their verdicts out.
 
 use super::consistency::{Comparison, Row, Which};
 use super::health::Health;
@@ -49,7 +49,10 @@ impl Comparison {
         if sd < SCALE / 3.0 && matches!(self.which, Which::Output(_)) {
             let limit = SCALE.max(3.0 * sd);
             let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
-            let text = format!("measured change per reconstructed change {k:.4} +- {:.4} (95%)", INTERVAL * sd);
+            let text = format!(
+                "measured change per reconstructed change {k:.4} +- {:.4} (95%)",
+                INTERVAL * sd
+            );
             rows.push(row("scale", k, [1.0 - limit, 1.0 + limit], "-", verdict, text));
         }
         let [tau, sd] = self.delay;
@@ -62,15 +65,20 @@ impl Comparison {
             } else {
                 "early"
             };
-            let text = format!("measured behind reconstructed by {tau:.4} +- {:.4} s (95%)", INTERVAL * sd);
+            let text = format!(
+                "measured behind reconstructed by {tau:.4} +- {:.4} s (95%)",
+                INTERVAL * sd
+            );
             rows.push(row("time skew", tau, [-limit, limit], "s", verdict, text));
         }
         let [jump, sd] = self.jump;
         if sd < JUMP {
             let limit = JUMP.max(4.0 * sd);
             let verdict = if jump.abs() > limit { "clock jumps" } else { "good" };
-            let text =
-                format!("{jump:.4} +- {:.4} s (95%) later in the second half of the flight than in the first", INTERVAL * sd);
+            let text = format!(
+                "{jump:.4} +- {:.4} s (95%) later in the second half of the flight than in the first",
+                INTERVAL * sd
+            );
             rows.push(row("clock", jump, [-limit, limit], "s", verdict, text));
         }
         rows
@@ -116,7 +124,11 @@ pub fn health_rows(channel: &str, health: &Health, moves: bool) -> Vec<Row> {
     let text = if health.dead {
         "the value never changes".to_string()
     } else {
-        format!("stands still in {} stretches of together {:.1} s", health.frozen.len(), health.frozen_s)
+        format!(
+            "stands still in {} stretches of together {:.1} s",
+            health.frozen.len(),
+            health.frozen_s
+        )
     };
     let stops = if health.saturated > 0 { "saturated" } else { "good" };
     let gaps = if health.gaps > 0 || health.masked > 0 { "gaps" } else { "good" };
@@ -136,7 +148,10 @@ pub fn health_rows(channel: &str, health: &Health, moves: bool) -> Vec<Row> {
             5.0 * health.spacing,
             "s",
             gaps,
-            format!("{} gaps, the longest {:.2} s; {} samples are not numbers", health.gaps, health.longest_gap, health.masked),
+            format!(
+                "{} gaps, the longest {:.2} s; {} samples are not numbers",
+                health.gaps, health.longest_gap, health.masked
+            ),
         ),
     ]
 }
@@ -147,7 +162,11 @@ fn rejected(innovation: &Innovation) -> f64 {
 }
 
 fn rejection(innovation: &Innovation) -> String {
-    format!("{} of {} samples rejected", innovation.rejected, innovation.count + innovation.rejected)
+    format!(
+        "{} of {} samples rejected",
+        innovation.rejected,
+        innovation.count + innovation.rejected
+    )
 }
 
 /// How many samples were rejected, in words, where they are more than a few.
@@ -155,13 +174,20 @@ pub fn outliers(innovation: &Innovation) -> Option<String> {
     (rejected(innovation) > REJECTED).then(|| rejection(innovation))
 }
 
-/// Whether neighbouring innovations are so much alike that the channel has no white noise worth the name.
+/// Whether neighbouring innovations are so much alike that the channel has no white noise worth the
+/// name.
 pub fn filtered(innovation: &Innovation) -> bool {
     innovation.count >= 50 && innovation.lagged[0] > FILTERED * innovation.square
 }
 
-/// Lines about a channel's innovations; `sd` of its noise as found or given, `fast` as its fast part alone.
-pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, (sd, fast, given): (f64, f64, bool)) -> Vec<Row> {
+/// Lines about a channel's innovations; `sd` of its noise as found or given, `fast` as its fast
+/// part alone.
+pub fn innovation_rows(
+    channel: &str,
+    unit: &str,
+    innovation: &Innovation,
+    (sd, fast, given): (f64, f64, bool),
+) -> Vec<Row> {
     let row = |check, value, low, high, unit: &str, verdict, text| Row {
         channel: channel.to_string(),
         check,
@@ -208,9 +234,20 @@ pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, (sd, 
             1.0 + limit,
             "-",
             verdict,
-            format!("mean square of innovations over their predicted variance, {} samples", innovation.count),
+            format!(
+                "mean square of innovations over their predicted variance, {} samples",
+                innovation.count
+            ),
         ),
-        row("whiteness", rho[0], -band, band, "-", coloured, "correlation of neighbouring innovations".to_string()),
+        row(
+            "whiteness",
+            rho[0],
+            -band,
+            band,
+            "-",
+            coloured,
+            "correlation of neighbouring innovations".to_string(),
+        ),
         row(
             "rejected",
             rejected(innovation),
@@ -220,6 +257,14 @@ pub fn innovation_rows(channel: &str, unit: &str, innovation: &Innovation, (sd, 
             if outliers(innovation).is_some() { "outliers" } else { "good" },
             rejection(innovation),
         ),
-        row("noise", sd, 0.0, 2.0 * fast, unit, noisy, format!("standard deviation as {by}; its fast part {fast:.2e}")),
+        row(
+            "noise",
+            sd,
+            0.0,
+            2.0 * fast,
+            unit,
+            noisy,
+            format!("standard deviation as {by}; its fast part {fast:.2e}"),
+        ),
     ]
 }

@@ -9,8 +9,9 @@ pub struct Window {
     pub end: usize,
 }
 
-/// Windows of about `length` s, neighbours overlapping by `overlap` s, none across a gap of an input. Within a gap-free stretch all
-/// windows have the same length; a stretch shorter than a second has none.
+/// Windows of about `length` s, neighbours overlapping by `overlap` s, none across a gap of an
+/// input. Within a gap-free stretch all windows have the same length; a stretch shorter than a
+/// second has none.
 pub fn cut(columns: &[Vec<f64>], grid: &Grid, length: f64, overlap: f64) -> Vec<Window> {
     let good = |k: usize| columns.iter().all(|c| c[k].is_finite());
     let mut out = Vec::new();
@@ -27,7 +28,11 @@ pub fn cut(columns: &[Vec<f64>], grid: &Grid, length: f64, overlap: f64) -> Vec<
             let each = (duration + (count - 1.0) * overlap) / count;
             for i in 0..count as usize {
                 let from = begin + ((i as f64 * (each - overlap)) / grid.dt).round() as usize;
-                let to = if i + 1 == count as usize { end } else { from + (each / grid.dt).round() as usize };
+                let to = if i + 1 == count as usize {
+                    end
+                } else {
+                    from + (each / grid.dt).round() as usize
+                };
                 out.push(Window { begin: from, end: to.min(end) });
             }
         }
@@ -51,6 +56,9 @@ mod tests {
         assert!(windows.iter().all(|w| w.end <= 900 || w.begin >= 950));
         assert!(windows.iter().all(|w| (w.end - w.begin) as f64 * 0.1 <= 30.1));
         let pairs: Vec<_> = windows.windows(2).filter(|p| p[0].end != 900).collect();
-        assert!(pairs.iter().all(|p| (p[0].end as i64 - p[1].begin as i64 - 60).abs() <= 1), "{windows:?}");
+        assert!(
+            pairs.iter().all(|p| (p[0].end as i64 - p[1].begin as i64 - 60).abs() <= 1),
+            "{windows:?}"
+        );
     }
 }

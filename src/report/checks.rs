@@ -1,17 +1,24 @@
-//! All tables in, what a reader wants to know first out: the counts at the top and the answers to "can I trust this?".
+//! All tables in, what a reader wants to know first out: the counts at the top and the answers to
+//! "can I trust this?".
 //!
-//! A **problem** (`Level::Bad`) is printed by `koehler run` and makes its exit code 1, so it is one only where something asked for is not
-//! there or a result stands on a sensor that is wrong, whatever the threshold: a channel that is dead, reversed, late, scaled, rejected
-//! by the tenth, or still through a maneuver; a flight without a maneuver that is used; an estimation that did not converge; a missing result; a diagnosis without a
-//! verdict. What is a matter of degree (noise larger than predicted, samples at a stop, scatter, correlations, misfits, a model that
-//! lacks something) is worth a look (`Level::Warn`): the numbers say so themselves, and a person has to judge.
+//! A **problem** (`Level::Bad`) is printed by `koehler run` and makes its exit code 1, so it is one
+//! only where something asked for is not there or a result stands on a sensor that is wrong,
+//! whatever the threshold: a channel that is dead, reversed, late, scaled, rejected by the tenth,
+//! or still through a maneuver; a flight without a maneuver that is used; an estimation that did
+//! not converge; a missing result; a diagnosis without a verdict. What is a matter of degree (noise
+//! larger than predicted, samples at a stop, scatter, correlations, misfits, a model that lacks
+//! something) is worth a look (`Level::Warn`): the numbers say so themselves, and a person has to
+//! judge.
 
 use super::columns::Columns;
 use super::format::{count, number};
 use super::grid::Level;
 use super::lines::EXCESS;
 use super::section::{Body, Given, Section};
-use super::{SECTIONS, consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still, uncertainty};
+use super::{
+    SECTIONS, consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still,
+    uncertainty,
+};
 use crate::error::Result;
 use serde::Serialize;
 
@@ -70,30 +77,55 @@ fn build(given: &Given) -> Result<Option<Body>> {
     Ok(Some(Body::new(include_str!("html/checks.html"), Shown { checks: answers(given) })))
 }
 
-/// Flights, maneuvers found and used, estimations converged, lines, notes: what the campaign asks for.
+/// Flights, maneuvers found and used, estimations converged, lines, notes: what the campaign asks
+/// for.
 pub fn tiles(given: &Given) -> Vec<Tile> {
     let tile = |value: String, label: &str, level| Tile { value, label: label.into(), level };
     let asked = |table: &str| !given.input.unasked.contains(&table);
-    let mut tiles = vec![tile(given.flights.len().to_string(), if given.flights.len() == 1 { "flight" } else { "flights" }, None)];
+    let mut tiles = vec![tile(
+        given.flights.len().to_string(),
+        if given.flights.len() == 1 { "flight" } else { "flights" },
+        None,
+    )];
     let found = given.get("segments").map_or(0, Columns::rows);
     let used = flights::used(given.get("responses"), given.get("segments"));
     // Records that are estimated as they are need no maneuvers.
     if asked("segments") && (asked("estimates") || found > 0) {
-        tiles.push(tile(found.to_string(), "maneuvers found", (found == 0 && used.records == 0).then_some(Level::Bad)));
+        tiles.push(tile(
+            found.to_string(),
+            "maneuvers found",
+            (found == 0 && used.records == 0).then_some(Level::Bad),
+        ));
     }
     if asked("estimates") {
         if used.maneuvers > 0 || used.records == 0 {
-            tiles.push(tile(used.maneuvers.to_string(), "maneuvers estimated", (used.maneuvers == 0).then_some(Level::Bad)));
+            tiles.push(tile(
+                used.maneuvers.to_string(),
+                "maneuvers estimated",
+                (used.maneuvers == 0).then_some(Level::Bad),
+            ));
         }
         if used.records > 0 {
-            let label = if used.records == 1 { "record estimated as one segment" } else { "records estimated as they are" };
+            let label = if used.records == 1 {
+                "record estimated as one segment"
+            } else {
+                "records estimated as they are"
+            };
             tiles.push(tile(used.records.to_string(), label, None));
         }
         let (all, good) = estimates::counts(given.get("estimates"));
-        tiles.push(tile(format!("{good} / {all}"), "estimates converged", (good < all || all == 0).then_some(Level::Bad)));
+        tiles.push(tile(
+            format!("{good} / {all}"),
+            "estimates converged",
+            (good < all || all == 0).then_some(Level::Bad),
+        ));
     }
     if asked("fits") {
-        tiles.push(tile(given.get("fits").map_or(0, Columns::rows).to_string(), "fitted lines", None));
+        tiles.push(tile(
+            given.get("fits").map_or(0, Columns::rows).to_string(),
+            "fitted lines",
+            None,
+        ));
     }
     let notes = given.get("notes");
     let noted = logs::remarks(notes).map(|(level, _)| level).filter(|l| *l != Level::Good);
@@ -108,7 +140,11 @@ pub fn answers(given: &Given) -> Vec<Check> {
     let answers = [
         (logs::losses(get("channels")), "channels", "channels"),
         (consistency::summary(get("consistency")), "consistency", "consistency"),
-        (still::summary(get("channels"), get("consistency"), get("segments"), get("responses")), "channels", "channels"),
+        (
+            still::summary(get("channels"), get("consistency"), get("segments"), get("responses")),
+            "channels",
+            "channels",
+        ),
         (flights::summary(get("segments"), get("responses"), &given.ids()), "flights", "segments"),
         (by_hand(get("segments")), "flights", "segments"),
         (estimates::convergence(get("estimates")), "estimates", "estimates"),
@@ -122,7 +158,8 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (logs::remarks(get("notes")), "notes", "notes"),
     ];
     let link = |section: &str, id| {
-        let section = SECTIONS.iter().find(|s| s.id == section).filter(|s| given.input.asks_for(s))?;
+        let section =
+            SECTIONS.iter().find(|s| s.id == section).filter(|s| given.input.asks_for(s))?;
         Some(Link { id, heading: section.heading })
     };
     // A check without a finding has nothing to show.
@@ -135,7 +172,11 @@ pub fn answers(given: &Given) -> Vec<Check> {
 
 /// The sentences of those that are problems.
 pub fn problems(checks: &[Check]) -> Vec<String> {
-    checks.iter().filter(|check| check.level == Level::Bad).map(|check| check.text.clone()).collect()
+    checks
+        .iter()
+        .filter(|check| check.level == Level::Bad)
+        .map(|check| check.text.clone())
+        .collect()
 }
 
 fn check(level: Level, text: String, link: Option<Link>) -> Check {
@@ -152,7 +193,12 @@ fn check(level: Level, text: String, link: Option<Link>) -> Check {
 fn by_hand(segments: Option<&Columns>) -> Option<(Level, String)> {
     let segments = segments?;
     let out = (0..segments.rows()).filter(|&row| !flights::included(segments, row)).count();
-    (out > 0).then(|| (Level::Info, format!("{} found but left out; the reasons are in the table.", count(out, "maneuver"))))
+    (out > 0).then(|| {
+        (
+            Level::Info,
+            format!("{} found but left out; the reasons are in the table.", count(out, "maneuver")),
+        )
+    })
 }
 
 /// Scatter between maneuvers beyond what the estimates' own sd explain.
@@ -161,12 +207,16 @@ fn scatter(fits: Option<&Columns>) -> Option<(Level, String)> {
     let excess = |row: &usize| lines::reduced_chi2(fits, *row) > EXCESS;
     let names: Vec<String> = (0..fits.rows())
         .filter(excess)
-        .map(|r| format!("{} ({})", fits.text("parameter", r), number(lines::reduced_chi2(fits, r), 2)))
+        .map(|r| {
+            format!("{} ({})", fits.text("parameter", r), number(lines::reduced_chi2(fits, r), 2))
+        })
         .collect();
     Some(if names.is_empty() {
         (
             Level::Good,
-            format!("The points scatter about their lines as their standard deviations say (reduced chi-square below {EXCESS})."),
+            format!(
+                "The points scatter about their lines as their standard deviations say (reduced chi-square below {EXCESS})."
+            ),
         )
     } else {
         let text = format!(
@@ -180,8 +230,17 @@ fn scatter(fits: Option<&Columns>) -> Option<(Level, String)> {
 /// Lines through few points.
 fn few_points(fits: Option<&Columns>) -> Option<(Level, String)> {
     let fits = fits?;
-    let names: Vec<String> = (0..fits.rows()).filter(|&r| fits.number("n", r) < 5.0).map(|r| fits.text("parameter", r)).collect();
+    let names: Vec<String> = (0..fits.rows())
+        .filter(|&r| fits.number("n", r) < 5.0)
+        .map(|r| fits.text("parameter", r))
+        .collect();
     (!names.is_empty()).then(|| {
-        (Level::Warn, format!("Lines through fewer than 5 points, so with wide and uncertain bands: {}.", estimates::few(&names)))
+        (
+            Level::Warn,
+            format!(
+                "Lines through fewer than 5 points, so with wide and uncertain bands: {}.",
+                estimates::few(&names)
+            ),
+        )
     })
 }

@@ -1,4 +1,5 @@
-//! A table's columns by name, read without fear: a missing column or an empty cell is NaN or "", never a failure of the page.
+//! A table's columns by name, read without fear: a missing column or an empty cell is NaN or "",
+//! never a failure of the page.
 
 use std::collections::BTreeMap;
 
@@ -34,11 +35,15 @@ impl Columns {
             let name = column.name.as_str();
             let values = match column.kind {
                 Kind::F64 => table.f64(name).map(|v| Column::Number(v.to_vec())),
-                Kind::I64 => {
-                    table.opt_i64(name).map(|v| Column::Number(v.into_iter().map(|n| n.map_or(f64::NAN, |n| n as f64)).collect()))
-                }
+                Kind::I64 => table.opt_i64(name).map(|v| {
+                    Column::Number(
+                        v.into_iter().map(|n| n.map_or(f64::NAN, |n| n as f64)).collect(),
+                    )
+                }),
                 Kind::Bool => table.bools(name).map(Column::Flag),
-                Kind::String => table.strings(name).map(|v| Column::Text(v.into_iter().map(String::from).collect())),
+                Kind::String => table
+                    .strings(name)
+                    .map(|v| Column::Text(v.into_iter().map(String::from).collect())),
             };
             // "SI" says that another column names the unit.
             let unit = if column.unit == "SI" { "" } else { no_dash(&column.unit) };
@@ -69,7 +74,9 @@ impl Columns {
     }
 
     pub fn has(&self, name: &str) -> bool {
-        self.numbers.contains_key(name) || self.texts.contains_key(name) || self.flags.contains_key(name)
+        self.numbers.contains_key(name)
+            || self.texts.contains_key(name)
+            || self.flags.contains_key(name)
     }
 
     /// The number in a cell; NaN when there is none.
@@ -87,7 +94,8 @@ impl Columns {
         no_dash(&self.text(name, row)).to_string()
     }
 
-    /// The text in a cell; "" when there is none. Whole numbers read as text too (a segment may be numbered).
+    /// The text in a cell; "" when there is none. Whole numbers read as text too (a segment may be
+    /// numbered).
     pub fn text(&self, name: &str, row: usize) -> String {
         if let Some(text) = self.texts.get(name).and_then(|v| v.get(row)) {
             return text.clone();

@@ -1,4 +1,5 @@
-//! `consistency` in, one line per flight and channel with its verdicts, and what the checks say about them, out.
+//! `consistency` in, one line per flight and channel with its verdicts, and what the checks say
+//! about them, out.
 
 use super::columns::Columns;
 use super::estimates::few;
@@ -9,8 +10,12 @@ use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
 
-pub const SECTION: Section =
-    Section { id: "consistency", heading: "Do the sensors agree?", tables: &["consistency", "pathmatch"], build };
+pub const SECTION: Section = Section {
+    id: "consistency",
+    heading: "Do the sensors agree?",
+    tables: &["consistency", "pathmatch"],
+    build,
+};
 
 #[derive(Serialize)]
 struct Shown {
@@ -21,7 +26,8 @@ struct Shown {
 
 fn build(given: &Given) -> Result<Option<Body>> {
     let paths = paths::paths(given.get("pathmatch"));
-    let section = Shown { consistency: table(given.get("consistency")), compared: !paths.is_empty() };
+    let section =
+        Shown { consistency: table(given.get("consistency")), compared: !paths.is_empty() };
     Body::new(include_str!("html/consistency.html"), section).plot("paths", &paths).map(Some)
 }
 
@@ -37,7 +43,15 @@ const SHOWN: [(&str, &str); 8] = [
     ("noise", "#noise sd"),
 ];
 /// Verdicts that are remarks, not faults.
-const REMARKS: [&str; 7] = ["coloured", "slow errors", "too small", "gaps", "significant", "not significant", NOT_COMPARED];
+const REMARKS: [&str; 7] = [
+    "coloured",
+    "slow errors",
+    "too small",
+    "gaps",
+    "significant",
+    "not significant",
+    NOT_COMPARED,
+];
 /// Of what the others do not tell.
 const NOT_COMPARED: &str = "not compared";
 
@@ -48,25 +62,40 @@ const MOST_REJECTED: f64 = 0.1;
 
 /// One line per flight and channel.
 pub fn table(table: Option<&Columns>) -> Grid {
-    let Some(table) = table else { return Grid::missing("No consistency checks: the reconstruct stage has not run.") };
-    let mut grid = Grid::new(["flight", "channel", "verdict", "~what is wrong"].into_iter().chain(SHOWN.map(|s| s.1)));
+    let Some(table) = table else {
+        return Grid::missing("No consistency checks: the reconstruct stage has not run.");
+    };
+    let mut grid = Grid::new(
+        ["flight", "channel", "verdict", "~what is wrong"].into_iter().chain(SHOWN.map(|s| s.1)),
+    );
     for ([flight, channel], rows) in table.groups(["flight", "channel"]) {
         if rows.iter().all(|&row| table.text("check", row) == "sensor error") {
             continue;
         }
-        let bad: Vec<usize> = rows.iter().copied().filter(|&row| table.text("verdict", row) != "good").collect();
+        let bad: Vec<usize> =
+            rows.iter().copied().filter(|&row| table.text("verdict", row) != "good").collect();
         let words: Vec<String> = bad.iter().map(|&row| table.text("verdict", row)).collect();
         // remarks are told by their verdict
         let wrong = bad.iter().filter(|&&row| level(table, row) != Level::Info);
-        let text: Vec<String> = wrong.map(|&row| format!("{}: {}", table.text("check", row), table.text("text", row))).collect();
-        let value =
-            |check: &str| rows.iter().find(|&&row| table.text("check", row) == check).map(|&row| table.number("value", row));
+        let text: Vec<String> = wrong
+            .map(|&row| format!("{}: {}", table.text("check", row), table.text("text", row)))
+            .collect();
+        let value = |check: &str| {
+            rows.iter()
+                .find(|&&row| table.text("check", row) == check)
+                .map(|&row| table.number("value", row))
+        };
         let mut cells: Vec<Cell> = [flight, channel].map(Cell::new).into();
         cells.push(if words.is_empty() { "good".to_string() } else { words.join(", ") }.into());
         cells.push(text.join("; ").into());
-        let known = |check: &str| value(check).filter(|v| v.is_finite()).map(|v| number(v, 3)).unwrap_or_default();
+        let known = |check: &str| {
+            value(check).filter(|v| v.is_finite()).map(|v| number(v, 3)).unwrap_or_default()
+        };
         // Only the noise has the unit of its channel; the others stand in the heading.
-        let unit = rows.iter().find(|&&row| table.text("check", row) == "noise").map(|&row| table.unit_in("unit", row));
+        let unit = rows
+            .iter()
+            .find(|&&row| table.text("check", row) == "noise")
+            .map(|&row| table.unit_in("unit", row));
         cells.extend(SHOWN.map(|(check, _)| match &unit {
             Some(unit) if check == "noise" => Cell::new(known(check)).under(unit),
             _ => Cell::new(known(check)),
@@ -102,14 +131,24 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table.filter(|t| t.rows() > 0)?;
     let names = |wanted: Level| -> Vec<String> {
         (0..table.rows())
-            .filter(|&row| table.text("check", row) != "sensor error" && table.text("verdict", row) != "good")
+            .filter(|&row| {
+                table.text("check", row) != "sensor error" && table.text("verdict", row) != "good"
+            })
             .filter(|&row| level(table, row) == wanted)
-            .map(|row| format!("{} {} ({})", table.text("flight", row), table.text("channel", row), table.text("verdict", row)))
+            .map(|row| {
+                format!(
+                    "{} {} ({})",
+                    table.text("flight", row),
+                    table.text("channel", row),
+                    table.text("verdict", row)
+                )
+            })
             .collect()
     };
     let (bad, odd, remarks) = (names(Level::Bad), names(Level::Warn), names(Level::Info));
     let unknown = |row: &usize| table.text("verdict", *row) == NOT_COMPARED;
-    let unknown: Vec<String> = (0..table.rows()).filter(unknown).map(|row| table.text("channel", row)).collect();
+    let unknown: Vec<String> =
+        (0..table.rows()).filter(unknown).map(|row| table.text("channel", row)).collect();
     let agrees = match unknown.len() {
         0 => "Every channel agrees with what the other sensors say of it".to_string(),
         _ => format!(
@@ -117,11 +156,14 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
             few(&unknown)
         ),
     };
-    let also = if odd.is_empty() { String::new() } else { format!(" Worth a look: {}.", few(&odd)) };
+    let also =
+        if odd.is_empty() { String::new() } else { format!(" Worth a look: {}.", few(&odd)) };
     Some(match (bad.as_slice(), odd.as_slice(), remarks.len() - unknown.len()) {
         ([], [], 0) => (Level::Good, format!("{agrees}.")),
         ([], [], n) => (Level::Info, format!("{agrees}; {}.", count(n, "remark"))),
         ([], _, _) => (Level::Warn, format!("{agrees}.{also}")),
-        (bad, _, _) => (Level::Bad, format!("Channels that do not fit with the others: {}.{also}", few(bad))),
+        (bad, _, _) => {
+            (Level::Bad, format!("Channels that do not fit with the others: {}.{also}", few(bad)))
+        }
     })
 }

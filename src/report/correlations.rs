@@ -1,4 +1,5 @@
-//! `correlations` and `estimates` in, one heat map per estimation of how its parameters go together out.
+//! `correlations` and `estimates` in, one heat map per estimation of how its parameters go together
+//! out.
 
 use super::columns::Columns;
 use super::format::short;
@@ -8,8 +9,12 @@ use crate::error::Result;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-pub const SECTION: Section =
-    Section { id: "correlations", heading: "Which parameters go together", tables: &["correlations"], build };
+pub const SECTION: Section = Section {
+    id: "correlations",
+    heading: "Which parameters go together",
+    tables: &["correlations"],
+    build,
+};
 
 /// The text around the plot (template).
 #[derive(Debug, Default, Serialize)]
@@ -33,12 +38,16 @@ const LIMIT: usize = 40;
 
 fn build(given: &Given) -> Result<Option<Body>> {
     let maps = maps(given.get("correlations"));
-    let missing = maps.is_empty().then(|| "No correlation: no estimation has two parameters and a covariance.".to_string());
+    let missing = maps
+        .is_empty()
+        .then(|| "No correlation: no estimation has two parameters and a covariance.".to_string());
     let shown = format!(
         "Initial values of states are left out unless they are correlated above {CLOSE} with a parameter; of more than {LIMIT} parameters \
          those with the largest correlations are drawn."
     );
-    Body::new(include_str!("html/correlations.html"), Shown { missing, shown }).plot("correlations", &maps).map(Some)
+    Body::new(include_str!("html/correlations.html"), Shown { missing, shown })
+        .plot("correlations", &maps)
+        .map(Some)
 }
 
 fn is_initial(name: &str) -> bool {
@@ -47,14 +56,24 @@ fn is_initial(name: &str) -> bool {
 
 /// A parameter, with the segment or the group of segments that it belongs to.
 fn parameter(table: &Columns, row: usize, [name, segment, of]: [&str; 3]) -> String {
-    let place = Some(table.text(segment, row)).filter(|s| !s.is_empty()).unwrap_or_else(|| table.text(of, row));
-    if place.is_empty() { table.text(name, row) } else { format!("{} of {place}", table.text(name, row)) }
+    let place = Some(table.text(segment, row))
+        .filter(|s| !s.is_empty())
+        .unwrap_or_else(|| table.text(of, row));
+    if place.is_empty() {
+        table.text(name, row)
+    } else {
+        format!("{} of {place}", table.text(name, row))
+    }
 }
 
 /// One map per model and group, in the order of the table.
 fn maps(table: Option<&Columns>) -> Vec<Map> {
     let Some(table) = table else { return Vec::new() };
-    table.groups(["model", "group"]).into_iter().filter_map(|([model, group], rows)| map(table, &model, &group, &rows)).collect()
+    table
+        .groups(["model", "group"])
+        .into_iter()
+        .filter_map(|([model, group], rows)| map(table, &model, &group, &rows))
+        .collect()
 }
 
 fn map(table: &Columns, model: &str, group: &str, rows: &[usize]) -> Option<Map> {
@@ -69,7 +88,8 @@ fn map(table: &Columns, model: &str, group: &str, rows: &[usize]) -> Option<Map>
             // Where all belongs to one segment its name says nothing.
             if alone { full.split(" of ").next().unwrap_or_default().to_string() } else { full }
         };
-        let (a, b) = (read(["parameter", "segment", "of"]), read(["other", "other_segment", "other_of"]));
+        let (a, b) =
+            (read(["parameter", "segment", "of"]), read(["other", "other_segment", "other_of"]));
         let value = table.number("value", row);
         for (one, other) in [(&a, &b), (&b, &a)] {
             if !names.contains(one) {
@@ -89,10 +109,12 @@ fn map(table: &Columns, model: &str, group: &str, rows: &[usize]) -> Option<Map>
     let least = sizes.get(LIMIT - 1).copied().unwrap_or(0.0);
     names.retain(|name| size(name) >= least);
     names.truncate(LIMIT);
-    let value =
-        |a: &String, b: &String| if a == b { Some(1.0) } else { known.get(&(a.clone(), b.clone())).and_then(|v| short(*v)) };
+    let value = |a: &String, b: &String| {
+        if a == b { Some(1.0) } else { known.get(&(a.clone(), b.clone())).and_then(|v| short(*v)) }
+    };
     let values = names.iter().map(|a| names.iter().map(|b| value(a, b)).collect()).collect();
-    let label = if group.is_empty() { model.to_string() } else { format!("{model} / {}", name(group, "")) };
+    let label =
+        if group.is_empty() { model.to_string() } else { format!("{model} / {}", name(group, "")) };
     (names.len() > 1).then_some(Map { label, names, values })
 }
 
@@ -117,7 +139,13 @@ mod tests {
 
     #[test]
     fn a_map_is_symmetric_and_leaves_out_initial_values_that_matter_to_none() {
-        let pairs = [("a", "b", -0.97), ("a", "x(0)", 0.2), ("b", "x(0)", 0.1), ("a", "y(0)", 0.3), ("b", "y(0)", 0.99)];
+        let pairs = [
+            ("a", "b", -0.97),
+            ("a", "x(0)", 0.2),
+            ("b", "x(0)", 0.1),
+            ("a", "y(0)", 0.3),
+            ("b", "y(0)", 0.99),
+        ];
         let table = Table::build("correlations")
             .repeat("model", "m")
             .strings("group", pairs.map(|_| "s1"))
@@ -132,7 +160,11 @@ mod tests {
             .finish()
             .expect("correlations");
         let maps = maps(Some(&Columns::of(&table)));
-        let want = [[Some(1.0), Some(-0.97), Some(0.3)], [Some(-0.97), Some(1.0), Some(0.99)], [Some(0.3), Some(0.99), Some(1.0)]];
+        let want = [
+            [Some(1.0), Some(-0.97), Some(0.3)],
+            [Some(-0.97), Some(1.0), Some(0.99)],
+            [Some(0.3), Some(0.99), Some(1.0)],
+        ];
         assert_eq!((maps.len(), maps[0].names.join(" ")), (1, "a b y(0)".to_string()));
         assert_eq!(maps[0].values, want);
     }

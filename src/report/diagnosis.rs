@@ -1,5 +1,5 @@
-//! `findings`, `candidates`, `held_out`, `gaps`, `closures`, `shifts` and `overlays` in; what a reader should know of what the models lack,
-//! out.
+//! `findings`, `candidates`, `held_out`, `gaps`, `closures`, `shifts` and `overlays` in; what a
+//! reader should know of what the models lack, out.
 
 use super::columns::Columns;
 use super::format::{display_unit, number, plus_minus, short, shorts, thin};
@@ -35,7 +35,10 @@ pub const SECTION: Section = Section {
 fn build(given: &Given) -> Result<Option<Body>> {
     let (section, overlays) = diagnosis(|table| given.get(table));
     let gaps = gap::figures(|table| given.get(table));
-    Body::new(include_str!("html/diagnosis.html"), section).plot("overlays", &overlays)?.plot("gaps", &gaps).map(Some)
+    Body::new(include_str!("html/diagnosis.html"), section)
+        .plot("overlays", &overlays)?
+        .plot("gaps", &gaps)
+        .map(Some)
 }
 
 /// The section of the page.
@@ -131,13 +134,18 @@ pub fn verdicts(table: &Columns) -> Vec<Verdict> {
         let first = rows.first().copied().unwrap_or_default();
         let verdict = table.text("verdict", first);
         let or = |row: usize| if table.text("role", row) == "alike" { "or: " } else { "" };
-        let incomplete = table.flag("complete", first) == Some(false) && ["named", "one of these"].contains(&verdict.as_str());
+        let incomplete = table.flag("complete", first) == Some(false)
+            && ["named", "one of these"].contains(&verdict.as_str());
         Verdict {
             name,
             level: level(&verdict),
             verdict: if incomplete { format!("{verdict}, incomplete") } else { verdict },
             text: table.text("text", first),
-            effects: rows.iter().skip(1).map(|&row| format!("{}{}", or(row), table.text("text", row))).collect(),
+            effects: rows
+                .iter()
+                .skip(1)
+                .map(|&row| format!("{}{}", or(row), table.text("text", row)))
+                .collect(),
             held_out: table.text("held_out", first),
         }
     };
@@ -162,8 +170,13 @@ fn candidates(table: Option<&Columns>) -> Grid {
     for ([name, round], mut rows) in table.groups(["diagnosis", "round"]) {
         let evidence = |row: usize| table.number("evidence", row);
         rows.sort_by(|&a, &b| {
-            let key =
-                |row: usize| if evidence(row).is_finite() { (true, evidence(row)) } else { (false, table.number("score", row)) };
+            let key = |row: usize| {
+                if evidence(row).is_finite() {
+                    (true, evidence(row))
+                } else {
+                    (false, table.number("score", row))
+                }
+            };
             let (a, b) = (key(a), key(b));
             b.0.cmp(&a.0).then(b.1.total_cmp(&a.1))
         });
@@ -195,15 +208,21 @@ fn candidates(table: Option<&Columns>) -> Grid {
 /// Predicted and realised gains of what was chosen, maneuver by maneuver.
 fn held_out(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No candidate was refitted.") };
-    let mut grid = Grid::new(["diagnosis", "#round", "candidate", "maneuver", "#predicted", "#realised"]);
-    for row in (0..table.rows())
-        .filter(|&r| table.text("set", r) == "held out" && ["chosen", "alike"].contains(&&*table.text("standing", r)))
-    {
+    let mut grid =
+        Grid::new(["diagnosis", "#round", "candidate", "maneuver", "#predicted", "#realised"]);
+    for row in (0..table.rows()).filter(|&r| {
+        table.text("set", r) == "held out"
+            && ["chosen", "alike"].contains(&&*table.text("standing", r))
+    }) {
         let (predicted, realised) = (table.number("predicted", row), table.number("realised", row));
-        let mut cells: Vec<Cell> =
-            ["diagnosis", "round", "candidate", "segment"].iter().map(|c| Cell::new(table.text(c, row))).collect();
+        let mut cells: Vec<Cell> = ["diagnosis", "round", "candidate", "segment"]
+            .iter()
+            .map(|c| Cell::new(table.text(c, row)))
+            .collect();
         cells.push(Cell::new(number(predicted, 3)));
-        cells.push(Cell::new(number(realised, 3)).level_if(predicted > 3.0 && realised < 0.0, Level::Bad));
+        cells.push(
+            Cell::new(number(realised, 3)).level_if(predicted > 3.0 && realised < 0.0, Level::Bad),
+        );
         grid.push(cells);
     }
     grid.note =
@@ -213,8 +232,17 @@ fn held_out(table: Option<&Columns>) -> Grid {
 
 fn closures(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("Nothing was held out.") };
-    let columns =
-        ["diagnosis", "set", "output", "#r.m.s. before", "#after", "#Theil before", "#after", "#χ² per sample before", "#after"];
+    let columns = [
+        "diagnosis",
+        "set",
+        "output",
+        "#r.m.s. before",
+        "#after",
+        "#Theil before",
+        "#after",
+        "#χ² per sample before",
+        "#after",
+    ];
     let mut grid = Grid::new(columns);
     for row in (0..table.rows()).filter(|&r| table.text("segment", r).is_empty()) {
         let output = table.text("output", row);
@@ -255,13 +283,16 @@ fn shifts(table: Option<&Columns>) -> Grid {
 /// Where the gap is widest: the whole of every output, and ranges that stand out of it.
 fn gaps<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Grid {
     let Some(table) = get("gaps") else { return Grid::missing("Nothing was compared.") };
-    let mut grid = Grid::new(["diagnosis", "when", "output", "where", "#r.m.s. / noise", "#mean / noise"]);
+    let mut grid =
+        Grid::new(["diagnosis", "when", "output", "where", "#r.m.s. / noise", "#mean / noise"]);
     for ([name, when, output], rows) in table.groups(["diagnosis", "when", "output"]) {
         let all = rows.iter().copied().filter(|&r| table.text("segment", r).is_empty());
         let ratio = |r: usize| table.number("ratio", r);
         let whole = all.clone().find(|&r| table.text("by", r) == "all");
         let level = whole.map_or(1.0, ratio);
-        let mut wide: Vec<usize> = all.filter(|&r| table.text("by", r) != "all" && ratio(r) > WIDE * level.max(1.0)).collect();
+        let mut wide: Vec<usize> = all
+            .filter(|&r| table.text("by", r) != "all" && ratio(r) > WIDE * level.max(1.0))
+            .collect();
         wide.sort_by(|&a, &b| ratio(b).total_cmp(&ratio(a)));
         for row in whole.into_iter().chain(wide.into_iter().take(SHOWN)) {
             let place = gap::place(table, row, &get);
@@ -288,8 +319,10 @@ pub fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
     for ([diagnosis, segment, output], rows) in table.groups(["diagnosis", "segment", "output"]) {
         let label = format!("{diagnosis}: {segment}");
         let column = |name: &str| rows.iter().map(|&r| table.number(name, r)).collect::<Vec<f64>>();
-        let (t, measured, before, after) = (column("t_s"), column("measured"), column("before"), column("after"));
-        let (factor, unit) = display_unit(&rows.first().map(|&r| table.unit_in("unit", r)).unwrap_or_default());
+        let (t, measured, before, after) =
+            (column("t_s"), column("measured"), column("before"), column("after"));
+        let (factor, unit) =
+            display_unit(&rows.first().map(|&r| table.unit_in("unit", r)).unwrap_or_default());
         let kept = thin(t.len(), &[&measured, &before, &after], DRAWN);
         let some = |values: &[f64]| shorts(kept.iter().map(|&k| values[k]), factor);
         let curve = Curve {
@@ -317,8 +350,12 @@ impl Curve {
         let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
         let known: Vec<f64> = self.measured.iter().flatten().copied().collect();
         let mean = known.iter().sum::<f64>() / known.len() as f64;
-        let moved = squares(&mut self.before.iter().zip(&self.after).filter_map(|(b, a)| Some((*b)? - (*a)?)));
-        Some(moved / squares(&mut known.iter().map(|v| v - mean))).filter(|share| share.is_finite()).unwrap_or(0.0)
+        let moved = squares(
+            &mut self.before.iter().zip(&self.after).filter_map(|(b, a)| Some((*b)? - (*a)?)),
+        );
+        Some(moved / squares(&mut known.iter().map(|v| v - mean)))
+            .filter(|share| share.is_finite())
+            .unwrap_or(0.0)
     }
 }
 
@@ -329,10 +366,9 @@ pub fn summary(table: Option<&Columns>, estimates: Option<&Columns>) -> Option<(
         return estimates.filter(|t| t.rows() > 0).map(|_| (Level::Info, text.to_string()));
     };
     let all = verdicts(table);
-    let worst = all
-        .iter()
-        .map(|v| v.level)
-        .max_by_key(|l| [Level::Good, Level::Info, Level::Warn, Level::Bad].iter().position(|k| k == l))?;
+    let worst = all.iter().map(|v| v.level).max_by_key(|l| {
+        [Level::Good, Level::Info, Level::Warn, Level::Bad].iter().position(|k| k == l)
+    })?;
     let words: Vec<String> = all.iter().map(|v| format!("{}: {}", v.name, v.verdict)).collect();
     Some((worst, format!("Diagnosis of the models: {}.", words.join("; "))))
 }

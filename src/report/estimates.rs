@@ -1,4 +1,5 @@
-//! `estimates` and `correlations` in, the tables of estimates and what the checks say about them out.
+//! `estimates` and `correlations` in, the tables of estimates and what the checks say about them
+//! out.
 
 use super::columns::Columns;
 use super::correlations::CLOSE;
@@ -12,7 +13,9 @@ pub const SECTION: Section = Section {
     id: "estimates",
     heading: "Estimates",
     tables: &["estimates"],
-    build: |given| Ok(Some(Body::new(include_str!("html/estimates.html"), estimates(given.get("estimates"))))),
+    build: |given| {
+        Ok(Some(Body::new(include_str!("html/estimates.html"), estimates(given.get("estimates")))))
+    },
 };
 
 /// The estimates of the page: one table per model and group.
@@ -33,20 +36,28 @@ const CONVERGED: &str = "converged";
 /// More parameters than this are listed below each other, not side by side.
 const WIDE: usize = 8;
 
-/// Tables of estimates: maneuvers down and parameters across where there are many maneuvers, else one row per parameter.
+/// Tables of estimates: maneuvers down and parameters across where there are many maneuvers, else
+/// one row per parameter.
 pub fn estimates(table: Option<&Columns>) -> Estimates {
     let Some(table) = table.filter(|t| t.rows() > 0) else {
         return Estimates {
-            missing: Some("No estimate: the estimate stage has not run, or no maneuver was found.".into()),
+            missing: Some(
+                "No estimate: the estimate stage has not run, or no maneuver was found.".into(),
+            ),
             tables: Vec::new(),
         };
     };
     // One estimate per maneuver is one group per maneuver: those belong into one table per model.
     let mut tables = Vec::new();
     for ([model], rows) in table.groups(["model"]) {
-        let parameters: Vec<String> = names(table, &rows).into_iter().filter(|name| !is_initial(name)).collect();
+        let parameters: Vec<String> =
+            names(table, &rows).into_iter().filter(|name| !is_initial(name)).collect();
         let runs = runs(table, &model);
-        let grid = if parameters.len() <= WIDE && runs.len() > 1 { across(table, &parameters, &runs) } else { down(table, &runs) };
+        let grid = if parameters.len() <= WIDE && runs.len() > 1 {
+            across(table, &parameters, &runs)
+        } else {
+            down(table, &runs)
+        };
         tables.push(Table { heading: model, grid });
     }
     Estimates { missing: None, tables }
@@ -72,19 +83,27 @@ fn names(table: &Columns, rows: &[usize]) -> Vec<String> {
 /// The segment or the group of segments of a row, as `flap 15`; empty for one value for all.
 fn place(table: &Columns, row: usize) -> String {
     let (segment, of) = (table.text("segment", row), table.text("of", row));
-    if segment.is_empty() && !of.is_empty() { format!("{} {of}", table.text("per", row)) } else { segment }
+    if segment.is_empty() && !of.is_empty() {
+        format!("{} {of}", table.text("per", row))
+    } else {
+        segment
+    }
 }
 
-/// One estimate of all parameters, or of those of one segment (or group of them) of it: its name and its rows.
+/// One estimate of all parameters, or of those of one segment (or group of them) of it: its name
+/// and its rows.
 struct Run {
     name: String,
     rows: Vec<usize>,
 }
 
-/// The runs of a model, groups in order of first appearance. A group of one segment is one run: its quantities are all of that segment.
+/// The runs of a model, groups in order of first appearance. A group of one segment is one run: its
+/// quantities are all of that segment.
 fn runs(table: &Columns, model: &str) -> Vec<Run> {
     let mut runs = Vec::new();
-    for ([_, group], rows) in table.groups(["model", "group"]).into_iter().filter(|([m, _], _)| m == model) {
+    for ([_, group], rows) in
+        table.groups(["model", "group"]).into_iter().filter(|([m, _], _)| m == model)
+    {
         let mut segments: Vec<String> = Vec::new();
         for segment in rows.iter().map(|&row| place(table, row)) {
             if !segments.contains(&segment) {
@@ -106,7 +125,8 @@ fn runs(table: &Columns, model: &str) -> Vec<Run> {
 
 fn across(table: &Columns, parameters: &[String], runs: &[Run]) -> Grid {
     let unit = |name: &String| {
-        let row = runs.iter().flat_map(|run| &run.rows).find(|&&r| table.text("parameter", r) == *name);
+        let row =
+            runs.iter().flat_map(|run| &run.rows).find(|&&r| table.text("parameter", r) == *name);
         row.map_or(String::new(), |&r| table.unit_in("unit", r))
     };
     let mut columns: Vec<String> = vec!["maneuver".into()];
@@ -128,9 +148,23 @@ fn across(table: &Columns, parameters: &[String], runs: &[Run]) -> Grid {
 }
 
 fn down(table: &Columns, runs: &[Run]) -> Grid {
-    let mut grid = Grid::new(["maneuver", "parameter", "unit", "#value", "#sd", "#CR", "#sd / CR", "#total", "#start", "stop"]);
+    let mut grid = Grid::new([
+        "maneuver",
+        "parameter",
+        "unit",
+        "#value",
+        "#sd",
+        "#CR",
+        "#sd / CR",
+        "#total",
+        "#start",
+        "stop",
+    ]);
     let listed = |row: &usize| !is_initial(&table.text("parameter", *row));
-    for (run, row) in runs.iter().flat_map(|run| run.rows.iter().copied().filter(listed).map(move |row| (run, row))) {
+    for (run, row) in runs
+        .iter()
+        .flat_map(|run| run.rows.iter().copied().filter(listed).map(move |row| (run, row)))
+    {
         let (sd, bound) = (table.number("sd", row), table.number("sd_crlb", row));
         let mut cells = vec![Cell::new(&run.name)];
         cells.extend(["parameter", "unit"].map(|name| Cell::new(table.text(name, row))));
@@ -150,9 +184,11 @@ fn down(table: &Columns, runs: &[Run]) -> Grid {
 }
 
 fn value(table: &Columns, row: usize) -> Cell {
-    let (sd, bound, total) = (table.number("sd", row), table.number("sd_crlb", row), table.number("sd_total", row));
+    let (sd, bound, total) =
+        (table.number("sd", row), table.number("sd_crlb", row), table.number("sd_total", row));
     let text = plus_minus(table.number("value", row), sd);
-    let more = if total > 1.005 * sd { format!(", total {}", number(total, 2)) } else { String::new() };
+    let more =
+        if total > 1.005 * sd { format!(", total {}", number(total, 2)) } else { String::new() };
     let below = format!("sd {}, CR {}{more}", number(sd, 2), number(bound, 2));
     if sd.is_finite() { Cell::new(text).under(below) } else { Cell::new(text) }
 }
@@ -194,16 +230,27 @@ pub fn convergence(table: Option<&Columns>) -> Option<(Level, String)> {
     let groups = table.groups(["model", "group"]);
     let failed = groups.iter().filter(|(_, rows)| !rows.iter().all(|&r| converged(table, r)));
     let names: Vec<String> = failed
-        .map(|(key, rows)| format!("{} ({})", key.join(" "), rows.first().map_or(String::new(), |&r| table.text("stop", r))))
+        .map(|(key, rows)| {
+            format!(
+                "{} ({})",
+                key.join(" "),
+                rows.first().map_or(String::new(), |&r| table.text("stop", r))
+            )
+        })
         .collect();
-    Some((Level::Bad, format!("{} did not converge: {}.", count(all - good, "estimation"), few(&names))))
+    Some((
+        Level::Bad,
+        format!("{} did not converge: {}.", count(all - good, "estimation"), few(&names)),
+    ))
 }
 
-/// The sentence of the checks about coloured residuals: how far the corrected sd stands above the plain bound.
+/// The sentence of the checks about coloured residuals: how far the corrected sd stands above the
+/// plain bound.
 pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table?;
     let ratio = |row: usize| table.number("sd", row) / table.number("sd_crlb", row);
-    let mut ratios: Vec<f64> = (0..table.rows()).map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
+    let mut ratios: Vec<f64> =
+        (0..table.rows()).map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
     ratios.sort_by(f64::total_cmp);
     let median = *ratios.get(ratios.len() / 2)?;
     let tail = if median > 1.5 {
@@ -213,15 +260,21 @@ pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
     };
     Some((
         Level::Info,
-        format!("The standard deviations are {} times the plain Cramér-Rao bound (median): {tail}", number(median, 2)),
+        format!(
+            "The standard deviations are {} times the plain Cramér-Rao bound (median): {tail}",
+            number(median, 2)
+        ),
     ))
 }
 
 /// The sentence of the checks about parameter pairs the data hardly separate.
 pub fn separation(correlations: Option<&Columns>) -> Option<(Level, String)> {
     let table = correlations?;
-    let name = |row: usize| format!("{} and {}", table.text("parameter", row), table.text("other", row));
-    let nuisance = |row: usize| is_initial(&table.text("parameter", row)) && is_initial(&table.text("other", row));
+    let name =
+        |row: usize| format!("{} and {}", table.text("parameter", row), table.text("other", row));
+    let nuisance = |row: usize| {
+        is_initial(&table.text("parameter", row)) && is_initial(&table.text("other", row))
+    };
     let close = |row: &usize| table.number("value", *row).abs() > CLOSE && !nuisance(*row);
     let mut pairs: Vec<String> = (0..table.rows()).filter(close).map(name).collect();
     pairs.sort();
@@ -229,7 +282,13 @@ pub fn separation(correlations: Option<&Columns>) -> Option<(Level, String)> {
     Some(if pairs.is_empty() {
         (Level::Good, format!("No two parameters of an estimation are correlated above {CLOSE}."))
     } else {
-        (Level::Warn, format!("Correlated above {CLOSE} in some estimation, so hardly separable there: {}.", few(&pairs)))
+        (
+            Level::Warn,
+            format!(
+                "Correlated above {CLOSE} in some estimation, so hardly separable there: {}.",
+                few(&pairs)
+            ),
+        )
     })
 }
 

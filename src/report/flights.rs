@@ -1,4 +1,5 @@
-//! `flightpath`, `samples` and `segments` in, the overview of every flight with its maneuvers and the table of maneuvers out.
+//! `flightpath`, `samples` and `segments` in, the overview of every flight with its maneuvers and
+//! the table of maneuvers out.
 
 use super::columns::Columns;
 use super::format::{count, display_unit, every, number, plain, shorts, thin};
@@ -23,29 +24,45 @@ struct Shown {
 }
 
 fn build(given: &Given) -> Result<Option<Body>> {
-    let (flightpath, samples, segments) = (given.get("flightpath"), given.get("samples"), given.get("segments"));
+    let (flightpath, samples, segments) =
+        (given.get("flightpath"), given.get("samples"), given.get("segments"));
     let searched = &given.input.searched;
     let (overview, flights) = overview(flightpath, samples, segments, searched, &given.ids());
-    let unit = |input: &str| unit_of(searched.get(input).map_or(input, String::as_str), samples, given.get("channels"));
-    let section =
-        Shown { overview, segments: table(segments, given.get("responses"), given.input.unasked.contains(&"segments"), unit) };
+    let unit = |input: &str| {
+        unit_of(searched.get(input).map_or(input, String::as_str), samples, given.get("channels"))
+    };
+    let section = Shown {
+        overview,
+        segments: table(
+            segments,
+            given.get("responses"),
+            given.input.unasked.contains(&"segments"),
+            unit,
+        ),
+    };
     Body::new(include_str!("html/flights.html"), section).plot("overview", &flights).map(Some)
 }
 
 /// SI unit of a column of the samples, or of a signal of the logs; "" where neither says.
 fn unit_of(name: &str, samples: Option<&Columns>, channels: Option<&Columns>) -> String {
     let column = samples.map(|s| s.unit(name)).filter(|unit| !unit.is_empty());
-    let signal = || channels.and_then(|t| (0..t.rows()).find(|&r| t.text("signal", r) == name).map(|r| t.unit_in("unit", r)));
+    let signal = || {
+        channels.and_then(|t| {
+            (0..t.rows()).find(|&r| t.text("signal", r) == name).map(|r| t.unit_in("unit", r))
+        })
+    };
     column.map(String::from).or_else(signal).unwrap_or_default()
 }
 
 /// Whether a segment is the record of a flight, or one of its equal pieces (`flight-003`).
 pub fn is_record(segment: &str, flight: &str) -> bool {
     let piece = segment.strip_prefix(flight).and_then(|rest| rest.strip_prefix('-'));
-    segment == flight || piece.is_some_and(|n| n.len() >= 3 && n.chars().all(|c| c.is_ascii_digit()))
+    segment == flight
+        || piece.is_some_and(|n| n.len() >= 3 && n.chars().all(|c| c.is_ascii_digit()))
 }
 
-/// What was estimated: maneuvers that were found, and records (or pieces of them) that were taken as they are.
+/// What was estimated: maneuvers that were found, and records (or pieces of them) that were taken
+/// as they are.
 #[derive(Debug, Default, PartialEq)]
 pub struct Used {
     pub maneuvers: usize,
@@ -93,7 +110,8 @@ pub struct Overview {
 }
 
 /// Signals of the overview: the first name of a row that is in `flightpath` or `samples` is drawn.
-const OVERVIEW: [&[&str]; 3] = [&["V", "tas", "V_t", "airspeed"], &["h", "altitude"], &["alpha", "alpha_vane", "alpha_v"]];
+const OVERVIEW: [&[&str]; 3] =
+    [&["V", "tas", "V_t", "airspeed"], &["h", "altitude"], &["alpha", "alpha_vane", "alpha_v"]];
 /// Samples drawn per trace, at most about.
 const LIMIT: usize = 2400;
 
@@ -105,20 +123,30 @@ pub fn overview(
     searched: &BTreeMap<String, String>,
     ids: &[String],
 ) -> (Overview, Vec<Flight>) {
-    let tables: Vec<&Columns> = [flightpath, samples].into_iter().flatten().filter(|t| t.rows() > 0).collect();
+    let tables: Vec<&Columns> =
+        [flightpath, samples].into_iter().flatten().filter(|t| t.rows() > 0).collect();
     if tables.is_empty() {
-        let missing = Some("No flight traces: neither the flight path nor the samples table has a row.".into());
+        let missing = Some(
+            "No flight traces: neither the flight path nor the samples table has a row.".into(),
+        );
         return (Overview { missing, ..Overview::default() }, Vec::new());
     }
-    let rows: Vec<BTreeMap<[String; 1], Vec<usize>>> = tables.iter().map(|t| t.rows_by(["flight"])).collect();
+    let rows: Vec<BTreeMap<[String; 1], Vec<usize>>> =
+        tables.iter().map(|t| t.rows_by(["flight"])).collect();
     let mut thinned = false;
     let mut flight = |id: &String| {
         let mut traces = Vec::new();
         let segments = segments.map_or(Vec::new(), |s| marks(s, id));
-        let mut inputs: Vec<String> = segments.iter().map(|(_, input)| searched.get(input).unwrap_or(input).clone()).collect();
+        let mut inputs: Vec<String> = segments
+            .iter()
+            .map(|(_, input)| searched.get(input).unwrap_or(input).clone())
+            .collect();
         inputs.sort();
         inputs.dedup();
-        let wanted = OVERVIEW.iter().map(|names| names.to_vec()).chain(inputs.iter().map(|name| vec![name.as_str()]));
+        let wanted = OVERVIEW
+            .iter()
+            .map(|names| names.to_vec())
+            .chain(inputs.iter().map(|name| vec![name.as_str()]));
         for names in wanted {
             let found = tables.iter().zip(&rows).find_map(|(table, rows)| {
                 let rows = rows.get(std::slice::from_ref(id))?;
@@ -129,18 +157,25 @@ pub fn overview(
                 traces.push(trace);
             }
         }
-        Flight { flight: id.clone(), traces, segments: segments.into_iter().map(|(mark, _)| mark).collect() }
+        Flight {
+            flight: id.clone(),
+            traces,
+            segments: segments.into_iter().map(|(mark, _)| mark).collect(),
+        }
     };
     let flights: Vec<Flight> = ids.iter().map(&mut flight).collect();
     let thinned = if thinned { " Traces are thinned for display, extremes kept." } else { "" };
-    let shown =
-        format!("Shaded: maneuvers that may be used (blue) and those left out (grey), numbered as in the table below.{thinned}");
+    let shown = format!(
+        "Shaded: maneuvers that may be used (blue) and those left out (grey), numbered as in the table below.{thinned}"
+    );
     (Overview { missing: None, shown }, flights)
 }
 
 fn trace(table: &Columns, rows: &[usize], name: &str) -> Option<(Trace, bool)> {
     let (time, column) = (table.column("t_s"), table.column(name));
-    let pick = |values: &[f64]| -> Vec<f64> { rows.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)).collect() };
+    let pick = |values: &[f64]| -> Vec<f64> {
+        rows.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)).collect()
+    };
     let (t, value) = (pick(time), pick(column));
     if !value.iter().any(|v| v.is_finite()) {
         return None;
@@ -149,21 +184,36 @@ fn trace(table: &Columns, rows: &[usize], name: &str) -> Option<(Trace, bool)> {
     let thinned = keep.len() < t.len();
     let (factor, unit) = display_unit(table.unit(name));
     let kept = |v: &[f64]| -> Vec<f64> { keep.iter().filter_map(|&i| v.get(i).copied()).collect() };
-    Some((Trace { name: name.into(), unit, t: times(&kept(&t)), value: shorts(kept(&value), factor) }, thinned))
+    Some((
+        Trace { name: name.into(), unit, t: times(&kept(&t)), value: shorts(kept(&value), factor) },
+        thinned,
+    ))
 }
 
 /// Segments of a flight with the input channel each was found in.
 fn marks(segments: &Columns, flight: &str) -> Vec<(Mark, String)> {
     let mark = |row: usize| {
-        let (segment, kind, input) = (segments.text("segment", row), segments.text("kind", row), segments.text("input", row));
+        let (segment, kind, input) = (
+            segments.text("segment", row),
+            segments.text("kind", row),
+            segments.text("input", row),
+        );
         let [start, end] = ["t_start_s", "t_end_s"].map(|name| segments.number(name, row));
         let label = format!("{segment}: {kind} of {input}");
         // Ids repeat the flight: what is left of them stands above the plot.
-        let mark = segment.strip_prefix(flight).unwrap_or(&segment).trim_start_matches(['-', '_', '/', ' ', '.']).to_string();
+        let mark = segment
+            .strip_prefix(flight)
+            .unwrap_or(&segment)
+            .trim_start_matches(['-', '_', '/', ' ', '.'])
+            .to_string();
         (Mark { mark, label, start, end, included: included(segments, row) }, input)
     };
     let own = |row: &usize| segments.text("flight", *row) == flight;
-    (0..segments.rows()).filter(own).map(mark).filter(|(m, _)| m.start.is_finite() && m.end.is_finite()).collect()
+    (0..segments.rows())
+        .filter(own)
+        .map(mark)
+        .filter(|(m, _)| m.start.is_finite() && m.end.is_finite())
+        .collect()
 }
 
 /// Whether a segment is used; one that does not say so is.
@@ -172,10 +222,19 @@ pub fn included(segments: &Columns, row: usize) -> bool {
 }
 
 /// The table of maneuvers found; `unit` is that of an input.
-fn table(table: Option<&Columns>, responses: Option<&Columns>, unasked: bool, unit: impl Fn(&str) -> String) -> Grid {
+fn table(
+    table: Option<&Columns>,
+    responses: Option<&Columns>,
+    unasked: bool,
+    unit: impl Fn(&str) -> String,
+) -> Grid {
     let Some(table) = table else {
         let why = "No maneuvers are searched for in this campaign: records are used as they are.";
-        return Grid::missing(if unasked { why } else { "No table of segments: the segment stage has not run." });
+        return Grid::missing(if unasked {
+            why
+        } else {
+            "No table of segments: the segment stage has not run."
+        });
     };
     let columns = [
         "flight",
@@ -199,13 +258,16 @@ fn table(table: Option<&Columns>, responses: Option<&Columns>, unasked: bool, un
             (true, true) => "yes",
             (true, false) => "not asked for",
         };
-        let mut cells: Vec<Cell> =
-            ["flight", "segment", "kind", "input"].iter().map(|name| Cell::new(table.text(name, row))).collect();
+        let mut cells: Vec<Cell> = ["flight", "segment", "kind", "input"]
+            .iter()
+            .map(|name| Cell::new(table.text(name, row)))
+            .collect();
         cells.extend([
             plain(table.number("t_start_s", row), 2).into(),
             plain(table.number("t_end_s", row), 2).into(),
             number(table.number("unit_time_s", row), 3).into(),
-            Cell::new(number(table.number("amplitude", row), 3)).under(unit(&table.text("input", row))),
+            Cell::new(number(table.number("amplitude", row), 3))
+                .under(unit(&table.text("input", row))),
             number(table.number("score", row), 3).into(),
             Cell::new(words),
             table.text("reason", row).into(),
@@ -215,25 +277,50 @@ fn table(table: Option<&Columns>, responses: Option<&Columns>, unasked: bool, un
     grid.or_missing("No maneuver was found.")
 }
 
-/// The sentence of the checks about flights without a maneuver that is used. A record that is estimated as it is needs none.
-pub fn summary(segments: Option<&Columns>, responses: Option<&Columns>, flights: &[String]) -> Option<(Level, String)> {
-    let records: Vec<String> = responses.map(|r| r.rows_by(["segment"]).into_keys().flatten().collect()).unwrap_or_default();
+/// The sentence of the checks about flights without a maneuver that is used. A record that is
+/// estimated as it is needs none.
+pub fn summary(
+    segments: Option<&Columns>,
+    responses: Option<&Columns>,
+    flights: &[String],
+) -> Option<(Level, String)> {
+    let records: Vec<String> = responses
+        .map(|r| r.rows_by(["segment"]).into_keys().flatten().collect())
+        .unwrap_or_default();
     let whole = |flight: &str| records.iter().any(|segment| is_record(segment, flight));
-    let searched = |flight: &str| segments.is_some_and(|s| (0..s.rows()).any(|r| s.text("flight", r) == *flight && included(s, r)));
+    let searched = |flight: &str| {
+        segments.is_some_and(|s| {
+            (0..s.rows()).any(|r| s.text("flight", r) == *flight && included(s, r))
+        })
+    };
     if segments.is_none() && !flights.iter().any(|f| whole(f)) {
         return None;
     }
-    let without: Vec<&str> = flights.iter().map(String::as_str).filter(|f| !searched(f) && !whole(f)).collect();
+    let without: Vec<&str> =
+        flights.iter().map(String::as_str).filter(|f| !searched(f) && !whole(f)).collect();
     let as_they_are = flights.iter().filter(|f| whole(f)).count();
     Some(if !without.is_empty() {
-        (Level::Bad, format!("{} without a maneuver that is used: {}.", count(without.len(), "flight"), without.join(", ")))
+        (
+            Level::Bad,
+            format!(
+                "{} without a maneuver that is used: {}.",
+                count(without.len(), "flight"),
+                without.join(", ")
+            ),
+        )
     } else if as_they_are == flights.len() {
-        (Level::Good, format!("{} is estimated as it was recorded.", every(flights.len(), "flight")))
+        (
+            Level::Good,
+            format!("{} is estimated as it was recorded.", every(flights.len(), "flight")),
+        )
     } else if as_they_are > 0 {
         let n = flights.len();
         (
             Level::Good,
-            format!("{} has a maneuver that is used, or is estimated as it was recorded ({as_they_are}).", every(n, "flight")),
+            format!(
+                "{} has a maneuver that is used, or is estimated as it was recorded ({as_they_are}).",
+                every(n, "flight")
+            ),
         )
     } else {
         (Level::Good, format!("{} has a maneuver that is used.", every(flights.len(), "flight")))

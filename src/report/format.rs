@@ -10,7 +10,8 @@ pub const MEANING: &str = "± is half of the 95% interval, 1.96 standard deviati
     deviation. Plots, and what is printed with them, are in the units of their axes, angles in degrees; tables are in SI units, angles in rad, \
     unless a unit stands there.";
 
-/// `-0.372 ± 0.008`: an estimate with half of its 95% interval; alone where it has no standard deviation. No other place writes a `±`.
+/// `-0.372 ± 0.008`: an estimate with half of its 95% interval; alone where it has no standard
+/// deviation. No other place writes a `±`.
 pub fn plus_minus(value: f64, sd: f64) -> String {
     let (text, half) = with_sd(value, INTERVAL * sd);
     half.map_or(text.clone(), |half| format!("{text} ± {half}"))
@@ -62,7 +63,11 @@ pub fn number(value: f64, significant: usize) -> String {
     if (-4..=6).contains(&e) {
         let places = (significant - 1 - e).max(0) as usize;
         let text = format!("{value:.places$}");
-        return if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') { "0".into() } else { text };
+        return if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+            "0".into()
+        } else {
+            text
+        };
     }
     let places = (significant - 1) as usize;
     format!("{value:.places$e}")
@@ -75,7 +80,11 @@ pub fn plain(value: f64, places: usize) -> String {
     }
     // a little less than zero is zero, not "-0.0"
     let text = format!("{value:.places$}");
-    if text.bytes().any(|b| (b'1'..=b'9').contains(&b)) { text } else { text.trim_start_matches('-').to_string() }
+    if text.bytes().any(|b| (b'1'..=b'9').contains(&b)) {
+        text
+    } else {
+        text.trim_start_matches('-').to_string()
+    }
 }
 
 /// Decimal exponent of `value` after rounding to two digits, so that 0.0996 counts as 0.10.
@@ -94,7 +103,8 @@ pub fn display_unit(unit: &str) -> (f64, String) {
     }
 }
 
-/// `value` rounded to six significant digits: what a plot can show, and a third of the bytes. Not finite is `None`.
+/// `value` rounded to six significant digits: what a plot can show, and a third of the bytes. Not
+/// finite is `None`.
 pub fn short(value: f64) -> Option<f64> {
     if !value.is_finite() {
         return None;
@@ -107,8 +117,9 @@ pub fn shorts(values: impl IntoIterator<Item = f64>, factor: f64) -> Vec<Option<
     values.into_iter().map(|v| short(v * factor)).collect()
 }
 
-/// The samples to draw when `n` are too many: in every bucket the smallest and the largest of each of `curves`, so that no spike is
-/// lost. Returns increasing indices, at most about `limit` of them; all when `n <= limit`.
+/// The samples to draw when `n` are too many: in every bucket the smallest and the largest of each
+/// of `curves`, so that no spike is lost. Returns increasing indices, at most about `limit` of
+/// them; all when `n <= limit`.
 pub fn thin(n: usize, curves: &[&[f64]], limit: usize) -> Vec<usize> {
     let per_bucket = 2 * curves.len().max(1);
     let buckets = (limit / per_bucket).max(1);
@@ -164,7 +175,8 @@ mod tests {
 
     #[test]
     fn a_slope_has_the_units_of_both_axes() {
-        let units = [("", "deg"), ("1/rad", "deg"), ("1/rad", ""), ("1", "")].map(|(y, x)| slope_unit(y, x));
+        let units = [("", "deg"), ("1/rad", "deg"), ("1/rad", ""), ("1", "")]
+            .map(|(y, x)| slope_unit(y, x));
         assert_eq!(units, ["1/deg", "1/rad per deg", "1/rad", ""]);
     }
 

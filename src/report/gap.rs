@@ -1,4 +1,5 @@
-//! `gaps`, `driven`, `relations` and `equation_errors` in; the figures and the table of where models and flights disagree out.
+//! `gaps`, `driven`, `relations` and `equation_errors` in; the figures and the table of where
+//! models and flights disagree out.
 
 use super::columns::Columns;
 use super::format::{bracketed, display_unit, number, short};
@@ -35,7 +36,8 @@ pub struct Map {
 }
 
 impl Map {
-    /// Rows and columns in order of first appearance; `of` gives row, column, value and words of a table's row.
+    /// Rows and columns in order of first appearance; `of` gives row, column, value and words of a
+    /// table's row.
     fn of(rows: &[usize], of: impl Fn(usize) -> (String, String, f64, String)) -> Map {
         let mut map = Map::default();
         let all: Vec<_> = rows.iter().map(|&row| of(row)).collect();
@@ -51,7 +53,9 @@ impl Map {
         map.values = vec![vec![None; map.columns.len()]; map.rows.len()];
         map.words = vec![vec![String::new(); map.columns.len()]; map.rows.len()];
         for (row, column, value, words) in all {
-            let at = |list: &[String], name: &str| list.iter().position(|n| n == name).unwrap_or_default();
+            let at = |list: &[String], name: &str| {
+                list.iter().position(|n| n == name).unwrap_or_default()
+            };
             let (i, j) = (at(&map.rows, &row), at(&map.columns, &column));
             (map.values[i][j], map.words[i][j]) = (short(value), words);
         }
@@ -71,10 +75,19 @@ pub fn figures<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Vec<Where> {
             }
         }
         // A quantity that hardly moved has one range only.
-        let regimes = all.iter().map(|by| split(by)).filter(|s| s.before.columns.len() > 1).collect();
+        let regimes =
+            all.iter().map(|by| split(by)).filter(|s| s.before.columns.len() > 1).collect();
         let [driven, relations] = [("driven", driven as fn(_, _) -> _), ("relations", related)]
             .map(|(table, map)| get(table).map_or_else(Map::default, |t| map(t, &name)));
-        Where { maneuvers: split("all"), bands: split("band"), times: split("time since input"), regimes, driven, relations, name }
+        Where {
+            maneuvers: split("all"),
+            bands: split("band"),
+            times: split("time since input"),
+            regimes,
+            driven,
+            relations,
+            name,
+        }
     };
     gaps.groups(["diagnosis"]).into_iter().map(one).collect()
 }
@@ -85,11 +98,13 @@ fn unit_of<'a>(name: &str, get: &impl Fn(&str) -> Option<&'a Columns>) -> String
         let t = get(table)?;
         (0..t.rows()).find(|&r| t.text("output", r) == name).map(|r| t.text("unit", r))
     };
-    let column = || get("samples").map(|s| s.unit(name).to_string()).filter(|unit| !unit.is_empty());
+    let column =
+        || get("samples").map(|s| s.unit(name).to_string()).filter(|unit| !unit.is_empty());
     output("closures").or_else(|| output("driven")).or_else(column).unwrap_or_else(|| "SI".into())
 }
 
-/// What a gap is split by, as a heading, and the factor from its SI unit to the unit of the heading.
+/// What a gap is split by, as a heading, and the factor from its SI unit to the unit of the
+/// heading.
 fn heading<'a>(by: &str, get: &impl Fn(&str) -> Option<&'a Columns>) -> (String, f64) {
     match by {
         "all" => ("maneuver".to_string(), 1.0),
@@ -112,13 +127,22 @@ pub fn place<'a>(gaps: &Columns, row: usize, get: &impl Fn(&str) -> Option<&'a C
 }
 
 /// The gap by maneuver ("all") or by ranges of a quantity.
-fn split<'a>(gaps: &Columns, rows: &[usize], by: &str, get: &impl Fn(&str) -> Option<&'a Columns>) -> Split {
+fn split<'a>(
+    gaps: &Columns,
+    rows: &[usize],
+    by: &str,
+    get: &impl Fn(&str) -> Option<&'a Columns>,
+) -> Split {
     let whole = by == "all";
     let (heading, factor) = heading(by, get);
     let of = |when: &str| {
         let wanted = |r: &usize| gaps.text("when", *r) == when && gaps.text("by", *r) == by;
-        let these: Vec<usize> =
-            rows.iter().copied().filter(wanted).filter(|&r| gaps.text("segment", r).is_empty() != whole).collect();
+        let these: Vec<usize> = rows
+            .iter()
+            .copied()
+            .filter(wanted)
+            .filter(|&r| gaps.text("segment", r).is_empty() != whole)
+            .collect();
         Map::of(&these, |r| {
             let span = || range(factor * gaps.number("from", r), factor * gaps.number("to", r), by);
             let column = if whole { gaps.text("segment", r) } else { span() };
@@ -143,10 +167,12 @@ fn range(from: f64, to: f64, by: &str) -> String {
 
 /// The share of an output's gap that is left with observer feedback on a state.
 fn driven(table: &Columns, diagnosis: &str) -> Map {
-    let rows: Vec<usize> =
-        (0..table.rows()).filter(|&r| table.text("diagnosis", r) == diagnosis && !table.text("state", r).is_empty()).collect();
+    let rows: Vec<usize> = (0..table.rows())
+        .filter(|&r| table.text("diagnosis", r) == diagnosis && !table.text("state", r).is_empty())
+        .collect();
     Map::of(&rows, |r| {
-        let (state, output, share) = (table.text("state", r), table.text("output", r), table.number("share", r));
+        let (state, output, share) =
+            (table.text("state", r), table.text("output", r), table.number("share", r));
         let noise = table.number("rms", r) / table.number("noise", r);
         let words = format!(
             "{output} with observer feedback on {state}: {}% of its gap is left, {} times the noise",
@@ -159,7 +185,8 @@ fn driven(table: &Columns, diagnosis: &str) -> Map {
 
 /// Correlations, over the limit of series without relation.
 fn related(table: &Columns, diagnosis: &str) -> Map {
-    let rows: Vec<usize> = (0..table.rows()).filter(|&r| table.text("diagnosis", r) == diagnosis).collect();
+    let rows: Vec<usize> =
+        (0..table.rows()).filter(|&r| table.text("diagnosis", r) == diagnosis).collect();
     Map::of(&rows, |r| {
         let of = |column: &str, digits: usize| number(table.number(column, r), digits);
         let (output, source) = (table.text("output", r), table.text("source", r));
@@ -180,14 +207,24 @@ fn related(table: &Columns, diagnosis: &str) -> Map {
 /// What equations lack: all maneuvers together, the one where it is most, and what it goes with.
 pub fn equations(table: Option<&Columns>, relations: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No equation was looked at.") };
-    let mut grid =
-        Grid::new(["diagnosis", "equation", "#lacks|r.m.s.", "#noise|sd", "#r.m.s. / noise", "most in", "~goes with (lag)"]);
+    let mut grid = Grid::new([
+        "diagnosis",
+        "equation",
+        "#lacks|r.m.s.",
+        "#noise|sd",
+        "#r.m.s. / noise",
+        "most in",
+        "~goes with (lag)",
+    ]);
     for ([name, equation], rows) in table.groups(["diagnosis", "equation"]) {
         let ratio = |r: usize| table.number("ratio", r);
-        let (whole, mut each): (Vec<usize>, Vec<usize>) = rows.iter().partition(|&&r| table.text("segment", r).is_empty());
+        let (whole, mut each): (Vec<usize>, Vec<usize>) =
+            rows.iter().partition(|&&r| table.text("segment", r).is_empty());
         let Some(&row) = whole.first() else { continue };
         each.sort_by(|&a, &b| ratio(b).total_cmp(&ratio(a)));
-        let most = each.first().map(|&r| format!("{} ({})", table.text("segment", r), number(ratio(r), 2)));
+        let most = each
+            .first()
+            .map(|&r| format!("{} ({})", table.text("segment", r), number(ratio(r), 2)));
         grid.push(vec![
             Cell::new(&name),
             Cell::new(&equation).under(table.unit_in("unit", row)),
@@ -209,8 +246,11 @@ pub fn equations(table: Option<&Columns>, relations: Option<&Columns>) -> Grid {
 /// Up to three sources whose correlation is above its limit, the strongest first.
 fn partners(relations: &Columns, diagnosis: &str, equation: &str) -> String {
     let over = |r: usize| relations.number("correlation", r).abs() / relations.number("limit", r);
-    let ours = |r: &usize| relations.text("diagnosis", *r) == diagnosis && relations.text("output", *r) == equation;
-    let mut all: Vec<usize> = (0..relations.rows()).filter(ours).filter(|&r| over(r) > 1.0).collect();
+    let ours = |r: &usize| {
+        relations.text("diagnosis", *r) == diagnosis && relations.text("output", *r) == equation
+    };
+    let mut all: Vec<usize> =
+        (0..relations.rows()).filter(ours).filter(|&r| over(r) > 1.0).collect();
     all.sort_by(|&a, &b| over(b).total_cmp(&over(a)));
     let word = |&r: &usize| {
         let of = |column: &str| number(relations.number(column, r), 2);
@@ -263,7 +303,10 @@ mod tests {
         assert_eq!((of.rows.join(" "), of.columns.join(" ")), ("q V".into(), "a b".into()));
         assert_eq!(of.values, [[Some(2.0), Some(3.0)], [None, Some(1.0)]]);
         let bands = &all[0].bands;
-        assert_eq!((bands.before.columns.join(" "), bands.after.columns.len()), ("< 0.30 > 8.0".into(), 0));
+        assert_eq!(
+            (bands.before.columns.join(" "), bands.after.columns.len()),
+            ("< 0.30 > 8.0".into(), 0)
+        );
         assert!(all[0].regimes.is_empty());
     }
 }

@@ -1,4 +1,5 @@
-//! A table of a page: columns, rows, cells and what is remarkable about them, in the form the template draws.
+//! A table of a page: columns, rows, cells and what is remarkable about them, in the form the
+//! template draws.
 
 use serde::Serialize;
 
@@ -49,14 +50,22 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Columns from `"name"`, `"name|unit"`, `"#name|unit"` for numbers and `"~name"` for long text.
+    /// Columns from `"name"`, `"name|unit"`, `"#name|unit"` for numbers and `"~name"` for long
+    /// text.
     pub fn new<S: AsRef<str>>(columns: impl IntoIterator<Item = S>) -> Self {
         let column = |text: S| {
             let text = text.as_ref();
             let (numeric, wrap) = (text.starts_with('#'), text.starts_with('~'));
-            let (name, unit) =
-                text.trim_start_matches(['#', '~']).split_once('|').unwrap_or((text.trim_start_matches(['#', '~']), ""));
-            Column { name: name.into(), unit: (!unit.is_empty()).then(|| unit.into()), numeric, wrap }
+            let (name, unit) = text
+                .trim_start_matches(['#', '~'])
+                .split_once('|')
+                .unwrap_or((text.trim_start_matches(['#', '~']), ""));
+            Column {
+                name: name.into(),
+                unit: (!unit.is_empty()).then(|| unit.into()),
+                numeric,
+                wrap,
+            }
         };
         Grid { columns: columns.into_iter().map(column).collect(), ..Grid::default() }
     }

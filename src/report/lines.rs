@@ -1,15 +1,22 @@
-//! `fits`, `bands` and `points` in, the plots of coefficients versus angle of attack and the table of fitted lines out.
+//! `fits`, `bands` and `points` in, the plots of coefficients versus angle of attack and the table
+//! of fitted lines out.
 
 use super::FlightStyle;
 use super::columns::Columns;
-use super::format::{INTERVAL, bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit};
+use super::format::{
+    INTERVAL, bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit,
+};
 use super::grid::{Cell, Grid, Level};
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
 
-pub const PLOTS: Section =
-    Section { id: "lines", heading: "Coefficients versus angle of attack", tables: &["fits", "bands", "points"], build };
+pub const PLOTS: Section = Section {
+    id: "lines",
+    heading: "Coefficients versus angle of attack",
+    tables: &["fits", "bands", "points"],
+    build,
+};
 
 pub const TABLE: Section = Section {
     id: "fits",
@@ -26,7 +33,9 @@ struct Shown<'a> {
 
 fn build(given: &Given) -> Result<Option<Body>> {
     let (lines, plots) = lines(given.get("fits"), given.get("bands"), given.get("points"));
-    Body::new(include_str!("html/lines.html"), Shown { lines, flights: given.flights }).plot("lines", &plots).map(Some)
+    Body::new(include_str!("html/lines.html"), Shown { lines, flights: given.flights })
+        .plot("lines", &plots)
+        .map(Some)
 }
 
 /// What the plot of one line is drawn from (JSON).
@@ -86,15 +95,23 @@ pub struct Caption {
     pub facts: String,
 }
 
-/// A reduced chi-square above this says that the points scatter more than their standard deviations explain.
+/// A reduced chi-square above this says that the points scatter more than their standard deviations
+/// explain.
 pub const EXCESS: f64 = 2.5;
 
 const KEY: [&str; 3] = ["model", "parameter", "against"];
 
 /// The plots and their captions, in the order of `fits`.
-pub fn lines(fits: Option<&Columns>, bands: Option<&Columns>, points: Option<&Columns>) -> (Lines, Vec<LinePlot>) {
+pub fn lines(
+    fits: Option<&Columns>,
+    bands: Option<&Columns>,
+    points: Option<&Columns>,
+) -> (Lines, Vec<LinePlot>) {
     let Some(fits) = fits.filter(|f| f.rows() > 0) else {
-        let missing = Some("No fitted line: the fit stage has not run, or no coefficient had enough estimates.".into());
+        let missing = Some(
+            "No fitted line: the fit stage has not run, or no coefficient had enough estimates."
+                .into(),
+        );
         return (Lines { missing, ..Lines::default() }, Vec::new());
     };
     let mut models: Vec<LinesOfModel> = Vec::new();
@@ -110,7 +127,10 @@ pub fn lines(fits: Option<&Columns>, bands: Option<&Columns>, points: Option<&Co
             None => models.push(LinesOfModel { model, plots: vec![caption] }),
         }
     }
-    let level = number(100.0 * fits.number("level", 0), 4).trim_end_matches('0').trim_end_matches('.').to_string();
+    let level = number(100.0 * fits.number("level", 0), 4)
+        .trim_end_matches('0')
+        .trim_end_matches('.')
+        .to_string();
     let levels = format!(
         "Bands at {level}%: the narrow one holds at each single abscissa, the wide one over the whole range at once (Working-Hotelling); \
          the prediction band is where the estimate of one more maneuver is expected."
@@ -118,10 +138,20 @@ pub fn lines(fits: Option<&Columns>, bands: Option<&Columns>, points: Option<&Co
     (Lines { missing: None, levels, models }, plots)
 }
 
-fn plot(index: usize, fits: &Columns, row: usize, bands: Option<&Columns>, points: Option<&Columns>) -> LinePlot {
+fn plot(
+    index: usize,
+    fits: &Columns,
+    row: usize,
+    bands: Option<&Columns>,
+    points: Option<&Columns>,
+) -> LinePlot {
     let key = KEY.map(|name| fits.text(name, row));
     let rows_of = |table: &Columns, names: &[&str]| -> Vec<usize> {
-        (0..table.rows()).filter(|&r| names.iter().zip(&key).all(|(name, wanted)| table.text(name, r) == *wanted)).collect()
+        (0..table.rows())
+            .filter(|&r| {
+                names.iter().zip(&key).all(|(name, wanted)| table.text(name, r) == *wanted)
+            })
+            .collect()
     };
     let (factor, x_unit) = display_unit(&fits.unit_in("unit_x", row));
     let band = bands.and_then(|table| {
@@ -141,8 +171,9 @@ fn plot(index: usize, fits: &Columns, row: usize, bands: Option<&Columns>, point
 
 fn limits(table: &Columns, rows: &[usize], name: &str) -> Option<Limits> {
     let [lower, upper] = ["lower", "upper"].map(|side| format!("{name}_{side}"));
-    (table.has(&lower) && table.has(&upper))
-        .then(|| [&lower, &upper].map(|column| shorts(rows.iter().map(|&r| table.number(column, r)), 1.0)))
+    (table.has(&lower) && table.has(&upper)).then(|| {
+        [&lower, &upper].map(|column| shorts(rows.iter().map(|&r| table.number(column, r)), 1.0))
+    })
 }
 
 fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
@@ -150,7 +181,8 @@ fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
     flights.sort();
     flights.dedup();
     let of_flight = |flight: String| {
-        let rows: Vec<usize> = rows.iter().copied().filter(|&r| table.text("flight", r) == flight).collect();
+        let rows: Vec<usize> =
+            rows.iter().copied().filter(|&r| table.text("flight", r) == flight).collect();
         Points {
             segment: rows.iter().map(|&r| table.text("segment", r)).collect(),
             x: shorts(rows.iter().map(|&r| table.number("x", r)), factor),
@@ -162,7 +194,8 @@ fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
     flights.into_iter().map(of_flight).collect()
 }
 
-/// `C_h_alpha = (-0.00738 ± 0.00021) [1/rad per deg] * alpha + (-0.0107 ± 0.0041) [1/rad]`, in the units of the axes.
+/// `C_h_alpha = (-0.00738 ± 0.00021) [1/rad per deg] * alpha + (-0.0107 ± 0.0041) [1/rad]`, in the
+/// units of the axes.
 fn equation(fits: &Columns, row: usize) -> String {
     let [_, parameter, against] = KEY.map(|name| fits.text(name, row));
     if !fits.number("slope", row).is_finite() {
@@ -170,17 +203,26 @@ fn equation(fits: &Columns, row: usize) -> String {
     }
     let (factor, x_unit) = display_unit(&fits.unit_in("unit_x", row));
     let unit = fits.unit_in("unit", row);
-    let slope = plus_minus(fits.number("slope", row) / factor, fits.number("slope_sd", row) / factor);
+    let slope =
+        plus_minus(fits.number("slope", row) / factor, fits.number("slope_sd", row) / factor);
     let intercept = plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row));
     let of_slope = bracketed(&slope_unit(&unit, &x_unit));
-    format!("{parameter} = ({slope}){of_slope} * {against}{} + ({intercept}){}", bracketed(&x_unit), bracketed(&unit))
+    format!(
+        "{parameter} = ({slope}){of_slope} * {against}{} + ({intercept}){}",
+        bracketed(&x_unit),
+        bracketed(&unit)
+    )
 }
 
 fn facts(fits: &Columns, row: usize) -> String {
     let mut facts = vec![format!("n = {}", plain(fits.number("n", row), 0))];
     let tau = fits.number("scatter_sd", row);
     if tau.is_finite() {
-        facts.push(format!("scatter between maneuvers, sd {}{}", number(tau, 2), bracketed(&fits.unit_in("unit", row))));
+        facts.push(format!(
+            "scatter between maneuvers, sd {}{}",
+            number(tau, 2),
+            bracketed(&fits.unit_in("unit", row))
+        ));
     }
     let chi = reduced_chi2(fits, row);
     if chi.is_finite() {
@@ -197,7 +239,8 @@ pub fn reduced_chi2(fits: &Columns, row: usize) -> f64 {
 
 /// Correlation of slope and intercept of a fitted line; NaN where it is not defined.
 fn correlation(fits: &Columns, row: usize) -> f64 {
-    fits.number("covariance", row) / (fits.number("slope_sd", row) * fits.number("intercept_sd", row))
+    fits.number("covariance", row)
+        / (fits.number("slope_sd", row) * fits.number("intercept_sd", row))
 }
 
 /// The table of fitted lines.
@@ -219,7 +262,10 @@ pub fn table(fits: Option<&Columns>) -> Grid {
     for row in 0..fits.rows() {
         let (unit, unit_x) = (fits.unit_in("unit", row), fits.unit_in("unit_x", row));
         let slope = |factor: f64, x: &str| {
-            let value = plus_minus(fits.number("slope", row) / factor, fits.number("slope_sd", row) / factor);
+            let value = plus_minus(
+                fits.number("slope", row) / factor,
+                fits.number("slope_sd", row) / factor,
+            );
             Cell::new(value).under(slope_unit(&unit, x))
         };
         let (factor, shown_x) = display_unit(&unit_x);
@@ -228,9 +274,11 @@ pub fn table(fits: Option<&Columns>) -> Grid {
         cells.extend([
             slope(factor, &shown_x),
             slope(1.0, &unit_x),
-            Cell::new(plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row))).under(&unit),
+            Cell::new(plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row)))
+                .under(&unit),
             plain(correlation(fits, row), 3).into(),
-            Cell::new(plain(fits.number("n", row), 0)).level_if(fits.number("n", row) < 5.0, Level::Warn),
+            Cell::new(plain(fits.number("n", row), 0))
+                .level_if(fits.number("n", row) < 5.0, Level::Warn),
             Cell::new(number(fits.number("scatter_sd", row), 2)).under(&unit),
             Cell::new(number(chi, 2)).level_if(chi > EXCESS, Level::Warn),
         ]);

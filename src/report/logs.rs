@@ -20,8 +20,12 @@ pub const BIASES: Section = Section {
     build: |given| Ok(Some(Body::grid(biases(given.get("biases"), given.get("consistency"))))),
 };
 
-pub const NOTES: Section =
-    Section { id: "notes", heading: "Notes", tables: &["notes"], build: |given| Ok(Some(Body::grid(notes(given.get("notes"))))) };
+pub const NOTES: Section = Section {
+    id: "notes",
+    heading: "Notes",
+    tables: &["notes"],
+    build: |given| Ok(Some(Body::grid(notes(given.get("notes"))))),
+};
 
 /// Counts of what was lost, with the words for them.
 const DROPPED: [(&str, &str); 5] = [
@@ -36,24 +40,30 @@ const LONG_GAP: f64 = 10.0;
 
 /// The account of channels: rates, gaps, what was dropped.
 pub fn channels(table: Option<&Columns>) -> Grid {
-    let Some(table) = table else { return Grid::missing("No account of channels: the ingest stage has not run.") };
+    let Some(table) = table else {
+        return Grid::missing("No account of channels: the ingest stage has not run.");
+    };
     let any = |name: &str| table.column(name).iter().any(|n| *n > 0.0);
     let still = any("still_to_s");
     let (present, absent): (Vec<_>, Vec<_>) = DROPPED.into_iter().partition(|(name, _)| any(name));
     let mut columns: Vec<String> =
-        ["flight", "signal", "~topic and field", "unit", "#samples", "#rate|Hz", "#longest gap|s"].map(String::from).into();
+        ["flight", "signal", "~topic and field", "unit", "#samples", "#rate|Hz", "#longest gap|s"]
+            .map(String::from)
+            .into();
     columns.extend(present.iter().map(|(_, words)| format!("#{words}")));
     columns.extend(still.then(|| "#stands still|s".to_string()));
     columns.extend(["#from|s", "#to|s", "#min", "#max"].map(String::from));
     let mut grid = Grid::new(columns);
     for row in 0..table.rows() {
-        let mut cells: Vec<Cell> = ["flight", "signal"].map(|name| Cell::new(table.text(name, row))).into();
+        let mut cells: Vec<Cell> =
+            ["flight", "signal"].map(|name| Cell::new(table.text(name, row))).into();
         cells.extend([
             Cell::new(format!("{} {}", table.text("topic", row), table.text("field", row))),
             table.unit_in("unit", row).into(),
             plain(table.number("count", row), 0).into(),
             plain(table.number("rate_hz", row), 1).into(),
-            Cell::new(plain(table.number("longest_gap_s", row), 3)).level_if(long_gap(table, row), Level::Warn),
+            Cell::new(plain(table.number("longest_gap_s", row), 3))
+                .level_if(long_gap(table, row), Level::Warn),
         ]);
         cells.extend(present.iter().map(|(name, _)| {
             let n = table.number(name, row);
@@ -62,10 +72,13 @@ pub fn channels(table: Option<&Columns>) -> Grid {
         if still {
             let lasts = table.number("still_to_s", row) - table.number("still_from_s", row);
             cells.push(
-                Cell::new(if lasts.is_finite() { plain(lasts, 1) } else { String::new() }).level_if(lasts > 0.0, Level::Warn),
+                Cell::new(if lasts.is_finite() { plain(lasts, 1) } else { String::new() })
+                    .level_if(lasts > 0.0, Level::Warn),
             );
         }
-        cells.extend(["t_first_s", "t_last_s"].map(|name| Cell::new(plain(table.number(name, row), 1))));
+        cells.extend(
+            ["t_first_s", "t_last_s"].map(|name| Cell::new(plain(table.number(name, row), 1))),
+        );
         cells.extend(["min", "max"].map(|name| Cell::new(number(table.number(name, row), 4))));
         grid.push(cells);
     }
@@ -76,7 +89,8 @@ pub fn channels(table: Option<&Columns>) -> Grid {
     grid.or_missing("The account of channels is empty.")
 }
 
-/// Whether what was dropped is more than one sample in a thousand; what was put in order again is not lost.
+/// Whether what was dropped is more than one sample in a thousand; what was put in order again is
+/// not lost.
 fn many_dropped(table: &Columns, name: &str, row: usize) -> bool {
     name != "reordered" && table.number(name, row) > 1e-3 * table.number("count", row)
 }
@@ -90,45 +104,73 @@ pub fn losses(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table.filter(|t| t.rows() > 0)?;
     let total = |name: &str| table.column(name).iter().filter(|v| v.is_finite()).sum::<f64>();
     let lost = DROPPED.iter().filter(|(name, _)| total(name) > 0.0);
-    let lost: Vec<String> = lost.map(|(name, words)| format!("{} {words}", plain(total(name), 0))).collect();
+    let lost: Vec<String> =
+        lost.map(|(name, words)| format!("{} {words}", plain(total(name), 0))).collect();
     let gaps: Vec<String> = (0..table.rows())
         .filter(|&row| long_gap(table, row))
         .map(|row| format!("{} {}", table.text("flight", row), table.text("signal", row)))
         .collect();
-    let many = (0..table.rows()).any(|row| DROPPED.iter().any(|(name, _)| many_dropped(table, name, row)));
+    let many =
+        (0..table.rows()).any(|row| DROPPED.iter().any(|(name, _)| many_dropped(table, name, row)));
     let mut sentences = Vec::new();
     if !lost.is_empty() {
-        sentences.push(format!("Samples not taken as they came: {} (of {}).", lost.join(", "), plain(total("count"), 0)));
+        sentences.push(format!(
+            "Samples not taken as they came: {} (of {}).",
+            lost.join(", "),
+            plain(total("count"), 0)
+        ));
     }
     sentences.push(match gaps.as_slice() {
-        [] => format!("No gap in the {} is longer than {LONG_GAP} sample periods.", count(table.rows(), "channel")),
+        [] => format!(
+            "No gap in the {} is longer than {LONG_GAP} sample periods.",
+            count(table.rows(), "channel")
+        ),
         gaps => format!("Gaps longer than {LONG_GAP} sample periods in {}.", few(gaps)),
     });
     let level = if many || !gaps.is_empty() { Level::Warn } else { Level::Good };
     Some((level, sentences.join(" ")))
 }
 
-/// Sensor biases, summed up over the windows of a flight: a spread far above the sd says that a bias drifts.
+/// Sensor biases, summed up over the windows of a flight: a spread far above the sd says that a
+/// bias drifts.
 pub fn biases(table: Option<&Columns>, consistency: Option<&Columns>) -> Grid {
     if let Some(grid) = consistency.and_then(decided) {
         return grid;
     }
     let Some(table) = table else {
-        return Grid::missing("No biases: the reconstruct stage has not run, or this campaign has none.");
+        return Grid::missing(
+            "No biases: the reconstruct stage has not run, or this campaign has none.",
+        );
     };
-    let columns =
-        ["flight", "parameter", "unit", "#windows", "#mean", "#sd of one window", "#spread of windows", "#smallest", "#largest"];
+    let columns = [
+        "flight",
+        "parameter",
+        "unit",
+        "#windows",
+        "#mean",
+        "#sd of one window",
+        "#spread of windows",
+        "#smallest",
+        "#largest",
+    ];
     let mut grid = Grid::new(columns);
     for ([flight, parameter, unit], rows) in table.groups(["flight", "parameter", "unit"]) {
         let values = sorted(rows.iter().map(|&row| table.number("value", row)));
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
-        let spread = (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n - 1.0)).sqrt();
+        let spread =
+            (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n - 1.0)).sqrt();
         let sds = sorted(rows.iter().map(|&row| table.number("sd", row)));
         let sd = sds.get(sds.len() / 2).copied().unwrap_or(f64::NAN);
-        let ends = [values.first(), values.last()].map(|v| Cell::new(number(v.copied().unwrap_or(f64::NAN), 3)));
+        let ends = [values.first(), values.last()]
+            .map(|v| Cell::new(number(v.copied().unwrap_or(f64::NAN), 3)));
         let mut cells: Vec<Cell> = [flight, parameter, unit].map(Cell::new).into();
-        cells.extend([rows.len().to_string().into(), with_sd(mean, sd).0.into(), number(sd, 2).into(), number(spread, 2).into()]);
+        cells.extend([
+            rows.len().to_string().into(),
+            with_sd(mean, sd).0.into(),
+            number(sd, 2).into(),
+            number(spread, 2).into(),
+        ]);
         cells.extend(ends);
         grid.push(cells);
     }
@@ -140,14 +182,20 @@ pub fn biases(table: Option<&Columns>, consistency: Option<&Columns>) -> Grid {
 
 /// Sensor errors with what was decided of each; none where nothing was.
 fn decided(checks: &Columns) -> Option<Grid> {
-    let mut grid = Grid::new(["flight", "sensor error", "unit", "#value", "#sd", "verdict", "~what it is"]);
+    let mut grid =
+        Grid::new(["flight", "sensor error", "unit", "#value", "#sd", "verdict", "~what it is"]);
     for row in (0..checks.rows()).filter(|&row| checks.text("check", row) == "sensor error") {
         // the limits are two standard deviations on either side
         let sd = (checks.number("high", row) - checks.number("low", row)) / 4.0;
         let verdict = checks.text("verdict", row);
-        let mut cells: Vec<Cell> = ["flight", "channel", "unit"].map(|name| Cell::new(checks.text(name, row))).into();
+        let mut cells: Vec<Cell> =
+            ["flight", "channel", "unit"].map(|name| Cell::new(checks.text(name, row))).into();
         cells.extend([with_sd(checks.number("value", row), sd).0.into(), number(sd, 2).into()]);
-        cells.push(if verdict == "not observable" { Cell::new(verdict).level(Level::Warn) } else { Cell::new(verdict) });
+        cells.push(if verdict == "not observable" {
+            Cell::new(verdict).level(Level::Warn)
+        } else {
+            Cell::new(verdict)
+        });
         cells.push(checks.text("text", row).into());
         grid.push(cells);
     }
@@ -168,8 +216,13 @@ pub fn notes(table: Option<&Columns>) -> Grid {
     let Some(table) = table else { return Grid::missing("No table of notes.") };
     let mut grid = Grid::new(["flight", "stage", "severity", "subject", "#count", "~note"]);
     for row in 0..table.rows() {
-        let mut cells: Vec<Cell> = ["flight", "stage", "severity", "subject"].map(|name| Cell::new(table.text(name, row))).into();
-        cells.extend([Cell::new(plain(table.number("count", row), 0)), table.text("text", row).into()]);
+        let mut cells: Vec<Cell> = ["flight", "stage", "severity", "subject"]
+            .map(|name| Cell::new(table.text(name, row)))
+            .into();
+        cells.extend([
+            Cell::new(plain(table.number("count", row), 0)),
+            table.text("text", row).into(),
+        ]);
         grid.push(cells);
         if let Some(last) = grid.rows.last_mut() {
             last.level = severity(table, row);
@@ -189,12 +242,16 @@ fn severity(table: &Columns, row: usize) -> Option<Level> {
 /// The sentence of the checks about notes.
 pub fn remarks(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table?;
-    let of = |level: Level| (0..table.rows()).filter(|&row| severity(table, row) == Some(level)).count();
+    let of =
+        |level: Level| (0..table.rows()).filter(|&row| severity(table, row) == Some(level)).count();
     let (errors, warnings) = (of(Level::Bad), of(Level::Warn));
     Some(match (errors, warnings) {
         (0, 0) => (Level::Good, "No stage has left a warning.".into()),
         (0, n) => (Level::Warn, format!("The notes name {}.", count(n, "warning"))),
         (n, 0) => (Level::Bad, format!("The notes name {}.", count(n, "missing result"))),
-        (n, m) => (Level::Bad, format!("The notes name {} and {}.", count(n, "missing result"), count(m, "warning"))),
+        (n, m) => (
+            Level::Bad,
+            format!("The notes name {} and {}.", count(n, "missing result"), count(m, "warning")),
+        ),
     })
 }

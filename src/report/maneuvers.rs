@@ -1,4 +1,5 @@
-//! `responses`, `segments` and `samples` in, the time histories of every maneuver and the table of how well each one fits out.
+//! `responses`, `segments` and `samples` in, the time histories of every maneuver and the table of
+//! how well each one fits out.
 
 use super::columns::Columns;
 use super::flights;
@@ -85,9 +86,11 @@ pub struct Sources<'a> {
     pub inputs: &'a BTreeMap<String, Vec<String>>,
 }
 
-/// Numbers drawn in all maneuvers together, at most about: keeps the page below some 10 MB however large the campaign is.
+/// Numbers drawn in all maneuvers together, at most about: keeps the page below some 10 MB however
+/// large the campaign is.
 const BUDGET: usize = 600_000;
-/// Seconds of inputs drawn before and after a maneuver's own span when the responses do not say more.
+/// Seconds of inputs drawn before and after a maneuver's own span when the responses do not say
+/// more.
 const MARGIN: f64 = 1.0;
 
 /// What is looked up for every maneuver.
@@ -119,10 +122,21 @@ fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>) {
         segments: from.segments.map(|t| t.rows_by(["segment"])).unwrap_or_default(),
         samples: from.samples.map(|t| t.rows_by(["flight"])).unwrap_or_default(),
         estimates: from.estimates.map(|t| t.rows_by(["model", "group"])).unwrap_or_default(),
-        residuals: from.residuals.map(|t| t.rows_by(["model", "group", "output"])).unwrap_or_default(),
+        residuals: from
+            .residuals
+            .map(|t| t.rows_by(["model", "group", "output"]))
+            .unwrap_or_default(),
         limit,
     };
-    let columns = ["model", "maneuver", "output", "#samples", "#residual r.m.s.", "#part of measured variation|%", "#colour"];
+    let columns = [
+        "model",
+        "maneuver",
+        "output",
+        "#samples",
+        "#residual r.m.s.",
+        "#part of measured variation|%",
+        "#colour",
+    ];
     let mut table = Grid::new(columns);
     let (mut all, mut thinned) = (Vec::new(), false);
     for (key, rows) in &groups {
@@ -138,7 +152,9 @@ fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>) {
                 over their variance: 1 is white.";
     table.note = Some(note.into());
     let shown = if thinned {
-        format!("Long records are thinned for display to about {limit} samples a curve, extremes kept; no number on this page is.")
+        format!(
+            "Long records are thinned for display to about {limit} samples a curve, extremes kept; no number on this page is."
+        )
     } else {
         "Every sample is drawn.".into()
     };
@@ -169,7 +185,11 @@ struct Misfit {
 
 fn misfit(responses: &Columns, rows: &[usize]) -> Misfit {
     let [measured, modelled] = ["measured", "modelled"].map(|c| pick(responses.column(c), rows));
-    let pairs: Vec<(f64, f64)> = measured.into_iter().zip(modelled).filter(|(z, y)| z.is_finite() && y.is_finite()).collect();
+    let pairs: Vec<(f64, f64)> = measured
+        .into_iter()
+        .zip(modelled)
+        .filter(|(z, y)| z.is_finite() && y.is_finite())
+        .collect();
     let n = pairs.len() as f64;
     let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
     let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
@@ -204,13 +224,17 @@ impl Lookup<'_> {
         let row = self.segments.get(std::slice::from_ref(segment)).and_then(|rows| rows.first());
         let found = self.from.segments.zip(row.copied());
         let text = |name: &str| found.map_or(String::new(), |(s, row)| s.text(name, row));
-        let [start, end] = ["t_start_s", "t_end_s"].map(|name| found.map_or(f64::NAN, |(s, row)| s.number(name, row)));
+        let [start, end] = ["t_start_s", "t_end_s"]
+            .map(|name| found.map_or(f64::NAN, |(s, row)| s.number(name, row)));
         let mut span = (start - MARGIN, end + MARGIN);
         let mut thinned = false;
         let mut outputs = Vec::new();
         for (name, rows) in by_output(self.responses, rows) {
             let t = pick(self.responses.column("t_s"), &rows);
-            span = (t.iter().copied().fold(span.0, f64::min), t.iter().copied().fold(span.1, f64::max));
+            span = (
+                t.iter().copied().fold(span.0, f64::min),
+                t.iter().copied().fold(span.1, f64::max),
+            );
             let output = self.output(key, name, &rows);
             thinned |= output.t.len() < rows.len();
             outputs.push(output);
@@ -219,7 +243,10 @@ impl Lookup<'_> {
         if names.is_empty() {
             names.push(text("input"));
         }
-        let flight = Some(text("flight")).filter(|f| !f.is_empty()).or_else(|| self.record_of(segment)).unwrap_or_default();
+        let flight = Some(text("flight"))
+            .filter(|f| !f.is_empty())
+            .or_else(|| self.record_of(segment))
+            .unwrap_or_default();
         let inputs = self.inputs(&flight, span, &names);
         let label = [model.as_str(), &name(group, segment), &text("kind")]
             .into_iter()
@@ -227,7 +254,10 @@ impl Lookup<'_> {
             .collect::<Vec<_>>()
             .join(" / ");
         let caption = self.stop(key).map_or(label.clone(), |stop| format!("{label}: {stop}"));
-        (Maneuver { label, caption, start: short(start), end: short(end), outputs, inputs }, thinned)
+        (
+            Maneuver { label, caption, start: short(start), end: short(end), outputs, inputs },
+            thinned,
+        )
     }
 
     /// The flight whose record (or a piece of it) is the segment.
@@ -236,12 +266,22 @@ impl Lookup<'_> {
     }
 
     fn output(&self, key: &Key, name: String, rows: &[usize]) -> Output {
-        let [t, measured, modelled] = ["t_s", "measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
+        let [t, measured, modelled] =
+            ["t_s", "measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
         let keep = thin(t.len(), &[&measured, &modelled], self.limit);
-        let (factor, unit) =
-            display_unit(&self.residual(key, &name).map_or(String::new(), |(table, row)| table.unit_in("unit", row)));
+        let (factor, unit) = display_unit(
+            &self
+                .residual(key, &name)
+                .map_or(String::new(), |(table, row)| table.unit_in("unit", row)),
+        );
         let drawn = |v: &[f64]| shorts(pick(v, &keep), factor);
-        Output { name, unit, t: times(&pick(&t, &keep)), measured: drawn(&measured), modelled: drawn(&modelled) }
+        Output {
+            name,
+            unit,
+            t: times(&pick(&t, &keep)),
+            measured: drawn(&measured),
+            modelled: drawn(&modelled),
+        }
     }
 
     /// The row of `residuals` about one output of one segment, or of the whole group.
@@ -249,7 +289,8 @@ impl Lookup<'_> {
         let [model, group, segment] = key;
         let table = self.from.residuals?;
         let rows = self.residuals.get(&[model.clone(), group.clone(), output.to_string()])?;
-        let row = rows.iter().find(|&&row| table.text("segment", row) == *segment).or(rows.first())?;
+        let row =
+            rows.iter().find(|&&row| table.text("segment", row) == *segment).or(rows.first())?;
         Some((table, *row))
     }
 
@@ -262,9 +303,14 @@ impl Lookup<'_> {
 
     /// Samples of a flight between two times; a flight's rows are sorted by time.
     fn inputs(&self, flight: &str, span: (f64, f64), names: &[String]) -> Vec<Input> {
-        let (Some(samples), Some(rows)) = (self.from.samples, self.samples.get(&[flight.to_string()])) else { return Vec::new() };
+        let (Some(samples), Some(rows)) =
+            (self.from.samples, self.samples.get(&[flight.to_string()]))
+        else {
+            return Vec::new();
+        };
         let time = |row: &usize| samples.number("t_s", *row);
-        let rows = &rows[rows.partition_point(|row| time(row) < span.0)..rows.partition_point(|row| time(row) <= span.1)];
+        let rows = &rows[rows.partition_point(|row| time(row) < span.0)
+            ..rows.partition_point(|row| time(row) <= span.1)];
         let t = pick(samples.column("t_s"), rows);
         let curve = |name: &String| {
             let value = pick(samples.column(name), rows);
@@ -273,7 +319,12 @@ impl Lookup<'_> {
             }
             let keep = thin(t.len(), &[&value], self.limit / 2);
             let (factor, unit) = display_unit(samples.unit(name));
-            Some(Input { name: name.clone(), unit, t: times(&pick(&t, &keep)), value: shorts(pick(&value, &keep), factor) })
+            Some(Input {
+                name: name.clone(),
+                unit,
+                t: times(&pick(&t, &keep)),
+                value: shorts(pick(&value, &keep), factor),
+            })
         };
         names.iter().filter_map(curve).collect()
     }
@@ -311,13 +362,19 @@ pub const POOR: f64 = 0.25;
 
 /// The sentence of the checks about the match of the time histories.
 pub fn summary(matches: &[Match]) -> Option<(Level, String)> {
-    let worst = matches.iter().filter(|m| m.misfit.is_finite()).max_by(|a, b| a.misfit.total_cmp(&b.misfit))?;
+    let worst = matches
+        .iter()
+        .filter(|m| m.misfit.is_finite())
+        .max_by(|a, b| a.misfit.total_cmp(&b.misfit))?;
     let poor = matches.iter().filter(|m| m.misfit > POOR).count();
     let worst = format!("the worst is {} with {:.1}%", worst.name, 100.0 * worst.misfit);
     Some(if poor == 0 {
         (
             Level::Good,
-            format!("Modelled and measured outputs differ by less than {:.0}% of the measured variation; {worst}.", 100.0 * POOR),
+            format!(
+                "Modelled and measured outputs differ by less than {:.0}% of the measured variation; {worst}.",
+                100.0 * POOR
+            ),
         )
     } else {
         (

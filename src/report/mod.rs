@@ -1,8 +1,10 @@
-//! The tables of a run in, one self-contained HTML page for a flight-test engineer out; it works offline and holds no clock.
+//! The tables of a run in, one self-contained HTML page for a flight-test engineer out; it works
+//! offline and holds no clock.
 //!
-//! [`SECTIONS`] is the one list of what is on the page: its order, its navigation and the tables that it is made from follow. The
-//! templates in `html/` are filled with escaped text; `html/page.js` draws the plots from numbers embedded as JSON; the plotting script
-//! comes out of the `plotly` crate. What is not there is said on the page, it never fails it.
+//! [`SECTIONS`] is the one list of what is on the page: its order, its navigation and the tables
+//! that it is made from follow. The templates in `html/` are filled with escaped text;
+//! `html/page.js` draws the plots from numbers embedded as JSON; the plotting script comes out of
+//! the `plotly` crate. What is not there is said on the page, it never fails it.
 
 mod again;
 mod checks;
@@ -73,17 +75,21 @@ pub struct ReportInput {
     pub title: String,
     /// One line under the title: what was run (pipeline, stages, models).
     pub subtitle: String,
-    /// Tables by name, as listed by [`tables`], all flights of a table in one. Others are ignored; absent ones are said to be absent.
+    /// Tables by name, as listed by [`tables`], all flights of a table in one. Others are ignored;
+    /// absent ones are said to be absent.
     pub tables: BTreeMap<String, Table>,
-    /// Columns of `samples` that drive each model, drawn below its outputs; without an entry the segment's own input is drawn.
+    /// Columns of `samples` that drive each model, drawn below its outputs; without an entry the
+    /// segment's own input is drawn.
     pub inputs: BTreeMap<String, Vec<String>>,
-    /// Column of `samples` in which each input of `segments` was searched; without an entry it has the input's own name.
+    /// Column of `samples` in which each input of `segments` was searched; without an entry it has
+    /// the input's own name.
     pub searched: BTreeMap<String, String>,
     /// Sections that stages bring along; they stand behind [`SECTIONS`].
     pub more: Vec<&'static Section>,
     /// Tables that no stage of this campaign writes: sections about them have no place on the page.
     pub unasked: Vec<&'static str>,
-    /// Name and value of everything that says where the numbers come from: program version, code hash, configuration hashes.
+    /// Name and value of everything that says where the numbers come from: program version, code
+    /// hash, configuration hashes.
     pub provenance: Vec<(String, String)>,
 }
 
@@ -103,7 +109,8 @@ pub struct FlightStyle {
     path: &'static str,
 }
 
-/// Colours that stay apart for colour-blind readers (Okabe and Ito), each with a shape of its own, so that print works too.
+/// Colours that stay apart for colour-blind readers (Okabe and Ito), each with a shape of its own,
+/// so that print works too.
 const STYLES: [(&str, &str, &str); 6] = [
     ("#0072b2", "circle", "M0-5A5 5 0 1 1 0 5A5 5 0 1 1 0-5Z"),
     ("#d55e00", "square", "M-4.5-4.5H4.5V4.5H-4.5Z"),
@@ -154,17 +161,24 @@ pub fn report(input: &ReportInput) -> Result<Report> {
     Ok(Report { page: page(input)?, problems: checks::problems(&checks(&input.tables)) })
 }
 
-/// The page as HTML. The same input gives the same bytes. An error is a fault of the program, not of the tables.
+/// The page as HTML. The same input gives the same bytes. An error is a fault of the program, not
+/// of the tables.
 pub fn page(input: &ReportInput) -> Result<String> {
     page_with(SECTIONS.iter().chain(input.more.iter().copied()), input)
 }
 
-/// The answers to "can these results be trusted?", in the order of the processing: tables by name in, as the page shows them out.
+/// The answers to "can these results be trusted?", in the order of the processing: tables by name
+/// in, as the page shows them out.
 pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
     let columns = columns(checks::SECTION.tables, tables);
     let flights = flight_styles(&columns);
     let input = ReportInput::default();
-    checks::answers(&Given { input: &input, flights: &flights, tables: &columns, named: checks::SECTION.tables })
+    checks::answers(&Given {
+        input: &input,
+        flights: &flights,
+        tables: &columns,
+        named: checks::SECTION.tables,
+    })
 }
 
 fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String, Columns> {
@@ -172,18 +186,30 @@ fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String
     named.map(|(name, table)| (name, Columns::of(table))).collect()
 }
 
-fn page_with(sections: impl IntoIterator<Item = &'static Section>, input: &ReportInput) -> Result<String> {
+fn page_with(
+    sections: impl IntoIterator<Item = &'static Section>,
+    input: &ReportInput,
+) -> Result<String> {
     let sections: Vec<&'static Section> = sections.into_iter().collect();
     let named: Vec<&str> = sections.iter().flat_map(|s| s.tables).copied().collect();
     let tables = columns(&named, &input.tables);
     let flights = flight_styles(&tables);
-    let given = |section: &'static Section| Given { input, flights: &flights, tables: &tables, named: section.tables };
+    let given = |section: &'static Section| Given {
+        input,
+        flights: &flights,
+        tables: &tables,
+        named: section.tables,
+    };
     let environment = environment()?;
     let mut built = Vec::new();
     let mut plots = vec![("flights", json(&flights)?)];
     for section in sections.into_iter().filter(|s| input.asks_for(s)) {
         if let Some(mut body) = (section.build)(&given(section))? {
-            built.push(Built { id: section.id, heading: section.heading, body: body.html(&environment)? });
+            built.push(Built {
+                id: section.id,
+                heading: section.heading,
+                body: body.html(&environment)?,
+            });
             plots.append(&mut body.plots);
         }
     }
@@ -198,12 +224,18 @@ fn page_with(sections: impl IntoIterator<Item = &'static Section>, input: &Repor
         script: include_str!("html/page.js"),
         plotly: plotly_script(),
     };
-    environment.get_template("page.html").and_then(|template| template.render(minijinja::value::Serde(&page))).map_err(fault)
+    environment
+        .get_template("page.html")
+        .and_then(|template| template.render(minijinja::value::Serde(&page)))
+        .map_err(fault)
 }
 
 fn environment() -> Result<minijinja::Environment<'static>> {
     let mut environment = minijinja::Environment::new();
-    for (name, text) in [("grid.html", include_str!("html/grid.html")), ("page.html", include_str!("html/page.html"))] {
+    for (name, text) in [
+        ("grid.html", include_str!("html/grid.html")),
+        ("page.html", include_str!("html/page.html")),
+    ] {
         environment.add_template(name, text).map_err(fault)?;
     }
     Ok(environment)
@@ -214,12 +246,14 @@ fn fault(e: minijinja::Error) -> Error {
 }
 
 fn json(value: &impl Serialize) -> Result<String> {
-    serde_json::to_string(value).map_err(|e| Error::new(format!("the report's numbers could not be written: {e}")))
+    serde_json::to_string(value)
+        .map_err(|e| Error::new(format!("the report's numbers could not be written: {e}")))
 }
 
 /// JSON that may stand inside a script element: no `<` can end the element.
 fn object(plots: &[(&str, String)]) -> String {
-    let fields: Vec<String> = plots.iter().map(|(name, text)| format!("\"{name}\":{text}")).collect();
+    let fields: Vec<String> =
+        plots.iter().map(|(name, text)| format!("\"{name}\":{text}")).collect();
     format!("{{{}}}", fields.join(",")).replace('<', "\\u003c")
 }
 
@@ -232,8 +266,11 @@ fn plotly_script() -> String {
 
 /// All flights any table knows, in alphabetical order, with colour and shape.
 fn flight_styles(tables: &BTreeMap<String, Columns>) -> Vec<FlightStyle> {
-    let mut ids: Vec<String> =
-        tables.values().flat_map(|t| t.rows_by(["flight"]).into_keys().flatten()).filter(|id| !id.is_empty()).collect();
+    let mut ids: Vec<String> = tables
+        .values()
+        .flat_map(|t| t.rows_by(["flight"]).into_keys().flatten())
+        .filter(|id| !id.is_empty())
+        .collect();
     ids.sort();
     ids.dedup();
     let style = |(i, id): (usize, String)| {

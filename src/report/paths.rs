@@ -1,4 +1,5 @@
-//! `pathmatch` in, every measured channel of a flight beside what the reconstructed path says of it out.
+//! `pathmatch` in, every measured channel of a flight beside what the reconstructed path says of it
+//! out.
 
 use super::columns::Columns;
 use super::format::{display_unit, shorts, thin};
@@ -20,12 +21,15 @@ pub fn paths(table: Option<&Columns>) -> Vec<PathPlot> {
     let Some(table) = table else { return Vec::new() };
     let mut plots: Vec<PathPlot> = Vec::new();
     for ([flight, name], rows) in table.groups(["flight", "channel"]) {
-        let (factor, unit) = display_unit(&rows.first().map(|&row| table.unit_in("unit", row)).unwrap_or_default());
-        let pick = |column: &str| rows.iter().map(|&row| table.number(column, row)).collect::<Vec<f64>>();
+        let (factor, unit) =
+            display_unit(&rows.first().map(|&row| table.unit_in("unit", row)).unwrap_or_default());
+        let pick =
+            |column: &str| rows.iter().map(|&row| table.number(column, row)).collect::<Vec<f64>>();
         let (t, measured, modelled) = (pick("t_s"), pick("measured"), pick("reconstructed"));
         let kept = thin(t.len(), &[&measured, &modelled], LIMIT);
         let shown = |values: &[f64], factor: f64| shorts(kept.iter().map(|&k| values[k]), factor);
-        let (t, measured, modelled) = (shown(&t, 1.0), shown(&measured, factor), shown(&modelled, factor));
+        let (t, measured, modelled) =
+            (shown(&t, 1.0), shown(&measured, factor), shown(&modelled, factor));
         let output = Output { name, unit, t, measured, modelled };
         match plots.last_mut().filter(|plot| plot.flight == flight) {
             Some(plot) => plot.channels.push(output),

@@ -6,7 +6,8 @@ use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
 
-pub const SECTION: Section = Section { id: "provenance", heading: "Provenance", tables: &["stages"], build };
+pub const SECTION: Section =
+    Section { id: "provenance", heading: "Provenance", tables: &["stages"], build };
 
 #[derive(Serialize)]
 struct Provenance {
@@ -15,7 +16,8 @@ struct Provenance {
 }
 
 fn build(given: &Given) -> Result<Option<Body>> {
-    let section = Provenance { origin: origin(&given.input.provenance), stages: stages(given.get("stages")) };
+    let section =
+        Provenance { origin: origin(&given.input.provenance), stages: stages(given.get("stages")) };
     Ok(Some(Body::new(include_str!("html/provenance.html"), section)))
 }
 

@@ -1,4 +1,5 @@
-//! `channels` in, what the checks say of those that stand still although they are those of a live sensor, out.
+//! `channels` in, what the checks say of those that stand still although they are those of a live
+//! sensor, out.
 
 use super::columns::Columns;
 use super::estimates::few;
@@ -13,8 +14,8 @@ struct Estimated {
     to: f64,
 }
 
-/// The sentence of the checks. A maneuver that was flown while a sensor stood still from end to end stands on nothing. What the sensors' own
-/// comparison (`consistency`) calls frozen is said there.
+/// The sentence of the checks. A maneuver that was flown while a sensor stood still from end to end
+/// stands on nothing. What the sensors' own comparison (`consistency`) calls frozen is said there.
 pub fn summary(
     channels: Option<&Columns>,
     consistency: Option<&Columns>,
@@ -33,35 +34,47 @@ pub fn summary(
         let mine = || estimated.iter().filter(|e| e.flight == flight);
         let inside = mine().filter(|e| from <= e.from && e.to <= to).count();
         let touched = mine().filter(|e| from < e.to && e.from < to).count();
-        let when = format!("{flight} {signal} (from {} s for {} s", plain(from, 1), plain(to - from, 1));
+        let when =
+            format!("{flight} {signal} (from {} s for {} s", plain(from, 1), plain(to - from, 1));
         match (inside, touched) {
             (0, 0) => idle.push(format!("{when})")),
             (0, n) => odd.push(format!("{when}, in part of {n})")),
             (n, _) => bad.push(format!("{when}, {})", count(n, "maneuver"))),
         }
     }
-    let told = |names: &[String], words: &str| (!names.is_empty()).then(|| format!("{words}: {}.", few(names)));
+    let told = |names: &[String], words: &str| {
+        (!names.is_empty()).then(|| format!("{words}: {}.", few(names)))
+    };
     let sentences = [
         told(&bad, "Sensors that stand still in maneuvers that are estimated"),
         told(&odd, "Sensors that stand still for a part of what is estimated"),
         told(&idle, "Sensors that stand still where nothing is estimated"),
     ];
-    let level = [(&bad, Level::Bad), (&odd, Level::Warn), (&idle, Level::Info)].into_iter().find(|(names, _)| !names.is_empty())?.1;
+    let level = [(&bad, Level::Bad), (&odd, Level::Warn), (&idle, Level::Info)]
+        .into_iter()
+        .find(|(names, _)| !names.is_empty())?
+        .1;
     Some((level, sentences.into_iter().flatten().collect::<Vec<_>>().join(" ")))
 }
 
 fn is_said(consistency: Option<&Columns>, flight: &str, signal: &str) -> bool {
     let says = |t: &Columns, row: usize| {
-        t.text("flight", row) == flight && t.text("channel", row) == signal && t.text("verdict", row) == "frozen"
+        t.text("flight", row) == flight
+            && t.text("channel", row) == signal
+            && t.text("verdict", row) == "frozen"
     };
     consistency.is_some_and(|t| (0..t.rows()).any(|row| says(t, row)))
 }
 
-/// Everything that has a response: maneuvers with their own times, records from their first sample to their last.
+/// Everything that has a response: maneuvers with their own times, records from their first sample
+/// to their last.
 fn estimated(segments: Option<&Columns>, responses: Option<&Columns>) -> Vec<Estimated> {
     let Some(responses) = responses else { return Vec::new() };
     let found = segments.map(|s| s.rows_by(["segment"])).unwrap_or_default();
-    let one = |([segment], rows): ([String; 1], Vec<usize>)| match (segments, found.get(&[segment.clone()])) {
+    let one = |([segment], rows): ([String; 1], Vec<usize>)| match (
+        segments,
+        found.get(&[segment.clone()]),
+    ) {
         (Some(s), Some(own)) => {
             let row = *own.first()?;
             let [from, to] = ["t_start_s", "t_end_s"].map(|name| s.number(name, row));
@@ -69,9 +82,16 @@ fn estimated(segments: Option<&Columns>, responses: Option<&Columns>) -> Vec<Est
         }
         _ => {
             let times = || rows.iter().map(|&row| responses.number("t_s", row));
-            let flight = segment.rsplit_once('-').map(|(flight, _)| flight).filter(|flight| is_record(&segment, flight));
+            let flight = segment
+                .rsplit_once('-')
+                .map(|(flight, _)| flight)
+                .filter(|flight| is_record(&segment, flight));
             let flight = flight.unwrap_or(&segment).to_string();
-            Some(Estimated { flight, from: times().fold(f64::INFINITY, f64::min), to: times().fold(f64::NEG_INFINITY, f64::max) })
+            Some(Estimated {
+                flight,
+                from: times().fold(f64::INFINITY, f64::min),
+                to: times().fold(f64::NEG_INFINITY, f64::max),
+            })
         }
     };
     responses.rows_by(["segment"]).into_iter().filter_map(one).collect()
@@ -87,20 +107,52 @@ mod tests {
     }
 
     fn said(from: f64, to: f64, verdict: &str) -> Option<(Level, String)> {
-        let channels = Table::build("channels").repeat("flight", "f").strings("signal", ["servo", "V"]).repeat("topic", "/t");
-        let channels = channels.repeat("field", "x").repeat("unit", "A").i64("count", [9, 9]).f64("rate_hz", [10.0; 2]);
-        let channels = ["dropped_duplicate", "reordered", "dropped_out_of_order", "dropped_nan", "dropped_unreadable"]
-            .into_iter()
-            .fold(channels, |table, name| table.i64(name, [0, 0]));
-        let channels = channels.f64("longest_gap_s", [0.1; 2]).f64("t_first_s", [0.0; 2]).f64("t_last_s", [99.0; 2]);
-        let channels = channels.f64("still_from_s", [from, f64::NAN]).f64("still_to_s", [to, f64::NAN]);
+        let channels = Table::build("channels")
+            .repeat("flight", "f")
+            .strings("signal", ["servo", "V"])
+            .repeat("topic", "/t");
+        let channels = channels
+            .repeat("field", "x")
+            .repeat("unit", "A")
+            .i64("count", [9, 9])
+            .f64("rate_hz", [10.0; 2]);
+        let channels = [
+            "dropped_duplicate",
+            "reordered",
+            "dropped_out_of_order",
+            "dropped_nan",
+            "dropped_unreadable",
+        ]
+        .into_iter()
+        .fold(channels, |table, name| table.i64(name, [0, 0]));
+        let channels = channels
+            .f64("longest_gap_s", [0.1; 2])
+            .f64("t_first_s", [0.0; 2])
+            .f64("t_last_s", [99.0; 2]);
+        let channels =
+            channels.f64("still_from_s", [from, f64::NAN]).f64("still_to_s", [to, f64::NAN]);
         let channels = columns(channels.f64("min", [0.0; 2]).f64("max", [1.0; 2]).finish());
-        let responses = Table::build("responses").repeat("model", "m").repeat("group", "g").strings("segment", ["f", "f", "g-001"]);
+        let responses = Table::build("responses")
+            .repeat("model", "m")
+            .repeat("group", "g")
+            .strings("segment", ["f", "f", "g-001"]);
         let responses = responses.repeat("output", "y").f64("t_s", [20.0, 30.0, 5.0]);
-        let responses = responses.f64("measured", [0.0; 3]).f64("modelled", [0.0; 3]).f64("residual", [0.0; 3]).finish();
-        let consistency = Table::build("consistency").repeat("flight", "f").strings("channel", ["servo"]).repeat("check", "health");
-        let consistency = consistency.f64("value", [1.0]).repeat("unit", "s").f64("low", [0.0]).f64("high", [0.0]);
-        let consistency = columns(consistency.repeat("verdict", verdict).repeat("text", "").finish());
+        let responses = responses
+            .f64("measured", [0.0; 3])
+            .f64("modelled", [0.0; 3])
+            .f64("residual", [0.0; 3])
+            .finish();
+        let consistency = Table::build("consistency")
+            .repeat("flight", "f")
+            .strings("channel", ["servo"])
+            .repeat("check", "health");
+        let consistency = consistency
+            .f64("value", [1.0])
+            .repeat("unit", "s")
+            .f64("low", [0.0])
+            .f64("high", [0.0]);
+        let consistency =
+            columns(consistency.repeat("verdict", verdict).repeat("text", "").finish());
         summary(Some(&channels), Some(&consistency), None, Some(&columns(responses)))
     }
 

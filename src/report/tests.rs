@@ -1,5 +1,6 @@
-//! A made-up campaign of three flights in, checks of the whole page out. `KOEHLER_REPORT_PAGE=/some/file.html cargo test --lib report`
-//! writes the page down for a look in a browser.
+//! A made-up campaign of three flights in, checks of the whole page out.
+//! `KOEHLER_REPORT_PAGE=/some/file.html cargo test --lib report` writes the page down for a look in
+//! a browser.
 
 use super::*;
 use rand::{Rng, RngExt, SeedableRng};
@@ -62,7 +63,10 @@ fn segments(all: &[Maneuver]) -> Table {
         .i64("polarity", vec![1; all.len()])
         .f64("score", number(&|m| 0.97 - 0.01 * m.alpha))
         .bools("included", all.iter().map(|m| !out(m)).collect::<Vec<_>>())
-        .opt_strings("reason", all.iter().map(|m| out(m).then(|| format!("left out by hand: {HOSTILE}"))))
+        .opt_strings(
+            "reason",
+            all.iter().map(|m| out(m).then(|| format!("left out by hand: {HOSTILE}"))),
+        )
         .finish()
         .expect("segments")
 }
@@ -75,12 +79,22 @@ fn histories(all: &[Maneuver], noise: &mut impl Rng) -> (Table, Table) {
         let own: Vec<&Maneuver> = all.iter().filter(|m| m.flight == flight).collect();
         let (mut v, mut alpha) = (82.0, 0.07);
         for t in (0..36_000).map(|i| 0.02 * f64::from(i)) {
-            let next = own.iter().find(|m| t < m.start + 40.0).or(own.last()).expect("flights have maneuvers");
+            let next = own
+                .iter()
+                .find(|m| t < m.start + 40.0)
+                .or(own.last())
+                .expect("flights have maneuvers");
             v += 0.0006 * (next.speed - v);
             alpha += 0.0006 * (next.alpha - alpha);
             let torque = 5.0 * own.iter().map(|m| command(t - m.start)).sum::<f64>();
             flights.push(flight.clone());
-            let row = [t, v + 0.3 * libm::sin(0.1 * t), 5180.0 + 25.0 * libm::sin(0.013 * t), alpha + 0.004 * torque, torque];
+            let row = [
+                t,
+                v + 0.3 * libm::sin(0.1 * t),
+                5180.0 + 25.0 * libm::sin(0.013 * t),
+                alpha + 0.004 * torque,
+                torque,
+            ];
             samples.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
         }
     }
@@ -91,12 +105,20 @@ fn histories(all: &[Maneuver], noise: &mut impl Rng) -> (Table, Table) {
             rate += 0.01 * (900.0 * (0.03 * command(t) - x) - 21.0 * rate);
             x += 0.01 * rate;
             names.push(m.segment.clone());
-            let measured = x - 0.02 + 0.0007 * (noise.random::<f64>() - 0.5) + if i == 500 { 0.01 } else { 0.0 };
-            [t + m.start, measured, x - 0.02].into_iter().zip(rows.iter_mut()).for_each(|(value, column)| column.push(value));
+            let measured = x - 0.02
+                + 0.0007 * (noise.random::<f64>() - 0.5)
+                + if i == 500 { 0.01 } else { 0.0 };
+            [t + m.start, measured, x - 0.02]
+                .into_iter()
+                .zip(rows.iter_mut())
+                .for_each(|(value, column)| column.push(value));
         }
     }
     let [t, measured, modelled] = rows;
-    let responses = Table::build("responses").repeat("model", "elevator").strings("group", &names).strings("segment", &names);
+    let responses = Table::build("responses")
+        .repeat("model", "elevator")
+        .strings("group", &names)
+        .strings("segment", &names);
     let residual: Vec<f64> = measured.iter().zip(&modelled).map(|(z, y)| z - y).collect();
     let responses = responses
         .repeat("output", "delta_e")
@@ -105,14 +127,21 @@ fn histories(all: &[Maneuver], noise: &mut impl Rng) -> (Table, Table) {
         .f64("measured", measured)
         .f64("modelled", modelled);
     let mut columns = samples.into_iter();
-    let mut build = Table::build("samples").strings("flight", flights).f64("t_s", columns.next().unwrap_or_default());
-    for ((name, unit), values) in [("V", "m/s"), ("h", "m"), ("alpha", "rad"), ("servo_torque", "N m")].into_iter().zip(columns) {
+    let mut build = Table::build("samples")
+        .strings("flight", flights)
+        .f64("t_s", columns.next().unwrap_or_default());
+    for ((name, unit), values) in
+        [("V", "m/s"), ("h", "m"), ("alpha", "rad"), ("servo_torque", "N m")]
+            .into_iter()
+            .zip(columns)
+    {
         build = build.dynamic(name, unit, "made up", values);
     }
     (responses.finish().expect("responses"), build.finish().expect("samples"))
 }
 
-/// Estimates about the lines, the fits through them and their bands; the tenth estimation has failed.
+/// Estimates about the lines, the fits through them and their bands; the tenth estimation has
+/// failed.
 fn results(all: &[Maneuver], noise: &mut impl Rng) -> [Table; 4] {
     let used: Vec<&Maneuver> = all.iter().filter(|m| m.segment != LEFT_OUT).collect();
     let [mut estimates, mut fits, mut bands, mut points] = [const { Vec::new() }; 4];
@@ -120,24 +149,48 @@ fn results(all: &[Maneuver], noise: &mut impl Rng) -> [Table; 4] {
         let alpha: Vec<f64> = used.iter().map(|m| m.alpha).collect();
         let sds: Vec<f64> = alpha.iter().map(|x| sd * (0.6 + 8.0 * x)).collect();
         let mut gauss = || (0..12).map(|_| noise.random::<f64>()).sum::<f64>() - 6.0;
-        let values: Vec<f64> = alpha.iter().zip(&sds).map(|(x, sd)| slope * x + intercept + sd * gauss()).collect();
+        let values: Vec<f64> =
+            alpha.iter().zip(&sds).map(|(x, sd)| slope * x + intercept + sd * gauss()).collect();
         let segments = || used.iter().map(|m| m.segment.as_str());
         let failed = |i: usize| i == 9;
-        let known = |v: f64| (0..used.len()).map(|i| if failed(i) { f64::NAN } else { v * sds[i] }).collect::<Vec<_>>();
-        let table =
-            Table::build("estimates").repeat("model", "elevator").strings("group", segments()).strings("segment", segments());
+        let known = |v: f64| {
+            (0..used.len())
+                .map(|i| if failed(i) { f64::NAN } else { v * sds[i] })
+                .collect::<Vec<_>>()
+        };
+        let table = Table::build("estimates")
+            .repeat("model", "elevator")
+            .strings("group", segments())
+            .strings("segment", segments());
         let table = table.strings("flight", used.iter().map(|m| m.flight.as_str()));
-        let table = table.repeat("parameter", name).repeat("per", "segment").strings("of", segments()).repeat("unit", unit);
+        let table = table
+            .repeat("parameter", name)
+            .repeat("per", "segment")
+            .strings("of", segments())
+            .repeat("unit", unit);
         let table = table.f64("value", values.clone()).f64("sd", known(1.0));
-        let table = table.f64("sd_crlb", known(0.37)).f64("start", vec![0.9 * intercept; used.len()]);
+        let table =
+            table.f64("sd_crlb", known(0.37)).f64("start", vec![0.9 * intercept; used.len()]);
         let (lower, upper) = (vec![f64::NAN; used.len()], vec![f64::NAN; used.len()]);
         let table = table.f64("sd_total", known(1.3)).f64("lower", lower).f64("upper", upper);
-        let table = table.opt_strings("interval", used.iter().map(|_| None::<&str>)).bools("at_bound", vec![false; used.len()]);
+        let table = table
+            .opt_strings("interval", used.iter().map(|_| None::<&str>))
+            .bools("at_bound", vec![false; used.len()]);
         let stop = (0..used.len()).map(|i| if failed(i) { "singular" } else { "converged" });
         estimates.push(table.strings("stop", stop).finish().expect("estimates"));
-        let table = Table::build("points").repeat("model", "elevator").repeat("parameter", name).repeat("against", "alpha");
-        let table = table.repeat("unit", unit).repeat("unit_x", "rad").strings("flight", used.iter().map(|m| m.flight.as_str()));
-        let table = table.strings("segment", segments()).f64("x", alpha.clone()).f64("value", values.clone()).f64("sd", sds);
+        let table = Table::build("points")
+            .repeat("model", "elevator")
+            .repeat("parameter", name)
+            .repeat("against", "alpha");
+        let table = table
+            .repeat("unit", unit)
+            .repeat("unit_x", "rad")
+            .strings("flight", used.iter().map(|m| m.flight.as_str()));
+        let table = table
+            .strings("segment", segments())
+            .f64("x", alpha.clone())
+            .f64("value", values.clone())
+            .f64("sd", sds);
         points.push(table.finish().expect("points"));
         let (fit, band) = line(name, unit, &alpha, &values);
         fits.push(fit);
@@ -153,7 +206,8 @@ fn line(name: &str, unit: &str, x: &[f64], y: &[f64]) -> (Table, Table) {
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
     let sxx: f64 = x.iter().map(|x| (x - mx) * (x - mx)).sum();
     let slope = x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum::<f64>() / sxx;
-    let s2 = x.iter().zip(y).map(|(x, y)| (y - my - slope * (x - mx)).powi(2)).sum::<f64>() / (n - 2.0);
+    let s2 =
+        x.iter().zip(y).map(|(x, y)| (y - my - slope * (x - mx)).powi(2)).sum::<f64>() / (n - 2.0);
     let table = Table::build("fits")
         .strings("model", ["elevator"])
         .repeat("parameter", name)
@@ -171,18 +225,33 @@ fn line(name: &str, unit: &str, x: &[f64], y: &[f64]) -> (Table, Table) {
         .f64("covariance", [-mx * s2 / sxx])
         .i64("n", [x.len() as i64]);
     let chi2 = if name == "C_h_alpha" { 3.1 * (n - 2.0) } else { 1.1 * (n - 2.0) };
-    let table =
-        table.f64("scatter_sd", [if name == "C_h_0" { 0.0 } else { 0.3 * s2.sqrt() }]).f64("chi2", [chi2]).f64("x_min", [0.022]);
-    let fit = table.f64("x_max", [0.146]).f64("level", [0.9875]).repeat("stop", "converged").finish().expect("fits");
+    let table = table
+        .f64("scatter_sd", [if name == "C_h_0" { 0.0 } else { 0.3 * s2.sqrt() }])
+        .f64("chi2", [chi2])
+        .f64("x_min", [0.022]);
+    let fit = table
+        .f64("x_max", [0.146])
+        .f64("level", [0.9875])
+        .repeat("stop", "converged")
+        .finish()
+        .expect("fits");
     let grid: Vec<f64> = (0..=50).map(|i| 0.022 + 0.00248 * f64::from(i)).collect();
-    let curve = |f: &dyn Fn(f64) -> f64| grid.iter().map(|&x| my + slope * (x - mx) + f(x)).collect::<Vec<_>>();
+    let curve = |f: &dyn Fn(f64) -> f64| {
+        grid.iter().map(|&x| my + slope * (x - mx) + f(x)).collect::<Vec<_>>()
+    };
     let sd = |x: f64| (s2 * (1.0 / n + (x - mx).powi(2) / sxx)).sqrt();
-    let mut table = Table::build("bands").repeat("model", "elevator").repeat("parameter", name).repeat("against", "alpha");
+    let mut table = Table::build("bands")
+        .repeat("model", "elevator")
+        .repeat("parameter", name)
+        .repeat("against", "alpha");
     table = table.f64("x", grid.clone()).f64("value", curve(&|_| 0.0));
     for (name, sign) in [("lower", -1.0), ("upper", 1.0)] {
         table = table.f64(&format!("pointwise_{name}"), curve(&|x| sign * 2.26 * sd(x)));
         table = table.f64(&format!("simultaneous_{name}"), curve(&|x| sign * 3.5 * sd(x)));
-        table = table.f64(&format!("prediction_{name}"), curve(&|x| sign * 2.26 * (sd(x).powi(2) + s2).sqrt()));
+        table = table.f64(
+            &format!("prediction_{name}"),
+            curve(&|x| sign * 2.26 * (sd(x).powi(2) + s2).sqrt()),
+        );
     }
     (fit, table.finish().expect("bands"))
 }
@@ -209,7 +278,12 @@ fn channels() -> Table {
         .i64("dropped_out_of_order", vec![0; n])
         .i64("dropped_nan", vec![0; n])
         .i64("dropped_unreadable", vec![0; n])
-        .f64("longest_gap_s", rows.iter().map(|r| if r.0 == 3 { 0.4 } else { 1.2 / r.1.4 as f64 }).collect::<Vec<_>>())
+        .f64(
+            "longest_gap_s",
+            rows.iter()
+                .map(|r| if r.0 == 3 { 0.4 } else { 1.2 / r.1.4 as f64 })
+                .collect::<Vec<_>>(),
+        )
         .f64("t_first_s", vec![0.01; n])
         .f64("t_last_s", vec![719.98; n])
         .f64("still_from_s", vec![f64::NAN; n])
@@ -221,7 +295,11 @@ fn channels() -> Table {
 }
 
 fn biases() -> Table {
-    let all = [("ax_bias", "m/s^2", 6.76e-3, 4.6e-4), ("az_bias", "m/s^2", 8.4e-2, 8.2e-4), ("q_bias", "rad/s", 3.409e-3, 4.0e-6)];
+    let all = [
+        ("ax_bias", "m/s^2", 6.76e-3, 4.6e-4),
+        ("az_bias", "m/s^2", 8.4e-2, 8.2e-4),
+        ("q_bias", "rad/s", 3.409e-3, 4.0e-6),
+    ];
     Table::build("biases")
         .strings("flight", ["flight-1"; 3])
         .i64("window", [0; 3])
@@ -259,11 +337,17 @@ fn consistency() -> Table {
 
 #[test]
 fn channels_that_do_not_fit_are_named() {
-    let tables: BTreeMap<String, Columns> = [("consistency".to_string(), Columns::of(&consistency()))].into();
+    let tables: BTreeMap<String, Columns> =
+        [("consistency".to_string(), Columns::of(&consistency()))].into();
     let table = tables.get("consistency");
     let (level, text) = super::consistency::summary(table).expect("a sentence");
     assert_eq!(level, grid::Level::Bad);
-    assert!(text.contains("q_imu (sign reversed)") && text.contains("alpha_vane (late)") && !text.contains("theta"), "{text}");
+    assert!(
+        text.contains("q_imu (sign reversed)")
+            && text.contains("alpha_vane (late)")
+            && !text.contains("theta"),
+        "{text}"
+    );
     let grid = super::consistency::table(table);
     assert_eq!(grid.rows.len(), 3, "sensor errors have a table of their own");
     let of = |channel: &str| grid.rows.iter().find(|r| r.cells[1].text == channel).expect("a row");
@@ -278,30 +362,63 @@ fn notes() -> Table {
         .strings("severity", ["info", "warning"])
         .strings("subject", [HOSTILE, "elevator"])
         .i64("count", [3, 1])
-        .strings("text", ["messages repeat an earlier time stamp", "the normal matrix is singular: no covariance"])
+        .strings(
+            "text",
+            [
+                "messages repeat an earlier time stamp",
+                "the normal matrix is singular: no covariance",
+            ],
+        )
         .finish()
         .expect("notes")
 }
 
 fn residuals(all: &[Maneuver]) -> Table {
     let n = all.len();
-    let table = Table::build("residuals").repeat("model", "elevator").strings("group", all.iter().map(|m| &m.segment));
-    let table = table.strings("segment", all.iter().map(|m| &m.segment)).repeat("output", "delta_e").repeat("unit", "rad");
-    let table = table.i64("n", vec![1100; n]).f64("mean", vec![0.0; n]).f64("sd", vec![2e-4; n]).i64("ar_order", vec![2; n]);
-    let table =
-        table.f64("rms", vec![2e-4; n]).f64("theil", vec![0.02; n]).f64("white_p", vec![1e-5; n]).f64("outside", vec![0.4; n]);
+    let table = Table::build("residuals")
+        .repeat("model", "elevator")
+        .strings("group", all.iter().map(|m| &m.segment));
+    let table = table
+        .strings("segment", all.iter().map(|m| &m.segment))
+        .repeat("output", "delta_e")
+        .repeat("unit", "rad");
+    let table = table
+        .i64("n", vec![1100; n])
+        .f64("mean", vec![0.0; n])
+        .f64("sd", vec![2e-4; n])
+        .i64("ar_order", vec![2; n]);
+    let table = table
+        .f64("rms", vec![2e-4; n])
+        .f64("theil", vec![0.02; n])
+        .f64("white_p", vec![1e-5; n])
+        .f64("outside", vec![0.4; n]);
     table.f64("colour", vec![7.3; n]).finish().expect("residuals")
 }
 
 /// A budget, the scatter of repeats, one verdict and one profile.
 fn uncertainties() -> [Table; 4] {
-    let budget = Table::build("budget").repeat("model", "elevator").strings("group", ["s1", "s1"]).strings("segment", ["s1", "s1"]);
-    let budget = budget.strings("of", ["s1", "s1"]).repeat("parameter", "C_h_delta").repeat("unit", "1/rad");
-    let budget = budget.opt_strings("constant", [Some("K_te"), None]).opt_strings("constant_unit", [Some("N m/A"), None]);
+    let budget = Table::build("budget")
+        .repeat("model", "elevator")
+        .strings("group", ["s1", "s1"])
+        .strings("segment", ["s1", "s1"]);
     let budget =
-        budget.f64("constant_value", [5.0, f64::NAN]).f64("constant_sd", [0.05, f64::NAN]).f64("sensitivity", [-0.06, f64::NAN]);
-    let budget = budget.f64("contribution", [3e-3, 2e-3]).f64("share", [0.692, 0.308]).finish().expect("budget");
-    let verdict = Table::build("separability").repeat("model", "elevator").strings("group", ["s1", "s2"]).i64("number", [0, 1]);
+        budget.strings("of", ["s1", "s1"]).repeat("parameter", "C_h_delta").repeat("unit", "1/rad");
+    let budget = budget
+        .opt_strings("constant", [Some("K_te"), None])
+        .opt_strings("constant_unit", [Some("N m/A"), None]);
+    let budget = budget
+        .f64("constant_value", [5.0, f64::NAN])
+        .f64("constant_sd", [0.05, f64::NAN])
+        .f64("sensitivity", [-0.06, f64::NAN]);
+    let budget = budget
+        .f64("contribution", [3e-3, 2e-3])
+        .f64("share", [0.692, 0.308])
+        .finish()
+        .expect("budget");
+    let verdict = Table::build("separability")
+        .repeat("model", "elevator")
+        .strings("group", ["s1", "s2"])
+        .i64("number", [0, 1]);
     let verdict = verdict
         .strings("verdict", ["separable", "no effect"])
         .f64("information", [f64::NAN, 0.0])
@@ -311,15 +428,26 @@ fn uncertainties() -> [Table; 4] {
         .opt_strings("segment", [None::<&str>; 2])
         .opt_strings("of", [None::<&str>; 2]);
     let verdict = verdict.opt_strings("unit", [None, Some("s")]).f64("change", [f64::NAN, 1.0]);
-    let verdict = verdict.strings("text", ["fine", "tau has no effect on the measured outputs"]).finish().expect("separability");
+    let verdict = verdict
+        .strings("text", ["fine", "tau has no effect on the measured outputs"])
+        .finish()
+        .expect("separability");
     let repeats = Table::build("repeats")
         .repeat("model", "elevator")
         .strings("parameter", ["C_h_delta", "C_h_delta"])
         .repeat("unit", "1/rad");
-    let repeats = repeats.strings("set", ["condition", "kind"]).opt_strings("condition", [Some("V 82.0 m/s"), None]);
-    let repeats = repeats.opt_strings("input", [None::<&str>; 2]).opt_strings("kind", [Some("3211"); 2]).i64("n", [2, 4]);
-    let repeats =
-        repeats.f64("mean", [-0.33, -0.34]).f64("scatter_sd", [0.01, 0.03]).f64("rms_sd", [0.01, 0.01]).f64("ratio", [1.0, 3.0]);
+    let repeats = repeats
+        .strings("set", ["condition", "kind"])
+        .opt_strings("condition", [Some("V 82.0 m/s"), None]);
+    let repeats = repeats
+        .opt_strings("input", [None::<&str>; 2])
+        .opt_strings("kind", [Some("3211"); 2])
+        .i64("n", [2, 4]);
+    let repeats = repeats
+        .f64("mean", [-0.33, -0.34])
+        .f64("scatter_sd", [0.01, 0.03])
+        .f64("rms_sd", [0.01, 0.01])
+        .f64("ratio", [1.0, 3.0]);
     let repeats = repeats.f64("chi2", [1.0, 27.0]).f64("p", [0.3, 6e-6]).finish().expect("repeats");
     let x: Vec<f64> = (0..9).map(|i| 0.1 + 0.005 * f64::from(i)).collect();
     let rise: Vec<f64> = x.iter().map(|x| 1e4 * (x - 0.12) * (x - 0.12)).collect();
@@ -333,14 +461,21 @@ fn uncertainties() -> [Table; 4] {
         .repeat("unit", "s")
         .f64("value", x)
         .f64("rise", rise);
-    let profile = profile.f64("limit", vec![3.84; 9]).f64("level", vec![0.95; 9]).finish().expect("profiles");
+    let profile =
+        profile.f64("limit", vec![3.84; 9]).f64("level", vec![0.95; 9]).finish().expect("profiles");
     [budget, verdict, repeats, profile]
 }
 
 #[test]
 fn uncertainties_are_told_in_words() {
     let page = page(&frame(campaign())).expect("a page");
-    for text in ["K_te 69.2 %", "no effect", "tau has no effect on the measured outputs", "id=\"profile-0\"", "&lt; 0.0001"] {
+    for text in [
+        "K_te 69.2 %",
+        "no effect",
+        "tau has no effect on the measured outputs",
+        "id=\"profile-0\"",
+        "&lt; 0.0001",
+    ] {
         assert!(page.contains(text), "{text}");
     }
     assert!(page.contains("Maneuvers repeated at the same condition (1 condition) scatter as their standard deviations say"));
@@ -349,11 +484,21 @@ fn uncertainties_are_told_in_words() {
 /// Two parameters that go together in every estimation.
 fn correlations(all: &[Maneuver]) -> Table {
     let n = all.len();
-    let table = Table::build("correlations").repeat("model", "elevator").strings("group", all.iter().map(|m| &m.segment));
-    let table = table.strings("parameter", vec!["C_h_delta"; n]).opt_strings("segment", vec![None::<&str>; n]);
+    let table = Table::build("correlations")
+        .repeat("model", "elevator")
+        .strings("group", all.iter().map(|m| &m.segment));
+    let table = table
+        .strings("parameter", vec!["C_h_delta"; n])
+        .opt_strings("segment", vec![None::<&str>; n]);
     let table = table.opt_strings("of", vec![None::<&str>; n]).strings("other", vec!["C_h_0"; n]);
-    let table = table.opt_strings("other_segment", vec![None::<&str>; n]).opt_strings("other_of", vec![None::<&str>; n]);
-    table.f64("value", vec![-0.97; n]).f64("value_crlb", vec![-0.9; n]).finish().expect("correlations")
+    let table = table
+        .opt_strings("other_segment", vec![None::<&str>; n])
+        .opt_strings("other_of", vec![None::<&str>; n]);
+    table
+        .f64("value", vec![-0.97; n])
+        .f64("value_crlb", vec![-0.9; n])
+        .finish()
+        .expect("correlations")
 }
 
 fn campaign() -> Tables {
@@ -379,8 +524,13 @@ fn frame(tables: Tables) -> ReportInput {
     ReportInput {
         tables,
         title: "Citation elevator campaign".into(),
-        subtitle: "pipelines/citation/pipeline.toml: ingest, reconstruct, derive, segment, estimate, fit".into(),
-        provenance: vec![("program".into(), "koehler 0.1.0".into()), ("code".into(), "0123456789abcdef".into())],
+        subtitle:
+            "pipelines/citation/pipeline.toml: ingest, reconstruct, derive, segment, estimate, fit"
+                .into(),
+        provenance: vec![
+            ("program".into(), "koehler 0.1.0".into()),
+            ("code".into(), "0123456789abcdef".into()),
+        ],
         ..ReportInput::default()
     }
 }
@@ -404,11 +554,18 @@ fn a_campaign_becomes_one_self_contained_page() {
 #[test]
 fn what_the_page_calls_a_problem_is_what_the_program_prints() {
     let report = report(&frame(campaign())).expect("a page");
-    assert!(report.problems.iter().any(|p| p.contains("did not converge")), "{:?}", report.problems);
+    assert!(
+        report.problems.iter().any(|p| p.contains("did not converge")),
+        "{:?}",
+        report.problems
+    );
     let (_, rest) = report.page.split_once("<ul class=\"checks\">").expect("checks");
     let list = rest.split_once("</ul>").expect("their end").0;
     assert_eq!(list.matches(">problem<").count(), report.problems.len(), "{list}");
-    assert_eq!(super::report(&frame(Tables::new())).expect("a page").problems, Vec::<String>::new());
+    assert_eq!(
+        super::report(&frame(Tables::new())).expect("a page").problems,
+        Vec::<String>::new()
+    );
 }
 
 #[test]
@@ -423,11 +580,21 @@ fn text_from_logs_is_escaped_everywhere() {
 
 #[test]
 fn what_is_not_asked_for_has_no_place_on_the_page() {
-    let html = page(&ReportInput { unasked: vec!["fits", "bands", "points"], ..frame(Tables::new()) }).expect("page");
+    let html =
+        page(&ReportInput { unasked: vec!["fits", "bands", "points"], ..frame(Tables::new()) })
+            .expect("page");
     for section in ["lines", "fits"] {
-        assert!(!html.contains(&format!("id=\"{section}\"")) && !html.contains(&format!("href=\"#{section}\"")), "{section}");
+        assert!(
+            !html.contains(&format!("id=\"{section}\""))
+                && !html.contains(&format!("href=\"#{section}\"")),
+            "{section}"
+        );
     }
-    assert!(!html.contains("fitted lines") && html.contains("id=\"estimates\"") && html.contains("estimates converged"));
+    assert!(
+        !html.contains("fitted lines")
+            && html.contains("id=\"estimates\"")
+            && html.contains("estimates converged")
+    );
 }
 
 /// Everything between `before` and the next quotation mark.
@@ -442,7 +609,10 @@ fn every_link_has_its_target_and_every_target_one_name() {
     let pages = [
         frame(campaign()),
         frame(Tables::new()),
-        ReportInput { unasked: vec!["fits", "bands", "points", "repeats", "budget", "correlations"], ..frame(without) },
+        ReportInput {
+            unasked: vec!["fits", "bands", "points", "repeats", "budget", "correlations"],
+            ..frame(without)
+        },
     ];
     for input in pages {
         let html = page(&input).expect("page");
@@ -463,11 +633,17 @@ fn every_link_has_its_target_and_every_target_one_name() {
 fn a_check_leads_to_what_it_speaks_of() {
     let html = page(&frame(campaign())).expect("page");
     let link = |sentence: &str, to: &str| {
-        let line = html.split("<li class=").find(|line| line.contains(sentence)).unwrap_or_else(|| panic!("{sentence}"));
+        let line = html
+            .split("<li class=")
+            .find(|line| line.contains(sentence))
+            .unwrap_or_else(|| panic!("{sentence}"));
         assert!(line.contains(&format!("href=\"#{to}\"")), "{line}");
     };
     link("hardly separable there", "correlations");
-    assert!(html.contains("id=\"correlation-plot\"") && html.contains("\"correlations\":[{"), "no heat map");
+    assert!(
+        html.contains("id=\"correlation-plot\"") && html.contains("\"correlations\":[{"),
+        "no heat map"
+    );
     link("Maneuvers repeated", "repeats");
     link("found but left out", "segments");
 }
@@ -498,27 +674,43 @@ fn a_new_section_is_one_value() {
         build: |given| {
             let Some(table) = given.get("iterations") else { return Ok(None) };
             let mut grid = grid::Grid::new(["model", "#cost"]);
-            (0..table.rows()).for_each(|r| grid.push(vec![table.text("model", r).into(), table.text("cost", r).into()]));
+            (0..table.rows()).for_each(|r| {
+                grid.push(vec![table.text("model", r).into(), table.text("cost", r).into()])
+            });
             Body::grid(grid).plot("toy", &table.column("cost")).map(Some)
         },
     };
     static WITH: &[Section] = &[TOY, logs::NOTES];
-    let table =
-        Table::build("iterations").repeat("model", "elevator").repeat("group", "s1").i64("iteration", [0]).f64("cost", [12.5]);
-    let table = table.f64("det_r", [1.0]).f64("change", [f64::NAN]).f64("step", [f64::NAN]).f64("gradient", [1.0]);
+    let table = Table::build("iterations")
+        .repeat("model", "elevator")
+        .repeat("group", "s1")
+        .i64("iteration", [0])
+        .f64("cost", [12.5]);
+    let table = table
+        .f64("det_r", [1.0])
+        .f64("change", [f64::NAN])
+        .f64("step", [f64::NAN])
+        .f64("gradient", [1.0]);
     let table = table.i64("halvings", [0]).f64("damping", [0.0]).finish().expect("iterations");
     let with = frame([("iterations".to_string(), table)].into());
     let html = page_with(WITH, &with).expect("page");
-    for part in ["<section id=\"toy\">", "href=\"#toy\">Iterations", "12.5</td>", "\"toy\":[12.5]"] {
+    for part in ["<section id=\"toy\">", "href=\"#toy\">Iterations", "12.5</td>", "\"toy\":[12.5]"]
+    {
         assert!(html.contains(part), "{part}");
     }
-    assert!(!page_with(WITH, &frame(Tables::new())).expect("page").contains("id=\"toy\""), "nothing to show, no place");
+    assert!(
+        !page_with(WITH, &frame(Tables::new())).expect("page").contains("id=\"toy\""),
+        "nothing to show, no place"
+    );
 }
 
 /// The numbers in the round brackets of `equation`, in the order in which they stand.
 fn numbers(equation: &str) -> Vec<f64> {
     let inside = equation.split('(').skip(1).filter_map(|rest| rest.split(')').next());
-    inside.flat_map(|pair| pair.split('±')).map(|word| word.trim().parse().expect("a number")).collect()
+    inside
+        .flat_map(|pair| pair.split('±'))
+        .map(|word| word.trim().parse().expect("a number"))
+        .collect()
 }
 
 #[test]
@@ -530,14 +722,31 @@ fn a_printed_line_is_the_drawn_one_and_its_interval_is_95_percent() {
     for (row, (caption, plot)) in text.models[0].plots.iter().zip(&plots).enumerate() {
         assert_eq!(plot.x_unit, "deg");
         let line = numbers(caption.equation.split_once('=').expect("an equation").1);
-        let [slope, half, intercept, of_intercept] = line[..] else { panic!("{}", caption.equation) };
+        let [slope, half, intercept, of_intercept] = line[..] else {
+            panic!("{}", caption.equation)
+        };
         let band = plot.band.as_ref().expect("a band");
         let (x, drawn) = (band.x[50].expect("x"), band.value[50].expect("y"));
         let sd = |column: &str| fits.number(column, row);
-        let (a, b) = (1.959_963_985 * sd("slope_sd") / 180.0 * std::f64::consts::PI, 1.959_963_985 * sd("intercept_sd"));
-        assert!((slope * x + intercept - drawn).abs() < 0.1 * a * x + 0.1 * b, "{} at {x}: {drawn}", caption.equation);
-        assert!((half - a).abs() < 0.06 * a && (of_intercept - b).abs() < 0.06 * b, "{}: {a} {b}", caption.equation);
-        assert!(caption.equation.contains("per deg]") || caption.equation.contains("[1/deg]"), "{}", caption.equation);
+        let (a, b) = (
+            1.959_963_985 * sd("slope_sd") / 180.0 * std::f64::consts::PI,
+            1.959_963_985 * sd("intercept_sd"),
+        );
+        assert!(
+            (slope * x + intercept - drawn).abs() < 0.1 * a * x + 0.1 * b,
+            "{} at {x}: {drawn}",
+            caption.equation
+        );
+        assert!(
+            (half - a).abs() < 0.06 * a && (of_intercept - b).abs() < 0.06 * b,
+            "{}: {a} {b}",
+            caption.equation
+        );
+        assert!(
+            caption.equation.contains("per deg]") || caption.equation.contains("[1/deg]"),
+            "{}",
+            caption.equation
+        );
     }
 }
 
@@ -551,15 +760,28 @@ fn the_meaning_of_an_interval_is_said_once_and_written_in_one_place() {
         let text = format::plus_minus(estimates.number("value", row), estimates.number("sd", row));
         assert!(text.contains(" ± ") && html.contains(&text), "{text}");
     }
-    // Whoever writes the sign by hand would have to know what it means: only format.rs does, and bars drawn as it says.
+    // Whoever writes the sign by hand would have to know what it means: only format.rs does, and
+    // bars drawn as it says.
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report");
     for folder in [folder.clone(), folder.join("html")] {
-        for entry in std::fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path()).filter(|p| p.is_file()) {
+        for entry in std::fs::read_dir(folder)
+            .expect("a folder")
+            .map(|e| e.expect("an entry").path())
+            .filter(|p| p.is_file())
+        {
             let name = entry.file_name().expect("a name").to_string_lossy().into_owned();
             let text = std::fs::read_to_string(&entry).expect("text");
-            let code = text.lines().take_while(|l| l.trim() != "#[cfg(test)]").filter(|l| !l.trim_start().starts_with("//"));
-            let hand = code.filter(|l| l.contains('±') || l.contains("+-") || l.contains("&plusmn;")).count();
-            assert!(hand == 0 || ["format.rs", "tests.rs", "page.js"].contains(&name.as_str()), "{name} writes ± by hand");
+            let code = text
+                .lines()
+                .take_while(|l| l.trim() != "#[cfg(test)]")
+                .filter(|l| !l.trim_start().starts_with("//"));
+            let hand = code
+                .filter(|l| l.contains('±') || l.contains("+-") || l.contains("&plusmn;"))
+                .count();
+            assert!(
+                hand == 0 || ["format.rs", "tests.rs", "page.js"].contains(&name.as_str()),
+                "{name} writes ± by hand"
+            );
         }
     }
 }
@@ -569,30 +791,54 @@ fn a_record_that_is_estimated_as_it_is_needs_no_maneuvers_and_shows_its_inputs()
     let mut all = campaign();
     let rename = |name: &str, all: &mut Tables| {
         let t = &all[name];
-        let names: Vec<String> = t.strings("segment").expect("segments").iter().map(|_| "flight-1".to_string()).collect();
+        let names: Vec<String> = t
+            .strings("segment")
+            .expect("segments")
+            .iter()
+            .map(|_| "flight-1".to_string())
+            .collect();
         (t.clone(), names)
     };
     all.remove("segments");
     let (t, names) = rename("responses", &mut all);
     let of = |c: &str| t.f64(c).expect("column").to_vec();
-    let responses = Table::build("responses").repeat("model", "elevator").strings("group", &names).strings("segment", &names);
-    let responses = responses.repeat("output", "delta_e").f64("t_s", of("t_s")).f64("measured", of("measured"));
-    let responses = responses.f64("modelled", of("modelled")).f64("residual", of("residual")).finish().expect("responses");
+    let responses = Table::build("responses")
+        .repeat("model", "elevator")
+        .strings("group", &names)
+        .strings("segment", &names);
+    let responses =
+        responses.repeat("output", "delta_e").f64("t_s", of("t_s")).f64("measured", of("measured"));
+    let responses = responses
+        .f64("modelled", of("modelled"))
+        .f64("residual", of("residual"))
+        .finish()
+        .expect("responses");
     all.insert("responses".into(), responses);
     let inputs = [("elevator".to_string(), vec!["servo_torque".to_string()])].into();
     let unasked = vec!["segments", "conditions"];
     let html = page(&ReportInput { inputs, unasked, ..frame(all) }).expect("page");
-    assert!(!html.contains("maneuvers found</span>") && html.contains("record estimated as one segment"));
-    assert!(html.contains("\"inputs\":[{\"name\":\"servo_torque\""), "the inputs of the record are not drawn");
+    assert!(
+        !html.contains("maneuvers found</span>")
+            && html.contains("record estimated as one segment")
+    );
+    assert!(
+        html.contains("\"inputs\":[{\"name\":\"servo_torque\""),
+        "the inputs of the record are not drawn"
+    );
     assert!(html.contains("No maneuvers are searched for in this campaign"));
 }
 
 #[test]
 fn missing_tables_are_said_to_be_missing() {
     let html = page(&frame(Tables::new())).expect("page");
-    for sentence in
-        ["No fitted line", "No time history", "No estimate", "No table of segments", "No account of channels", "No flight traces"]
-    {
+    for sentence in [
+        "No fitted line",
+        "No time history",
+        "No estimate",
+        "No table of segments",
+        "No account of channels",
+        "No flight traces",
+    ] {
         assert!(html.contains(sentence), "{sentence}");
     }
     let all = campaign();

@@ -1,4 +1,5 @@
-//! `budget`, `separability`, `repeats`, `profiles` and `estimates` in, what a reader should know of the uncertainties out.
+//! `budget`, `separability`, `repeats`, `profiles` and `estimates` in, what a reader should know of
+//! the uncertainties out.
 
 use super::columns::Columns;
 use super::estimates::few;
@@ -50,11 +51,13 @@ pub struct ProfilePlot {
 
 /// Contributors shown per parameter.
 const SHOWN: usize = 3;
-/// A table of comparisons is remarked where, all claims being honest, it would be as rarely as this. The page asks some ten such questions, and
-/// is read after every run: at one in twenty each, every other page would point at nothing.
+/// A table of comparisons is remarked where, all claims being honest, it would be as rarely as
+/// this. The page asks some ten such questions, and is read after every run: at one in twenty each,
+/// every other page would point at nothing.
 const RARE: f64 = 0.01;
 
-/// Whether a probability is rare although so many comparisons were made, however they hang together (Bonferroni).
+/// Whether a probability is rare although so many comparisons were made, however they hang together
+/// (Bonferroni).
 fn is_rare(p: f64, comparisons: usize) -> bool {
     p < RARE / comparisons.max(1) as f64
 }
@@ -73,11 +76,13 @@ fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, V
     )
 }
 
-/// Per model and parameter (mean over its estimates, since a constant's share hardly changes from one to the next) who contributes most.
+/// Per model and parameter (mean over its estimates, since a constant's share hardly changes from
+/// one to the next) who contributes most.
 fn budget(table: Option<&Columns>) -> Grid {
     let none = "No assumed constant with a standard deviation moves these estimates (or none was given one).";
     let Some(table) = table.filter(|t| t.rows() > 0) else { return Grid::missing(none) };
-    let mut grid = Grid::new(["model", "parameter", "#noise", "~largest assumed constants", "#sd_total / sd"]);
+    let mut grid =
+        Grid::new(["model", "parameter", "#noise", "~largest assumed constants", "#sd_total / sd"]);
     for ([model, parameter], rows) in table.groups(["model", "parameter"]) {
         if parameter.ends_with("(0)") {
             continue;
@@ -96,8 +101,11 @@ fn budget(table: Option<&Columns>) -> Grid {
         let noise = shares.iter().find(|s| s.0.is_empty()).map_or(0.0, |s| s.1);
         shares.retain(|s| !s.0.is_empty());
         shares.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let largest: Vec<String> =
-            shares.iter().take(SHOWN).map(|(name, share)| format!("{} {name} {}", bar(*share), percent(*share))).collect();
+        let largest: Vec<String> = shares
+            .iter()
+            .take(SHOWN)
+            .map(|(name, share)| format!("{} {name} {}", bar(*share), percent(*share)))
+            .collect();
         let ratio = 1.0 / noise.sqrt();
         grid.push(vec![
             model.into(),
@@ -127,17 +135,24 @@ fn percent(share: f64) -> String {
 
 /// Verdicts that are not simply "separable".
 fn separability(table: Option<&Columns>) -> Grid {
-    let Some(table) = table.filter(|t| t.rows() > 0) else { return Grid::missing("Nothing was estimated.") };
+    let Some(table) = table.filter(|t| t.rows() > 0) else {
+        return Grid::missing("Nothing was estimated.");
+    };
     let mut grid = Grid::new(["model", "maneuvers", "verdict", "~what it says", "#condition"]);
     let mut good = 0;
-    for ([model, group, _, verdict], rows) in table.groups(["model", "group", "number", "verdict"]) {
+    for ([model, group, _, verdict], rows) in table.groups(["model", "group", "number", "verdict"])
+    {
         let Some(&row) = rows.first() else { continue };
         if verdict == "separable" {
             good += 1;
             continue;
         }
         // What is said of a segment, not of a parameter, names it.
-        let about = if table.text("parameter", row).is_empty() { table.text("segment", row) } else { String::new() };
+        let about = if table.text("parameter", row).is_empty() {
+            table.text("segment", row)
+        } else {
+            String::new()
+        };
         let level = match verdict.as_str() {
             "significant" | "not significant" | "not observable" => Level::Info,
             "at a bound" | "hardly separable" | "doubtful output" => Level::Warn,
@@ -153,37 +168,64 @@ fn separability(table: Option<&Columns>) -> Grid {
             shown.into(),
         ]);
     }
-    grid.note = Some(format!("In {} the data determine all parameters.", count(good, "estimation")));
-    let all = if good == 1 { "the estimation".to_string() } else { format!("all {good} estimations") };
+    grid.note =
+        Some(format!("In {} the data determine all parameters.", count(good, "estimation")));
+    let all =
+        if good == 1 { "the estimation".to_string() } else { format!("all {good} estimations") };
     grid.or_missing(&format!("In {all} the data determine all parameters."))
 }
 
-/// The scatter of repeats: every condition at which there are some, then all maneuvers whatever their condition.
+/// The scatter of repeats: every condition at which there are some, then all maneuvers whatever
+/// their condition.
 fn repeats(table: Option<&Columns>) -> Grid {
     let none = "No two maneuvers were estimated each by itself, so there is nothing to compare.";
     let Some(table) = table.filter(|t| t.rows() > 0) else { return Grid::missing(none) };
-    let columns =
-        ["model", "parameter", "unit", "input", "kind", "~condition", "#n", "#mean", "#scatter sd", "#rms sd", "#ratio", "#p"];
+    let columns = [
+        "model",
+        "parameter",
+        "unit",
+        "input",
+        "kind",
+        "~condition",
+        "#n",
+        "#mean",
+        "#scatter sd",
+        "#rms sd",
+        "#ratio",
+        "#p",
+    ];
     let mut grid = Grid::new(columns);
     // Of many pairs some are far apart by chance.
     let conditions = (0..table.rows()).filter(|&row| table.text("set", row) == "condition").count();
     let pooled = pooled(table);
     for p in &pooled {
         let words = format!("the same, {} of them together", p.conditions);
-        let mut cells = vec![Cell::new(p.model.clone()), Cell::new(p.parameter.clone()), Cell::new(p.unit.clone())];
+        let mut cells = vec![
+            Cell::new(p.model.clone()),
+            Cell::new(p.parameter.clone()),
+            Cell::new(p.unit.clone()),
+        ];
         cells.extend(["", ""].map(Cell::new));
         cells.extend([Cell::new(words), Cell::new(format!("{:.0}", p.n))]);
         cells.extend(["", "", ""].map(Cell::new));
-        cells.extend([Cell::new(number(p.ratio(), 2)), probability(p.p(), is_rare(p.p(), pooled.len()))]);
+        cells.extend([
+            Cell::new(number(p.ratio(), 2)),
+            probability(p.p(), is_rare(p.p(), pooled.len())),
+        ]);
         grid.push(cells);
     }
     for row in 0..table.rows() {
         let repeated = table.text("set", row) == "condition";
-        let mut cells: Vec<Cell> = ["model", "parameter", "unit"].map(|c| Cell::new(table.text(c, row))).to_vec();
+        let mut cells: Vec<Cell> =
+            ["model", "parameter", "unit"].map(|c| Cell::new(table.text(c, row))).to_vec();
         let kind = table.text("kind", row);
         cells.push(table.text("input", row).into());
         cells.push(Cell::new(if kind.is_empty() { "all".to_string() } else { kind }));
-        cells.push(if repeated { table.text("condition", row).into() } else { Cell::new("all").level(Level::Dim) });
+        cells.push(if repeated {
+            table.text("condition", row).into()
+        } else {
+            Cell::new("all").level(Level::Dim)
+        });
         cells.push(format!("{:.0}", table.number("n", row)).into());
         cells.extend(
             [("mean", 4), ("scatter_sd", 2), ("rms_sd", 2), ("ratio", 2)]
@@ -204,23 +246,33 @@ fn repeats(table: Option<&Columns>) -> Grid {
 }
 
 fn probability(p: f64, rare: bool) -> Cell {
-    Cell::new(if p < 1e-4 { "< 0.0001".to_string() } else { number(p, 2) }).level_if(rare, Level::Warn)
+    Cell::new(if p < 1e-4 { "< 0.0001".to_string() } else { number(p, 2) })
+        .level_if(rare, Level::Warn)
 }
 
-fn profiles(table: Option<&Columns>, estimates: Option<&Columns>) -> (Vec<Caption>, Vec<ProfilePlot>) {
+fn profiles(
+    table: Option<&Columns>,
+    estimates: Option<&Columns>,
+) -> (Vec<Caption>, Vec<ProfilePlot>) {
     let (mut captions, mut plots) = (Vec::new(), Vec::new());
     let Some(table) = table.filter(|t| t.rows() > 0) else { return (captions, plots) };
-    for ([model, group, of, parameter], rows) in table.groups(["model", "group", "of", "parameter"]) {
+    for ([model, group, of, parameter], rows) in table.groups(["model", "group", "of", "parameter"])
+    {
         let Some(&first) = rows.first() else { continue };
         let index = plots.len();
         let column = |name: &str| shorts(rows.iter().map(|&r| table.number(name, r)), 1.0);
         let unit = table.unit_in("unit", first);
         let key = [&model, &group, &of, &parameter];
-        let same =
-            |t: &Columns, row: usize| ["model", "group", "of", "parameter"].iter().zip(key).all(|(c, k)| t.text(c, row) == *k);
-        let interval =
-            estimates.and_then(|t| (0..t.rows()).find(|&row| same(t, row)).map(|row| interval(t, row))).unwrap_or_default();
-        captions.push(Caption { index, text: format!("{parameter} of {} ({model}): {interval}", name(&group, &of)) });
+        let same = |t: &Columns, row: usize| {
+            ["model", "group", "of", "parameter"].iter().zip(key).all(|(c, k)| t.text(c, row) == *k)
+        };
+        let interval = estimates
+            .and_then(|t| (0..t.rows()).find(|&row| same(t, row)).map(|row| interval(t, row)))
+            .unwrap_or_default();
+        captions.push(Caption {
+            index,
+            text: format!("{parameter} of {} ({model}): {interval}", name(&group, &of)),
+        });
         plots.push(ProfilePlot {
             index,
             parameter,
@@ -234,11 +286,20 @@ fn profiles(table: Option<&Columns>, estimates: Option<&Columns>) -> (Vec<Captio
 }
 
 fn interval(estimates: &Columns, row: usize) -> String {
-    let end = |name: &str| Some(estimates.number(name, row)).filter(|v| v.is_finite()).map_or("open".to_string(), |v| number(v, 4));
+    let end = |name: &str| {
+        Some(estimates.number(name, row))
+            .filter(|v| v.is_finite())
+            .map_or("open".to_string(), |v| number(v, 4))
+    };
     let words = estimates.text("interval", row);
     let value = number(estimates.number("value", row), 4);
     let open = if words == "closed" { String::new() } else { format!(" ({words})") };
-    format!("{value}, 95% interval {} to {}{open}{}", end("lower"), end("upper"), bracketed(&estimates.unit_in("unit", row)))
+    format!(
+        "{value}, 95% interval {} to {}{open}{}",
+        end("lower"),
+        end("upper"),
+        bracketed(&estimates.unit_in("unit", row))
+    )
 }
 
 /// The scatter at every condition of one parameter of one model, all conditions together.
@@ -272,25 +333,45 @@ fn pooled(table: &Columns) -> Vec<Pooled> {
         let n = sum(&|row| table.number("n", row));
         let unit = rows.first().map_or(String::new(), |&row| table.unit_in("unit", row));
         let (chi2, freedom) = (sum(&|row| table.number("chi2", row)), n - rows.len() as f64);
-        (set == "condition").then_some(Pooled { model, parameter, unit, conditions: rows.len(), n, chi2, freedom })
+        (set == "condition").then_some(Pooled {
+            model,
+            parameter,
+            unit,
+            conditions: rows.len(),
+            n,
+            chi2,
+            freedom,
+        })
     };
     table.groups(["model", "parameter", "set"]).into_iter().filter_map(one).collect()
 }
 
-/// The sentence of the checks about the scatter of repeats, of those at the same condition only. Parameters are judged over all conditions: a
-/// claim that is too small is so everywhere, and one pair that is far apart among many tells little.
+/// The sentence of the checks about the scatter of repeats, of those at the same condition only.
+/// Parameters are judged over all conditions: a claim that is too small is so everywhere, and one
+/// pair that is far apart among many tells little.
 pub fn honesty(table: Option<&Columns>) -> Option<(Level, String)> {
     let pooled = pooled(table?);
     let most = pooled.iter().map(|p| p.conditions).max()?;
-    let words = |p: &Pooled| format!("{} of {}, {} times", p.parameter, p.model, number(p.ratio(), 2));
-    let rare: Vec<String> = pooled.iter().filter(|p| is_rare(p.p(), pooled.len())).map(words).collect();
+    let words =
+        |p: &Pooled| format!("{} of {}, {} times", p.parameter, p.model, number(p.ratio(), 2));
+    let rare: Vec<String> =
+        pooled.iter().filter(|p| is_rare(p.p(), pooled.len())).map(words).collect();
     let at = format!("Maneuvers repeated at the same condition ({})", count(most, "condition"));
     Some(if rare.is_empty() {
-        let least = pooled.iter().min_by(|a, b| a.p().total_cmp(&b.p())).map(words).unwrap_or_default();
+        let least =
+            pooled.iter().min_by(|a, b| a.p().total_cmp(&b.p())).map(words).unwrap_or_default();
         let among = count(pooled.len(), "parameter");
-        (Level::Good, format!("{at} scatter as their standard deviations say (the least likely of {among}: {least})."))
+        (
+            Level::Good,
+            format!(
+                "{at} scatter as their standard deviations say (the least likely of {among}: {least})."
+            ),
+        )
     } else {
-        (Level::Warn, format!("{at} scatter more than their standard deviations say: {}.", few(&rare)))
+        (
+            Level::Warn,
+            format!("{at} scatter more than their standard deviations say: {}.", few(&rare)),
+        )
     })
 }
 
@@ -306,18 +387,35 @@ mod tests {
 
     /// Rows of two estimates at one condition: parameter, chi-square.
     fn parameters(rows: &[(&str, f64)]) -> Columns {
-        table(&rows.iter().map(|(parameter, chi2)| ("condition", *parameter, *chi2)).collect::<Vec<_>>())
+        table(
+            &rows
+                .iter()
+                .map(|(parameter, chi2)| ("condition", *parameter, *chi2))
+                .collect::<Vec<_>>(),
+        )
     }
 
     fn table(rows: &[(&str, &str, f64)]) -> Columns {
         let n = rows.len();
-        let table = Table::build("repeats").repeat("model", "m").strings("parameter", rows.iter().map(|r| r.1)).repeat("unit", "s");
-        let table =
-            table.strings("set", rows.iter().map(|r| r.0)).opt_strings("condition", rows.iter().map(|_| Some("V 80.0 m/s")));
-        let table = table.opt_strings("input", vec![Some("de"); n]).opt_strings("kind", vec![Some("3211"); n]).i64("n", vec![2; n]);
-        let table = table.f64("mean", vec![1.0; n]).f64("scatter_sd", vec![0.1; n]).f64("rms_sd", vec![0.1; n]);
-        let table =
-            table.f64("ratio", vec![1.0; n]).f64("chi2", rows.iter().map(|r| r.2).collect::<Vec<_>>()).f64("p", vec![0.5; n]);
+        let table = Table::build("repeats")
+            .repeat("model", "m")
+            .strings("parameter", rows.iter().map(|r| r.1))
+            .repeat("unit", "s");
+        let table = table
+            .strings("set", rows.iter().map(|r| r.0))
+            .opt_strings("condition", rows.iter().map(|_| Some("V 80.0 m/s")));
+        let table = table
+            .opt_strings("input", vec![Some("de"); n])
+            .opt_strings("kind", vec![Some("3211"); n])
+            .i64("n", vec![2; n]);
+        let table = table
+            .f64("mean", vec![1.0; n])
+            .f64("scatter_sd", vec![0.1; n])
+            .f64("rms_sd", vec![0.1; n]);
+        let table = table
+            .f64("ratio", vec![1.0; n])
+            .f64("chi2", rows.iter().map(|r| r.2).collect::<Vec<_>>())
+            .f64("p", vec![0.5; n]);
         Columns::of(&table.finish().expect("repeats"))
     }
 
@@ -325,11 +423,15 @@ mod tests {
     fn other_conditions_are_no_repeats_and_one_far_pair_among_many_is_no_alarm() {
         let level = |rows: &[(&str, f64)]| honesty(Some(&repeats(rows))).map(|(level, _)| level);
         assert_eq!(level(&[("all", 900.0), ("kind", 900.0)]), None);
-        assert_eq!(level(&[("condition", 1.0), ("condition", 0.3), ("all", 900.0)]), Some(Level::Good));
+        assert_eq!(
+            level(&[("condition", 1.0), ("condition", 0.3), ("all", 900.0)]),
+            Some(Level::Good)
+        );
         let mut many = vec![("condition", 0.8); 12];
         many.push(("condition", 11.0));
         assert_eq!(level(&many), Some(Level::Good));
-        // what one campaign in a hundred shows by chance is no alarm where five parameters are compared
+        // what one campaign in a hundred shows by chance is no alarm where five parameters are
+        // compared
         let five = |chi2: f64| {
             let rows = [("a", chi2), ("b", 1.0), ("c", 1.0), ("d", 1.0), ("e", 1.0)];
             honesty(Some(&parameters(&rows))).expect("a sentence")

@@ -30,12 +30,16 @@ impl Added {
 
     fn value(&self) -> String {
         let [value, sd] = self.used;
-        if self.is_determined() { plus_minus(value, sd) } else { format!("not determined, best at {}", number(value, 3)) }
+        if self.is_determined() {
+            plus_minus(value, sd)
+        } else {
+            format!("not determined, best at {}", number(value, 3))
+        }
     }
 }
 
-/// Parameters of what was added, in the order of the table. The estimate with the amended model writes its rows behind those of the diagnosis: the last
-/// row of a parameter is the one.
+/// Parameters of what was added, in the order of the table. The estimate with the amended model
+/// writes its rows behind those of the diagnosis: the last row of a parameter is the one.
 pub fn added(recommended: Option<&Columns>) -> Vec<Added> {
     let Some(table) = recommended else { return Vec::new() };
     let mut all: Vec<Added> = Vec::new();
@@ -49,7 +53,10 @@ pub fn added(recommended: Option<&Columns>) -> Vec<Added> {
             used: [table.number("value", row), table.number("sd", row)],
             source: table.text("source", row),
         };
-        let same = |a: &&mut Added| (&a.diagnosis, &a.candidate, &a.parameter) == (&one.diagnosis, &one.candidate, &one.parameter);
+        let same = |a: &&mut Added| {
+            (&a.diagnosis, &a.candidate, &a.parameter)
+                == (&one.diagnosis, &one.candidate, &one.parameter)
+        };
         match all.iter_mut().find(same) {
             Some(earlier) => *earlier = one,
             None => all.push(one),
@@ -60,7 +67,14 @@ pub fn added(recommended: Option<&Columns>) -> Vec<Added> {
 
 /// All values side by side.
 pub fn table(recommended: Option<&Columns>) -> Grid {
-    let mut grid = Grid::new(["diagnosis", "effect", "parameter", "#fit to training|maneuvers", "#to use", "~which is the"]);
+    let mut grid = Grid::new([
+        "diagnosis",
+        "effect",
+        "parameter",
+        "#fit to training|maneuvers",
+        "#to use",
+        "~which is the",
+    ]);
     for a in added(recommended) {
         grid.push(vec![
             Cell::new(&a.diagnosis),
@@ -94,13 +108,19 @@ mod tests {
             .repeat("unit", "s")
             .f64("value", [0.11, 3.5, 0.12])
             .f64("sd", [0.01, f64::NAN, 0.005])
-            .strings("source", ["fit to the training maneuvers", "not determined", "estimate over all maneuvers"])
+            .strings(
+                "source",
+                ["fit to the training maneuvers", "not determined", "estimate over all maneuvers"],
+            )
             .f64("fitted", [0.11, 3.5, 0.11])
             .f64("fitted_sd", [0.01, f64::NAN, 0.01])
             .finish();
         let all = added(Some(&Columns::of(&table.expect("a table"))));
         assert_eq!(all.len(), 2);
-        assert_eq!((all[0].words(), all[0].source.as_str()), ("tau = 0.1200 ± 0.0098 [s]".into(), "estimate over all maneuvers"));
+        assert_eq!(
+            (all[0].words(), all[0].source.as_str()),
+            ("tau = 0.1200 ± 0.0098 [s]".into(), "estimate over all maneuvers")
+        );
         assert_eq!(all[1].words(), "depth = not determined, best at 3.50 [s]");
     }
 }

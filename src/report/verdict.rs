@@ -1,4 +1,5 @@
-//! What a diagnosis found in; a box of at most five lines with one figure and one value per parameter out.
+//! What a diagnosis found in; a box of at most five lines with one figure and one value per
+//! parameter out.
 
 use super::columns::Columns;
 use super::diagnosis::{self, Overlay};
@@ -55,25 +56,38 @@ fn build(given: &Given) -> Result<Option<Body>> {
     let overlays = diagnosis::overlays(given.get("overlays"));
     let (mut verdicts, mut figures) = (Vec::new(), Vec::new());
     for verdict in diagnosis::verdicts(findings) {
-        let rows: Vec<usize> = (0..findings.rows()).filter(|&r| findings.text("diagnosis", r) == verdict.name).collect();
+        let rows: Vec<usize> = (0..findings.rows())
+            .filter(|&r| findings.text("diagnosis", r) == verdict.name)
+            .collect();
         let leading = leading(findings, &rows);
         let block = leading.and_then(|row| block(given.get("held_out"), findings, row));
         let figure = block.and_then(|(segment, gain)| {
-            let overlay = overlays.iter().find(|o| o.diagnosis == verdict.name && o.segment == segment)?;
+            let overlay =
+                overlays.iter().find(|o| o.diagnosis == verdict.name && o.segment == segment)?;
             figures.push(most_moved(overlay));
-            let caption = format!("{segment} was held out: of all such blocks it gains most ({}).", number(gain, 3));
+            let caption = format!(
+                "{segment} was held out: of all such blocks it gains most ({}).",
+                number(gain, 3)
+            );
             Some(Figure { index: figures.len() - 1, caption })
         });
-        let mut lines = vec![Line { label: format!("{}: {}.", verdict.name, verdict.verdict), text: String::new() }];
+        let mut lines = vec![Line {
+            label: format!("{}: {}.", verdict.name, verdict.verdict),
+            text: String::new(),
+        }];
         match leading {
             Some(row) => lines.extend(found(given, findings, &rows, row, &added)),
-            None => lines[0].text = brief(verdict.text.split(" Data first:").next().unwrap_or_default()),
+            None => {
+                lines[0].text = brief(verdict.text.split(" Data first:").next().unwrap_or_default())
+            }
         }
         lines.truncate(LINES);
         verdicts.push(Verdict { level: verdict.level, lines, figure });
     }
     let evidence = diagnosis::SECTION.heading;
-    Body::new(include_str!("html/verdict.html"), Shown { verdicts, evidence }).plot("verdicts", &figures).map(Some)
+    Body::new(include_str!("html/verdict.html"), Shown { verdicts, evidence })
+        .plot("verdicts", &figures)
+        .map(Some)
 }
 
 /// The effect that was added and gains most on held-out maneuvers.
@@ -87,26 +101,46 @@ fn leading(findings: &Columns, rows: &[usize]) -> Option<usize> {
 fn block(held_out: Option<&Columns>, findings: &Columns, row: usize) -> Option<(String, f64)> {
     let table = held_out?;
     let key = ["diagnosis", "round", "candidate"].map(|c| findings.text(c, row));
-    let ours =
-        |r: &usize| table.text("set", *r) == "held out" && ["diagnosis", "round", "candidate"].map(|c| table.text(c, *r)) == key;
+    let ours = |r: &usize| {
+        table.text("set", *r) == "held out"
+            && ["diagnosis", "round", "candidate"].map(|c| table.text(c, *r)) == key
+    };
     let gain = |r: usize| table.number("realised", r);
-    let best = (0..table.rows()).filter(ours).filter(|&r| gain(r).is_finite()).max_by(|&a, &b| gain(a).total_cmp(&gain(b)))?;
+    let best = (0..table.rows())
+        .filter(ours)
+        .filter(|&r| gain(r).is_finite())
+        .max_by(|&a, &b| gain(a).total_cmp(&gain(b)))?;
     Some((table.text("segment", best), gain(best)))
 }
 
-/// What a diagnosis added: the effect that gains most, its value to use, its gain, and what else there is.
-fn found(given: &Given, findings: &Columns, rows: &[usize], row: usize, added: &[Added]) -> Vec<Line> {
+/// What a diagnosis added: the effect that gains most, its value to use, its gain, and what else
+/// there is.
+fn found(
+    given: &Given,
+    findings: &Columns,
+    rows: &[usize],
+    row: usize,
+    added: &[Added],
+) -> Vec<Line> {
     let line = |label: &str, text: String| Line { label: label.into(), text };
     let (name, candidate) = (findings.text("diagnosis", row), findings.text("candidate", row));
     let sentence = |row: usize| {
         let key = ["diagnosis", "round", "candidate"].map(|c| findings.text(c, row));
-        let of = |t: &Columns| (0..t.rows()).find(|&r| ["diagnosis", "round", "candidate"].map(|c| t.text(c, r)) == key);
+        let of = |t: &Columns| {
+            (0..t.rows())
+                .find(|&r| ["diagnosis", "round", "candidate"].map(|c| t.text(c, r)) == key)
+        };
         let table = given.get("candidates").and_then(|t| Some(t.text("sentence", of(t)?)));
         brief(table.unwrap_or_else(|| findings.text("candidate", row)).trim_end_matches('.'))
     };
-    let lacks = if findings.text("verdict", row).starts_with("located") { "Made smaller by:" } else { "The model lacks:" };
+    let lacks = if findings.text("verdict", row).starts_with("located") {
+        "Made smaller by:"
+    } else {
+        "The model lacks:"
+    };
     let mut lines = vec![line(lacks, format!("{}.", sentence(row)))];
-    let mine: Vec<&Added> = added.iter().filter(|a| a.diagnosis == name && a.candidate == candidate).collect();
+    let mine: Vec<&Added> =
+        added.iter().filter(|a| a.diagnosis == name && a.candidate == candidate).collect();
     if let Some(first) = mine.iter().find(|a| a.is_determined()).or(mine.first()) {
         let values: Vec<String> = mine.iter().map(|a| a.words()).collect();
         lines.push(line("Use:", format!("{} ({}).", values.join(", "), first.source)));
@@ -118,8 +152,11 @@ fn found(given: &Given, findings: &Columns, rows: &[usize], row: usize, added: &
         "{realised} in log-likelihood on held-out maneuvers, {predicted} predicted; {gain} on the others (null maximum, 99%: {null})."
     );
     lines.push(line("Gain:", gains));
-    let others: Vec<String> =
-        rows.iter().filter(|&&r| r != row && findings.text("role", r) == "added").map(|&r| sentence(r)).collect();
+    let others: Vec<String> = rows
+        .iter()
+        .filter(|&&r| r != row && findings.text("role", r) == "added")
+        .map(|&r| sentence(r))
+        .collect();
     let alike = rows.iter().filter(|&&r| findings.text("role", r) == "alike").count();
     let mut rest = others;
     if alike > 0 {
@@ -149,7 +186,10 @@ fn most_moved(overlay: &Overlay) -> Overlay {
     order.sort_by(|&a, &b| overlay.outputs[b].moved().total_cmp(&overlay.outputs[a].moved()));
     order.truncate(OUTPUTS);
     order.sort_unstable();
-    Overlay { outputs: order.into_iter().map(|i| overlay.outputs[i].clone()).collect(), ..overlay.clone() }
+    Overlay {
+        outputs: order.into_iter().map(|i| overlay.outputs[i].clone()).collect(),
+        ..overlay.clone()
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,19 @@
-//! Durations of alternating steps in, the name of their pattern, its unit time and how regular they are out.
+//! Durations of alternating steps in, the name of their pattern, its unit time and how regular they
+//! are out.
 
 /// The pattern of a multistep input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Deserialize,
+    serde::Serialize,
+    schemars::JsonSchema,
+)]
 pub enum Kind {
     #[serde(rename = "3211")]
     K3211,
@@ -19,7 +31,8 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub const ALL: [Kind; 6] = [Kind::K3211, Kind::K2211, Kind::K211, Kind::Doublet, Kind::Step, Kind::Multistep];
+    pub const ALL: [Kind; 6] =
+        [Kind::K3211, Kind::K2211, Kind::K211, Kind::Doublet, Kind::Step, Kind::Multistep];
 
     /// The word for tables and configuration files.
     pub fn name(self) -> &'static str {
@@ -58,27 +71,39 @@ pub(super) struct Match {
     pub kind: Kind,
     /// s
     pub unit_time: f64,
-    /// Rms deviation of the durations from the pattern, in unit times; `None` where the pattern leaves none.
+    /// Rms deviation of the durations from the pattern, in unit times; `None` where the pattern
+    /// leaves none.
     pub deviation: Option<f64>,
 }
 
-/// The pattern nearest to step `durations` (s), if their rms deviation is within `tolerance` unit times; a multistep otherwise.
+/// The pattern nearest to step `durations` (s), if their rms deviation is within `tolerance` unit
+/// times; a multistep otherwise.
 pub(super) fn classify(durations: &[f64], tolerance: f64) -> Match {
-    let of_length = Kind::ALL.into_iter().filter(|k| *k != Kind::Multistep && k.pattern().len() == durations.len());
-    let best =
-        of_length.map(|k| compare(durations, k)).min_by(|a, b| a.deviation.unwrap_or(0.0).total_cmp(&b.deviation.unwrap_or(0.0)));
+    let of_length = Kind::ALL
+        .into_iter()
+        .filter(|k| *k != Kind::Multistep && k.pattern().len() == durations.len());
+    let best = of_length
+        .map(|k| compare(durations, k))
+        .min_by(|a, b| a.deviation.unwrap_or(0.0).total_cmp(&b.deviation.unwrap_or(0.0)));
     match best {
         Some(m) if m.deviation.unwrap_or(0.0) <= tolerance => m,
-        _ => Match { kind: Kind::Multistep, unit_time: durations.iter().copied().fold(f64::INFINITY, f64::min), deviation: None },
+        _ => Match {
+            kind: Kind::Multistep,
+            unit_time: durations.iter().copied().fold(f64::INFINITY, f64::min),
+            deviation: None,
+        },
     }
 }
 
 /// Least-squares unit time of `durations` taken as `kind`, which has as many steps.
 fn compare(durations: &[f64], kind: Kind) -> Match {
     let pattern = kind.pattern();
-    let sum = |f: &dyn Fn(f64, f64) -> f64| durations.iter().zip(pattern).map(|(d, k)| f(*d, *k)).sum::<f64>();
+    let sum = |f: &dyn Fn(f64, f64) -> f64| {
+        durations.iter().zip(pattern).map(|(d, k)| f(*d, *k)).sum::<f64>()
+    };
     let unit_time = sum(&|d, k| d * k) / sum(&|_, k| k * k);
-    let rms = (sum(&|d, k| (d / unit_time - k) * (d / unit_time - k)) / pattern.len() as f64).sqrt();
+    let rms =
+        (sum(&|d, k| (d / unit_time - k) * (d / unit_time - k)) / pattern.len() as f64).sqrt();
     Match { kind, unit_time, deviation: (pattern.len() > 1).then_some(rms) }
 }
 
@@ -100,7 +125,9 @@ mod tests {
 
     #[test]
     fn other_patterns_are_multisteps() {
-        for durations in [&[1.4, 2.4, 1.1][..], &[1.0, 1.0, 1.0, 1.0, 1.0], &[1.0, 3.0], &[1.0, 1.0, 2.0, 3.0]] {
+        for durations in
+            [&[1.4, 2.4, 1.1][..], &[1.0, 1.0, 1.0, 1.0, 1.0], &[1.0, 3.0], &[1.0, 1.0, 2.0, 3.0]]
+        {
             assert_eq!(classify(durations, 0.3).kind, Kind::Multistep);
         }
     }

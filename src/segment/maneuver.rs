@@ -2,7 +2,8 @@
 
 use super::kind::Kind;
 
-/// One level of a maneuver. Times are those where the signal is half way between neighbouring levels, s.
+/// One level of a maneuver. Times are those where the signal is half way between neighbouring
+/// levels, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
     pub start: f64,
@@ -21,7 +22,8 @@ pub struct Maneuver {
     pub t_end: f64,
     /// When the signal leaves the trim, s: at or before `t_start`.
     pub onset: f64,
-    /// Duration of the pattern's unit, s, by least squares over the steps; of a multistep the shortest step.
+    /// Duration of the pattern's unit, s, by least squares over the steps; of a multistep the
+    /// shortest step.
     pub unit_time: f64,
     /// Mean absolute deviation of the levels from trim, in the channel's SI unit.
     pub amplitude: f64,
@@ -30,8 +32,8 @@ pub struct Maneuver {
     /// Level of the signal in the quiet window before the maneuver, in the channel's SI unit.
     pub trim: f64,
     pub steps: Vec<Step>,
-    /// 0 to 1: regular timing, consistent levels, sharp edges, small noise, quiet before and after. 0 for an interval given by
-    /// hand, which nothing was found out about.
+    /// 0 to 1: regular timing, consistent levels, sharp edges, small noise, quiet before and after.
+    /// 0 for an interval given by hand, which nothing was found out about.
     pub score: f64,
     /// False for a maneuver excluded by hand.
     pub included: bool,
@@ -40,7 +42,8 @@ pub struct Maneuver {
 }
 
 impl Maneuver {
-    /// The window of `length_s` seconds before the signal leaves trim, for trim conditions: `(from, to)` in s.
+    /// The window of `length_s` seconds before the signal leaves trim, for trim conditions:
+    /// `(from, to)` in s.
     pub fn pre_window(&self, length_s: f64) -> (f64, f64) {
         (self.onset - length_s, self.onset)
     }

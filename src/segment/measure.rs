@@ -7,7 +7,8 @@ use crate::math::{mad_sd, median};
 
 /// How much of the flight around a maneuver its edges are compared with, s.
 const CONTEXT_S: f64 = 20.0;
-/// The contrast that halves the evidence, for several steps and for a single one, which chance makes more often.
+/// The contrast that halves the evidence, for several steps and for a single one, which chance
+/// makes more often.
 const CONTRAST: (f64, f64) = (6.0, 9.0);
 
 /// Levels and edges of a sequence of steps, in grid points (fractional).
@@ -29,17 +30,26 @@ struct Quiet {
     rms: f64,
 }
 
-/// The maneuver a sequence of excursions amounts to; `None` where its steps are too short, its levels too unequal or no trim precedes it.
-pub(super) fn maneuver(work: &Work, sequence: &[Excursion], settings: &Settings) -> Option<Maneuver> {
+/// The maneuver a sequence of excursions amounts to; `None` where its steps are too short, its
+/// levels too unequal or no trim precedes it.
+pub(super) fn maneuver(
+    work: &Work,
+    sequence: &[Excursion],
+    settings: &Settings,
+) -> Option<Maneuver> {
     let shape = refine(work, prune(sequence, work, settings)?, settings)?;
     let durations: Vec<f64> = shape.edges.windows(2).map(|e| (e[1] - e[0]) * work.h).collect();
-    if durations.iter().any(|d| !(*d >= 0.8 * settings.min_step_s)) || durations.iter().any(|d| *d > settings.max_step_s) {
+    if durations.iter().any(|d| !(*d >= 0.8 * settings.min_step_s))
+        || durations.iter().any(|d| *d > settings.max_step_s)
+    {
         return None;
     }
     let found = classify(&durations, settings.timing_tolerance);
     let amplitude = shape.levels.iter().map(|l| l.abs()).sum::<f64>() / shape.levels.len() as f64;
     let edge = |k: usize| work.time(shape.edges[k]);
-    let steps = (0..durations.len()).map(|k| Step { start: edge(k), end: edge(k + 1), level: shape.levels[k] }).collect();
+    let steps = (0..durations.len())
+        .map(|k| Step { start: edge(k), end: edge(k + 1), level: shape.levels[k] })
+        .collect();
     Some(Maneuver {
         kind: found.kind,
         t_start: edge(0),
@@ -56,8 +66,13 @@ pub(super) fn maneuver(work: &Work, sequence: &[Excursion], settings: &Settings)
     })
 }
 
-/// The sequence without leading and trailing twitches; `None` where nothing is left or a twitch is inside.
-fn prune<'a>(sequence: &'a [Excursion], work: &Work, settings: &Settings) -> Option<&'a [Excursion]> {
+/// The sequence without leading and trailing twitches; `None` where nothing is left or a twitch is
+/// inside.
+fn prune<'a>(
+    sequence: &'a [Excursion],
+    work: &Work,
+    settings: &Settings,
+) -> Option<&'a [Excursion]> {
     let trim = window(work, sequence.first()?.start as f64, -settings.quiet_s)?.level;
     let size = |e: &Excursion| (median(&work.v[e.start..e.end]) - trim).abs();
     let sizes: Vec<f64> = sequence.iter().map(size).collect();
@@ -67,7 +82,8 @@ fn prune<'a>(sequence: &'a [Excursion], work: &Work, settings: &Settings) -> Opt
     sizes[first..=last].iter().all(|s| *s >= least).then_some(&sequence[first..=last])
 }
 
-/// Edges, levels and quiet windows by turns, three times: each needs the others, and the first guess is close.
+/// Edges, levels and quiet windows by turns, three times: each needs the others, and the first
+/// guess is close.
 fn refine(work: &Work, sequence: &[Excursion], settings: &Settings) -> Option<Shape> {
     let mut edges: Vec<f64> = vec![sequence.first()?.start as f64];
     edges.extend(sequence.windows(2).map(|w| 0.5 * (w[0].end + w[1].start) as f64));
@@ -80,33 +96,45 @@ fn refine(work: &Work, sequence: &[Excursion], settings: &Settings) -> Option<Sh
         shape.rises = rises(work, &shape);
         let size = shape.levels.iter().map(|l| l.abs()).sum::<f64>() / shape.levels.len() as f64;
         shape.before = window(work, onset(work, &shape, size), -settings.quiet_s)?;
-        let end = shape.edges[shape.edges.len() - 1] + 2.0 * shape.rises[shape.rises.len() - 1] + 1.0;
+        let end =
+            shape.edges[shape.edges.len() - 1] + 2.0 * shape.rises[shape.rises.len() - 1] + 1.0;
         shape.after = window(work, end, settings.quiet_s);
     }
     Some(shape)
 }
 
-/// The quiet window of `seconds` that ends (negative) or begins (positive) at grid point `at`; at least half of it must be there.
+/// The quiet window of `seconds` that ends (negative) or begins (positive) at grid point `at`; at
+/// least half of it must be there.
 fn window(work: &Work, at: f64, seconds: f64) -> Option<Quiet> {
     let length = work.count(seconds.abs()).max(3);
     let at = (at.max(0.0).round() as usize).min(work.v.len());
-    let range = if seconds < 0.0 { at.saturating_sub(length)..at } else { at..(at + length).min(work.v.len()) };
+    let range = if seconds < 0.0 {
+        at.saturating_sub(length)..at
+    } else {
+        at..(at + length).min(work.v.len())
+    };
     let values: Vec<f64> = work.v[range].iter().copied().filter(|v| !v.is_nan()).collect();
     if 2 * values.len() < length {
         return None;
     }
     let level = median(&values);
-    let rms = (values.iter().map(|v| (v - level) * (v - level)).sum::<f64>() / values.len() as f64).sqrt();
+    let rms = (values.iter().map(|v| (v - level) * (v - level)).sum::<f64>() / values.len() as f64)
+        .sqrt();
     Some(Quiet { level, rms })
 }
 
 impl Shape {
-    /// The trim at grid point `i`: a straight line between the quiet levels where they nearly agree, the level before otherwise.
+    /// The trim at grid point `i`: a straight line between the quiet levels where they nearly
+    /// agree, the level before otherwise.
     fn trim(&self, i: f64) -> f64 {
-        let size = self.levels.iter().map(|l| l.abs()).sum::<f64>() / self.levels.len().max(1) as f64;
+        let size =
+            self.levels.iter().map(|l| l.abs()).sum::<f64>() / self.levels.len().max(1) as f64;
         let (start, end) = (self.edges[0], self.edges[self.edges.len() - 1]);
         match self.after {
-            Some(after) if (after.level - self.before.level).abs() < 0.3 * size && after.rms < 0.15 * size => {
+            Some(after)
+                if (after.level - self.before.level).abs() < 0.3 * size
+                    && after.rms < 0.15 * size =>
+            {
                 let share = ((i - start) / (end - start)).clamp(0.0, 1.0);
                 self.before.level + share * (after.level - self.before.level)
             }
@@ -114,7 +142,8 @@ impl Shape {
         }
     }
 
-    /// The grid points of step `k` where its level has been reached and the next edge has not begun.
+    /// The grid points of step `k` where its level has been reached and the next edge has not
+    /// begun.
     fn plateau(&self, k: usize) -> std::ops::RangeInclusive<usize> {
         let (start, end) = (self.edges[k], self.edges[k + 1]);
         let first = (start + 0.3 * (end - start)).ceil().max(0.0);
@@ -135,7 +164,9 @@ fn deviation(work: &Work, shape: &Shape, i: usize) -> f64 {
 
 /// The median deviation from trim on each step's plateau; `None` where they do not alternate.
 fn levels(work: &Work, shape: &Shape) -> Option<Vec<f64>> {
-    let level = |k: usize| median(&shape.plateau(k).map(|i| deviation(work, shape, i)).collect::<Vec<f64>>());
+    let level = |k: usize| {
+        median(&shape.plateau(k).map(|i| deviation(work, shape, i)).collect::<Vec<f64>>())
+    };
     let levels: Vec<f64> = (0..shape.edges.len() - 1).map(level).collect();
     let alternate = levels.windows(2).all(|w| w[0] * w[1] < 0.0);
     (alternate && levels.iter().all(|l| l.is_finite() && *l != 0.0)).then_some(levels)
@@ -149,15 +180,20 @@ fn edges_of(work: &Work, shape: &Shape) -> Option<Vec<f64>> {
     for k in 0..=m {
         let (a, b) = shape.sides(k);
         let half = 0.5 * (a + b);
-        // Walk from the plateau next to the edge: back to the start of a step, forward to the end of the last.
-        let (from, forward, sign) =
-            if k < m { (middle(k), false, (b - a).signum()) } else { (middle(k - 1), true, (a - b).signum()) };
+        // Walk from the plateau next to the edge: back to the start of a step, forward to the end
+        // of the last.
+        let (from, forward, sign) = if k < m {
+            (middle(k), false, (b - a).signum())
+        } else {
+            (middle(k - 1), true, (a - b).signum())
+        };
         edges.push(cross(work, from, forward, |i| sign * (deviation(work, shape, i) - half))?);
     }
     edges.windows(2).all(|w| w[0] < w[1]).then_some(edges)
 }
 
-/// Walks from `from`, where `side` is positive, to where it vanishes (interpolated, in grid points); `None` at a gap or the end.
+/// Walks from `from`, where `side` is positive, to where it vanishes (interpolated, in grid
+/// points); `None` at a gap or the end.
 fn cross(work: &Work, from: usize, forward: bool, side: impl Fn(usize) -> f64) -> Option<f64> {
     let (mut i, mut here) = (from, side(from));
     if !(here > 0.0) {
@@ -180,7 +216,8 @@ fn cross(work: &Work, from: usize, forward: bool, side: impl Fn(usize) -> f64) -
     }
 }
 
-/// Time from 20 to 80% of each edge, in grid points; an edge that never gets there counts half its shorter neighbour.
+/// Time from 20 to 80% of each edge, in grid points; an edge that never gets there counts half its
+/// shorter neighbour.
 fn rises(work: &Work, shape: &Shape) -> Vec<f64> {
     let m = shape.levels.len();
     let duration = |k: usize| shape.edges[k + 1] - shape.edges[k];
@@ -199,18 +236,23 @@ fn rises(work: &Work, shape: &Shape) -> Vec<f64> {
     (0..=m).map(one).collect()
 }
 
-/// The least ratio, over the edges, of the change between 20 and 80% to the sd of changes over the same time in the `CONTEXT_S`
-/// seconds before and after the maneuver: slow or noisy activity makes levels, but no change that stands out.
+/// The least ratio, over the edges, of the change between 20 and 80% to the sd of changes over the
+/// same time in the `CONTEXT_S` seconds before and after the maneuver: slow or noisy activity makes
+/// levels, but no change that stands out.
 fn contrast(work: &Work, shape: &Shape) -> f64 {
     let context = work.count(CONTEXT_S);
     let first = (shape.edges[0] - shape.rises[0] - 1.0).max(0.0) as usize;
-    let last = (shape.edges[shape.edges.len() - 1] + 2.0 * shape.rises[shape.rises.len() - 1] + 1.0) as usize;
+    let last = (shape.edges[shape.edges.len() - 1] + 2.0 * shape.rises[shape.rises.len() - 1] + 1.0)
+        as usize;
     let before = &work.v[first.saturating_sub(context)..first];
     let after = &work.v[last.min(work.v.len())..(last + context).min(work.v.len())];
     let one = |k: usize| {
         let lag = (shape.rises[k].ceil() as usize).max(1);
-        let change = |part: &[f64]| part.iter().zip(part.iter().skip(lag)).map(|(a, b)| b - a).collect::<Vec<f64>>();
-        let changes: Vec<f64> = [change(before), change(after)].concat().into_iter().filter(|d| !d.is_nan()).collect();
+        let change = |part: &[f64]| {
+            part.iter().zip(part.iter().skip(lag)).map(|(a, b)| b - a).collect::<Vec<f64>>()
+        };
+        let changes: Vec<f64> =
+            [change(before), change(after)].concat().into_iter().filter(|d| !d.is_nan()).collect();
         let (a, b) = shape.sides(k);
         0.6 * (b - a).abs() / mad_sd(&changes)
     };
@@ -223,7 +265,8 @@ fn onset(work: &Work, shape: &Shape, size: f64) -> f64 {
     let from = shape.edges[0].floor().max(0.0) as usize;
     // A smooth edge begins about one rise before its middle; beyond two it is something else.
     let longest = (0.5 * (shape.edges[1] - shape.edges[0])).min(2.0 * shape.rises[0] + 2.0);
-    let found = (0..=from).rev().find(|&i| !((deviation(work, shape, i)).abs() > near)).unwrap_or(0);
+    let found =
+        (0..=from).rev().find(|&i| !((deviation(work, shape, i)).abs() > near)).unwrap_or(0);
     (found as f64).max(shape.edges[0] - longest)
 }
 
@@ -231,15 +274,22 @@ fn onset(work: &Work, shape: &Shape, size: f64) -> f64 {
 fn score(work: &Work, shape: &Shape, size: f64, kind: Kind, timing: Option<f64>) -> f64 {
     let factor = |x: f64, half: f64| 1.0 / (1.0 + (x / half) * (x / half));
     let count = shape.levels.len() as f64;
-    let unequal = (shape.levels.iter().map(|l| (l.abs() - size) * (l.abs() - size)).sum::<f64>() / count).sqrt();
+    let unequal = (shape.levels.iter().map(|l| (l.abs() - size) * (l.abs() - size)).sum::<f64>()
+        / count)
+        .sqrt();
     let shortest = shape.edges.windows(2).map(|e| e[1] - e[0]).fold(f64::INFINITY, f64::min);
     let timing = if kind == Kind::Multistep { 0.5 } else { factor(timing.unwrap_or(0.0), 0.25) };
-    let after = shape.after.map_or(0.5, |a| factor(a.rms / size, 0.4) * factor((a.level - shape.before.level) / size, 0.5));
+    let after = shape.after.map_or(0.5, |a| {
+        factor(a.rms / size, 0.4) * factor((a.level - shape.before.level) / size, 0.5)
+    });
     let product = timing
         * factor(unequal / size, 0.4)
         * factor(roughness(work, shape) / size, 0.25)
         * factor(shape.rises.iter().sum::<f64>() / (count + 1.0) / shortest, 0.6)
-        * factor(1.0 / contrast(work, shape), 1.0 / if kind == Kind::Step { CONTRAST.1 } else { CONTRAST.0 })
+        * factor(
+            1.0 / contrast(work, shape),
+            1.0 / if kind == Kind::Step { CONTRAST.1 } else { CONTRAST.0 },
+        )
         * factor(shape.before.rms / size, 0.2)
         * after;
     product.sqrt()

@@ -1,9 +1,12 @@
-//! An input channel in, the multistep maneuvers flown on it out (3211, 2211, 211, doublet, step), with hand edits applied.
+//! An input channel in, the multistep maneuvers flown on it out (3211, 2211, 211, doublet, step),
+//! with hand edits applied.
 //!
-//! A maneuver is a sequence of levels on alternating sides of the local trim, reached by quick changes, with quiet before it.
-//! Nothing but the signal itself is used: no labels, no unit time, no polarity. Working principle: wherever the signal leaves
-//! the spread of the second before (`scan`), the following alternating excursions are collected, their edges and levels measured
-//! (`measure`) and their pattern of durations named and scored (`kind`); of overlapping candidates the best stays.
+//! A maneuver is a sequence of levels on alternating sides of the local trim, reached by quick
+//! changes, with quiet before it. Nothing but the signal itself is used: no labels, no unit time,
+//! no polarity. Working principle: wherever the signal leaves the spread of the second before
+//! (`scan`), the following alternating excursions are collected, their edges and levels measured
+//! (`measure`) and their pattern of durations named and scored (`kind`); of overlapping candidates
+//! the best stays.
 
 mod edits;
 mod kind;
@@ -17,15 +20,18 @@ pub use kind::Kind;
 pub use maneuver::{Maneuver, Step};
 pub use settings::Settings;
 
-/// The maneuvers in the samples `u` (SI) at ascending times `t` (s; equal lengths), in order of time and not overlapping.
+/// The maneuvers in the samples `u` (SI) at ascending times `t` (s; equal lengths), in order of
+/// time and not overlapping.
 ///
 /// NaN samples are skipped; times that do not ascend are skipped as well.
 pub fn find(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Maneuver> {
     let pieces = scan::Work::pieces(t, u, settings);
-    let mut candidates: Vec<Maneuver> = pieces.iter().flat_map(|work| candidates(work, settings)).collect();
+    let mut candidates: Vec<Maneuver> =
+        pieces.iter().flat_map(|work| candidates(work, settings)).collect();
     candidates.retain(|m| m.score >= settings.min_score && m.amplitude >= settings.min_amplitude);
     let kept = best_without_overlap(candidates);
-    let several: Vec<f64> = kept.iter().filter(|m| m.steps.len() > 1).map(|m| m.amplitude).collect();
+    let several: Vec<f64> =
+        kept.iter().filter(|m| m.steps.len() > 1).map(|m| m.amplitude).collect();
     let largest = kept.iter().map(|m| m.amplitude).fold(0.0, f64::max);
     let typical = if several.is_empty() { largest } else { crate::math::median(&several) };
     let least = settings.relative_amplitude * typical;
@@ -37,7 +43,8 @@ fn candidates(work: &scan::Work, settings: &Settings) -> Vec<Maneuver> {
     let mut candidates: Vec<Maneuver> = vec![];
     for sequence in scan::sequences(work, settings) {
         let whole = measure::maneuver(work, &sequence, settings);
-        // A recovery input right behind (or a twitch before) a maneuver hides its pattern: look at the parts, too.
+        // A recovery input right behind (or a twitch before) a maneuver hides its pattern: look at
+        // the parts, too.
         if whole.as_ref().is_none_or(|m| m.kind == Kind::Multistep) {
             for first in 0..sequence.len() {
                 for last in first + 1..=sequence.len() {
@@ -50,9 +57,12 @@ fn candidates(work: &scan::Work, settings: &Settings) -> Vec<Maneuver> {
     candidates
 }
 
-/// Of overlapping candidates the one that explains most; more steps weigh more, since chance seldom makes them.
+/// Of overlapping candidates the one that explains most; more steps weigh more, since chance seldom
+/// makes them.
 fn best_without_overlap(mut candidates: Vec<Maneuver>) -> Vec<Maneuver> {
-    let rank = |m: &Maneuver| m.score * m.steps.len() as f64 * if m.kind == Kind::Multistep { 0.7 } else { 1.0 };
+    let rank = |m: &Maneuver| {
+        m.score * m.steps.len() as f64 * if m.kind == Kind::Multistep { 0.7 } else { 1.0 }
+    };
     candidates.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then(a.t_start.total_cmp(&b.t_start)));
     let mut kept: Vec<Maneuver> = vec![];
     for m in candidates {

@@ -1,4 +1,5 @@
-//! Samples in, sequences of alternating excursions from the local trim out: the raw candidates for maneuvers.
+//! Samples in, sequences of alternating excursions from the local trim out: the raw candidates for
+//! maneuvers.
 
 use super::Settings;
 use crate::math::{mad_sd, median, quantile};
@@ -40,7 +41,11 @@ impl Work {
         let finest = settings.min_step_s / 8.0;
         let h = dt.max(finest);
         let grid = Grid::covering(t[0], t[t.len() - 1], h);
-        let raw = if dt > 0.67 * finest { linear(t, u, &grid, gap) } else { cell_means(t, u, &grid, gap) };
+        let raw = if dt > 0.67 * finest {
+            linear(t, u, &grid, gap)
+        } else {
+            cell_means(t, u, &grid, gap)
+        };
         let window = 2 * (settings.min_step_s / (4.0 * h) + 1e-6) as usize + 1;
         Work { t0: t[0], h, v: median_filter(&raw, window) }
     }
@@ -69,7 +74,8 @@ fn clean(t: &[f64], u: &[f64]) -> (Vec<f64>, Vec<f64>) {
         .unzip()
 }
 
-/// Mean of the samples within half a spacing of each grid point; linear interpolation where there is none.
+/// Mean of the samples within half a spacing of each grid point; linear interpolation where there
+/// is none.
 fn cell_means(t: &[f64], u: &[f64], grid: &Grid, gap: f64) -> Vec<f64> {
     let mut out = linear(t, u, grid, gap);
     let mut next = 0;
@@ -86,7 +92,8 @@ fn cell_means(t: &[f64], u: &[f64], grid: &Grid, gap: f64) -> Vec<f64> {
     out
 }
 
-/// Sequences of alternating excursions, each from the trim of the quiet window before it; sequences of different starts may overlap.
+/// Sequences of alternating excursions, each from the trim of the quiet window before it; sequences
+/// of different starts may overlap.
 pub(super) fn sequences(work: &Work, settings: &Settings) -> Vec<Vec<Excursion>> {
     let trims = trailing_trims(work, settings);
     let spreads: Vec<f64> = trims.iter().filter_map(|t| t.map(|t| t.1)).collect();
@@ -106,7 +113,8 @@ pub(super) fn sequences(work: &Work, settings: &Settings) -> Vec<Vec<Excursion>>
     found
 }
 
-/// Median and MAD sd of a quiet window before each grid point; `None` where it touches a gap or is shorter than half its length.
+/// Median and MAD sd of a quiet window before each grid point; `None` where it touches a gap or is
+/// shorter than half its length.
 ///
 /// The window ends somewhat before the point, so that a slow edge does not widen its own threshold.
 fn trailing_trims(work: &Work, settings: &Settings) -> Vec<Option<(f64, f64)>> {
@@ -122,8 +130,15 @@ fn trailing_trims(work: &Work, settings: &Settings) -> Vec<Option<(f64, f64)>> {
         .collect()
 }
 
-/// The alternating excursions that begin at grid point `start`; `None` where the signal does not come back or alternates too long.
-fn follow(work: &Work, start: usize, trim: f64, threshold: f64, settings: &Settings) -> Option<Vec<Excursion>> {
+/// The alternating excursions that begin at grid point `start`; `None` where the signal does not
+/// come back or alternates too long.
+fn follow(
+    work: &Work,
+    start: usize,
+    trim: f64,
+    threshold: f64,
+    settings: &Settings,
+) -> Option<Vec<Excursion>> {
     let mut sign = (work.v[start] - trim).signum();
     let mut sequence: Vec<Excursion> = vec![];
     let mut begin = start;
@@ -144,8 +159,15 @@ fn follow(work: &Work, start: usize, trim: f64, threshold: f64, settings: &Setti
     }
 }
 
-/// Where the excursion on the side `sign` that is under way at `begin` has fallen to half its peak, and the peak.
-fn excursion(work: &Work, begin: usize, trim: f64, sign: f64, settings: &Settings) -> Option<(usize, f64)> {
+/// Where the excursion on the side `sign` that is under way at `begin` has fallen to half its peak,
+/// and the peak.
+fn excursion(
+    work: &Work,
+    begin: usize,
+    trim: f64,
+    sign: f64,
+    settings: &Settings,
+) -> Option<(usize, f64)> {
     let limit = begin + work.count(settings.max_step_s);
     let mut peak = 0.0f64;
     for i in begin..work.v.len().min(limit) {
@@ -162,7 +184,15 @@ fn excursion(work: &Work, begin: usize, trim: f64, sign: f64, settings: &Setting
     None
 }
 
-/// The first of at most `pause` grid points from `from` on that is beyond `threshold` on the side `sign`.
-fn other_side(work: &Work, from: usize, pause: usize, trim: f64, sign: f64, threshold: f64) -> Option<usize> {
+/// The first of at most `pause` grid points from `from` on that is beyond `threshold` on the side
+/// `sign`.
+fn other_side(
+    work: &Work,
+    from: usize,
+    pause: usize,
+    trim: f64,
+    sign: f64,
+    threshold: f64,
+) -> Option<usize> {
     (from..(from + pause).min(work.v.len())).find(|&i| sign * (work.v[i] - trim) > threshold)
 }

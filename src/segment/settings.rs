@@ -10,16 +10,18 @@ pub struct Settings {
     pub max_step_s: f64,
     /// Length of the quiet windows before and after a maneuver, s.
     pub quiet_s: f64,
-    /// A maneuver begins where the signal leaves its quiet level by this many MAD standard deviations of the quiet window.
+    /// A maneuver begins where the signal leaves its quiet level by this many MAD standard
+    /// deviations of the quiet window.
     pub threshold: f64,
     /// Smallest amplitude of a maneuver, in the channel's SI unit.
     pub min_amplitude: f64,
-    /// Smallest amplitude of a maneuver as a share of the median amplitude of the record's maneuvers of two or more steps
-    /// (of the largest step where there are none).
+    /// Smallest amplitude of a maneuver as a share of the median amplitude of the record's
+    /// maneuvers of two or more steps (of the largest step where there are none).
     pub relative_amplitude: f64,
     /// Most steps in one maneuver; more is an oscillation or a sweep.
     pub max_steps: usize,
-    /// Largest rms deviation of the step durations from a pattern, in unit times, that still has the pattern's name.
+    /// Largest rms deviation of the step durations from a pattern, in unit times, that still has
+    /// the pattern's name.
     pub timing_tolerance: f64,
     /// Least score, 0 to 1.
     pub min_score: f64,

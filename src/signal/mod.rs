@@ -1,4 +1,5 @@
-//! Sampled signals in, signals on uniform grids, smoothed signals and derivatives out; NaN marks what is not known.
+//! Sampled signals in, signals on uniform grids, smoothed signals and derivatives out; NaN marks
+//! what is not known.
 
 pub mod resample;
 pub mod robust;

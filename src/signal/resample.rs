@@ -1,4 +1,5 @@
-//! Samples at any times in, values on a uniform grid out; a gap stays a gap (NaN), nothing is bridged in silence.
+//! Samples at any times in, values on a uniform grid out; a gap stays a gap (NaN), nothing is
+//! bridged in silence.
 
 /// A uniform grid: point `i` is at `t0 + i*dt`, `0 <= i < n`; times in s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,11 +13,15 @@ impl Grid {
     /// More points than any flight has (46 hours at 100 Hz): a stamp is wrong.
     pub const MOST: usize = 1 << 24;
 
-    /// The grid of spacing `dt` from `t0` to at most `t1` (a point within 1e-6 dt beyond `t1` still counts).
-    /// Empty where `dt` is not positive or `t1 < t0`.
+    /// The grid of spacing `dt` from `t0` to at most `t1` (a point within 1e-6 dt beyond `t1` still
+    /// counts). Empty where `dt` is not positive or `t1 < t0`.
     pub fn covering(t0: f64, t1: f64, dt: f64) -> Grid {
         let steps = (t1 - t0) / dt;
-        let n = if dt > 0.0 && steps.is_finite() && steps >= 0.0 { (steps + 1e-6).floor() as usize + 1 } else { 0 };
+        let n = if dt > 0.0 && steps.is_finite() && steps >= 0.0 {
+            (steps + 1e-6).floor() as usize + 1
+        } else {
+            0
+        };
         Grid { t0, dt, n }
     }
 
@@ -33,8 +38,8 @@ impl Grid {
 
 /// Linear interpolation of samples `y` at ascending times `t` (equal lengths).
 ///
-/// A sample within 1e-6 dt of a grid point passes exactly. NaN outside the samples, next to a NaN sample, and between samples
-/// more than `max_gap` seconds apart.
+/// A sample within 1e-6 dt of a grid point passes exactly. NaN outside the samples, next to a NaN
+/// sample, and between samples more than `max_gap` seconds apart.
 pub fn linear(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
     walk(t, y, grid, |time, before, after| {
         let width = t[after] - t[before];
@@ -46,7 +51,8 @@ pub fn linear(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
     })
 }
 
-/// Visits the grid with the samples on both sides of each point; exact hits and the outside are settled here.
+/// Visits the grid with the samples on both sides of each point; exact hits and the outside are
+/// settled here.
 fn walk(t: &[f64], y: &[f64], grid: &Grid, between: impl Fn(f64, usize, usize) -> f64) -> Vec<f64> {
     assert_eq!(t.len(), y.len(), "one value per time");
     let slack = 1e-6 * grid.dt;

@@ -2,8 +2,9 @@
 
 use crate::math::{mad_sd, median};
 
-/// The running median over an odd `window` of samples; NaN samples are left out, the window shrinks symmetrically at the ends.
-/// NaN where the window holds no value, and where the sample itself is NaN. An even window is widened by one.
+/// The running median over an odd `window` of samples; NaN samples are left out, the window shrinks
+/// symmetrically at the ends. NaN where the window holds no value, and where the sample itself is
+/// NaN. An even window is widened by one.
 pub fn median_filter(y: &[f64], window: usize) -> Vec<f64> {
     let half = window / 2;
     let mut values = Vec::with_capacity(2 * half + 1);
@@ -20,14 +21,20 @@ pub fn median_filter(y: &[f64], window: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The sd of white noise on a moving signal, from the MAD of its third differences: they see no quadratic, the median sees no steps and outliers. The
-/// resolution, as the least step between samples, is the floor (uniform over one step). Samples that are no numbers are left out.
+/// The sd of white noise on a moving signal, from the MAD of its third differences: they see no
+/// quadratic, the median sees no steps and outliers. The resolution, as the least step between
+/// samples, is the floor (uniform over one step). Samples that are no numbers are left out.
 ///
 /// 0 for fewer than four neighbouring values.
 pub fn noise_sd(y: &[f64]) -> f64 {
-    let third = y.windows(4).map(|w| w[0] - 3.0 * w[1] + 3.0 * w[2] - w[3]).filter(|d| d.is_finite());
+    let third =
+        y.windows(4).map(|w| w[0] - 3.0 * w[1] + 3.0 * w[2] - w[3]).filter(|d| d.is_finite());
     let third: Vec<f64> = third.collect();
-    let step = y.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
+    let step = y
+        .windows(2)
+        .map(|w| (w[1] - w[0]).abs())
+        .filter(|d| *d > 0.0)
+        .fold(f64::INFINITY, f64::min);
     let floor = if step.is_finite() { step / 12f64.sqrt() } else { 0.0 };
     // Var(e0 - 3 e1 + 3 e2 - e3) = 20 Var(e)
     if third.is_empty() { 0.0 } else { (mad_sd(&third) / 20f64.sqrt()).max(floor) }
@@ -61,8 +68,11 @@ mod tests {
         assert_eq!(noise_sd(&[1.0, 2.0]), 0.0);
         // On fast motion, with samples missing; and nothing but steps of the resolution.
         let wave = |i: usize| 3.0 * libm::sin(0.06 * i as f64);
-        let moving: Vec<f64> =
-            y.iter().enumerate().map(|(i, y)| if i % 50 == 7 { f64::NAN } else { y - 1e-3 * i as f64 + wave(i) }).collect();
+        let moving: Vec<f64> = y
+            .iter()
+            .enumerate()
+            .map(|(i, y)| if i % 50 == 7 { f64::NAN } else { y - 1e-3 * i as f64 + wave(i) })
+            .collect();
         assert!((noise_sd(&moving) - 0.2).abs() < 0.015, "{}", noise_sd(&moving));
         let coarse: Vec<f64> = (0..1000).map(|i| (0.01 * f64::from(i)).floor()).collect();
         assert!((noise_sd(&coarse) - 1.0 / 12f64.sqrt()).abs() < 1e-12);

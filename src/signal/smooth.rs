@@ -3,19 +3,25 @@
 use crate::error::{Error, Result};
 use crate::math::dense;
 
-/// A Savitzky-Golay filter: each sample is replaced by the value (or a derivative) of the polynomial fitted to the window around it.
+/// A Savitzky-Golay filter: each sample is replaced by the value (or a derivative) of the
+/// polynomial fitted to the window around it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SavitzkyGolay {
     window: usize,
-    /// `[window][window]`: row i holds the weights for the value at point i of the window; the middle row is the usual filter,
-    /// the others serve the ends.
+    /// `[window][window]`: row i holds the weights for the value at point i of the window; the
+    /// middle row is the usual filter, the others serve the ends.
     weights: Vec<f64>,
 }
 
 impl SavitzkyGolay {
-    /// A filter of an odd `window` of samples spaced `dt` s, polynomial `order` below the window, and `derivative` 0, 1, 2 ... up to the order.
+    /// A filter of an odd `window` of samples spaced `dt` s, polynomial `order` below the window,
+    /// and `derivative` 0, 1, 2 ... up to the order.
     pub fn new(window: usize, order: usize, derivative: usize, dt: f64) -> Result<Self> {
-        if window.is_multiple_of(2) || order >= window || derivative > order || !(dt > 0.0 && dt.is_finite()) {
+        if window.is_multiple_of(2)
+            || order >= window
+            || derivative > order
+            || !(dt > 0.0 && dt.is_finite())
+        {
             return Err(Error::new(format!(
                 "a Savitzky-Golay filter of window {window}, order {order}, derivative {derivative}, spacing {dt} s"
             ))
@@ -24,8 +30,9 @@ impl SavitzkyGolay {
         Ok(SavitzkyGolay { window, weights: weights(window, order, derivative, dt) })
     }
 
-    /// The filtered signal. The ends use the polynomials of the first and last whole window. NaN samples split the signal:
-    /// each part is filtered by itself, and a part shorter than the window gives NaN.
+    /// The filtered signal. The ends use the polynomials of the first and last whole window. NaN
+    /// samples split the signal: each part is filtered by itself, and a part shorter than the
+    /// window gives NaN.
     pub fn apply(&self, y: &[f64]) -> Vec<f64> {
         let mut out = vec![f64::NAN; y.len()];
         for part in parts(y) {
@@ -41,7 +48,8 @@ impl SavitzkyGolay {
         for i in 0..n {
             let start = i.saturating_sub(half).min(n - w);
             let row = &self.weights[(i - start) * w..(i - start + 1) * w];
-            // Differences from a sample of the window: a constant passes exactly, its derivative is exactly zero.
+            // Differences from a sample of the window: a constant passes exactly, its derivative is
+            // exactly zero.
             let base = y[i];
             let sum: f64 = row.iter().zip(&y[start..start + w]).map(|(c, v)| c * (v - base)).sum();
             out[i] = sum + base * self.gain();
@@ -77,7 +85,8 @@ pub fn parts(y: &[f64]) -> Vec<std::ops::Range<usize>> {
     parts
 }
 
-/// Weights `[window][window]` of the least-squares polynomial's derivative at each point of the window.
+/// Weights `[window][window]` of the least-squares polynomial's derivative at each point of the
+/// window.
 fn weights(window: usize, order: usize, derivative: usize, dt: f64) -> Vec<f64> {
     let half = (window / 2) as f64;
     let scale = half.max(1.0);
@@ -89,12 +98,14 @@ fn weights(window: usize, order: usize, derivative: usize, dt: f64) -> Vec<f64> 
     dense::multiply(&at, &values, window, order + 1, window).iter().map(|v| v * factor).collect()
 }
 
-/// Polynomials orthonormal on `points`: their values and their `derivative`-th derivatives, both `[order + 1][points]`.
+/// Polynomials orthonormal on `points`: their values and their `derivative`-th derivatives, both
+/// `[order + 1][points]`.
 fn orthonormal(points: &[f64], order: usize, derivative: usize) -> (Vec<f64>, Vec<f64>) {
     let n = points.len();
     let (mut values, mut derived): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
     for k in 0..=order {
-        // Start from x^k and remove the lower ones, twice for orthogonality to rounding (modified Gram-Schmidt).
+        // Start from x^k and remove the lower ones, twice for orthogonality to rounding (modified
+        // Gram-Schmidt).
         let mut p: Vec<f64> = points.iter().map(|x| monomial(*x, k, 0)).collect();
         let mut d: Vec<f64> = points.iter().map(|x| monomial(*x, k, derivative)).collect();
         for _ in 0..2 {
@@ -144,7 +155,10 @@ mod tests {
         for window in [5, 7, 15, 39] {
             for order in 3..window.min(7) {
                 assert!(differ(&smooth(&y, window, order).unwrap(), &y) < 1e-12);
-                assert!(differ(&derivative(&y, 0.02, window, order), &dy) < 1e-9, "{window} {order}");
+                assert!(
+                    differ(&derivative(&y, 0.02, window, order), &dy) < 1e-9,
+                    "{window} {order}"
+                );
             }
         }
     }
@@ -153,7 +167,9 @@ mod tests {
     fn weights_are_the_published_ones() {
         // Savitzky & Golay 1964: 5-point quadratic smoothing and first derivative
         let sg = SavitzkyGolay::new(5, 2, 0, 1.0).unwrap();
-        assert!(differ(&sg.weights[10..15], &[-3.0, 12.0, 17.0, 12.0, -3.0].map(|v| v / 35.0)) < 1e-14);
+        assert!(
+            differ(&sg.weights[10..15], &[-3.0, 12.0, 17.0, 12.0, -3.0].map(|v| v / 35.0)) < 1e-14
+        );
         let sg = SavitzkyGolay::new(5, 2, 1, 0.5).unwrap();
         assert!(differ(&sg.weights[10..15], &[-2.0, -1.0, 0.0, 1.0, 2.0].map(|v| v / 5.0)) < 1e-14);
     }
@@ -185,7 +201,9 @@ mod tests {
 
     #[test]
     fn impossible_filters_are_refused() {
-        for (window, order, derivative, dt) in [(4, 2, 0, 1.0), (5, 5, 0, 1.0), (5, 2, 3, 1.0), (5, 2, 1, 0.0), (0, 0, 0, 1.0)] {
+        for (window, order, derivative, dt) in
+            [(4, 2, 0, 1.0), (5, 5, 0, 1.0), (5, 2, 3, 1.0), (5, 2, 1, 0.0), (0, 0, 0, 1.0)]
+        {
             assert!(SavitzkyGolay::new(window, order, derivative, dt).is_err());
         }
     }

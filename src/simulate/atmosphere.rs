@@ -28,13 +28,18 @@ pub fn temperature(h: f64) -> f64 {
 /// Static pressure, Pa, at pressure altitude `h`, m (ISO 2533:1975, Eq. 12; up to 20 km).
 pub fn pressure(h: f64) -> f64 {
     let troposphere = P0 * libm::pow(temperature(h) / T0, G0 / (R * LAPSE));
-    if h <= TROPOPAUSE { troposphere } else { troposphere * libm::exp(-G0 * (h - TROPOPAUSE) / (R * temperature(h))) }
+    if h <= TROPOPAUSE {
+        troposphere
+    } else {
+        troposphere * libm::exp(-G0 * (h - TROPOPAUSE) / (R * temperature(h)))
+    }
 }
 
 /// True airspeed, m/s, from calibrated airspeed `cas`, m/s, at pressure altitude `h`, m.
 ///
-/// The impact pressure of the calibrated airspeed at sea level, `qc = p0 ((1 + (g-1)/2 (cas/a0)^2)^(g/(g-1)) - 1)`, is the one of the
-/// Mach number at `h` (isentropic flow, Anderson, Introduction to Flight, Eqs. 4.77, 4.78).
+/// The impact pressure of the calibrated airspeed at sea level,
+/// `qc = p0 ((1 + (g-1)/2 (cas/a0)^2)^(g/(g-1)) - 1)`, is the one of the Mach number at `h`
+/// (isentropic flow, Anderson, Introduction to Flight, Eqs. 4.77, 4.78).
 pub fn true_airspeed(cas: f64, h: f64) -> f64 {
     let k = (GAMMA - 1.0) / 2.0;
     let e = GAMMA / (GAMMA - 1.0);
@@ -50,7 +55,8 @@ mod tests {
 
     #[test]
     fn agrees_with_the_tables_of_the_standard_atmosphere() {
-        // ISO 2533 tables: 5000 m 255.650 K, 54019.9 Pa (pressure heights); 11000 m 216.650 K, 22632.0 Pa; 15000 m 12044.6 Pa.
+        // ISO 2533 tables: 5000 m 255.650 K, 54019.9 Pa (pressure heights); 11000 m 216.650 K,
+        // 22632.0 Pa; 15000 m 12044.6 Pa.
         assert!((temperature(5000.0) - 255.65).abs() < 1e-9);
         assert!((pressure(5000.0) - 54_019.9).abs() < 0.5);
         assert!((pressure(11_000.0) - 22_632.0).abs() < 0.5);
@@ -62,7 +68,8 @@ mod tests {
         for cas in [50.0, 100.0, 150.0] {
             assert!((true_airspeed(cas, 0.0) - cas).abs() < 1e-9);
         }
-        // 200 kt at 17000 ft: with the incompressible formula 200/sqrt(sigma) = 260.5 kt; compressibility takes off about 2 kt.
+        // 200 kt at 17000 ft: with the incompressible formula 200/sqrt(sigma) = 260.5 kt;
+        // compressibility takes off about 2 kt.
         let sigma = pressure(17_000.0 * FOOT) / P0 * T0 / temperature(17_000.0 * FOOT);
         let tas = true_airspeed(200.0 * KNOT, 17_000.0 * FOOT) / KNOT;
         let incompressible = 200.0 / sigma.sqrt();

@@ -51,7 +51,11 @@ impl Campaign {
             }
         }
         // A model without all of its constants would only repeat what is wrong with their files.
-        let model = if errors.is_empty() { errors.take(Model::load(&folder.join(&settings.truth), &constants)) } else { None };
+        let model = if errors.is_empty() {
+            errors.take(Model::load(&folder.join(&settings.truth), &constants))
+        } else {
+            None
+        };
         errors.0.extend(check(&settings, &doc, model.as_ref().map(interface).as_ref()).0);
         let model = errors.or(model)?.unwrap_or_default();
         Ok(Campaign::new(settings, folder, model))
@@ -59,7 +63,11 @@ impl Campaign {
 
     /// A campaign from parts that have been checked.
     pub fn new(settings: Settings, folder: PathBuf, model: Model) -> Campaign {
-        let shapes = settings.maneuvers.iter().filter_map(|(name, m)| Some((name.clone(), Shape::of(m).ok()?))).collect();
+        let shapes = settings
+            .maneuvers
+            .iter()
+            .filter_map(|(name, m)| Some((name.clone(), Shape::of(m).ok()?)))
+            .collect();
         Campaign { settings, folder, model, shapes }
     }
 
@@ -86,7 +94,9 @@ impl Campaign {
     fn flight(&self, id: &str) -> Result<(usize, &Flight)> {
         let known = || config::list(&self.flights());
         let found = self.settings.flights.get_full(id).map(|(i, _, flight)| (i, flight));
-        found.ok_or_else(|| Error::new(format!("the campaign has no flight \"{id}\"; it has {}", known())))
+        found.ok_or_else(|| {
+            Error::new(format!("the campaign has no flight \"{id}\"; it has {}", known()))
+        })
     }
 
     /// The timeline of a flight.
@@ -107,7 +117,8 @@ impl Campaign {
         let signals = self.model.inputs.iter().map(|input| {
             let signal = plan.signal(&self.settings, &self.shapes, flight, &input.name);
             signal.ok_or_else(|| {
-                Error::new(format!("nothing drives the truth model's input \"{}\"", input.name)).help("name it in [drive]")
+                Error::new(format!("nothing drives the truth model's input \"{}\"", input.name))
+                    .help("name it in [drive]")
             })
         });
         fly(&self.model, &plan, signals.collect::<Result<Vec<_>>>()?)
@@ -140,17 +151,33 @@ impl Campaign {
         write_log(&recording, &log)?;
         write_truth(&truth, &recording, &self.truth_path(id))?;
         let messages = recording.topics.iter().map(|t| t.log_ns.len()).sum();
-        Ok(Flown { flight: id.to_string(), log, duration_s: truth.duration(), maneuvers: truth.maneuvers.len(), messages })
+        Ok(Flown {
+            flight: id.to_string(),
+            log,
+            duration_s: truth.duration(),
+            maneuvers: truth.maneuvers.len(),
+            messages,
+        })
     }
 
-    /// Flies the given flights in parallel; `done` hears of each one when it is finished. The result is in the order of `ids`.
+    /// Flies the given flights in parallel; `done` hears of each one when it is finished. The
+    /// result is in the order of `ids`.
     ///
     /// # Errors
     /// What went wrong in each flight that failed; the logs of the others are written.
-    pub fn fly_all(&self, ids: &[&str], done: &(dyn Fn(&Flown) + Sync)) -> std::result::Result<Vec<Flown>, Errors> {
-        let flown: Vec<Result<Flown>> = ids.par_iter().map(|id| self.fly(id).inspect(done)).collect();
+    pub fn fly_all(
+        &self,
+        ids: &[&str],
+        done: &(dyn Fn(&Flown) + Sync),
+    ) -> std::result::Result<Vec<Flown>, Errors> {
+        let flown: Vec<Result<Flown>> =
+            ids.par_iter().map(|id| self.fly(id).inspect(done)).collect();
         let mut errors = Errors::default();
-        let flown = flown.into_iter().zip(ids).filter_map(|(f, id)| errors.take(f.map_err(|e| about(id, e)))).collect();
+        let flown = flown
+            .into_iter()
+            .zip(ids)
+            .filter_map(|(f, id)| errors.take(f.map_err(|e| about(id, e))))
+            .collect();
         errors.or(flown)
     }
 }
@@ -160,7 +187,9 @@ fn about(flight: &str, error: Error) -> Error {
 }
 
 fn interface(model: &Model) -> Interface {
-    let names = |list: &[crate::model::Quantity]| list.iter().map(|q| (q.name.clone(), q.unit.clone())).collect();
+    let names = |list: &[crate::model::Quantity]| {
+        list.iter().map(|q| (q.name.clone(), q.unit.clone())).collect()
+    };
     Interface { inputs: names(&model.inputs), outputs: names(&model.outputs) }
 }
 

@@ -67,7 +67,9 @@ fields = { tas = { truth = "V", unit = "kt" } }
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let constants = "T = { value = 0.5, unit = \"s\", sd = 0.0, source = \"test\" }\n";
-    for (name, text) in [("toy.model.toml", MODEL), ("campaign.toml", CAMPAIGN), ("constants.toml", constants)] {
+    for (name, text) in
+        [("toy.model.toml", MODEL), ("campaign.toml", CAMPAIGN), ("constants.toml", constants)]
+    {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
     folder
@@ -81,7 +83,8 @@ fn load(folder: &tempfile::TempDir) -> Campaign {
 fn a_flight_is_what_its_equations_say() {
     let folder = folder();
     let truth = load(&folder).truth("calm").unwrap();
-    // 5 s settle and 1 s hold, then 0.2 for 4 s through 1/(1 + 0.5 s) and 0.5/s; the edge is half a grid step early.
+    // 5 s settle and 1 s hold, then 0.2 for 4 s through 1/(1 + 0.5 s) and 0.5/s; the edge is half a
+    // grid step early.
     let at = |name: &str, t: f64| truth.at(t)[name];
     for t in [7.0, 8.0, 9.9] {
         let s = t - 6.0 + 0.005;
@@ -90,7 +93,9 @@ fn a_flight_is_what_its_equations_say() {
         assert!((at("y", t) - 0.5 * (0.2 * s - 0.5 * x)).abs() < 2e-6, "{t}");
     }
     let knot = 1852.0 / 3600.0;
-    assert!((at("V", 0.0) - 100.0 * knot).abs() < 1e-9 && (at("V", 11.9) - 100.0 * knot).abs() < 1e-9);
+    assert!(
+        (at("V", 0.0) - 100.0 * knot).abs() < 1e-9 && (at("V", 11.9) - 100.0 * knot).abs() < 1e-9
+    );
     // 12 s, then 1 kt/s: a ramp through a lag stays T times the slope behind.
     assert!((at("V", 20.0) - (108.0 - 0.5) * knot).abs() < 1e-3);
 }
@@ -118,7 +123,9 @@ fn the_log_on_disk_holds_the_recording() {
             assert_eq!(message.publish_time, log.publish_ns[state]);
             for (field, expected) in ["x", "y"].iter().zip(&log.rows[2 * state..]) {
                 // The JSON reader used here may miss the last digit.
-                assert!((value[field].as_f64().unwrap() - expected).abs() <= 1e-15 * expected.abs());
+                assert!(
+                    (value[field].as_f64().unwrap() - expected).abs() <= 1e-15 * expected.abs()
+                );
             }
             let t = (message.publish_time - 1_000_000_000_000_000_000) as f64 * 1e-9;
             let k = (t * 100.0) as usize;
@@ -126,15 +133,21 @@ fn the_log_on_disk_holds_the_recording() {
                 truth.signals["x"].values[k].min(truth.signals["x"].values[k + 1]),
                 truth.signals["x"].values[k].max(truth.signals["x"].values[k + 1]),
             );
-            assert!((low - 1e-12..=high + 1e-12).contains(&value["x"].as_f64().unwrap().to_radians()));
+            assert!(
+                (low - 1e-12..=high + 1e-12).contains(&value["x"].as_f64().unwrap().to_radians())
+            );
             state += 1;
         }
     }
     assert_eq!((state, count), (recording.topics[0].log_ns.len(), flown[0].messages));
-    let truth: serde_json::Value = serde_json::from_slice(&std::fs::read(campaign.truth_path("calm")).unwrap()).unwrap();
+    let truth: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(campaign.truth_path("calm")).unwrap()).unwrap();
     assert_eq!(truth["maneuvers"].as_array().unwrap().len(), 2);
     assert_eq!(truth["maneuvers"][0]["t_start_s"], 6.0);
-    assert!((truth["maneuvers"][1]["at_start"]["V"].as_f64().unwrap() - 110.0 * 1852.0 / 3600.0).abs() < 1e-3);
+    assert!(
+        (truth["maneuvers"][1]["at_start"]["V"].as_f64().unwrap() - 110.0 * 1852.0 / 3600.0).abs()
+            < 1e-3
+    );
 }
 
 #[test]
@@ -163,7 +176,8 @@ fn white_noise_through_a_lag_has_the_variance_of_its_spectrum() {
     std::fs::write(folder.path().join("campaign.toml"), text).unwrap();
     let truth = load(&folder).truth("rough").unwrap();
     let x = &truth.signals["x"].values[2000..];
-    // Unit two-sided density through 0.1/(1 + T s): variance 0.01/(2 T) = 0.01. 3000 s are about 3000 independent values: 2.6%.
+    // Unit two-sided density through 0.1/(1 + T s): variance 0.01/(2 T) = 0.01. 3000 s are about
+    // 3000 independent values: 2.6%.
     let variance = x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64;
     assert!((variance / 0.01 - 1.0).abs() < 0.105, "{variance}");
 }
@@ -171,7 +185,9 @@ fn white_noise_through_a_lag_has_the_variance_of_its_spectrum() {
 #[test]
 fn every_mistake_is_reported_before_anything_is_flown() {
     let folder = folder();
-    let text = CAMPAIGN.replace("truth = \"x\"", "truth = \"z\"").replace("unit = \"kt\"", "unit = \"degC\"");
+    let text = CAMPAIGN
+        .replace("truth = \"x\"", "truth = \"z\"")
+        .replace("unit = \"kt\"", "unit = \"degC\"");
     std::fs::write(folder.path().join("campaign.toml"), text).unwrap();
     let errors = Campaign::load(&folder.path().join("campaign.toml")).unwrap_err();
     assert_eq!(errors.0.len(), 2, "{errors}");
@@ -186,18 +202,23 @@ fn every_mistake_is_reported_before_anything_is_flown() {
 #[test]
 fn a_flight_that_diverges_says_where_and_spares_the_others() {
     let folder = folder();
-    let unstable = MODEL.replace("rate = \"K*x\"", "rate = \"K*x + 600*K*y*select(abs(u) - sigma, 1, 0)\"");
+    let unstable =
+        MODEL.replace("rate = \"K*x\"", "rate = \"K*x + 600*K*y*select(abs(u) - sigma, 1, 0)\"");
     std::fs::write(folder.path().join("toy.model.toml"), unstable).unwrap();
     std::fs::write(
         folder.path().join("campaign.toml"),
-        CAMPAIGN.replace("[flights.rough]", "[flights.level]\naltitude_ft = 0\nspeeds_kt = [100]\n\n[flights.rough]"),
+        CAMPAIGN.replace(
+            "[flights.rough]",
+            "[flights.level]\naltitude_ft = 0\nspeeds_kt = [100]\n\n[flights.rough]",
+        ),
     )
     .unwrap();
     let campaign = load(&folder);
     let errors = campaign.fly_all(&["calm", "level"], &|_| ()).unwrap_err();
     assert_eq!(errors.0.len(), 1);
     assert!(
-        errors.0[0].what.starts_with("calm: the motion diverges at ") && errors.0[0].what.contains("after \"step\" at 6.0 s"),
+        errors.0[0].what.starts_with("calm: the motion diverges at ")
+            && errors.0[0].what.contains("after \"step\" at 6.0 s"),
         "{errors}"
     );
     assert_eq!(campaign.missing(), ["calm", "rough"]);

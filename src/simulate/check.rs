@@ -27,7 +27,8 @@ impl Interface {
 /// Longest flight that is not taken for a mistake in a number.
 const LONGEST_S: f64 = 24.0 * 3600.0;
 
-/// Checks everything that the schema of the file cannot say; without a truth model (it has mistakes of its own), all but its names.
+/// Checks everything that the schema of the file cannot say; without a truth model (it has mistakes
+/// of its own), all but its names.
 pub fn check(settings: &Settings, doc: &Doc, truth: Option<&Interface>) -> Errors {
     let mut checker = Checker { settings, doc, truth, errors: Errors::default() };
     checker.timing("timing", &settings.timing);
@@ -63,19 +64,34 @@ impl Checker<'_> {
     }
 
     /// An unknown name, with the nearest known one.
-    fn unknown<'n>(&mut self, path: &str, name: &str, what: &str, known: impl Iterator<Item = &'n String>) {
+    fn unknown<'n>(
+        &mut self,
+        path: &str,
+        name: &str,
+        what: &str,
+        known: impl Iterator<Item = &'n String>,
+    ) {
         let known: Vec<&str> = known.map(String::as_str).collect();
-        let all = if known.is_empty() { "there are none".to_string() } else { format!("there are: {}", list(&known)) };
+        let all = if known.is_empty() {
+            "there are none".to_string()
+        } else {
+            format!("there are: {}", list(&known))
+        };
         let help = match nearest(name, known.iter().copied()) {
             Some(near) => format!("did you mean \"{near}\"? {all}"),
             None => all,
         };
         // A name that is a key stands left of its value.
-        let place = if path.ends_with(&format!(".{name}")) { self.doc.key_place(path) } else { self.doc.place(path) };
+        let place = if path.ends_with(&format!(".{name}")) {
+            self.doc.key_place(path)
+        } else {
+            self.doc.place(path)
+        };
         self.errors.push(Error::at(place, format!("there is no {what} \"{name}\"")).help(help));
     }
 
-    /// Reports an input that the truth model has not, or whose unit is of another kind than `wanted`.
+    /// Reports an input that the truth model has not, or whose unit is of another kind than
+    /// `wanted`.
     fn input(&mut self, path: &str, name: &str, wanted: Option<&str>) {
         let Some(truth) = self.truth else { return };
         let Some(unit) = truth.inputs.get(name) else {
@@ -94,9 +110,16 @@ impl Checker<'_> {
             ("hold", drive.hold.as_ref(), Some("-")),
             ("turbulence", drive.turbulence.as_ref(), Some("m/s")),
         ];
-        let roles = roles.into_iter().filter_map(|(key, name, unit)| Some((format!("drive.{key}"), name?, unit)));
-        let noise = drive.noise.iter().enumerate().map(|(i, name)| (format!("drive.noise.{i}"), name, None));
-        let constant = drive.constant.keys().map(|name| (format!("drive.constant.{name}"), name, None));
+        let roles = roles
+            .into_iter()
+            .filter_map(|(key, name, unit)| Some((format!("drive.{key}"), name?, unit)));
+        let noise = drive
+            .noise
+            .iter()
+            .enumerate()
+            .map(|(i, name)| (format!("drive.noise.{i}"), name, None));
+        let constant =
+            drive.constant.keys().map(|name| (format!("drive.constant.{name}"), name, None));
         let mut driven = BTreeSet::new();
         for (path, name, unit) in roles.chain(noise).chain(constant) {
             self.input(&path, name, unit);
@@ -110,12 +133,24 @@ impl Checker<'_> {
         }
         for (name, maneuver) in &self.settings.maneuvers {
             if driven.contains(&maneuver.input) {
-                let what = format!("the input \"{}\" is driven by [drive] and by this maneuver", maneuver.input);
-                self.push(&format!("maneuvers.{name}.input"), what, "take it out of [drive]: it is 0 between maneuvers by itself");
+                let what = format!(
+                    "the input \"{}\" is driven by [drive] and by this maneuver",
+                    maneuver.input
+                );
+                self.push(
+                    &format!("maneuvers.{name}.input"),
+                    what,
+                    "take it out of [drive]: it is 0 between maneuvers by itself",
+                );
             }
         }
         driven.extend(self.settings.maneuvers.values().map(|m| m.input.clone()));
-        let left: Vec<&String> = self.truth.iter().flat_map(|t| t.inputs.keys()).filter(|name| !driven.contains(*name)).collect();
+        let left: Vec<&String> = self
+            .truth
+            .iter()
+            .flat_map(|t| t.inputs.keys())
+            .filter(|name| !driven.contains(*name))
+            .collect();
         if !left.is_empty() {
             self.push(
                 "drive",
@@ -134,9 +169,9 @@ impl Checker<'_> {
                 Ok(shape) => {
                     shapes.insert(name.clone(), shape);
                 }
-                Err(mistakes) => {
-                    mistakes.into_iter().for_each(|(key, what)| self.push(&format!("maneuvers.{name}.{key}"), what, ""))
-                }
+                Err(mistakes) => mistakes.into_iter().for_each(|(key, what)| {
+                    self.push(&format!("maneuvers.{name}.{key}"), what, "")
+                }),
             }
         }
         shapes
@@ -148,10 +183,20 @@ impl Checker<'_> {
         for (i, companion) in maneuver.with.iter().enumerate() {
             let path = format!("maneuvers.{name}.with.{i}");
             match settings.maneuvers.get(&companion.maneuver) {
-                None => self.unknown(&format!("{path}.maneuver"), &companion.maneuver, "maneuver", settings.maneuvers.keys()),
+                None => self.unknown(
+                    &format!("{path}.maneuver"),
+                    &companion.maneuver,
+                    "maneuver",
+                    settings.maneuvers.keys(),
+                ),
                 Some(other) if !other.with.is_empty() => {
-                    let what = format!("the maneuver \"{}\" brings others itself", companion.maneuver);
-                    self.push(&format!("{path}.maneuver"), what, "name all that are flown together here");
+                    let what =
+                        format!("the maneuver \"{}\" brings others itself", companion.maneuver);
+                    self.push(
+                        &format!("{path}.maneuver"),
+                        what,
+                        "name all that are flown together here",
+                    );
                 }
                 Some(_) => {}
             }
@@ -167,7 +212,11 @@ impl Checker<'_> {
             ("end_s", timing.end_s),
         ];
         for (key, value) in times.into_iter().filter(|t| !(0.0..=LONGEST_S).contains(&t.1)) {
-            self.push(&format!("{path}.{key}"), format!("`{key}` must be 0 to {LONGEST_S} s, not {value}"), "");
+            self.push(
+                &format!("{path}.{key}"),
+                format!("`{key}` must be 0 to {LONGEST_S} s, not {value}"),
+                "",
+            );
         }
     }
 
@@ -175,20 +224,34 @@ impl Checker<'_> {
         let path = format!("flights.{id}");
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         if id.is_empty() || id.starts_with('.') || !id.chars().all(plain) {
-            self.push(&path, format!("\"{id}\" cannot name a file"), "use letters, digits, - and _");
+            self.push(
+                &path,
+                format!("\"{id}\" cannot name a file"),
+                "use letters, digits, - and _",
+            );
         }
         if let Some(timing) = &flight.timing {
             self.timing(&format!("{path}.timing"), timing);
         }
         match (flight.speeds_kt.is_empty(), flight.points.is_empty()) {
-            (true, true) => self.push(&path, "the flight has no test point", "give `speeds_kt` with `at_each`, or `points`"),
-            (false, false) => {
-                self.push(&format!("{path}.points"), "the flight has both `speeds_kt` and `points`", "keep one of them")
-            }
+            (true, true) => self.push(
+                &path,
+                "the flight has no test point",
+                "give `speeds_kt` with `at_each`, or `points`",
+            ),
+            (false, false) => self.push(
+                &format!("{path}.points"),
+                "the flight has both `speeds_kt` and `points`",
+                "keep one of them",
+            ),
             _ => {}
         }
         if flight.speeds_kt.is_empty() && !flight.at_each.is_empty() {
-            self.push(&format!("{path}.at_each"), "`at_each` belongs to `speeds_kt`, which is missing", "");
+            self.push(
+                &format!("{path}.at_each"),
+                "`at_each` belongs to `speeds_kt`, which is missing",
+                "",
+            );
         }
         self.references(&path, flight);
         let plan = Plan::new(self.settings, shapes, id, flight);
@@ -204,22 +267,43 @@ impl Checker<'_> {
 
     /// Names that the flight refers to.
     fn references(&mut self, path: &str, flight: &Flight) {
-        let each = flight.at_each.iter().enumerate().map(|(i, name)| (format!("{path}.at_each.{i}"), name));
+        let each = flight
+            .at_each
+            .iter()
+            .enumerate()
+            .map(|(i, name)| (format!("{path}.at_each.{i}"), name));
         let points = flight.points.iter().enumerate();
         let points = points.flat_map(|(i, p)| {
-            p.maneuvers.iter().enumerate().map(move |(k, name)| (format!("{path}.points.{i}.maneuvers.{k}"), name))
+            p.maneuvers
+                .iter()
+                .enumerate()
+                .map(move |(k, name)| (format!("{path}.points.{i}.maneuvers.{k}"), name))
         });
-        let events = flight.events.iter().enumerate().map(|(i, e)| (format!("{path}.events.{i}.maneuver"), &e.maneuver));
+        let events = flight
+            .events
+            .iter()
+            .enumerate()
+            .map(|(i, e)| (format!("{path}.events.{i}.maneuver"), &e.maneuver));
         let settings = self.settings;
         for (place, name) in each.chain(points).chain(events) {
             if !settings.maneuvers.contains_key(name) {
                 self.unknown(&place, name, "maneuver", settings.maneuvers.keys());
             }
         }
-        for name in flight.constant.keys().filter(|name| !settings.drive.constant.contains_key(*name)) {
-            self.unknown(&format!("{path}.constant.{name}"), name, "input in [drive.constant]", settings.drive.constant.keys());
+        for name in
+            flight.constant.keys().filter(|name| !settings.drive.constant.contains_key(*name))
+        {
+            self.unknown(
+                &format!("{path}.constant.{name}"),
+                name,
+                "input in [drive.constant]",
+                settings.drive.constant.keys(),
+            );
         }
-        if flight.turbulence != 0.0 && settings.drive.noise.is_empty() && settings.drive.turbulence.is_none() {
+        if flight.turbulence != 0.0
+            && settings.drive.noise.is_empty()
+            && settings.drive.turbulence.is_none()
+        {
             self.push(
                 &format!("{path}.turbulence"),
                 "no input of the truth model receives turbulence",
@@ -234,12 +318,17 @@ impl Checker<'_> {
             if m.hold_s[0] < 0.0 {
                 self.push(
                     path,
-                    format!("the maneuver \"{}\" at {:.1} s begins before the flight", m.maneuver, m.t_start_s),
+                    format!(
+                        "the maneuver \"{}\" at {:.1} s begins before the flight",
+                        m.maneuver, m.t_start_s
+                    ),
                     "fly it later",
                 );
             }
-            // Test points follow each other without a gap where `recover_s` is 0: only a real overlap counts.
-            let overlaps = |next: &&Placed| next.hold_s != m.hold_s && next.hold_s[0] < m.hold_s[1] - 1e-6;
+            // Test points follow each other without a gap where `recover_s` is 0: only a real
+            // overlap counts.
+            let overlaps =
+                |next: &&Placed| next.hold_s != m.hold_s && next.hold_s[0] < m.hold_s[1] - 1e-6;
             if let Some(next) = plan.maneuvers.get(i + 1).filter(overlaps) {
                 let what = format!(
                     "the maneuver \"{}\" at {:.1} s begins before \"{}\" is over at {:.1} s (with `hold_before_s` and `hold_after_s`)",
@@ -256,21 +345,38 @@ impl Checker<'_> {
             self.push(&path, format!("the topic \"{name}\" has no field"), "");
         }
         if let Some(field) = topic.time_field.as_ref().filter(|f| topic.fields.contains_key(*f)) {
-            self.push(&format!("{path}.time_field"), format!("\"{field}\" is also a sensor's field"), "give the time another name");
+            self.push(
+                &format!("{path}.time_field"),
+                format!("\"{field}\" is also a sensor's field"),
+                "give the time another name",
+            );
         }
         for (i, gap) in topic.gaps.iter().enumerate() {
             let settings = self.settings;
             if !settings.flights.contains_key(&gap.flight) {
-                self.unknown(&format!("{path}.gaps.{i}.flight"), &gap.flight, "flight", settings.flights.keys());
+                self.unknown(
+                    &format!("{path}.gaps.{i}.flight"),
+                    &gap.flight,
+                    "flight",
+                    settings.flights.keys(),
+                );
             }
             if gap.to_s <= gap.from_s {
-                self.push(&format!("{path}.gaps.{i}.to_s"), format!("the gap ends at {} s, before it begins", gap.to_s), "");
+                self.push(
+                    &format!("{path}.gaps.{i}.to_s"),
+                    format!("the gap ends at {} s, before it begins", gap.to_s),
+                    "",
+                );
             }
         }
         for (field, sensor) in &topic.fields {
             let path = format!("{path}.fields.{field}");
             if sensor.sign.abs() != 1.0 {
-                self.push(&format!("{path}.sign"), format!("the sign must be 1 or -1, not {}", sensor.sign), "");
+                self.push(
+                    &format!("{path}.sign"),
+                    format!("the sign must be 1 or -1, not {}", sensor.sign),
+                    "",
+                );
             }
             let Some(truth) = self.truth else { continue };
             let Some(unit) = truth.unit(&sensor.truth) else {
@@ -297,7 +403,8 @@ impl Checker<'_> {
     }
 }
 
-/// Whether two unit strings have the same dimension. Units that cannot be read are reported elsewhere.
+/// Whether two unit strings have the same dimension. Units that cannot be read are reported
+/// elsewhere.
 fn same_kind(a: &str, b: &str) -> bool {
     match (Unit::parse(a), Unit::parse(b)) {
         (Ok(a), Ok(b)) => a.dim == b.dim,
@@ -343,9 +450,18 @@ cmd = { truth = "aileron", unit = "V" }
 "#;
 
     fn interface() -> Interface {
-        let map = |list: &[(&str, &str)]| list.iter().map(|(n, u)| (n.to_string(), u.to_string())).collect();
+        let map = |list: &[(&str, &str)]| {
+            list.iter().map(|(n, u)| (n.to_string(), u.to_string())).collect()
+        };
         Interface {
-            inputs: map(&[("V_cmd", "m/s"), ("hold", "-"), ("n_w", "-"), ("sigma_w", "m/s"), ("wind", "m/s"), ("aileron", "V")]),
+            inputs: map(&[
+                ("V_cmd", "m/s"),
+                ("hold", "-"),
+                ("n_w", "-"),
+                ("sigma_w", "m/s"),
+                ("wind", "m/s"),
+                ("aileron", "V"),
+            ]),
             outputs: map(&[("V", "m/s"), ("alpha", "rad")]),
         }
     }
@@ -388,13 +504,19 @@ cmd = { truth = "aileron", unit = "V" }
     #[test]
     fn maneuvers_that_overlap_or_begin_too_early_are_refused() {
         let with = |events: &str| {
-            mistakes(&GOOD.replace("at_each = [\"lateral\"]", &format!("at_each = [\"lateral\"]\nevents = [{events}]")))
+            mistakes(&GOOD.replace(
+                "at_each = [\"lateral\"]",
+                &format!("at_each = [\"lateral\"]\nevents = [{events}]"),
+            ))
         };
         assert_eq!(with("{ at_s = 20, maneuver = \"lateral\" }"), Vec::<String>::new());
         let early = with("{ at_s = 1, maneuver = \"lateral\" }");
         assert!(early.len() == 1 && early[0].contains("begins before the flight"), "{early:?}");
         let overlap = with("{ at_s = 35, maneuver = \"lateral\" }");
-        assert!(overlap.len() == 1 && overlap[0].contains("begins before \"lateral\" is over"), "{overlap:?}");
+        assert!(
+            overlap.len() == 1 && overlap[0].contains("begins before \"lateral\" is over"),
+            "{overlap:?}"
+        );
     }
 
     #[test]
@@ -405,11 +527,19 @@ cmd = { truth = "aileron", unit = "V" }
             let pair = format!(
                 "[maneuvers.pair]\ninput = \"aileron\"\nkind = \"step\"\nunit_time_s = 9.0\namplitude = 1.0\nwith = [{own}]\n"
             );
-            mistakes(&text.replace("[flights.flight-01]", &format!("{second}{pair}[flights.flight-01]")))
+            mistakes(
+                &text.replace("[flights.flight-01]", &format!("{second}{pair}[flights.flight-01]")),
+            )
         };
-        assert_eq!(with("{ maneuver = \"lateral\" }, { maneuver = \"lateral_late\", after_s = 8.0 }"), Vec::<String>::new());
+        assert_eq!(
+            with("{ maneuver = \"lateral\" }, { maneuver = \"lateral_late\", after_s = 8.0 }"),
+            Vec::<String>::new()
+        );
         let unknown = with("{ maneuver = \"latteral\" }");
-        assert!(unknown.len() == 1 && unknown[0].contains("did you mean \"lateral\""), "{unknown:?}");
+        assert!(
+            unknown.len() == 1 && unknown[0].contains("did you mean \"lateral\""),
+            "{unknown:?}"
+        );
         let itself = with("{ maneuver = \"pair\" }");
         assert!(itself.len() == 1 && itself[0].contains("brings others itself"), "{itself:?}");
     }
@@ -419,10 +549,16 @@ cmd = { truth = "aileron", unit = "V" }
         let twice = mistakes(&GOOD.replace("hold = \"hold\"", "hold = \"V_cmd\""));
         assert!(twice.iter().any(|e| e.contains("what it is given here has \"-\"")), "{twice:?}");
         assert!(
-            twice.iter().any(|e| e.contains("already driven")) && twice.iter().any(|e| e.contains("nothing drives")),
+            twice.iter().any(|e| e.contains("already driven"))
+                && twice.iter().any(|e| e.contains("nothing drives")),
             "{twice:?}"
         );
-        let both = mistakes(&GOOD.replace("constant = { wind = 0.0 }", "constant = { wind = 0.0, aileron = 0.0 }"));
-        assert!(both.len() == 1 && both[0].contains("driven by [drive] and by this maneuver"), "{both:?}");
+        let both = mistakes(
+            &GOOD.replace("constant = { wind = 0.0 }", "constant = { wind = 0.0, aileron = 0.0 }"),
+        );
+        assert!(
+            both.len() == 1 && both[0].contains("driven by [drive] and by this maneuver"),
+            "{both:?}"
+        );
     }
 }

@@ -8,13 +8,16 @@ fn flight(speed_kt: f64, maneuvers: &str, timing: &str, turbulence: f64) -> Trut
     let text = format!(
         "altitude_ft = 17000\nspeeds_kt = [{speed_kt}]\nat_each = [{maneuvers}]\nturbulence = {turbulence}\ntiming = {{ {timing} }}"
     );
-    campaign.settings.flights = [("test".to_string(), toml::from_str::<Flight>(&text).unwrap())].into_iter().collect();
+    campaign.settings.flights =
+        [("test".to_string(), toml::from_str::<Flight>(&text).unwrap())].into_iter().collect();
     campaign.truth("test").unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn range(truth: &Truth, name: &str) -> (f64, f64) {
     let values = &truth.signals[name].values;
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
+    values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
 }
 
 #[test]
@@ -56,12 +59,16 @@ fn an_elevator_input_of_the_citation_gives_no_roll() {
 #[test]
 fn the_citation_rides_through_turbulence() {
     let truth = flight(160.0, "\"lateral\", \"longitudinal\"", "settle_s = 20, end_s = 60", 1.0);
-    // A vertical gust of 1 m/s is 0.0094 rad of alpha at 106.5 m/s; the aircraft gives way to the slow part of it.
+    // A vertical gust of 1 m/s is 0.0094 rad of alpha at 106.5 m/s; the aircraft gives way to the
+    // slow part of it.
     let alpha = &truth.signals["alpha_vane"].values;
     let mean = alpha.iter().sum::<f64>() / alpha.len() as f64;
-    let sd = (alpha.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / alpha.len() as f64).sqrt();
+    let sd =
+        (alpha.iter().map(|a| (a - mean) * (a - mean)).sum::<f64>() / alpha.len() as f64).sqrt();
     assert!((0.002..0.03).contains(&sd), "{sd}");
-    for (name, low, high) in [("phi", -0.8, 0.8), ("true_airspeed", 95.0, 118.0), ("theta", -0.1, 0.25)] {
+    for (name, low, high) in
+        [("phi", -0.8, 0.8), ("true_airspeed", 95.0, 118.0), ("theta", -0.1, 0.25)]
+    {
         let (least, most) = range(&truth, name);
         assert!(least > low && most < high, "{name} goes from {least} to {most}");
     }

@@ -35,11 +35,17 @@ impl Shape {
         if !maneuver.amplitude.is_finite() || maneuver.amplitude <= 0.0 {
             mistakes.push((
                 "amplitude",
-                format!("the amplitude must be greater than 0, not {}; the sign is `polarity`", maneuver.amplitude),
+                format!(
+                    "the amplitude must be greater than 0, not {}; the sign is `polarity`",
+                    maneuver.amplitude
+                ),
             ));
         }
         if maneuver.polarity.abs() != 1 {
-            mistakes.push(("polarity", format!("the polarity must be 1 or -1, not {}", maneuver.polarity)));
+            mistakes.push((
+                "polarity",
+                format!("the polarity must be 1 or -1, not {}", maneuver.polarity),
+            ));
         }
         let shape = match (maneuver.kind.as_str(), steps(&maneuver.kind)) {
             ("multisine", _) => multisine(maneuver, &mut mistakes),
@@ -65,18 +71,26 @@ impl Shape {
 
     /// The signal at `t` seconds after the first step.
     pub fn value(&self, t: f64) -> f64 {
-        // Grid times are products of an index: a step at a grid point must not be missed by a rounding error.
+        // Grid times are products of an index: a step at a grid point must not be missed by a
+        // rounding error.
         const SLACK: f64 = 1e-9;
         match self {
             Shape::Steps { changes, edge } => {
-                let risen = |at: f64| if *edge > 0.0 { ((t - at) / edge).clamp(0.0, 1.0) } else { f64::from(t >= at - SLACK) };
+                let risen = |at: f64| {
+                    if *edge > 0.0 {
+                        ((t - at) / edge).clamp(0.0, 1.0)
+                    } else {
+                        f64::from(t >= at - SLACK)
+                    }
+                };
                 changes.iter().map(|(at, change)| change * risen(*at)).sum()
             }
             Shape::Sines { duration, terms, factor } => {
                 if !(0.0..=*duration).contains(&t) {
                     return 0.0;
                 }
-                factor * terms.iter().map(|(omega, phase)| libm::sin(omega * t + phase)).sum::<f64>()
+                factor
+                    * terms.iter().map(|(omega, phase)| libm::sin(omega * t + phase)).sum::<f64>()
             }
         }
     }
@@ -92,7 +106,12 @@ fn steps(kind: &str) -> Option<Vec<u32>> {
     }
 }
 
-fn positive(value: Option<f64>, key: &'static str, for_what: &str, mistakes: &mut Vec<Mistake>) -> Option<f64> {
+fn positive(
+    value: Option<f64>,
+    key: &'static str,
+    for_what: &str,
+    mistakes: &mut Vec<Mistake>,
+) -> Option<f64> {
     match value {
         Some(x) if x.is_finite() && x > 0.0 => Some(x),
         Some(x) => {
@@ -106,18 +125,30 @@ fn positive(value: Option<f64>, key: &'static str, for_what: &str, mistakes: &mu
     }
 }
 
-/// Steps of `digits` time units with alternating sign (Koehler and Wilhelm, DFVLR IB 154-77/40, 1977).
+/// Steps of `digits` time units with alternating sign (Koehler and Wilhelm, DFVLR IB 154-77/40,
+/// 1977).
 fn multistep(maneuver: &Maneuver, digits: &[u32], mistakes: &mut Vec<Mistake>) -> Option<Shape> {
     let unit = positive(maneuver.unit_time_s, "unit_time_s", "a multistep", mistakes);
-    for (key, given) in [("duration_s", maneuver.duration_s.is_some()), ("band_hz", maneuver.band_hz.is_some())] {
+    for (key, given) in
+        [("duration_s", maneuver.duration_s.is_some()), ("band_hz", maneuver.band_hz.is_some())]
+    {
         if given {
-            mistakes.push((key, format!("`{key}` belongs to a multisine, not to \"{}\"", maneuver.kind)));
+            mistakes.push((
+                key,
+                format!("`{key}` belongs to a multisine, not to \"{}\"", maneuver.kind),
+            ));
         }
     }
     let unit = unit?;
     let shortest = unit * f64::from(*digits.iter().min()?);
     if !(0.0..=shortest).contains(&maneuver.edge_s) {
-        mistakes.push(("edge_s", format!("an edge must take from 0 s to one step, {shortest} s, not {}", maneuver.edge_s)));
+        mistakes.push((
+            "edge_s",
+            format!(
+                "an edge must take from 0 s to one step, {shortest} s, not {}",
+                maneuver.edge_s
+            ),
+        ));
     }
     let mut changes = Vec::new();
     let (mut time, mut level, mut sign) = (0u32, 0.0, f64::from(maneuver.polarity));
@@ -130,8 +161,8 @@ fn multistep(maneuver: &Maneuver, digits: &[u32], mistakes: &mut Vec<Mistake>) -
     Some(Shape::Steps { changes, edge: maneuver.edge_s })
 }
 
-/// Harmonics of 1/duration inside the band, equal power, Schroeder phases (IEEE Trans. Inf. Theory 16, 1970), shifted in time so that the signal
-/// begins and ends at zero.
+/// Harmonics of 1/duration inside the band, equal power, Schroeder phases (IEEE Trans. Inf. Theory
+/// 16, 1970), shifted in time so that the signal begins and ends at zero.
 fn multisine(maneuver: &Maneuver, mistakes: &mut Vec<Mistake>) -> Option<Shape> {
     let duration = positive(maneuver.duration_s, "duration_s", "a multisine", mistakes);
     if maneuver.unit_time_s.is_some() || maneuver.edge_s != 0.0 {
@@ -145,7 +176,10 @@ fn multisine(maneuver: &Maneuver, mistakes: &mut Vec<Mistake>) -> Option<Shape> 
     // Bounded: a band of many thousand harmonics is a mistake in a unit.
     let (first, last) = ((low * duration - 1e-9).ceil().max(1.0), (high * duration + 1e-9).floor());
     if !(low > 0.0 && last >= first && last < 10_000.0) {
-        let what = format!("between {low} and {high} Hz there must be 1 to 9999 multiples of 1/duration = {} Hz", 1.0 / duration);
+        let what = format!(
+            "between {low} and {high} Hz there must be 1 to 9999 multiples of 1/duration = {} Hz",
+            1.0 / duration
+        );
         mistakes.push(("band_hz", what));
         return None;
     }
@@ -162,10 +196,15 @@ fn multisine(maneuver: &Maneuver, mistakes: &mut Vec<Mistake>) -> Option<Shape> 
     let largest = samples.iter().fold(0.0f64, |m, x| m.max(x.abs()));
     let zero = rising_zero(&samples, step, sum);
     let terms = terms.iter().map(|(omega, phase)| (*omega, phase + omega * zero)).collect();
-    Some(Shape::Sines { duration, terms, factor: f64::from(maneuver.polarity) * maneuver.amplitude / largest })
+    Some(Shape::Sines {
+        duration,
+        terms,
+        factor: f64::from(maneuver.polarity) * maneuver.amplitude / largest,
+    })
 }
 
-/// The first time at which `f`, sampled at multiples of `step`, rises through 0; 0 when it never does.
+/// The first time at which `f`, sampled at multiples of `step`, rises through 0; 0 when it never
+/// does.
 fn rising_zero(samples: &[f64], step: f64, f: impl Fn(f64) -> f64) -> f64 {
     let Some(i) = samples.windows(2).position(|w| w[0] <= 0.0 && w[1] > 0.0) else { return 0.0 };
     let (mut low, mut high) = (i as f64 * step, (i + 1) as f64 * step);
@@ -202,9 +241,13 @@ mod tests {
     #[test]
     fn multisteps_have_the_durations_and_integrals_of_their_digits() {
         // 3-2+1-1 = +1 unit, 2-2+1-1 = 0, 2-1+1 = 2, 1-1 = 0, 1.
-        for (kind, duration, integral) in
-            [("3211", 3.5, 1.0), ("2211", 3.0, 0.0), ("211", 2.0, 2.0), ("doublet", 1.0, 0.0), ("step", 0.5, 1.0)]
-        {
+        for (kind, duration, integral) in [
+            ("3211", 3.5, 1.0),
+            ("2211", 3.0, 0.0),
+            ("211", 2.0, 2.0),
+            ("doublet", 1.0, 0.0),
+            ("step", 0.5, 1.0),
+        ] {
             let shape = Shape::of(&maneuver(kind)).unwrap();
             assert_eq!(shape.duration(), duration, "{kind}");
             let area: f64 = sampled(&shape, 0.005).iter().sum::<f64>() * 0.005;
@@ -216,9 +259,17 @@ mod tests {
     fn a_3211_has_its_levels_in_turn_and_changes_exactly_at_grid_points() {
         let shape = Shape::of(&maneuver("3211")).unwrap();
         let dt = 1.0 / 200.0;
-        for (k, expected) in
-            [(0, -2.0), (299, -2.0), (300, 2.0), (499, 2.0), (500, -2.0), (600, 2.0), (699, 2.0), (700, 0.0), (900, 0.0)]
-        {
+        for (k, expected) in [
+            (0, -2.0),
+            (299, -2.0),
+            (300, 2.0),
+            (499, 2.0),
+            (500, -2.0),
+            (600, 2.0),
+            (699, 2.0),
+            (700, 0.0),
+            (900, 0.0),
+        ] {
             assert_eq!(shape.value(k as f64 * dt), expected, "{k}");
         }
         assert_eq!(shape.value(-dt), 0.0);
@@ -235,37 +286,68 @@ mod tests {
 
     #[test]
     fn a_multisine_fills_its_band_begins_at_zero_and_reaches_its_amplitude() {
-        let m =
-            Maneuver { unit_time_s: None, duration_s: Some(10.0), band_hz: Some([0.2, 1.5]), polarity: 1, ..maneuver("multisine") };
+        let m = Maneuver {
+            unit_time_s: None,
+            duration_s: Some(10.0),
+            band_hz: Some([0.2, 1.5]),
+            polarity: 1,
+            ..maneuver("multisine")
+        };
         let shape = Shape::of(&m).unwrap();
         let values = sampled(&shape, 0.001);
         assert!(values[0].abs() < 1e-9 && values[10_000].abs() < 1e-9);
         let largest = values.iter().fold(0.0f64, |a, x| a.max(x.abs()));
         assert!((largest - 2.0).abs() < 0.01, "{largest}");
-        // All 14 harmonics have the same power, others none; a relative peak factor (Morelli) below 1.3 is what Schroeder phases give.
+        // All 14 harmonics have the same power, others none; a relative peak factor (Morelli) below
+        // 1.3 is what Schroeder phases give.
         let power = |k: f64| {
             let part = |f: fn(f64) -> f64| {
-                values[1..].iter().enumerate().map(|(i, x)| x * f(TAU * k * (i + 1) as f64 / 10_000.0)).sum::<f64>() / 5000.0
+                values[1..]
+                    .iter()
+                    .enumerate()
+                    .map(|(i, x)| x * f(TAU * k * (i + 1) as f64 / 10_000.0))
+                    .sum::<f64>()
+                    / 5000.0
             };
             part(f64::sin).hypot(part(f64::cos))
         };
-        assert!((power(2.0) - power(15.0)).abs() < 1e-9 && power(2.0) > 0.2 && power(1.0) < 1e-9 && power(16.0) < 1e-9);
+        assert!(
+            (power(2.0) - power(15.0)).abs() < 1e-9
+                && power(2.0) > 0.2
+                && power(1.0) < 1e-9
+                && power(16.0) < 1e-9
+        );
         let rms = (values[1..].iter().map(|x| x * x).sum::<f64>() / 10_000.0).sqrt();
         assert!(largest / rms / 2f64.sqrt() < 1.3);
     }
 
     #[test]
     fn every_mistake_of_a_maneuver_is_found() {
-        let m = Maneuver { amplitude: -1.0, polarity: 3, unit_time_s: None, edge_s: 1.0, ..maneuver("3211") };
-        let keys = |m: &Maneuver| Shape::of(m).unwrap_err().into_iter().map(|e| e.0).collect::<Vec<_>>();
+        let m = Maneuver {
+            amplitude: -1.0,
+            polarity: 3,
+            unit_time_s: None,
+            edge_s: 1.0,
+            ..maneuver("3211")
+        };
+        let keys =
+            |m: &Maneuver| Shape::of(m).unwrap_err().into_iter().map(|e| e.0).collect::<Vec<_>>();
         assert_eq!(keys(&m), ["amplitude", "polarity", "unit_time_s"]);
         assert_eq!(keys(&Maneuver { edge_s: 1.0, ..maneuver("3211") }), ["edge_s"]);
         assert_eq!(keys(&maneuver("32x1")), ["kind"]);
         assert_eq!(keys(&maneuver("3201")), ["kind"]);
         assert_eq!(
-            keys(&Maneuver { band_hz: Some([2.0, 1.0]), unit_time_s: None, duration_s: Some(5.0), ..maneuver("multisine") }),
+            keys(&Maneuver {
+                band_hz: Some([2.0, 1.0]),
+                unit_time_s: None,
+                duration_s: Some(5.0),
+                ..maneuver("multisine")
+            }),
             ["band_hz"]
         );
-        assert_eq!(keys(&Maneuver { unit_time_s: Some(1.0), ..maneuver("multisine") }), ["duration_s", "kind", "band_hz"]);
+        assert_eq!(
+            keys(&Maneuver { unit_time_s: Some(1.0), ..maneuver("multisine") }),
+            ["duration_s", "kind", "band_hz"]
+        );
     }
 }

@@ -17,7 +17,9 @@ pub use check::{Interface, check};
 pub use input::Shape;
 pub use random::Stream;
 pub use recorder::{FieldLog, Recording, SensorError, TopicLog, record};
-pub use settings::{Companion, Drive, Event, Flight, Gap, Maneuver, Point, Sensor, Settings, Timing, Topic};
+pub use settings::{
+    Companion, Drive, Event, Flight, Gap, Maneuver, Point, Sensor, Settings, Timing, Topic,
+};
 pub use timeline::{Placed, Plan};
 pub use truth::{Signal, Truth};
 pub use write::{write_log, write_truth};

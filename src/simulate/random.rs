@@ -3,8 +3,8 @@
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 
-/// A stream of random numbers that depends on a seed and on names, and on nothing else: adding or changing one sensor leaves the
-/// streams of all others as they are.
+/// A stream of random numbers that depends on a seed and on names, and on nothing else: adding or
+/// changing one sensor leaves the streams of all others as they are.
 pub struct Stream {
     generator: Pcg64,
     spare: Option<f64>,
@@ -20,7 +20,9 @@ impl Stream {
             hash.update(name.as_bytes());
         }
         let digest = hash.finalize();
-        let half = |first: usize| u128::from_le_bytes(std::array::from_fn(|i| digest.as_bytes()[first + i]));
+        let half = |first: usize| {
+            u128::from_le_bytes(std::array::from_fn(|i| digest.as_bytes()[first + i]))
+        };
         Stream { generator: Pcg64::new(half(0), half(16)), spare: None }
     }
 
@@ -29,7 +31,8 @@ impl Stream {
         (self.generator.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Standard normal (polar method, Knuth, The Art of Computer Programming 2, 3.4.1, algorithm P).
+    /// Standard normal (polar method, Knuth, The Art of Computer Programming 2, 3.4.1, algorithm
+    /// P).
     pub fn normal(&mut self) -> f64 {
         if let Some(x) = self.spare.take() {
             return x;
@@ -68,7 +71,10 @@ mod tests {
         let values: Vec<f64> = (0..200_000).map(|_| stream.normal()).collect();
         let [mean, second, fourth] = moments(&values);
         // Standard errors 1/sqrt(n), sqrt(2/n), sqrt(96/n): 0.0022, 0.0032, 0.022; four of each.
-        assert!(mean.abs() < 0.009 && (second - 1.0).abs() < 0.013 && (fourth - 3.0).abs() < 0.09, "{mean} {second} {fourth}");
+        assert!(
+            mean.abs() < 0.009 && (second - 1.0).abs() < 0.013 && (fourth - 3.0).abs() < 0.09,
+            "{mean} {second} {fourth}"
+        );
         let pairs: f64 = values.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / values.len() as f64;
         assert!(pairs.abs() < 0.009, "{pairs}");
     }
@@ -94,10 +100,15 @@ mod tests {
     fn the_generator_is_a_named_one_whose_numbers_stay() {
         let mut stream = Stream::new(1, &["flight-01"]);
         let numbers = [stream.uniform(), stream.uniform()];
-        let digest = blake3::hash(&[&1u64.to_le_bytes()[..], &9u64.to_le_bytes()[..], b"flight-01"].concat());
-        let half = |i: usize| u128::from_le_bytes(digest.as_bytes()[16 * i..16 * i + 16].try_into().unwrap());
+        let digest = blake3::hash(
+            &[&1u64.to_le_bytes()[..], &9u64.to_le_bytes()[..], b"flight-01"].concat(),
+        );
+        let half = |i: usize| {
+            u128::from_le_bytes(digest.as_bytes()[16 * i..16 * i + 16].try_into().unwrap())
+        };
         let mut generator = Pcg64::new(half(0), half(1));
-        let expected: Vec<f64> = (0..2).map(|_| (generator.next_u64() >> 11) as f64 / 9_007_199_254_740_992.0).collect();
+        let expected: Vec<f64> =
+            (0..2).map(|_| (generator.next_u64() >> 11) as f64 / 9_007_199_254_740_992.0).collect();
         assert_eq!(numbers.to_vec(), expected);
     }
 }

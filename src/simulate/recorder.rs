@@ -1,4 +1,5 @@
-//! The true signals of a flight and the recorder's settings in, the topics of a log out: sampled, disturbed, stamped.
+//! The true signals of a flight and the recorder's settings in, the topics of a log out: sampled,
+//! disturbed, stamped.
 
 use super::random::Stream;
 use super::settings::{Sensor, Settings, Topic};
@@ -50,17 +51,29 @@ pub struct SensorError {
     pub delay_s: f64,
 }
 
-/// Records a flight: every topic with the sensors of `settings`, random numbers from `seed`. `start_ns` is the time of the flight's start.
+/// Records a flight: every topic with the sensors of `settings`, random numbers from `seed`.
+/// `start_ns` is the time of the flight's start.
 ///
-/// Signals that the truth does not have, and units that cannot be read, are passed over: the check of the campaign file reports them.
+/// Signals that the truth does not have, and units that cannot be read, are passed over: the check
+/// of the campaign file reports them.
 pub fn record(settings: &Settings, truth: &Truth, seed: u64, start_ns: u64) -> Recording {
     let mut errors = Vec::new();
-    let topics =
-        settings.topics.iter().map(|(name, topic)| record_topic(name, topic, truth, seed, start_ns, &mut errors)).collect();
+    let topics = settings
+        .topics
+        .iter()
+        .map(|(name, topic)| record_topic(name, topic, truth, seed, start_ns, &mut errors))
+        .collect();
     Recording { flight: truth.flight.clone(), topics, errors }
 }
 
-fn record_topic(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u64, errors: &mut Vec<SensorError>) -> TopicLog {
+fn record_topic(
+    name: &str,
+    topic: &Topic,
+    truth: &Truth,
+    seed: u64,
+    start_ns: u64,
+    errors: &mut Vec<SensorError>,
+) -> TopicLog {
     let times = sample_times(name, topic, truth, seed);
     let mut fields = Vec::new();
     let mut columns: Vec<Vec<f64>> = Vec::new();
@@ -73,7 +86,11 @@ fn record_topic(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u
         columns.push(times.iter().map(|t| start_ns as f64 * 1e-9 + t).collect());
     }
     for (field, sensor) in &topic.fields {
-        let (Some(signal), Ok(unit)) = (truth.signals.get(&sensor.truth), Unit::parse(&sensor.unit)) else { continue };
+        let (Some(signal), Ok(unit)) =
+            (truth.signals.get(&sensor.truth), Unit::parse(&sensor.unit))
+        else {
+            continue;
+        };
         let streams = |purpose: &str| Stream::new(seed, &[&truth.flight, name, field, purpose]);
         let error = SensorError {
             topic: name.to_string(),
@@ -85,8 +102,20 @@ fn record_topic(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u
             lag_s: sensor.lag_s,
             delay_s: sensor.delay_s,
         };
-        columns.push(measure(sensor, &error, &unit, &signal.values, truth.dt, &times, &mut streams("noise")));
-        fields.push(FieldLog { name: field.clone(), unit: sensor.unit.clone(), doc: signal.doc.clone() });
+        columns.push(measure(
+            sensor,
+            &error,
+            &unit,
+            &signal.values,
+            truth.dt,
+            &times,
+            &mut streams("noise"),
+        ));
+        fields.push(FieldLog {
+            name: field.clone(),
+            unit: sensor.unit.clone(),
+            doc: signal.doc.clone(),
+        });
         errors.push(error);
     }
     let (order, publish_ns, log_ns) = arrivals(name, topic, truth, seed, start_ns, &times);
@@ -94,7 +123,8 @@ fn record_topic(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u
     TopicLog { topic: name.to_string(), fields, publish_ns, log_ns, rows }
 }
 
-/// Sampling times of a topic, s since the start of the flight, ascending: a random phase, then the period with jitter.
+/// Sampling times of a topic, s since the start of the flight, ascending: a random phase, then the
+/// period with jitter.
 fn sample_times(name: &str, topic: &Topic, truth: &Truth, seed: u64) -> Vec<f64> {
     let period = 1.0 / topic.rate_hz;
     let phase = Stream::new(seed, &[&truth.flight, name, "phase"]).uniform() * period;
@@ -102,7 +132,11 @@ fn sample_times(name: &str, topic: &Topic, truth: &Truth, seed: u64) -> Vec<f64>
     let end = truth.duration();
     let count = ((end - phase) / period).floor().max(-1.0) as i64 + 1;
     let time = |k: i64| {
-        let shift = if topic.jitter_s > 0.0 { (topic.jitter_s * jitter.normal()).clamp(-0.4 * period, 0.4 * period) } else { 0.0 };
+        let shift = if topic.jitter_s > 0.0 {
+            (topic.jitter_s * jitter.normal()).clamp(-0.4 * period, 0.4 * period)
+        } else {
+            0.0
+        };
         // Whole nanoseconds: the value is then the one at the stamp.
         ((phase + k as f64 * period + shift).clamp(0.0, end) * 1e9).round() * 1e-9
     };
@@ -110,16 +144,27 @@ fn sample_times(name: &str, topic: &Topic, truth: &Truth, seed: u64) -> Vec<f64>
 }
 
 /// The messages that reach the log, by log time: index of the sample, publish time, log time.
-fn arrivals(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u64, times: &[f64]) -> (Vec<usize>, Vec<u64>, Vec<u64>) {
+fn arrivals(
+    name: &str,
+    topic: &Topic,
+    truth: &Truth,
+    seed: u64,
+    start_ns: u64,
+    times: &[f64],
+) -> (Vec<usize>, Vec<u64>, Vec<u64>) {
     let stream = |purpose: &str| Stream::new(seed, &[&truth.flight, name, purpose]);
-    let (mut latency, mut lost, mut repeated) = (stream("latency"), stream("lost"), stream("repeated"));
-    let in_gap = |t: f64| topic.gaps.iter().any(|g| g.flight == truth.flight && (g.from_s..g.to_s).contains(&t));
+    let (mut latency, mut lost, mut repeated) =
+        (stream("latency"), stream("lost"), stream("repeated"));
+    let in_gap = |t: f64| {
+        topic.gaps.iter().any(|g| g.flight == truth.flight && (g.from_s..g.to_s).contains(&t))
+    };
     let nanoseconds = |t: f64| (t * 1e9).round() as u64;
     let mut messages = Vec::with_capacity(times.len());
     for (k, t) in times.iter().enumerate() {
         // Every message takes its numbers, lost or not: a gap then changes nothing behind it.
         let late = topic.latency_s + topic.latency_jitter_s * latency.exponential();
-        let (is_lost, is_repeated) = (lost.uniform() < topic.lost, repeated.uniform() < topic.repeated);
+        let (is_lost, is_repeated) =
+            (lost.uniform() < topic.lost, repeated.uniform() < topic.repeated);
         if is_lost || in_gap(*t) {
             continue;
         }
@@ -132,10 +177,15 @@ fn arrivals(name: &str, topic: &Topic, truth: &Truth, seed: u64, start_ns: u64, 
     }
     // Stable: at equal log times the earlier sample comes first.
     messages.sort_by_key(|m| m.0);
-    (messages.iter().map(|m| m.2).collect(), messages.iter().map(|m| m.1).collect(), messages.iter().map(|m| m.0).collect())
+    (
+        messages.iter().map(|m| m.2).collect(),
+        messages.iter().map(|m| m.1).collect(),
+        messages.iter().map(|m| m.0).collect(),
+    )
 }
 
-/// A sensor's values at `times`, in the log's unit, from the true signal (SI, on a grid from 0 with spacing `dt`).
+/// A sensor's values at `times`, in the log's unit, from the true signal (SI, on a grid from 0 with
+/// spacing `dt`).
 fn measure(
     sensor: &Sensor,
     error: &SensorError,
@@ -149,13 +199,16 @@ fn measure(
     let signal = lagged.as_deref().unwrap_or(signal);
     let value = |t: &f64| {
         let exact = unit.from_si(sensor.sign * sample(signal, dt, t - sensor.delay_s));
-        let noisy = error.scale * exact + error.bias + if sensor.noise > 0.0 { sensor.noise * noise.normal() } else { 0.0 };
+        let noisy = error.scale * exact
+            + error.bias
+            + if sensor.noise > 0.0 { sensor.noise * noise.normal() } else { 0.0 };
         rounded(noisy, sensor.resolution)
     };
     times.iter().map(value).collect()
 }
 
-/// The nearest multiple of `resolution`; multiples of 1/integer are formed by division, which gives the short decimal number.
+/// The nearest multiple of `resolution`; multiples of 1/integer are formed by division, which gives
+/// the short decimal number.
 fn rounded(value: f64, resolution: f64) -> f64 {
     if resolution <= 0.0 {
         return value;
@@ -167,10 +220,12 @@ fn rounded(value: f64, resolution: f64) -> f64 {
     (if decimal { count / inverse } else { count * resolution }) + 0.0
 }
 
-/// The signal behind a first-order lag with time constant `tau`, exact for a signal that is linear between grid points; steady at the start.
+/// The signal behind a first-order lag with time constant `tau`, exact for a signal that is linear
+/// between grid points; steady at the start.
 fn lag(signal: &[f64], dt: f64, tau: f64) -> Vec<f64> {
     let decay = libm::exp(-dt / tau);
-    // x' = (u - x)/tau with u = u0 + (u1 - u0) t/dt: x1 = x0 e + (1 - e) u0 + (1 - (1 - e) tau/dt) (u1 - u0).
+    // x' = (u - x)/tau with u = u0 + (u1 - u0) t/dt: x1 = x0 e + (1 - e) u0 + (1 - (1 - e) tau/dt)
+    // (u1 - u0).
     let ramp = 1.0 - (1.0 - decay) * tau / dt;
     let mut x = signal.first().copied().unwrap_or(0.0);
     let mut out = Vec::with_capacity(signal.len());
@@ -182,8 +237,8 @@ fn lag(signal: &[f64], dt: f64, tau: f64) -> Vec<f64> {
     out
 }
 
-/// The signal at time `t` (held outside the grid): cubic Hermite with slopes limited so that nothing overshoots at a step
-/// (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980).
+/// The signal at time `t` (held outside the grid): cubic Hermite with slopes limited so that
+/// nothing overshoots at a step (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980).
 fn sample(signal: &[f64], dt: f64, t: f64) -> f64 {
     let Some(last) = signal.len().checked_sub(1) else { return f64::NAN };
     let x = (t / dt).clamp(0.0, last as f64);
@@ -201,7 +256,8 @@ fn sample(signal: &[f64], dt: f64, t: f64) -> f64 {
     signal[k] + m0 * (s3 - 2.0 * s2 + s) + here * (3.0 * s2 - 2.0 * s3) + m1 * (s3 - s2)
 }
 
-/// Slope at a grid point between two differences: their mean, limited to three times the smaller, 0 at an extremum.
+/// Slope at a grid point between two differences: their mean, limited to three times the smaller, 0
+/// at an extremum.
 fn slope(before: f64, after: f64) -> f64 {
     if before * after <= 0.0 {
         return 0.0;

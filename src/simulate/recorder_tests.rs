@@ -20,7 +20,10 @@ fn truth(seconds: f64, signals: &[Wave]) -> Truth {
         flight: "flight-01".into(),
         dt: DT,
         n,
-        signals: signals.iter().map(|(name, unit, f)| (name.to_string(), signal(unit, *f))).collect(),
+        signals: signals
+            .iter()
+            .map(|(name, unit, f)| (name.to_string(), signal(unit, *f)))
+            .collect(),
         maneuvers: Vec::new(),
     }
 }
@@ -39,7 +42,8 @@ fn topic(rate_hz: f64, fields: &[(&str, Sensor)]) -> Topic {
 fn settings(topics: &[(&str, Topic)]) -> Settings {
     let text = "title = 't'\nseed = 1\ntruth = 'x'\nstart_unix_s = 0\ndrive = {}\nflights = {}\ntopics = {}";
     let mut settings: Settings = toml::from_str(text).unwrap();
-    settings.topics = topics.iter().map(|(name, t)| (name.to_string(), t.clone())).collect::<IndexMap<_, _>>();
+    settings.topics =
+        topics.iter().map(|(name, t)| (name.to_string(), t.clone())).collect::<IndexMap<_, _>>();
     settings
 }
 
@@ -80,7 +84,10 @@ fn errors_drawn_per_flight_have_their_deviation_and_differ_between_flights() {
         truth.flight = format!("flight-{i}");
         let recording = record(&settings, &truth, 7, START);
         let e = recording.errors[0].clone();
-        assert!((column(&recording.topics[0], 0)[0] - (e.scale * 0.1f64.to_degrees() + e.bias)).abs() < 1e-12);
+        assert!(
+            (column(&recording.topics[0], 0)[0] - (e.scale * 0.1f64.to_degrees() + e.bias)).abs()
+                < 1e-12
+        );
         drawn.push(e);
     }
     let (mean, sd) = mean_sd(&drawn.iter().map(|e| e.bias).collect::<Vec<_>>());
@@ -144,10 +151,15 @@ fn messages_get_lost_repeated_and_late_as_often_as_asked() {
     let truth = truth(200.0, &[("a", "-", |t| t)]);
     let log = &record(&settings(&[("/t", t)]), &truth, 7, START).topics[0];
     // 19000 samples outside the gap, 90% come through, 5% of these twice.
-    assert!((log.log_ns.len() as f64 - 19_000.0 * 0.9 * 1.05).abs() < 4.0 * 50.0, "{}", log.log_ns.len());
+    assert!(
+        (log.log_ns.len() as f64 - 19_000.0 * 0.9 * 1.05).abs() < 4.0 * 50.0,
+        "{}",
+        log.log_ns.len()
+    );
     assert!(log.log_ns.windows(2).all(|w| w[0] <= w[1]));
     assert!(times(log).iter().all(|t| !(30.0..40.0).contains(t)));
-    let late: Vec<f64> = log.log_ns.iter().zip(&log.publish_ns).map(|(l, p)| (l - p) as f64 * 1e-9).collect();
+    let late: Vec<f64> =
+        log.log_ns.iter().zip(&log.publish_ns).map(|(l, p)| (l - p) as f64 * 1e-9).collect();
     assert!(late.iter().all(|l| *l >= 0.02));
     // Repeated ones, 1 in 21, come 1 ms later.
     assert!((mean_sd(&late).0 - 0.03005).abs() < 3e-4, "{}", mean_sd(&late).0);
@@ -165,8 +177,12 @@ fn values_are_rounded_to_short_decimal_numbers() {
 #[test]
 fn sampling_is_smooth_between_grid_points_and_never_overshoots_a_step() {
     let wave: Vec<f64> = (0..1000).map(|k| (3.0 * k as f64 * DT).sin()).collect();
-    let worst = (0..4000).map(|i| i as f64 * 0.00123).map(|t| (sample(&wave, DT, t) - (3.0 * t).sin()).abs()).fold(0.0, f64::max);
-    // Linear interpolation would err by (3 DT)^2/8 = 2.8e-5 everywhere; here only next to the peaks.
+    let worst = (0..4000)
+        .map(|i| i as f64 * 0.00123)
+        .map(|t| (sample(&wave, DT, t) - (3.0 * t).sin()).abs())
+        .fold(0.0, f64::max);
+    // Linear interpolation would err by (3 DT)^2/8 = 2.8e-5 everywhere; here only next to the
+    // peaks.
     assert!(worst < 2.9e-5, "{worst}");
     assert!((sample(&wave, DT, 0.0025) - 0.0075f64.sin()).abs() < 1e-8);
     let step: Vec<f64> = (0..100).map(|k| f64::from(k >= 50)).collect();
@@ -180,7 +196,10 @@ fn the_same_seed_gives_the_same_recording_and_one_sensor_touches_no_other() {
     let truth = truth(20.0, &[("a", "-", |t| t), ("b", "-", |t| t * t)]);
     let mut air = topic(20.0, &[("x", noisy("a"))]);
     air.jitter_s = 0.001;
-    let both = settings(&[("/imu", topic(50.0, &[("x", noisy("a")), ("y", noisy("b"))])), ("/air", air.clone())]);
+    let both = settings(&[
+        ("/imu", topic(50.0, &[("x", noisy("a")), ("y", noisy("b"))])),
+        ("/air", air.clone()),
+    ]);
     let first = record(&both, &truth, 7, START);
     assert_eq!(first, record(&both, &truth, 7, START));
     assert_ne!(first.topics[1].rows, record(&both, &truth, 8, START).topics[1].rows);
@@ -189,8 +208,10 @@ fn the_same_seed_gives_the_same_recording_and_one_sensor_touches_no_other() {
     changed.topics["/imu"].lost = 0.5;
     let second = record(&changed, &truth, 7, START);
     assert_eq!(first.topics[1], second.topics[1]);
-    let y: Vec<(u64, f64)> = first.topics[0].publish_ns.iter().copied().zip(column(&first.topics[0], 1)).collect();
-    let left: Vec<(u64, f64)> = second.topics[0].publish_ns.iter().copied().zip(column(&second.topics[0], 1)).collect();
+    let y: Vec<(u64, f64)> =
+        first.topics[0].publish_ns.iter().copied().zip(column(&first.topics[0], 1)).collect();
+    let left: Vec<(u64, f64)> =
+        second.topics[0].publish_ns.iter().copied().zip(column(&second.topics[0], 1)).collect();
     assert!(left.len() < y.len() && left.iter().all(|m| y.contains(m)));
     let without = settings(&[("/air", air)]);
     assert_eq!(record(&without, &truth, 7, START).topics[0], first.topics[1]);

@@ -1,10 +1,12 @@
-//! The campaign file `campaign.toml`: which flights are flown, which inputs are given, what the sensors do to the truth.
+//! The campaign file `campaign.toml`: which flights are flown, which inputs are given, what the
+//! sensors do to the truth.
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A simulated flight-test campaign: a truth model, the flights it flies and the recorder that listens.
+/// A simulated flight-test campaign: a truth model, the flights it flies and the recorder that
+/// listens.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
@@ -13,10 +15,11 @@ pub struct Settings {
     /// Where the campaign comes from.
     #[serde(default)]
     pub source: String,
-    /// Seed of the truth: turbulence. Every random stream is derived from a seed and the names of flight and signal.
+    /// Seed of the truth: turbulence. Every random stream is derived from a seed and the names of
+    /// flight and signal.
     pub seed: u64,
-    /// Seed of the recorder: sensor noise, sampling jitter, lost messages. The same truth can be recorded again with another one.
-    /// Without it, `seed` is used.
+    /// Seed of the recorder: sensor noise, sampling jitter, lost messages. The same truth can be
+    /// recorded again with another one. Without it, `seed` is used.
     #[serde(default)]
     pub sensor_seed: Option<u64>,
     /// Model file of the truth, relative to this file.
@@ -27,14 +30,17 @@ pub struct Settings {
     /// Folder for the logs, relative to this file.
     #[serde(default = "default_logs")]
     pub logs: String,
-    /// Folder for what only tests may read (true coefficients, true maneuver times, true sensor errors), relative to this file.
+    /// Folder for what only tests may read (true coefficients, true maneuver times, true sensor
+    /// errors), relative to this file.
     #[serde(default = "default_truth_folder")]
     pub truth_folder: String,
-    /// Rate of the grid on which the truth is computed, Hz. The integration takes smaller steps where the model needs them.
+    /// Rate of the grid on which the truth is computed, Hz. The integration takes smaller steps
+    /// where the model needs them.
     #[serde(default = "default_rate")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub rate_hz: f64,
-    /// Time of the first sample of the first flight, seconds since 1970-01-01 UTC; each further flight is a day later.
+    /// Time of the first sample of the first flight, seconds since 1970-01-01 UTC; each further
+    /// flight is a day later.
     pub start_unix_s: u64,
     /// Which input of the truth model does what.
     pub drive: Drive,
@@ -62,21 +68,24 @@ fn default_rate() -> f64 {
     200.0
 }
 
-/// Which input of the truth model does what. Every input must be driven: named here, in `constant`, or by a maneuver.
+/// Which input of the truth model does what. Every input must be driven: named here, in `constant`,
+/// or by a maneuver.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Drive {
-    /// Input that receives the commanded true airspeed, m/s (from the calibrated airspeed of the test points, ISA).
+    /// Input that receives the commanded true airspeed, m/s (from the calibrated airspeed of the
+    /// test points, ISA).
     #[serde(default)]
     pub speed: Option<String>,
     /// Input that receives the commanded altitude, m.
     #[serde(default)]
     pub altitude: Option<String>,
-    /// Input that is 1 around a maneuver (loops that fly between test points let go) and 0 otherwise.
+    /// Input that is 1 around a maneuver (loops that fly between test points let go) and 0
+    /// otherwise.
     #[serde(default)]
     pub hold: Option<String>,
-    /// Inputs that receive white noise with a two-sided spectral density of 1 unit^2/Hz (each its own stream), for shaping filters.
-    /// Zero in flights without turbulence.
+    /// Inputs that receive white noise with a two-sided spectral density of 1 unit^2/Hz (each its
+    /// own stream), for shaping filters. Zero in flights without turbulence.
     #[serde(default)]
     pub noise: Vec<String>,
     /// Input that receives the intensity of the turbulence, m/s.
@@ -160,18 +169,20 @@ fn default_end() -> f64 {
 pub struct Maneuver {
     /// Input of the truth model; it is 0 between maneuvers.
     pub input: String,
-    /// A multistep by its digits (`"3211"`, `"2211"`, `"211"`: steps of so many time units with alternating sign), `"doublet"` (`"11"`),
-    /// `"step"` (`"1"`: out and back), or `"multisine"`.
+    /// A multistep by its digits (`"3211"`, `"2211"`, `"211"`: steps of so many time units with
+    /// alternating sign), `"doublet"` (`"11"`), `"step"` (`"1"`: out and back), or `"multisine"`.
     pub kind: String,
     /// Time unit of a multistep, s.
     #[serde(default)]
     pub unit_time_s: Option<f64>,
-    /// Amplitude in the input's (SI) unit: height of the steps, or largest absolute value of the multisine.
+    /// Amplitude in the input's (SI) unit: height of the steps, or largest absolute value of the
+    /// multisine.
     pub amplitude: f64,
     /// Sign of the first step: 1 or -1.
     #[serde(default = "default_polarity")]
     pub polarity: i8,
-    /// Duration of one edge of a multistep, s (a ramp that begins at the nominal time); 0 is one grid step.
+    /// Duration of one edge of a multistep, s (a ramp that begins at the nominal time); 0 is one
+    /// grid step.
     #[serde(default)]
     #[schemars(range(min = 0))]
     pub edge_s: f64,
@@ -181,7 +192,8 @@ pub struct Maneuver {
     /// Lowest and highest frequency of a multisine, Hz.
     #[serde(default)]
     pub band_hz: Option<[f64; 2]>,
-    /// Other maneuvers flown at the same time, inside one hold: several inputs at once, or one input again.
+    /// Other maneuvers flown at the same time, inside one hold: several inputs at once, or one
+    /// input again.
     #[serde(default)]
     pub with: Vec<Companion>,
 }
@@ -208,7 +220,8 @@ fn default_polarity() -> i8 {
 pub struct Flight {
     /// Pressure altitude of the test points, ft.
     pub altitude_ft: f64,
-    /// Calibrated airspeeds of the test points in the order flown, kt. Either this with `at_each`, or `points`.
+    /// Calibrated airspeeds of the test points in the order flown, kt. Either this with `at_each`,
+    /// or `points`.
     #[serde(default)]
     #[schemars(inner(range(min = 1)))]
     pub speeds_kt: Vec<f64>,
@@ -265,8 +278,8 @@ pub struct Topic {
     /// Messages per second.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub rate_hz: f64,
-    /// Standard deviation of the sampling time about its nominal value, s (normal, cut at 0.4 of the period). Stamps are right: they
-    /// show the jittered time.
+    /// Standard deviation of the sampling time about its nominal value, s (normal, cut at 0.4 of
+    /// the period). Stamps are right: they show the jittered time.
     #[serde(default)]
     #[schemars(range(min = 0))]
     pub jitter_s: f64,
@@ -278,7 +291,8 @@ pub struct Topic {
     #[serde(default)]
     #[schemars(range(min = 0))]
     pub latency_jitter_s: f64,
-    /// Name of a field with the publish time in seconds since 1970; without it, only the message envelope has the time.
+    /// Name of a field with the publish time in seconds since 1970; without it, only the message
+    /// envelope has the time.
     #[serde(default)]
     pub time_field: Option<String>,
     /// Probability that a message is lost.
@@ -308,8 +322,8 @@ pub struct Gap {
     pub to_s: f64,
 }
 
-/// What a sensor does to one truth signal: `scale * lagged(value(t - delay)) + bias + noise`, rounded to the resolution. Noise, bias and
-/// resolution are in the log's unit.
+/// What a sensor does to one truth signal: `scale * lagged(value(t - delay)) + bias + noise`,
+/// rounded to the resolution. Noise, bias and resolution are in the log's unit.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {

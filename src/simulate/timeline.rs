@@ -1,4 +1,5 @@
-//! A flight of the campaign file in; its timeline out: when each maneuver is flown, and every input of the truth model over time.
+//! A flight of the campaign file in; its timeline out: when each maneuver is flown, and every input
+//! of the truth model over time.
 
 use super::atmosphere::{FOOT, KNOT, true_airspeed};
 use super::input::Shape;
@@ -25,7 +26,8 @@ pub struct Placed {
     /// Commanded condition.
     pub speed_kt: f64,
     pub altitude_ft: f64,
-    /// While this lasts, the loops that fly between test points let go. Maneuvers flown together have the same one.
+    /// While this lasts, the loops that fly between test points let go. Maneuvers flown together
+    /// have the same one.
     pub hold_s: [f64; 2],
 }
 
@@ -45,7 +47,8 @@ impl Profile {
         self.value.last().copied().unwrap_or_default()
     }
 
-    /// Holds the last value until `t`, then goes to `value` at `rate`; returns the time at which it is there.
+    /// Holds the last value until `t`, then goes to `value` at `rate`; returns the time at which it
+    /// is there.
     fn go(&mut self, t: f64, value: f64, rate: f64) -> f64 {
         let last = self.last();
         if last == value {
@@ -73,8 +76,14 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Places the maneuvers of a flight. Names in `flight` that are not in `shapes` are passed over (the check of the file reports them).
-    pub fn new(settings: &Settings, shapes: &IndexMap<String, Shape>, id: &str, flight: &Flight) -> Plan {
+    /// Places the maneuvers of a flight. Names in `flight` that are not in `shapes` are passed over
+    /// (the check of the file reports them).
+    pub fn new(
+        settings: &Settings,
+        shapes: &IndexMap<String, Shape>,
+        id: &str,
+        flight: &Flight,
+    ) -> Plan {
         let timing = flight.timing.as_ref().unwrap_or(&settings.timing);
         let points = points(flight);
         let (speed, altitude) = points.first().map_or((0.0, flight.altitude_ft), |p| (p.0, p.1));
@@ -88,7 +97,11 @@ impl Plan {
         };
         let mut t: f64 = 0.0;
         for (speed, altitude, names) in points {
-            t = plan.speed.go(t, speed, timing.speed_rate_kt_s).max(plan.altitude.go(t, altitude, timing.altitude_rate_ft_s));
+            t = plan.speed.go(t, speed, timing.speed_rate_kt_s).max(plan.altitude.go(
+                t,
+                altitude,
+                timing.altitude_rate_ft_s,
+            ));
             t += timing.settle_s;
             for (i, name) in names.iter().enumerate() {
                 t += if i == 0 { 0.0 } else { timing.recover_s };
@@ -103,10 +116,19 @@ impl Plan {
         plan
     }
 
-    /// Files a maneuver whose first step is at `t`, with all that are flown together with it, and returns the end of their hold.
-    fn place(&mut self, settings: &Settings, shapes: &IndexMap<String, Shape>, name: &str, t: f64, timing: &Timing) -> f64 {
+    /// Files a maneuver whose first step is at `t`, with all that are flown together with it, and
+    /// returns the end of their hold.
+    fn place(
+        &mut self,
+        settings: &Settings,
+        shapes: &IndexMap<String, Shape>,
+        name: &str,
+        t: f64,
+        timing: &Timing,
+    ) -> f64 {
         let companions = settings.maneuvers.get(name).into_iter().flat_map(|m| &m.with);
-        let together = std::iter::once((name, 0.0)).chain(companions.map(|c| (c.maneuver.as_str(), c.after_s)));
+        let together = std::iter::once((name, 0.0))
+            .chain(companions.map(|c| (c.maneuver.as_str(), c.after_s)));
         let on_grid = |t: f64| (t / self.dt).round() * self.dt;
         let known = |(name, after): (&str, f64)| {
             let (m, shape) = (settings.maneuvers.get(name)?, shapes.get(name)?);
@@ -139,8 +161,15 @@ impl Plan {
         self.n.saturating_sub(1) as f64 * self.dt
     }
 
-    /// The signal of the truth model's input `name` on the grid, `[n]`; `None` when nothing drives it.
-    pub fn signal(&self, settings: &Settings, shapes: &IndexMap<String, Shape>, flight: &Flight, name: &str) -> Option<Vec<f64>> {
+    /// The signal of the truth model's input `name` on the grid, `[n]`; `None` when nothing drives
+    /// it.
+    pub fn signal(
+        &self,
+        settings: &Settings,
+        shapes: &IndexMap<String, Shape>,
+        flight: &Flight,
+        name: &str,
+    ) -> Option<Vec<f64>> {
         let drive = &settings.drive;
         let is = |role: &Option<String>| role.as_deref() == Some(name);
         let grid = |f: &dyn Fn(f64) -> f64| (0..self.n).map(|k| f(k as f64 * self.dt)).collect();
@@ -149,7 +178,9 @@ impl Plan {
         } else if is(&drive.altitude) {
             Some(grid(&|t| self.altitude.at(t) * FOOT))
         } else if is(&drive.hold) {
-            Some(grid(&|t| f64::from(self.maneuvers.iter().any(|m| (m.hold_s[0]..m.hold_s[1]).contains(&t)))))
+            Some(grid(&|t| {
+                f64::from(self.maneuvers.iter().any(|m| (m.hold_s[0]..m.hold_s[1]).contains(&t)))
+            }))
         } else if is(&drive.turbulence) {
             Some(vec![flight.turbulence; self.n])
         } else if drive.noise.iter().any(|n| n == name) {
@@ -176,7 +207,8 @@ impl Plan {
         (0..self.n).map(|k| at(k as f64 * self.dt)).collect()
     }
 
-    /// White noise of unit spectral density: independent values with variance 1/dt. The first one is 0: the flight starts trimmed.
+    /// White noise of unit spectral density: independent values with variance 1/dt. The first one
+    /// is 0: the flight starts trimmed.
     fn noise(&self, seed: u64, turbulence: f64, name: &str) -> Vec<f64> {
         if turbulence == 0.0 {
             return vec![0.0; self.n];
@@ -190,8 +222,11 @@ impl Plan {
         let mut signal = vec![0.0; self.n];
         for m in self.maneuvers.iter().filter(|m| m.input == name) {
             let Some(shape) = shapes.get(&m.maneuver) else { continue };
-            let (from, to) = ((m.t_start_s / self.dt) as usize, (m.t_end_s / self.dt).ceil() as usize + 1);
-            for (k, value) in signal.iter_mut().enumerate().take(to + 1).skip(from.saturating_sub(1)) {
+            let (from, to) =
+                ((m.t_start_s / self.dt) as usize, (m.t_end_s / self.dt).ceil() as usize + 1);
+            for (k, value) in
+                signal.iter_mut().enumerate().take(to + 1).skip(from.saturating_sub(1))
+            {
                 *value += shape.value(k as f64 * self.dt - m.t_start_s);
             }
         }
@@ -202,7 +237,10 @@ impl Plan {
 /// Speed, altitude and maneuvers of the test points, in order.
 fn points(flight: &Flight) -> Vec<(f64, f64, &[String])> {
     let each = flight.speeds_kt.iter().map(|v| (*v, flight.altitude_ft, flight.at_each.as_slice()));
-    let single = flight.points.iter().map(|p| (p.speed_kt, p.altitude_ft.unwrap_or(flight.altitude_ft), p.maneuvers.as_slice()));
+    let single = flight
+        .points
+        .iter()
+        .map(|p| (p.speed_kt, p.altitude_ft.unwrap_or(flight.altitude_ft), p.maneuvers.as_slice()));
     each.chain(single).collect()
 }
 
@@ -264,7 +302,8 @@ constant = { wind = 3.0 }
 
     fn plan(id: &str) -> (Settings, IndexMap<String, Shape>, Plan) {
         let settings: Settings = toml::from_str(TEXT).unwrap();
-        let shapes: IndexMap<String, Shape> = settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
+        let shapes: IndexMap<String, Shape> =
+            settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
         let plan = Plan::new(&settings, &shapes, id, &settings.flights[id]);
         (settings, shapes, plan)
     }
@@ -277,19 +316,40 @@ constant = { wind = 3.0 }
     #[test]
     fn maneuvers_follow_each_other_at_each_speed() {
         let plan = plan("one").2;
-        let times: Vec<(f64, f64, f64)> = plan.maneuvers.iter().map(|m| (m.t_start_s, m.t_end_s, m.speed_kt)).collect();
-        // 30 settle, 2 hold, 7 long, 4 hold, 10 recover, 2 hold, 2 long, 4 hold = 61; then 20 s for 10 kt.
-        assert_eq!(times, [(32.0, 39.0, 160.0), (55.0, 57.0, 160.0), (113.0, 120.0, 150.0), (136.0, 138.0, 150.0)]);
+        let times: Vec<(f64, f64, f64)> =
+            plan.maneuvers.iter().map(|m| (m.t_start_s, m.t_end_s, m.speed_kt)).collect();
+        // 30 settle, 2 hold, 7 long, 4 hold, 10 recover, 2 hold, 2 long, 4 hold = 61; then 20 s for
+        // 10 kt.
+        assert_eq!(
+            times,
+            [
+                (32.0, 39.0, 160.0),
+                (55.0, 57.0, 160.0),
+                (113.0, 120.0, 150.0),
+                (136.0, 138.0, 150.0)
+            ]
+        );
         assert!((plan.duration() - 147.0).abs() < 1e-9);
     }
 
     #[test]
     fn inputs_are_what_the_timeline_says() {
         let at = |name: &str, t: f64| signal("one", name)[(t * 100.0).round() as usize];
-        assert_eq!([at("hold", 29.99), at("hold", 30.0), at("hold", 42.99), at("hold", 43.0)], [0.0, 1.0, 1.0, 0.0]);
-        assert_eq!([at("aileron", 31.99), at("aileron", 32.0), at("aileron", 35.0), at("aileron", 39.0)], [0.0, 2.5, -2.5, 0.0]);
         assert_eq!(
-            [at("elevator", 54.99), at("elevator", 55.0), at("elevator", 56.0), at("elevator", 57.0)],
+            [at("hold", 29.99), at("hold", 30.0), at("hold", 42.99), at("hold", 43.0)],
+            [0.0, 1.0, 1.0, 0.0]
+        );
+        assert_eq!(
+            [at("aileron", 31.99), at("aileron", 32.0), at("aileron", 35.0), at("aileron", 39.0)],
+            [0.0, 2.5, -2.5, 0.0]
+        );
+        assert_eq!(
+            [
+                at("elevator", 54.99),
+                at("elevator", 55.0),
+                at("elevator", 56.0),
+                at("elevator", 57.0)
+            ],
             [0.0, -1.5, 1.5, 0.0]
         );
         let h = 17_000.0 * FOOT;
@@ -303,8 +363,11 @@ constant = { wind = 3.0 }
     #[test]
     fn points_and_events_make_a_flight_of_their_own() {
         let plan = plan("two").2;
-        let names: Vec<(&str, f64, f64)> =
-            plan.maneuvers.iter().map(|m| (m.maneuver.as_str(), m.t_start_s, m.altitude_ft)).collect();
+        let names: Vec<(&str, f64, f64)> = plan
+            .maneuvers
+            .iter()
+            .map(|m| (m.maneuver.as_str(), m.t_start_s, m.altitude_ft))
+            .collect();
         // 30 settle, 10 s for 150 ft at 15 ft/s, 30 settle, 2 hold.
         assert_eq!(names, [("longitudinal", 10.0, 17_000.0), ("lateral", 72.0, 17_150.0)]);
         assert_eq!((signal("two", "wind")[100], signal("two", "sigma")[100]), (3.0, 1.5));
@@ -316,19 +379,33 @@ constant = { wind = 3.0 }
         let n = u.len() as f64;
         // Variance 1/dt = 100, standard error 100 sqrt(2/n) = 1.5.
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / n;
-        assert!((product(&u, &u) - 100.0).abs() < 6.0 && product(&u, &w).abs() < 4.5, "{} {}", product(&u, &u), product(&u, &w));
+        assert!(
+            (product(&u, &u) - 100.0).abs() < 6.0 && product(&u, &w).abs() < 4.5,
+            "{} {}",
+            product(&u, &u),
+            product(&u, &w)
+        );
         assert_eq!(u[0], 0.0);
     }
 
     #[test]
     fn maneuvers_flown_together_share_a_hold() {
         let mut settings: Settings = toml::from_str(TEXT).unwrap();
-        settings.maneuvers["lateral"].with.push(Companion { maneuver: "longitudinal".into(), after_s: 6.0 });
-        let shapes: IndexMap<String, Shape> = settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
+        settings.maneuvers["lateral"]
+            .with
+            .push(Companion { maneuver: "longitudinal".into(), after_s: 6.0 });
+        let shapes: IndexMap<String, Shape> =
+            settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
         let plan = Plan::new(&settings, &shapes, "one", &settings.flights["one"]);
-        let first: Vec<_> = plan.maneuvers[..2].iter().map(|m| (m.maneuver.as_str(), m.t_start_s, m.t_end_s, m.hold_s)).collect();
+        let first: Vec<_> = plan.maneuvers[..2]
+            .iter()
+            .map(|m| (m.maneuver.as_str(), m.t_start_s, m.t_end_s, m.hold_s))
+            .collect();
         // The elevator's doublet outlasts the aileron's 3211 by a second, and so does the hold.
-        assert_eq!(first, [("lateral", 32.0, 39.0, [30.0, 44.0]), ("longitudinal", 38.0, 40.0, [30.0, 44.0])]);
+        assert_eq!(
+            first,
+            [("lateral", 32.0, 39.0, [30.0, 44.0]), ("longitudinal", 38.0, 40.0, [30.0, 44.0])]
+        );
         assert_eq!(plan.maneuvers[2].t_start_s, 56.0);
     }
 

@@ -1,4 +1,5 @@
-//! A model with a `[trim]` section and inputs that are given in; the steady condition it asks for out.
+//! A model with a `[trim]` section and inputs that are given in; the steady condition it asks for
+//! out.
 
 use crate::error::{Error, Result};
 use crate::math::dense::solve;
@@ -18,21 +19,28 @@ const MOST_STEPS: usize = 100;
 /// A Newton step this small against the size of the unknowns ends the search.
 const SMALL: f64 = 1e-11;
 
-/// Solves `[trim]` for its free quantities: `inputs` are the values of all inputs (free ones: where the search begins), states begin
-/// at their start values. A model without `[trim]` is in its start condition.
+/// Solves `[trim]` for its free quantities: `inputs` are the values of all inputs (free ones: where
+/// the search begins), states begin at their start values. A model without `[trim]` is in its start
+/// condition.
 ///
-/// Newton's method with exact derivatives; a step is shortened until the Newton correction at the new point, with the old derivatives, is
-/// smaller than the step (the natural monotonicity test: Deuflhard, Newton Methods for Nonlinear Problems, section 3.3).
+/// Newton's method with exact derivatives; a step is shortened until the Newton correction at the
+/// new point, with the old derivatives, is smaller than the step (the natural monotonicity test:
+/// Deuflhard, Newton Methods for Nonlinear Problems, section 3.3).
 ///
 /// # Errors
-/// As many quantities must be free as have to vanish; the derivatives are singular; the search does not converge.
+/// As many quantities must be free as have to vanish; the derivatives are singular; the search does
+/// not converge.
 pub fn trim(model: &Model, inputs: &[f64]) -> Result<Steady> {
     let parameters = model.parameter_starts();
     let states = start_states(model, inputs, &parameters)?;
     let mut steady = Steady { states, inputs: inputs.to_vec(), parameters };
     let n = model.trim.free.len();
     if n != model.trim.zero.len() {
-        let what = format!("{}: [trim] frees {n} quantities for {} that must vanish", model.name, model.trim.zero.len());
+        let what = format!(
+            "{}: [trim] frees {n} quantities for {} that must vanish",
+            model.name,
+            model.trim.zero.len()
+        );
         return Err(Error::new(what).help("free as many as must vanish"));
     }
     if n == 0 {
@@ -46,7 +54,9 @@ pub fn trim(model: &Model, inputs: &[f64]) -> Result<Steady> {
     for _ in 0..MOST_STEPS {
         let (residual, jacobian) = search.at(&steady);
         let newton = |r: &[f64]| scaled_solve(&jacobian, &size, r);
-        let Some(step) = newton(&residual) else { return Err(singular(model, &steady, &jacobian, n)) };
+        let Some(step) = newton(&residual) else {
+            return Err(singular(model, &steady, &jacobian, n));
+        };
         let length = norm(&step);
         if length < SMALL {
             return Ok(steady);
@@ -64,7 +74,11 @@ pub fn trim(model: &Model, inputs: &[f64]) -> Result<Steady> {
             if damping < 1e-6 {
                 steady.set(model, &z);
                 // Rounding alone can stop the last steps from shrinking.
-                return if length < 1e-8 { Ok(steady) } else { Err(stuck(model, &steady, &residual)) };
+                return if length < 1e-8 {
+                    Ok(steady)
+                } else {
+                    Err(stuck(model, &steady, &residual))
+                };
             }
         }
     }
@@ -111,7 +125,8 @@ fn start_states(model: &Model, inputs: &[f64], parameters: &[f64]) -> Result<Vec
 
 fn fill(file: &mut [[f64; 1]], model: &Model, states: &[f64], inputs: &[f64], parameters: &[f64]) {
     let layout = &model.layout;
-    for (first, values) in [(0, states), (layout.input(), inputs), (layout.parameter(), parameters)] {
+    for (first, values) in [(0, states), (layout.input(), inputs), (layout.parameter(), parameters)]
+    {
         for (slot, value) in file.iter_mut().skip(first).zip(values) {
             *slot = [*value];
         }
@@ -132,7 +147,8 @@ impl<'m> Search<'m> {
         let mut known = model.steady(&mut graph);
         let zero = graph.c(0.0);
         known.extend((0..model.inputs.len()).map(|i| (Leaf::InputRate(i), zero)));
-        let mut nodes: Vec<Node> = model.trim.zero.iter().map(|(_, node)| graph.substitute(*node, &known)).collect();
+        let mut nodes: Vec<Node> =
+            model.trim.zero.iter().map(|(_, node)| graph.substitute(*node, &known)).collect();
         for row in nodes.clone() {
             nodes.extend(model.trim.free.iter().map(|(_, leaf)| graph.derivative(row, *leaf)));
         }
@@ -169,19 +185,26 @@ fn scaled_solve(jacobian: &[f64], size: &[f64], residual: &[f64]) -> Option<Vec<
 }
 
 fn state_of_search(model: &Model, steady: &Steady) -> String {
-    let free: Vec<String> = model.trim.free.iter().map(|(name, leaf)| format!("{name} = {:.6}", steady.get(*leaf))).collect();
+    let free: Vec<String> = model
+        .trim
+        .free
+        .iter()
+        .map(|(name, leaf)| format!("{name} = {:.6}", steady.get(*leaf)))
+        .collect();
     format!("the search ended at {}", free.join(", "))
 }
 
 fn singular(model: &Model, steady: &Steady, jacobian: &[f64], n: usize) -> Error {
     let rows = (0..n).filter(|i| jacobian.iter().skip(i * n).take(n).all(|x| *x == 0.0));
     let columns = (0..n).filter(|j| jacobian.iter().skip(*j).step_by(n).all(|x| *x == 0.0));
-    let mut why: Vec<String> = rows.map(|i| format!("\"{}\" depends on no free quantity", model.trim.zero[i].0)).collect();
+    let mut why: Vec<String> =
+        rows.map(|i| format!("\"{}\" depends on no free quantity", model.trim.zero[i].0)).collect();
     why.extend(columns.map(|j| format!("\"{}\" influences nothing", model.trim.free[j].0)));
     if why.is_empty() {
         why.push("the free quantities are not distinguishable".into());
     }
-    Error::new(format!("{}: the trim is singular: {}", model.name, why.join("; "))).help(state_of_search(model, steady))
+    Error::new(format!("{}: the trim is singular: {}", model.name, why.join("; ")))
+        .help(state_of_search(model, steady))
 }
 
 fn stuck(model: &Model, steady: &Steady, residual: &[f64]) -> Error {
@@ -193,9 +216,15 @@ fn stuck(model: &Model, steady: &Steady, residual: &[f64]) -> Error {
         .filter(|(_, r)| **r != 0.0)
         .map(|((name, _), r)| format!("{name} = {r:.3e}"))
         .collect();
-    let what = format!("{}: no steady condition was found; what should vanish is {}", model.name, left.join(", "));
-    Error::new(what)
-        .help(format!("{}; give start values nearer to it, or look at the model's limits", state_of_search(model, steady)))
+    let what = format!(
+        "{}: no steady condition was found; what should vanish is {}",
+        model.name,
+        left.join(", ")
+    );
+    Error::new(what).help(format!(
+        "{}; give start values nearer to it, or look at the model's limits",
+        state_of_search(model, steady)
+    ))
 }
 
 #[cfg(test)]
@@ -234,9 +263,13 @@ angle = {{ unit = "rad", value = "angle" }}
         let state = model("[trim]\nfree = [\"angle\", \"w\"]\nzero = [\"w_dot\", \"rate(angle)\"]");
         let steady = trim(&state, &[1.5, 0.0]).unwrap();
         assert!((steady.states[0] - 0.75f64.asin()).abs() < 1e-12 && steady.states[1] == 0.0);
-        let input = model("[trim]\nfree = [\"angle\", \"torque\"]\nzero = [\"rate(w)\", \"error\"]");
+        let input =
+            model("[trim]\nfree = [\"angle\", \"torque\"]\nzero = [\"rate(w)\", \"error\"]");
         let steady = trim(&input, &[0.0, 0.6]).unwrap();
-        assert!((steady.inputs[0] - 2.0 * 0.6f64.sin()).abs() < 1e-12 && (steady.states[0] - 0.6).abs() < 1e-12);
+        assert!(
+            (steady.inputs[0] - 2.0 * 0.6f64.sin()).abs() < 1e-12
+                && (steady.states[0] - 0.6).abs() < 1e-12
+        );
     }
 
     #[test]
@@ -244,12 +277,16 @@ angle = {{ unit = "rad", value = "angle" }}
         let model = model("[trim]\nfree = [\"angle\", \"w\"]\nzero = [\"w_dot\", \"rate(angle)\"]");
         // 3 N m is more than the pendulum's largest moment.
         let error = trim(&model, &[3.0, 0.0]).unwrap_err();
-        assert!(error.what.contains("no steady condition") && error.what.contains("w_dot"), "{error}");
+        assert!(
+            error.what.contains("no steady condition") && error.what.contains("w_dot"),
+            "{error}"
+        );
     }
 
     #[test]
     fn quantities_without_influence_are_named() {
-        let model = model("[trim]\nfree = [\"angle\", \"torque\"]\nzero = [\"error\", \"rate(angle)\"]");
+        let model =
+            model("[trim]\nfree = [\"angle\", \"torque\"]\nzero = [\"error\", \"rate(angle)\"]");
         let error = trim(&model, &[0.0, 0.0]).unwrap_err();
         assert!(error.what.contains("\"torque\" influences nothing"), "{error}");
         assert!(error.what.contains("\"rate(angle)\" depends on no free quantity"), "{error}");

@@ -38,17 +38,22 @@ impl Truth {
     /// All signals at the grid point next to `t`, in their order: name and value.
     pub fn at(&self, t: f64) -> IndexMap<&str, f64> {
         let k = ((t / self.dt).round().max(0.0) as usize).min(self.n.saturating_sub(1));
-        self.signals.iter().filter_map(|(name, s)| Some((name.as_str(), *s.values.get(k)?))).collect()
+        self.signals
+            .iter()
+            .filter_map(|(name, s)| Some((name.as_str(), *s.values.get(k)?)))
+            .collect()
     }
 }
 
-/// Flies a timeline: `inputs` are the model's, one `[n]` each. The flight starts in the steady condition of its first inputs; quantities
-/// that the trim frees among the inputs keep their trimmed value on top of their signal.
+/// Flies a timeline: `inputs` are the model's, one `[n]` each. The flight starts in the steady
+/// condition of its first inputs; quantities that the trim frees among the inputs keep their
+/// trimmed value on top of their signal.
 ///
 /// # Errors
 /// There is no steady condition, or the motion diverges.
 pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Result<Truth> {
-    let first: Vec<f64> = inputs.iter().map(|signal| signal.first().copied().unwrap_or(0.0)).collect();
+    let first: Vec<f64> =
+        inputs.iter().map(|signal| signal.first().copied().unwrap_or(0.0)).collect();
     let steady = trim(model, &first)?;
     for (signal, (trimmed, first)) in inputs.iter_mut().zip(steady.inputs.iter().zip(&first)) {
         if trimmed != first {
@@ -58,7 +63,8 @@ pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Resu
     let rows = (0..plan.n).flat_map(|k| inputs.iter().map(move |signal| signal[k])).collect();
     let record = Record { t0: 0.0, dt: plan.dt, n: plan.n, inputs: rows, ..Record::default() };
     let starts = Directions { parameters: Vec::new(), starts: (0..model.states.len()).collect() };
-    let grid = dynamics::Plan::new(model, starts)?.run(&steady.parameters, &steady.states, &record, false);
+    let grid =
+        dynamics::Plan::new(model, starts)?.run(&steady.parameters, &steady.states, &record, false);
     drop(record);
     if !grid.finite {
         return Err(diverged(plan, &grid.y, model.outputs.len()));
@@ -76,15 +82,22 @@ pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Resu
     for (input, signal) in model.inputs.iter().zip(inputs) {
         put(input, signal);
     }
-    Ok(Truth { flight: plan.flight.clone(), dt: plan.dt, n: plan.n, signals, maneuvers: plan.maneuvers.clone() })
+    Ok(Truth {
+        flight: plan.flight.clone(),
+        dt: plan.dt,
+        n: plan.n,
+        signals,
+        maneuvers: plan.maneuvers.clone(),
+    })
 }
 
 fn diverged(plan: &Plan, outputs: &[f64], ny: usize) -> Error {
     let k = outputs.iter().position(|y| !y.is_finite()).map_or(plan.n, |i| i / ny.max(1));
     let t = k as f64 * plan.dt;
     let last = plan.maneuvers.iter().rfind(|m| m.t_start_s <= t);
-    let after =
-        last.map_or("before the first maneuver".to_string(), |m| format!("after \"{}\" at {:.1} s", m.maneuver, m.t_start_s));
+    let after = last.map_or("before the first maneuver".to_string(), |m| {
+        format!("after \"{}\" at {:.1} s", m.maneuver, m.t_start_s)
+    });
     Error::new(format!("the motion diverges at {t:.2} s, {after}"))
         .help("look at the truth model's stability, its limits, and the amplitude of the input")
 }

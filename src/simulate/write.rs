@@ -1,4 +1,5 @@
-//! A recording in, an MCAP log out; the truth of a flight in, a JSON file for tests out. Both appear whole or not at all.
+//! A recording in, an MCAP log out; the truth of a flight in, a JSON file for tests out. Both
+//! appear whole or not at all.
 
 use super::recorder::{Recording, SensorError};
 use super::timeline::Placed;
@@ -18,9 +19,15 @@ pub fn write_log(recording: &Recording, path: &Path) -> Result<()> {
     let mut writer = LogWriter::create(path)?;
     let mut streams = Vec::with_capacity(recording.topics.len());
     for topic in &recording.topics {
-        let fields: Vec<FieldSpec> = topic.fields.iter().map(|f| FieldSpec::new(&f.name, &f.unit, &f.doc)).collect();
+        let fields: Vec<FieldSpec> =
+            topic.fields.iter().map(|f| FieldSpec::new(&f.name, &f.unit, &f.doc)).collect();
         let id = writer.add_topic(&topic.topic, &fields)?;
-        streams.push(Stream { topic: id, log_time_ns: &topic.log_ns, publish_time_ns: &topic.publish_ns, rows: &topic.rows });
+        streams.push(Stream {
+            topic: id,
+            log_time_ns: &topic.log_ns,
+            publish_time_ns: &topic.publish_ns,
+            rows: &topic.rows,
+        });
     }
     writer.write_streams(&streams)?;
     writer.finish()
@@ -42,14 +49,19 @@ struct TrueManeuver<'a> {
     at_start: IndexMap<&'a str, f64>,
 }
 
-/// Writes what is true in one flight: maneuvers with their times, all true signals just before each one's first step, sensor errors.
+/// Writes what is true in one flight: maneuvers with their times, all true signals just before each
+/// one's first step, sensor errors.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn write_truth(truth: &Truth, recording: &Recording, path: &Path) -> Result<()> {
-    let maneuvers =
-        truth.maneuvers.iter().map(|placed| TrueManeuver { placed, at_start: truth.at(placed.t_start_s - truth.dt) }).collect();
+    let maneuvers = truth
+        .maneuvers
+        .iter()
+        .map(|placed| TrueManeuver { placed, at_start: truth.at(placed.t_start_s - truth.dt) })
+        .collect();
     let content = TruthFile { flight: &truth.flight, maneuvers, sensors: &recording.errors };
-    let text = serde_json::to_string_pretty(&content).map_err(|e| Error::new(format!("cannot write {}: {e}", path.display())))?;
+    let text = serde_json::to_string_pretty(&content)
+        .map_err(|e| Error::new(format!("cannot write {}: {e}", path.display())))?;
     table::write_atomic(path, text.as_bytes())
 }

@@ -1,4 +1,5 @@
-//! The checked configuration of a campaign: what the stages run on. The pipeline makes it from the files a person wrote.
+//! The checked configuration of a campaign: what the stages run on. The pipeline makes it from the
+//! files a person wrote.
 
 use super::{Stage, Told, derive, diagnose, estimate, fit, reconstruct, segment};
 use crate::config::Doc;
@@ -25,12 +26,21 @@ pub struct Campaign {
     pub stages: &'static [Stage],
 }
 
-// What these give belongs into the slice of the stage that asks: a stage's code does not count what another stage's settings are made of.
+// What these give belongs into the slice of the stage that asks: a stage's code does not count what
+// another stage's settings are made of.
 impl Campaign {
     /// Columns of the samples table that drive each model, by the model's name in the tables.
     pub fn inputs_of_models(&self) -> BTreeMap<String, Vec<String>> {
-        let again = self.diagnoses.iter().filter_map(|d| Some((d.settings.next(), self.estimates.get(d.estimate)?)));
-        self.estimates.iter().map(|e| (e.name(), e)).chain(again).map(|(name, e)| (name, e.columns())).collect()
+        let again = self
+            .diagnoses
+            .iter()
+            .filter_map(|d| Some((d.settings.next(), self.estimates.get(d.estimate)?)));
+        self.estimates
+            .iter()
+            .map(|e| (e.name(), e))
+            .chain(again)
+            .map(|(name, e)| (name, e.columns()))
+            .collect()
     }
 
     /// The signal in which each input of the segments is searched.
@@ -53,7 +63,8 @@ impl Channels {
         self.map.signal.get(signal).map(|s| si(&s.unit)).unwrap_or_default()
     }
 
-    /// Whether two names are one measurement: the same signal, or signals of the same field of the log.
+    /// Whether two names are one measurement: the same signal, or signals of the same field of the
+    /// log.
     pub fn same(&self, a: &str, b: &str) -> bool {
         let source = |name: &str| self.map.signal.get(name).map(|s| (&s.topic, &s.field));
         a == b || source(a).is_some_and(|of_a| source(b) == Some(of_a))
@@ -65,7 +76,8 @@ impl Channels {
     }
 }
 
-/// The SI unit that values of `unit` are converted to, as text: `deg/s` becomes `rad/s`, `kt` becomes `m/s`.
+/// The SI unit that values of `unit` are converted to, as text: `deg/s` becomes `rad/s`, `kt`
+/// becomes `m/s`.
 fn si(unit: &str) -> String {
     let is_si = |text: &str| Unit::parse(text).is_ok_and(|u| u.is_si());
     // The dimension alone would lose the radian.
@@ -76,7 +88,9 @@ fn si(unit: &str) -> String {
         _ if is_si(&radians) => radians,
         _ if is_si(unit) => unit.to_string(),
         Ok(parsed) => {
-            let named = ["Pa", "N", "W", "V"].into_iter().find(|name| Unit::parse(name).is_ok_and(|u| u.dim == parsed.dim));
+            let named = ["Pa", "N", "W", "V"]
+                .into_iter()
+                .find(|name| Unit::parse(name).is_ok_and(|u| u.dim == parsed.dim));
             named.map_or_else(|| parsed.dim.to_string(), str::to_string)
         }
         Err(_) => String::new(),

@@ -1,4 +1,5 @@
-//! Signals, the flight path and a model without states come in; everything a model may ask for, on one uniform grid, goes out.
+//! Signals, the flight path and a model without states come in; everything a model may ask for, on
+//! one uniform grid, goes out.
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::dynamics::{Directions, Plan, Record};
@@ -25,8 +26,9 @@ pub const STAGE: Stage = Stage {
 
 /// The uniform grid and the signals derived on it: the columns of the samples table.
 ///
-/// They are all signals of the channel map, the reconstructed flight path, and the outputs of the model. Where two have one name, the
-/// later one in this order takes the place of the earlier: it is the better knowledge of the same thing.
+/// They are all signals of the channel map, the reconstructed flight path, and the outputs of the
+/// model. Where two have one name, the later one in this order takes the place of the earlier: it
+/// is the better knowledge of the same thing.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
@@ -35,14 +37,17 @@ pub struct Settings {
     /// A gap of a signal longer than this many of its usual spacings is masked, not bridged.
     #[serde(default = "default_gap")]
     pub max_gap: f64,
-    /// Signals, or columns of the flight path, that are smoothed on the grid, by a cubic fitted to so many seconds around every point: `smooth = { thrust = 1.0 }`. For what
-    /// changes slowly and drives a model, which takes its noise for motion; not for surfaces, whose edges it would round.
+    /// Signals, or columns of the flight path, that are smoothed on the grid, by a cubic fitted to
+    /// so many seconds around every point: `smooth = { thrust = 1.0 }`. For what changes slowly and
+    /// drives a model, which takes its noise for motion; not for surfaces, whose edges it would
+    /// round.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub smooth: IndexMap<String, f64>,
     /// A model file without states: its outputs become columns of the samples table.
     #[serde(default)]
     pub model: Option<String>,
-    /// Columns for the inputs of that model, where the names differ: `input of the model = "column"`.
+    /// Columns for the inputs of that model, where the names differ:
+    /// `input of the model = "column"`.
     #[serde(default)]
     pub inputs: IndexMap<String, String>,
 }
@@ -54,13 +59,17 @@ fn default_gap() -> f64 {
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
     let mut slice = campaign.derive.slice(&campaign.channels);
     if let (Some(entries), Some(reconstruct)) = (slice.as_object_mut(), &campaign.reconstruct) {
-        entries.insert("path".into(), reconstruct.model.outputs.iter().map(|o| o.name.as_str()).collect());
+        entries.insert(
+            "path".into(),
+            reconstruct.model.outputs.iter().map(|o| o.name.as_str()).collect(),
+        );
     }
     slice
 }
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
-    let tables: &[&'static str] = if campaign.reconstruct.is_some() { &["signals", "flightpath"] } else { &["signals"] };
+    let tables: &[&'static str] =
+        if campaign.reconstruct.is_some() { &["signals", "flightpath"] } else { &["signals"] };
     Read::flight(tables, &unit.name)
 }
 
@@ -76,11 +85,16 @@ pub struct Config {
 impl Config {
     fn slice(&self, channels: &super::Channels) -> Value {
         // Units and meanings go along as metadata of the columns.
-        let columns: IndexMap<&String, (String, &str)> =
-            channels.map.signal.keys().map(|name| (name, (channels.unit(name), channels.doc(name)))).collect();
+        let columns: IndexMap<&String, (String, &str)> = channels
+            .map
+            .signal
+            .keys()
+            .map(|name| (name, (channels.unit(name), channels.doc(name))))
+            .collect();
         let mut slice = slice_of(&self.settings);
         if let Some(entries) = slice.as_object_mut() {
-            entries.insert("model".into(), self.model.as_ref().map(super::said).unwrap_or_default());
+            entries
+                .insert("model".into(), self.model.as_ref().map(super::said).unwrap_or_default());
             entries.insert("signals".into(), slice_of(&columns));
         }
         slice
@@ -100,14 +114,21 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let path = inputs.flight("flightpath", &unit.name);
     let series = super::series(signals)?;
     let dt = 1.0 / config.settings.rate_hz;
-    let first = series.values().filter_map(|(t, _)| t.first()).copied().fold(f64::INFINITY, f64::min);
-    let last = series.values().filter_map(|(t, _)| t.last()).copied().fold(f64::NEG_INFINITY, f64::max);
+    let first =
+        series.values().filter_map(|(t, _)| t.first()).copied().fold(f64::INFINITY, f64::min);
+    let last =
+        series.values().filter_map(|(t, _)| t.last()).copied().fold(f64::NEG_INFINITY, f64::max);
     // Grid points are whole multiples of dt: the same times whatever the first sample's is.
     let grid = Grid::covering(libm::ceil(first / dt - 1e-6) * dt, last, dt);
     if grid.n > Grid::MOST {
-        let what = format!("the signals run from {first:.0} s to {last:.0} s: {} points of the grid", grid.n);
+        let what = format!(
+            "the signals run from {first:.0} s to {last:.0} s: {} points of the grid",
+            grid.n
+        );
         return Err(Error::new(what)
-            .help("some clock has jumped: the table `channels` says when each signal begins and ends")
+            .help(
+                "some clock has jumped: the table `channels` says when each signal begins and ends",
+            )
             .into());
     }
     let mut columns: IndexMap<String, Column> = IndexMap::new();
@@ -115,7 +136,11 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         let values = linear(t, values, &grid, config.settings.max_gap * spacing(t));
         columns.insert(
             name.to_string(),
-            Column { unit: campaign.channels.unit(name), doc: campaign.channels.doc(name).to_string(), values },
+            Column {
+                unit: campaign.channels.unit(name),
+                doc: campaign.channels.doc(name).to_string(),
+                values,
+            },
         );
     }
     if let (Some(path), Some(reconstruct)) = (path, &campaign.reconstruct) {
@@ -137,7 +162,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     Ok(Output { tables: vec![("samples", table.finish()?)], files: Vec::new(), notes })
 }
 
-/// Adds the reconstructed columns that the kinematic model has; one with the name of a signal takes its place, as the better knowledge of the same thing.
+/// Adds the reconstructed columns that the kinematic model has; one with the name of a signal takes
+/// its place, as the better knowledge of the same thing.
 fn add_flight_path(
     path: &Table,
     kinematics: &Model,
@@ -148,25 +174,41 @@ fn add_flight_path(
     let t = path.f64("t_s")?;
     for column in path.columns().iter().filter(|c| kinematics.output(&c.name).is_some()) {
         let values = linear(t, path.f64(&column.name)?, grid, max_gap * spacing(t));
-        columns.insert(column.name.clone(), Column { unit: column.unit.clone(), doc: column.doc.clone(), values });
+        columns.insert(
+            column.name.clone(),
+            Column { unit: column.unit.clone(), doc: column.doc.clone(), values },
+        );
     }
     Ok(())
 }
 
 /// Adds the outputs of the model, wherever all its inputs have values.
-fn add_model(model: &Model, inputs: &[String], grid: &Grid, columns: &mut IndexMap<String, Column>) -> Result<()> {
+fn add_model(
+    model: &Model,
+    inputs: &[String],
+    grid: &Grid,
+    columns: &mut IndexMap<String, Column>,
+) -> Result<()> {
     let plan = Plan::new(model, Directions::default())?;
     let parameters = model.parameter_starts();
     let (n, nu, ny) = (grid.n, inputs.len(), model.outputs.len());
-    let driving: Vec<&[f64]> = inputs.iter().filter_map(|name| columns.get(name)).map(|c| c.values.as_slice()).collect();
+    let driving: Vec<&[f64]> =
+        inputs.iter().filter_map(|name| columns.get(name)).map(|c| c.values.as_slice()).collect();
     let known = |k: usize| driving.iter().all(|column| column[k].is_finite());
     let mut outputs = vec![vec![f64::NAN; n]; ny];
     let mut begin = 0;
     while begin < n {
         let end = (begin..n).find(|k| known(*k) != known(begin)).unwrap_or(n);
         if known(begin) && driving.len() == nu {
-            let values = (begin..end).flat_map(|k| driving.iter().map(move |column| column[k])).collect();
-            let record = Record { t0: grid.time(begin), dt: grid.dt, n: end - begin, inputs: values, ..Default::default() };
+            let values =
+                (begin..end).flat_map(|k| driving.iter().map(move |column| column[k])).collect();
+            let record = Record {
+                t0: grid.time(begin),
+                dt: grid.dt,
+                n: end - begin,
+                inputs: values,
+                ..Default::default()
+            };
             let run = plan.run(&parameters, &[], &record, false);
             for (k, row) in run.y.chunks_exact(ny.max(1)).enumerate() {
                 row.iter().zip(&mut outputs).for_each(|(value, output)| output[begin + k] = *value);
@@ -175,7 +217,10 @@ fn add_model(model: &Model, inputs: &[String], grid: &Grid, columns: &mut IndexM
         begin = end;
     }
     for (quantity, values) in model.outputs.iter().zip(outputs) {
-        columns.insert(quantity.name.clone(), Column { unit: quantity.unit.clone(), doc: quantity.doc.clone(), values });
+        columns.insert(
+            quantity.name.clone(),
+            Column { unit: quantity.unit.clone(), doc: quantity.doc.clone(), values },
+        );
     }
     Ok(())
 }
@@ -198,7 +243,13 @@ fn masked(flight: &str, columns: &IndexMap<String, Column>) -> Vec<Note> {
     for (name, column) in columns {
         let first = column.values.iter().position(|v| v.is_finite()).unwrap_or(0);
         let last = column.values.iter().rposition(|v| v.is_finite()).map_or(0, |i| i + 1);
-        let count = column.values.get(first..last).unwrap_or_default().iter().filter(|v| !v.is_finite()).count();
+        let count = column
+            .values
+            .get(first..last)
+            .unwrap_or_default()
+            .iter()
+            .filter(|v| !v.is_finite())
+            .count();
         if count > 0 {
             notes.push(Note {
                 flight: flight.to_string(),
@@ -206,7 +257,10 @@ fn masked(flight: &str, columns: &IndexMap<String, Column>) -> Vec<Note> {
                 severity: Severity::Warning,
                 subject: name.clone(),
                 count: count as u64,
-                text: format!("{name}: {count} of {} grid points lie in gaps and are masked", last - first),
+                text: format!(
+                    "{name}: {count} of {} grid points lie in gaps and are masked",
+                    last - first
+                ),
             });
         }
     }

@@ -1,4 +1,5 @@
-//! Estimates per maneuver and the trimmed conditions come in; straight lines through them, bands and the points go out.
+//! Estimates per maneuver and the trimmed conditions come in; straight lines through them, bands
+//! and the points go out.
 
 use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::config::list;
@@ -31,7 +32,8 @@ pub struct Settings {
     pub estimate: String,
     /// Parameters of its model, each of which gets a line.
     pub parameters: Vec<String>,
-    /// Column of the samples table whose mean in the quiet time before the maneuver is the abscissa.
+    /// Column of the samples table whose mean in the quiet time before the maneuver is the
+    /// abscissa.
     pub against: String,
     /// Confidence level of the bands.
     #[serde(default = "default_level")]
@@ -103,22 +105,31 @@ struct Line<'a> {
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = campaign.fits.get(unit.index) else { return Ok(Output::default()) };
     let settings = &config.settings;
-    let Some(estimates) = inputs.get("estimates", Part::Number(config.estimate)) else { return Ok(Output::default()) };
+    let Some(estimates) = inputs.get("estimates", Part::Number(config.estimate)) else {
+        return Ok(Output::default());
+    };
     let (segments, conditions) = (inputs.all("segments"), inputs.all("conditions"));
     let mut lines = Vec::new();
     let mut notes = Vec::new();
     for (parameter, unit) in settings.parameters.iter().zip(&config.units) {
-        let wanted = campaign::Line { model: &settings.estimate, parameter, against: &settings.against };
+        let wanted =
+            campaign::Line { model: &settings.estimate, parameter, against: &settings.against };
         let found = campaign::points(&[estimates], &segments, &conditions, wanted)?;
         let mut line = line(config, parameter, unit, found.table)?;
-        if let (Ok(fit), Some(budget)) = (&line.fit, inputs.get("budget", Part::Number(config.estimate))) {
+        if let (Ok(fit), Some(budget)) =
+            (&line.fit, inputs.get("budget", Part::Number(config.estimate)))
+        {
             line.assumed = assumed(budget, parameter, &line.points, fit)?;
         }
         notes.extend(note(config, &line, &found.left_out));
         lines.push(line);
     }
     let points = Table::concat("points", &lines.iter().map(|l| &l.points).collect::<Vec<_>>())?;
-    let tables = vec![("fits", fits(config, &lines)?), ("bands", bands(config, &lines)?), ("points", points)];
+    let tables = vec![
+        ("fits", fits(config, &lines)?),
+        ("bands", bands(config, &lines)?),
+        ("points", points),
+    ];
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
@@ -127,24 +138,30 @@ fn line<'a>(config: &Config, parameter: &'a str, unit: &'a str, points: Table) -
     let fit = fit::line(x, points.f64("value")?, points.f64("sd")?, &config.settings.method);
     let (low, high) = range(x);
     let last = config.settings.points.saturating_sub(1).max(1) as f64;
-    let xs: Vec<f64> = (0..config.settings.points).map(|i| low + (high - low) * i as f64 / last).collect();
-    let bands = fit.as_ref().map(|fit| fit::bands(fit, &xs, config.settings.level)).unwrap_or_default();
+    let xs: Vec<f64> =
+        (0..config.settings.points).map(|i| low + (high - low) * i as f64 / last).collect();
+    let bands =
+        fit.as_ref().map(|fit| fit::bands(fit, &xs, config.settings.level)).unwrap_or_default();
     Ok(Line { parameter, unit, points, fit, assumed: (0.0, 0.0), bands })
 }
 
-/// What the assumed constants add to the variances of slope and intercept. A constant's error is one and the same at all points.
+/// What the assumed constants add to the variances of slope and intercept. A constant's error is
+/// one and the same at all points.
 fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Result<(f64, f64)> {
     let (names, constants) = (budget.strings("parameter")?, budget.opt_strings("constant")?);
     let (groups, segments) = (budget.strings("group")?, budget.opt_strings("segment")?);
     let (slopes, sds) = (budget.f64("sensitivity")?, budget.f64("constant_sd")?);
-    let mine: Vec<usize> = (0..names.len()).filter(|&i| names[i] == parameter && constants[i].is_some()).collect();
+    let mine: Vec<usize> =
+        (0..names.len()).filter(|&i| names[i] == parameter && constants[i].is_some()).collect();
     let mut known: Vec<&str> = mine.iter().filter_map(|&i| constants[i]).collect();
     known.sort_unstable();
     known.dedup();
     let (mut slope, mut intercept) = (0.0, 0.0);
     for constant in known {
         let moved = |segment: &&str| {
-            let of = |i: &&usize| constants[**i] == Some(constant) && segments[**i].unwrap_or(groups[**i]) == *segment;
+            let of = |i: &&usize| {
+                constants[**i] == Some(constant) && segments[**i].unwrap_or(groups[**i]) == *segment
+            };
             mine.iter().find(of).map_or(0.0, |&i| slopes[i] * sds[i])
         };
         let change: Vec<f64> = points.strings("segment")?.iter().map(moved).collect();
@@ -161,21 +178,41 @@ fn range(x: &[f64]) -> (f64, f64) {
 
 fn note(config: &Config, line: &Line, left_out: &[(String, String)]) -> Option<Note> {
     let of = format!("{} of {}", line.parameter, config.settings.estimate);
-    let reasons: Vec<String> = left_out.iter().map(|(segment, why)| format!("{segment}: {why}")).collect();
+    let reasons: Vec<String> =
+        left_out.iter().map(|(segment, why)| format!("{segment}: {why}")).collect();
     let (severity, count, text) = match &line.fit {
-        Err(why) => (Severity::Missing, 1, format!("{of}: no line against {}: {why}", config.settings.against)),
+        Err(why) => (
+            Severity::Missing,
+            1,
+            format!("{of}: no line against {}: {why}", config.settings.against),
+        ),
         Ok(_) if left_out.is_empty() => return None,
-        Ok(_) => (Severity::Warning, left_out.len() as u64, format!("{of}: not in the line are {}", list(&reasons))),
+        Ok(_) => (
+            Severity::Warning,
+            left_out.len() as u64,
+            format!("{of}: not in the line are {}", list(&reasons)),
+        ),
     };
     let stage = STAGE.name.to_string();
-    Some(Note { flight: String::new(), stage, severity, subject: line.parameter.to_string(), count, text })
+    Some(Note {
+        flight: String::new(),
+        stage,
+        severity,
+        subject: line.parameter.to_string(),
+        count,
+        text,
+    })
 }
 
 fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
     let settings = &config.settings;
-    let number = |of: fn(&LineFit) -> f64| lines.iter().map(|l| l.fit.as_ref().map_or(f64::NAN, of)).collect::<Vec<f64>>();
+    let number = |of: fn(&LineFit) -> f64| {
+        lines.iter().map(|l| l.fit.as_ref().map_or(f64::NAN, of)).collect::<Vec<f64>>()
+    };
     let total = |of: fn(&LineFit) -> f64, by: fn(&(f64, f64)) -> f64| {
-        let of = |l: &Line| l.fit.as_ref().map_or(f64::NAN, |fit| (of(fit) * of(fit) + by(&l.assumed)).sqrt());
+        let of = |l: &Line| {
+            l.fit.as_ref().map_or(f64::NAN, |fit| (of(fit) * of(fit) + by(&l.assumed)).sqrt())
+        };
         lines.iter().map(of).collect::<Vec<f64>>()
     };
     let ranges = lines.iter().map(|l| Ok(range(l.points.f64("x")?))).collect::<Result<Vec<_>>>()?;
@@ -198,12 +235,16 @@ fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
         .f64("x_min", ranges.iter().map(|r| r.0).collect::<Vec<_>>())
         .f64("x_max", ranges.iter().map(|r| r.1).collect::<Vec<_>>())
         .f64("level", vec![settings.level; lines.len()])
-        .strings("stop", lines.iter().map(|l| l.fit.as_ref().err().map_or("converged", |why| why.name())))
+        .strings(
+            "stop",
+            lines.iter().map(|l| l.fit.as_ref().err().map_or("converged", |why| why.name())),
+        )
         .finish()
 }
 
 fn bands(config: &Config, lines: &[Line]) -> Result<Table> {
-    let rows: Vec<(&str, &Band)> = lines.iter().flat_map(|l| l.bands.iter().map(|b| (l.parameter, b))).collect();
+    let rows: Vec<(&str, &Band)> =
+        lines.iter().flat_map(|l| l.bands.iter().map(|b| (l.parameter, b))).collect();
     let column = |of: fn(&Band) -> f64| rows.iter().map(|(_, b)| of(b)).collect::<Vec<f64>>();
     Table::build("bands")
         .repeat("model", &config.settings.estimate)

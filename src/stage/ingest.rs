@@ -1,4 +1,5 @@
-//! A flight's log and the channel map come in; its signals in SI, an account of every channel, and notes go out.
+//! A flight's log and the channel map come in; its signals in SI, an account of every channel, and
+//! notes go out.
 
 use super::{Campaign, Inputs, Note, Output, Severity, Stage, Unit, slice_of};
 use crate::error::{Error, Errors, Result};
@@ -25,7 +26,10 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let channels = &campaign.channels;
     let log = inputs.log.ok_or_else(|| Error::new(format!("flight {} has no log", unit.name)))?;
     let flight = log::read_flight(log, &channels.map, &channels.doc)?;
-    let tables = vec![("signals", signals(&unit.name, &flight)?), ("channels", accounts(campaign, &unit.name, &flight)?)];
+    let tables = vec![
+        ("signals", signals(&unit.name, &flight)?),
+        ("channels", accounts(campaign, &unit.name, &flight)?),
+    ];
     let notes = flight.notes.iter().map(|n| note(&unit.name, n)).collect();
     Ok(Output { tables, files: Vec::new(), notes })
 }
@@ -56,16 +60,24 @@ fn signals(id: &str, flight: &FlightLog) -> Result<Table> {
         t.extend_from_slice(&series.t_s);
         values.extend_from_slice(&series.value);
     }
-    Table::build("signals").repeat("flight", id).strings("signal", names).f64("t_s", t).f64("value", values).finish()
+    Table::build("signals")
+        .repeat("flight", id)
+        .strings("signal", names)
+        .f64("t_s", t)
+        .f64("value", values)
+        .finish()
 }
 
 fn accounts(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> {
     let mut order: Vec<&String> = flight.signals.keys().collect();
     order.sort();
     let accounts: Vec<_> = order.iter().map(|name| &flight.signals[*name].account).collect();
-    let count = |of: fn(&log::Account) -> u64| accounts.iter().map(|a| of(a) as i64).collect::<Vec<i64>>();
-    let number = |of: fn(&log::Account) -> f64| accounts.iter().map(|a| of(a)).collect::<Vec<f64>>();
-    let still: Vec<[f64; 2]> = order.iter().map(|name| still(&flight.signals[*name].series)).collect();
+    let count =
+        |of: fn(&log::Account) -> u64| accounts.iter().map(|a| of(a) as i64).collect::<Vec<i64>>();
+    let number =
+        |of: fn(&log::Account) -> f64| accounts.iter().map(|a| of(a)).collect::<Vec<f64>>();
+    let still: Vec<[f64; 2]> =
+        order.iter().map(|name| still(&flight.signals[*name].series)).collect();
     Table::build("channels")
         .repeat("flight", id)
         .strings("signal", &order)

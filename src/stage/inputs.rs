@@ -53,8 +53,10 @@ impl Inputs<'_> {
     /// # Errors
     /// It is not among the unit's inputs.
     pub fn of(&self, table: &'static str, flight: &str) -> Result<&Table> {
-        self.get(table, Part::Flight(flight.to_string()))
-            .ok_or_else(|| Error::new(format!("there is no table `{table}` of flight {flight}")).help("run the pipeline again"))
+        self.get(table, Part::Flight(flight.to_string())).ok_or_else(|| {
+            Error::new(format!("there is no table `{table}` of flight {flight}"))
+                .help("run the pipeline again")
+        })
     }
 
     /// This flight's part of a table, if there is one.

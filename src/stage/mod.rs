@@ -1,6 +1,8 @@
-//! The stages: tables and a slice of the checked configuration come in, tables come out. No stage opens a path.
+//! The stages: tables and a slice of the checked configuration come in, tables come out. No stage
+//! opens a path.
 //!
-//! [`STAGES`] is the one list of them, in the order in which they run. Adding a stage is adding a file here and a line there.
+//! [`STAGES`] is the one list of them, in the order in which they run. Adding a stage is adding a
+//! file here and a line there.
 
 mod campaign;
 mod inputs;
@@ -36,33 +38,40 @@ pub struct Stage {
     pub name: &'static str,
     /// What it does, in a few words, for people who watch.
     pub about: &'static str,
-    /// Its key in the pipeline file, which has the stage's name; none where its settings are fields of `pipeline::Settings`, or there are none.
+    /// Its key in the pipeline file, which has the stage's name; none where its settings are fields
+    /// of `pipeline::Settings`, or there are none.
     pub key: Option<Key>,
     /// Finds the mistakes in what the pipeline file says under that key.
     pub check: Check,
-    /// What it is run for in this campaign: flights, entries of the pipeline file, the campaign; nothing where it is not wanted.
+    /// What it is run for in this campaign: flights, entries of the pipeline file, the campaign;
+    /// nothing where it is not wanted.
     pub units: fn(&Campaign) -> Vec<Unit>,
     /// Tables it may write; a unit need not write all of them.
     pub writes: &'static [&'static str],
-    /// Sections of the report about what it writes; they stand behind those of [`crate::report::SECTIONS`].
+    /// Sections of the report about what it writes; they stand behind those of
+    /// [`crate::report::SECTIONS`].
     pub sections: &'static [Section],
     /// Tables (and parts of them) that a unit reads.
     pub reads: fn(&Campaign, &Unit) -> Vec<Read>,
     /// Whether it reads the flight's log.
     pub reads_log: bool,
-    /// The configuration that a unit depends on: part of its cache key, and nothing else of the configuration may be used.
+    /// The configuration that a unit depends on: part of its cache key, and nothing else of the
+    /// configuration may be used.
     pub slice: fn(&Campaign, &Unit) -> Value,
     pub run: fn(&Campaign, &Unit, &Inputs) -> std::result::Result<Output, Errors>,
-    /// Whether it reads the tables that the pipeline itself writes from what all stages before it recorded: notes and provenance.
+    /// Whether it reads the tables that the pipeline itself writes from what all stages before it
+    /// recorded: notes and provenance.
     pub reads_records: bool,
-    /// The settings of a unit that a command asked for, not the pipeline file: later runs keep its results as long as they are fresh.
+    /// The settings of a unit that a command asked for, not the pipeline file: later runs keep its
+    /// results as long as they are fresh.
     pub asked: fn(&Campaign, &Unit) -> Option<Value>,
     /// Why a unit that is not fresh is not run now, although the campaign has it.
     pub idle: fn(&Campaign, &Unit) -> Option<&'static str>,
 }
 
 impl Stage {
-    /// What most stages have in common; the rest of a stage is written in its file: `Stage { name: "toy", .., ..Stage::PLAIN }`.
+    /// What most stages have in common; the rest of a stage is written in its file:
+    /// `Stage { name: "toy", .., ..Stage::PLAIN }`.
     pub const PLAIN: Stage = Stage {
         name: "",
         about: "",
@@ -80,8 +89,9 @@ impl Stage {
         idle: |_, _| None,
     };
 
-    /// Hash of everything that this stage is made from: its file and what that uses, dependencies, compiler, target. Part of its cache
-    /// keys. A stage that is not in [`STAGES`] has that of all sources.
+    /// Hash of everything that this stage is made from: its file and what that uses, dependencies,
+    /// compiler, target. Part of its cache keys. A stage that is not in [`STAGES`] has that of all
+    /// sources.
     pub fn code(&self) -> &'static str {
         code(self.name)
     }
@@ -113,7 +123,11 @@ pub struct Unit {
 impl Unit {
     /// One unit per flight of the campaign.
     pub fn flights(campaign: &Campaign) -> Vec<Unit> {
-        let unit = |(index, name): (usize, &String)| Unit { name: name.clone(), index, part: Part::Flight(name.clone()) };
+        let unit = |(index, name): (usize, &String)| Unit {
+            name: name.clone(),
+            index,
+            part: Part::Flight(name.clone()),
+        };
         campaign.flights.iter().enumerate().map(unit).collect()
     }
 
@@ -143,14 +157,18 @@ impl Unit {
 pub struct Read {
     pub table: &'static str,
     pub part: Part,
-    /// Whether the unit can run without it, because the stage that writes it failed or had nothing to write.
+    /// Whether the unit can run without it, because the stage that writes it failed or had nothing
+    /// to write.
     pub optional: bool,
 }
 
 impl Read {
     /// These tables of one flight, all of them needed.
     pub fn flight(tables: &[&'static str], flight: &str) -> Vec<Read> {
-        tables.iter().map(|table| Read { table, part: Part::Flight(flight.to_string()), optional: false }).collect()
+        tables
+            .iter()
+            .map(|table| Read { table, part: Part::Flight(flight.to_string()), optional: false })
+            .collect()
     }
 
     /// These tables of all flights, without those of flights that failed.
@@ -164,8 +182,9 @@ impl Read {
 
     /// Numbered parts `0..n` of these tables, without those that failed.
     pub fn parts(tables: &[&'static str], n: usize) -> Vec<Read> {
-        let of =
-            |table: &&'static str| -> Vec<Read> { (0..n).map(|i| Read { table, part: Part::Number(i), optional: true }).collect() };
+        let of = |table: &&'static str| -> Vec<Read> {
+            (0..n).map(|i| Read { table, part: Part::Number(i), optional: true }).collect()
+        };
         tables.iter().flat_map(of).collect()
     }
 }
@@ -245,18 +264,24 @@ pub fn notes_table(notes: &[Note]) -> Result<Table> {
         .strings("stage", notes.iter().map(|n| &n.stage))
         .strings("severity", notes.iter().map(|n| n.severity.as_str()))
         .strings("subject", notes.iter().map(|n| &n.subject))
-        .i64("count", notes.iter().map(|n| i64::try_from(n.count).unwrap_or(i64::MAX)).collect::<Vec<_>>())
+        .i64(
+            "count",
+            notes.iter().map(|n| i64::try_from(n.count).unwrap_or(i64::MAX)).collect::<Vec<_>>(),
+        )
         .strings("text", notes.iter().map(|n| &n.text))
         .finish()
 }
 
-/// What a model says, as a slice of the configuration: its text with fragments, and the values of its constants.
+/// What a model says, as a slice of the configuration: its text with fragments, and the values of
+/// its constants.
 pub(crate) fn said(model: &Model) -> Value {
-    let constants: IndexMap<&str, [f64; 2]> = model.constants.iter().map(|c| (c.quantity.name.as_str(), [c.value, c.sd])).collect();
+    let constants: IndexMap<&str, [f64; 2]> =
+        model.constants.iter().map(|c| (c.quantity.name.as_str(), [c.value, c.sd])).collect();
     json!({ "text": model.text, "constants": constants })
 }
 
-/// Settings as a slice of the configuration; what cannot be written as JSON (there is none) counts as null.
+/// Settings as a slice of the configuration; what cannot be written as JSON (there is none) counts
+/// as null.
 pub(crate) fn slice_of<T: Serialize>(settings: &T) -> Value {
     serde_json::to_value(settings).unwrap_or(Value::Null)
 }

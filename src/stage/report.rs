@@ -1,6 +1,8 @@
 //! All tables come in, the pages that a person reads go out.
 
-use super::{Campaign, Inputs, Key, NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit};
+use super::{
+    Campaign, Inputs, Key, NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit,
+};
 use crate::error::Errors;
 use crate::report::{self, ReportInput, Section};
 use crate::table::Table;
@@ -43,7 +45,8 @@ fn slice(campaign: &Campaign, _: &Unit) -> Value {
     json!({ "title": campaign.title, "subtitle": subtitle, "inputs": campaign.inputs_of_models(), "searched": campaign.searched(), "unasked": unasked(campaign) })
 }
 
-/// The parts of a table that this campaign's units write: whatever stage they belong to, all of them.
+/// The parts of a table that this campaign's units write: whatever stage they belong to, all of
+/// them.
 fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
     if [NOTES, STAGES_TABLE].contains(&table) {
         // The pipeline writes these itself.
@@ -55,11 +58,16 @@ fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.
 fn unasked(campaign: &Campaign) -> Vec<&'static str> {
-    report::tables(&sections(campaign)).into_iter().filter(|table| parts(campaign, table).is_empty()).collect()
+    report::tables(&sections(campaign))
+        .into_iter()
+        .filter(|table| parts(campaign, table).is_empty())
+        .collect()
 }
 
 fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
-    let of = |table| parts(campaign, table).into_iter().map(move |part| Read { table, part, optional: true });
+    let of = |table| {
+        parts(campaign, table).into_iter().map(move |part| Read { table, part, optional: true })
+    };
     report::tables(&sections(campaign)).into_iter().flat_map(of).collect()
 }
 
@@ -86,13 +94,24 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
     };
     let report = report::report(&input)?;
     let notes = report.problems.into_iter().map(problem).collect();
-    Ok(Output { tables: Vec::new(), files: vec![("report/index.html".to_string(), report.page.into_bytes())], notes })
+    Ok(Output {
+        tables: Vec::new(),
+        files: vec![("report/index.html".to_string(), report.page.into_bytes())],
+        notes,
+    })
 }
 
 /// What the page calls a problem, for the screen and the exit code.
 fn problem(text: String) -> Note {
     let (flight, subject) = (String::new(), "report".to_string());
-    Note { flight, stage: STAGE.name.to_string(), severity: Severity::Problem, subject, count: 1, text }
+    Note {
+        flight,
+        stage: STAGE.name.to_string(),
+        severity: Severity::Problem,
+        subject,
+        count: 1,
+        text,
+    }
 }
 
 #[cfg(test)]
@@ -105,7 +124,9 @@ mod tests {
     /// Campaigns with several estimates, fits, diagnoses and reruns.
     fn campaigns() -> Vec<Campaign> {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
-        let read = |name: &str| Plan::read(&folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).campaign;
+        let read = |name: &str| {
+            Plan::read(&folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).campaign
+        };
         vec![read("citation/pipeline.toml"), read("attas/pipeline.toml")]
     }
 
@@ -116,11 +137,18 @@ mod tests {
             let mut most = 0;
             for stage in STAGES {
                 for unit in (stage.units)(&campaign) {
-                    for table in stage.writes.iter().filter(|table| report::tables(&[]).contains(table)) {
+                    for table in
+                        stage.writes.iter().filter(|table| report::tables(&[]).contains(table))
+                    {
                         let part = unit.part.clone();
                         most = most.max(if let Part::Number(i) = part { i } else { 0 });
                         let read = Read { table, part, optional: true };
-                        assert!(reads.contains(&read), "{} of {} is not read", read.part.words(table), stage.name);
+                        assert!(
+                            reads.contains(&read),
+                            "{} of {} is not read",
+                            read.part.words(table),
+                            stage.name
+                        );
                     }
                 }
             }
@@ -131,7 +159,8 @@ mod tests {
 
     #[test]
     fn a_table_of_the_page_is_written_by_a_stage() {
-        let written: Vec<&str> = STAGES.iter().flat_map(|s| s.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+        let written: Vec<&str> =
+            STAGES.iter().flat_map(|s| s.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
         for section in report::SECTIONS {
             for table in section.tables {
                 assert!(written.contains(table), "{}: no stage writes {table}", section.id);

@@ -1,4 +1,5 @@
-//! What a diagnosis adds to its model, and the maneuvers, come in; the same estimate with the amended model goes out.
+//! What a diagnosis adds to its model, and the maneuvers, come in; the same estimate with the
+//! amended model goes out.
 
 use super::diagnose::recommended;
 use super::estimate::{self, Config};
@@ -6,8 +7,16 @@ use super::{Campaign, Inputs, Output, Part, Read, Severity, Stage, Unit, slice_o
 use crate::error::{Error, Errors};
 use serde_json::{Value, json};
 
-pub const STAGE: Stage =
-    Stage { name: "rerun", about: "estimate amended models", units, writes: &WRITES, reads, slice, run, ..Stage::PLAIN };
+pub const STAGE: Stage = Stage {
+    name: "rerun",
+    about: "estimate amended models",
+    units,
+    writes: &WRITES,
+    reads,
+    slice,
+    run,
+    ..Stage::PLAIN
+};
 
 const ESTIMATED: usize = estimate::STAGE.writes.len();
 
@@ -36,7 +45,11 @@ fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(usize, &'a Config)>
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let Some((place, base)) = parts(campaign, unit) else { return Vec::new() };
-    let told = ["next_models", "shifts", "additions"].map(|table| Read { table, part: Part::Number(place), optional: false });
+    let told = ["next_models", "shifts", "additions"].map(|table| Read {
+        table,
+        part: Part::Number(place),
+        optional: false,
+    });
     estimate::tables_read(base, campaign).into_iter().chain(told).collect()
 }
 
@@ -47,25 +60,38 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
     let Some((place, base)) = parts(campaign, unit) else { return Ok(Output::default()) };
-    let Some(table) = inputs.get("next_models", Part::Number(place)) else { return Ok(Output::default()) };
-    let Some(added) = table.strings("added")?.first().map(ToString::to_string) else { return Ok(Output::default()) };
+    let Some(table) = inputs.get("next_models", Part::Number(place)) else {
+        return Ok(Output::default());
+    };
+    let Some(added) = table.strings("added")?.first().map(ToString::to_string) else {
+        return Ok(Output::default());
+    };
     let mut config = amended(base, &unit.name, &added)?;
     if let Some(shifts) = inputs.get("shifts", Part::Number(place)) {
-        // The diagnosis has a fit with what was added: thresholds and delays are far from anything the model's own starts fit.
+        // The diagnosis has a fit with what was added: thresholds and delays are far from anything
+        // the model's own starts fit.
         let found = shifts.strings("parameter")?.into_iter().zip(shifts.f64("after")?);
-        let known = found.filter(|(name, value)| config.model.parameter(name).is_some() && value.is_finite());
-        let starts: Vec<(String, f64)> = known.map(|(name, value)| (name.to_string(), *value)).collect();
+        let known = found
+            .filter(|(name, value)| config.model.parameter(name).is_some() && value.is_finite());
+        let starts: Vec<(String, f64)> =
+            known.map(|(name, value)| (name.to_string(), *value)).collect();
         config.settings.method.starts.extend(starts);
     }
     let mut output = estimate::estimated(&config, campaign, inputs)?;
     for note in &mut output.notes {
         note.stage = STAGE.name.to_string();
-        // Nobody asked for this model by name: that it cannot be estimated is said, and is no failure of the campaign.
+        // Nobody asked for this model by name: that it cannot be estimated is said, and is no
+        // failure of the campaign.
         note.severity = note.severity.min(Severity::Warning);
     }
     if let Some(additions) = inputs.get("additions", Part::Number(place)) {
-        let again = output.tables.iter().find(|(name, _)| *name == "estimates").map(|(_, table)| table);
-        let values = recommended::values(table.strings("diagnosis")?.first().copied().unwrap_or_default(), additions, again)?;
+        let again =
+            output.tables.iter().find(|(name, _)| *name == "estimates").map(|(_, table)| table);
+        let values = recommended::values(
+            table.strings("diagnosis")?.first().copied().unwrap_or_default(),
+            additions,
+            again,
+        )?;
         output.tables.push(("recommended", values));
     }
     Ok(output)
@@ -75,12 +101,18 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
 fn amended(base: &Config, name: &str, added: &str) -> Result<Config, Errors> {
     let model = base.model.amended(added)?;
     if (&model.inputs, &model.outputs) != (&base.model.inputs, &base.model.outputs) {
-        return Err(Error::new(format!("{name}: what was added changes the inputs or outputs of the model")).into());
+        return Err(Error::new(format!(
+            "{name}: what was added changes the inputs or outputs of the model"
+        ))
+        .into());
     }
     let mut settings = base.settings.clone();
     settings.name = Some(name.to_string());
     if let Some(free) = &mut settings.method.free {
-        let new = model.parameters.iter().filter(|p| !p.fixed && base.model.parameter(&p.quantity.name).is_none());
+        let new = model
+            .parameters
+            .iter()
+            .filter(|p| !p.fixed && base.model.parameter(&p.quantity.name).is_none());
         free.extend(new.map(|p| p.quantity.name.clone()));
     }
     Ok(Config { settings, model, inputs: base.inputs.clone(), outputs: base.outputs.clone() })

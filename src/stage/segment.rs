@@ -1,4 +1,5 @@
-//! Signals and samples of a flight come in; the maneuvers flown in it, and the trimmed condition before each, go out.
+//! Signals and samples of a flight come in; the maneuvers flown in it, and the trimmed condition
+//! before each, go out.
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
 use crate::error::{Error, Errors, Place, Result};
@@ -37,7 +38,8 @@ pub struct InputSettings {
     /// Name in the segments table and in `[[estimate]]`; the signal's name unless given.
     #[serde(default)]
     pub name: Option<String>,
-    /// The signal searched, commanded or measured: one of the channel map, or a column of the samples table.
+    /// The signal searched, commanded or measured: one of the channel map, or a column of the
+    /// samples table.
     pub signal: String,
     /// Whether a flight without a maneuver in this input is as it should be.
     #[serde(default)]
@@ -91,14 +93,25 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         };
         let maneuvers = segment::find(t, u, &input.method);
         let source = Source { flight, input: input.name(), t, u };
-        let edited = segment::apply(maneuvers, &config.settings.edits, &source, &input.method, &config.edits);
+        let edited = segment::apply(
+            maneuvers,
+            &config.settings.edits,
+            &source,
+            &input.method,
+            &config.edits,
+        );
         let maneuvers = errors.take(edited).unwrap_or_default();
         notes.extend(note(flight, input, &maneuvers));
         found.extend(maneuvers.into_iter().map(|maneuver| Found { input, maneuver }));
     }
     errors.or(())?;
-    found.sort_by(|a, b| a.maneuver.t_start.total_cmp(&b.maneuver.t_start).then(a.input.name().cmp(b.input.name())));
-    let tables = vec![("segments", segments(flight, &found)?), ("conditions", conditions(flight, &found, samples)?)];
+    found.sort_by(|a, b| {
+        a.maneuver.t_start.total_cmp(&b.maneuver.t_start).then(a.input.name().cmp(b.input.name()))
+    });
+    let tables = vec![
+        ("segments", segments(flight, &found)?),
+        ("conditions", conditions(flight, &found, samples)?),
+    ];
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
@@ -107,26 +120,39 @@ fn id(flight: &str, index: usize) -> String {
     format!("{flight}.{:02}", index + 1)
 }
 
-/// What to say about the maneuvers of one input: that there are none, or that some were left out by hand.
+/// What to say about the maneuvers of one input: that there are none, or that some were left out by
+/// hand.
 fn note(flight: &str, input: &InputSettings, maneuvers: &[Maneuver]) -> Option<Note> {
     let used = maneuvers.iter().filter(|m| m.included).count();
     let (severity, count, text) = match (used, maneuvers.len()) {
         (0, 0) if input.optional => return None,
-        (0, n) if !input.optional => {
-            (Severity::Missing, 1, format!("no maneuver in `{}`; {n} were excluded by hand", input.signal))
-        }
-        (used, n) if used < n => {
-            (Severity::Info, n - used, format!("{} of {n} maneuvers in `{}` excluded by hand", n - used, input.signal))
-        }
+        (0, n) if !input.optional => (
+            Severity::Missing,
+            1,
+            format!("no maneuver in `{}`; {n} were excluded by hand", input.signal),
+        ),
+        (used, n) if used < n => (
+            Severity::Info,
+            n - used,
+            format!("{} of {n} maneuvers in `{}` excluded by hand", n - used, input.signal),
+        ),
         _ => return None,
     };
     let text = text.replace("; 0 were excluded by hand", "");
     let (flight, stage) = (flight.to_string(), STAGE.name.to_string());
-    Some(Note { flight, stage, severity, subject: input.name().to_string(), count: count as u64, text })
+    Some(Note {
+        flight,
+        stage,
+        severity,
+        subject: input.name().to_string(),
+        count: count as u64,
+        text,
+    })
 }
 
 fn segments(flight: &str, found: &[Found]) -> Result<Table> {
-    let number = |of: fn(&Maneuver) -> f64| found.iter().map(|f| of(&f.maneuver)).collect::<Vec<f64>>();
+    let number =
+        |of: fn(&Maneuver) -> f64| found.iter().map(|f| of(&f.maneuver)).collect::<Vec<f64>>();
     let by_hand = |m: &Maneuver| m.score == 0.0 && !m.reason.is_empty();
     Table::build("segments")
         .repeat("flight", flight)
@@ -135,20 +161,43 @@ fn segments(flight: &str, found: &[Found]) -> Result<Table> {
         .strings("input", found.iter().map(|f| f.input.name()))
         .f64("t_start_s", number(|m| m.t_start))
         .f64("t_end_s", number(|m| m.t_end))
-        .f64("unit_time_s", number(|m| if m.kind == segment::Kind::Step { f64::NAN } else { m.unit_time }))
+        .f64(
+            "unit_time_s",
+            number(|m| if m.kind == segment::Kind::Step { f64::NAN } else { m.unit_time }),
+        )
         .f64("amplitude", number(|m| m.amplitude))
-        .i64("polarity", found.iter().map(|f| if f.maneuver.polarity < 0.0 { -1 } else { 1 }).collect::<Vec<i64>>())
-        .f64("score", found.iter().map(|f| if by_hand(&f.maneuver) { f64::NAN } else { f.maneuver.score }).collect::<Vec<_>>())
+        .i64(
+            "polarity",
+            found
+                .iter()
+                .map(|f| if f.maneuver.polarity < 0.0 { -1 } else { 1 })
+                .collect::<Vec<i64>>(),
+        )
+        .f64(
+            "score",
+            found
+                .iter()
+                .map(|f| if by_hand(&f.maneuver) { f64::NAN } else { f.maneuver.score })
+                .collect::<Vec<_>>(),
+        )
         .bools("included", found.iter().map(|f| f.maneuver.included).collect::<Vec<_>>())
-        .opt_strings("reason", found.iter().map(|f| Some(f.maneuver.reason.as_str()).filter(|r| !r.is_empty())))
+        .opt_strings(
+            "reason",
+            found.iter().map(|f| Some(f.maneuver.reason.as_str()).filter(|r| !r.is_empty())),
+        )
         .finish()
 }
 
 /// Means of every column of the samples over the quiet time before each maneuver.
 fn conditions(flight: &str, found: &[Found], samples: &Table) -> Result<Table> {
     let t = samples.f64("t_s")?;
-    let columns: Vec<_> = samples.columns().iter().filter(|c| !["flight", "t_s"].contains(&c.name.as_str())).collect();
-    let (mut segment, mut signal, mut unit, mut value) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let columns: Vec<_> = samples
+        .columns()
+        .iter()
+        .filter(|c| !["flight", "t_s"].contains(&c.name.as_str()))
+        .collect();
+    let (mut segment, mut signal, mut unit, mut value) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (i, f) in found.iter().enumerate() {
         let (from, to) = f.maneuver.pre_window(f.input.method.quiet_s);
         let rows = t.partition_point(|t| *t < from)..t.partition_point(|t| *t <= to);
@@ -188,7 +237,10 @@ pub fn check(settings: &Settings, flights: &[String], edits: &Place) -> Errors {
     let names: Vec<String> = settings.input.iter().map(|i| i.name().to_string()).collect();
     for (i, name) in names.iter().enumerate() {
         if names[..i].contains(name) {
-            errors.push(Error::at(edits.clone(), format!("two inputs have the name \"{name}\"")).help("give each its own `name`"));
+            errors.push(
+                Error::at(edits.clone(), format!("two inputs have the name \"{name}\""))
+                    .help("give each its own `name`"),
+            );
         }
     }
     errors.take(settings.edits.check(flights, &names, edits));

@@ -1,4 +1,5 @@
-//! What the pipeline file says under the key of a stage's name comes in; the stage's settings go out, as the stage's file declares them.
+//! What the pipeline file says under the key of a stage's name comes in; the stage's settings go
+//! out, as the stage's file declares them.
 
 use crate::config::{self, Doc};
 use crate::error::{Error, Errors, Result};
@@ -10,10 +11,12 @@ use std::collections::BTreeMap;
 
 type Settings = Box<dyn Any + Send + Sync>;
 
-/// A key of the pipeline file that belongs to a stage: `[name]` or `[[name]]`, read into the type that the stage's file declares.
+/// A key of the pipeline file that belongs to a stage: `[name]` or `[[name]]`, read into the type
+/// that the stage's file declares.
 #[derive(Debug)]
 pub struct Key {
-    /// The JSON Schema of the type: editors complete by it, and the pipeline file is held against it.
+    /// The JSON Schema of the type: editors complete by it, and the pipeline file is held against
+    /// it.
     pub schema: fn() -> Value,
     read: fn(Value) -> serde_json::Result<Settings>,
 }
@@ -21,7 +24,10 @@ pub struct Key {
 impl Key {
     /// The key of settings of this type: a struct for `[name]`, a list of structs for `[[name]]`.
     pub const fn of<T: DeserializeOwned + JsonSchema + Any + Send + Sync>() -> Key {
-        Key { schema: config::schema_of::<T>, read: |value| Ok(Box::new(serde_json::from_value::<T>(value)?)) }
+        Key {
+            schema: config::schema_of::<T>,
+            read: |value| Ok(Box::new(serde_json::from_value::<T>(value)?)),
+        }
     }
 }
 

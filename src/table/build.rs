@@ -46,7 +46,9 @@ enum Values {
 }
 
 /// Texts as an Arrow array; `None` when their bytes are too many for one (2 GiB).
-pub(super) fn texts<S: AsRef<str>>(values: impl IntoIterator<Item = Option<S>>) -> Option<ArrayRef> {
+pub(super) fn texts<S: AsRef<str>>(
+    values: impl IntoIterator<Item = Option<S>>,
+) -> Option<ArrayRef> {
     let mut builder = StringBuilder::new();
     let mut bytes = 0;
     for value in values {
@@ -65,7 +67,11 @@ impl Builder {
     }
 
     fn array(mut self, name: &str, array: ArrayRef, kind: Kind) -> Self {
-        self.given.push(Given { name: name.into(), values: Values::Array(array, kind), dynamic: None });
+        self.given.push(Given {
+            name: name.into(),
+            values: Values::Array(array, kind),
+            dynamic: None,
+        });
         self
     }
 
@@ -95,30 +101,49 @@ impl Builder {
     }
 
     /// A column of texts that may be absent.
-    pub fn opt_strings<S: AsRef<str>>(mut self, name: &str, values: impl IntoIterator<Item = Option<S>>) -> Self {
-        let values = texts(values).map_or(Values::TooLong, |array| Values::Array(array, Kind::String));
+    pub fn opt_strings<S: AsRef<str>>(
+        mut self,
+        name: &str,
+        values: impl IntoIterator<Item = Option<S>>,
+    ) -> Self {
+        let values =
+            texts(values).map_or(Values::TooLong, |array| Values::Array(array, Kind::String));
         self.given.push(Given { name: name.into(), values, dynamic: None });
         self
     }
 
     /// One text for all rows.
     pub fn repeat(mut self, name: &str, value: &str) -> Self {
-        self.given.push(Given { name: name.into(), values: Values::Repeat(value.into()), dynamic: None });
+        self.given.push(Given {
+            name: name.into(),
+            values: Values::Repeat(value.into()),
+            dynamic: None,
+        });
         self
     }
 
     /// A further f64 column of a table that allows them; NaN where there is no value.
-    pub fn dynamic(mut self, name: &str, unit: &str, doc: &str, values: impl Into<Vec<f64>>) -> Self {
+    pub fn dynamic(
+        mut self,
+        name: &str,
+        unit: &str,
+        doc: &str,
+        values: impl Into<Vec<f64>>,
+    ) -> Self {
         let values = Values::Array(Arc::new(Float64Array::from(values.into())), Kind::F64);
-        self.given.push(Given { name: name.into(), values, dynamic: Some((unit.into(), doc.into())) });
+        self.given.push(Given {
+            name: name.into(),
+            values,
+            dynamic: Some((unit.into(), doc.into())),
+        });
         self
     }
 
     /// The table.
     ///
     /// # Errors
-    /// A column is missing, unknown, given twice (also when spelled with other capitals), of another type or length, or lacks values that
-    /// it must have: all of it in one error.
+    /// A column is missing, unknown, given twice (also when spelled with other capitals), of
+    /// another type or length, or lacks values that it must have: all of it in one error.
     pub fn finish(self) -> Result<Table> {
         let schema = schema(&self.table)?;
         let rows = self.given.iter().find_map(|g| g.rows()).unwrap_or(0);
@@ -134,7 +159,11 @@ impl Builder {
                 }
             }
         }
-        wrong.extend(alike(&columns).map(|(one, other)| format!("columns \"{one}\" and \"{other}\" differ by case only")));
+        wrong.extend(
+            alike(&columns).map(|(one, other)| {
+                format!("columns \"{one}\" and \"{other}\" differ by case only")
+            }),
+        );
         let mut arrays = Vec::new();
         for column in &columns {
             match self.given.iter().find(|g| g.name == column.name) {
@@ -150,11 +179,16 @@ impl Builder {
     }
 }
 
-/// The columns whose names differ by case only, each with the one before it: DuckDB and Spark take the two for one.
+/// The columns whose names differ by case only, each with the one before it: DuckDB and Spark take
+/// the two for one.
 pub(super) fn alike(columns: &[Column]) -> impl Iterator<Item = (&str, &str)> {
     let lower: Vec<String> = columns.iter().map(|c| c.name.to_lowercase()).collect();
-    let before = move |i: usize| (0..i).find(|&k| lower[k] == lower[i] && columns[k].name != columns[i].name);
-    (0..columns.len()).filter_map(move |i| before(i).map(|k| (columns[k].name.as_str(), columns[i].name.as_str())))
+    let before = move |i: usize| {
+        (0..i).find(|&k| lower[k] == lower[i] && columns[k].name != columns[i].name)
+    };
+    (0..columns.len()).filter_map(move |i| {
+        before(i).map(|k| (columns[k].name.as_str(), columns[i].name.as_str()))
+    })
 }
 
 impl Given {
@@ -175,7 +209,9 @@ impl Given {
     fn checked(&self, column: &Column, rows: usize, wrong: &mut Vec<String>) -> Option<ArrayRef> {
         let name = &column.name;
         let given = match &self.values {
-            Values::Repeat(text) => texts(std::iter::repeat_n(Some(text), rows)).map(|array| (array, Kind::String)),
+            Values::Repeat(text) => {
+                texts(std::iter::repeat_n(Some(text), rows)).map(|array| (array, Kind::String))
+            }
             Values::Array(array, kind) => Some((array.clone(), *kind)),
             Values::TooLong => None,
         };
@@ -184,7 +220,11 @@ impl Given {
             return None;
         };
         if kind != column.kind {
-            wrong.push(format!("column \"{name}\" must be {}, not {}", column.kind.word(), kind.word()));
+            wrong.push(format!(
+                "column \"{name}\" must be {}, not {}",
+                column.kind.word(),
+                kind.word()
+            ));
             return None;
         }
         if array.len() != rows {

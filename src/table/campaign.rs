@@ -1,10 +1,14 @@
-//! Tables of many flights in; joins, selections and counts over the whole campaign out. The only module that uses polars.
+//! Tables of many flights in; joins, selections and counts over the whole campaign out. The only
+//! module that uses polars.
 //!
-//! polars joins, filters, sorts and counts; it never adds up numbers that end in a table, as its order of summation is its own.
+//! polars joins, filters, sorts and counts; it never adds up numbers that end in a table, as its
+//! order of summation is its own.
 
 use std::borrow::Borrow;
 
-use polars::prelude::{Column as Series, DataFrame, IntoLazy, LazyFrame, PlSmallStr, PolarsError, SortMultipleOptions};
+use polars::prelude::{
+    Column as Series, DataFrame, IntoLazy, LazyFrame, PlSmallStr, PolarsError, SortMultipleOptions,
+};
 use polars::prelude::{coalesce, col, len, lit};
 
 use super::{Kind, Table, schema};
@@ -30,24 +34,32 @@ pub struct Line<'a> {
     pub against: &'a str,
 }
 
-/// Joins the estimates of one parameter with the flights of their segments and the trimmed value of the abscissa.
+/// Joins the estimates of one parameter with the flights of their segments and the trimmed value of
+/// the abscissa.
 ///
-/// An estimate belongs to the segment in its `segment` column or, without one, to the segment that its group is named after. Rows of
-/// groups of several segments without a segment of their own belong to no point and are passed over.
+/// An estimate belongs to the segment in its `segment` column or, without one, to the segment that
+/// its group is named after. Rows of groups of several segments without a segment of their own
+/// belong to no point and are passed over.
 ///
 /// # Errors
 /// A table lacks a column, or a segment has two estimates of the parameter (of two groups).
-pub fn points<T: Borrow<Table>>(estimates: &[T], segments: &[T], conditions: &[T], line: Line) -> Result<Points> {
-    let name = |from: &str, to: &str| col(PlSmallStr::from_str(from)).alias(PlSmallStr::from_str(to));
-    let estimates = lazy("estimates", estimates, &["model", "group", "segment", "parameter", "unit", "value", "sd", "stop"])?
-        .filter(col("model").eq(lit(line.model)).and(col("parameter").eq(lit(line.parameter))))
-        .with_column(coalesce(&[col("segment"), col("group")]).alias("key"));
-    let segments = lazy("segments", segments, &["segment", "flight", "included", "reason"])?.select([
-        name("segment", "key"),
-        col("flight"),
-        col("included"),
-        col("reason"),
-    ]);
+pub fn points<T: Borrow<Table>>(
+    estimates: &[T],
+    segments: &[T],
+    conditions: &[T],
+    line: Line,
+) -> Result<Points> {
+    let name =
+        |from: &str, to: &str| col(PlSmallStr::from_str(from)).alias(PlSmallStr::from_str(to));
+    let estimates = lazy(
+        "estimates",
+        estimates,
+        &["model", "group", "segment", "parameter", "unit", "value", "sd", "stop"],
+    )?
+    .filter(col("model").eq(lit(line.model)).and(col("parameter").eq(lit(line.parameter))))
+    .with_column(coalesce(&[col("segment"), col("group")]).alias("key"));
+    let segments = lazy("segments", segments, &["segment", "flight", "included", "reason"])?
+        .select([name("segment", "key"), col("flight"), col("included"), col("reason")]);
     let conditions = lazy("conditions", conditions, &["segment", "signal", "unit", "value"])?
         .filter(col("signal").eq(lit(line.against)))
         .select([name("segment", "key"), name("unit", "unit_x"), name("value", "x")]);
@@ -61,7 +73,11 @@ pub fn points<T: Borrow<Table>>(estimates: &[T], segments: &[T], conditions: &[T
     sift(&joined, line).map_err(|e| match e {
         Sift::Polars(e) => failed("points", &e),
         Sift::Twice(segment, groups) => {
-            let what = format!("segment {segment} has two estimates of {}: of the groups {}", line.parameter, groups.join(" and "));
+            let what = format!(
+                "segment {segment} has two estimates of {}: of the groups {}",
+                line.parameter,
+                groups.join(" and ")
+            );
             Error::new(what).help("give the two estimates different model names")
         }
         Sift::Table(e) => e,
@@ -82,13 +98,22 @@ impl From<PolarsError> for Sift {
 
 /// Parts the joined rows into points and those left out, with the reason.
 fn sift(joined: &DataFrame, line: Line) -> std::result::Result<Points, Sift> {
-    let text = |name: &str| Ok::<_, PolarsError>(joined.column(name)?.str()?.iter().map(|s| s.unwrap_or("")).collect::<Vec<_>>());
-    let number =
-        |name: &str| Ok::<_, PolarsError>(joined.column(name)?.f64()?.iter().map(|v| v.unwrap_or(f64::NAN)).collect::<Vec<_>>());
-    let (keys, groups, flights, stops, reasons) = (text("key")?, text("group")?, text("flight")?, text("stop")?, text("reason")?);
+    let text = |name: &str| {
+        Ok::<_, PolarsError>(
+            joined.column(name)?.str()?.iter().map(|s| s.unwrap_or("")).collect::<Vec<_>>(),
+        )
+    };
+    let number = |name: &str| {
+        Ok::<_, PolarsError>(
+            joined.column(name)?.f64()?.iter().map(|v| v.unwrap_or(f64::NAN)).collect::<Vec<_>>(),
+        )
+    };
+    let (keys, groups, flights, stops, reasons) =
+        (text("key")?, text("group")?, text("flight")?, text("stop")?, text("reason")?);
     let (units, units_x) = (text("unit")?, text("unit_x")?);
     let (x, value, sd) = (number("x")?, number("value")?, number("sd")?);
-    let included: Vec<bool> = joined.column("included")?.bool()?.iter().map(|b| b.unwrap_or(false)).collect();
+    let included: Vec<bool> =
+        joined.column("included")?.bool()?.iter().map(|b| b.unwrap_or(false)).collect();
     let mut left_out = Vec::new();
     let mut kept: Vec<usize> = Vec::new();
     for i in 0..joined.height() {
@@ -106,7 +131,10 @@ fn sift(joined: &DataFrame, line: Line) -> std::result::Result<Points, Sift> {
         match (why, kept.last()) {
             (Some(why), _) => left_out.push((keys[i].to_string(), why)),
             (None, Some(&j)) if keys[j] == keys[i] => {
-                return Err(Sift::Twice(keys[i].to_string(), [groups[j].to_string(), groups[i].to_string()]));
+                return Err(Sift::Twice(
+                    keys[i].to_string(),
+                    [groups[j].to_string(), groups[i].to_string()],
+                ));
             }
             (None, _) => kept.push(i),
         }
@@ -129,11 +157,16 @@ fn sift(joined: &DataFrame, line: Line) -> std::result::Result<Points, Sift> {
     Ok(Points { table, left_out })
 }
 
-/// How many rows there are per combination of the columns `by` (texts, whole numbers or truth values), sorted by them.
+/// How many rows there are per combination of the columns `by` (texts, whole numbers or truth
+/// values), sorted by them.
 ///
 /// # Errors
 /// A table is not of the schema `name`, or lacks a column.
-pub fn counts<T: Borrow<Table>>(name: &str, tables: &[T], by: &[&str]) -> Result<Vec<(Vec<String>, usize)>> {
+pub fn counts<T: Borrow<Table>>(
+    name: &str,
+    tables: &[T],
+    by: &[&str],
+) -> Result<Vec<(Vec<String>, usize)>> {
     let keys: Vec<_> = by.iter().map(|b| col(PlSmallStr::from_str(b))).collect();
     let counted = lazy(name, tables, by)?
         .group_by_stable(keys)

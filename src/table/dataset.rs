@@ -1,4 +1,5 @@
-//! Tables in, files of a Parquet dataset out, and back: `DIR/<table>/[flight=<id>/]part-<n>.parquet`.
+//! Tables in, files of a Parquet dataset out, and back:
+//! `DIR/<table>/[flight=<id>/]part-<n>.parquet`.
 //!
 //! A file appears whole or not at all: it is written beside its place, flushed to disk and renamed.
 
@@ -11,13 +12,20 @@ use crate::error::{Error, Errors, Place, Result};
 /// The path of a part below the output folder, with `/` between folders.
 ///
 /// # Errors
-/// There is no such table, or it is per flight and `flight` is no id, or it is not and there is one.
+/// There is no such table, or it is per flight and `flight` is no id, or it is not and there is
+/// one.
 pub fn part_path(table: &str, flight: Option<&str>, part: usize) -> Result<String> {
     match (schema(table)?.per_flight, flight) {
-        (true, Some(id)) => check_flight(id).map(|()| format!("{table}/flight={id}/part-{part}.parquet")),
+        (true, Some(id)) => {
+            check_flight(id).map(|()| format!("{table}/flight={id}/part-{part}.parquet"))
+        }
         (false, None) => Ok(format!("{table}/part-{part}.parquet")),
-        (true, None) => Err(Error::new(format!("table \"{table}\" is written flight by flight, and no flight is given"))),
-        (false, Some(id)) => Err(Error::new(format!("table \"{table}\" is not written flight by flight, and {id} is given"))),
+        (true, None) => Err(Error::new(format!(
+            "table \"{table}\" is written flight by flight, and no flight is given"
+        ))),
+        (false, Some(id)) => Err(Error::new(format!(
+            "table \"{table}\" is not written flight by flight, and {id} is given"
+        ))),
     }
 }
 
@@ -30,7 +38,10 @@ pub fn write_part(dir: &Path, table: &Table, flight: Option<&str>, part: usize) 
     if let Some(id) = flight
         && let Some(other) = table.strings("flight")?.into_iter().find(|f| *f != id)
     {
-        return Err(Error::new(format!("table \"{}\" of flight {id} has a row of flight \"{other}\"", table.name())));
+        return Err(Error::new(format!(
+            "table \"{}\" of flight {id} has a row of flight \"{other}\"",
+            table.name()
+        )));
     }
     write_atomic(&path, &table.to_parquet()?)?;
     Ok(path)
@@ -41,10 +52,13 @@ pub fn write_part(dir: &Path, table: &Table, flight: Option<&str>, part: usize) 
 /// # Errors
 /// The file system refuses.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
-    let fail = |e: std::io::Error| Error::at(Place::file(path.to_string_lossy()), format!("cannot write the file: {e}"));
+    let fail = |e: std::io::Error| {
+        Error::at(Place::file(path.to_string_lossy()), format!("cannot write the file: {e}"))
+    };
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(fail)?;
-    let mut file = tempfile::Builder::new().prefix(".unfinished-").tempfile_in(folder).map_err(fail)?;
+    let mut file =
+        tempfile::Builder::new().prefix(".unfinished-").tempfile_in(folder).map_err(fail)?;
     file.write_all(bytes).map_err(fail)?;
     readable(file.as_file()).map_err(fail)?;
     file.as_file().sync_all().map_err(fail)?;
@@ -75,8 +89,11 @@ pub fn read_part(dir: &Path, table: &str, flight: Option<&str>, part: usize) -> 
 
 fn read_file(path: &Path, table: &str, flight: Option<&str>) -> Result<Table> {
     let place = || Some(Place::file(path.to_string_lossy()));
-    let bytes =
-        std::fs::read(path).map_err(|e| Error { place: place(), what: format!("cannot read the file: {e}"), help: None })?;
+    let bytes = std::fs::read(path).map_err(|e| Error {
+        place: place(),
+        what: format!("cannot read the file: {e}"),
+        help: None,
+    })?;
     Table::from_parquet(table, bytes, flight).map_err(|e| Error { place: place(), ..e })
 }
 
@@ -92,7 +109,9 @@ pub fn parts(dir: &Path, table: &str) -> Result<Vec<(Option<String>, usize)>> {
     } else {
         for name in names(&folder)? {
             let Some(id) = name.strip_prefix("flight=") else { continue };
-            found.extend(numbers(&folder.join(&name))?.into_iter().map(|n| (Some(id.to_string()), n)));
+            found.extend(
+                numbers(&folder.join(&name))?.into_iter().map(|n| (Some(id.to_string()), n)),
+            );
         }
     }
     found.sort();
@@ -105,13 +124,18 @@ fn numbers(folder: &Path) -> Result<Vec<usize>> {
 }
 
 fn names(folder: &Path) -> Result<Vec<String>> {
-    let fail = |e: std::io::Error| Error::at(Place::file(folder.to_string_lossy()), format!("cannot read the folder: {e}"));
+    let fail = |e: std::io::Error| {
+        Error::at(Place::file(folder.to_string_lossy()), format!("cannot read the folder: {e}"))
+    };
     let entries = match std::fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(e) => return Err(fail(e)),
     };
-    entries.map(|e| e.map(|e| e.file_name().to_string_lossy().into_owned())).collect::<std::io::Result<_>>().map_err(fail)
+    entries
+        .map(|e| e.map(|e| e.file_name().to_string_lossy().into_owned()))
+        .collect::<std::io::Result<_>>()
+        .map_err(fail)
 }
 
 /// Reads a whole table: all parts in the order of [`parts`]. A table without parts has no rows.

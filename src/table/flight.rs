@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 
 /// Checks a flight id: a letter, then up to 63 letters, digits, `.`, `_` or `-`.
 ///
-/// The id stands in folder names (`flight=<id>`). Readers guess the type of a partition from its text, so an id must not look like a
-/// number, a date or a truth value.
+/// The id stands in folder names (`flight=<id>`). Readers guess the type of a partition from its
+/// text, so an id must not look like a number, a date or a truth value.
 ///
 /// # Errors
 /// The id is something else.
@@ -23,13 +23,17 @@ pub fn check_flight(id: &str) -> Result<()> {
 
 /// Ids that some reader takes for a value of another type.
 fn word(id: &str) -> bool {
-    ["true", "false", "null", "nan", "inf", "infinity", "none", "na"].contains(&id.to_ascii_lowercase().as_str())
+    ["true", "false", "null", "nan", "inf", "infinity", "none", "na"]
+        .contains(&id.to_ascii_lowercase().as_str())
 }
 
-/// A flight id made of any name, as of a log's file name without its ending: other characters become `-`, and what does not begin
-/// with a letter is put behind `flight-`.
+/// A flight id made of any name, as of a log's file name without its ending: other characters
+/// become `-`, and what does not begin with a letter is put behind `flight-`.
 pub fn flight_id(name: &str) -> String {
-    let clean: String = name.chars().map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '-' }).collect();
+    let clean: String = name
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '-' })
+        .collect();
     let letter = clean.chars().next().is_some_and(|c| c.is_ascii_alphabetic());
     let id = if letter && !word(&clean) { clean } else { format!("flight-{clean}") };
     let id: String = id.chars().take(63).collect();
@@ -45,11 +49,29 @@ mod tests {
         for good in ["flight-01", "F3", "hfb320", "a.b_c-d"] {
             assert_eq!(check_flight(good), Ok(()));
         }
-        for bad in ["", "01", "2024-05-06", "../x", "a/b", "a b", "a=b", "é", "true", "NaN", "a.", "_x", &"x".repeat(64)] {
+        for bad in [
+            "",
+            "01",
+            "2024-05-06",
+            "../x",
+            "a/b",
+            "a b",
+            "a=b",
+            "é",
+            "true",
+            "NaN",
+            "a.",
+            "_x",
+            &"x".repeat(64),
+        ] {
             assert!(check_flight(bad).is_err(), "{bad}");
         }
         let e = check_flight("2024/05").unwrap_err().to_string();
-        assert!(e.starts_with("\"2024/05\" is no flight id\n") && e.ends_with("\"flight-2024-05\" would do"), "{e}");
+        assert!(
+            e.starts_with("\"2024/05\" is no flight id\n")
+                && e.ends_with("\"flight-2024-05\" would do"),
+            "{e}"
+        );
     }
 
     proptest::proptest! {

@@ -1,7 +1,8 @@
 //! Columns in; tables of a known schema, Parquet datasets and campaign-level selections out.
 //!
-//! Every table the program writes has its schema in `schemas/tables/`, and goes through this module: names, types, units and lengths
-//! are checked when a table is built, and the same table gives the same bytes. `docs/tables.md` is the reader's page.
+//! Every table the program writes has its schema in `schemas/tables/`, and goes through this
+//! module: names, types, units and lengths are checked when a table is built, and the same table
+//! gives the same bytes. `docs/tables.md` is the reader's page.
 
 mod build;
 pub mod campaign;
@@ -14,7 +15,9 @@ mod schema;
 
 use std::sync::Arc;
 
-use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray};
+use arrow_array::{
+    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray,
+};
 
 use crate::config;
 use crate::error::{Error, Result};
@@ -55,10 +58,18 @@ impl Table {
         Ok(Table { schema, columns, batch })
     }
 
-    fn from_arrays(schema: &'static Schema, columns: Vec<Column>, arrays: Vec<ArrayRef>) -> Result<Table> {
+    fn from_arrays(
+        schema: &'static Schema,
+        columns: Vec<Column>,
+        arrays: Vec<ArrayRef>,
+    ) -> Result<Table> {
         if let Some((one, other)) = build::alike(&columns).next() {
-            let what = format!("table \"{}\": columns \"{one}\" and \"{other}\" differ by case only", schema.name);
-            return Err(Error::new(what).help("many readers take them for one: give one of the signals another name"));
+            let what = format!(
+                "table \"{}\": columns \"{one}\" and \"{other}\" differ by case only",
+                schema.name
+            );
+            return Err(Error::new(what)
+                .help("many readers take them for one: give one of the signals another name"));
         }
         let batch = RecordBatch::try_new(schema::arrow(&columns), arrays)
             .map_err(|e| Error::new(format!("table \"{}\": {e}", schema.name)))?;
@@ -112,9 +123,16 @@ impl Table {
 
     fn array<A: 'static>(&self, name: &str, kind: Kind) -> Result<&A> {
         let column = self.column(name)?;
-        self.batch.column_by_name(name).and_then(|a| a.as_any().downcast_ref::<A>()).ok_or_else(|| {
-            Error::new(format!("column \"{name}\" of table \"{}\" is {}, not {}", self.name(), column.kind.word(), kind.word()))
-        })
+        self.batch.column_by_name(name).and_then(|a| a.as_any().downcast_ref::<A>()).ok_or_else(
+            || {
+                Error::new(format!(
+                    "column \"{name}\" of table \"{}\" is {}, not {}",
+                    self.name(),
+                    column.kind.word(),
+                    kind.word()
+                ))
+            },
+        )
     }
 
     /// The values of an f64 column; NaN where there is none.
@@ -130,7 +148,10 @@ impl Table {
         let array = self.array::<Int64Array>(name, Kind::I64)?;
         match array.null_count() {
             0 => Ok(array.values()),
-            n => Err(Error::new(format!("column \"{name}\" of table \"{}\" has {n} rows without a value", self.name()))),
+            n => Err(Error::new(format!(
+                "column \"{name}\" of table \"{}\" has {n} rows without a value",
+                self.name()
+            ))),
         }
     }
 
@@ -141,7 +162,11 @@ impl Table {
 
     /// The values of a column of truth values.
     pub fn bools(&self, name: &str) -> Result<Vec<bool>> {
-        Ok(self.array::<BooleanArray>(name, Kind::Bool)?.iter().map(|b| b.unwrap_or(false)).collect())
+        Ok(self
+            .array::<BooleanArray>(name, Kind::Bool)?
+            .iter()
+            .map(|b| b.unwrap_or(false))
+            .collect())
     }
 
     /// The texts of a string column; a missing one is empty.

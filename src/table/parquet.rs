@@ -1,8 +1,8 @@
 //! A table in, Parquet bytes out, and back: the same table gives the same bytes.
 //!
-//! Readers matter more than bytes: f64 is `PLAIN`, because `BYTE_STREAM_SPLIT` (a third smaller) is refused by fastparquet and by
-//! older polars and, with nulls, misread by pyarrow 11. Integers are deltas, and only texts have a dictionary; zstd level 1
-//! throughout.
+//! Readers matter more than bytes: f64 is `PLAIN`, because `BYTE_STREAM_SPLIT` (a third smaller) is
+//! refused by fastparquet and by older polars and, with nulls, misread by pyarrow 11. Integers are
+//! deltas, and only texts have a dictionary; zstd level 1 throughout.
 
 use std::sync::Arc;
 
@@ -21,28 +21,38 @@ use crate::error::{Error, Result};
 /// Rows of a row group, fixed so that the bytes depend on the rows alone.
 const ROW_GROUP: usize = 1 << 20;
 
-/// Stands in every file as its author; fixed, so that a rebuilt program with the same sources gives the same bytes.
+/// Stands in every file as its author; fixed, so that a rebuilt program with the same sources gives
+/// the same bytes.
 const CREATED_BY: &str = concat!("koehler ", env!("CARGO_PKG_VERSION"));
 
 impl Table {
-    /// The table as the bytes of a Parquet file; the flight of a per-flight table is left to the file's path.
+    /// The table as the bytes of a Parquet file; the flight of a per-flight table is left to the
+    /// file's path.
     ///
-    /// Units and meanings stand in the metadata of the columns and, for readers that do not look there, as `unit.<column>` and
-    /// `doc.<column>` in the metadata of the file, beside `table` and `doc`.
+    /// Units and meanings stand in the metadata of the columns and, for readers that do not look
+    /// there, as `unit.<column>` and `doc.<column>` in the metadata of the file, beside `table` and
+    /// `doc`.
     ///
     /// # Errors
     /// The Parquet writer fails.
     pub fn to_parquet(&self) -> Result<Vec<u8>> {
         let batch = self.in_file()?;
-        let fail = |e: parquet::errors::ParquetError| Error::new(format!("table \"{}\" cannot be written: {e}", self.name()));
-        let mut writer = ArrowWriter::try_new(Vec::new(), batch.schema(), Some(self.properties(&batch)?)).map_err(fail)?;
+        let fail = |e: parquet::errors::ParquetError| {
+            Error::new(format!("table \"{}\" cannot be written: {e}", self.name()))
+        };
+        let mut writer =
+            ArrowWriter::try_new(Vec::new(), batch.schema(), Some(self.properties(&batch)?))
+                .map_err(fail)?;
         writer.write(&batch).map_err(fail)?;
         writer.into_inner().map_err(fail)
     }
 
     fn properties(&self, batch: &RecordBatch) -> Result<WriterProperties> {
         let level = ZstdLevel::try_new(1).map_err(|e| Error::new(e.to_string()))?;
-        let mut pairs = vec![("table".to_string(), self.name().to_string()), ("doc".to_string(), self.schema.doc.clone())];
+        let mut pairs = vec![
+            ("table".to_string(), self.name().to_string()),
+            ("doc".to_string(), self.schema.doc.clone()),
+        ];
         let mut builder = WriterProperties::builder()
             .set_created_by(CREATED_BY.to_string())
             .set_max_row_group_row_count(Some(ROW_GROUP))
@@ -55,37 +65,48 @@ impl Table {
                 _ => None,
             };
             if let Some(encoding) = encoding {
-                builder = builder.set_column_dictionary_enabled(path.clone(), false).set_column_encoding(path, encoding);
+                builder = builder
+                    .set_column_dictionary_enabled(path.clone(), false)
+                    .set_column_encoding(path, encoding);
             }
             for key in ["unit", "doc"] {
-                pairs.push((format!("{key}.{}", field.name()), field.metadata().get(key).cloned().unwrap_or_default()));
+                pairs.push((
+                    format!("{key}.{}", field.name()),
+                    field.metadata().get(key).cloned().unwrap_or_default(),
+                ));
             }
         }
         let pairs = pairs.into_iter().map(|(key, value)| KeyValue::new(key, value)).collect();
         Ok(builder.set_key_value_metadata(Some(pairs)).build())
     }
 
-    /// Reads the bytes of a Parquet file back; `flight` is what the file's path says, for a per-flight table.
+    /// Reads the bytes of a Parquet file back; `flight` is what the file's path says, for a
+    /// per-flight table.
     ///
     /// # Errors
     /// The bytes are no Parquet file, or not one of the table `name`.
     pub fn from_parquet(name: &str, bytes: Vec<u8>, flight: Option<&str>) -> Result<Table> {
         let schema = schema(name)?;
         let fail = |e: &dyn std::fmt::Display| {
-            Error::new(format!("this is no readable file of the table \"{name}\": {e}")).help("delete the file and run again")
+            Error::new(format!("this is no readable file of the table \"{name}\": {e}"))
+                .help("delete the file and run again")
         };
-        let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).map_err(|e| fail(&e))?;
+        let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes))
+            .map_err(|e| fail(&e))?;
         let file_schema = reader.schema().clone();
         let batches = reader.with_batch_size(ROW_GROUP).build().map_err(|e| fail(&e))?;
         let batches = batches.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
-        let batch = arrow_select::concat::concat_batches(&file_schema, &batches).map_err(|e| fail(&e))?;
+        let batch =
+            arrow_select::concat::concat_batches(&file_schema, &batches).map_err(|e| fail(&e))?;
         let columns = columns(schema, file_schema.fields()).map_err(|what| fail(&what))?;
         let mut arrays = Vec::new();
         for column in &columns {
             let array = match (batch.column_by_name(&column.name), flight) {
                 (Some(array), _) => nan_for_nulls(array),
-                (None, Some(id)) => super::build::texts(std::iter::repeat_n(Some(id), batch.num_rows()))
-                    .ok_or_else(|| fail(&"it has too many rows"))?,
+                (None, Some(id)) => {
+                    super::build::texts(std::iter::repeat_n(Some(id), batch.num_rows()))
+                        .ok_or_else(|| fail(&"it has too many rows"))?
+                }
                 (None, None) => return Err(fail(&"its path does not say which flight it is of")),
             };
             arrays.push(array);
@@ -101,7 +122,12 @@ fn columns(schema: &Schema, fields: &[Arc<Field>]) -> std::result::Result<Vec<Co
         match fields.iter().find(|f| *f.name() == column.name) {
             Some(field) if *field.data_type() == column.kind.data_type() => {}
             Some(field) => {
-                return Err(format!("its column \"{}\" is {}, not {}", column.name, field.data_type(), column.kind.word()));
+                return Err(format!(
+                    "its column \"{}\" is {}, not {}",
+                    column.name,
+                    field.data_type(),
+                    column.kind.word()
+                ));
             }
             None if in_path => {}
             None => return Err(format!("it lacks the column \"{}\"", column.name)),
@@ -113,16 +139,22 @@ fn columns(schema: &Schema, fields: &[Arc<Field>]) -> std::result::Result<Vec<Co
             return Err(format!("it has a column \"{}\" that the table has not", field.name()));
         }
         let text = |key: &str| field.metadata().get(key).cloned().unwrap_or_default();
-        columns.push(Column { name: field.name().clone(), kind: Kind::F64, unit: text("unit"), nullable: true, doc: text("doc") });
+        columns.push(Column {
+            name: field.name().clone(),
+            kind: Kind::F64,
+            unit: text("unit"),
+            nullable: true,
+            doc: text("doc"),
+        });
     }
     Ok(columns)
 }
 
 fn nan_for_nulls(array: &ArrayRef) -> ArrayRef {
     match array.as_any().downcast_ref::<Float64Array>() {
-        Some(numbers) if numbers.null_count() > 0 => {
-            Arc::new(Float64Array::from(numbers.iter().map(|v| v.unwrap_or(f64::NAN)).collect::<Vec<f64>>()))
-        }
+        Some(numbers) if numbers.null_count() > 0 => Arc::new(Float64Array::from(
+            numbers.iter().map(|v| v.unwrap_or(f64::NAN)).collect::<Vec<f64>>(),
+        )),
         _ => array.clone(),
     }
 }

@@ -4,14 +4,17 @@ use std::borrow::Borrow;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt64Array};
+use arrow_array::{
+    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt64Array,
+};
 
 use super::schema::arrow;
 use super::{Column, Table, schema};
 use crate::error::{Error, Result};
 
 impl Table {
-    /// All rows of `tables`, one after the other. A dynamic column that one of them lacks is NaN there.
+    /// All rows of `tables`, one after the other. A dynamic column that one of them lacks is NaN
+    /// there.
     ///
     /// # Errors
     /// A table is not of the schema `name`, or a dynamic column has two units.
@@ -21,14 +24,22 @@ impl Table {
         let mut columns = schema.columns.clone();
         for table in &tables {
             if table.schema != schema {
-                return Err(Error::new(format!("table \"{}\" cannot be put together with \"{name}\"", table.name())));
+                return Err(Error::new(format!(
+                    "table \"{}\" cannot be put together with \"{name}\"",
+                    table.name()
+                )));
             }
             for column in table.columns() {
                 match columns.iter().find(|c| c.name == column.name) {
                     None => columns.push(column.clone()),
                     Some(known) if known.unit != column.unit => {
-                        let what = format!("column \"{}\" of \"{name}\" is in {} and in {}", column.name, known.unit, column.unit);
-                        return Err(Error::new(what).help("give the signal the same unit for all flights"));
+                        let what = format!(
+                            "column \"{}\" of \"{name}\" is in {} and in {}",
+                            column.name, known.unit, column.unit
+                        );
+                        return Err(
+                            Error::new(what).help("give the signal the same unit for all flights")
+                        );
                     }
                     Some(_) => {}
                 }
@@ -37,7 +48,8 @@ impl Table {
         if tables.is_empty() {
             return Table::empty(name);
         }
-        let arrays = columns.iter().map(|c| concat_column(c, &tables)).collect::<Result<Vec<_>>>()?;
+        let arrays =
+            columns.iter().map(|c| concat_column(c, &tables)).collect::<Result<Vec<_>>>()?;
         Table::from_arrays(schema, columns, arrays)
     }
 
@@ -47,11 +59,18 @@ impl Table {
     /// There are fewer rows.
     pub fn take(&self, rows: &[usize]) -> Result<Table> {
         if let Some(row) = rows.iter().find(|&&r| r >= self.rows()) {
-            return Err(Error::new(format!("table \"{}\" has {} rows, no row {row}", self.name(), self.rows())));
+            return Err(Error::new(format!(
+                "table \"{}\" has {} rows, no row {row}",
+                self.name(),
+                self.rows()
+            )));
         }
         let indices = UInt64Array::from_iter_values(rows.iter().map(|&r| r as u64));
-        let arrays = self.batch.columns().iter().map(|a| arrow_select::take::take(a, &indices, None));
-        let arrays = arrays.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Error::new(e.to_string()))?;
+        let arrays =
+            self.batch.columns().iter().map(|a| arrow_select::take::take(a, &indices, None));
+        let arrays = arrays
+            .collect::<std::result::Result<Vec<_>, _>>()
+            .map_err(|e| Error::new(e.to_string()))?;
         Table::from_arrays(self.schema, self.columns.to_vec(), arrays)
     }
 
@@ -63,8 +82,8 @@ impl Table {
         self.take(&(0..self.rows()).filter(|&row| keep(row)).collect::<Vec<_>>())
     }
 
-    /// The rows sorted by these columns; equal rows keep their order, missing values come first in text and whole numbers and last
-    /// (as NaN) in numbers.
+    /// The rows sorted by these columns; equal rows keep their order, missing values come first in
+    /// text and whole numbers and last (as NaN) in numbers.
     ///
     /// # Errors
     /// There is no such column.
@@ -75,13 +94,20 @@ impl Table {
             keys.extend(self.batch.column_by_name(name));
         }
         let mut rows: Vec<usize> = (0..self.rows()).collect();
-        rows.sort_by(|&a, &b| keys.iter().map(|k| compare(k, a, b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal));
+        rows.sort_by(|&a, &b| {
+            keys.iter().map(|k| compare(k, a, b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
+        });
         self.take(&rows)
     }
 }
 
 fn compare(array: &ArrayRef, a: usize, b: usize) -> Ordering {
-    fn values<T: Ord>(array: &dyn Array, a: usize, b: usize, value: impl Fn(usize) -> T) -> Ordering {
+    fn values<T: Ord>(
+        array: &dyn Array,
+        a: usize,
+        b: usize,
+        value: impl Fn(usize) -> T,
+    ) -> Ordering {
         let get = |i: usize| array.is_valid(i).then(|| value(i));
         get(a).cmp(&get(b))
     }
@@ -108,7 +134,8 @@ fn concat_column(column: &Column, tables: &[&Table]) -> Result<ArrayRef> {
         })
         .collect();
     let parts: Vec<&dyn Array> = arrays.iter().map(|a| a.as_ref()).collect();
-    arrow_select::concat::concat(&parts).map_err(|e| Error::new(format!("column \"{}\": {e}", column.name)))
+    arrow_select::concat::concat(&parts)
+        .map_err(|e| Error::new(format!("column \"{}\": {e}", column.name)))
 }
 
 impl Table {
@@ -121,14 +148,20 @@ impl Table {
             .filter(|(c, _)| !(self.schema.per_flight && c.name == "flight"))
             .collect();
         let columns: Vec<Column> = kept.iter().map(|(c, _)| (*c).clone()).collect();
-        let arrays = kept.iter().map(|(c, a)| if c.nullable { nulls_for_nan(a) } else { (*a).clone() }).collect();
-        RecordBatch::try_new(arrow(&columns), arrays).map_err(|e| Error::new(format!("table \"{}\": {e}", self.name())))
+        let arrays = kept
+            .iter()
+            .map(|(c, a)| if c.nullable { nulls_for_nan(a) } else { (*a).clone() })
+            .collect();
+        RecordBatch::try_new(arrow(&columns), arrays)
+            .map_err(|e| Error::new(format!("table \"{}\": {e}", self.name())))
     }
 }
 
 fn nulls_for_nan(array: &ArrayRef) -> ArrayRef {
     match array.as_any().downcast_ref::<Float64Array>() {
-        Some(numbers) => Arc::new(numbers.values().iter().map(|&v| (!v.is_nan()).then_some(v)).collect::<Float64Array>()),
+        Some(numbers) => Arc::new(
+            numbers.values().iter().map(|&v| (!v.is_nan()).then_some(v)).collect::<Float64Array>(),
+        ),
         None => array.clone(),
     }
 }

@@ -1,4 +1,5 @@
-//! The table schemas of `schemas/tables/` in; names, types, units and meanings of every table's columns out.
+//! The table schemas of `schemas/tables/` in; names, types, units and meanings of every table's
+//! columns out.
 
 use std::sync::{Arc, LazyLock};
 
@@ -8,7 +9,8 @@ use serde::Deserialize;
 use crate::config;
 use crate::error::{Error, Result};
 
-// `EMBEDDED`, the list of the files in `schemas/tables/` with their texts: written by `build.rs`, so that adding a table is adding a file.
+// `EMBEDDED`, the list of the files in `schemas/tables/` with their texts: written by `build.rs`,
+// so that adding a table is adding a file.
 include!(concat!(env!("OUT_DIR"), "/tables.rs"));
 
 /// What a table is: its columns in order, and where it lies.
@@ -21,7 +23,8 @@ pub struct Schema {
     pub doc: String,
     /// Whether the table is written flight by flight, into `flight=<id>` folders.
     pub per_flight: bool,
-    /// The columns by which the rows of a part are sorted, for the reader's information; empty: in the order of events.
+    /// The columns by which the rows of a part are sorted, for the reader's information; empty: in
+    /// the order of events.
     pub sorted_by: Vec<String>,
     /// Where further f64 columns are allowed beside those listed: what they are.
     #[serde(default)]
@@ -41,7 +44,8 @@ pub struct Column {
     pub kind: Kind,
     /// `-` where there is none; `SI` where another column or the table says which.
     pub unit: String,
-    /// Whether a row may have no value. An f64 without a value is NaN in memory and null in the file.
+    /// Whether a row may have no value. An f64 without a value is NaN in memory and null in the
+    /// file.
     #[serde(default)]
     pub nullable: bool,
     /// What it means.
@@ -90,7 +94,8 @@ impl Kind {
 impl Column {
     /// The Arrow field, unit and meaning in its metadata.
     pub(super) fn field(&self) -> Field {
-        let metadata = [("unit".to_string(), self.unit.clone()), ("doc".to_string(), self.doc.clone())].into();
+        let metadata =
+            [("unit".to_string(), self.unit.clone()), ("doc".to_string(), self.doc.clone())].into();
         Field::new(&self.name, self.kind.data_type(), self.nullable).with_metadata(metadata)
     }
 }
@@ -100,8 +105,9 @@ pub(super) fn arrow(columns: &[Column]) -> Arc<ArrowSchema> {
     Arc::new(ArrowSchema::new(columns.iter().map(Column::field).collect::<Vec<_>>()))
 }
 
-static SCHEMAS: LazyLock<Vec<Schema>> =
-    LazyLock::new(|| EMBEDDED.iter().filter_map(|(_, text)| serde_json::from_str(text).ok()).collect());
+static SCHEMAS: LazyLock<Vec<Schema>> = LazyLock::new(|| {
+    EMBEDDED.iter().filter_map(|(_, text)| serde_json::from_str(text).ok()).collect()
+});
 
 /// All tables, in alphabetical order.
 pub fn schemas() -> &'static [Schema] {
@@ -115,7 +121,8 @@ pub fn schemas() -> &'static [Schema] {
 pub fn schema(name: &str) -> Result<&'static Schema> {
     schemas().iter().find(|s| s.name == name).ok_or_else(|| {
         let names: Vec<&str> = schemas().iter().map(|s| s.name.as_str()).collect();
-        Error::new(format!("there is no table \"{name}\"")).help(format!("the tables are {}", config::list(&names)))
+        Error::new(format!("there is no table \"{name}\""))
+            .help(format!("the tables are {}", config::list(&names)))
     })
 }
 
@@ -126,18 +133,30 @@ mod tests {
     #[test]
     fn every_schema_file_reads_and_is_listed_once() {
         for (name, text) in EMBEDDED {
-            let schema: Schema = serde_json::from_str(text).unwrap_or_else(|e| panic!("{name}: {e}"));
+            let schema: Schema =
+                serde_json::from_str(text).unwrap_or_else(|e| panic!("{name}: {e}"));
             assert_eq!(schema.name, *name);
-            let names: std::collections::BTreeSet<&str> = schema.columns.iter().map(|c| c.name.as_str()).collect();
+            let names: std::collections::BTreeSet<&str> =
+                schema.columns.iter().map(|c| c.name.as_str()).collect();
             assert_eq!(names.len(), schema.columns.len(), "{name} has a column twice");
             assert_eq!(
                 super::super::build::alike(&schema.columns).next(),
                 None,
                 "{name}: readers such as DuckDB take these for one"
             );
-            assert_eq!(schema.per_flight, schema.per_flight && names.contains("flight"), "{name} lacks the flight");
-            assert!(schema.sorted_by.iter().all(|s| names.contains(s.as_str())), "{name}: sorted_by");
-            assert!(schema.columns.iter().all(|c| c.doc.ends_with('.') && !c.unit.is_empty()), "{name}: doc or unit");
+            assert_eq!(
+                schema.per_flight,
+                schema.per_flight && names.contains("flight"),
+                "{name} lacks the flight"
+            );
+            assert!(
+                schema.sorted_by.iter().all(|s| names.contains(s.as_str())),
+                "{name}: sorted_by"
+            );
+            assert!(
+                schema.columns.iter().all(|c| c.doc.ends_with('.') && !c.unit.is_empty()),
+                "{name}: doc or unit"
+            );
         }
         assert_eq!(schemas().len(), EMBEDDED.len());
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas/tables");
@@ -147,6 +166,9 @@ mod tests {
     #[test]
     fn an_unknown_table_is_refused_with_the_list() {
         let e = schema("estimate").unwrap_err().to_string();
-        assert!(e.starts_with("there is no table \"estimate\"\n    the tables are additions, bands"), "{e}");
+        assert!(
+            e.starts_with("there is no table \"estimate\"\n    the tables are additions, bands"),
+            "{e}"
+        );
     }
 }

@@ -64,8 +64,16 @@ fn columns_are_read_by_name_and_type() {
     assert_eq!(t.strings("reason").unwrap(), ["", "gust"]);
     assert!(t.f64("unit_time_s").unwrap().iter().all(|v| v.is_nan()));
     let e = t.f64("t_strat_s").unwrap_err().to_string();
-    assert!(e.starts_with("table \"segments\" has no column \"t_strat_s\"\n    did you mean \"t_start_s\"?"), "{e}");
-    assert_eq!(t.f64("kind").unwrap_err().to_string(), "column \"kind\" of table \"segments\" is string, not f64");
+    assert!(
+        e.starts_with(
+            "table \"segments\" has no column \"t_strat_s\"\n    did you mean \"t_start_s\"?"
+        ),
+        "{e}"
+    );
+    assert_eq!(
+        t.f64("kind").unwrap_err().to_string(),
+        "column \"kind\" of table \"segments\" is string, not f64"
+    );
 }
 
 #[test]
@@ -103,7 +111,10 @@ fn rows_are_put_together_chosen_and_sorted() {
     assert_eq!(both.strings("segment").unwrap(), ["a2", "a1", "b1"]);
     let sorted = both.sorted(&["included", "segment"]).unwrap();
     assert_eq!(sorted.strings("segment").unwrap(), ["a1", "a2", "b1"]);
-    assert_eq!(both.sorted(&["t_start_s", "flight"]).unwrap().strings("segment").unwrap(), ["a2", "b1", "a1"]);
+    assert_eq!(
+        both.sorted(&["t_start_s", "flight"]).unwrap().strings("segment").unwrap(),
+        ["a2", "b1", "a1"]
+    );
     assert_eq!(both.filter(|i| i != 0).unwrap().strings("segment").unwrap(), ["a1", "b1"]);
     assert!(both.take(&[3]).is_err());
     assert!(Table::concat("segments", &[a, samples(2)]).is_err());
@@ -112,41 +123,75 @@ fn rows_are_put_together_chosen_and_sorted() {
 
 #[test]
 fn dynamic_columns_keep_unit_and_meaning_and_are_nan_where_a_flight_lacks_them() {
-    let other = Table::build("samples").repeat("flight", "f2").f64("t_s", vec![0.0]).dynamic("V", "m/s", "Airspeed.", vec![90.0]);
+    let other = Table::build("samples").repeat("flight", "f2").f64("t_s", vec![0.0]).dynamic(
+        "V",
+        "m/s",
+        "Airspeed.",
+        vec![90.0],
+    );
     let other = other.finish().unwrap();
-    let back = Table::from_parquet("samples", samples(3).to_parquet().unwrap(), Some("f1")).unwrap();
+    let back =
+        Table::from_parquet("samples", samples(3).to_parquet().unwrap(), Some("f1")).unwrap();
     assert_eq!(back.column("alpha").unwrap().unit, "rad");
     assert_eq!(back.column("alpha").unwrap().doc, "Angle of attack.");
     let both = Table::concat("samples", &[back, other]).unwrap();
     assert_eq!(both.rows(), 4);
-    assert!(both.f64("V").unwrap()[..3].iter().all(|v| v.is_nan()) && both.f64("alpha").unwrap()[3].is_nan());
-    let feet =
-        Table::build("samples").repeat("flight", "f3").f64("t_s", vec![0.0]).dynamic("alpha", "-", "", vec![1.0]).finish().unwrap();
+    assert!(
+        both.f64("V").unwrap()[..3].iter().all(|v| v.is_nan())
+            && both.f64("alpha").unwrap()[3].is_nan()
+    );
+    let feet = Table::build("samples")
+        .repeat("flight", "f3")
+        .f64("t_s", vec![0.0])
+        .dynamic("alpha", "-", "", vec![1.0])
+        .finish()
+        .unwrap();
     let e = Table::concat("samples", &[samples(1), feet]).unwrap_err().to_string();
     assert!(e.starts_with("column \"alpha\" of \"samples\" is in rad and in -"), "{e}");
-    let e = Table::build("bands").dynamic("y", "m", "", vec![1.0]).finish().unwrap_err().to_string();
+    let e =
+        Table::build("bands").dynamic("y", "m", "", vec![1.0]).finish().unwrap_err().to_string();
     assert!(e.contains("column \"y\" is not of this table"), "{e}");
 }
 
 #[test]
 fn columns_that_differ_by_case_only_are_refused() {
-    let build = |name: &str| {
-        let table =
-            Table::build("samples").repeat("flight", "f1").f64("t_s", vec![0.0]).dynamic("V", "m/s", "Airspeed.", vec![90.0]);
-        table.dynamic(name, "m/s", "Lateral velocity.", vec![0.0]).finish()
-    };
+    let build =
+        |name: &str| {
+            let table = Table::build("samples")
+                .repeat("flight", "f1")
+                .f64("t_s", vec![0.0])
+                .dynamic("V", "m/s", "Airspeed.", vec![90.0]);
+            table.dynamic(name, "m/s", "Lateral velocity.", vec![0.0]).finish()
+        };
     assert!(build("v_body").is_ok());
-    assert_eq!(build("v").unwrap_err().to_string(), "table \"samples\": columns \"V\" and \"v\" differ by case only");
-    assert!(build("T_s").unwrap_err().to_string().contains("columns \"t_s\" and \"T_s\" differ by case only"));
+    assert_eq!(
+        build("v").unwrap_err().to_string(),
+        "table \"samples\": columns \"V\" and \"v\" differ by case only"
+    );
+    assert!(
+        build("T_s")
+            .unwrap_err()
+            .to_string()
+            .contains("columns \"t_s\" and \"T_s\" differ by case only")
+    );
     // Each of two flights is fine by itself, both together are not.
     let one = |name: &str| {
-        Table::build("samples").repeat("flight", "f1").f64("t_s", vec![0.0]).dynamic(name, "m/s", "", vec![1.0]).finish().unwrap()
+        Table::build("samples")
+            .repeat("flight", "f1")
+            .f64("t_s", vec![0.0])
+            .dynamic(name, "m/s", "", vec![1.0])
+            .finish()
+            .unwrap()
     };
     let e = Table::concat("samples", &[one("tas"), one("TAS")]).unwrap_err().to_string();
-    assert!(e.contains("\"tas\" and \"TAS\" differ by case only") && e.contains("another name"), "{e}");
+    assert!(
+        e.contains("\"tas\" and \"TAS\" differ by case only") && e.contains("another name"),
+        "{e}"
+    );
 }
 
-/// The IEEE total order, which later versions of the crate write for numbers, makes polars before 2 refuse a file.
+/// The IEEE total order, which later versions of the crate write for numbers, makes polars before 2
+/// refuse a file.
 #[test]
 fn every_column_has_the_order_of_its_type_in_the_footer() {
     use ::parquet::basic::ColumnOrder;
@@ -155,12 +200,19 @@ fn every_column_has_the_order_of_its_type_in_the_footer() {
     let full = [samples(100), segments("f1", &["a", "b"], vec![true, false])];
     let mut kinds = std::collections::BTreeSet::new();
     for table in tables.chain(full) {
-        let reader = SerializedFileReader::new(bytes::Bytes::from(table.to_parquet().unwrap())).unwrap();
+        let reader =
+            SerializedFileReader::new(bytes::Bytes::from(table.to_parquet().unwrap())).unwrap();
         let file = reader.metadata().file_metadata();
-        let orders = file.column_orders().unwrap_or_else(|| panic!("{} has no column orders", table.name()));
+        let orders =
+            file.column_orders().unwrap_or_else(|| panic!("{} has no column orders", table.name()));
         assert_eq!(orders.len(), file.schema_descr().num_columns());
         for (column, order) in file.schema_descr().columns().iter().zip(orders) {
-            assert!(matches!(order, ColumnOrder::TYPE_DEFINED_ORDER(_)), "{} {}: {order:?}", table.name(), column.name());
+            assert!(
+                matches!(order, ColumnOrder::TYPE_DEFINED_ORDER(_)),
+                "{} {}: {order:?}",
+                table.name(),
+                column.name()
+            );
             kinds.insert(column.physical_type().to_string());
         }
     }
@@ -193,7 +245,10 @@ fn files_carry_units_meanings_and_the_encodings_meant() {
     assert_eq!(value("unit.t_start_s"), Some("s".into()));
     assert_eq!(value("doc.t_start_s"), Some("Start of the first step.".into()));
     let group = reader.metadata().row_group(0);
-    assert!(group.columns().iter().all(|c| c.column_path().string() != "flight"), "the flight stands in the path");
+    assert!(
+        group.columns().iter().all(|c| c.column_path().string() != "flight"),
+        "the flight stands in the path"
+    );
     for column in group.columns() {
         assert!(matches!(column.compression(), Compression::ZSTD(_)));
         let used: Vec<Encoding> = column.encodings().collect();
@@ -210,13 +265,17 @@ fn files_carry_units_meanings_and_the_encodings_meant() {
 fn a_dataset_is_written_and_read_flight_by_flight() {
     let dir = tempfile::tempdir().unwrap();
     for (flight, id) in [("f2", "b"), ("f10", "c"), ("f1", "a")] {
-        let path = write_part(dir.path(), &segments(flight, &[id], vec![true]), Some(flight), 0).unwrap();
+        let path =
+            write_part(dir.path(), &segments(flight, &[id], vec![true]), Some(flight), 0).unwrap();
         assert!(path.ends_with(format!("segments/flight={flight}/part-0.parquet")));
     }
     let all = read_dataset(dir.path(), "segments").unwrap();
     assert_eq!(all.strings("flight").unwrap(), ["f1", "f10", "f2"]);
     assert_eq!(all.strings("segment").unwrap(), ["a", "c", "b"]);
-    assert_eq!(read_part(dir.path(), "segments", Some("f2"), 0).unwrap(), segments("f2", &["b"], vec![true]));
+    assert_eq!(
+        read_part(dir.path(), "segments", Some("f2"), 0).unwrap(),
+        segments("f2", &["b"], vec![true])
+    );
     assert_eq!(read_dataset(dir.path(), "fits").unwrap().rows(), 0);
     assert_eq!(parts(dir.path(), "segments").unwrap().len(), 3);
     let e = read_part(dir.path(), "segments", Some("f3"), 0).unwrap_err().to_string();
@@ -229,7 +288,8 @@ fn parts_are_in_the_order_of_their_numbers() {
     for part in [10, 2, 0] {
         write_part(dir.path(), &Table::empty("estimates").unwrap(), None, part).unwrap();
     }
-    let numbers: Vec<usize> = parts(dir.path(), "estimates").unwrap().into_iter().map(|p| p.1).collect();
+    let numbers: Vec<usize> =
+        parts(dir.path(), "estimates").unwrap().into_iter().map(|p| p.1).collect();
     assert_eq!(numbers, [0, 2, 10]);
 }
 
@@ -268,11 +328,19 @@ fn a_broken_or_foreign_file_is_refused_with_its_path() {
     for broken in [&bytes[..bytes.len() / 2], &[], b"PAR1"] {
         std::fs::write(&path, broken).unwrap();
         let e = read_dataset(dir.path(), "segments").unwrap_err().to_string();
-        assert!(e.contains("part-0.parquet: this is no readable file of the table \"segments\""), "{e}");
+        assert!(
+            e.contains("part-0.parquet: this is no readable file of the table \"segments\""),
+            "{e}"
+        );
     }
     let e = Table::from_parquet("conditions", bytes.clone(), Some("f1")).unwrap_err().to_string();
     assert!(e.contains("it lacks the column \"signal\""), "{e}");
-    assert!(Table::from_parquet("segments", bytes, None).unwrap_err().to_string().contains("which flight"));
+    assert!(
+        Table::from_parquet("segments", bytes, None)
+            .unwrap_err()
+            .to_string()
+            .contains("which flight")
+    );
     let fits = Table::empty("fits").unwrap().to_parquet().unwrap();
     assert!(Table::from_parquet("points", fits, None).is_err());
 }
@@ -335,11 +403,25 @@ mod campaign_level {
             segments("f1", &["f1-1", "f1-2", "f1-3"], vec![true, false, true]),
         ];
         let conditions = [
-            conditions("f2", &[("f2-1", "alpha", 0.1), ("f2-1", "V", 90.0), ("f2-2", "alpha", 0.2), ("f2-3", "alpha", 0.3)]),
-            conditions("f1", &[("f1-1", "alpha", 0.4), ("f1-2", "alpha", 0.5), ("f1-3", "alpha", f64::NAN)]),
+            conditions(
+                "f2",
+                &[
+                    ("f2-1", "alpha", 0.1),
+                    ("f2-1", "V", 90.0),
+                    ("f2-2", "alpha", 0.2),
+                    ("f2-3", "alpha", 0.3),
+                ],
+            ),
+            conditions(
+                "f1",
+                &[("f1-1", "alpha", 0.4), ("f1-2", "alpha", 0.5), ("f1-3", "alpha", f64::NAN)],
+            ),
         ];
         let estimates = [
-            estimates(&[("f2-2", None, 2.0, 0.2, "converged"), ("f2-1", Some("f2-1"), 1.0, 0.1, "converged")]),
+            estimates(&[
+                ("f2-2", None, 2.0, 0.2, "converged"),
+                ("f2-1", Some("f2-1"), 1.0, 0.1, "converged"),
+            ]),
             estimates(&[
                 ("f1-1", None, 4.0, 0.4, "converged"),
                 ("f1-2", None, 5.0, 0.5, "converged"),
@@ -355,7 +437,8 @@ mod campaign_level {
         assert_eq!(found.table.f64("value").unwrap(), [4.0, 1.0, 2.0]);
         assert_eq!(found.table.f64("sd").unwrap(), [0.4, 0.1, 0.2]);
         assert_eq!(found.table.strings("unit_x").unwrap(), ["rad"; 3]);
-        let left: Vec<(&str, &str)> = found.left_out.iter().map(|(s, w)| (s.as_str(), w.as_str())).collect();
+        let left: Vec<(&str, &str)> =
+            found.left_out.iter().map(|(s, w)| (s.as_str(), w.as_str())).collect();
         assert_eq!(
             left,
             [
@@ -370,9 +453,21 @@ mod campaign_level {
 
     #[test]
     fn two_estimates_of_one_segment_are_refused() {
-        let estimates = [estimates(&[("s", None, 1.0, 0.1, "converged"), ("all", Some("s"), 1.0, 0.1, "converged")])];
-        let e = points(&estimates, &[segments("f", &["s"], vec![true])], &[conditions("f", &[("s", "alpha", 0.1)])], LINE);
-        assert!(e.unwrap_err().to_string().starts_with("segment s has two estimates of C: of the groups all and s"));
+        let estimates = [estimates(&[
+            ("s", None, 1.0, 0.1, "converged"),
+            ("all", Some("s"), 1.0, 0.1, "converged"),
+        ])];
+        let e = points(
+            &estimates,
+            &[segments("f", &["s"], vec![true])],
+            &[conditions("f", &[("s", "alpha", 0.1)])],
+            LINE,
+        );
+        assert!(
+            e.unwrap_err()
+                .to_string()
+                .starts_with("segment s has two estimates of C: of the groups all and s")
+        );
     }
 
     #[test]
@@ -383,14 +478,21 @@ mod campaign_level {
 
     #[test]
     fn rows_are_counted_by_columns() {
-        let tables = [segments("f2", &["a", "b", "c"], vec![true, false, true]), segments("f1", &["d"], vec![true])];
-        let text =
-            |rows: Vec<(Vec<String>, usize)>| rows.into_iter().map(|(k, n)| format!("{}: {n}", k.join(" "))).collect::<Vec<_>>();
+        let tables = [
+            segments("f2", &["a", "b", "c"], vec![true, false, true]),
+            segments("f1", &["d"], vec![true]),
+        ];
+        let text = |rows: Vec<(Vec<String>, usize)>| {
+            rows.into_iter().map(|(k, n)| format!("{}: {n}", k.join(" "))).collect::<Vec<_>>()
+        };
         assert_eq!(
             text(counts("segments", &tables, &["flight", "included"]).unwrap()),
             ["f1 true: 1", "f2 false: 1", "f2 true: 2"]
         );
-        assert_eq!(text(counts("segments", &tables, &["kind", "polarity"]).unwrap()), ["3211 -1: 4"]);
+        assert_eq!(
+            text(counts("segments", &tables, &["kind", "polarity"]).unwrap()),
+            ["3211 -1: 4"]
+        );
         assert!(counts("segments", &tables, &["kynd"]).is_err());
         assert!(counts::<Table>("segments", &[], &["kind"]).unwrap().is_empty());
     }

@@ -1,6 +1,7 @@
 //! Unit strings ("N m", "deg/s", "kg/m^3") to dimensions and the factor that brings a value to SI.
 //!
-//! `rad` is dimensionless. Only `log` converts values; everywhere else units are coherent SI and serve checks and display.
+//! `rad` is dimensionless. Only `log` converts values; everywhere else units are coherent SI and
+//! serve checks and display.
 
 use std::fmt;
 
@@ -44,7 +45,10 @@ impl fmt::Display for Dim {
             e => format!("{name}^{}", f64::from(e) / f64::from(ONE)),
         };
         let side = |sign: i16| -> Vec<String> {
-            (0..5).filter(|&i| self.0[i] * sign > 0).map(|i| power(BASE[i], self.0[i] * sign)).collect()
+            (0..5)
+                .filter(|&i| self.0[i] * sign > 0)
+                .map(|i| power(BASE[i], self.0[i] * sign))
+                .collect()
         };
         let (up, down) = (side(1), side(-1));
         match (up.is_empty(), down.is_empty()) {
@@ -52,7 +56,8 @@ impl fmt::Display for Dim {
             (_, true) => write!(f, "{}", up.join(" ")),
             (empty, false) => {
                 let up = if empty { "1".to_string() } else { up.join(" ") };
-                let down = if down.len() > 1 { format!("({})", down.join(" ")) } else { down[0].clone() };
+                let down =
+                    if down.len() > 1 { format!("({})", down.join(" ")) } else { down[0].clone() };
                 write!(f, "{up}/{down}")
             }
         }
@@ -119,8 +124,9 @@ const SAME: f64 = 1e-5;
 impl Unit {
     pub const NONE: Unit = Unit { dim: Dim::NONE, scale: 1.0, offset: 0.0 };
 
-    /// Reads a unit string: names with optional powers (`m^2`, `m2`, `s^-1`), multiplied by a space or `*`, divided by `/`
-    /// (which takes the next factor or parenthesis). The error says what could not be read.
+    /// Reads a unit string: names with optional powers (`m^2`, `m2`, `s^-1`), multiplied by a space
+    /// or `*`, divided by `/` (which takes the next factor or parenthesis). The error says what
+    /// could not be read.
     pub fn parse(text: &str) -> Result<Unit, String> {
         let trimmed = text.trim();
         if trimmed.is_empty() {
@@ -133,7 +139,10 @@ impl Unit {
         let mut reader = Reader { chars: &chars, at: 0, text: trimmed };
         let unit = reader.product()?;
         if reader.at < chars.len() {
-            return Err(format!("unit \"{trimmed}\": \"{}\" is not expected here", chars[reader.at]));
+            return Err(format!(
+                "unit \"{trimmed}\": \"{}\" is not expected here",
+                chars[reader.at]
+            ));
         }
         Ok(unit)
     }
@@ -143,7 +152,8 @@ impl Unit {
         self.scale == 1.0 && self.offset == 0.0
     }
 
-    /// Whether both measure the same quantity with the same scale and zero, whatever they are called: `knots` and `kt`.
+    /// Whether both measure the same quantity with the same scale and zero, whatever they are
+    /// called: `knots` and `kt`.
     pub fn same(&self, other: &Unit) -> bool {
         let near = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
         self.dim == other.dim && near(self.scale, other.scale) && near(self.offset, other.offset)
@@ -159,7 +169,11 @@ impl Unit {
 }
 
 fn lookup(name: &str) -> Option<Unit> {
-    let known = UNITS.iter().find(|u| u.0 == name).map(|u| Unit { dim: Dim(u.1.map(|e| e * ONE)), scale: u.2, offset: u.3 });
+    let known = UNITS.iter().find(|u| u.0 == name).map(|u| Unit {
+        dim: Dim(u.1.map(|e| e * ONE)),
+        scale: u.2,
+        offset: u.3,
+    });
     known.or_else(|| SYNONYMS.iter().find(|s| s.0 == name).and_then(|s| Unit::parse(s.1).ok()))
 }
 
@@ -198,12 +212,19 @@ impl Reader<'_> {
             };
             let next = self.factor()?;
             if total.offset != 0.0 || next.offset != 0.0 {
-                return Err(format!("unit \"{}\": a temperature with its own zero cannot be part of a product; use K", self.text));
+                return Err(format!(
+                    "unit \"{}\": a temperature with its own zero cannot be part of a product; use K",
+                    self.text
+                ));
             }
             total = if over {
                 Unit { dim: total.dim.over(next.dim), scale: total.scale / next.scale, offset: 0.0 }
             } else {
-                Unit { dim: total.dim.times(next.dim), scale: total.scale * next.scale, offset: 0.0 }
+                Unit {
+                    dim: total.dim.times(next.dim),
+                    scale: total.scale * next.scale,
+                    offset: 0.0,
+                }
             };
         }
     }
@@ -220,7 +241,9 @@ impl Reader<'_> {
             return Ok(inner);
         }
         let start = self.at;
-        while self.peek().is_some_and(|c| c.is_alphabetic() || c == '%' || c == '°' || c == '1' && self.at == start) {
+        while self.peek().is_some_and(|c| {
+            c.is_alphabetic() || c == '%' || c == '°' || c == '1' && self.at == start
+        }) {
             self.at += 1;
             if self.chars[start] == '1' {
                 break;
@@ -228,14 +251,23 @@ impl Reader<'_> {
         }
         let name: String = self.chars[start..self.at].iter().collect();
         let unit = lookup(&name).ok_or_else(|| {
-            let got = if name.is_empty() { self.peek().map(String::from).unwrap_or_default() } else { name.clone() };
+            let got = if name.is_empty() {
+                self.peek().map(String::from).unwrap_or_default()
+            } else {
+                name.clone()
+            };
             format!("unit \"{}\": \"{got}\" is not a known unit", self.text)
         })?;
         match self.exponent()? {
             None => Ok(unit),
-            Some(_) if unit.offset != 0.0 => Err(format!("unit \"{}\": {name} cannot be raised to a power", self.text)),
+            Some(_) if unit.offset != 0.0 => {
+                Err(format!("unit \"{}\": {name} cannot be raised to a power", self.text))
+            }
             Some(e) => {
-                let dim = unit.dim.power(f64::from(e)).ok_or_else(|| format!("unit \"{}\": power {e} is too large", self.text))?;
+                let dim = unit
+                    .dim
+                    .power(f64::from(e))
+                    .ok_or_else(|| format!("unit \"{}\": power {e} is too large", self.text))?;
                 Ok(Unit { dim, scale: libm::pow(unit.scale, f64::from(e)), offset: 0.0 })
             }
         }
@@ -308,7 +340,14 @@ mod tests {
         ] {
             assert!(same(a, b), "{a} and {b}");
         }
-        for (a, b) in [("kt", "m/s"), ("deg", "rad"), ("deg", "deg/s"), ("K", "degC"), ("g", "m/s^2"), ("kt", "mph")] {
+        for (a, b) in [
+            ("kt", "m/s"),
+            ("deg", "rad"),
+            ("deg", "deg/s"),
+            ("K", "degC"),
+            ("g", "m/s^2"),
+            ("kt", "mph"),
+        ] {
             assert!(!same(a, b), "{a} and {b}");
         }
         // a spelling that meant nothing would be passed over in silence

@@ -1,5 +1,5 @@
-//! A campaign small enough to run in a second: a first-order system driven by 3211s, logged at two rates, with a gain that is a
-//! straight line in the "airspeed" of the moment.
+//! A campaign small enough to run in a second: a first-order system driven by 3211s, logged at two
+//! rates, with a gain that is a straight line in the "airspeed" of the moment.
 
 use koehler::log::{FieldSpec, LogWriter};
 use std::path::{Path, PathBuf};
@@ -113,7 +113,13 @@ impl Campaign {
     /// `koehler VERB pipeline.toml ARGS` in the campaign's folder.
     pub fn koehler(&self, verb: &str, args: &[&str]) -> Outcome {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
-        let output = command.current_dir(self.folder.path()).arg(verb).arg("pipeline.toml").args(args).output().expect("started");
+        let output = command
+            .current_dir(self.folder.path())
+            .arg(verb)
+            .arg("pipeline.toml")
+            .args(args)
+            .output()
+            .expect("started");
         Outcome::of(output)
     }
 
@@ -165,13 +171,19 @@ fn noise(k: u64) -> f64 {
     (x >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// Writes a log whose maneuvers begin every 20 s, each at its own speed. `lost` says at which times nothing but NaN is logged in y.
+/// Writes a log whose maneuvers begin every 20 s, each at its own speed. `lost` says at which times
+/// nothing but NaN is logged in y.
 pub fn write_log(path: &Path, seed: u64, maneuvers: usize, lost: impl Fn(f64) -> bool) {
     write_log_seen(path, seed, maneuvers, |t, y| if lost(t) { f64::NAN } else { y });
 }
 
 /// The same; `seen` makes what is logged in y of the time and what its sensor measures.
-pub fn write_log_seen(path: &Path, seed: u64, maneuvers: usize, mut seen: impl FnMut(f64, f64) -> f64) {
+pub fn write_log_seen(
+    path: &Path,
+    seed: u64,
+    maneuvers: usize,
+    mut seen: impl FnMut(f64, f64) -> f64,
+) {
     let speed = |i: usize| 60.0 + 15.0 * i as f64 + 4.0 * seed as f64;
     let command = |t: f64| {
         let since = t - 20.0 * (t / 20.0).floor() - 5.0;

@@ -1,4 +1,5 @@
-//! What each stage is made from: a changed byte changes the hash of the stages that use it, and of no other.
+//! What each stage is made from: a changed byte changes the hash of the stages that use it, and of
+//! no other.
 
 #[path = "../../build/closure.rs"]
 pub mod shared;
@@ -13,7 +14,8 @@ fn read(folder: &Path, root: &Path, files: &mut Files) {
         if path.is_dir() {
             read(&path, root, files);
         } else {
-            let name = path.strip_prefix(root).expect("inside").to_string_lossy().replace('\\', "/");
+            let name =
+                path.strip_prefix(root).expect("inside").to_string_lossy().replace('\\', "/");
             files.insert(name, std::fs::read(&path).expect("readable file"));
         }
     }
@@ -48,7 +50,8 @@ fn a_byte_in_the_report_changes_the_report_alone() {
 #[test]
 fn an_effect_changes_the_diagnosis_and_the_estimate_behind_it_alone() {
     let files = sources();
-    let effects: Vec<&String> = files.keys().filter(|p| p.starts_with("pipelines/effects/")).collect();
+    let effects: Vec<&String> =
+        files.keys().filter(|p| p.starts_with("pipelines/effects/")).collect();
     assert!(effects.len() > 10);
     assert_eq!(changed(&files, effects[0]), ["diagnose", "rerun"]);
     assert_eq!(changed(&files, "src/diagnose/mod.rs"), ["diagnose", "rerun"]);
@@ -63,7 +66,13 @@ fn a_byte_changes_all_that_use_it() {
     }
     let all = stages(&files);
     assert_eq!(all, koehler::stage::STAGES.iter().map(|s| s.name).collect::<Vec<_>>());
-    for path in ["src/table/build.rs", "schemas/tables/samples.json", "src/stage/mod.rs", "src/stage/inputs.rs", "src/error.rs"] {
+    for path in [
+        "src/table/build.rs",
+        "schemas/tables/samples.json",
+        "src/stage/mod.rs",
+        "src/stage/inputs.rs",
+        "src/error.rs",
+    ] {
         assert_eq!(changed(&files, path), all, "{path}");
     }
     assert_eq!(changed(&files, "src/stage/fit.rs").first().map(String::as_str), Some("fit"));
@@ -77,7 +86,10 @@ fn a_byte_changes_all_that_use_it() {
 fn the_program_has_the_hashes_of_its_sources() {
     let files = sources();
     let codes: BTreeSet<&str> = koehler::stage::STAGES.iter().map(|s| s.code()).collect();
-    assert_eq!(codes.len(), hashes(&files, "").into_iter().map(|(_, hash)| hash).collect::<BTreeSet<_>>().len());
+    assert_eq!(
+        codes.len(),
+        hashes(&files, "").into_iter().map(|(_, hash)| hash).collect::<BTreeSet<_>>().len()
+    );
     assert_eq!(koehler::stage::code("no stage").len(), 16);
     assert!(!codes.contains(koehler::stage::code("no stage")));
     assert_ne!(hashes(&files, "rustc 1"), hashes(&files, "rustc 2"));
@@ -93,7 +105,8 @@ fn the_lock_counts_as_far_as_the_program_reaches() {
     assert!(!has("divan") && !has("proptest") && !has("koehler"));
     let before = hashes(&files, "");
     let lock = String::from_utf8(files["Cargo.lock"].clone()).expect("text");
-    let at = lock.find("name = \"arrow-buffer\"\nversion = \"").expect("an entry") + "name = \"arrow-buffer\"\nversion = \"".len();
+    let at = lock.find("name = \"arrow-buffer\"\nversion = \"").expect("an entry")
+        + "name = \"arrow-buffer\"\nversion = \"".len();
     files.insert("Cargo.lock".into(), format!("{}9{}", &lock[..at], &lock[at..]).into_bytes());
     assert!(before.iter().zip(hashes(&files, "")).all(|(a, b)| *a != b));
 }
@@ -113,7 +126,10 @@ fn an_edge_is_seen_however_it_is_written() {
             ("src/far/deep.rs", "const TEXT: &str = include_str!(\"../../docs/x.txt\");\n"),
             ("docs/x.txt", ""),
         ];
-        let files: Files = all.into_iter().map(|(path, text)| (path.to_string(), text.as_bytes().to_vec())).collect();
+        let files: Files = all
+            .into_iter()
+            .map(|(path, text)| (path.to_string(), text.as_bytes().to_vec()))
+            .collect();
         assert_eq!(stages(&files), ["toy", "other"]);
         closure(&files, "toy")
     };
@@ -131,25 +147,35 @@ fn an_edge_is_seen_however_it_is_written() {
         let all = stage(text);
         assert!(all.contains("src/far/deep.rs") && all.contains("docs/x.txt"), "{text}: {all:?}");
     }
-    for text in ["// crate::far\n", "#[cfg(test)]\nmod tests {\n    use crate::far;\n}\n", "fn f(x: X) { x.others() }\n"] {
+    for text in [
+        "// crate::far\n",
+        "#[cfg(test)]\nmod tests {\n    use crate::far;\n}\n",
+        "fn f(x: X) { x.others() }\n",
+    ] {
         assert!(!stage(text).contains("src/far/deep.rs"), "{text}");
     }
 }
 
-/// Files of the project that the compiler read for the library, as it wrote them down beside the library.
+/// Files of the project that the compiler read for the library, as it wrote them down beside the
+/// library.
 fn compiled() -> BTreeSet<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let test = std::env::current_exe().expect("a program");
     let folder = test.parent().expect("a folder");
     // of several builds (other features, other flags) the last one is that of these sources
     let mut found = Vec::new();
-    for path in std::fs::read_dir(folder).expect("readable").map(|entry| entry.expect("readable").path()) {
+    for path in
+        std::fs::read_dir(folder).expect("readable").map(|entry| entry.expect("readable").path())
+    {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if name.starts_with("koehler-") && name.ends_with(".d") {
             let text = std::fs::read_to_string(&path).expect("readable");
             let library = folder.join(format!("lib{}", name.replace(".d", ".rlib")));
             if text.contains(&format!("{}: ", library.display())) {
-                found.push((std::fs::metadata(&path).and_then(|m| m.modified()).expect("a time"), text));
+                found.push((
+                    std::fs::metadata(&path).and_then(|m| m.modified()).expect("a time"),
+                    text,
+                ));
             }
         }
     }
@@ -173,7 +199,8 @@ fn every_file_that_the_compiler_reads_is_reached() {
     assert!(compiled.contains("src/lib.rs") && compiled.len() > 300, "{compiled:?}");
     // The root of the crate declares the modules and is of none.
     let missed = |files: &Files| -> Vec<&String> {
-        let seen: BTreeSet<String> = modules(files).keys().flat_map(|module| reached(files, module)).collect();
+        let seen: BTreeSet<String> =
+            modules(files).keys().flat_map(|module| reached(files, module)).collect();
         compiled.iter().filter(|path| !seen.contains(*path) && *path != "src/lib.rs").collect()
     };
     assert!(missed(&files).is_empty(), "no module is made from {:?}", missed(&files));
@@ -195,13 +222,14 @@ fn nothing_is_included_that_the_walk_does_not_see() {
     let files = sources();
     for (path, bytes) in files.iter().filter(|(path, _)| path.ends_with(".rs")) {
         let code = code(&String::from_utf8_lossy(bytes));
-        for (at, _) in code
-            .match_indices("include")
-            .filter(|(at, _)| code[*at..].starts_with("include_") || code[*at..].starts_with("include!"))
-        {
+        for (at, _) in code.match_indices("include").filter(|(at, _)| {
+            code[*at..].starts_with("include_") || code[*at..].starts_with("include!")
+        }) {
             let call = code[at..].lines().next().unwrap_or_default();
             let written = call.split_once("!(").is_some_and(|(_, rest)| rest.starts_with('"'));
-            let made = GENERATED.iter().any(|(name, _)| call.contains(&format!("concat!(env!(\"OUT_DIR\"), \"/{name}\")")));
+            let made = GENERATED.iter().any(|(name, _)| {
+                call.contains(&format!("concat!(env!(\"OUT_DIR\"), \"/{name}\")"))
+            });
             // A folder inside the module counts as a whole.
             let inside = call.contains("concat!(\"fragments/\"");
             assert!(!call.contains("!(") || written || made || inside, "{path}: {call}");

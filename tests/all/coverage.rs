@@ -1,7 +1,9 @@
-//! Do the intervals of the main job cover the truth? The shipped Citation campaign, recorded again with other sensor errors, goes from
-//! its logs through every stage; the truth is looked at here alone.
+//! Do the intervals of the main job cover the truth? The shipped Citation campaign, recorded again
+//! with other sensor errors, goes from its logs through every stage; the truth is looked at here
+//! alone.
 //!
-//! The slow test needs `KOEHLER_SLOW=1` (`.ci/run` sets it, in release mode). `KOEHLER_SEEDS` chooses another number of campaigns.
+//! The slow test needs `KOEHLER_SLOW=1` (`.ci/run` sets it, in release mode). `KOEHLER_SEEDS`
+//! chooses another number of campaigns.
 
 use koehler::math::distribution::{f_quantile, t_quantile};
 use koehler::pipeline::{Plan, Store, run};
@@ -11,7 +13,8 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The lines of citation Eqs. 8, 9, 10, 14 and 11: slope (1/rad) and intercept. The first four are judged.
+/// The lines of citation Eqs. 8, 9, 10, 14 and 11: slope (1/rad) and intercept. The first four are
+/// judged.
 const LINES: [(&str, f64, f64); 5] = [
     ("C_h_delta", -0.3717, -0.3189),
     ("C_h_deltadot", -0.094, -0.017),
@@ -27,34 +30,44 @@ fn campaign_folder() -> PathBuf {
 
 /// What one recorded campaign says.
 struct Outcome {
-    /// Per line: joint statistic over its 95% quantile, and whether the truth is inside the simultaneous band at 1 - 0.05/4.
+    /// Per line: joint statistic over its 95% quantile, and whether the truth is inside the
+    /// simultaneous band at 1 - 0.05/4.
     joint: [(f64, bool); 5],
     /// Per coefficient: (estimate - truth) / sd of every maneuver.
     normed: [Vec<f64>; 5],
     maneuvers: usize,
 }
 
-/// Copies the campaign's files without its simulation and report, records the truth with `seed`, and runs the pipeline.
+/// Copies the campaign's files without its simulation and report, records the truth with `seed`,
+/// and runs the pipeline.
 fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64) -> Outcome {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for entry in std::fs::read_dir(campaign_folder()).expect("the campaign").flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let analysis = ["aircraft.toml", "channels.toml", "derived.model.toml", "elevator.model.toml"];
+        let analysis =
+            ["aircraft.toml", "channels.toml", "derived.model.toml", "elevator.model.toml"];
         if analysis.contains(&name.as_str()) {
             std::fs::copy(entry.path(), folder.path().join(&name)).expect("copied");
         }
     }
-    let pipeline = std::fs::read_to_string(campaign_folder().join("pipeline.toml")).expect("the pipeline");
-    let pipeline = pipeline.split("[report]").next().expect("text").replace("simulate = \"campaign.toml\"", "");
+    let pipeline =
+        std::fs::read_to_string(campaign_folder().join("pipeline.toml")).expect("the pipeline");
+    let pipeline = pipeline
+        .split("[report]")
+        .next()
+        .expect("text")
+        .replace("simulate = \"campaign.toml\"", "");
     std::fs::write(folder.path().join("pipeline.toml"), pipeline).expect("written");
     for truth in truths {
         let recording = campaign.record(truth, seed).expect("recorded");
-        write_log(&recording, &folder.path().join(format!("logs/{}.mcap", truth.flight))).expect("a log");
+        write_log(&recording, &folder.path().join(format!("logs/{}.mcap", truth.flight)))
+            .expect("a log");
     }
     let plan = Plan::read(&folder.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
     let out = folder.path().join("out");
     let result = run(&plan, &Store::open(&out), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-    let lost: Vec<_> = result.notes.iter().filter(|n| n.severity == koehler::stage::Severity::Missing).collect();
+    let lost: Vec<_> =
+        result.notes.iter().filter(|n| n.severity == koehler::stage::Severity::Missing).collect();
     assert!(result.complete(), "seed {seed}: {lost:?} {}", result.errors);
     judge(&out, truths)
 }
@@ -70,7 +83,8 @@ fn truth_at(truths: &[Truth], flight: &str, t: f64) -> BTreeMap<String, f64> {
 }
 
 fn judge(out: &Path, truths: &[Truth]) -> Outcome {
-    let (fits, estimates, segments) = (table(out, "fits"), table(out, "estimates"), table(out, "segments"));
+    let (fits, estimates, segments) =
+        (table(out, "fits"), table(out, "estimates"), table(out, "segments"));
     let mut joint = [(f64::NAN, false); 5];
     for (k, (name, slope, intercept)) in LINES.iter().enumerate() {
         let row = fits.strings("parameter").unwrap().iter().position(|p| p == name).expect("a fit");
@@ -86,10 +100,12 @@ fn judge(out: &Path, truths: &[Truth]) -> Outcome {
         });
         joint[k] = (statistic / f_quantile(0.95, 2.0, dof), inside);
     }
-    let (ids, flights) = (segments.strings("segment").unwrap(), segments.strings("flight").unwrap());
+    let (ids, flights) =
+        (segments.strings("segment").unwrap(), segments.strings("flight").unwrap());
     let starts = segments.f64("t_start_s").unwrap();
     let mut normed: [Vec<f64>; 5] = Default::default();
-    let (names, of) = (estimates.strings("parameter").unwrap(), estimates.opt_strings("segment").unwrap());
+    let (names, of) =
+        (estimates.strings("parameter").unwrap(), estimates.opt_strings("segment").unwrap());
     let groups = estimates.strings("group").unwrap();
     let (values, sds) = (estimates.f64("value").unwrap(), estimates.f64("sd").unwrap());
     for row in 0..estimates.rows() {
@@ -105,18 +121,24 @@ fn judge(out: &Path, truths: &[Truth]) -> Outcome {
 
 /// The truth flights: one motion, recorded again for every seed.
 fn fly() -> (Campaign, Vec<Truth>) {
-    let campaign = Campaign::load(&campaign_folder().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let campaign =
+        Campaign::load(&campaign_folder().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
     let ids: Vec<String> = campaign.flights().iter().map(|f| f.to_string()).collect();
-    let truths = ids.par_iter().map(|id| campaign.truth(id).unwrap_or_else(|e| panic!("{e}"))).collect();
+    let truths =
+        ids.par_iter().map(|id| campaign.truth(id).unwrap_or_else(|e| panic!("{e}"))).collect();
     (campaign, truths)
 }
 
-/// One campaign per core at a time, each on a single thread: whole campaigns that waited for each other would pile up in memory.
+/// One campaign per core at a time, each on a single thread: whole campaigns that waited for each
+/// other would pile up in memory.
 fn analyse_all(campaign: &Campaign, truths: &[Truth], seeds: u64) -> Vec<Outcome> {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
     let worker = |first: u64| -> Vec<(u64, Outcome)> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-        (first..seeds).step_by(cores as usize).map(|seed| (seed, pool.install(|| analyse(campaign, truths, 1000 + seed)))).collect()
+        (first..seeds)
+            .step_by(cores as usize)
+            .map(|seed| (seed, pool.install(|| analyse(campaign, truths, 1000 + seed))))
+            .collect()
     };
     let mut outcomes: Vec<(u64, Outcome)> = std::thread::scope(|scope| {
         let handles: Vec<_> = (0..cores).map(|first| scope.spawn(move || worker(first))).collect();
@@ -132,12 +154,16 @@ fn recovery_coverage_of_the_citation_campaign() {
         println!("skipped: set KOEHLER_SLOW=1 (about ten minutes in release mode on two cores)");
         return;
     }
-    let seeds: u64 = std::env::var("KOEHLER_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(100);
+    let seeds: u64 =
+        std::env::var("KOEHLER_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(100);
     let (campaign, truths) = fly();
     let outcomes = analyse_all(&campaign, &truths, seeds);
     let n = outcomes.len() as f64;
     println!("{seeds} campaigns, {} maneuvers each", outcomes[0].maneuvers);
-    println!("{:<14} {:>10} {:>12} {:>10} {:>10} {:>10}", "line", "joint 95%", "in the band", "maneuvers", "mean/sd", "rms/sd");
+    println!(
+        "{:<14} {:>10} {:>12} {:>10} {:>10} {:>10}",
+        "line", "joint 95%", "in the band", "maneuvers", "mean/sd", "rms/sd"
+    );
     let z = t_quantile(0.975, 1e6);
     let (mut lines, mut points, mut all_points) = (Vec::new(), 0.0, 0.0);
     for (k, (name, ..)) in LINES.iter().enumerate() {
@@ -146,18 +172,27 @@ fn recovery_coverage_of_the_citation_campaign() {
         let normed: Vec<f64> = outcomes.iter().flat_map(|o| o.normed[k].iter().copied()).collect();
         let m = normed.len() as f64;
         let inside = normed.iter().filter(|v| v.abs() <= z).count() as f64;
-        let (mean, square) = (normed.iter().sum::<f64>() / m, normed.iter().map(|v| v * v).sum::<f64>() / m);
-        println!("{name:<14} {covered:>10} {band:>12} {:>9.2}% {mean:>10.3} {:>10.3}", 100.0 * inside / m, square.sqrt());
+        let (mean, square) =
+            (normed.iter().sum::<f64>() / m, normed.iter().map(|v| v * v).sum::<f64>() / m);
+        println!(
+            "{name:<14} {covered:>10} {band:>12} {:>9.2}% {mean:>10.3} {:>10.3}",
+            100.0 * inside / m,
+            square.sqrt()
+        );
         if k < JUDGED {
             lines.push(covered as f64);
             points += inside;
             all_points += m;
         }
     }
-    let (pooled_lines, pooled_points) = (lines.iter().sum::<f64>() / (4.0 * n), points / all_points);
+    let (pooled_lines, pooled_points) =
+        (lines.iter().sum::<f64>() / (4.0 * n), points / all_points);
     println!("pooled: lines {:.2}%, maneuvers {:.2}%", 100.0 * pooled_lines, 100.0 * pooled_points);
     for (covered, (name, ..)) in lines.iter().zip(&LINES) {
-        assert!((0.88..=0.99).contains(&(covered / n)), "{name}: the joint region covers {covered} of {n}");
+        assert!(
+            (0.88..=0.99).contains(&(covered / n)),
+            "{name}: the joint region covers {covered} of {n}"
+        );
     }
     assert!((0.93..=0.97).contains(&pooled_lines), "all lines pooled: {pooled_lines}");
     assert!((0.92..=0.97).contains(&pooled_points), "all maneuvers pooled: {pooled_points}");
@@ -174,7 +209,10 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
             } else if path.is_dir() {
                 open.push(path);
             } else {
-                out.insert(path.strip_prefix(folder).expect("below").to_path_buf(), std::fs::read(&path).expect("readable"));
+                out.insert(
+                    path.strip_prefix(folder).expect("below").to_path_buf(),
+                    std::fs::read(&path).expect("readable"),
+                );
             }
         }
     }
@@ -188,7 +226,11 @@ fn recovery_coverage_needs_no_truth_file() {
         return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    for entry in std::fs::read_dir(campaign_folder()).expect("the campaign").flatten().filter(|e| e.path().is_file()) {
+    for entry in std::fs::read_dir(campaign_folder())
+        .expect("the campaign")
+        .flatten()
+        .filter(|e| e.path().is_file())
+    {
         std::fs::copy(entry.path(), folder.path().join(entry.file_name())).expect("copied");
     }
     let pipeline = folder.path().join("pipeline.toml");

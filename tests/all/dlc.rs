@@ -1,8 +1,9 @@
-//! Does the analysis of the simulated ATTAS campaign tell what the paper on its direct-lift-control flaps tells? Logs go through the
-//! shipped pipeline; the truth is looked at here alone.
+//! Does the analysis of the simulated ATTAS campaign tell what the paper on its direct-lift-control
+//! flaps tells? Logs go through the shipped pipeline; the truth is looked at here alone.
 //!
-//! Slow: needs `KOEHLER_SLOW=1`, in release mode. `KOEHLER_SEEDS` chooses how many recordings the pooled coverage is judged by. The tables in the
-//! campaign's README are held against the results of its run, where there are any.
+//! Slow: needs `KOEHLER_SLOW=1`, in release mode. `KOEHLER_SEEDS` chooses how many recordings the
+//! pooled coverage is judged by. The tables in the campaign's README are held against the results
+//! of its run, where there are any.
 
 use koehler::math::distribution::t_quantile;
 use koehler::pipeline::{Plan, Store, run};
@@ -36,9 +37,11 @@ struct Flown {
 fn flown() -> &'static Flown {
     static FLOWN: OnceLock<Flown> = OnceLock::new();
     FLOWN.get_or_init(|| {
-        let campaign = Campaign::load(&folder().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
+        let campaign =
+            Campaign::load(&folder().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
         let ids: Vec<String> = campaign.flights().iter().map(|f| f.to_string()).collect();
-        let truths: Vec<Truth> = ids.par_iter().map(|id| campaign.truth(id).unwrap_or_else(|e| panic!("{e}"))).collect();
+        let truths: Vec<Truth> =
+            ids.par_iter().map(|id| campaign.truth(id).unwrap_or_else(|e| panic!("{e}"))).collect();
         let shipped = analyse(&campaign, &truths, campaign.sensor_seed(), &[]);
         Flown { campaign, truths, shipped }
     })
@@ -60,7 +63,8 @@ struct Row {
     sd: f64,
 }
 
-/// Records the flights with the sensors' random numbers from `seed`, and runs the shipped pipeline, or only its estimates `only`.
+/// Records the flights with the sensors' random numbers from `seed`, and runs the shipped pipeline,
+/// or only its estimates `only`.
 fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> Analysis {
     let out = tempfile::tempdir().expect("a temporary folder");
     for entry in std::fs::read_dir(folder()).expect("the campaign").flatten() {
@@ -70,10 +74,13 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
         }
     }
     let text = std::fs::read_to_string(folder().join("pipeline.toml")).expect("the pipeline");
-    let text = text.split("[report]").next().expect("text").replace("simulate = \"campaign.toml\"", "");
+    let text =
+        text.split("[report]").next().expect("text").replace("simulate = \"campaign.toml\"", "");
     let mut parts = text.split("[[estimate]]");
     let head = parts.next().expect("text").to_string();
-    let wanted = |part: &&str| only.is_empty() || only.iter().any(|name| part.contains(&format!("= \"{name}\"\n")));
+    let wanted = |part: &&str| {
+        only.is_empty() || only.iter().any(|name| part.contains(&format!("= \"{name}\"\n")))
+    };
     let text = parts.filter(wanted).fold(head, |text, part| text + "[[estimate]]" + part);
     std::fs::write(out.path().join("pipeline.toml"), text).expect("written");
     let mut biases = BTreeMap::new();
@@ -82,13 +89,19 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
         for error in recording.errors.iter().filter(|e| e.topic == "/imu") {
             let unit = koehler::units::Unit::parse(&error.unit).expect("a unit");
             let signal = &campaign.settings.topics["/imu"].fields[&error.field].truth;
-            biases.insert((truth.flight.clone(), signal.trim_end_matches("_imu").to_string()), unit.to_si(error.bias));
+            biases.insert(
+                (truth.flight.clone(), signal.trim_end_matches("_imu").to_string()),
+                unit.to_si(error.bias),
+            );
         }
-        write_log(&recording, &out.path().join(format!("logs/{}.mcap", truth.flight))).expect("a log");
+        write_log(&recording, &out.path().join(format!("logs/{}.mcap", truth.flight)))
+            .expect("a log");
     }
     let plan = Plan::read(&out.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let result = run(&plan, &Store::open(&out.path().join("out")), &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-    let lost: Vec<_> = result.notes.iter().filter(|n| n.severity == koehler::stage::Severity::Missing).collect();
+    let result = run(&plan, &Store::open(&out.path().join("out")), &|_| {})
+        .unwrap_or_else(|e| panic!("{e}"));
+    let lost: Vec<_> =
+        result.notes.iter().filter(|n| n.severity == koehler::stage::Severity::Missing).collect();
     assert!(result.complete() && lost.is_empty(), "seed {seed}: {lost:?} {}", result.errors);
     Analysis { out, biases }
 }
@@ -101,20 +114,33 @@ impl Analysis {
     /// The estimates of `model` that hold for more than one maneuver.
     fn rows(&self, model: &str) -> Vec<Row> {
         let table = self.table("estimates");
-        let (models, names, per) =
-            (table.strings("model").unwrap(), table.strings("parameter").unwrap(), table.strings("per").unwrap());
+        let (models, names, per) = (
+            table.strings("model").unwrap(),
+            table.strings("parameter").unwrap(),
+            table.strings("per").unwrap(),
+        );
         let (of, stops) = (table.opt_strings("of").unwrap(), table.strings("stop").unwrap());
         let (values, sds) = (table.f64("value").unwrap(), table.f64("sd").unwrap());
-        let rows = (0..table.rows()).filter(|i| models[*i] == model && per[*i] != "segment" && sds[*i].is_finite());
+        let rows = (0..table.rows())
+            .filter(|i| models[*i] == model && per[*i] != "segment" && sds[*i].is_finite());
         let row = |i: usize| {
             assert_eq!(stops[i], "converged", "{model}");
-            Row { parameter: names[i].to_string(), flight: of[i].map(str::to_string), value: values[i], sd: sds[i] }
+            Row {
+                parameter: names[i].to_string(),
+                flight: of[i].map(str::to_string),
+                value: values[i],
+                sd: sds[i],
+            }
         };
         rows.map(row).collect()
     }
 
     fn one(&self, model: &str, parameter: &str) -> (f64, f64) {
-        let row = self.rows(model).into_iter().find(|r| r.parameter == parameter).unwrap_or_else(|| panic!("{model}: {parameter}"));
+        let row = self
+            .rows(model)
+            .into_iter()
+            .find(|r| r.parameter == parameter)
+            .unwrap_or_else(|| panic!("{model}: {parameter}"));
         (row.value, row.sd)
     }
 
@@ -131,7 +157,10 @@ impl Analysis {
             (Some(sensor), Some(flight)) => self.biases[&(flight.clone(), sensor.to_string())],
             _ => true_value(&row.parameter),
         };
-        self.rows(model).iter().map(|r| (format!("{} {:?}", r.parameter, r.flight), (r.value - truth(r)) / r.sd)).collect()
+        self.rows(model)
+            .iter()
+            .map(|r| (format!("{} {:?}", r.parameter, r.flight), (r.value - truth(r)) / r.sd))
+            .collect()
     }
 }
 
@@ -139,7 +168,8 @@ impl Analysis {
 fn true_value(name: &str) -> f64 {
     static TRUTH: OnceLock<toml::Table> = OnceLock::new();
     let file = TRUTH.get_or_init(|| {
-        let text = std::fs::read_to_string(folder().join("truth_aerodynamics.model.toml")).expect("the truth");
+        let text = std::fs::read_to_string(folder().join("truth_aerodynamics.model.toml"))
+            .expect("the truth");
         toml::from_str(&text).expect("a model")
     });
     file["constants"][name]["value"].as_float().unwrap_or_else(|| panic!("the truth has no {name}"))
@@ -153,7 +183,11 @@ fn recovery_coverage_attas_intervals_of_model_b_hold_the_truth() {
     let normed = flown().shipped.normed("b-all");
     let z = t_quantile(0.975, 1e6);
     let inside = normed.iter().filter(|(_, v)| v.abs() <= z).count();
-    println!("{inside} of {} inside: {:?}", normed.len(), normed.iter().filter(|(_, v)| v.abs() > z).collect::<Vec<_>>());
+    println!(
+        "{inside} of {} inside: {:?}",
+        normed.len(),
+        normed.iter().filter(|(_, v)| v.abs() > z).collect::<Vec<_>>()
+    );
     assert_eq!(normed.len(), 60);
     assert!(inside >= 53 && normed.iter().all(|(_, v)| v.abs() <= 4.0), "{inside} {normed:?}");
 }
@@ -166,7 +200,9 @@ fn recovery_coverage_attas_intervals_of_model_b_over_recordings() {
     let seeds: u64 = std::env::var("KOEHLER_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(4);
     let flown = flown();
     let all: Vec<f64> = (0..seeds)
-        .flat_map(|seed| analyse(&flown.campaign, &flown.truths, 2000 + seed, &["b-all"]).normed("b-all"))
+        .flat_map(|seed| {
+            analyse(&flown.campaign, &flown.truths, 2000 + seed, &["b-all"]).normed("b-all")
+        })
         .map(|(_, v)| v)
         .collect();
     let n = all.len() as f64;
@@ -179,16 +215,20 @@ fn recovery_coverage_attas_intervals_of_model_b_over_recordings() {
     assert!((0.92..=0.97).contains(&share), "{share}");
 }
 
-/// Paper: "the estimate of pitch-damping derivative C_mq is much higher than would otherwise be obtained from the pure longitudinal
-/// maneuvers"; "only by including the downwash lag due to DLC-flap deflection, is this derivative ... accurately estimated".
+/// Paper: "the estimate of pitch-damping derivative C_mq is much higher than would otherwise be
+/// obtained from the pure longitudinal maneuvers"; "only by including the downwash lag due to
+/// DLC-flap deflection, is this derivative ... accurately estimated".
 #[test]
 fn recovery_coverage_attas_pitch_damping_returns_with_the_downwash_lag() {
     if !slow() {
         return;
     }
     let estimates = |model| flown().shipped.one(model, "C_m_q");
-    let ((a, a_sd), (b, b_sd), (elevator, elevator_sd)) = (estimates("a-dlc"), estimates("b-dlc"), estimates("elevator"));
-    println!("C_m_q: model A {a} +- {a_sd}, model B {b} +- {b_sd}, elevator maneuvers {elevator} +- {elevator_sd}");
+    let ((a, a_sd), (b, b_sd), (elevator, elevator_sd)) =
+        (estimates("a-dlc"), estimates("b-dlc"), estimates("elevator"));
+    println!(
+        "C_m_q: model A {a} +- {a_sd}, model B {b} +- {b_sd}, elevator maneuvers {elevator} +- {elevator_sd}"
+    );
     let apart = |x: f64, x_sd: f64, y: f64, y_sd: f64| (x - y).abs() / x_sd.hypot(y_sd);
     assert!(a / elevator > 1.1 && apart(a, a_sd, elevator, elevator_sd) > 10.0);
     assert!(apart(b, b_sd, elevator, elevator_sd) < 3.0);
@@ -205,7 +245,8 @@ fn recovery_coverage_attas_lever_arm_of_the_flaps() {
     assert!((arm - true_value("l_DLC")).abs() < 3.0 * sd && sd < 0.02 * arm);
 }
 
-/// Paper, Figs. 8 and 9: with model B the pitch rate follows every change of level, and roll and yaw rate no longer show unmodelled motion.
+/// Paper, Figs. 8 and 9: with model B the pitch rate follows every change of level, and roll and
+/// yaw rate no longer show unmodelled motion.
 #[test]
 fn recovery_coverage_attas_model_b_closes_the_gap() {
     if !slow() {
@@ -214,11 +255,13 @@ fn recovery_coverage_attas_model_b_closes_the_gap() {
     let shipped = &flown().shipped;
     let (a, b) = (shipped.det_r("a-all"), shipped.det_r("b-all"));
     let residuals = shipped.table("residuals");
-    let (models, outputs) = (residuals.strings("model").unwrap(), residuals.strings("output").unwrap());
+    let (models, outputs) =
+        (residuals.strings("model").unwrap(), residuals.strings("output").unwrap());
     let (sd, n) = (residuals.f64("sd").unwrap(), residuals.i64("n").unwrap());
     let rms = |model: &str, output: &str| {
         let rows = (0..residuals.rows()).filter(|i| models[*i] == model && outputs[*i] == output);
-        let (square, count) = rows.fold((0.0, 0.0), |s, i| (s.0 + sd[i] * sd[i] * n[i] as f64, s.1 + n[i] as f64));
+        let (square, count) =
+            rows.fold((0.0, 0.0), |s, i| (s.0 + sd[i] * sd[i] * n[i] as f64, s.1 + n[i] as f64));
         (square / count).sqrt().to_degrees()
     };
     println!("det R: A {a:e}, B {b:e}");
@@ -232,7 +275,8 @@ fn recovery_coverage_attas_model_b_closes_the_gap() {
 
 /// Four significant digits.
 fn short(value: f64) -> String {
-    let digits = if value == 0.0 { 0 } else { (3 - value.abs().log10().floor() as i32).clamp(0, 9) };
+    let digits =
+        if value == 0.0 { 0 } else { (3 - value.abs().log10().floor() as i32).clamp(0, 9) };
     format!("{value:.0$}", digits as usize)
 }
 
@@ -241,46 +285,83 @@ fn results(shipped: &Path) -> String {
     let table = |name: &str| read_dataset(shipped, name).unwrap_or_else(|e| panic!("{e}"));
     let estimates = table("estimates");
     let text = |name: &str| estimates.strings(name).expect("a column");
-    let (models, names, units, per, stops) = (text("model"), text("parameter"), text("unit"), text("per"), text("stop"));
+    let (models, names, units, per, stops) =
+        (text("model"), text("parameter"), text("unit"), text("per"), text("stop"));
     let (values, sds) = (estimates.f64("value").expect("values"), estimates.f64("sd").expect("sd"));
     let find = |model: &str, name: &str| {
-        let row =
-            (0..names.len()).find(|&i| models[i] == model && names[i] == name && per[i] == "campaign" && sds[i].is_finite())?;
+        let row = (0..names.len()).find(|&i| {
+            models[i] == model && names[i] == name && per[i] == "campaign" && sds[i].is_finite()
+        })?;
         assert_eq!(stops[row], "converged", "{model}");
         Some((values[row], sds[row]))
     };
-    let both = |found: Option<(f64, f64)>| found.map_or(String::new(), |(value, sd)| format!("{} ({})", short(value), short(sd)));
+    let both = |found: Option<(f64, f64)>| {
+        found.map_or(String::new(), |(value, sd)| format!("{} ({})", short(value), short(sd)))
+    };
     let mut lines = vec![
         "| parameter | unit | truth | model A (sd) | model B (sd) | B - truth, sd |".to_string(),
         "|---|---|---|---|---|---|".into(),
     ];
     let (mut inside, mut all) = (0, 0);
-    for i in (0..names.len()).filter(|&i| models[i] == "b-all" && per[i] == "campaign" && sds[i].is_finite()) {
+    for i in (0..names.len())
+        .filter(|&i| models[i] == "b-all" && per[i] == "campaign" && sds[i].is_finite())
+    {
         let truth = true_value(names[i]);
         let off = (values[i] - truth) / sds[i];
         let (a, b) = (both(find("a-all", names[i])), both(find("b-all", names[i])));
-        lines.push(format!("| {} | {} | {} | {a} | {b} | {off:.1} |", names[i], units[i], short(truth)));
+        lines.push(format!(
+            "| {} | {} | {} | {a} | {b} | {off:.1} |",
+            names[i],
+            units[i],
+            short(truth)
+        ));
         all += 1;
         inside += usize::from(off.abs() <= t_quantile(0.975, 1e6));
     }
-    lines.extend([String::new(), format!("{inside} of these {all} intervals of 95% hold the truth."), String::new()]);
+    lines.extend([
+        String::new(),
+        format!("{inside} of these {all} intervals of 95% hold the truth."),
+        String::new(),
+    ]);
     lines.extend(["| | model A | model B | truth |".to_string(), "|---|---|---|---|".into()]);
-    let mut line = |what: &str, a: String, b: String, truth: &str| lines.push(format!("| {what} | {a} | {b} | {truth} |"));
+    let mut line = |what: &str, a: String, b: String, truth: &str| {
+        lines.push(format!("| {what} | {a} | {b} | {truth} |"))
+    };
     let damping = short(true_value("C_m_q"));
-    line("C_m_q (sd), all maneuvers", both(find("a-all", "C_m_q")), both(find("b-all", "C_m_q")), &damping);
-    line("C_m_q (sd), the flaps' maneuvers alone", both(find("a-dlc", "C_m_q")), both(find("b-dlc", "C_m_q")), &damping);
+    line(
+        "C_m_q (sd), all maneuvers",
+        both(find("a-all", "C_m_q")),
+        both(find("b-all", "C_m_q")),
+        &damping,
+    );
+    line(
+        "C_m_q (sd), the flaps' maneuvers alone",
+        both(find("a-dlc", "C_m_q")),
+        both(find("b-dlc", "C_m_q")),
+        &damping,
+    );
     let elevator = both(find("elevator", "C_m_q"));
     line("C_m_q (sd), the elevator's maneuvers alone", elevator.clone(), elevator, &damping);
     let residuals = table("residuals");
-    let (models, outputs) = (residuals.strings("model").expect("models"), residuals.strings("output").expect("outputs"));
+    let (models, outputs) = (
+        residuals.strings("model").expect("models"),
+        residuals.strings("output").expect("outputs"),
+    );
     let (rms, n) = (residuals.f64("rms").expect("rms"), residuals.i64("n").expect("n"));
     for (output, noise) in [("p", "0.1"), ("q", "0.05"), ("r", "0.08")] {
         let of = |model: &str| {
-            let rows = (0..residuals.rows()).filter(|i| models[*i] == model && outputs[*i] == output);
-            let (square, count) = rows.fold((0.0, 0.0), |s, i| (s.0 + rms[i] * rms[i] * n[i] as f64, s.1 + n[i] as f64));
+            let rows =
+                (0..residuals.rows()).filter(|i| models[*i] == model && outputs[*i] == output);
+            let (square, count) = rows
+                .fold((0.0, 0.0), |s, i| (s.0 + rms[i] * rms[i] * n[i] as f64, s.1 + n[i] as f64));
             format!("{:.3}", (square / count).sqrt().to_degrees())
         };
-        line(&format!("r.m.s. residual of {output}, deg/s"), of("a-all"), of("b-all"), &format!("{noise} (sensor noise)"));
+        line(
+            &format!("r.m.s. residual of {output}, deg/s"),
+            of("a-all"),
+            of("b-all"),
+            &format!("{noise} (sensor noise)"),
+        );
     }
     lines.join("\n") + "\n"
 }
@@ -296,7 +377,9 @@ fn the_results_in_the_readme_of_the_attas_are_those_of_its_run() {
     let (_, after) = rest.split_once(END).expect("its end");
     let out = folder().join("out");
     if !out.join("estimates").is_dir() {
-        println!("skipped: `koehler run pipelines/attas/pipeline.toml` has not been run (some minutes)");
+        println!(
+            "skipped: `koehler run pipelines/attas/pipeline.toml` has not been run (some minutes)"
+        );
         return;
     }
     let wanted = format!("{before}{START}{}{END}{after}", results(&out));

@@ -1,4 +1,5 @@
-//! Bad input: one clear message or a counted note, results for the rest, a non-zero exit when anything asked for is missing.
+//! Bad input: one clear message or a counted note, results for the rest, a non-zero exit when
+//! anything asked for is missing.
 
 use crate::campaign::{Campaign, write_log, write_log_seen};
 
@@ -23,7 +24,11 @@ fn mistakes_of_all_files_are_reported_at_once_and_before_any_log_is_read() {
 #[test]
 fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
     let c = Campaign::new();
-    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\npre_s = \"fast\"\nspeed = 3");
+    c.edit(
+        "pipeline.toml",
+        "kinds = [\"3211\"]",
+        "kinds = [\"3211\"]\npre_s = \"fast\"\nspeed = 3",
+    );
     c.edit("pipeline.toml", "against = \"V\"", "against = \"Mach\"");
     let run = c.koehler("check", &[]).ended(2);
     for wanted in ["\"fast\"", "\"speed\"", "\"Mach\""] {
@@ -31,14 +36,16 @@ fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
     }
 }
 
-/// The shipped campaign, whose flight path drives `[derive]`, which drives its model: a mistake at the beginning touches all behind it.
+/// The shipped campaign, whose flight path drives `[derive]`, which drives its model: a mistake at
+/// the beginning touches all behind it.
 fn chained() -> Campaign {
     let c = Campaign { folder: tempfile::tempdir().expect("a temporary folder") };
     let from = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/citation");
     for entry in std::fs::read_dir(from).expect("readable") {
         let path = entry.expect("readable").path();
         if path.extension().is_some_and(|e| e == "toml") {
-            std::fs::copy(&path, c.path(&path.file_name().expect("a name").to_string_lossy())).expect("copied");
+            std::fs::copy(&path, c.path(&path.file_name().expect("a name").to_string_lossy()))
+                .expect("copied");
         }
     }
     c
@@ -57,11 +64,26 @@ fn a_mistake_is_told_without_those_that_only_follow_from_it() {
         // signals, the flight path, what is derived, what drives the model, the model
         ("channels.toml", g, "field = \"acceleration.x\", unit = \"kg\"", "\"ax_imu\" is in kg"),
         ("channels.toml", g, "field = \"acceleration.x\", unit = \"furlong\"", "\"furlong\""),
-        ("pipeline.toml", "[reconstruct]", "[reconstruct]\nfragment = \"kinematic\"", "\"kinematic\""),
+        (
+            "pipeline.toml",
+            "[reconstruct]",
+            "[reconstruct]\nfragment = \"kinematic\"",
+            "\"kinematic\"",
+        ),
         ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\"", "\"alphadot_ww\""),
         ("derived.model.toml", "title  =", "title  ", "derived.model.toml:1"),
-        ("channels.toml", "field = \"elevator\", unit = \"deg\"", "field = \"elevator\", unit = \"kg\"", "in kg"),
-        ("elevator.model.toml", "unit = \"rad\", value = \"delta_e\"", "unit = \"rad\", value = \"delta\"", "\"delta\""),
+        (
+            "channels.toml",
+            "field = \"elevator\", unit = \"deg\"",
+            "field = \"elevator\", unit = \"kg\"",
+            "in kg",
+        ),
+        (
+            "elevator.model.toml",
+            "unit = \"rad\", value = \"delta_e\"",
+            "unit = \"rad\", value = \"delta\"",
+            "\"delta\"",
+        ),
     ] {
         let c = chained();
         c.edit(file, old, new);
@@ -74,7 +96,11 @@ fn a_mistake_is_told_without_those_that_only_follow_from_it() {
 fn a_mistake_at_the_beginning_hides_none_behind_it() {
     let wrong = ["\"comand_a\"", "\"alfa\"", "\"C_h_O\"", "\"3212\""];
     for (file, old, new) in [
-        ("channels.toml", "field = \"acceleration.x\", unit = \"g\"", "field = \"acceleration.x\", unit = \"kg\""),
+        (
+            "channels.toml",
+            "field = \"acceleration.x\", unit = \"g\"",
+            "field = \"acceleration.x\", unit = \"kg\"",
+        ),
         ("pipeline.toml", "[reconstruct]", "[reconstruct]\nfragment = \"kinematic\""),
         ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\""),
     ] {
@@ -93,11 +119,14 @@ fn a_mistake_at_the_beginning_hides_none_behind_it() {
 #[test]
 fn a_role_that_is_none_and_one_that_nothing_plays_are_refused() {
     let c = Campaign::new();
-    let roles =
-        "[[diagnose]]\nestimate = \"lag\"\nroles = { elevatr = [\"u\"], elevator = [\"uu\"], surface = [\"u\"] }\n\n[[fit]]";
+    let roles = "[[diagnose]]\nestimate = \"lag\"\nroles = { elevatr = [\"u\"], elevator = [\"uu\"], surface = [\"u\"] }\n\n[[fit]]";
     c.edit("pipeline.toml", "[[fit]]", roles);
     let run = c.koehler("check", &[]).ended(2);
-    assert!(run.err.contains("\"elevatr\"") && run.err.contains("\"uu\" is nothing of the model"), "{}", run.err);
+    assert!(
+        run.err.contains("\"elevatr\"") && run.err.contains("\"uu\" is nothing of the model"),
+        "{}",
+        run.err
+    );
     assert!(!run.err.contains("\"surface\""), "{}", run.err);
 }
 
@@ -107,7 +136,11 @@ fn a_missing_file_is_named_where_it_is_asked_for() {
     c.edit("pipeline.toml", "lag.model.toml", "lead.model.toml");
     c.edit("pipeline.toml", "logs/*.mcap", "logs/flight-9.mcap");
     let run = c.run().ended(2);
-    assert!(run.err.contains("lead.model.toml") && run.err.contains("flight-9.mcap"), "{}", run.err);
+    assert!(
+        run.err.contains("lead.model.toml") && run.err.contains("flight-9.mcap"),
+        "{}",
+        run.err
+    );
     let none = c.koehler("check", &[]).ended(2);
     assert!(none.err.contains("pipeline.toml:"), "{}", none.err);
 }
@@ -123,7 +156,11 @@ fn a_unit_error_in_a_model_has_line_and_column() {
 #[test]
 fn a_column_in_another_unit_is_refused() {
     let c = Campaign::new();
-    c.edit("channels.toml", "field = \"command\"\nunit = \"deg\"", "field = \"command\"\nunit = \"m\"");
+    c.edit(
+        "channels.toml",
+        "field = \"command\"\nunit = \"deg\"",
+        "field = \"command\"\nunit = \"m\"",
+    );
     let run = c.koehler("check", &[]).ended(2);
     assert!(run.err.contains("\"u\""), "{}", run.err);
 }
@@ -132,7 +169,12 @@ fn a_column_in_another_unit_is_refused() {
 fn partial(c: &Campaign, wanted: &[&str]) {
     let run = c.run().ended(1);
     for text in wanted {
-        assert!(run.err.contains(text) || run.out.contains(text), "{text} is not in\n{}\n{}", run.err, run.out);
+        assert!(
+            run.err.contains(text) || run.out.contains(text),
+            "{text} is not in\n{}\n{}",
+            run.err,
+            run.out
+        );
     }
     let estimates = koehler::table::read_dataset(&c.path("out"), "estimates").expect("estimates");
     assert!(estimates.rows() > 0);
@@ -170,8 +212,11 @@ fn a_topic_or_field_that_is_not_there_is_named() {
     let c = Campaign::new();
     c.fly("flight-4", 5, 2);
     // Flight 5 is from another recorder.
-    let mut writer = koehler::log::LogWriter::create(&c.path("logs/flight-5.mcap")).expect("created");
-    let topic = writer.add_topic("/sensors", &[koehler::log::FieldSpec::new("angel", "deg", "")]).expect("topic");
+    let mut writer =
+        koehler::log::LogWriter::create(&c.path("logs/flight-5.mcap")).expect("created");
+    let topic = writer
+        .add_topic("/sensors", &[koehler::log::FieldSpec::new("angel", "deg", "")])
+        .expect("topic");
     writer.write(topic, 1, 1, &[0.0]).expect("written");
     writer.finish().expect("finished");
     partial(&c, &["channels.toml", "/sensors"]);
@@ -187,11 +232,21 @@ fn a_topic_or_field_that_is_not_there_is_named() {
 #[test]
 fn a_unit_that_is_not_the_logs_is_found_before_work_starts() {
     let c = Campaign::new();
-    c.edit("channels.toml", "field = \"speed\"\nunit = \"m/s\"", "field = \"speed\"\nunit = \"kt\"");
+    c.edit(
+        "channels.toml",
+        "field = \"speed\"\nunit = \"m/s\"",
+        "field = \"speed\"\nunit = \"kt\"",
+    );
     c.edit("channels.toml", "\"/drive\"", "\"/drives\"");
     for verb in ["check", "run"] {
         let said = c.koehler(verb, &[]).ended(2);
-        for wanted in ["\"kt\"", "\"m/s\"", "despite = ", "it has \"/drive\"", "flight-1.mcap, flight-2.mcap, flight-3.mcap"] {
+        for wanted in [
+            "\"kt\"",
+            "\"m/s\"",
+            "despite = ",
+            "it has \"/drive\"",
+            "flight-1.mcap, flight-2.mcap, flight-3.mcap",
+        ] {
             assert!(said.err.contains(wanted), "{wanted} is not in\n{}", said.err);
         }
         assert!(!c.path("out/signals").exists());
@@ -204,16 +259,33 @@ fn a_unit_that_is_not_the_logs_is_found_before_work_starts() {
     let bytes = std::fs::read(&path).expect("readable");
     std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
     let said = c.koehler("check", &[]).ended(0);
-    assert!(said.err.contains("flight-2.mcap") && said.out.contains("2 logs"), "{}\n{}", said.out, said.err);
+    assert!(
+        said.err.contains("flight-2.mcap") && said.out.contains("2 logs"),
+        "{}\n{}",
+        said.out,
+        said.err
+    );
 }
 
 #[test]
 fn an_output_that_is_its_own_input_is_refused() {
     let c = Campaign::new();
-    c.edit("lag.model.toml", "[outputs]\n", "[outputs]\ndrive = { unit = \"rad\", value = \"u\" }\n");
-    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\noutputs = { drive = \"u\" }");
+    c.edit(
+        "lag.model.toml",
+        "[outputs]\n",
+        "[outputs]\ndrive = { unit = \"rad\", value = \"u\" }\n",
+    );
+    c.edit(
+        "pipeline.toml",
+        "kinds = [\"3211\"]",
+        "kinds = [\"3211\"]\noutputs = { drive = \"u\" }",
+    );
     let said = c.koehler("check", &[]).ended(2);
-    assert!(said.err.contains("compared with itself") && said.err.contains("unscored"), "{}", said.err);
+    assert!(
+        said.err.contains("compared with itself") && said.err.contains("unscored"),
+        "{}",
+        said.err
+    );
     c.edit("pipeline.toml", "outputs = { drive = \"u\" }", "unscored = [\"drive\"]");
     c.koehler("check", &[]).ended(0);
 }
@@ -221,12 +293,16 @@ fn an_output_that_is_its_own_input_is_refused() {
 #[test]
 fn fault_a_stamp_years_after_all_others_stops_only_its_flight() {
     let c = Campaign::new();
-    let mut writer = koehler::log::LogWriter::create(&c.path("logs/flight-4.mcap")).expect("created");
-    let fields = [("/drive", "command", "deg"), ("/sensor", "angle", "deg"), ("/air", "speed", "m/s")];
-    let topics = fields
-        .map(|(topic, field, unit)| writer.add_topic(topic, &[koehler::log::FieldSpec::new(field, unit, "")]).expect("a topic"));
+    let mut writer =
+        koehler::log::LogWriter::create(&c.path("logs/flight-4.mcap")).expect("created");
+    let fields =
+        [("/drive", "command", "deg"), ("/sensor", "angle", "deg"), ("/air", "speed", "m/s")];
+    let topics = fields.map(|(topic, field, unit)| {
+        writer.add_topic(topic, &[koehler::log::FieldSpec::new(field, unit, "")]).expect("a topic")
+    });
     for k in 0..400u64 {
-        let at = 1_000_000_000 + 25_000_000 * k + if k == 399 { 1_000_000_000_000_000_000 } else { 0 };
+        let at =
+            1_000_000_000 + 25_000_000 * k + if k == 399 { 1_000_000_000_000_000_000 } else { 0 };
         topics.iter().for_each(|&topic| writer.write(topic, at, at, &[k as f64]).expect("written"));
     }
     writer.finish().expect("finished");
@@ -238,8 +314,10 @@ fn a_burst_of_nan_is_counted_and_the_rest_is_used() {
     let c = Campaign::new();
     write_log(&c.path("logs/flight-2.mcap"), 1, 4, |t| (26.0..26.5).contains(&t));
     c.run().ended(0);
-    let channels = koehler::table::read_part(&c.path("out"), "channels", Some("flight-2"), 0).expect("channels");
-    let row = channels.strings("signal").expect("column").iter().position(|s| *s == "y").expect("a row");
+    let channels = koehler::table::read_part(&c.path("out"), "channels", Some("flight-2"), 0)
+        .expect("channels");
+    let row =
+        channels.strings("signal").expect("column").iter().position(|s| *s == "y").expect("a row");
     assert_eq!(channels.i64("dropped_nan").expect("column")[row], 20);
     let fits = koehler::table::read_dataset(&c.path("out"), "fits").expect("fits");
     assert_eq!(fits.i64("n").expect("column"), [12, 12]);
@@ -249,7 +327,12 @@ fn a_burst_of_nan_is_counted_and_the_rest_is_used() {
 fn fault_a_sensor_that_froze_is_a_problem_that_is_named() {
     let c = Campaign::new();
     let sound = c.run();
-    assert!(!sound.err.contains("still") && !sound.out.contains("still"), "{}\n{}", sound.out, sound.err);
+    assert!(
+        !sound.err.contains("still") && !sound.out.contains("still"),
+        "{}\n{}",
+        sound.out,
+        sound.err
+    );
     let mut last = 0.0;
     write_log_seen(&c.path("logs/flight-2.mcap"), 1, 4, |t, y| {
         if t < 40.0 {

@@ -1,11 +1,13 @@
-//! Public flight records beside the project, and shipped pipelines copied to where a test can run them.
+//! Public flight records beside the project, and shipped pipelines copied to where a test can run
+//! them.
 
 use std::path::{Path, PathBuf};
 
 /// The folder of the public data if it holds `file`; a printed reason where not.
 pub fn data(file: &str) -> Option<PathBuf> {
     let named = std::env::var_os("KOEHLER_DATA").map(PathBuf::from);
-    let above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("shared/data"));
+    let above =
+        Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("shared/data"));
     let found = named.into_iter().chain(above).find(|folder| folder.join(file).is_file());
     if found.is_none() {
         eprintln!("skipped: no {file} in $KOEHLER_DATA or in shared/data above the project");
@@ -20,7 +22,8 @@ pub fn copy(pipeline: &str) -> tempfile::TempDir {
     for entry in std::fs::read_dir(from).expect("the folder of the pipeline") {
         let path = entry.expect("an entry").path();
         if path.extension().is_some_and(|e| e == "toml") {
-            std::fs::copy(&path, folder.path().join(path.file_name().expect("a name"))).expect("copied");
+            std::fs::copy(&path, folder.path().join(path.file_name().expect("a name")))
+                .expect("copied");
         }
     }
     folder
@@ -29,6 +32,7 @@ pub fn copy(pipeline: &str) -> tempfile::TempDir {
 /// Runs the program, which has to succeed.
 pub fn koehler(folder: &Path, data: &Path, args: &[&str]) {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
-    let output = command.current_dir(folder).env("KOEHLER_DATA", data).args(args).output().expect("started");
+    let output =
+        command.current_dir(folder).env("KOEHLER_DATA", data).args(args).output().expect("started");
     assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
 }

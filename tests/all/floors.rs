@@ -1,5 +1,5 @@
-//! Reads the sources as text: modules import only floors below their own, files inside a module do not import each other in circles, and
-//! every file opens with what comes in and goes out.
+//! Reads the sources as text: modules import only floors below their own, files inside a module do
+//! not import each other in circles, and every file opens with what comes in and goes out.
 
 mod circles;
 
@@ -22,18 +22,27 @@ fn sources() -> Vec<(String, String)> {
     let mut paths = Vec::new();
     walk(&root, &mut paths);
     paths.sort();
-    let relative = |path: &PathBuf| path.strip_prefix(&root).expect("inside src").to_string_lossy().replace('\\', "/");
-    paths.iter().map(|path| (relative(path), std::fs::read_to_string(path).expect("readable source"))).collect()
+    let relative = |path: &PathBuf| {
+        path.strip_prefix(&root).expect("inside src").to_string_lossy().replace('\\', "/")
+    };
+    paths
+        .iter()
+        .map(|path| (relative(path), std::fs::read_to_string(path).expect("readable source")))
+        .collect()
 }
 
-/// Floor of each module: the row of the table in the documentation of `lib.rs`, counted from the bottom floor.
+/// Floor of each module: the row of the table in the documentation of `lib.rs`, counted from the
+/// bottom floor.
 fn floors() -> BTreeMap<String, usize> {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).expect("lib.rs");
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs"))
+        .expect("lib.rs");
     let rows = text.lines().filter_map(|line| line.strip_prefix("//! | `"));
     let mut floors = BTreeMap::new();
     for (floor, row) in rows.enumerate() {
         let names = row.split('|').next().unwrap_or_default();
-        floors.extend(names.split(',').map(|name| (name.trim().trim_matches('`').to_string(), floor)));
+        floors.extend(
+            names.split(',').map(|name| (name.trim().trim_matches('`').to_string(), floor)),
+        );
     }
     floors
 }
@@ -61,16 +70,22 @@ fn a_module_imports_only_floors_below_its_own() {
         for import in imports(&code(&text)) {
             match floors.get(&import) {
                 Some(other) if import == module || other < own => {}
-                Some(_) => wrong.push(format!("{file} imports `{import}`, which is not below `{module}`")),
-                // A macro or item of lib.rs would be named here: the crate root is above every floor.
-                None => wrong.push(format!("{file} imports `{import}`, which has no floor in lib.rs")),
+                Some(_) => {
+                    wrong.push(format!("{file} imports `{import}`, which is not below `{module}`"))
+                }
+                // A macro or item of lib.rs would be named here: the crate root is above every
+                // floor.
+                None => {
+                    wrong.push(format!("{file} imports `{import}`, which has no floor in lib.rs"))
+                }
             }
         }
     }
     assert!(wrong.is_empty(), "upward imports:\n{}", wrong.join("\n"));
 }
 
-/// Circles of files that are there still. This list only shrinks: a circle that is not in it fails, and so does one that is gone.
+/// Circles of files that are there still. This list only shrinks: a circle that is not in it fails,
+/// and so does one that is gone.
 const CIRCLES: [&[&str]; 12] = [
     &[
         "stage/campaign.rs",
@@ -107,7 +122,15 @@ const CIRCLES: [&[&str]; 12] = [
         "report/uncertainty.rs",
         "report/verdict.rs",
     ],
-    &["cli/diagnose.rs", "cli/mod.rs", "cli/run.rs", "cli/schema.rs", "cli/simulate.rs", "cli/summary.rs", "cli/verdict.rs"],
+    &[
+        "cli/diagnose.rs",
+        "cli/mod.rs",
+        "cli/run.rs",
+        "cli/schema.rs",
+        "cli/simulate.rs",
+        "cli/summary.rs",
+        "cli/verdict.rs",
+    ],
     &["log/agree.rs", "log/flight.rs", "log/signal.rs"],
     &["model/amend.rs", "model/compile.rs", "model/mod.rs"],
     &["log/decode/json.rs", "log/decode/mod.rs"],
@@ -122,17 +145,24 @@ const CIRCLES: [&[&str]; 12] = [
 #[test]
 fn files_do_not_import_each_other_in_circles() {
     let sources = sources();
-    let imports = circles::Imports::read(sources.iter().map(|(file, text)| (file.as_str(), text.as_str())));
+    let imports =
+        circles::Imports::read(sources.iter().map(|(file, text)| (file.as_str(), text.as_str())));
     let found = imports.circles();
-    let is_listed = |circle: &&Vec<String>| CIRCLES.iter().any(|listed| circle.iter().eq(listed.iter()));
-    let shown = |circle: &Vec<String>| format!("{}\n{}", circle.join(", "), imports.inside(circle).join("\n"));
+    let is_listed =
+        |circle: &&Vec<String>| CIRCLES.iter().any(|listed| circle.iter().eq(listed.iter()));
+    let shown = |circle: &Vec<String>| {
+        format!("{}\n{}", circle.join(", "), imports.inside(circle).join("\n"))
+    };
     let new: Vec<String> = found.iter().filter(|circle| !is_listed(circle)).map(shown).collect();
     assert!(
         new.is_empty(),
         "circles (file <- what it takes from where); move what both need into a file of its own:\n{}",
         new.join("\n")
     );
-    let gone: Vec<_> = CIRCLES.iter().filter(|listed| !found.iter().any(|circle| circle.iter().eq(listed.iter()))).collect();
+    let gone: Vec<_> = CIRCLES
+        .iter()
+        .filter(|listed| !found.iter().any(|circle| circle.iter().eq(listed.iter())))
+        .collect();
     assert!(gone.is_empty(), "no circles any more; take them out of the list: {gone:?}");
 }
 
@@ -140,7 +170,9 @@ fn files_do_not_import_each_other_in_circles() {
 fn every_file_opens_with_its_sentence() {
     // A file of tests belongs to the module that names it.
     let files = || sources().into_iter().filter(|(file, _)| !file.ends_with("tests.rs"));
-    let named = |wrong: fn(&str) -> bool| files().filter(|(_, text)| wrong(text)).map(|(file, _)| file).collect::<Vec<_>>();
+    let named = |wrong: fn(&str) -> bool| {
+        files().filter(|(_, text)| wrong(text)).map(|(file, _)| file).collect::<Vec<_>>()
+    };
     let silent = named(|text| !text.starts_with("//! "));
     assert!(silent.is_empty(), "files that do not say what comes in and what goes out: {silent:?}");
     let unfinished = named(|text| text.starts_with("//! (to come)"));

@@ -1,9 +1,11 @@
-//! The published HFB-320 record through import, segmentation and estimation: do the pipelines' numbers agree with the book's?
+//! The published HFB-320 record through import, segmentation and estimation: do the pipelines'
+//! numbers agree with the book's?
 
 use crate::flightdata::{copy, data, koehler};
 use koehler::table::{Table, read_dataset};
 
-/// Case A (start values fixed, 5 iterations) with exact derivatives, and column C (start values free), in the model's order.
+/// Case A (start values fixed, 5 iterations) with exact derivatives, and column C (start values
+/// free), in the model's order.
 const PUBLISHED: [(&str, f64, f64); 11] = [
     ("CD0", 0.1177578, 0.1125395),
     ("CDV", -0.05174587, -0.04768777),
@@ -19,8 +21,13 @@ const PUBLISHED: [(&str, f64, f64); 11] = [
 ];
 
 fn values<'t>(estimates: &'t Table, model: &str, parameter: &str) -> (f64, f64, &'t str) {
-    let (models, parameters) = (estimates.strings("model").expect("column"), estimates.strings("parameter").expect("column"));
-    let row = (0..estimates.rows()).find(|i| models[*i] == model && parameters[*i] == parameter).expect("a row");
+    let (models, parameters) = (
+        estimates.strings("model").expect("column"),
+        estimates.strings("parameter").expect("column"),
+    );
+    let row = (0..estimates.rows())
+        .find(|i| models[*i] == model && parameters[*i] == parameter)
+        .expect("a row");
     let number = |name: &str| estimates.f64(name).expect("column")[row];
     (number("value"), number("sd"), estimates.strings("stop").expect("column")[row])
 }
@@ -35,7 +42,10 @@ fn truth_hfb320_from_text_columns_to_estimates() {
     let out = folder.path().join("out");
     let segments = read_dataset(&out, "segments").expect("segments");
     let kinds = segments.strings("kind").expect("column");
-    let (start, end) = (segments.f64("t_start_s").expect("column")[0], segments.f64("t_end_s").expect("column")[0]);
+    let (start, end) = (
+        segments.f64("t_start_s").expect("column")[0],
+        segments.f64("t_end_s").expect("column")[0],
+    );
     assert_eq!(kinds[0], "3211");
     assert!((start - 4.6).abs() < 0.3 && (end - 11.7).abs() < 0.3, "{start}..{end}");
 
@@ -45,7 +55,10 @@ fn truth_hfb320_from_text_columns_to_estimates() {
             let (value, sd, stop) = values(&estimates, model, parameter);
             println!("{model} {parameter}: {value} for {published}, sd {sd}, {stop}");
             assert_eq!(stop, "converged");
-            assert!(((value - published) / published).abs() < 1e-4, "{model} {parameter}: {value} for {published}");
+            assert!(
+                ((value - published) / published).abs() < 1e-4,
+                "{model} {parameter}: {value} for {published}"
+            );
         }
     }
 }

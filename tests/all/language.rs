@@ -1,4 +1,5 @@
-//! The reference page of the model language: every example compiles, has exact sensitivities, and gives the number it says.
+//! The reference page of the model language: every example compiles, has exact sensitivities, and
+//! gives the number it says.
 
 use koehler::dynamics::{Directions, Plan, Record};
 use koehler::model::{Constants, Model};
@@ -12,23 +13,41 @@ fn examples() -> Vec<String> {
 
 /// `# check: u = 1, v = t: y(0.5) = 2` as inputs, output, time, value.
 fn check_line(text: &str) -> (Vec<(String, String)>, String, f64, f64) {
-    let line = text.lines().find_map(|l| l.strip_prefix("# check: ")).expect("an example without a check line");
+    let line = text
+        .lines()
+        .find_map(|l| l.strip_prefix("# check: "))
+        .expect("an example without a check line");
     let (inputs, claim) = line.split_once(": ").unwrap_or(("", line));
-    let inputs = inputs.split(", ").filter_map(|p| p.split_once(" = ")).map(|(n, v)| (n.to_string(), v.to_string())).collect();
+    let inputs = inputs
+        .split(", ")
+        .filter_map(|p| p.split_once(" = "))
+        .map(|(n, v)| (n.to_string(), v.to_string()))
+        .collect();
     let (left, value) = claim.split_once(" = ").unwrap();
     let (output, time) = left.split_once('(').unwrap();
-    (inputs, output.to_string(), time.trim_end_matches(')').parse().unwrap(), value.parse().unwrap())
+    (
+        inputs,
+        output.to_string(),
+        time.trim_end_matches(')').parse().unwrap(),
+        value.parse().unwrap(),
+    )
 }
 
 fn record(model: &Model, inputs: &[(String, String)], duration: f64) -> Record {
     let dt = 0.005;
     let n = (duration / dt).round() as usize + 2;
     let value = |name: &str, t: f64| {
-        let text = &inputs.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("no value for input {name}")).1;
+        let text = &inputs
+            .iter()
+            .find(|(n, _)| n == name)
+            .unwrap_or_else(|| panic!("no value for input {name}"))
+            .1;
         if text == "t" { t } else { text.parse().unwrap() }
     };
-    let rows =
-        (0..n).flat_map(|k| model.inputs.iter().map(move |i| (i.name.clone(), k as f64 * dt))).map(|(i, t)| value(&i, t)).collect();
+    let rows = (0..n)
+        .flat_map(|k| model.inputs.iter().map(move |i| (i.name.clone(), k as f64 * dt)))
+        .map(|(i, t)| value(&i, t))
+        .collect();
     Record { dt, n, inputs: rows, ..Default::default() }
 }
 
@@ -37,7 +56,8 @@ fn every_example_gives_the_number_it_says() {
     let examples = examples();
     assert!(examples.len() >= 11, "only {} examples were found", examples.len());
     for text in examples {
-        let model = Model::parse("example", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let model = Model::parse("example", &text, &Constants::default())
+            .unwrap_or_else(|e| panic!("{e}\n{text}"));
         let (inputs, output, time, wanted) = check_line(&text);
         let record = record(&model, &inputs, time);
         let plan = Plan::new(&model, Directions::default()).unwrap();
@@ -60,10 +80,13 @@ fn every_example_has_exact_sensitivities() {
     for text in examples() {
         let model = Model::parse("example", &text, &Constants::default()).unwrap();
         let (inputs, _, _, _) = check_line(&text);
-        // away from the switches that the numbers on the page sit on, and with delays well inside the record
+        // away from the switches that the numbers on the page sit on, and with delays well inside
+        // the record
         let record = record(&model, &inputs, 0.43);
-        let directions =
-            Directions { parameters: (0..model.parameters.len()).collect(), starts: (0..model.states.len()).collect() };
+        let directions = Directions {
+            parameters: (0..model.parameters.len()).collect(),
+            starts: (0..model.states.len()).collect(),
+        };
         let plan = Plan::new(&model, directions).unwrap();
         // a little off the round numbers, so that no switch falls on a grid point
         let p: Vec<f64> = model.parameter_starts().iter().map(|v| v * 1.0037).collect();
@@ -110,7 +133,9 @@ fn a_lag_of_a_past_value_starts_at_rest() {
 
 /// The message for a model with one mistake.
 fn message(text: &str) -> String {
-    Model::parse("m.model.toml", text, &Constants::default()).expect_err("the mistake went unnoticed").to_string()
+    Model::parse("m.model.toml", text, &Constants::default())
+        .expect_err("the mistake went unnoticed")
+        .to_string()
 }
 
 const HEAD: &str = "title = \"t\"\n[inputs]\nV = \"m/s\"\nrho = \"kg/m^3\"\n[outputs]\ny = { unit = \"-\", value = \"1.0\" }\n";
@@ -120,46 +145,95 @@ fn mistakes_are_named_with_line_and_column() {
     let with = |rest: &str| message(&format!("{HEAD}{rest}"));
     for (text, wanted) in [
         ("[equations]\na = \"V + rho\"", "m.model.toml:8:10: kg/m^3 cannot be added to m/s"),
-        ("[equations]\na = \"2*Vv\"", "m.model.toml:8:8: unknown name \"Vv\"\n    did you mean \"V\"?"),
+        (
+            "[equations]\na = \"2*Vv\"",
+            "m.model.toml:8:8: unknown name \"Vv\"\n    did you mean \"V\"?",
+        ),
         ("[equations]\na = \"b\"\nb = \"a\"", "depends on itself: a -> b -> a"),
-        ("[equations]\na = \"sin(V)\"", "m.model.toml:8:10: sin() takes a number without unit (or rad), this one is in m/s"),
+        (
+            "[equations]\na = \"sin(V)\"",
+            "m.model.toml:8:10: sin() takes a number without unit (or rad), this one is in m/s",
+        ),
         ("[equations]\na = \"sine(V)\"", "unknown function \"sine\"\n    did you mean \"sin\"?"),
         ("[equations]\na = \"atan2(V)\"", "atan2(y, x) is wanted, 1 argument(s) are there"),
         ("[equations]\na = \"V^rho\"", "an exponent has no unit"),
         ("[equations]\na = \"(V\"", "m.model.toml:8:8: \")\" is wanted"),
         ("[equations]\nV = \"1.0\"", "\"V\" is already declared at m.model.toml:3:1"),
         ("[equations]\nsin = \"1.0\"", "\"sin\" is a function"),
-        ("[equations]\na = \"delay(rate(V), t)\"", "m.model.toml:8:12: delay() of a delayed value or of a rate is not available"),
-        ("[equations]\na = \"slope(V, 2*V)\"", "slope() and without() take an input, a state or a parameter here"),
+        (
+            "[equations]\na = \"delay(rate(V), t)\"",
+            "m.model.toml:8:12: delay() of a delayed value or of a rate is not available",
+        ),
+        (
+            "[equations]\na = \"slope(V, 2*V)\"",
+            "slope() and without() take an input, a state or a parameter here",
+        ),
         ("[equations]\na = \"output(z)\"", "there is no output \"z\""),
-        ("[[effect]]\ntitle = \"e\"\n[effect.add]\nW = \"V\"", "m.model.toml:10:6: there is no W to add to"),
-        ("[[effect]]\ntitle = \"e\"\n[effect.add]\nV = \"rho\"", "m.model.toml:10:6: kg/m^3 cannot be added to m/s"),
-        ("[[effect]]\ntitle = \"e\"\n[effect.replace]\n\"rate(V)\" = \"1.0\"", "there is no rate(V) to replace"),
+        (
+            "[[effect]]\ntitle = \"e\"\n[effect.add]\nW = \"V\"",
+            "m.model.toml:10:6: there is no W to add to",
+        ),
+        (
+            "[[effect]]\ntitle = \"e\"\n[effect.add]\nV = \"rho\"",
+            "m.model.toml:10:6: kg/m^3 cannot be added to m/s",
+        ),
+        (
+            "[[effect]]\ntitle = \"e\"\n[effect.replace]\n\"rate(V)\" = \"1.0\"",
+            "there is no rate(V) to replace",
+        ),
         ("[equations]\na = \"delay(V, rho)\"", "a delay must be in s"),
-        ("[equations]\na = \"smooth(V, t, V)\"", "the reach and the width of smooth() cannot change during a record"),
+        (
+            "[equations]\na = \"smooth(V, t, V)\"",
+            "the reach and the width of smooth() cannot change during a record",
+        ),
         ("[equations]\na = \"smooth(V^2/V, t, V + rho)\"", "kg/m^3 cannot be added to m/s"),
-        ("[equations]\na = \"smooth(V*rho, t, V*rho)\"", "smooth() is of one input in the unit of its width"),
+        (
+            "[equations]\na = \"smooth(V*rho, t, V*rho)\"",
+            "smooth() is of one input in the unit of its width",
+        ),
         ("[equations]\na = \"smooth(V, t, rho)\"", "kg/m^3 cannot be compared with m/s"),
         ("[equations]\na = \"table(nil, V)\"", "unknown table \"nil\""),
-        ("[constants]\nk = \"deg\"", "unit \"deg\" is not a coherent SI unit\n    models are in SI: use rad"),
-        ("[constants]\nk = \"N m\"\n[equations]\na = \"k*2\"", "constant \"k\" has no value\n    add to the aircraft file: k ="),
+        (
+            "[constants]\nk = \"deg\"",
+            "unit \"deg\" is not a coherent SI unit\n    models are in SI: use rad",
+        ),
+        (
+            "[constants]\nk = \"N m\"\n[equations]\na = \"k*2\"",
+            "constant \"k\" has no value\n    add to the aircraft file: k =",
+        ),
         ("[constants]\nk = \"furlong\"", "\"furlong\" is not a known unit"),
-        ("[states]\nx = { unit = \"m\", rate = \"rho\", start = 0.0 }", "the rate must be in m/s, the expression is in kg/m^3"),
+        (
+            "[states]\nx = { unit = \"m\", rate = \"rho\", start = 0.0 }",
+            "the rate must be in m/s, the expression is in kg/m^3",
+        ),
         ("[states]\nx = { unit = \"m\", rat = \"V\", start = 0.0 }", "m.model.toml:8:19: "),
-        ("[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = \"t\" }", "must not change along a trajectory"),
-        ("[parameters]\np = { unit = \"-\", start = 2.0, max = 1.0 }", "starts at 2 outside its bounds"),
-        ("[tables]\nT = { x = [1.0, 0.0], unit_x = \"-\", y = [1.0, 2.0], unit_y = \"-\" }", "break points must ascend"),
+        (
+            "[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = \"t\" }",
+            "must not change along a trajectory",
+        ),
+        (
+            "[parameters]\np = { unit = \"-\", start = 2.0, max = 1.0 }",
+            "starts at 2 outside its bounds",
+        ),
+        (
+            "[tables]\nT = { x = [1.0, 0.0], unit_x = \"-\", y = [1.0, 2.0], unit_y = \"-\" }",
+            "break points must ascend",
+        ),
         ("[trim]\nfree = [\"W\"]\nzero = []", "unknown name \"W\""),
     ] {
         let got = with(text);
         assert!(got.contains(wanted), "for\n{text}\nwanted: {wanted}\ngot:    {got}");
     }
-    assert!(message("use = [\"nothing\"]\ntitle = \"t\"").contains("there is no fragment \"nothing\""));
+    assert!(
+        message("use = [\"nothing\"]\ntitle = \"t\"").contains("there is no fragment \"nothing\"")
+    );
 }
 
 #[test]
 fn all_mistakes_of_a_model_come_at_once() {
-    let text = message(&format!("{HEAD}[equations]\na = \"V + rho\"\nb = \"unknown_name*2\"\nc = \"sin(\""));
+    let text = message(&format!(
+        "{HEAD}[equations]\na = \"V + rho\"\nb = \"unknown_name*2\"\nc = \"sin(\""
+    ));
     assert_eq!(text.lines().filter(|l| l.starts_with("m.model.toml:")).count(), 3, "{text}");
 }
 
@@ -167,8 +241,24 @@ fn all_mistakes_of_a_model_come_at_once() {
 fn damaged_models_end_in_messages_never_in_a_panic() {
     use rand::{RngExt, SeedableRng};
     let mut random = rand_pcg::Pcg64::seed_from_u64(3211);
-    let pieces =
-        ["(", ")", "^", "0", "delay(", "rate(", "\"", "]", "{ ", "-", "lag(x, T)", "1e999", "\n", "[states]\n", "unit", "€"];
+    let pieces = [
+        "(",
+        ")",
+        "^",
+        "0",
+        "delay(",
+        "rate(",
+        "\"",
+        "]",
+        "{ ",
+        "-",
+        "lag(x, T)",
+        "1e999",
+        "\n",
+        "[states]\n",
+        "unit",
+        "€",
+    ];
     let (mut refused, mut runs) = (0, 0);
     for text in examples() {
         for _ in 0..200 {
@@ -184,8 +274,16 @@ fn damaged_models_end_in_messages_never_in_a_panic() {
                 // what still compiles also runs
                 Ok(model) => {
                     let n = 20;
-                    let record = Record { dt: 0.01, n, inputs: vec![0.5; n * model.inputs.len()], ..Default::default() };
-                    let directions = Directions { parameters: (0..model.parameters.len()).collect(), starts: vec![] };
+                    let record = Record {
+                        dt: 0.01,
+                        n,
+                        inputs: vec![0.5; n * model.inputs.len()],
+                        ..Default::default()
+                    };
+                    let directions = Directions {
+                        parameters: (0..model.parameters.len()).collect(),
+                        starts: vec![],
+                    };
                     if let Ok(plan) = Plan::new(&model, directions) {
                         let given = vec![0.1; plan.given().len()];
                         plan.run(&model.parameter_starts(), &given, &record, true);

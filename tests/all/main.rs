@@ -1,4 +1,5 @@
-//! One integration-test binary: linking is the hidden cost of many. Each module asks one kind of question.
+//! One integration-test binary: linking is the hidden cost of many. Each module asks one kind of
+//! question.
 
 mod attas;
 mod campaign;

@@ -24,8 +24,11 @@ fn shipped() -> Vec<(PathBuf, Constants)> {
                 }
             } else if path.to_string_lossy().ends_with(".model.toml") {
                 let aircraft = path.with_file_name("aircraft.toml");
-                let constants =
-                    if aircraft.exists() { config::load::<Constants>(&aircraft).unwrap().0 } else { Constants::default() };
+                let constants = if aircraft.exists() {
+                    config::load::<Constants>(&aircraft).unwrap().0
+                } else {
+                    Constants::default()
+                };
                 out.push((path, constants));
             }
         }
@@ -44,7 +47,8 @@ fn is_part(path: &Path) -> bool {
     })
 }
 
-/// A point near which a model is smooth: its own starts, spread a little so that no two quantities are alike.
+/// A point near which a model is smooth: its own starts, spread a little so that no two quantities
+/// are alike.
 fn point(model: &Model) -> Vec<f64> {
     let l = model.layout;
     let spread = |i: usize| 0.1 + 0.037 * (i as f64) - 0.011 * ((i * i) % 7) as f64;
@@ -89,7 +93,8 @@ fn values(model: &Model, program: &Program, point: &[f64]) -> Vec<f64> {
     (0..program.outputs()).map(|k| program.output(&file, k)[0]).collect()
 }
 
-/// Largest disagreement between an exact derivative and a difference, and how many derivatives were compared.
+/// Largest disagreement between an exact derivative and a difference, and how many derivatives were
+/// compared.
 fn check(model: &Model, name: &str) -> usize {
     let mut graph = model.graph.clone();
     let rows: Vec<Node> = model.rates.iter().chain(&model.output_nodes).copied().collect();
@@ -159,21 +164,34 @@ fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model(
         let model = Model::load(&path, &constants).unwrap();
         let (program, at, width) = (everything(&model), point(&model), model.layout.time() + 1);
         // points around the smooth one, some of them on the other side of switches
-        let points: Vec<Vec<f64>> = (0..8).map(|i| at.iter().map(|x| x * (1.0 - 0.3 * i as f64)).collect()).collect();
-        let reference: Vec<Vec<f64>> =
-            points.iter().map(|p| values(&model, &program, &[&p[..width], &at[width..]].concat())).collect();
+        let points: Vec<Vec<f64>> =
+            (0..8).map(|i| at.iter().map(|x| x * (1.0 - 0.3 * i as f64)).collect()).collect();
+        let reference: Vec<Vec<f64>> = points
+            .iter()
+            .map(|p| values(&model, &program, &[&p[..width], &at[width..]].concat()))
+            .collect();
         let mut file = program.registers::<1>();
         for (slot, x) in file.iter_mut().zip(&at) {
             slot[0] = *x;
         }
         program.prepare(&mut file, &model.tables);
-        let native = Native::<Points>::compile(&program, width).expect("a generator for this machine");
+        let native =
+            Native::<Points>::compile(&program, width).expect("a generator for this machine");
         let mut out = vec![0.0; points.len() * program.outputs()];
-        native.run(&file, &points.iter().flat_map(|p| p[..width].to_vec()).collect::<Vec<f64>>(), &mut out, &model.tables);
+        native.run(
+            &file,
+            &points.iter().flat_map(|p| p[..width].to_vec()).collect::<Vec<f64>>(),
+            &mut out,
+            &model.tables,
+        );
         let same = |what: &str, i: usize, k: usize, got: f64| {
             let want = reference[i][k];
             let equal = got.to_bits() == want.to_bits() || (got.is_nan() && want.is_nan());
-            assert!(equal, "{}: {what}, point {i}, output {k}: {got:e} instead of {want:e}", path.display());
+            assert!(
+                equal,
+                "{}: {what}, point {i}, output {k}: {got:e} instead of {want:e}",
+                path.display()
+            );
         };
         for (i, row) in out.chunks(program.outputs()).enumerate() {
             row.iter().enumerate().for_each(|(k, &got)| same("native", i, k, got));
@@ -183,12 +201,14 @@ fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model(
             let program = program.clone().with_width(vectors);
             let mut file = program.registers::<8>();
             for (slot, register) in file.iter_mut().take(at.len()).enumerate() {
-                *register = std::array::from_fn(|l| if slot < width { points[l][slot] } else { at[slot] });
+                *register =
+                    std::array::from_fn(|l| if slot < width { points[l][slot] } else { at[slot] });
             }
             program.prepare(&mut file, &model.tables);
             program.run(&mut file, &model.tables);
             for k in 0..program.outputs() {
-                (0..8).for_each(|l| same(&format!("{vectors:?}"), l, k, program.output(&file, k)[l]));
+                (0..8)
+                    .for_each(|l| same(&format!("{vectors:?}"), l, k, program.output(&file, k)[l]));
             }
         }
     }
@@ -201,7 +221,8 @@ fn fragments_that_stand_alone_agree_with_differences() {
     let constants = config::load::<Constants>(&aircraft).unwrap().0;
     let mut checked = 0;
     for (name, text) in EMBEDDED {
-        // a fragment may lean on names of its user; those that do are checked within the models above
+        // a fragment may lean on names of its user; those that do are checked within the models
+        // above
         if let Ok(model) = Model::parse(name, text, &constants) {
             checked += check(&model, name);
         }
@@ -224,9 +245,13 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
             .map(|(k, j)| at[l.input() + j] * (1.0 + 0.02 * libm::sin(0.3 * k as f64 + j as f64)))
             .collect();
         let record = Record { dt: 0.02, n, inputs, substeps: 4, ..Default::default() };
-        let directions = Directions { parameters: (0..model.parameters.len()).collect(), starts: (0..l.states).collect() };
+        let directions = Directions {
+            parameters: (0..model.parameters.len()).collect(),
+            starts: (0..l.states).collect(),
+        };
         let plan = Plan::new(&model, directions).unwrap();
-        let (p, x0) = (at[l.parameter()..l.parameter() + l.parameters].to_vec(), at[..l.states].to_vec());
+        let (p, x0) =
+            (at[l.parameter()..l.parameter() + l.parameters].to_vec(), at[..l.states].to_vec());
         let exact = plan.run(&p, &x0, &record, true);
         assert!(exact.finite, "{}", path.display());
         let (ny, nd) = (model.outputs.len(), p.len() + x0.len());
@@ -272,7 +297,13 @@ y = { unit = "rad", value = "x + K*x^3" }
 "#;
 
 /// Response and sensitivities of `LAG` (or any model of its inputs) over `n` grid points.
-fn swept(model: &Model, directions: Directions, parameters: &[f64], n: usize, substeps: usize) -> koehler::dynamics::Grid {
+fn swept(
+    model: &Model,
+    directions: Directions,
+    parameters: &[f64],
+    n: usize,
+    substeps: usize,
+) -> koehler::dynamics::Grid {
     let inputs = (0..n).map(|k| (k as f64 * 0.37).sin()).collect();
     let record = Record { dt: 0.1, n, inputs, substeps, ..Default::default() };
     Plan::new(model, directions).unwrap().run(parameters, &[], &record, true)
@@ -287,12 +318,22 @@ fn sensitivities_are_exact_however_substeps_fall_into_blocks() {
         let exact = swept(&model, all(), &p, n, substeps);
         for d in 0..2 {
             let run = |step: f64| {
-                swept(&model, all(), &std::array::from_fn::<f64, 2, _>(|i| p[i] + if i == d { step } else { 0.0 }), n, substeps).y
+                swept(
+                    &model,
+                    all(),
+                    &std::array::from_fn::<f64, 2, _>(|i| p[i] + if i == d { step } else { 0.0 }),
+                    n,
+                    substeps,
+                )
+                .y
             };
             let (up, down) = (run(1e-5), run(-1e-5));
             for k in 0..n {
                 let (want, got) = ((up[k] - down[k]) / 2e-5, exact.dy[k * 2 + d]);
-                assert!((got - want).abs() < 1e-7 * (1.0 + want.abs()), "{substeps} sub-steps, point {k}, {d}: {got} for {want}");
+                assert!(
+                    (got - want).abs() < 1e-7 * (1.0 + want.abs()),
+                    "{substeps} sub-steps, point {k}, {d}: {got} for {want}"
+                );
             }
         }
     }
@@ -308,7 +349,11 @@ fn fault_records_and_models_of_next_to_nothing_are_run_all_the_same() {
             let directions = || Directions { parameters: parameters.clone(), starts: Vec::new() };
             for (model, values) in [(&lag, &[0.4, 1.5][..]), (&algebra, &[2.0][..])] {
                 let grid = swept(model, directions(), values, n, 1);
-                assert_eq!((grid.finite, grid.y.len(), grid.dy.len()), (true, n, n * parameters.len()), "{n} {parameters:?}");
+                assert_eq!(
+                    (grid.finite, grid.y.len(), grid.dy.len()),
+                    (true, n, n * parameters.len()),
+                    "{n} {parameters:?}"
+                );
             }
         }
     }
@@ -322,22 +367,38 @@ fn opened_constants_are_the_same_model_with_derivatives() {
         let model = Model::load(&path, &constants).unwrap();
         let opened = model.opened().unwrap();
         let uncertain: Vec<_> = model.constants.iter().filter(|c| c.sd > 0.0).collect();
-        let behind: Vec<&str> = opened.parameters[model.parameters.len()..].iter().map(|p| p.quantity.name.as_str()).collect();
-        assert_eq!(behind, uncertain.iter().map(|c| c.quantity.name.as_str()).collect::<Vec<_>>(), "{name}");
+        let behind: Vec<&str> = opened.parameters[model.parameters.len()..]
+            .iter()
+            .map(|p| p.quantity.name.as_str())
+            .collect();
+        assert_eq!(
+            behind,
+            uncertain.iter().map(|c| c.quantity.name.as_str()).collect::<Vec<_>>(),
+            "{name}"
+        );
         check(&opened, &name);
         // The opened model at other constants is the model compiled with them.
-        let rows = |m: &Model| m.rates.iter().chain(&m.output_nodes).copied().collect::<Vec<Node>>();
+        let rows =
+            |m: &Model| m.rates.iter().chain(&m.output_nodes).copied().collect::<Vec<Node>>();
         let mut at = point(&opened);
         let mut shifted = constants.clone();
         for (k, c) in uncertain.iter().enumerate() {
             let value = c.value + 0.3 * c.sd;
             at[opened.layout.parameter() + model.parameters.len() + k] = value;
             let (unit, source) = (c.quantity.unit.clone(), String::new());
-            shifted.0.insert(c.quantity.name.clone(), koehler::model::Given { value, unit, sd: c.sd, source });
+            shifted.0.insert(
+                c.quantity.name.clone(),
+                koehler::model::Given { value, unit, sd: c.sd, source },
+            );
         }
         let folded = Model::load(&path, &shifted).unwrap();
-        let of_folded = values(&folded, &Program::lower(&folded.graph, &rows(&folded), &folded.layout), &at[..folded.layout.len()]);
-        let of_opened = values(&opened, &Program::lower(&opened.graph, &rows(&opened), &opened.layout), &at);
+        let of_folded = values(
+            &folded,
+            &Program::lower(&folded.graph, &rows(&folded), &folded.layout),
+            &at[..folded.layout.len()],
+        );
+        let of_opened =
+            values(&opened, &Program::lower(&opened.graph, &rows(&opened), &opened.layout), &at);
         for (a, b) in of_folded.iter().zip(&of_opened) {
             assert!((a - b).abs() <= 1e-9 * (a.abs() + 1.0), "{name}: {a} {b}");
         }
@@ -365,5 +426,8 @@ y = { unit = "-", value = "u^(n + 1)" }
     at[opened.layout.parameter()] = 1.5;
     let program = Program::lower(&graph, &[opened.output_nodes[0], slope], &opened.layout);
     let [y, dy] = values(&opened, &program, &at)[..] else { panic!("two values") };
-    assert!((y - 2f64.powf(2.5)).abs() < 1e-12 && (dy - 2f64.powf(2.5) * 2f64.ln()).abs() < 1e-12, "{y} {dy}");
+    assert!(
+        (y - 2f64.powf(2.5)).abs() < 1e-12 && (dy - 2f64.powf(2.5) * 2f64.ln()).abs() < 1e-12,
+        "{y} {dy}"
+    );
 }

@@ -17,7 +17,8 @@ fn over(a: Complex, b: Complex) -> Complex {
     ((a.0 * b.0 + a.1 * b.1) / size, (a.1 * b.0 - a.0 * b.1) / size)
 }
 
-/// Eigenvalues of a small matrix, the fastest first: characteristic polynomial (Faddeev and LeVerrier), roots (Durand and Kerner).
+/// Eigenvalues of a small matrix, the fastest first: characteristic polynomial (Faddeev and
+/// LeVerrier), roots (Durand and Kerner).
 fn eigenvalues(a: &[Vec<f64>]) -> Vec<Complex> {
     let n = a.len();
     let product = |x: &[Vec<f64>], y: &[Vec<f64>]| -> Vec<Vec<f64>> {
@@ -30,12 +31,17 @@ fn eigenvalues(a: &[Vec<f64>]) -> Vec<Complex> {
         m = product(a, &m);
         polynomial.push(-(0..n).map(|i| m[i][i]).sum::<f64>() / k as f64);
     }
-    let at = |z: Complex| polynomial.iter().fold((0.0, 0.0), |sum, c| (times(sum, z).0 + c, times(sum, z).1));
-    let mut roots: Vec<Complex> = (0..n).map(|k| ((0.4 + k as f64 * 2.1).cos(), (0.4 + k as f64 * 2.1).sin())).collect();
+    let at = |z: Complex| {
+        polynomial.iter().fold((0.0, 0.0), |sum, c| (times(sum, z).0 + c, times(sum, z).1))
+    };
+    let mut roots: Vec<Complex> =
+        (0..n).map(|k| ((0.4 + k as f64 * 2.1).cos(), (0.4 + k as f64 * 2.1).sin())).collect();
     for _ in 0..500 {
         for k in 0..n {
             let others = (0..n).filter(|j| *j != k);
-            let denominator = others.fold((1.0, 0.0), |d, j| times(d, (roots[k].0 - roots[j].0, roots[k].1 - roots[j].1)));
+            let denominator = others.fold((1.0, 0.0), |d, j| {
+                times(d, (roots[k].0 - roots[j].0, roots[k].1 - roots[j].1))
+            });
             let step = over(at(roots[k]), denominator);
             roots[k] = (roots[k].0 - step.0, roots[k].1 - step.1);
         }
@@ -47,16 +53,27 @@ fn eigenvalues(a: &[Vec<f64>]) -> Vec<Complex> {
 #[test]
 fn eigenvalues_of_a_known_matrix_are_found() {
     // a block with -1 +- 2i, and -3 and -0.5, turned into each other
-    let found =
-        eigenvalues(&[vec![-1.0, 2.0, 0.3, 0.0], vec![-2.0, -1.0, 0.0, 0.7], vec![0.0, 0.0, -3.0, 1.0], vec![0.0, 0.0, 0.0, -0.5]]);
+    let found = eigenvalues(&[
+        vec![-1.0, 2.0, 0.3, 0.0],
+        vec![-2.0, -1.0, 0.0, 0.7],
+        vec![0.0, 0.0, -3.0, 1.0],
+        vec![0.0, 0.0, 0.0, -0.5],
+    ]);
     for (found, wanted) in found.iter().zip([(-3.0, 0.0), (-1.0, 2.0), (-1.0, -2.0), (-0.5, 0.0)]) {
-        assert!((found.0 - wanted.0).abs() < 1e-9 && (found.1 - wanted.1).abs() < 1e-9, "{found:?} for {wanted:?}");
+        assert!(
+            (found.0 - wanted.0).abs() < 1e-9 && (found.1 - wanted.1).abs() < 1e-9,
+            "{found:?} for {wanted:?}"
+        );
     }
 }
 
 fn rounded(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
-    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') { text.trim_start_matches('-').to_string() } else { text }
+    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        text.trim_start_matches('-').to_string()
+    } else {
+        text
+    }
 }
 
 /// The oscillation among eigenvalues, `-0.83 ± 1.49i`, or its two real values.
@@ -67,18 +84,25 @@ fn oscillation(pair: &[Complex], digits: usize) -> String {
     }
 }
 
-/// One row of the table: calibrated airspeed in kt, pressure altitude in ft; trimmed in level flight, surfaces and thrust held.
+/// One row of the table: calibrated airspeed in kt, pressure altitude in ft; trimmed in level
+/// flight, surfaces and thrust held.
 fn row(campaign: &Campaign, knots: f64, feet: f64) -> String {
     let model = &campaign.model;
     // what a flight that begins there begins with
     let mut flown = campaign.clone();
-    let text = format!("altitude_ft = {feet:?}\nspeeds_kt = [{knots:?}]\nat_each = []\ntiming = {{ settle_s = 1, end_s = 1 }}");
-    flown.settings.flights = [("trimmed".to_string(), toml::from_str::<Flight>(&text).expect("a flight"))].into_iter().collect();
+    let text = format!(
+        "altitude_ft = {feet:?}\nspeeds_kt = [{knots:?}]\nat_each = []\ntiming = {{ settle_s = 1, end_s = 1 }}"
+    );
+    flown.settings.flights =
+        [("trimmed".to_string(), toml::from_str::<Flight>(&text).expect("a flight"))]
+            .into_iter()
+            .collect();
     let truth = flown.truth("trimmed").unwrap_or_else(|e| panic!("{knots} kt: {e}"));
     let steady = truth.at(0.0);
     let (speed, alpha, height) = (steady["true_airspeed"], steady["alpha_true"], feet * 0.3048);
     let state = |name: &str| model.state(name).unwrap_or_else(|| panic!("no state {name}"));
-    let (longitudinal, lateral) = (["u", "w", "q", "theta"].map(state), ["v", "p", "r", "phi"].map(state));
+    let (longitudinal, lateral) =
+        (["u", "w", "q", "theta"].map(state), ["v", "p", "r", "phi"].map(state));
     // d(rate of row)/d(column), flaps at rest, which their downwash then is as well
     let mut graph = model.graph.clone();
     let mut known = model.steady(&mut graph);
@@ -92,7 +116,10 @@ fn row(campaign: &Campaign, knots: f64, feet: f64) -> String {
     }
     let program = Program::lower(&graph, &nodes, &model.layout);
     let mut file = program.registers::<1>();
-    file.iter_mut().skip(model.layout.parameter()).zip(model.parameter_starts()).for_each(|(slot, value)| *slot = [value]);
+    file.iter_mut()
+        .skip(model.layout.parameter())
+        .zip(model.parameter_starts())
+        .for_each(|(slot, value)| *slot = [value]);
     let (u, w) = (speed * alpha.cos(), speed * alpha.sin());
     let level = [
         ("u", u),
@@ -106,12 +133,17 @@ fn row(campaign: &Campaign, knots: f64, feet: f64) -> String {
     program.prepare(&mut file, &model.tables);
     program.run(&mut file, &model.tables);
     let entry = |i: usize, j: usize| program.output(&file, i * all.len() + j)[0];
-    let block =
-        |from: usize| -> Vec<Vec<f64>> { (from..from + 4).map(|i| (from..from + 4).map(|j| entry(i, j)).collect()).collect() };
+    let block = |from: usize| -> Vec<Vec<f64>> {
+        (from..from + 4).map(|i| (from..from + 4).map(|j| entry(i, j)).collect()).collect()
+    };
     // symmetric flight: the two do not touch
-    assert!((0..4).all(|i| (4..8).all(|j| entry(i, j).abs() < 1e-9 && entry(j, i).abs() < 1e-9)), "{knots} kt");
+    assert!(
+        (0..4).all(|i| (4..8).all(|j| entry(i, j).abs() < 1e-9 && entry(j, i).abs() < 1e-9)),
+        "{knots} kt"
+    );
     let (along, across) = (eigenvalues(&block(0)), eigenvalues(&block(4)));
-    let (dutch, real): (Vec<Complex>, Vec<Complex>) = across.into_iter().partition(|z| z.1.abs() > 1e-6);
+    let (dutch, real): (Vec<Complex>, Vec<Complex>) =
+        across.into_iter().partition(|z| z.1.abs() > 1e-6);
     assert_eq!((dutch.len(), real.len()), (2, 2), "{knots} kt: {dutch:?} {real:?}");
     let cells = [
         rounded(knots, 0),
@@ -131,11 +163,16 @@ fn row(campaign: &Campaign, knots: f64, feet: f64) -> String {
 
 #[test]
 fn the_modes_in_the_readme_of_the_attas_are_those_of_the_simulated_aircraft() {
-    const START: &str = "<!-- written by `UPDATE_DOCS=1 cargo test --test all the_modes_in_the_readme` -->\n";
+    const START: &str =
+        "<!-- written by `UPDATE_DOCS=1 cargo test --test all the_modes_in_the_readme` -->\n";
     const END: &str = "<!-- until here -->\n";
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/attas");
     let campaign = Campaign::load(&folder.join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let points = campaign.settings.flights.values().flat_map(|f| f.points.iter().map(|p| (f.altitude_ft, p.speed_kt)));
+    let points = campaign
+        .settings
+        .flights
+        .values()
+        .flat_map(|f| f.points.iter().map(|p| (f.altitude_ft, p.speed_kt)));
     let mut points: Vec<(f64, f64)> = points.collect();
     points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     points.dedup();

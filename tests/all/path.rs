@@ -1,5 +1,5 @@
-//! Is the reconstructed path near the true one, and as near as its standard deviations say? Short simulated Citation flights; the truth
-//! is looked at here alone.
+//! Is the reconstructed path near the true one, and as near as its standard deviations say? Short
+//! simulated Citation flights; the truth is looked at here alone.
 
 use crate::flightdata::{copy, data, koehler};
 use koehler::pipeline::{Plan, Store, run};
@@ -26,14 +26,21 @@ fn fly(turbulence: f64) -> (Campaign, Truth) {
     let flight = format!(
         "[flights.short]\naltitude_ft = 17000.0\nspeeds_kt = [150.0, 190.0]\nat_each = [\"lateral\", \"longitudinal\"]\nturbulence = {turbulence}\n\n# ---"
     );
-    std::fs::write(folder.path().join("campaign.toml"), format!("{head}{flight}{topics}")).expect("written");
-    let campaign = Campaign::load(&folder.path().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
+    std::fs::write(folder.path().join("campaign.toml"), format!("{head}{flight}{topics}"))
+        .expect("written");
+    let campaign =
+        Campaign::load(&folder.path().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
     let truth = campaign.truth("short").unwrap_or_else(|e| panic!("{e}"));
     (campaign, truth)
 }
 
 /// The tables of the reconstruction of one recording.
-fn reconstruct(campaign: &Campaign, truth: &Truth, seed: u64, method: &str) -> (tempfile::TempDir, Table) {
+fn reconstruct(
+    campaign: &Campaign,
+    truth: &Truth,
+    seed: u64,
+    method: &str,
+) -> (tempfile::TempDir, Table) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for name in ["aircraft.toml", "channels.toml"] {
         std::fs::copy(citation().join(name), folder.path().join(name)).expect("copied");
@@ -53,7 +60,8 @@ fn reconstruct(campaign: &Campaign, truth: &Truth, seed: u64, method: &str) -> (
     (folder, table)
 }
 
-/// Errors of a path against the truth at ten points a second, the ends left out: root mean square and the share inside 1.96 sd.
+/// Errors of a path against the truth at ten points a second, the ends left out: root mean square
+/// and the share inside 1.96 sd.
 fn errors(truth: &Truth, table: &Table) -> BTreeMap<&'static str, (f64, f64)> {
     let at = |t: f64, name: &str| truth.at(t)[name];
     let u = |t: f64| at(t, "true_airspeed") * libm::cos(at(t, "alpha_true"));
@@ -72,12 +80,19 @@ fn errors(truth: &Truth, table: &Table) -> BTreeMap<&'static str, (f64, f64)> {
         let (value, sd) = (table.f64(name).unwrap(), table.f64(&format!("{name}_sd")).unwrap());
         let e: Vec<f64> = rows.iter().map(|&k| value[k] - truth(t[k])).collect();
         let inside = rows.iter().zip(&e).filter(|(k, e)| e.abs() < 1.96 * sd[**k]).count();
-        (name, ((e.iter().map(|e| e * e).sum::<f64>() / e.len() as f64).sqrt(), inside as f64 / e.len() as f64))
+        (
+            name,
+            (
+                (e.iter().map(|e| e * e).sum::<f64>() / e.len() as f64).sqrt(),
+                inside as f64 / e.len() as f64,
+            ),
+        )
     };
     signals.into_iter().map(judge).collect()
 }
 
-/// Decides which method is the default: in calm air both are as good as the sensors allow, in turbulence the smoother is far nearer.
+/// Decides which method is the default: in calm air both are as good as the sensors allow, in
+/// turbulence the smoother is far nearer.
 #[test]
 fn recovery_coverage_of_the_flight_path() {
     if std::env::var("KOEHLER_SLOW").as_deref() != Ok("1") {
@@ -91,26 +106,36 @@ fn recovery_coverage_of_the_flight_path() {
         let smoother = errors(&truth, &table);
         println!("turbulence {turbulence} m/s\n  windows {windows:?}\n  smoother {smoother:?}");
         for name in ["alpha", "udot", "wdot"] {
-            assert!(smoother[name].0 < 1.03 * windows[name].0, "{name} in turbulence of {turbulence} m/s");
+            assert!(
+                smoother[name].0 < 1.03 * windows[name].0,
+                "{name} in turbulence of {turbulence} m/s"
+            );
         }
         if turbulence > 0.0 {
-            assert!(smoother["alpha"].0 < 0.3 * windows["alpha"].0 && smoother["V"].0 < 0.3 * windows["V"].0);
+            assert!(
+                smoother["alpha"].0 < 0.3 * windows["alpha"].0
+                    && smoother["V"].0 < 0.3 * windows["V"].0
+            );
         }
         for name in ["V", "alpha", "theta"] {
             assert!((0.8..1.0).contains(&smoother[name].1), "{name}: {}", smoother[name].1);
         }
-        let checks = read_dataset(&folder.path().join("out"), "consistency").unwrap_or_else(|e| panic!("{e}"));
+        let checks = read_dataset(&folder.path().join("out"), "consistency")
+            .unwrap_or_else(|e| panic!("{e}"));
         let words = checks.strings("verdict").unwrap();
         let wrong = ["dead", "frozen", "sign reversed", "scaled", "late", "early"];
         let named: Vec<usize> = (0..checks.rows()).filter(|&k| wrong.contains(&words[k])).collect();
-        let texts: Vec<_> =
-            named.iter().map(|&k| (checks.strings("channel").unwrap()[k], checks.strings("text").unwrap()[k])).collect();
+        let texts: Vec<_> = named
+            .iter()
+            .map(|&k| (checks.strings("channel").unwrap()[k], checks.strings("text").unwrap()[k]))
+            .collect();
         assert!(named.is_empty(), "{texts:?}");
     }
 }
 
-/// A flight of another simulator whose channel map has the names that a person would give: the sensors' errors are found all the same, and none
-/// of the inertial sensors is compared with itself.
+/// A flight of another simulator whose channel map has the names that a person would give: the
+/// sensors' errors are found all the same, and none of the inertial sensors is compared with
+/// itself.
 #[test]
 fn recovery_of_inertial_biases_with_natural_names() {
     let Some(data) = data("jsbsim/logs/flight_01.mcap") else { return };
@@ -124,9 +149,12 @@ fn recovery_of_inertial_biases_with_natural_names() {
         }
         std::fs::write(&path, text).expect("written");
     };
-    let names = ["ax", "ay", "az", "p", "q", "r"].map(|name| (format!("[signal.{name}_imu]"), format!("[signal.{name}]")));
-    let vanes = ["alpha", "beta"].map(|name| (format!("[signal.{name}_vane]"), format!("[signal.{name}]")));
-    let natural: Vec<(&str, &str)> = names.iter().chain(&vanes).map(|(from, to)| (from.as_str(), to.as_str())).collect();
+    let names = ["ax", "ay", "az", "p", "q", "r"]
+        .map(|name| (format!("[signal.{name}_imu]"), format!("[signal.{name}]")));
+    let vanes =
+        ["alpha", "beta"].map(|name| (format!("[signal.{name}_vane]"), format!("[signal.{name}]")));
+    let natural: Vec<(&str, &str)> =
+        names.iter().chain(&vanes).map(|(from, to)| (from.as_str(), to.as_str())).collect();
     edit("channels.toml", &natural);
     let signals = "gusts = []\nsignals = { ax_imu = \"ax\", ay_imu = \"ay\", az_imu = \"az\", p_imu = \"p\", q_imu = \"q\", r_imu = \"r\", \
                    alpha_vane = \"alpha\", beta_vane = \"beta\" }";
@@ -137,19 +165,40 @@ fn recovery_of_inertial_biases_with_natural_names() {
     let truth = std::fs::read_to_string(data.join("jsbsim/truth.json")).expect("the truth");
     let truth: serde_json::Value = serde_json::from_str(&truth).expect("JSON");
     let biases = read_dataset(&out, "biases").expect("biases");
-    let (parameters, values, sds) = (biases.strings("parameter").unwrap(), biases.f64("value").unwrap(), biases.f64("sd").unwrap());
-    for (parameter, field) in
-        [("b_ax", "ax_mps2"), ("b_ay", "ay_mps2"), ("b_az", "az_mps2"), ("b_p", "p_radps"), ("b_q", "q_radps"), ("b_r", "r_radps")]
-    {
+    let (parameters, values, sds) = (
+        biases.strings("parameter").unwrap(),
+        biases.f64("value").unwrap(),
+        biases.f64("sd").unwrap(),
+    );
+    for (parameter, field) in [
+        ("b_ax", "ax_mps2"),
+        ("b_ay", "ay_mps2"),
+        ("b_az", "az_mps2"),
+        ("b_p", "p_radps"),
+        ("b_q", "q_radps"),
+        ("b_r", "r_radps"),
+    ] {
         let row = parameters.iter().position(|p| *p == parameter).expect("a bias");
         let expected = truth["sensor_errors"]["bias"][field].as_f64().expect("a number");
         let z = (values[row] - expected) / sds[row];
-        println!("{parameter}: {} +- {}, in truth {expected}: {z:.2} sd off", values[row], sds[row]);
+        println!(
+            "{parameter}: {} +- {}, in truth {expected}: {z:.2} sd off",
+            values[row], sds[row]
+        );
         assert!(z.abs() < 4.0, "{parameter}");
     }
     let matched = read_dataset(&out, "pathmatch").expect("pathmatch");
     let compared = matched.strings("channel").unwrap();
-    assert!(["ax", "q", "alpha"].iter().all(|name| !compared.contains(name)) && compared.contains(&"alpha_vane"));
+    assert!(
+        ["ax", "q", "alpha"].iter().all(|name| !compared.contains(name))
+            && compared.contains(&"alpha_vane")
+    );
     let notes = read_dataset(&out, "notes").expect("notes");
-    assert!(notes.strings("text").unwrap().iter().any(|t| t.contains("drive the kinematics: p, q, r, ax, ay, az")));
+    assert!(
+        notes
+            .strings("text")
+            .unwrap()
+            .iter()
+            .any(|t| t.contains("drive the kinematics: p, q, r, ax, ay, az"))
+    );
 }

@@ -7,7 +7,13 @@ use std::path::Path;
 /// Runs `koehler diagnose`, whose exit code tells what it found: 0 nothing, 3 something.
 pub fn diagnose(folder: &Path, data: &Path, args: &[&str]) -> Option<i32> {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
-    let output = command.current_dir(folder).env("KOEHLER_DATA", data).arg("diagnose").args(args).output().expect("started");
+    let output = command
+        .current_dir(folder)
+        .env("KOEHLER_DATA", data)
+        .arg("diagnose")
+        .args(args)
+        .output()
+        .expect("started");
     println!("{}", String::from_utf8_lossy(&output.stdout));
     output.status.code()
 }
@@ -15,8 +21,12 @@ pub fn diagnose(folder: &Path, data: &Path, args: &[&str]) -> Option<i32> {
 /// Verdict, and the candidates named.
 pub fn findings(out: &Path) -> (String, Vec<String>) {
     let table: Table = read_dataset(out, "findings").expect("findings");
-    let (verdicts, candidates) = (table.strings("verdict").expect("column"), table.strings("candidate").expect("column"));
-    (verdicts[0].to_string(), candidates.iter().map(|c| c.to_string()).filter(|c| !c.is_empty()).collect())
+    let (verdicts, candidates) =
+        (table.strings("verdict").expect("column"), table.strings("candidate").expect("column"));
+    (
+        verdicts[0].to_string(),
+        candidates.iter().map(|c| c.to_string()).filter(|c| !c.is_empty()).collect(),
+    )
 }
 
 #[test]
@@ -28,13 +38,14 @@ fn recovery_of_the_stall_of_the_attas() {
     let out = folder.path().join("out/stall");
     let (verdict, named) = findings(&out);
     println!("{verdict}, {named:?}");
-    // Something is missing, and no name is given to it. Separation is not named: the stall lies in two blocks of the record, the noise of
-    // the straight line is made of them too, and takes most of it for slow noise.
+    // Something is missing, and no name is given to it. Separation is not named: the stall lies in
+    // two blocks of the record, the noise of the straight line is made of them too, and takes most
+    // of it for slow noise.
     assert_eq!((code, &*verdict), (Some(3), "located but unexplained"));
 }
 
-/// The HFB-320's own estimates with one term of the model taken out, diagnosed as predicted; the candidates named, and value and sd of the
-/// parameter that should bring the term back.
+/// The HFB-320's own estimates with one term of the model taken out, diagnosed as predicted; the
+/// candidates named, and value and sd of the parameter that should bring the term back.
 fn crippled(parameter: &str, term: &str, effect: &str) -> Option<(Vec<String>, f64, f64)> {
     if std::env::var("KOEHLER_SLOW").as_deref() != Ok("1") {
         println!("skipped: set KOEHLER_SLOW=1 (a minute in release mode)");
@@ -52,13 +63,24 @@ fn crippled(parameter: &str, term: &str, effect: &str) -> Option<(Vec<String>, f
         assert!(text.contains(from), "{file}: {from}");
         std::fs::write(&path, text.replace(from, to)).expect("written");
     };
-    let declared = std::fs::read_to_string(folder.path().join("hfb320.model.toml")).expect("the model");
-    let line = declared.lines().find(|line| line.split_whitespace().next() == Some(parameter)).expect("its line");
+    let declared =
+        std::fs::read_to_string(folder.path().join("hfb320.model.toml")).expect("the model");
+    let line = declared
+        .lines()
+        .find(|line| line.split_whitespace().next() == Some(parameter))
+        .expect("its line");
     edit("hfb320.model.toml", line, "");
     edit("hfb320.model.toml", term, "");
     let initial = r#"initial = ["V", "alpha", "theta", "q"]"#;
     edit("pipeline.toml", initial, &format!("{initial}\nstarts  = {{ {starts} }}"));
-    assert_eq!(diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "free-start", "--predicted"]), Some(3));
+    assert_eq!(
+        diagnose(
+            folder.path(),
+            &data,
+            &["pipeline.toml", "--estimate", "free-start", "--predicted"]
+        ),
+        Some(3)
+    );
     let (verdict, named) = findings(&out);
     println!("{verdict}, {named:?}");
     let additions: Table = read_dataset(&out, "additions").expect("additions");
@@ -70,9 +92,14 @@ fn crippled(parameter: &str, term: &str, effect: &str) -> Option<(Vec<String>, f
 
 /// The estimates of "free-start" but one, as a table of TOML.
 fn starts(estimates: &Table, without: &str) -> String {
-    let (models, names) = (estimates.strings("model").expect("column"), estimates.strings("parameter").expect("column"));
+    let (models, names) = (
+        estimates.strings("model").expect("column"),
+        estimates.strings("parameter").expect("column"),
+    );
     let values = estimates.f64("value").expect("column");
-    let wanted = (0..names.len()).filter(|&i| models[i] == "free-start" && names[i] != without && !names[i].ends_with("(0)"));
+    let wanted = (0..names.len()).filter(|&i| {
+        models[i] == "free-start" && names[i] != without && !names[i].ends_with("(0)")
+    });
     wanted.map(|i| format!("{} = {:?}", names[i], values[i])).collect::<Vec<_>>().join(", ")
 }
 
@@ -86,7 +113,8 @@ fn recovery_of_the_pitch_damping_of_the_hfb320() {
     assert!((value - -26.89 * 1.215).abs() < 2.0 * sd, "{value} +- {sd}");
 }
 
-/// `C_DV V/V_0` is brought back as `CD_V V`. Its evidence was 4.95 times the null maximum (99%) when what makes a name was set below that, with this in view.
+/// `C_DV V/V_0` is brought back as `CD_V V`. Its evidence was 4.95 times the null maximum (99%)
+/// when what makes a name was set below that, with this in view.
 #[test]
 fn recovery_of_the_drag_with_airspeed_of_the_hfb320() {
     let effect = "speed-dependence:CD";

@@ -1,4 +1,5 @@
-//! 500 simulated campaigns of three short-period maneuvers each: do the 95% intervals hold the truth 95 times in 100?
+//! 500 simulated campaigns of three short-period maneuvers each: do the 95% intervals hold the
+//! truth 95 times in 100?
 
 use koehler::dynamics::{Channel, Directions, Plan, Record};
 use koehler::estimate::{Settings, Stop, estimate};
@@ -31,8 +32,16 @@ alpha = { unit = "rad", value = "alpha" }
 q     = { unit = "rad/s", value = "q + dz" }
 "#;
 
-const TRUTH: [(&str, f64); 8] =
-    [("Za", -0.8), ("Zd", -0.1), ("Ma", -5.0), ("Mq", -2.0), ("Md", -7.2), ("dz", 0.002), ("alpha(0)", 0.01), ("q(0)", -0.004)];
+const TRUTH: [(&str, f64); 8] = [
+    ("Za", -0.8),
+    ("Zd", -0.1),
+    ("Ma", -5.0),
+    ("Mq", -2.0),
+    ("Md", -7.2),
+    ("dz", 0.002),
+    ("alpha(0)", 0.01),
+    ("q(0)", -0.004),
+];
 /// Standard deviations of the measurements: rad, rad/s.
 const SD: [f64; 2] = [0.003, 0.004];
 const CAMPAIGNS: u64 = 500;
@@ -48,8 +57,19 @@ fn elevator(k: usize) -> f64 {
 
 fn record(z: &[Vec<f64>]) -> Record {
     let t: Vec<f64> = (0..N).map(|k| k as f64 * DT).collect();
-    let channels = z.iter().enumerate().map(|(output, z)| Channel { output, t: t.clone(), z: z.clone() }).collect();
-    Record { dt: DT, n: N, inputs: (0..N).map(elevator).collect(), channels, substeps: 1, ..Default::default() }
+    let channels = z
+        .iter()
+        .enumerate()
+        .map(|(output, z)| Channel { output, t: t.clone(), z: z.clone() })
+        .collect();
+    Record {
+        dt: DT,
+        n: N,
+        inputs: (0..N).map(elevator).collect(),
+        channels,
+        substeps: 1,
+        ..Default::default()
+    }
 }
 
 /// The undisturbed outputs of one maneuver.
@@ -58,7 +78,11 @@ fn truth(model: &Model) -> Vec<Vec<f64>> {
     let plan = Plan::new(model, Directions { parameters: Vec::new(), starts }).expect("a plan");
     let value = |name: &str| TRUTH.iter().find(|t| t.0 == name).expect("a true value").1;
     let parameters: Vec<f64> = model.parameters.iter().map(|p| value(&p.quantity.name)).collect();
-    let given: Vec<f64> = plan.given().iter().map(|&i| value(&format!("{}(0)", model.states[i].quantity.name))).collect();
+    let given: Vec<f64> = plan
+        .given()
+        .iter()
+        .map(|&i| value(&format!("{}(0)", model.states[i].quantity.name)))
+        .collect();
     let grid = plan.run(&parameters, &given, &record(&[]), false);
     (0..2).map(|j| (0..N).map(|k| grid.y[2 * k + j]).collect()).collect()
 }
@@ -78,14 +102,16 @@ fn measured(y: &[Vec<f64>], rho: f64, rng: &mut rand_pcg::Pcg64) -> Vec<Vec<f64>
     y.iter().zip(SD).map(|(y, sd)| noisy(y, sd)).collect()
 }
 
-/// Per parameter: share of campaigns' intervals that hold the truth, by `sd` and by `sd_crlb`. Values of single maneuvers count together.
+/// Per parameter: share of campaigns' intervals that hold the truth, by `sd` and by `sd_crlb`.
+/// Values of single maneuvers count together.
 fn coverage(rho: f64) -> Vec<[f64; 2]> {
     let model = Model::parse("short-period", MODEL, &Constants::default()).expect("the model");
     let y = truth(&model);
     let settings = Settings { initial: vec!["alpha".into(), "q".into()], ..Settings::default() };
     let one = |seed: u64| -> Vec<[f64; 3]> {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
-        let records: Vec<Record> = (0..MANEUVERS).map(|_| record(&measured(&y, rho, &mut rng))).collect();
+        let records: Vec<Record> =
+            (0..MANEUVERS).map(|_| record(&measured(&y, rho, &mut rng))).collect();
         let e = estimate(&model, &records, &settings).expect("an estimation");
         assert_eq!(e.stop, Stop::Converged, "campaign {seed}");
         TRUTH
@@ -93,7 +119,11 @@ fn coverage(rho: f64) -> Vec<[f64; 2]> {
             .map(|(name, truth)| {
                 let mut sum = [0.0; 3];
                 for row in e.rows.iter().filter(|r| r.name == *name) {
-                    let inside = |sd: Option<f64>| f64::from(u8::from((row.value - truth).abs() <= 1.959964 * sd.expect("an sd")));
+                    let inside = |sd: Option<f64>| {
+                        f64::from(u8::from(
+                            (row.value - truth).abs() <= 1.959964 * sd.expect("an sd"),
+                        ))
+                    };
                     sum = [sum[0] + inside(row.sd), sum[1] + inside(row.sd_crlb), sum[2] + 1.0];
                 }
                 sum
@@ -107,7 +137,9 @@ fn coverage(rho: f64) -> Vec<[f64; 2]> {
 
 /// Prints both, and hands back the pooled share of `sd` and of `sd_crlb`.
 fn report(what: &str, each: &[[f64; 2]]) -> [f64; 2] {
-    println!("{what}, {CAMPAIGNS} campaigns: share of 95% intervals that hold the truth\n  parameter      by sd  by sd_crlb");
+    println!(
+        "{what}, {CAMPAIGNS} campaigns: share of 95% intervals that hold the truth\n  parameter      by sd  by sd_crlb"
+    );
     for ((name, _), share) in TRUTH.iter().zip(each) {
         println!("  {name:12} {:6.1}%  {:8.1}%", 100.0 * share[0], 100.0 * share[1]);
     }

@@ -1,4 +1,5 @@
-//! What is run again, and what comes out: nothing without a reason, everything with one, and the same bytes always.
+//! What is run again, and what comes out: nothing without a reason, everything with one, and the
+//! same bytes always.
 
 use crate::campaign::{Campaign, INTERCEPT, LAG, SLOPE};
 use std::collections::BTreeMap;
@@ -28,14 +29,18 @@ fn the_truth_comes_out_at_the_end() {
     let c = Campaign::new();
     c.run().ended(0);
     let fits = koehler::table::read_dataset(&c.path("out"), "fits").expect("fits");
-    let row = |name: &str| fits.strings("parameter").expect("column").iter().position(|p| *p == name).expect("a row");
+    let row = |name: &str| {
+        fits.strings("parameter").expect("column").iter().position(|p| *p == name).expect("a row")
+    };
     let of = |column: &str, name: &str| fits.f64(column).expect("column")[row(name)];
     assert_eq!(fits.i64("n").expect("column")[row("K")], 12);
     for (name, slope, intercept) in [("K", SLOPE, INTERCEPT), ("T", 0.0, LAG)] {
-        // A step between two samples of the drive is 5 ms uncertain: 2% of the values is what this plumbing can promise.
+        // A step between two samples of the drive is 5 ms uncertain: 2% of the values is what this
+        // plumbing can promise.
         let (low, high) = (60.0, 113.0);
         for v in [low, high] {
-            let (value, truth) = (of("intercept", name) + v * of("slope", name), intercept + v * slope);
+            let (value, truth) =
+                (of("intercept", name) + v * of("slope", name), intercept + v * slope);
             assert!((value - truth).abs() < 0.02 * truth, "{name} at {v}: {value} for {truth}");
         }
     }
@@ -135,7 +140,11 @@ fn a_deleted_or_modified_table_is_made_again() {
     std::fs::remove_file(c.path("out/samples/flight=flight-1/part-0.parquet")).expect("removed");
     std::fs::write(c.path("out/fits/part-0.parquet"), b"scribble").expect("written");
     let status = c.koehler("status", &[]).ended(0);
-    assert!(status.out.contains("is gone") && status.out.contains("changed by something else"), "{}", status.out);
+    assert!(
+        status.out.contains("is gone") && status.out.contains("changed by something else"),
+        "{}",
+        status.out
+    );
     let run = c.run().ended(0);
     assert_eq!(run.stage("derive"), (1, 2));
     // The samples are the same bytes again: nothing that reads them is run.
@@ -151,7 +160,8 @@ fn a_run_that_is_killed_leaves_nothing_that_passes_for_fresh() {
     let whole = tables(&c.path("whole"));
     for wait_ms in [30, 90, 150, 250, 400] {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
-        let command = command.current_dir(c.folder.path()).args(["run", "pipeline.toml", "--out", "killed"]);
+        let command =
+            command.current_dir(c.folder.path()).args(["run", "pipeline.toml", "--out", "killed"]);
         let mut child = command.stdout(std::process::Stdio::null()).spawn().expect("started");
         std::thread::sleep(std::time::Duration::from_millis(wait_ms));
         child.kill().expect("killed");
@@ -192,7 +202,8 @@ k = { name = "K_V", unit = "s/m", null = 0.0, typical = 0.01 }
 K = "K + {k}*{V}"
 "#;
 
-/// A campaign with an estimate per maneuver (lag) and one over all of them (all), and an effect of one's own.
+/// A campaign with an estimate per maneuver (lag) and one over all of them (all), and an effect of
+/// one's own.
 fn with_effect() -> Campaign {
     let c = Campaign::new();
     c.edit("lag.model.toml", "u = \"rad\"", "u = \"rad\"\nV = \"m/s\"");
@@ -221,8 +232,11 @@ fn diagnosed() -> Campaign {
 fn what_a_diagnosis_adds_is_estimated_as_the_pipeline_does() {
     let c = diagnosed();
     let t = koehler::table::read_dataset(&c.path("out"), "estimates").expect("estimates");
-    let (models, parameters, values) =
-        (t.strings("model").expect("column"), t.strings("parameter").expect("column"), t.f64("value").expect("column"));
+    let (models, parameters, values) = (
+        t.strings("model").expect("column"),
+        t.strings("parameter").expect("column"),
+        t.f64("value").expect("column"),
+    );
     let of = |name: &str| {
         let row = (0..t.rows()).find(|&i| models[i] == "all.next" && parameters[i] == name);
         values[row.unwrap_or_else(|| panic!("{name} of all.next"))]
@@ -231,7 +245,8 @@ fn what_a_diagnosis_adds_is_estimated_as_the_pipeline_does() {
     let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a report");
     assert!(page.contains("Estimated again with what was added"));
 
-    // A run keeps what the command asked for, as long as nothing behind it changes, and says when it goes.
+    // A run keeps what the command asked for, as long as nothing behind it changes, and says when
+    // it goes.
     let before = tables(&c.path("out"));
     assert!(c.run().ended(0).out.contains("nothing to do"));
     assert_eq!(before, tables(&c.path("out")));
@@ -241,24 +256,40 @@ fn what_a_diagnosis_adds_is_estimated_as_the_pipeline_does() {
     assert!(!c.path("out/findings").exists() && !c.path("out/models").exists());
 }
 
-/// The gain is one number in "all", and grows with airspeed. In "lag" every maneuver has its own, and the pipeline says that they lie on a line: nothing is
-/// missing in that, and nothing in maneuvers that have a value each without a line.
+/// The gain is one number in "all", and grows with airspeed. In "lag" every maneuver has its own,
+/// and the pipeline says that they lie on a line: nothing is missing in that, and nothing in
+/// maneuvers that have a value each without a line.
 #[test]
 fn a_diagnosis_takes_the_base_as_the_pipeline_estimates_it() {
     let c = with_effect();
-    // Steps of the input become ramps of one sample: that is seen, as a delay. The gain is the line that the pipeline fits.
+    // Steps of the input become ramps of one sample: that is seen, as a delay. The gain is the line
+    // that the pipeline fits.
     let told = c.koehler("diagnose", &["--estimate", "lag", "--effects", "effects"]).ended(3);
-    assert!(!told.out.contains("The gain grows with airspeed") && told.out.contains("K, T are lines in V"), "{}", told.out);
+    assert!(
+        !told.out.contains("The gain grows with airspeed")
+            && told.out.contains("K, T are lines in V"),
+        "{}",
+        told.out
+    );
     assert!(told.err.contains("lag: round 1: screening"), "{}", told.err);
     let why = |c: &Campaign| {
         let t = koehler::table::read_dataset(&c.path("out"), "candidates").expect("candidates");
-        let row = t.strings("effect").expect("column").iter().position(|e| *e == "gain-speed").expect("the effect");
+        let row = t
+            .strings("effect")
+            .expect("column")
+            .iter()
+            .position(|e| *e == "gain-speed")
+            .expect("the effect");
         t.strings("why").expect("column")[row].to_string()
     };
     assert!(why(&c).contains("K per V"), "{}", why(&c));
     c.edit("pipeline.toml", "parameters = [\"K\", \"T\"]", "parameters = [\"T\"]");
     let told = c.koehler("diagnose", &["--estimate", "lag", "--effects", "effects"]).ended(3);
     assert!(!told.out.contains("The gain grows with airspeed"), "{}", told.out);
-    assert!(told.out.contains("T is a line in V; what has no line has one value per maneuver"), "{}", told.out);
+    assert!(
+        told.out.contains("T is a line in V; what has no line has one value per maneuver"),
+        "{}",
+        told.out
+    );
     assert!(why(&c).contains("a value of its own in every maneuver"), "{}", why(&c));
 }

@@ -1,5 +1,5 @@
-//! Flights of another simulator, with sensor errors and derivatives that it alone knows: are they found again, inside their intervals, and is
-//! what its aircraft has besides found by name?
+//! Flights of another simulator, with sensor errors and derivatives that it alone knows: are they
+//! found again, inside their intervals, and is what its aircraft has besides found by name?
 
 use crate::flightdata::{copy, data, koehler};
 use crate::real::{diagnose, findings};
@@ -51,16 +51,27 @@ fn recovery_coverage_of_sensor_errors_in_flights_of_another_simulator() {
     let (mut inside, mut all) = (0, 0);
     for (parameter, kind, of) in ERRORS {
         let want = truth["sensor_errors"][kind][of].as_f64().expect("a number");
-        let rows: Vec<usize> =
-            (0..biases.rows()).filter(|&k| biases.strings("parameter").expect("names")[k] == parameter).collect();
+        let rows: Vec<usize> = (0..biases.rows())
+            .filter(|&k| biases.strings("parameter").expect("names")[k] == parameter)
+            .collect();
         assert_eq!(rows.len(), 4, "{parameter} is significant in every flight");
-        let z: Vec<f64> = rows.iter().map(|&k| (column("value")[k] - want) / column("sd")[k]).collect();
-        let weights: Vec<f64> = rows.iter().map(|&k| 1.0 / (column("sd")[k] * column("sd")[k])).collect();
+        let z: Vec<f64> =
+            rows.iter().map(|&k| (column("value")[k] - want) / column("sd")[k]).collect();
+        let weights: Vec<f64> =
+            rows.iter().map(|&k| 1.0 / (column("sd")[k] * column("sd")[k])).collect();
         let sum: f64 = weights.iter().sum();
-        let mean = rows.iter().zip(&weights).map(|(&k, w)| w * column("value")[k]).sum::<f64>() / sum;
-        println!("{parameter}: {mean:.6} +- {:.6} for {want:.6}, flights {z:.2?}", sum.sqrt().recip());
+        let mean =
+            rows.iter().zip(&weights).map(|(&k, w)| w * column("value")[k]).sum::<f64>() / sum;
+        println!(
+            "{parameter}: {mean:.6} +- {:.6} for {want:.6}, flights {z:.2?}",
+            sum.sqrt().recip()
+        );
         assert!(z.iter().all(|z| z.abs() < 3.5), "{parameter}: {z:?} standard deviations off");
-        assert!((mean - want).abs() < 2.6 / sum.sqrt(), "{parameter}: {mean} +- {} for {want}", sum.sqrt().recip());
+        assert!(
+            (mean - want).abs() < 2.6 / sum.sqrt(),
+            "{parameter}: {mean} +- {} for {want}",
+            sum.sqrt().recip()
+        );
         inside += z.iter().filter(|z| z.abs() < 1.96).count();
         all += z.len();
     }
@@ -106,9 +117,10 @@ fn rows_of<'a>(table: &'a Table, column: &str) -> Vec<&'a str> {
     table.strings(column).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Derivatives about the centre of gravity, by differences of the simulator's own forces and moments. Euler's steps of 1 ms would take
-/// `w^2 h/2` of the damping of a mode of frequency `w`: 1.2e-3 1/s at 160 m/s, 0.5% of what C_n_r gives there. Whether the simulator steps so
-/// is not known; rate derivatives may be off by this much beside their intervals.
+/// Derivatives about the centre of gravity, by differences of the simulator's own forces and
+/// moments. Euler's steps of 1 ms would take `w^2 h/2` of the damping of a mode of frequency `w`:
+/// 1.2e-3 1/s at 160 m/s, 0.5% of what C_n_r gives there. Whether the simulator steps so is not
+/// known; rate derivatives may be off by this much beside their intervals.
 #[test]
 fn recovery_derivatives_of_another_simulator() {
     let Some(data) = flights() else { return };
@@ -116,15 +128,23 @@ fn recovery_derivatives_of_another_simulator() {
     koehler(folder.path(), &data, &["run", "pipeline.toml"]);
     let table = read_dataset(&folder.path().join("out"), "estimates").expect("estimates");
     let (values, sds) = (table.f64("value").expect("values"), table.f64("sd").expect("sd"));
-    let found: BTreeMap<&str, (f64, f64)> =
-        rows_of(&table, "parameter").into_iter().enumerate().map(|(k, name)| (name, (values[k], sds[k]))).collect();
+    let found: BTreeMap<&str, (f64, f64)> = rows_of(&table, "parameter")
+        .into_iter()
+        .enumerate()
+        .map(|(k, name)| (name, (values[k], sds[k])))
+        .collect();
     let truth = truth(&data);
     let near = |name: &str, value: f64, sd: f64, want: f64, relative: f64| {
         println!("{name}: {value:.5} +- {sd:.5} for {want:.5}, {:.1} sd", (value - want) / sd);
-        assert!((value - want).abs() < 3.0 * sd + relative * want.abs(), "{name}: {value} +- {sd} for {want}");
+        assert!(
+            (value - want).abs() < 3.0 * sd + relative * want.abs(),
+            "{name}: {value} +- {sd} for {want}"
+        );
     };
     for flight in truth["flights"].as_array().expect("flights") {
-        let of = |coefficient: &str, by: &str| flight["derivatives_baseline"][coefficient][by].as_f64().expect("a number");
+        let of = |coefficient: &str, by: &str| {
+            flight["derivatives_baseline"][coefficient][by].as_f64().expect("a number")
+        };
         for (name, coefficient, by, relative) in [
             ("C_L_alpha", "CL", "alpha", 0.0),
             ("C_L_de", "CL", "de", 0.0),
@@ -149,24 +169,64 @@ fn recovery_derivatives_of_another_simulator() {
         let mach = flight["trim"]["mach"].as_f64().expect("a number");
         let (cx_alpha, cx_de, cy_beta) = (of("CX", "alpha"), of("CX", "de"), of("CY", "beta"));
         let sd = |name: &str, arm: f64| (found[name].1.powi(2) + (arm * arm_sd).powi(2)).sqrt();
-        near("Cm_alpha", value("C_m_alpha") + arm / chord * cx_alpha, sd("C_m_alpha", cx_alpha / chord), of("Cm", "alpha"), 0.0);
+        near(
+            "Cm_alpha",
+            value("C_m_alpha") + arm / chord * cx_alpha,
+            sd("C_m_alpha", cx_alpha / chord),
+            of("Cm", "alpha"),
+            0.0,
+        );
         let elevator = value("C_m_de") + value("C_m_de_Mach") * mach + arm / chord * cx_de;
         near("Cm_de", elevator, sd("C_m_de", cx_de / chord), of("Cm", "de"), 0.0);
-        near("Cl_beta", value("C_l_beta") - arm / span * cy_beta, sd("C_l_beta", cy_beta / span), of("Cl", "beta"), 0.0);
+        near(
+            "Cl_beta",
+            value("C_l_beta") - arm / span * cy_beta,
+            sd("C_l_beta", cy_beta / span),
+            of("Cl", "beta"),
+            0.0,
+        );
         let slope = 2.0 * value("C_D_k") * of("CL", "0");
-        near("CD_alpha", value("C_D_alpha") + slope * value("C_L_alpha"), found["C_D_alpha"].1, of("CD", "alpha"), 0.0);
-        near("CD_de", value("C_D_de") + slope * value("C_L_de"), found["C_D_de"].1, of("CD", "de"), 0.0);
-        // The simulator's difference is taken over half a degree, in which the drag of sideslip grows by 0.002.
-        near("CY_beta", value("C_Y_beta") - of("CD", "0"), found["C_Y_beta"].1, of("CY", "beta"), 0.002);
-        let damping = flight["derivatives_effective_no_alphadot"]["Cm"]["qhat"].as_f64().expect("a number");
-        near("Cm_q, effective", value("C_m_q") + value("C_m_alphadot"), found["C_m_q"].1, damping, 0.0);
+        near(
+            "CD_alpha",
+            value("C_D_alpha") + slope * value("C_L_alpha"),
+            found["C_D_alpha"].1,
+            of("CD", "alpha"),
+            0.0,
+        );
+        near(
+            "CD_de",
+            value("C_D_de") + slope * value("C_L_de"),
+            found["C_D_de"].1,
+            of("CD", "de"),
+            0.0,
+        );
+        // The simulator's difference is taken over half a degree, in which the drag of sideslip
+        // grows by 0.002.
+        near(
+            "CY_beta",
+            value("C_Y_beta") - of("CD", "0"),
+            found["C_Y_beta"].1,
+            of("CY", "beta"),
+            0.002,
+        );
+        let damping =
+            flight["derivatives_effective_no_alphadot"]["Cm"]["qhat"].as_f64().expect("a number");
+        near(
+            "Cm_q, effective",
+            value("C_m_q") + value("C_m_alphadot"),
+            found["C_m_q"].1,
+            damping,
+            0.0,
+        );
     }
 }
 
-/// Half of the records' rate, in half the time: it clips the corners of the surfaces' ramps, which a large effect that is withheld stands above.
+/// Half of the records' rate, in half the time: it clips the corners of the surfaces' ramps, which
+/// a large effect that is withheld stands above.
 const HALF: (&str, &str, &str) = ("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
 
-/// The noise of the recorded surfaces (0.02 deg) drives the model as if it were real: that it did not happen is true.
+/// The noise of the recorded surfaces (0.02 deg) drives the model as if it were real: that it did
+/// not happen is true.
 fn is_of_the_record(name: &str) -> bool {
     name.starts_with("surface-noise:delta_")
 }
@@ -187,7 +247,8 @@ fn recovery_nothing_but_the_noise_of_recorded_surfaces_is_named_where_the_model_
 fn recovery_a_derivative_that_is_withheld_is_named() {
     let Some(data) = flights() else { return };
     let declared = ("linear.model.toml", "C_n_r    = { unit = \"1/rad\", start = -0.2 }\n", "");
-    let folder = campaign("complete", &[HALF, declared, ("linear.model.toml", " + C_n_r*r_norm", "")]);
+    let folder =
+        campaign("complete", &[HALF, declared, ("linear.model.toml", " + C_n_r*r_norm", "")]);
     diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "complete"]);
     let out = folder.path().join("out");
     let (verdict, named) = findings(&out);
@@ -196,7 +257,10 @@ fn recovery_a_derivative_that_is_withheld_is_named() {
     assert_eq!(named[0], "rate-derivative-lateral:C_n,r");
     assert!(named[1..].iter().all(|name| is_of_the_record(name)), "{named:?}");
     let table = read_dataset(&out, "additions").expect("additions");
-    let row = rows_of(&table, "candidate").iter().rposition(|name| *name == named[0]).expect("it was refitted");
+    let row = rows_of(&table, "candidate")
+        .iter()
+        .rposition(|name| *name == named[0])
+        .expect("it was refitted");
     let at = |column: &str| table.f64(column).expect("column")[row];
     let per_half_span = 2.0 / 28.3464;
     let (value, sd) = (at("value") * per_half_span, at("sd") * per_half_span);

@@ -1,9 +1,12 @@
-//! A stage is one value: handed to the machinery, or written into a copy of the sources as one file and its name in the list.
+//! A stage is one value: handed to the machinery, or written into a copy of the sources as one file
+//! and its name in the list.
 
 use crate::campaign::Campaign;
 use koehler::pipeline::{self, Plan, State, Store};
 use koehler::report::{Body, Grid, Section};
-use koehler::stage::{Output, Read, STAGES, Stage, Unit, derive, estimate, fit, ingest, report, segment};
+use koehler::stage::{
+    Output, Read, STAGES, Stage, Unit, derive, estimate, fit, ingest, report, segment,
+};
 use koehler::table::{Table, read_dataset};
 use serde_json::json;
 use std::path::Path;
@@ -16,7 +19,9 @@ const SECTION: Section = Section {
     build: |given| {
         let Some(table) = given.get("biases") else { return Ok(None) };
         let mut grid = Grid::new(["flight", "#length|s"]);
-        (0..table.rows()).for_each(|r| grid.push(vec![table.text("flight", r).into(), table.text("value", r).into()]));
+        (0..table.rows()).for_each(|r| {
+            grid.push(vec![table.text("flight", r).into(), table.text("value", r).into()])
+        });
         Ok(Some(Body::grid(grid)))
     },
 };
@@ -48,7 +53,8 @@ const TOY: Stage = Stage {
     ..Stage::PLAIN
 };
 
-static WITH_TOY: [Stage; 7] = [ingest::STAGE, derive::STAGE, segment::STAGE, estimate::STAGE, fit::STAGE, TOY, report::STAGE];
+static WITH_TOY: [Stage; 7] =
+    [ingest::STAGE, derive::STAGE, segment::STAGE, estimate::STAGE, fit::STAGE, TOY, report::STAGE];
 
 #[test]
 fn a_new_stage_is_one_value() {
@@ -64,7 +70,8 @@ fn a_new_stage_is_one_value() {
     let table = read_dataset(&c.path("out"), "biases").expect("its table");
     assert_eq!(table.rows(), 3);
     assert!(table.f64("value").expect("column").iter().all(|length| *length > 10.0));
-    // Its section, its place in the provenance, its units in `status`; all without a line anywhere else.
+    // Its section, its place in the provenance, its units in `status`; all without a line anywhere
+    // else.
     let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
     assert!(page.contains("<section id=\"toy\"") && page.contains("Lengths of the flights"));
     let stages = read_dataset(&c.path("out"), "stages").expect("provenance");
@@ -77,7 +84,11 @@ fn a_new_stage_is_one_value() {
     plan.campaign.stages = STAGES;
     assert_eq!(run(&plan).removed.len(), 3);
     assert!(!c.path("out/biases").exists());
-    assert!(!std::fs::read_to_string(c.path("out/report/index.html")).expect("a page").contains("id=\"toy\""));
+    assert!(
+        !std::fs::read_to_string(c.path("out/report/index.html"))
+            .expect("a page")
+            .contains("id=\"toy\"")
+    );
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -85,7 +96,11 @@ fn copy(from: &Path, to: &Path) {
     for entry in std::fs::read_dir(from).expect("readable folder") {
         let path = entry.expect("readable entry").path();
         let to = to.join(path.file_name().expect("a name"));
-        if path.is_dir() { copy(&path, &to) } else { std::fs::copy(&path, &to).map(|_| ()).expect("copied") }
+        if path.is_dir() {
+            copy(&path, &to)
+        } else {
+            std::fs::copy(&path, &to).map(|_| ()).expect("copied")
+        }
     }
 }
 
@@ -109,15 +124,23 @@ fn a_new_stage_is_one_file_and_its_name_in_the_list() {
     let manifest = std::fs::read_to_string(root.join("Cargo.toml")).expect("readable");
     let (before, after) = manifest.split_once("[[bench]]").expect("benches");
     let after = &after[after.find("[dependencies]").expect("dependencies")..];
-    let renamed =
-        before.replace("default-run = \"koehler\"", "").replace("[[bin]]\nname = \"koehler\"", "[[bin]]\nname = \"koehler-toy\"");
+    let renamed = before
+        .replace("default-run = \"koehler\"", "")
+        .replace("[[bin]]\nname = \"koehler\"", "[[bin]]\nname = \"koehler-toy\"");
     std::fs::write(tree.join("Cargo.toml"), format!("{renamed}{after}")).expect("written");
     // The stage: a file, its table's schema, and its name in the list.
-    std::fs::write(tree.join("src/stage/lengths.rs"), include_str!("toy/lengths.rs")).expect("written");
-    std::fs::write(tree.join("schemas/tables/lengths.json"), include_str!("toy/lengths.json")).expect("written");
+    std::fs::write(tree.join("src/stage/lengths.rs"), include_str!("toy/lengths.rs"))
+        .expect("written");
+    std::fs::write(tree.join("schemas/tables/lengths.json"), include_str!("toy/lengths.json"))
+        .expect("written");
     c.edit("tree/src/stage/mod.rs", "pub mod ingest;\n", "pub mod ingest;\npub mod lengths;\n");
-    c.edit("tree/src/stage/mod.rs", "    report::STAGE,\n", "    lengths::STAGE,\n    report::STAGE,\n");
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), Into::into);
+    c.edit(
+        "tree/src/stage/mod.rs",
+        "    report::STAGE,\n",
+        "    lengths::STAGE,\n    report::STAGE,\n",
+    );
+    let target =
+        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), Into::into);
     let built = Command::new(env!("CARGO"))
         .args(["build", "--offline", "--bin", "koehler-toy"])
         .current_dir(&tree)
@@ -126,9 +149,16 @@ fn a_new_stage_is_one_file_and_its_name_in_the_list() {
         .expect("started");
     assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
     let koehler = |args: &[&str]| {
-        let output =
-            Command::new(target.join("debug/koehler-toy")).args(args).current_dir(c.folder.path()).output().expect("started");
-        (output.status.success(), String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr))
+        let output = Command::new(target.join("debug/koehler-toy"))
+            .args(args)
+            .current_dir(c.folder.path())
+            .output()
+            .expect("started");
+        (
+            output.status.success(),
+            String::from_utf8_lossy(&output.stdout).into_owned()
+                + &String::from_utf8_lossy(&output.stderr),
+        )
     };
     // Its settings are checked: their type by the schema, their sense by the stage.
     c.edit("pipeline.toml", "[report]", "[lengths]\nlonger_than_s = \"long\"\n\n[report]");
@@ -141,7 +171,11 @@ fn a_new_stage_is_one_file_and_its_name_in_the_list() {
     let (ok, text) = koehler(&["run", "pipeline.toml"]);
     assert!(ok, "{text}");
     assert_eq!(std::fs::read_dir(c.path("out/lengths")).expect("its table").count(), 3);
-    assert!(std::fs::read_to_string(c.path("out/report/index.html")).expect("a page").contains("<section id=\"lengths\""));
+    assert!(
+        std::fs::read_to_string(c.path("out/report/index.html"))
+            .expect("a page")
+            .contains("<section id=\"lengths\"")
+    );
     let (_, text) = koehler(&["run", "pipeline.toml"]);
     assert!(text.contains("nothing to do"), "{text}");
     c.edit("pipeline.toml", "longer_than_s = 5.0", "longer_than_s = 6.0");

@@ -1,4 +1,5 @@
-//! Settings of the estimator that say what differs between maneuvers, from the pipeline file to the tables.
+//! Settings of the estimator that say what differs between maneuvers, from the pipeline file to the
+//! tables.
 
 use crate::flightdata::{copy, data, koehler};
 use koehler::table::read_dataset;
@@ -52,7 +53,9 @@ fn what_differs_between_flights_is_told_apart_in_the_tables() {
         .filter(|&i| text("model")[i] == "apart" && !text("parameter")[i].ends_with("(0)"))
         .map(|i| (text("parameter")[i], text("per")[i], of[i]))
         .collect();
-    let per_flight = |name: &'static str| ["fAttasElv1", "fAttasElv2"].map(|flight| (name, "flight", Some(flight)));
+    let per_flight = |name: &'static str| {
+        ["fAttasElv1", "fAttasElv2"].map(|flight| (name, "flight", Some(flight)))
+    };
     let campaign = |name: &'static str| (name, "campaign", None);
     let mut wanted: Vec<_> = ["Ma", "Md", "Mq", "Za", "Zd", "Zq"].map(campaign).to_vec();
     wanted.extend(per_flight("M0"));
@@ -61,7 +64,9 @@ fn what_differs_between_flights_is_told_apart_in_the_tables() {
     assert_eq!(rows, wanted);
     assert!((0..estimates.rows()).all(|i| text("stop")[i] == "converged"), "{:?}", text("stop"));
     // The start of a measured initial value, per segment.
-    let initial = (0..estimates.rows()).filter(|&i| text("parameter")[i] == "q(0)" && text("per")[i] == "segment").count();
+    let initial = (0..estimates.rows())
+        .filter(|&i| text("parameter")[i] == "q(0)" && text("per")[i] == "segment")
+        .count();
     assert_eq!(initial, 4);
     let iterations = read_dataset(&out, "iterations").expect("iterations");
     let models = iterations.strings("model").expect("column");
@@ -71,7 +76,11 @@ fn what_differs_between_flights_is_told_apart_in_the_tables() {
     };
     assert!(last("apart", "damping") > 0.0 && last("plain", "damping") == 0.0);
     for model in ["apart", "plain"] {
-        assert!(last(model, "gradient") <= 0.01 && last(model, "change") < 1e-6 && last(model, "det_r") > 0.0);
+        assert!(
+            last(model, "gradient") <= 0.01
+                && last(model, "change") < 1e-6
+                && last(model, "det_r") > 0.0
+        );
     }
     // Noise of its own, correlated, and an input shift fit the records better.
     assert!(last("apart", "cost") < last("plain", "cost"));
@@ -87,11 +96,15 @@ fn fault_columns_and_names_are_checked_before_any_log_is_read() {
         .replace("inputs = [\"de\"]", "inputs = [\"de\"]\nper = \"flap\"");
     std::fs::write(folder.path().join("wrong.toml"), &wrong).expect("written");
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
-    let output = command.current_dir(folder.path()).args(["check", "wrong.toml"]).output().expect("started");
+    let output =
+        command.current_dir(folder.path()).args(["check", "wrong.toml"]).output().expect("started");
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(!output.status.success());
-    for part in ["no column of the segments \"flights\"", "no parameter of the model \"Mx\"", "no column of the segments \"kind\""]
-    {
+    for part in [
+        "no column of the segments \"flights\"",
+        "no parameter of the model \"Mx\"",
+        "no column of the segments \"kind\"",
+    ] {
         assert!(text.contains(part), "{part}: {text}");
     }
     assert!(text.contains("did you mean \"flight\""), "{text}");

@@ -1,4 +1,5 @@
-//! A base as it stands in; its fit to the training maneuvers, the noise it leaves, and the held-out maneuvers with its derivatives, out.
+//! A base as it stands in; its fit to the training maneuvers, the noise it leaves, and the held-out
+//! maneuvers with its derivatives, out.
 
 use super::frozen::{Frozen, frozen};
 use super::stand::{Known, Stand, estimation, fitted, placed, seen, settle_steps};
@@ -33,7 +34,9 @@ impl Found {
     /// The parameters as segment place `s` has them.
     pub fn theta(&self, s: usize) -> Vec<f64> {
         let place = self.places.held_out.iter().position(|&h| h == s);
-        place.and_then(|p| self.frozen[p].as_ref()).map_or_else(|| self.fit.theta.clone(), |f| f.theta.clone())
+        place
+            .and_then(|p| self.frozen[p].as_ref())
+            .map_or_else(|| self.fit.theta.clone(), |f| f.theta.clone())
     }
 
     /// What the fit to the training maneuvers found.
@@ -43,7 +46,10 @@ impl Found {
 
     pub fn case(&self) -> Case<'_> {
         let mut case = self.prepared.case();
-        case.records.iter_mut().zip(&self.substeps).for_each(|(record, steps)| record.substeps = *steps);
+        case.records
+            .iter_mut()
+            .zip(&self.substeps)
+            .for_each(|(record, steps)| record.substeps = *steps);
         case
     }
 }
@@ -58,35 +64,47 @@ pub fn at_first(stand: &Stand, subject: &Subject) -> Result<Result<Found, Troubl
         return Ok(Err(Trouble::Base("the base model is not finite at its start".into())));
     }
     let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
-    let start = |case: &Case| (vec![placed(case, &prepared, subject, &estimated)], None, Vec::new());
+    let start =
+        |case: &Case| (vec![placed(case, &prepared, subject, &estimated)], None, Vec::new());
     let found = fit(stand, subject, &prepared, &start);
     Ok(found.ok_or(Trouble::Base("the base model is not finite at its own estimate".into())))
 }
 
-/// Fits the base with what was added, from where it was fitted without or from what is known besides, whichever is better; the noise is that
-/// of what is left now.
+/// Fits the base with what was added, from where it was fitted without or from what is known
+/// besides, whichever is better; the noise is that of what is left now.
 ///
 /// # Errors
 /// Settings that do not fit the model.
-pub fn at_next(stand: &Stand, subject: &Subject, from: &Found, known: Option<&Known>) -> Result<Option<Found>, Errors> {
+pub fn at_next(
+    stand: &Stand,
+    subject: &Subject,
+    from: &Found,
+    known: Option<&Known>,
+) -> Result<Option<Found>, Errors> {
     let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
     if prepared.used != from.prepared.used {
         return Ok(None);
     }
     let before = from.known();
     let start = |case: &Case| {
-        let starts = [Some(&before), known].into_iter().flatten().map(|known| known.placed(case, &prepared)).collect();
+        let starts = [Some(&before), known]
+            .into_iter()
+            .flatten()
+            .map(|known| known.placed(case, &prepared))
+            .collect();
         (starts, Some(from.noise.clone()), from.substeps.clone())
     };
     Ok(fit(stand, subject, &prepared, &start))
 }
 
-/// Where a fit begins: parameters (the best of these), noise if it is known, least integration steps.
+/// Where a fit begins: parameters (the best of these), noise if it is known, least integration
+/// steps.
 type Start<'a> = dyn Fn(&Case) -> (Vec<Vec<f64>>, Option<Noise>, Vec<usize>) + 'a;
 
 /// Fits, and once more with the noise that the first fit leaves.
 fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> Option<Found> {
-    let (places, thresholds) = (Places::of(prepared, subject.held_out), &subject.settings.thresholds);
+    let (places, thresholds) =
+        (Places::of(prepared, subject.held_out), &subject.settings.thresholds);
     let mut case = prepared.case();
     let (starts, known, least) = start(&case);
     starts.iter().for_each(|theta| settle_steps(&mut case, theta, &least));
@@ -95,7 +113,10 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let nothing = Responses::default();
     let rule = stand.method.colour();
     let again = |theta: &[f64], noise: &Noise, responses: &Responses| {
-        Some(noise_of(&Fitted::new(&case, &places.training, &free, theta, &responses.values, rule).weighted(noise)?))
+        Some(noise_of(
+            &Fitted::new(&case, &places.training, &free, theta, &responses.values, rule)
+                .weighted(noise)?,
+        ))
     };
     // What demonstrably responds to something is taken out before, as long as anything does.
     let settled = |theta: &[f64], mut noise: Noise| {
@@ -109,9 +130,17 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let noise = match known {
         Some(noise) => noise,
         None => {
-            let plain = noise_of(&Fitted::new(&case, &places.training, &free, &theta, &nothing.values, rule));
+            let plain = noise_of(&Fitted::new(
+                &case,
+                &places.training,
+                &free,
+                &theta,
+                &nothing.values,
+                rule,
+            ));
             // With what the estimation absorbed of it.
-            (0..thresholds.noise_passes).try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?
+            (0..thresholds.noise_passes)
+                .try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?
         }
     };
     let (_, first) = fitted(&case, &noise, &places, theta, &stand.added, thresholds);
@@ -140,10 +169,15 @@ fn best(
     starts: Vec<Vec<f64>>,
 ) -> Option<Vec<f64>> {
     let cost = |theta: &Vec<f64>| {
-        let costs = noise.and_then(|noise| Task { case, noise, segments, free: &[], thresholds }.costs(theta));
+        let costs = noise
+            .and_then(|noise| Task { case, noise, segments, free: &[], thresholds }.costs(theta));
         costs.map_or(f64::INFINITY, |costs| costs.iter().sum::<f64>())
     };
-    starts.into_iter().map(|theta| (cost(&theta), theta)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, theta)| theta)
+    starts
+        .into_iter()
+        .map(|theta| (cost(&theta), theta))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, theta)| theta)
 }
 
 pub fn values(case: &Case, stand: &Stand, theta: &[f64]) -> Vec<(String, f64)> {

@@ -19,8 +19,9 @@ pub struct Frozen {
     pub blocks: Vec<Block>,
 }
 
-/// The held-out maneuvers at frozen derivatives; what the training has never seen (a flight's zero shifts) moves, unless an effect brought it:
-/// that stays at its null, because nothing of an effect is fitted to a maneuver that is held out.
+/// The held-out maneuvers at frozen derivatives; what the training has never seen (a flight's zero
+/// shifts) moves, unless an effect brought it: that stays at its null, because nothing of an effect
+/// is fitted to a maneuver that is held out.
 pub fn frozen(
     case: &Case,
     noise: &Noise,
@@ -35,8 +36,12 @@ pub fn frozen(
         brought(&i).copied().flatten().into_iter().for_each(|null| theta[i] = null);
     }
     let of = |&s: &usize| {
-        let free: Vec<usize> = seen(case, &[s]).into_iter().filter(|i| !known.contains(i) && brought(i).is_none()).collect();
-        let fit = Task { case, noise, segments: &[s], free: &free, thresholds }.fit(theta.to_vec())?;
+        let free: Vec<usize> = seen(case, &[s])
+            .into_iter()
+            .filter(|i| !known.contains(i) && brought(i).is_none())
+            .collect();
+        let fit =
+            Task { case, noise, segments: &[s], free: &free, thresholds }.fit(theta.to_vec())?;
         let blocks = case.evaluate(s, &case.layout.local(s, &fit.theta), false)?;
         Some(Frozen { squares: fit.costs.iter().sum(), cost: fit.cost(), theta: fit.theta, blocks })
     };

@@ -1,4 +1,5 @@
-//! A model with what was added to it in; its fit to the training maneuvers, the noise it leaves and the held-out maneuvers with its derivatives out.
+//! A model with what was added to it in; its fit to the training maneuvers, the noise it leaves and
+//! the held-out maneuvers with its derivatives out.
 
 pub mod found;
 pub mod frozen;

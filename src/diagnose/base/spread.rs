@@ -1,4 +1,5 @@
-//! A fit in; what the data say about its last free parameters, together and maneuver by maneuver, out.
+//! A fit in; what the data say about its last free parameters, together and maneuver by maneuver,
+//! out.
 
 use super::training::Task;
 use crate::math::products::{DEPENDENT, Gram};
@@ -13,7 +14,8 @@ pub struct Spread {
     pub information: Vec<f64>,
     /// Share of each parameter's information that is left once all others are known to be unknown.
     pub left: Vec<f64>,
-    /// Per segment: `(slope, information)` of each of them with all other shared parameters held, own ones free.
+    /// Per segment: `(slope, information)` of each of them with all other shared parameters held,
+    /// own ones free.
     pub by_segment: Vec<Vec<(f64, f64)>>,
 }
 
@@ -50,7 +52,10 @@ impl Task<'_> {
             left[i] = if rest.scale[i] > 0.0 { information / rest.scale[i] } else { 0.0 };
             sd[i] = (left[i] > DEPENDENT).then(|| 1.0 / information.sqrt());
         }
-        let by_segment = parts.iter().map(|part| wanted.iter().map(|&place| local(part, place)).collect()).collect();
+        let by_segment = parts
+            .iter()
+            .map(|part| wanted.iter().map(|&place| local(part, place)).collect())
+            .collect();
         Some(Spread { sd, information, left, by_segment })
     }
 
@@ -74,7 +79,8 @@ impl Task<'_> {
         columns.extend(white.pop());
         to.push(self.free.len());
         let mut gram = Gram::of(&columns);
-        (0..part.own).for_each(|k| gram.pull(k, layout.prior(part.offset + k, theta[part.offset + k])));
+        (0..part.own)
+            .for_each(|k| gram.pull(k, layout.prior(part.offset + k, theta[part.offset + k])));
         gram.eliminate(0, part.own);
         gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own: part.own, to, gram })
     }

@@ -1,4 +1,5 @@
-//! A model, segments and which of them are held out, in; the model's best fit to the training segments, with the noise that it leaves, out.
+//! A model, segments and which of them are held out, in; the model's best fit to the training
+//! segments, with the noise that it leaves, out.
 
 use super::training::{Fit, Task};
 use crate::diagnose::residual::whitening::Noise;
@@ -30,12 +31,15 @@ impl Stand {
                 let per = method.per.get(&p.quantity.name).map(|per| Scope::parse(per));
                 !p.fixed && per.unwrap_or(p.scope.clone()) == Scope::Segment
             };
-            method.free = Some(model.parameters.iter().filter(own).map(|p| p.quantity.name.clone()).collect());
+            method.free = Some(
+                model.parameters.iter().filter(own).map(|p| p.quantity.name.clone()).collect(),
+            );
         }
         Stand { model: model.clone(), method, added: Vec::new(), nulls: BTreeMap::new() }
     }
 
-    /// With further parameters (name, value, whether it is held there, null), the others free from there on.
+    /// With further parameters (name, value, whether it is held there, null), the others free from
+    /// there on.
     pub fn with(&self, model: &Model, values: &[(String, f64, bool, Option<f64>)]) -> Stand {
         let mut stand = Stand { model: model.clone(), ..self.clone() };
         for (name, value, held, null) in values {
@@ -57,27 +61,42 @@ impl Stand {
 /// # Errors
 /// As `estimate_segments`.
 pub fn estimation(stand: &Stand, subject: &Subject) -> Result<Estimation, Errors> {
-    let training: Vec<Segment> =
-        subject.segments.iter().zip(subject.held_out).filter(|(_, held)| !**held).map(|(s, _)| s.clone()).collect();
+    let training: Vec<Segment> = subject
+        .segments
+        .iter()
+        .zip(subject.held_out)
+        .filter(|(_, held)| !**held)
+        .map(|(s, _)| s.clone())
+        .collect();
     estimate::estimate_segments(&stand.model, &training, &stand.method)
 }
 
 /// The parameter vector of `case` with what an estimation over the training segments found.
 pub fn placed(case: &Case, prepared: &Prepared, subject: &Subject, found: &Estimation) -> Vec<f64> {
     // Indices among all segments of those that were estimated from.
-    let training: Vec<usize> = (0..subject.segments.len()).filter(|&s| !subject.held_out[s]).collect();
+    let training: Vec<usize> =
+        (0..subject.segments.len()).filter(|&s| !subject.held_out[s]).collect();
     let value = |i: usize| {
         let unknown = &case.unknowns[i];
         let segment = unknown.segment.map(|at| prepared.used[at]);
         let same = |row: &&estimate::Row| {
-            row.name == unknown.name && row.group == unknown.group && row.segment.map(|s| training[s]) == segment
+            row.name == unknown.name
+                && row.group == unknown.group
+                && row.segment.map(|s| training[s]) == segment
         };
-        found.rows.iter().find(same).map(|row| row.value).filter(|v| v.is_finite()).unwrap_or(case.layout.start[i])
+        found
+            .rows
+            .iter()
+            .find(same)
+            .map(|row| row.value)
+            .filter(|v| v.is_finite())
+            .unwrap_or(case.layout.start[i])
     };
     (0..case.unknowns.len()).map(value).collect()
 }
 
-/// What a fit found, to be carried into another model's case over the same segments. Ordered, so that it also prints the same every time.
+/// What a fit found, to be carried into another model's case over the same segments. Ordered, so
+/// that it also prints the same every time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known(BTreeMap<Unknown, f64>);
 
@@ -103,7 +122,8 @@ fn among_all(unknown: &Unknown, prepared: &Prepared) -> Unknown {
     Unknown { segment: unknown.segment.map(|at| prepared.used[at]), ..unknown.clone() }
 }
 
-/// Takes the integration steps that the model asks for at `theta` where they are left to the program, and at least those given.
+/// Takes the integration steps that the model asks for at `theta` where they are left to the
+/// program, and at least those given.
 pub fn settle_steps(case: &mut Case, theta: &[f64], least: &[usize]) {
     case.stiffen(theta);
     for s in 0..case.records.len() {
@@ -116,11 +136,13 @@ pub fn settle_steps(case: &mut Case, theta: &[f64], least: &[usize]) {
 
 /// Shared parameters that any of these segments sees, ascending.
 pub fn seen(case: &Case, segments: &[usize]) -> Vec<usize> {
-    (0..case.layout.shared).filter(|i| segments.iter().any(|&s| case.layout.parts[s].shared.contains(i))).collect()
+    (0..case.layout.shared)
+        .filter(|i| segments.iter().any(|&s| case.layout.parts[s].shared.contains(i)))
+        .collect()
 }
 
-/// The best fit of a case to its training segments under the given noise, from `theta`. The parameters named stand last among the free
-/// ones returned.
+/// The best fit of a case to its training segments under the given noise, from `theta`. The
+/// parameters named stand last among the free ones returned.
 pub fn fitted(
     case: &Case,
     noise: &Noise,

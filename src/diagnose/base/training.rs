@@ -1,13 +1,18 @@
-//! A model over segments, the colour of its noise and a start in; the maximum of the likelihood of that noise out.
+//! A model over segments, the colour of its noise and a start in; the maximum of the likelihood of
+//! that noise out.
 //!
-//! With the noise's colour fixed (that of the base fit), the negative log-likelihood is half the sum of squares of the whitened
-//! residuals, `J = 1/2 sum_s |W (z - y)|^2`, so that differences of `J` between models are gains in log-likelihood: a problem of least
-//! squares (`crate::least_squares`) whose `R` is one, over some of the segments and of the shared parameters.
+//! With the noise's colour fixed (that of the base fit), the negative log-likelihood is half the
+//! sum of squares of the whitened residuals, `J = 1/2 sum_s |W (z - y)|^2`, so that differences of
+//! `J` between models are gains in log-likelihood: a problem of least squares
+//! (`crate::least_squares`) whose `R` is one, over some of the segments and of the shared
+//! parameters.
 
 use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::Case;
-use crate::least_squares::{Block, Evaluate, Layout, Method, Part, Stop, Structure, Undetermined, give_back, minimise};
+use crate::least_squares::{
+    Block, Evaluate, Layout, Method, Part, Stop, Structure, Undetermined, give_back, minimise,
+};
 use rayon::prelude::*;
 
 /// Which segments and which shared parameters take part.
@@ -16,8 +21,8 @@ pub struct Task<'a> {
     pub noise: &'a Noise,
     /// Places among the segments of the case.
     pub segments: &'a [usize],
-    /// Shared parameters that move, by index into the parameter vector; those whose covariance is wanted stand last. The segments' own
-    /// parameters always move.
+    /// Shared parameters that move, by index into the parameter vector; those whose covariance is
+    /// wanted stand last. The segments' own parameters always move.
     pub free: &'a [usize],
     pub thresholds: &'a Thresholds,
 }
@@ -48,7 +53,8 @@ impl Task<'_> {
         if found.stop == Stop::NotFinite {
             return None;
         }
-        let pull = |(i, x): (usize, &f64)| 0.5 * layout.prior_weight(i) * (x - layout.centre[i]).powi(2);
+        let pull =
+            |(i, x): (usize, &f64)| 0.5 * layout.prior_weight(i) * (x - layout.centre[i]).powi(2);
         let prior = found.theta.iter().enumerate().map(pull).sum();
         let theta = self.whole(&layout, &found.theta, theta);
         // Nothing to fit has been fitted.
@@ -63,7 +69,8 @@ impl Task<'_> {
             step_tolerance: (2.0 * self.thresholds.least_promise).sqrt(),
             gradient_tolerance: 0.0,
             max_iterations: self.thresholds.iterations,
-            // Hundreds of candidates are fitted: one that needs shorter steps is on a kink, and shorter ones bring less than is promised.
+            // Hundreds of candidates are fitted: one that needs shorter steps is on a kink, and
+            // shorter ones bring less than is promised.
             max_halvings: 5,
             undetermined: Undetermined::Held,
             turns: false,
@@ -71,15 +78,23 @@ impl Task<'_> {
         }
     }
 
-    /// The parameters that move: those of `free`, in their order, then the own ones of every segment.
+    /// The parameters that move: those of `free`, in their order, then the own ones of every
+    /// segment.
     fn layout(&self, theta: &[f64]) -> Layout {
         let all = &self.case.layout;
         let mut from = self.free.to_vec();
         let mut parts = Vec::with_capacity(self.segments.len());
         for &s in self.segments {
             let part = &all.parts[s];
-            let shared = (0..self.free.len()).filter(|&k| part.shared.contains(&self.free[k])).collect();
-            parts.push(Part { shared, offset: from.len(), own: part.own, group: 0, instants: Vec::new() });
+            let shared =
+                (0..self.free.len()).filter(|&k| part.shared.contains(&self.free[k])).collect();
+            parts.push(Part {
+                shared,
+                offset: from.len(),
+                own: part.own,
+                group: 0,
+                instants: Vec::new(),
+            });
             from.extend(part.offset..part.offset + part.own);
         }
         let pick = |values: &[f64]| from.iter().map(|&i| values[i]).collect();
@@ -105,9 +120,11 @@ impl Task<'_> {
         theta
     }
 
-    /// White residuals of the segments, and sensitivities to what moves; what does not stays as in `theta`.
+    /// White residuals of the segments, and sensitivities to what moves; what does not stays as in
+    /// `theta`.
     fn white(&self, theta: &[f64]) -> impl Evaluate {
-        let fixed: Vec<Vec<f64>> = self.segments.iter().map(|&s| self.case.layout.local(s, theta)).collect();
+        let fixed: Vec<Vec<f64>> =
+            self.segments.iter().map(|&s| self.case.layout.local(s, theta)).collect();
         // Per segment, the places of its moving parameters among its directions.
         let place = |&s: &usize| {
             let part = &self.case.layout.parts[s];
@@ -125,13 +142,15 @@ impl Task<'_> {
             let mut g = Vec::new();
             if sensitivities {
                 g.reserve(e.len() * places[k].len());
-                (0..e.len()).for_each(|row| g.extend(places[k].iter().map(|&place| columns[place][row])));
+                (0..e.len())
+                    .for_each(|row| g.extend(places[k].iter().map(|&place| columns[place][row])));
             }
             Some(vec![Block { output: 0, e, g }])
         }
     }
 
-    /// What may still be promised where a fit has converged. Where a model has kinks, steps of many parameters promise more than is to be had.
+    /// What may still be promised where a fit has converged. Where a model has kinks, steps of many
+    /// parameters promise more than is to be had.
     fn promise(&self) -> f64 {
         self.thresholds.promise.max(self.thresholds.promise_per_parameter * self.free.len() as f64)
     }

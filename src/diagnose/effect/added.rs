@@ -7,17 +7,21 @@ use crate::model::Scope;
 pub struct Added {
     pub name: String,
     pub unit: String,
-    /// Of a size: where the candidate is the base model, whatever the shapes are. A shape (delay, threshold) has none.
+    /// Of a size: where the candidate is the base model, whatever the shapes are. A shape (delay,
+    /// threshold) has none.
     pub null: Option<f64>,
-    /// Of a switch: the value at which it is held, and not estimated, once the effect is in the model.
+    /// Of a switch: the value at which it is held, and not estimated, once the effect is in the
+    /// model.
     pub hold: Option<f64>,
     /// Of a shape: it is one of its starts, and not estimated.
     pub chosen: bool,
-    /// Of a shape: the values tried. Several shapes go together: row i has start i of each (its last one where it has fewer).
+    /// Of a shape: the values tried. Several shapes go together: row i has start i of each (its
+    /// last one where it has fewer).
     pub starts: Vec<f64>,
     pub min: f64,
     pub max: f64,
-    /// How wide an interval its bounds and, for a shape counted from the middle of a signal, the range of that signal allow.
+    /// How wide an interval its bounds and, for a shape counted from the middle of a signal, the
+    /// range of that signal allow.
     pub span: f64,
     /// A step that is worth seeing.
     pub typical: f64,

@@ -1,4 +1,5 @@
-//! A base model and effects in; every combination of what fills the roles of an effect, compiled, out.
+//! A base model and effects in; every combination of what fills the roles of an effect, compiled,
+//! out.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,16 +36,30 @@ pub fn candidates(base: &Model, context: &Context, effects: &[Effect]) -> Offer 
 }
 
 /// What may be bound to each name of the effect.
-fn options(base: &Model, context: &Context, effect: &Effect) -> Result<IndexMap<String, Vec<Bound>>, String> {
+fn options(
+    base: &Model,
+    context: &Context,
+    effect: &Effect,
+) -> Result<IndexMap<String, Vec<Bound>>, String> {
     let mut options = IndexMap::new();
     for (key, bind) in &effect.file.bind {
         let mut found = roles::find(bind.role(), base, context);
         if let (true, Bind::Or(full)) = (found.is_empty(), bind) {
-            let name = free_name(&format!("{}_reference", full.role.replace('-', "_")), &taken(base));
-            found.push(Bound { text: name.clone(), ident: name, unit: full.unit.clone(), fields: BTreeMap::new() });
+            let name =
+                free_name(&format!("{}_reference", full.role.replace('-', "_")), &taken(base));
+            found.push(Bound {
+                text: name.clone(),
+                ident: name,
+                unit: full.unit.clone(),
+                fields: BTreeMap::new(),
+            });
         }
         if found.is_empty() {
-            return Err(format!("the model has no {} ({})", bind.role(), roles::meaning(bind.role())));
+            return Err(format!(
+                "the model has no {} ({})",
+                bind.role(),
+                roles::meaning(bind.role())
+            ));
         }
         options.insert(key.clone(), found);
     }
@@ -68,7 +83,8 @@ fn combinations(effect: &Effect, options: &IndexMap<String, Vec<Bound>>) -> Vec<
         all = all.into_iter().flat_map(extend).collect();
     }
     let same = |chosen: &Vec<usize>| {
-        let texts: Vec<&str> = chosen.iter().zip(options.values()).map(|(&i, found)| found[i].text.as_str()).collect();
+        let texts: Vec<&str> =
+            chosen.iter().zip(options.values()).map(|(&i, found)| found[i].text.as_str()).collect();
         (1..texts.len()).any(|k| texts[..k].contains(&texts[k]))
     };
     all.into_iter().filter(|chosen| !same(chosen)).collect()
@@ -82,7 +98,10 @@ fn taken(base: &Model) -> BTreeSet<String> {
 /// The name, with a number behind it where it is taken.
 fn free_name(name: &str, taken: &BTreeSet<String>) -> String {
     let numbered = (2..).map(|i| format!("{name}_{i}"));
-    std::iter::once(name.to_string()).chain(numbered).find(|n| !taken.contains(n)).unwrap_or_default()
+    std::iter::once(name.to_string())
+        .chain(numbered)
+        .find(|n| !taken.contains(n))
+        .unwrap_or_default()
 }
 
 /// One binding with the names it uses.
@@ -104,17 +123,25 @@ fn candidate<'a>(
     options: &'a IndexMap<String, Vec<Bound>>,
     chosen: Vec<usize>,
 ) -> Result<Candidate, Skipped> {
-    let bound: IndexMap<&str, &Bound> = options.iter().zip(&chosen).map(|((key, found), &i)| (key.as_str(), &found[i])).collect();
-    let many = bound.iter().filter(|(key, _)| matches!(&effect.file.bind[**key], Bind::Role(role) if roles::is_list(role)));
+    let bound: IndexMap<&str, &Bound> =
+        options.iter().zip(&chosen).map(|((key, found), &i)| (key.as_str(), &found[i])).collect();
+    let many = bound.iter().filter(
+        |(key, _)| matches!(&effect.file.bind[**key], Bind::Role(role) if roles::is_list(role)),
+    );
     let idents: Vec<&str> = many.map(|(_, b)| b.ident.as_str()).collect();
-    let name = if idents.is_empty() { effect.name.clone() } else { format!("{}:{}", effect.name, idents.join(",")) };
+    let name = if idents.is_empty() {
+        effect.name.clone()
+    } else {
+        format!("{}:{}", effect.name, idents.join(","))
+    };
     let suffix = if idents.is_empty() { effect.name.replace('-', "_") } else { idents.join("_") };
     let all = effect.file.bind.iter().find(|(_, bind)| matches!(bind, Bind::All(_)));
     let all = all.map(|(key, _)| (key.as_str(), options[key].as_slice()));
     let mut binding = Binding { base, context, effect, bound, all, names: BTreeMap::new() };
     binding.choose_names(&suffix);
     let file = &effect.file;
-    let added: Vec<Added> = file.parameters.iter().map(|(key, size)| binding.added(key, size)).collect();
+    let added: Vec<Added> =
+        file.parameters.iter().map(|(key, size)| binding.added(key, size)).collect();
     let block = binding.block();
     let skipped = |why: String| Skipped { effect: name.clone(), why };
     let nulls = block.text(&added, &BTreeMap::new(), false, &[], "");
@@ -142,7 +169,12 @@ impl<'a> Binding<'a> {
         let mut taken = taken(self.base);
         let file = &self.effect.file;
         let wanted = file.parameters.iter().map(|(key, size)| (key, size.name.as_deref()));
-        let own = file.equations.keys().chain(file.states.keys()).chain(file.constants.keys()).map(|key| (key, None));
+        let own = file
+            .equations
+            .keys()
+            .chain(file.states.keys())
+            .chain(file.constants.keys())
+            .map(|key| (key, None));
         for (key, name) in wanted.chain(own).collect::<Vec<_>>() {
             let name = match name {
                 Some(name) => fill(name, |k| self.field(k, |b| b.ident.clone())),
@@ -169,7 +201,9 @@ impl<'a> Binding<'a> {
     /// A line of `add` or `replace`, for each of what is bound at once where it names that.
     fn lines(&self, target: &str, text: &str) -> Vec<(String, String)> {
         let each = self.all.filter(|(key, _)| placeholders(target).iter().any(|p| p == key));
-        let Some((key, bounds)) = each else { return vec![(self.expression(target), self.expression(text))] };
+        let Some((key, bounds)) = each else {
+            return vec![(self.expression(target), self.expression(text))];
+        };
         let with = |b: &Bound| {
             let first = |text: &str| fill(text, |k| (k == key).then(|| b.text.clone()));
             (self.expression(&first(target)), self.expression(&first(text)))
@@ -190,9 +224,12 @@ impl<'a> Binding<'a> {
     fn size(&self, key: &str) -> f64 {
         let Some(b) = self.bound.get(key) else { return 1.0 };
         let of = |name: &str| self.context.sizes.get(name).copied();
-        let parts = [b.text.as_str(), b.ident.as_str()].into_iter().chain(b.fields.values().map(String::as_str));
+        let parts = [b.text.as_str(), b.ident.as_str()]
+            .into_iter()
+            .chain(b.fields.values().map(String::as_str));
         let known = parts.filter_map(of).filter(|s| *s > 0.0).fold(0.0, f64::max);
-        let plausible = || SIZES.iter().find(|(unit, _)| *unit == b.unit).map_or(1.0, |(_, size)| *size);
+        let plausible =
+            || SIZES.iter().find(|(unit, _)| *unit == b.unit).map_or(1.0, |(_, size)| *size);
         if known > 0.0 { known } else { plausible() }
     }
 
@@ -208,7 +245,11 @@ impl<'a> Binding<'a> {
         let middle = size.about.as_ref().map_or(0.0, |of| self.middle(of));
         let check = size.near.as_ref().and_then(|near| {
             let constant = roles::find(&near.role, self.base, self.context).into_iter().next()?;
-            Some(Check { value: self.constant(&constant.text)?, text: constant.text, within: near.within })
+            Some(Check {
+                value: self.constant(&constant.text)?,
+                text: constant.text,
+                within: near.within,
+            })
         });
         let mut starts: Vec<f64> = size.starts.iter().map(|s| middle + s * scale).collect();
         if let Some(check) = &check
@@ -216,7 +257,10 @@ impl<'a> Binding<'a> {
         {
             starts.insert(0, check.value);
         }
-        let (min, max) = (size.min.map_or(f64::NEG_INFINITY, |v| v * scale), size.max.map_or(f64::INFINITY, |v| v * scale));
+        let (min, max) = (
+            size.min.map_or(f64::NEG_INFINITY, |v| v * scale),
+            size.max.map_or(f64::INFINITY, |v| v * scale),
+        );
         let range = size.about.as_ref().map_or(f64::INFINITY, |about| 2.0 * self.size(about));
         let step = size.typical.or(size.starts.first().copied()).unwrap_or(1.0);
         Added {
@@ -243,7 +287,8 @@ impl<'a> Binding<'a> {
 
     fn block(&self) -> Block {
         let file = &self.effect.file;
-        let lines = |of: &IndexMap<String, String>| of.iter().flat_map(|(t, x)| self.lines(t, x)).collect();
+        let lines =
+            |of: &IndexMap<String, String>| of.iter().flat_map(|(t, x)| self.lines(t, x)).collect();
         let state = |(key, s): (&String, &crate::model::file::State)| {
             let start = match &s.start {
                 Value::Number(x) => format!("{x:?}"),
@@ -255,7 +300,11 @@ impl<'a> Binding<'a> {
             title: self.prose(&file.title),
             constants: self.constants(),
             docs: file.parameters.values().map(|p| p.doc.clone()).collect(),
-            equations: file.equations.iter().map(|(k, x)| (self.names[k.as_str()].clone(), self.expression(x))).collect(),
+            equations: file
+                .equations
+                .iter()
+                .map(|(k, x)| (self.names[k.as_str()].clone(), self.expression(x)))
+                .collect(),
             states: file.states.iter().map(state).collect(),
             add: lines(&file.add),
             replace: lines(&file.replace),
@@ -265,15 +314,20 @@ impl<'a> Binding<'a> {
     /// Constants that the effect needs and the model does not declare.
     fn constants(&self) -> Vec<(String, String, Option<f64>)> {
         let own = self.effect.file.constants.iter();
-        let mut out: Vec<_> = own.map(|(k, c)| (self.names[k.as_str()].clone(), c.unit.clone(), c.value)).collect();
+        let mut out: Vec<_> =
+            own.map(|(k, c)| (self.names[k.as_str()].clone(), c.unit.clone(), c.value)).collect();
         for (key, bind) in &self.effect.file.bind {
             let b = self.bound[key.as_str()];
             let of_aircraft = self.base.given().is_some_and(|g| g.0.contains_key(&b.text));
             match bind {
-                Bind::Or(full) if b.text.contains("_reference") && !self.base.dims.contains_key(&b.text) => {
+                Bind::Or(full)
+                    if b.text.contains("_reference") && !self.base.dims.contains_key(&b.text) =>
+                {
                     out.push((b.text.clone(), full.unit.clone(), Some(full.or)));
                 }
-                _ if of_aircraft && !self.base.dims.contains_key(&b.text) => out.push((b.text.clone(), b.unit.clone(), None)),
+                _ if of_aircraft && !self.base.dims.contains_key(&b.text) => {
+                    out.push((b.text.clone(), b.unit.clone(), None))
+                }
                 _ => {}
             }
         }

@@ -22,8 +22,16 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// `found`: as the model goes on with it (switches held) instead of as it is tried (everything free at null). `held`: further parameters that are held.
-    pub fn text(&self, added: &[Added], values: &BTreeMap<String, f64>, found: bool, held: &[&str], provenance: &str) -> String {
+    /// `found`: as the model goes on with it (switches held) instead of as it is tried (everything
+    /// free at null). `held`: further parameters that are held.
+    pub fn text(
+        &self,
+        added: &[Added],
+        values: &BTreeMap<String, f64>,
+        found: bool,
+        held: &[&str],
+        provenance: &str,
+    ) -> String {
         let mut out = String::new();
         for line in provenance.lines() {
             let _ = writeln!(out, "# {line}");
@@ -34,7 +42,12 @@ impl Block {
         }
         for (name, unit, value) in &self.constants {
             let _ = match value {
-                Some(value) => writeln!(out, "{} = {{ unit = {}, value = {value:?} }}", key(name), quoted(unit)),
+                Some(value) => writeln!(
+                    out,
+                    "{} = {{ unit = {}, value = {value:?} }}",
+                    key(name),
+                    quoted(unit)
+                ),
                 None => writeln!(out, "{} = {}", key(name), quoted(unit)),
             };
         }
@@ -48,7 +61,13 @@ impl Block {
             out += "\n[effect.states]\n";
         }
         for (name, unit, rate, start) in &self.states {
-            let _ = writeln!(out, "{} = {{ unit = {}, rate = {}, start = {start} }}", key(name), quoted(unit), quoted(rate));
+            let _ = writeln!(
+                out,
+                "{} = {{ unit = {}, rate = {}, start = {start} }}",
+                key(name),
+                quoted(unit),
+                quoted(rate)
+            );
         }
         section(&mut out, "add", &self.add);
         section(&mut out, "replace", &self.replace);
@@ -57,7 +76,8 @@ impl Block {
 }
 
 fn parameter(a: &Added, value: Option<f64>, found: bool, fixed: bool, doc: &str) -> String {
-    let start = value.or(a.hold.filter(|_| found)).or(a.null).or(a.starts.first().copied()).unwrap_or(0.0);
+    let start =
+        value.or(a.hold.filter(|_| found)).or(a.null).or(a.starts.first().copied()).unwrap_or(0.0);
     let mut line = format!("{} = {{ unit = {}, start = {start:?}", key(&a.name), quoted(&a.unit));
     for (bound, x) in [("min", a.min), ("max", a.max)] {
         if x.is_finite() {

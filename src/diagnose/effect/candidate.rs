@@ -1,4 +1,5 @@
-//! One binding of an effect to a base model in; the model with it, where its parameters start, and its text, out.
+//! One binding of an effect to a base model in; the model with it, where its parameters start, and
+//! its text, out.
 
 use std::collections::BTreeMap;
 
@@ -36,8 +37,8 @@ pub struct Candidate {
     pub family: Family,
     /// Names of effects that look alike.
     pub rivals: Vec<String>,
-    /// The base model with the effect: same inputs and outputs, the parameters of the effect behind its own, sizes at null, shapes at
-    /// their first start, none fixed.
+    /// The base model with the effect: same inputs and outputs, the parameters of the effect behind
+    /// its own, sizes at null, shapes at their first start, none fixed.
     pub model: Model,
     /// The parameters of the effect, in the order of the model.
     pub added: Vec<Added>,
@@ -56,9 +57,16 @@ impl Candidate {
         self.added.iter().map(|a| a.null.unwrap_or_else(|| of_shape(a))).collect()
     }
 
-    /// The text of the base model's own file with the effect behind it. `values`: by name, what the added parameters are (absent ones
-    /// stay at their starts); switches are held, and `held`. `provenance`: lines for a comment above the effect.
-    pub fn text(&self, base: &Model, values: &BTreeMap<String, f64>, held: &[&str], provenance: &str) -> String {
+    /// The text of the base model's own file with the effect behind it. `values`: by name, what the
+    /// added parameters are (absent ones stay at their starts); switches are held, and `held`.
+    /// `provenance`: lines for a comment above the effect.
+    pub fn text(
+        &self,
+        base: &Model,
+        values: &BTreeMap<String, f64>,
+        held: &[&str],
+        provenance: &str,
+    ) -> String {
         let own = base.own_text();
         let gap = if own.ends_with('\n') { "\n" } else { "\n\n" };
         format!("{own}{gap}{}", self.block.text(&self.added, values, true, held, provenance))

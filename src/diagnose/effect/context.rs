@@ -25,14 +25,16 @@ impl Context {
     pub fn of(model: &Model, records: &[&Record]) -> Context {
         let mut context = Context::default();
         for (i, input) in model.inputs.iter().enumerate() {
-            let values = records.iter().flat_map(|r| r.inputs.iter().skip(i).step_by(model.inputs.len()));
+            let values =
+                records.iter().flat_map(|r| r.inputs.iter().skip(i).step_by(model.inputs.len()));
             context.put(&input.name, values);
         }
         for (o, output) in model.outputs.iter().enumerate() {
             let channels = || records.iter().flat_map(|r| &r.channels).filter(|c| c.output == o);
             if channels().next().is_some() {
                 context.measured.push(output.name.clone());
-                // A state of the same name is measured by it; an input of that name is known already.
+                // A state of the same name is measured by it; an input of that name is known
+                // already.
                 if model.input(&output.name).is_none() {
                     context.put(&output.name, channels().flat_map(|c| &c.z));
                 }
@@ -42,7 +44,9 @@ impl Context {
     }
 
     fn put<'a>(&mut self, name: &str, values: impl Iterator<Item = &'a f64>) {
-        let range = |(low, high): (f64, f64), &v: &f64| if v.is_finite() { (low.min(v), high.max(v)) } else { (low, high) };
+        let range = |(low, high): (f64, f64), &v: &f64| {
+            if v.is_finite() { (low.min(v), high.max(v)) } else { (low, high) }
+        };
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), range);
         if low <= high {
             self.sizes.insert(name.to_string(), (high - low) / 2.0);

@@ -1,4 +1,5 @@
-//! Effect files (`*.toml`) in; checked candidate effects with their names, ready to be bound to a model, out.
+//! Effect files (`*.toml`) in; checked candidate effects with their names, ready to be bound to a
+//! model, out.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,8 +16,9 @@ use crate::model::file::{ConstantFull, State};
 
 include!(concat!(env!("OUT_DIR"), "/effects.rs"));
 
-/// A candidate effect (`<name>.toml`): what a model may lack, written for any model. `{name}` stands for what is bound to a role or for
-/// the full name of a parameter, equation or state of the effect.
+/// A candidate effect (`<name>.toml`): what a model may lack, written for any model. `{name}`
+/// stands for what is bound to a role or for the full name of a parameter, equation or state of the
+/// effect.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EffectFile {
@@ -51,13 +53,16 @@ pub struct EffectFile {
     /// Terms added to what is bound: `"{moment}" = "{C}*{control}^2"`.
     #[serde(default)]
     pub add: IndexMap<String, String>,
-    /// What everything else reads instead of what is bound: `"{control}" = "{control} + {k}*(lag({control}, {T}) - {control})"`.
+    /// What everything else reads instead of what is bound: `"{control}" = "{control} +
+    /// {k}*(lag({control}, {T}) - {control})"`.
     #[serde(default)]
     pub replace: IndexMap<String, String>,
 }
 
 /// Kinds of effects.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize, JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Family {
     Sensor,
@@ -113,12 +118,15 @@ pub struct BindAll {
 impl Bind {
     pub fn role(&self) -> &str {
         match self {
-            Bind::Role(role) | Bind::Or(BindOr { role, .. }) | Bind::All(BindAll { all: role }) => role,
+            Bind::Role(role) | Bind::Or(BindOr { role, .. }) | Bind::All(BindAll { all: role }) => {
+                role
+            }
         }
     }
 }
 
-/// A parameter of an effect: a size, which has a null value, or a shape (a delay, a threshold), which has starts.
+/// A parameter of an effect: a size, which has a null value, or a shape (a delay, a threshold),
+/// which has starts.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Size {
@@ -128,17 +136,22 @@ pub struct Size {
     pub unit: String,
     /// Value of a size at which the model is as it was, whatever the shapes are.
     pub null: Option<f64>,
-    /// Value at which a size is held once the effect is in the model: 1 for a switch between with and without.
+    /// Value at which a size is held once the effect is in the model: 1 for a switch between with
+    /// and without.
     pub hold: Option<f64>,
-    /// A shape is one of its starts, the best one, and not estimated: for what the data choose without telling it exactly.
+    /// A shape is one of its starts, the best one, and not estimated: for what the data choose
+    /// without telling it exactly.
     #[serde(default)]
     pub chosen: bool,
-    /// Values of a shape that are tried; those of several shapes go together, the first with the first.
+    /// Values of a shape that are tried; those of several shapes go together, the first with the
+    /// first.
     #[serde(default)]
     pub starts: Vec<f64>,
-    /// Starts, bounds and typical value are multiples of the half range of what is bound to this name in the data.
+    /// Starts, bounds and typical value are multiples of the half range of what is bound to this
+    /// name in the data.
     pub of: Option<String>,
-    /// Starts are counted from the middle of the range of what is bound to this name; known better than that range, it is determined.
+    /// Starts are counted from the middle of the range of what is bound to this name; known better
+    /// than that range, it is determined.
     pub about: Option<String>,
     /// Physical bounds.
     pub min: Option<f64>,
@@ -176,7 +189,8 @@ pub struct Effect {
     pub file: EffectFile,
 }
 
-/// The library of the program, then the files of the folders; a file of a name that is known already takes its place.
+/// The library of the program, then the files of the folders; a file of a name that is known
+/// already takes its place.
 ///
 /// # Errors
 /// Every mistake of every file; folders that cannot be read.
@@ -184,11 +198,16 @@ pub fn load(folders: &[&Path]) -> Result<Vec<Effect>, Errors> {
     let mut errors = Errors::default();
     let mut found: BTreeMap<String, Effect> = BTreeMap::new();
     for (name, text) in EMBEDDED {
-        found.extend(errors.take(parse(name, &format!("<effects/{name}>"), text)).map(|e| (e.name.clone(), e)));
+        found.extend(
+            errors
+                .take(parse(name, &format!("<effects/{name}>"), text))
+                .map(|e| (e.name.clone(), e)),
+        );
     }
     for folder in folders {
         for path in errors.take(files(folder)).unwrap_or_default() {
-            let name = path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let name =
+                path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let read = config::read_text(&path).map_err(Errors::from);
             let effect = read.and_then(|text| parse(&name, &path.to_string_lossy(), &text));
             found.extend(errors.take(effect).map(|e| (e.name.clone(), e)));
@@ -198,7 +217,9 @@ pub fn load(folders: &[&Path]) -> Result<Vec<Effect>, Errors> {
 }
 
 fn files(folder: &Path) -> Result<Vec<std::path::PathBuf>, Error> {
-    let failed = |e: std::io::Error| Error::new(format!("{}: cannot read the folder of effects: {e}", folder.display()));
+    let failed = |e: std::io::Error| {
+        Error::new(format!("{}: cannot read the folder of effects: {e}", folder.display()))
+    };
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
@@ -252,7 +273,9 @@ fn check_placeholders(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
             }
         }
     };
-    for (key, text) in [("title", &file.title), ("signature", &file.signature), ("separate", &file.separate)] {
+    for (key, text) in
+        [("title", &file.title), ("signature", &file.signature), ("separate", &file.separate)]
+    {
         check(key.to_string(), text, &bound);
     }
     let expression = |key: &str| own(key) || bound(key);
@@ -277,7 +300,9 @@ fn check_placeholders(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
 
 fn check_sizes(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
     for (key, size) in &file.parameters {
-        let mut wrong = |what: &str| errors.push(doc.error(&format!("parameters.{key}"), format!("\"{key}\": {what}")));
+        let mut wrong = |what: &str| {
+            errors.push(doc.error(&format!("parameters.{key}"), format!("\"{key}\": {what}")))
+        };
         if size.null.is_none() && size.starts.is_empty() && size.near.is_none() {
             wrong("a size has a null value, a shape has starts");
         }
@@ -300,6 +325,11 @@ fn check_sizes(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
         }
     }
     if file.parameters.values().all(|p| p.null.is_none()) {
-        errors.push(doc.error("parameters", "an effect has at least one size: a parameter with a null value"));
+        errors.push(
+            doc.error(
+                "parameters",
+                "an effect has at least one size: a parameter with a null value",
+            ),
+        );
     }
 }

@@ -47,6 +47,9 @@ mod tests {
         assert_eq!(placeholders("{a}*x + {b.left}"), ["a", "b.left"]);
         assert_eq!(fill("{a}*x + {b}", |k| (k == "a").then(|| "C".into())), "C*x + {b}");
         assert_eq!(fill("open { brace", |_| None), "open { brace");
-        assert_eq!([unit_factor("-"), unit_factor("rad"), unit_factor("m/s")], ["1", "rad", "(m/s)"]);
+        assert_eq!(
+            [unit_factor("-"), unit_factor("rad"), unit_factor("m/s")],
+            ["1", "rad", "(m/s)"]
+        );
     }
 }

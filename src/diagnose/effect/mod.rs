@@ -1,7 +1,9 @@
-//! Effect files and a base model in; candidates (what the model may lack, each one a compiled model of its own) out.
+//! Effect files and a base model in; candidates (what the model may lack, each one a compiled model
+//! of its own) out.
 //!
-//! `file` reads effect files, `context` holds what is known besides the model, `roles` finds what of the model the files speak of, `bind` makes each
-//! combination a `candidate`, `added` is a parameter of it, `block` writes the lines that it adds to a model's text, `fill` puts names into
+//! `file` reads effect files, `context` holds what is known besides the model, `roles` finds what
+//! of the model the files speak of, `bind` makes each combination a `candidate`, `added` is a
+//! parameter of it, `block` writes the lines that it adds to a model's text, `fill` puts names into
 //! placeholders. See `docs/effects.md`.
 
 mod added;

@@ -1,4 +1,5 @@
-//! A model in; which of its quantities, surfaces, sensors and coefficients fill a role that an effect asks for, out.
+//! A model in; which of its quantities, surfaces, sensors and coefficients fill a role that an
+//! effect asks for, out.
 //!
 //! Names tell, together with units; a name in the pipeline file's `roles` tells where they do not.
 
@@ -11,7 +12,8 @@ use crate::units::{Dim, Unit};
 /// Something of a model that fills a role.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bound {
-    /// As expressions, `add` and `replace` name it: `q`, `rate(q)`, `output(alpha)`, `(eta_L + eta_R)/2`.
+    /// As expressions, `add` and `replace` name it: `q`, `rate(q)`, `output(alpha)`,
+    /// `(eta_L + eta_R)/2`.
     pub text: String,
     /// As it stands in names: `q`, `qdot`, `alpha`, `eta`.
     pub ident: String,
@@ -35,7 +37,8 @@ impl Bound {
 enum Find {
     /// The first name with that dimension among inputs, states and equations.
     Value(&'static str, &'static [&'static str]),
-    /// The first coefficient (an equation without unit) of these names; without one, the acceleration of a role.
+    /// The first coefficient (an equation without unit) of these names; without one, the
+    /// acceleration of a role.
     Coefficient(&'static [&'static str], &'static str),
     /// The first coefficient of these names.
     Named(&'static [&'static str]),
@@ -79,28 +82,80 @@ const ROLES: &[(&str, Find, &str)] = &[
     ("mach", Value("-", &["Mach", "Ma", "mach"]), "Mach number"),
     ("qbar", Value("Pa", &["qbar", "q_dyn", "dynamic_pressure"]), "dynamic pressure"),
     ("thrust", Value("N", &["thrust", "F_T", "F_thrust"]), "thrust"),
-    ("lift", Coefficient(&["C_L", "CL", "C_Z", "CZ"], "alpha"), "lift coefficient, or the rate of alpha"),
-    ("drag", Coefficient(&["C_D", "CD", "C_X", "CX"], "airspeed"), "drag coefficient, or the rate of airspeed"),
-    ("side-force", Coefficient(&["C_Y", "CY"], "beta"), "side force coefficient, or the rate of sideslip"),
-    ("roll-moment", Coefficient(&["C_l", "Cl"], "roll-rate"), "rolling moment coefficient, or roll acceleration"),
-    ("pitch-moment", Coefficient(&["C_m", "Cm", "CM"], "pitch-rate"), "pitching moment coefficient, or pitch acceleration"),
-    ("yaw-moment", Coefficient(&["C_n", "Cn", "CN"], "yaw-rate"), "yawing moment coefficient, or yaw acceleration"),
-    ("longitudinal", Any(&["lift", "drag", "pitch-moment"]), "each of lift, drag and pitching moment"),
-    ("lateral", Any(&["side-force", "roll-moment", "yaw-moment"]), "each of side force, rolling and yawing moment"),
+    (
+        "lift",
+        Coefficient(&["C_L", "CL", "C_Z", "CZ"], "alpha"),
+        "lift coefficient, or the rate of alpha",
+    ),
+    (
+        "drag",
+        Coefficient(&["C_D", "CD", "C_X", "CX"], "airspeed"),
+        "drag coefficient, or the rate of airspeed",
+    ),
+    (
+        "side-force",
+        Coefficient(&["C_Y", "CY"], "beta"),
+        "side force coefficient, or the rate of sideslip",
+    ),
+    (
+        "roll-moment",
+        Coefficient(&["C_l", "Cl"], "roll-rate"),
+        "rolling moment coefficient, or roll acceleration",
+    ),
+    (
+        "pitch-moment",
+        Coefficient(&["C_m", "Cm", "CM"], "pitch-rate"),
+        "pitching moment coefficient, or pitch acceleration",
+    ),
+    (
+        "yaw-moment",
+        Coefficient(&["C_n", "Cn", "CN"], "yaw-rate"),
+        "yawing moment coefficient, or yaw acceleration",
+    ),
+    (
+        "longitudinal",
+        Any(&["lift", "drag", "pitch-moment"]),
+        "each of lift, drag and pitching moment",
+    ),
+    (
+        "lateral",
+        Any(&["side-force", "roll-moment", "yaw-moment"]),
+        "each of side force, rolling and yawing moment",
+    ),
     ("lift-coefficient", Named(&["C_L", "CL"]), "lift coefficient"),
     ("drag-coefficient", Named(&["C_D", "CD"]), "drag coefficient"),
     ("lateral-rate", Any(&["roll-rate", "yaw-rate"]), "each of roll and yaw rate"),
     ("hinge-moment-total", List(hinge_moments), "each sum of hinge moment coefficients"),
-    ("surface-sensor", List(surface_sensors), "each measured position of a surface that moves by itself"),
+    (
+        "surface-sensor",
+        List(surface_sensors),
+        "each measured position of a surface that moves by itself",
+    ),
     ("speed-rate", Acceleration("airspeed"), "rate of airspeed"),
     ("alpha-rate", Acceleration("alpha"), "rate of the angle of attack"),
     ("roll-acceleration", Acceleration("roll-rate"), "roll acceleration"),
     ("pitch-acceleration", Acceleration("pitch-rate"), "pitch acceleration"),
     ("yaw-acceleration", Acceleration("yaw-rate"), "yaw acceleration"),
-    ("angular-acceleration", Any(&["roll-acceleration", "pitch-acceleration", "yaw-acceleration"]), "each of these"),
-    ("tail-arm", Constant("m", &["r_H", "l_h", "l_t", "l_H", "tail_arm"]), "distance between wing and tail"),
-    ("roll-inertia", Constant("kg m^2", &["I_x", "Ix", "I_xx", "Ixx"]), "moment of inertia about x"),
-    ("pitch-inertia", Constant("kg m^2", &["I_y", "Iy", "I_yy", "Iyy"]), "moment of inertia about y"),
+    (
+        "angular-acceleration",
+        Any(&["roll-acceleration", "pitch-acceleration", "yaw-acceleration"]),
+        "each of these",
+    ),
+    (
+        "tail-arm",
+        Constant("m", &["r_H", "l_h", "l_t", "l_H", "tail_arm"]),
+        "distance between wing and tail",
+    ),
+    (
+        "roll-inertia",
+        Constant("kg m^2", &["I_x", "Ix", "I_xx", "Ixx"]),
+        "moment of inertia about x",
+    ),
+    (
+        "pitch-inertia",
+        Constant("kg m^2", &["I_y", "Iy", "I_yy", "Iyy"]),
+        "moment of inertia about y",
+    ),
     ("yaw-inertia", Constant("kg m^2", &["I_z", "Iz", "I_zz", "Izz"]), "moment of inertia about z"),
     ("mass", Constant("kg", &["m", "mass"]), "mass"),
     ("surface", List(surfaces), "each control surface"),
@@ -112,15 +167,31 @@ const ROLES: &[(&str, Find, &str)] = &[
         List(longitudinal),
         "elevator and each surface or mean of a left and right pair that is no aileron or rudder",
     ),
-    ("lateral-control", List(lateral), "aileron, rudder, and the difference of each left and right pair"),
+    (
+        "lateral-control",
+        List(lateral),
+        "aileron, rudder, and the difference of each left and right pair",
+    ),
     ("pair", List(pairs), "each left and right pair of surfaces, with .left and .right"),
     ("drive", List(drives), "each servo current, voltage, torque or force"),
-    ("hinge", List(hinges), "each surface that moves by itself: its velocity, with .position and .acceleration"),
+    (
+        "hinge",
+        List(hinges),
+        "each surface that moves by itself: its velocity, with .position and .acceleration",
+    ),
     ("input", List(inputs), "each input"),
     ("sensor", List(sensors), "each output"),
     ("instrument", List(instruments), "each output that is no flow vane"),
-    ("rate-sensor", Outputs("rad/s", &["p", "q", "r", "p_imu", "q_imu", "r_imu"]), "each rate gyro"),
-    ("accelerometer", Outputs("m/s^2", &["ax", "ay", "az", "ax_imu", "ay_imu", "az_imu"]), "each accelerometer"),
+    (
+        "rate-sensor",
+        Outputs("rad/s", &["p", "q", "r", "p_imu", "q_imu", "r_imu"]),
+        "each rate gyro",
+    ),
+    (
+        "accelerometer",
+        Outputs("m/s^2", &["ax", "ay", "az", "ax_imu", "ay_imu", "az_imu"]),
+        "each accelerometer",
+    ),
     ("longitudinal-accelerometer", Output("m/s^2", &["ax", "ax_imu"]), "accelerometer along x"),
     ("lateral-accelerometer", Output("m/s^2", &["ay", "ay_imu"]), "accelerometer along y"),
     ("normal-accelerometer", Output("m/s^2", &["az", "az_imu"]), "accelerometer along z"),
@@ -163,7 +234,11 @@ pub fn find(role: &str, model: &Model, context: &Context) -> Vec<Bound> {
         return names.iter().filter_map(|name| named(model, name)).collect();
     }
     let Some((_, how, _)) = ROLES.iter().find(|r| r.0 == role) else { return Vec::new() };
-    let measured = |b: &Bound| !b.text.starts_with("output(") || context.measured.is_empty() || context.measured.contains(&b.ident);
+    let measured = |b: &Bound| {
+        !b.text.starts_with("output(")
+            || context.measured.is_empty()
+            || context.measured.contains(&b.ident)
+    };
     let mut found = found(how, model, context);
     found.retain(measured);
     found
@@ -172,7 +247,10 @@ pub fn find(role: &str, model: &Model, context: &Context) -> Vec<Bound> {
 fn found(how: &Find, model: &Model, context: &Context) -> Vec<Bound> {
     match how {
         Value(unit, names) => value(model, unit, names).into_iter().collect(),
-        Coefficient(names, state) => coefficient(model, names).or_else(|| rate_of(model, state, context)).into_iter().collect(),
+        Coefficient(names, state) => coefficient(model, names)
+            .or_else(|| rate_of(model, state, context))
+            .into_iter()
+            .collect(),
         Named(names) => coefficient(model, names).into_iter().collect(),
         Acceleration(state) => rate_of(model, state, context).into_iter().collect(),
         Constant(unit, names) => constant(model, unit, names).into_iter().collect(),
@@ -187,7 +265,8 @@ fn dim(unit: &str) -> Option<Dim> {
     Unit::parse(unit).ok().map(|u| u.dim)
 }
 
-/// Whether a name that the pipeline file gives to a role is something of the model: an expression's name, or `output(name)`.
+/// Whether a name that the pipeline file gives to a role is something of the model: an expression's
+/// name, or `output(name)`.
 pub fn is_of(model: &Model, name: &str) -> bool {
     named(model, name).is_some()
 }
@@ -202,8 +281,11 @@ fn named(model: &Model, name: &str) -> Option<Bound> {
 
 /// The unit as declared, or as found for an equation.
 fn unit_of(model: &Model, name: &str) -> String {
-    let declared =
-        model.inputs.iter().chain(model.states.iter().map(|s| &s.quantity)).chain(model.constants.iter().map(|c| &c.quantity));
+    let declared = model
+        .inputs
+        .iter()
+        .chain(model.states.iter().map(|s| &s.quantity))
+        .chain(model.constants.iter().map(|c| &c.quantity));
     let mut declared = declared.chain(model.parameters.iter().map(|p| &p.quantity));
     match declared.find(|q| q.name == name) {
         Some(q) => q.unit.clone(),
@@ -212,13 +294,16 @@ fn unit_of(model: &Model, name: &str) -> String {
 }
 
 fn value(model: &Model, unit: &str, names: &[&str]) -> Option<Bound> {
-    let is_value = |n: &str| model.input(n).is_some() || model.state(n).is_some() || model.equations.contains_key(n);
+    let is_value = |n: &str| {
+        model.input(n).is_some() || model.state(n).is_some() || model.equations.contains_key(n)
+    };
     let name = names.iter().find(|n| is_value(n) && model.dims.get(**n).copied() == dim(unit))?;
     Some(Bound::new(name, name, unit))
 }
 
 fn coefficient(model: &Model, names: &[&str]) -> Option<Bound> {
-    let is_coefficient = |n: &str| model.equations.contains_key(n) && model.dims.get(n) == Some(&Dim::NONE);
+    let is_coefficient =
+        |n: &str| model.equations.contains_key(n) && model.dims.get(n) == Some(&Dim::NONE);
     names.iter().find(|n| is_coefficient(n)).map(|name| Bound::new(name, name, "-"))
 }
 
@@ -240,7 +325,10 @@ fn rate_line(model: &Model, state: &str) -> Bound {
 }
 
 fn constant(model: &Model, unit: &str, names: &[&str]) -> Option<Bound> {
-    let of_model = |n: &str| model.constants.iter().any(|c| c.quantity.name == n) && model.dims.get(n).copied() == dim(unit);
+    let of_model = |n: &str| {
+        model.constants.iter().any(|c| c.quantity.name == n)
+            && model.dims.get(n).copied() == dim(unit)
+    };
     let of_aircraft = |n: &str| {
         let given = model.given().and_then(|g| g.0.get(n));
         given.is_some_and(|g| dim(&g.unit) == dim(unit)) && !model.dims.contains_key(n)
@@ -253,7 +341,8 @@ fn sensor(output: &crate::model::Quantity) -> Bound {
 }
 
 fn outputs(model: &Model, unit: &str, names: &[&str]) -> Vec<Bound> {
-    let fits = |o: &&crate::model::Quantity| names.contains(&o.name.as_str()) && dim(&o.unit) == dim(unit);
+    let fits =
+        |o: &&crate::model::Quantity| names.contains(&o.name.as_str()) && dim(&o.unit) == dim(unit);
     model.outputs.iter().filter(fits).map(sensor).collect()
 }
 
@@ -271,16 +360,29 @@ fn inputs(model: &Model) -> Vec<Bound> {
 
 /// Inputs in rad that are no angle of the motion.
 fn surfaces(model: &Model) -> Vec<Bound> {
-    let motion = ["alpha", "beta", "phi", "theta", "psi", "gamma", "chi", "track", "bank", "pitch", "heading", "aoa", "alf", "the"];
-    let is_motion =
-        |name: &str| motion.iter().any(|m| name == *m || name.strip_prefix(m).is_some_and(|rest| rest.starts_with('_')));
+    let motion = [
+        "alpha", "beta", "phi", "theta", "psi", "gamma", "chi", "track", "bank", "pitch",
+        "heading", "aoa", "alf", "the",
+    ];
+    let is_motion = |name: &str| {
+        motion
+            .iter()
+            .any(|m| name == *m || name.strip_prefix(m).is_some_and(|rest| rest.starts_with('_')))
+    };
     let is_surface = |i: &&crate::model::Quantity| i.unit == "rad" && !is_motion(&i.name);
     model.inputs.iter().filter(is_surface).map(|i| Bound::new(&i.name, &i.name, &i.unit)).collect()
 }
 
 /// Name of a pair and whether this is its left one.
 fn side(name: &str) -> Option<(&str, bool)> {
-    let ends = [("_L", true), ("_R", false), ("_l", true), ("_r", false), ("_left", true), ("_right", false)];
+    let ends = [
+        ("_L", true),
+        ("_R", false),
+        ("_l", true),
+        ("_r", false),
+        ("_left", true),
+        ("_right", false),
+    ];
     ends.iter().find_map(|(end, left)| name.strip_suffix(end).map(|stem| (stem, *left)))
 }
 
@@ -289,9 +391,13 @@ fn pairs(model: &Model) -> Vec<Bound> {
     let mut out = Vec::new();
     for left in &all {
         let Some((stem, true)) = side(&left.text) else { continue };
-        let Some(right) = all.iter().find(|b| side(&b.text) == Some((stem, false))) else { continue };
+        let Some(right) = all.iter().find(|b| side(&b.text) == Some((stem, false))) else {
+            continue;
+        };
         let mean = format!("({} + {})/2", left.text, right.text);
-        out.push(Bound::new(&mean, stem, &left.unit).with("left", &left.text).with("right", &right.text));
+        out.push(
+            Bound::new(&mean, stem, &left.unit).with("left", &left.text).with("right", &right.text),
+        );
     }
     out
 }
@@ -299,7 +405,9 @@ fn pairs(model: &Model) -> Vec<Bound> {
 /// Surfaces that are not one of a pair.
 fn singles(model: &Model) -> Vec<Bound> {
     let pairs = pairs(model);
-    let of_pair = |b: &Bound| pairs.iter().any(|p| p.fields.values().any(|side| *side == b.text) || p.ident == b.text);
+    let of_pair = |b: &Bound| {
+        pairs.iter().any(|p| p.fields.values().any(|side| *side == b.text) || p.ident == b.text)
+    };
     surfaces(model).into_iter().filter(|b| !of_pair(b)).collect()
 }
 
@@ -331,8 +439,12 @@ fn hinges(model: &Model) -> Vec<Bound> {
     let mut out = Vec::new();
     for position in model.states.iter().map(|s| &s.quantity) {
         let line = model.files().find_map(|f| f.states.get(&position.name)).map(|s| s.rate.trim());
-        let velocity = line.and_then(|line| model.states.iter().find(|s| s.quantity.name == line)).map(|s| &s.quantity);
-        let Some(velocity) = velocity.filter(|v| !["p", "q", "r"].contains(&v.name.as_str()) && position.unit == "rad") else {
+        let velocity = line
+            .and_then(|line| model.states.iter().find(|s| s.quantity.name == line))
+            .map(|s| &s.quantity);
+        let Some(velocity) = velocity
+            .filter(|v| !["p", "q", "r"].contains(&v.name.as_str()) && position.unit == "rad")
+        else {
             continue;
         };
         let acceleration = rate_line(model, &velocity.name);
@@ -344,9 +456,17 @@ fn hinges(model: &Model) -> Vec<Bound> {
 
 /// Equations without unit whose name begins with `C_h` and ends in the letter of a surface.
 fn hinge_moments(model: &Model) -> Vec<Bound> {
-    let is_one = |n: &&String| matches!(n.as_str(), "C_h" | "C_he" | "C_ha" | "C_hr" | "Che" | "Cha" | "Chr");
+    let is_one = |n: &&String| {
+        matches!(n.as_str(), "C_h" | "C_he" | "C_ha" | "C_hr" | "Che" | "Cha" | "Chr")
+    };
     let is_coefficient = |n: &&String| model.dims.get(*n) == Some(&Dim::NONE);
-    model.equations.keys().filter(is_one).filter(is_coefficient).map(|n| Bound::new(n, n, "-")).collect()
+    model
+        .equations
+        .keys()
+        .filter(is_one)
+        .filter(is_coefficient)
+        .map(|n| Bound::new(n, n, "-"))
+        .collect()
 }
 
 fn surface_sensors(model: &Model) -> Vec<Bound> {

@@ -19,7 +19,11 @@ const BASES: &[&str] = &[
 fn shipped(path: &str) -> Model {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines").join(path);
     let aircraft = path.with_file_name("aircraft.toml");
-    let constants = if aircraft.exists() { config::load::<Constants>(&aircraft).unwrap().0 } else { Constants::default() };
+    let constants = if aircraft.exists() {
+        config::load::<Constants>(&aircraft).unwrap().0
+    } else {
+        Constants::default()
+    };
     Model::load(&path, &constants).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -48,7 +52,8 @@ fn record(model: &Model) -> Record {
     let (dt, n) = (0.02, 50);
     let input = |k: usize, i: usize| {
         let q = &model.inputs[i];
-        plausible(&q.name, &q.unit, i) * (1.0 + 0.3 * libm::sin(0.21 * k as f64 + 0.7 * i as f64 + 0.3))
+        plausible(&q.name, &q.unit, i)
+            * (1.0 + 0.3 * libm::sin(0.21 * k as f64 + 0.7 * i as f64 + 0.3))
     };
     let inputs = (0..n).flat_map(|k| (0..model.inputs.len()).map(move |i| input(k, i))).collect();
     Record { dt, n, inputs, start: 10, substeps: 4, ..Default::default() }
@@ -56,7 +61,9 @@ fn record(model: &Model) -> Record {
 
 /// Parameters of the base away from zero, and starts of its states that begin measured.
 fn point(base: &Model) -> (Vec<f64>, Vec<f64>) {
-    let parameter = |(i, p): (usize, &crate::model::Parameter)| if p.start == 0.0 { 0.003 + 0.001 * i as f64 } else { p.start };
+    let parameter = |(i, p): (usize, &crate::model::Parameter)| {
+        if p.start == 0.0 { 0.003 + 0.001 * i as f64 } else { p.start }
+    };
     let parameters = base.parameters.iter().enumerate().map(parameter).collect();
     let states = base.states.iter().enumerate().filter(|(_, s)| s.start == StartKind::Measured);
     (parameters, states.map(|(i, s)| plausible(&s.quantity.name, &s.quantity.unit, i)).collect())
@@ -72,9 +79,17 @@ fn every_effect_is_complete_and_names_rivals_that_exist() {
     assert!(effects.len() >= 40, "{}", effects.len());
     let names: BTreeSet<&str> = effects.iter().map(|e| e.name.as_str()).collect();
     for e in &effects {
-        assert!(!e.file.signature.is_empty() && !e.file.rivals.is_empty(), "{}: signature and rivals", e.name);
+        assert!(
+            !e.file.signature.is_empty() && !e.file.rivals.is_empty(),
+            "{}: signature and rivals",
+            e.name
+        );
         for rival in &e.file.rivals {
-            assert!(names.contains(rival.as_str()) && *rival != e.name, "{}: there is no rival {rival}", e.name);
+            assert!(
+                names.contains(rival.as_str()) && *rival != e.name,
+                "{}: there is no rival {rival}",
+                e.name
+            );
         }
     }
     let families: BTreeSet<Family> = effects.iter().map(|e| e.file.family).collect();
@@ -101,14 +116,19 @@ fn every_effect_binds_to_a_shipped_model_and_leaves_it_as_it_is_at_null() {
             for row in 0..if *times <= 2 { c.rows() } else { 0 } {
                 let got = outputs(&c.model, &[&p[..], &c.start(row)].concat(), &x0, &record);
                 for (k, (a, b)) in got.iter().zip(&want).enumerate() {
-                    assert!((a - b).abs() <= 1e-11 * (1.0 + b.abs()), "{name}: {}: output {k}: {a} for {b}", c.name);
+                    assert!(
+                        (a - b).abs() <= 1e-11 * (1.0 + b.abs()),
+                        "{name}: {}: output {k}: {a} for {b}",
+                        c.name
+                    );
                 }
             }
             assert!(!c.sentence.contains('{'), "{}: {}", c.name, c.sentence);
             bound.insert(c.effect.clone());
         }
     }
-    let unbound: Vec<&String> = effects.iter().map(|e| &e.name).filter(|n| !bound.contains(*n)).collect();
+    let unbound: Vec<&String> =
+        effects.iter().map(|e| &e.name).filter(|n| !bound.contains(*n)).collect();
     assert!(unbound.is_empty(), "no shipped model has {unbound:?}");
 }
 
@@ -136,7 +156,10 @@ fn sensitivities_of_every_effect_agree_with_differences() {
                 continue;
             }
             for row in 0..c.rows() {
-                let directions = Directions { parameters: (nb..c.model.parameters.len()).collect(), starts: Vec::new() };
+                let directions = Directions {
+                    parameters: (nb..c.model.parameters.len()).collect(),
+                    starts: Vec::new(),
+                };
                 let plan = Plan::new(&c.model, directions).unwrap();
                 let at = [&p[..], &active(c, row)].concat();
                 let exact = plan.run(&at, &x0, &record, true);
@@ -153,7 +176,8 @@ fn sensitivities_of_every_effect_agree_with_differences() {
                     let column: Vec<f64> = (0..low.len()).map(|i| exact.dy[i * nd + d]).collect();
                     let ny = c.model.outputs.len();
                     for o in 0..ny {
-                        let scale = (o..low.len()).step_by(ny).fold(0.0f64, |m, i| m.max(column[i].abs()));
+                        let scale =
+                            (o..low.len()).step_by(ny).fold(0.0f64, |m, i| m.max(column[i].abs()));
                         for i in (o..low.len()).step_by(ny) {
                             let difference = (high[i] - low[i]) / (2.0 * h);
                             let allowed = 1e-4 * scale + 1e-10 * low[i].abs() / h + 1e-9;
@@ -180,10 +204,16 @@ fn a_model_with_an_effect_found_is_its_text_with_lines_added() {
     let base = shipped("attas/aerodynamics_a.model.toml");
     let offer = candidates(&base, &Context::default(), &library());
     let lag = offer.candidates.iter().find(|c| c.name == "downwash-lag:eta").unwrap();
-    assert_eq!(lag.added[1].check, Some(Check { text: "r_H".into(), value: lag.added[1].starts[0], within: 0.2 }));
+    assert_eq!(
+        lag.added[1].check,
+        Some(Check { text: "r_H".into(), value: lag.added[1].starts[0], within: 0.2 })
+    );
     let values = [("C_m_eta_lag".to_string(), 0.25)].into();
     let text = lag.text(&base, &values, &[], "found by a test\nin two lines");
-    assert!(text.starts_with(base.own_text()) && text.contains("# found by a test\n# in two lines\n[[effect]]"));
+    assert!(
+        text.starts_with(base.own_text())
+            && text.contains("# found by a test\n# in two lines\n[[effect]]")
+    );
     assert!(text.contains("C_m = \"C_m_eta_lag*delay((eta_L + eta_R)/2, r_H_eta/V)\""), "{text}");
     // the same flaps again: names stay free
     let next = base.amended(&text[base.own_text().len()..]).unwrap();
@@ -209,7 +239,9 @@ y = { unit = "rad/s", value = "x1" }
 "#;
     let base = Model::parse("plain", text, &Constants::default()).unwrap();
     let effects = library();
-    let named = |c: &Context| candidates(&base, c, &effects).candidates.iter().map(|c| c.name.clone()).collect::<Vec<_>>();
+    let named = |c: &Context| {
+        candidates(&base, c, &effects).candidates.iter().map(|c| c.name.clone()).collect::<Vec<_>>()
+    };
     assert!(!named(&Context::default()).iter().any(|n| n.starts_with("downwash-lag")));
     let roles = [("pitch-rate".to_string(), vec!["x1".to_string()])].into_iter().collect();
     let told = named(&Context { roles, ..Default::default() });
@@ -219,7 +251,9 @@ y = { unit = "rad/s", value = "x1" }
 #[test]
 fn fault_effect_files_say_what_is_wrong() {
     let head = "title = \"t\"\nfamily = \"sensor\"\nsignature = \"s\"\n";
-    let message = |rest: &str| parse("e", "e.toml", &format!("{head}{rest}")).expect_err("unnoticed").to_string();
+    let message = |rest: &str| {
+        parse("e", "e.toml", &format!("{head}{rest}")).expect_err("unnoticed").to_string()
+    };
     let good = "[bind]\nx = \"sensor\"\n[parameters]\nk = { unit = \"-\", null = 0.0 }\n[add]\n\"{x}\" = \"{k}*{x}\"\n";
     assert!(parse("e", "e.toml", &format!("{head}{good}")).is_ok());
     for (from, to, wanted) in [
@@ -242,14 +276,20 @@ fn roles_are_in_the_docs() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/effects.md");
     let page = std::fs::read_to_string(&path).unwrap();
     let (head, _) = page.split_once("| role | filled by |\n|---|---|\n").unwrap();
-    let rows: String = roles::list().map(|(role, meaning)| format!("| `{role}` | {meaning} |\n")).collect();
-    let effects: String =
-        library().iter().map(|e| format!("| `{}` | {} | {} |\n", e.name, e.file.family.name(), e.file.title)).collect();
+    let rows: String =
+        roles::list().map(|(role, meaning)| format!("| `{role}` | {meaning} |\n")).collect();
+    let effects: String = library()
+        .iter()
+        .map(|e| format!("| `{}` | {} | {} |\n", e.name, e.file.family.name(), e.file.title))
+        .collect();
     let new = format!(
         "{head}| role | filled by |\n|---|---|\n{rows}\n## The library\n\n| effect | family | sentence |\n|---|---|---|\n{effects}"
     );
     if std::env::var_os("UPDATE_DOCS").is_some() {
         crate::table::write_atomic(&path, new.as_bytes()).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == new, "UPDATE_DOCS=1 cargo test --lib roles_are_in_the_docs");
+    assert!(
+        std::fs::read_to_string(&path).unwrap() == new,
+        "UPDATE_DOCS=1 cargo test --lib roles_are_in_the_docs"
+    );
 }

@@ -1,5 +1,5 @@
-//! The base as it was and as it is with what was added, in; the gap before and after, channel by channel, and what it did to the other
-//! parameters, out.
+//! The base as it was and as it is with what was added, in; the gap before and after, channel by
+//! channel, and what it did to the other parameters, out.
 
 use crate::diagnose::residual::whitening::Noise;
 use crate::estimate::{Block, Case, Trace};
@@ -17,7 +17,8 @@ pub struct Channel {
     /// Index of the segment; none for all of the set together.
     pub segment: Option<usize>,
     pub held_out: bool,
-    /// None for all outputs together: `rms` is then the root of the geometric mean of their variances, `det R^(1/2n)`.
+    /// None for all outputs together: `rms` is then the root of the geometric mean of their
+    /// variances, `det R^(1/2n)`.
     pub output: Option<String>,
     pub unit: String,
     pub n: usize,
@@ -31,8 +32,8 @@ pub struct Match {
     pub rms: f64,
     /// Theil's inequality coefficient.
     pub theil: f64,
-    /// Squares of the residuals, whitened by the noise that is left in the end, per sample: 1 where there is nothing but noise. The base's own noise has
-    /// part of what it lacks in it.
+    /// Squares of the residuals, whitened by the noise that is left in the end, per sample: 1 where
+    /// there is nothing but noise. The base's own noise has part of what it lacks in it.
     pub chi2: f64,
 }
 
@@ -70,8 +71,8 @@ struct Sums {
     chi2: (f64, f64),
 }
 
-/// Channels of every held-out segment, and of the held-out and of the training segments together; overlays of the held-out ones. `noise` whitens
-/// both, before and after.
+/// Channels of every held-out segment, and of the held-out and of the training segments together;
+/// overlays of the held-out ones. `noise` whitens both, before and after.
 pub fn closure(
     before: &At,
     after: &At,
@@ -88,7 +89,9 @@ pub fn closure(
             let theta = [(before.theta)(s), (after.theta)(s)];
             let traces = [before.case.traces(s, &theta[0]), after.case.traces(s, &theta[1])];
             for (b, a) in traces[0].iter().zip(&traces[1]) {
-                let Some(output) = before.case.outputs.iter().position(|&o| o == b.output) else { continue };
+                let Some(output) = before.case.outputs.iter().position(|&o| o == b.output) else {
+                    continue;
+                };
                 let chi2 = [&b.modelled, &a.modelled].map(|modelled| {
                     let e = b.measured.iter().zip(modelled).map(|(z, y)| z - y).collect();
                     2.0 * noise.cost(s, &[Block { output, e, g: Vec::new() }])
@@ -97,7 +100,11 @@ pub fn closure(
                     add(sums, b, &a.modelled, chi2);
                 }
                 if held {
-                    overlays.push(Overlay { segment: used[s], before: b.clone(), after: a.modelled.clone() });
+                    overlays.push(Overlay {
+                        segment: used[s],
+                        before: b.clone(),
+                        after: a.modelled.clone(),
+                    });
                 }
             }
             if held {
@@ -124,7 +131,13 @@ fn add(sums: &mut Vec<Sums>, trace: &Trace, after: &[f64], chi2: [f64; 2]) {
 
 fn named(sums: &[Sums], segment: Option<usize>, held_out: bool) -> Vec<Channel> {
     let matched = |s: &Sums, y: &[f64], chi2: f64| {
-        let squares: f64 = s.measured.iter().zip(y).map(|(z, y)| (z - y) * (z - y)).filter(|v| v.is_finite()).sum();
+        let squares: f64 = s
+            .measured
+            .iter()
+            .zip(y)
+            .map(|(z, y)| (z - y) * (z - y))
+            .filter(|v| v.is_finite())
+            .sum();
         Match { rms: (squares / s.n).sqrt(), theil: theil(&s.measured, y), chi2: chi2 / s.n }
     };
     let mut all: Vec<Channel> = sums
@@ -147,6 +160,14 @@ fn named(sums: &[Sums], segment: Option<usize>, held_out: bool) -> Vec<Channel> 
     };
     let before = whole(|c| c.before, sums.iter().map(|s| s.chi2.0).sum());
     let after = whole(|c| c.after, sums.iter().map(|s| s.chi2.1).sum());
-    all.push(Channel { segment, held_out, output: None, unit: "-".into(), n: n as usize, before, after });
+    all.push(Channel {
+        segment,
+        held_out,
+        output: None,
+        unit: "-".into(),
+        n: n as usize,
+        before,
+        after,
+    });
     all
 }

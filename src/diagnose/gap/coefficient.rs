@@ -1,12 +1,15 @@
-//! A base at its fit in; what each force and moment coefficient lacks along every maneuver, and what noise of the sensors makes of it, out.
+//! A base at its fit in; what each force and moment coefficient lacks along every maneuver, and
+//! what noise of the sensors makes of it, out.
 //!
-//! Every coefficient gets an increment of its own, `C_m = ... + d`, and all measured states have observer feedback (`driven`), so
-//! that the model remembers no longer than `1/K`. Its exact sensitivities `S` to the increments then say what an increment of the last
-//! moments does to every output, to accelerometers and displaced sensors as well: `z - y = S d`. Weighted least squares over a window
-//! that goes along the maneuver give `d(t)`, all coefficients at once, so that what one lacks is not laid on another.
+//! Every coefficient gets an increment of its own, `C_m = ... + d`, and all measured states have
+//! observer feedback (`driven`), so that the model remembers no longer than `1/K`. Its exact
+//! sensitivities `S` to the increments then say what an increment of the last moments does to every
+//! output, to accelerometers and displaced sensors as well: `z - y = S d`. Weighted least squares
+//! over a window that goes along the maneuver give `d(t)`, all coefficients at once, so that what
+//! one lacks is not laid on another.
 //!
-//! Its uncertainty is found by measuring once more: white noise of the measured size is added to all measurements, and what that does to
-//! `d(t)` is noise.
+//! Its uncertainty is found by measuring once more: white noise of the measured size is added to
+//! all measurements, and what that does to `d(t)` is noise.
 
 use super::driven::{noises, with_feedback};
 use super::looks::Looks;
@@ -21,7 +24,8 @@ use crate::model::Model;
 use crate::simulate::Stream;
 use rayon::prelude::*;
 
-const ROLES: [&str; 6] = ["lift", "drag", "side-force", "roll-moment", "pitch-moment", "yaw-moment"];
+const ROLES: [&str; 6] =
+    ["lift", "drag", "side-force", "roll-moment", "pitch-moment", "yaw-moment"];
 
 /// What a coefficient lacks.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +33,8 @@ pub struct Lack {
     /// The coefficient, or the rate that takes its place in a model without one.
     pub name: String,
     pub unit: String,
-    /// Per maneuver used and point of its grid from the record's start on; NaN where the data do not tell.
+    /// Per maneuver used and point of its grid from the record's start on; NaN where the data do
+    /// not tell.
     pub values: Vec<Vec<f64>>,
     /// Per maneuver used: the root of the mean square that noise of the sensors gives.
     pub noise: Vec<f64>,
@@ -62,19 +67,30 @@ pub fn coefficients(
         free.extend(targets.iter().map(|t| t.increment.clone()));
     }
     let base = found.case();
-    let Some(observer) = Observer::new((found, &base), &model, segments, &method)? else { return Ok(Vec::new()) };
+    let Some(observer) = Observer::new((found, &base), &model, segments, &method)? else {
+        return Ok(Vec::new());
+    };
     let noise = noises(found);
-    let Some(sums) = observer.with(|case| sums(case, &observer, &targets, &noise, looks)) else { return Ok(Vec::new()) };
+    let Some(sums) = observer.with(|case| sums(case, &observer, &targets, &noise, looks)) else {
+        return Ok(Vec::new());
+    };
     let told = told(&sums, looks.distinguishable);
     let values: Vec<Vec<Vec<f64>>> = sums.iter().map(|s| s.solve(&told, &s.residuals)).collect();
     let mut squares = vec![vec![0.0; told.len()]; values.len()];
     for repeat in 0..looks.repeats {
         let again = measured_again(segments, &found.prepared.model, &noise, repeat);
-        let Some(other) = Observer::new((found, &base), &model, &again, &method)? else { return Ok(Vec::new()) };
-        let Some(residuals) = other.with(|case| residuals(case, &other)) else { return Ok(Vec::new()) };
+        let Some(other) = Observer::new((found, &base), &model, &again, &method)? else {
+            return Ok(Vec::new());
+        };
+        let Some(residuals) = other.with(|case| residuals(case, &other)) else {
+            return Ok(Vec::new());
+        };
         for ((s, residuals), squares) in sums.iter().zip(&residuals).zip(&mut squares) {
             let moved: Vec<f64> = residuals.iter().zip(&s.residuals).map(|(a, b)| a - b).collect();
-            s.solve(&told, &moved).iter().zip(squares).for_each(|(d, sum)| *sum += mean_square(d) / looks.repeats as f64);
+            s.solve(&told, &moved)
+                .iter()
+                .zip(squares)
+                .for_each(|(d, sum)| *sum += mean_square(d) / looks.repeats as f64);
         }
     }
     let lack = |(j, &t): (usize, &usize)| Lack {
@@ -95,7 +111,11 @@ fn targets(model: &Model, context: &Context) -> Vec<Target> {
     let mut all: Vec<Target> = Vec::new();
     for bound in ROLES.iter().flat_map(|role| roles::find(role, model, context)) {
         if all.iter().all(|t| t.text != bound.text) {
-            all.push(Target { text: bound.text, increment: format!("increment_{}", bound.ident), unit: bound.unit });
+            all.push(Target {
+                text: bound.text,
+                increment: format!("increment_{}", bound.ident),
+                unit: bound.unit,
+            });
         }
     }
     all
@@ -103,10 +123,15 @@ fn targets(model: &Model, context: &Context) -> Vec<Target> {
 
 /// The increments as a block of a model file.
 fn increments(targets: &[Target]) -> String {
-    let parameters: String =
-        targets.iter().map(|t| format!("{} = {{ unit = \"{}\", start = 0.0 }}\n", t.increment, t.unit)).collect();
-    let terms: String = targets.iter().map(|t| format!("\"{}\" = \"{}\"\n", t.text, t.increment)).collect();
-    format!("\n[[effect]]\ntitle = \"increments\"\n[effect.parameters]\n{parameters}[effect.add]\n{terms}")
+    let parameters: String = targets
+        .iter()
+        .map(|t| format!("{} = {{ unit = \"{}\", start = 0.0 }}\n", t.increment, t.unit))
+        .collect();
+    let terms: String =
+        targets.iter().map(|t| format!("\"{}\" = \"{}\"\n", t.text, t.increment)).collect();
+    format!(
+        "\n[[effect]]\ntitle = \"increments\"\n[effect.parameters]\n{parameters}[effect.add]\n{terms}"
+    )
 }
 
 /// The model with its increments and observer feedback, at the base's fit.
@@ -130,14 +155,18 @@ impl<'a> Observer<'a> {
 
     fn with<T>(&self, of: impl FnOnce(&Case) -> T) -> T {
         let mut case = self.prepared.case();
-        case.records.iter_mut().zip(&self.base.records).for_each(|(to, from)| to.substeps = from.substeps.max(2));
+        case.records
+            .iter_mut()
+            .zip(&self.base.records)
+            .for_each(|(to, from)| to.substeps = from.substeps.max(2));
         of(&case)
     }
 
     /// Residuals and sensitivities of a maneuver.
     fn blocks(&self, case: &Case, s: usize, sensitivities: bool) -> Option<Vec<Block>> {
         let found = self.found;
-        let theta = Known::of(self.base, &found.prepared, &found.theta(s)).placed(case, &self.prepared);
+        let theta =
+            Known::of(self.base, &found.prepared, &found.theta(s)).placed(case, &self.prepared);
         case.evaluate(s, &case.layout.local(s, &theta), sensitivities)
     }
 }
@@ -149,7 +178,8 @@ fn scored<'a>(case: &'a Case, s: usize) -> impl Iterator<Item = &'a Channel> {
 
 /// Residuals of all maneuvers, sample after sample.
 fn residuals(case: &Case, observer: &Observer) -> Option<Vec<Vec<f64>>> {
-    let one = |s: usize| Some(observer.blocks(case, s, false)?.into_iter().flat_map(|b| b.e).collect());
+    let one =
+        |s: usize| Some(observer.blocks(case, s, false)?.into_iter().flat_map(|b| b.e).collect());
     (0..case.records.len()).into_par_iter().map(one).collect()
 }
 
@@ -167,10 +197,17 @@ struct Sums {
     rows: Vec<(usize, f64, Vec<f64>)>,
 }
 
-fn sums(case: &Case, observer: &Observer, targets: &[Target], noise: &[(String, f64)], looks: &Looks) -> Option<Vec<Sums>> {
+fn sums(
+    case: &Case,
+    observer: &Observer,
+    targets: &[Target],
+    noise: &[(String, f64)],
+    looks: &Looks,
+) -> Option<Vec<Sums>> {
     let one = |s: usize| {
         let (record, part) = (&case.records[s], &case.layout.parts[s]);
-        let place = |t: &Target| part.shared.iter().position(|&i| case.unknowns[i].name == t.increment);
+        let place =
+            |t: &Target| part.shared.iter().position(|&i| case.unknowns[i].name == t.increment);
         let columns: Vec<usize> = targets.iter().map(place).collect::<Option<_>>()?;
         let (nd, n) = (part.directions(), record.n.saturating_sub(record.start));
         let (mut residuals, mut rows) = (Vec::new(), Vec::new());
@@ -210,19 +247,25 @@ impl Sums {
         sums
     }
 
-    /// Least squares over the window of every point: per coefficient of `of` its values along the grid.
+    /// Least squares over the window of every point: per coefficient of `of` its values along the
+    /// grid.
     fn solve(&self, of: &[usize], residuals: &[f64]) -> Vec<Vec<f64>> {
         let m = of.len();
         let grams = self.grams(of);
         let mut right = vec![0.0; (self.n + 1) * m];
-        for ((at, weight, row), e) in self.rows.iter().zip(residuals).filter(|(r, e)| r.1 > 0.0 && e.is_finite()) {
+        for ((at, weight, row), e) in
+            self.rows.iter().zip(residuals).filter(|(r, e)| r.1 > 0.0 && e.is_finite())
+        {
             let to = &mut right[(at + 1) * m..(at + 2) * m];
             to.iter_mut().zip(of).for_each(|(to, &a)| *to += weight * row[a] * e);
         }
         running(&mut right, m);
         let mut out = vec![vec![f64::NAN; self.n]; m];
         for k in 0..self.n {
-            let (from, to) = ((k + self.ahead.0).saturating_sub(self.back).min(self.n), (k + self.ahead.1 + 1).min(self.n));
+            let (from, to) = (
+                (k + self.ahead.0).saturating_sub(self.back).min(self.n),
+                (k + self.ahead.1 + 1).min(self.n),
+            );
             let between = |sums: &[f64], size: usize| -> Vec<f64> {
                 (0..size).map(|i| sums[to * size + i] - sums[from * size + i]).collect()
             };
@@ -240,8 +283,8 @@ fn running(sums: &mut [f64], size: usize) {
     (size..sums.len()).for_each(|i| sums[i] += sums[i - size]);
 }
 
-/// The coefficients that the data distinguish, in their order: those with the most information left go first, and one of which no more than `least` is
-/// left is not distinguishable from them.
+/// The coefficients that the data distinguish, in their order: those with the most information left
+/// go first, and one of which no more than `least` is left is not distinguishable from them.
 fn told(sums: &[Sums], least: f64) -> Vec<usize> {
     let m = sums.first().map_or(0, |s| s.width);
     let all: Vec<usize> = (0..m).collect();
@@ -255,7 +298,11 @@ fn told(sums: &[Sums], least: f64) -> Vec<usize> {
     loop {
         let left = |i: &usize| if own[*i] > 0.0 { gram[i * m + i] / own[*i] } else { 0.0 };
         let rest = all.iter().copied().filter(|i| !told.contains(i));
-        let Some(best) = rest.max_by(|a, b| left(a).total_cmp(&left(b))).filter(|i| left(i) > least) else { break };
+        let Some(best) =
+            rest.max_by(|a, b| left(a).total_cmp(&left(b))).filter(|i| left(i) > least)
+        else {
+            break;
+        };
         let row: Vec<f64> = gram[best * m..(best + 1) * m].to_vec();
         for i in 0..m {
             (0..m).for_each(|j| gram[i * m + j] -= row[i] * row[j] / row[best]);
@@ -267,13 +314,24 @@ fn told(sums: &[Sums], least: f64) -> Vec<usize> {
 }
 
 /// The same maneuvers with more noise on every channel.
-fn measured_again(segments: &[Segment], model: &Model, noise: &[(String, f64)], repeat: usize) -> Vec<Segment> {
+fn measured_again(
+    segments: &[Segment],
+    model: &Model,
+    noise: &[(String, f64)],
+    repeat: usize,
+) -> Vec<Segment> {
     let mut again = segments.to_vec();
     for (s, segment) in again.iter_mut().enumerate() {
         for channel in &mut segment.record.channels {
             let Some(output) = model.outputs.get(channel.output) else { continue };
-            let sd = noise.iter().find(|n| n.0 == output.name).map(|n| n.1).filter(|sd| *sd > 0.0).unwrap_or(0.0);
-            let mut stream = Stream::new(repeat as u64, &["coefficients", &s.to_string(), &output.name]);
+            let sd = noise
+                .iter()
+                .find(|n| n.0 == output.name)
+                .map(|n| n.1)
+                .filter(|sd| *sd > 0.0)
+                .unwrap_or(0.0);
+            let mut stream =
+                Stream::new(repeat as u64, &["coefficients", &s.to_string(), &output.name]);
             channel.z.iter_mut().for_each(|z| *z += sd * stream.normal());
         }
     }
@@ -323,8 +381,10 @@ nz = {{ unit = "1/s", value = "ddt_alpha - q" }}
     }
 
     fn errors(truth: &Model) -> Vec<EquationError> {
-        let (base, segments, held_out) = (model(""), campaign(truth, 3, 0.0), [false, false, true].repeat(3));
-        let (method, context, settings) = (Settings::default(), Context::default(), crate::diagnose::Settings::default());
+        let (base, segments, held_out) =
+            (model(""), campaign(truth, 3, 0.0), [false, false, true].repeat(3));
+        let (method, context, settings) =
+            (Settings::default(), Context::default(), crate::diagnose::Settings::default());
         let subject = Subject {
             model: &base,
             segments: &segments,
@@ -334,12 +394,17 @@ nz = {{ unit = "1/s", value = "ddt_alpha - q" }}
             settings: &settings,
         };
         let stand = Stand::first(&base, &method, Base::Estimated);
-        let found = at_first(&stand, &subject).unwrap_or_else(|e| panic!("{e}")).unwrap_or_else(|e| panic!("{e:?}"));
+        let found = at_first(&stand, &subject)
+            .unwrap_or_else(|e| panic!("{e}"))
+            .unwrap_or_else(|e| panic!("{e:?}"));
         comparison(&subject, &found, &found).unwrap_or_else(|e| panic!("{e}")).equations
     }
 
     fn ratio(all: &[EquationError], name: &str) -> f64 {
-        let row = all.iter().find(|e| e.name == name && e.segment.is_none()).unwrap_or_else(|| panic!("{name} in {all:?}"));
+        let row = all
+            .iter()
+            .find(|e| e.name == name && e.segment.is_none())
+            .unwrap_or_else(|| panic!("{name} in {all:?}"));
         row.rms / row.noise
     }
 

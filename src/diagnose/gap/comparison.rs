@@ -1,4 +1,5 @@
-//! The base fitted as it was and as it is with what was added, in; where the gap is and what became of it, out.
+//! The base fitted as it was and as it is with what was added, in; where the gap is and what became
+//! of it, out.
 
 use super::before_after::{At, Channel, Overlay, Shift, closure};
 use super::coefficient::{Lack, coefficients, mean_square};
@@ -46,7 +47,8 @@ pub fn comparison(subject: &Subject, first: &Found, last: &Found) -> Result<Comp
         ..Comparison::default()
     };
     comparison.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
-    (comparison.driven, comparison.equations) = driven(first, subject.segments, &states, looks.feedback)?;
+    (comparison.driven, comparison.equations) =
+        driven(first, subject.segments, &states, looks.feedback)?;
     comparison.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
     if first.prepared.used != last.prepared.used {
         return Ok(comparison);
@@ -67,11 +69,20 @@ pub fn comparison(subject: &Subject, first: &Found, last: &Found) -> Result<Comp
 
 /// What a coefficient lacks, of all maneuvers together and of each.
 fn errors(lack: &Lack, used: &[usize]) -> Vec<EquationError> {
-    let counts: Vec<f64> = lack.values.iter().map(|v| v.iter().filter(|v| v.is_finite()).count() as f64).collect();
+    let counts: Vec<f64> =
+        lack.values.iter().map(|v| v.iter().filter(|v| v.is_finite()).count() as f64).collect();
     let total: f64 = counts.iter().sum();
-    let squares: Vec<[f64; 2]> = lack.values.iter().zip(&lack.noise).map(|(v, noise)| [mean_square(v), noise * noise]).collect();
-    let mean =
-        |i: usize| (squares.iter().zip(&counts).filter(|(_, n)| **n > 0.0).map(|(s, n)| s[i] * n).sum::<f64>() / total).sqrt();
+    let squares: Vec<[f64; 2]> = lack
+        .values
+        .iter()
+        .zip(&lack.noise)
+        .map(|(v, noise)| [mean_square(v), noise * noise])
+        .collect();
+    let mean = |i: usize| {
+        (squares.iter().zip(&counts).filter(|(_, n)| **n > 0.0).map(|(s, n)| s[i] * n).sum::<f64>()
+            / total)
+            .sqrt()
+    };
     let error = |segment, rms, noise| EquationError {
         segment,
         name: lack.name.clone(),
@@ -80,22 +91,35 @@ fn errors(lack: &Lack, used: &[usize]) -> Vec<EquationError> {
         rms,
         noise,
     };
-    let each = squares.iter().zip(used).map(|(s, &segment)| error(Some(segment), s[0].sqrt(), s[1].sqrt()));
+    let each = squares
+        .iter()
+        .zip(used)
+        .map(|(s, &segment)| error(Some(segment), s[0].sqrt(), s[1].sqrt()));
     std::iter::once(error(None, mean(0), mean(1))).chain(each).collect()
 }
 
 /// All maneuvers as a base models them.
 fn flown<'a>(found: &Found, case: &'a Case) -> Vec<Flown<'a>> {
-    let one =
-        |s: usize| Flown { segment: found.prepared.used[s], record: &case.records[s], traces: case.traces(s, &found.theta(s)) };
+    let one = |s: usize| Flown {
+        segment: found.prepared.used[s],
+        record: &case.records[s],
+        traces: case.traces(s, &found.theta(s)),
+    };
     (0..case.records.len()).map(one).collect()
 }
 
 /// Shared parameters of the base, before and after.
-fn shifts((first, before): (&Found, &Case), (last, after): (&Found, &Case), thresholds: &Thresholds) -> Vec<Shift> {
+fn shifts(
+    (first, before): (&Found, &Case),
+    (last, after): (&Found, &Case),
+    thresholds: &Thresholds,
+) -> Vec<Shift> {
     let sds = |found: &Found, case: &Case, noise: &Noise| {
-        let task = Task { case, noise, segments: &found.places.training, free: &found.free, thresholds };
-        task.spread(&found.fit.theta, found.free.len()).map(|s| s.sd).unwrap_or_else(|| vec![None; found.free.len()])
+        let task =
+            Task { case, noise, segments: &found.places.training, free: &found.free, thresholds };
+        task.spread(&found.fit.theta, found.free.len())
+            .map(|s| s.sd)
+            .unwrap_or_else(|| vec![None; found.free.len()])
     };
     let (sd_before, sd_after) = (sds(first, before, &first.noise), sds(last, after, &last.noise));
     let one = |(k, &i): (usize, &usize)| {

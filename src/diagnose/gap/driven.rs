@@ -1,10 +1,12 @@
-//! A base at its fit in; what goes away when one of its loops is closed by the measurement, and what each rate equation lacks, out.
+//! A base at its fit in; what goes away when one of its loops is closed by the measurement, and
+//! what each rate equation lacks, out.
 //!
-//! *Driven simulation*: the rate of one state gets `K (z - y)`, so that it follows its measurement whatever its equation says. Outputs
-//! whose gap goes away then are wrong only through that state: the fault is in its equation; those that keep it have one of their own.
+//! *Driven simulation*: the rate of one state gets `K (z - y)`, so that it follows its measurement
+//! whatever its equation says. Outputs whose gap goes away then are wrong only through that state:
+//! the fault is in its equation; those that keep it have one of their own.
 //!
-//! *Equation error*: with observer feedback on all measured states, `K (z - y)` is what each rate equation lacks, smoothed over `1/K`. Noise of the
-//! sensor alone makes it `K` times as large.
+//! *Equation error*: with observer feedback on all measured states, `K (z - y)` is what each rate
+//! equation lacks, smoothed over `1/K`. Noise of the sensor alone makes it `K` times as large.
 
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::stand::Known;
@@ -39,8 +41,8 @@ pub struct EquationError {
     pub noise: f64,
 }
 
-/// Driven simulation, and what the rate equations of these measured states lack, over all segments. `gain`: how fast a state follows its
-/// measurement, 1/s.
+/// Driven simulation, and what the rate equations of these measured states lack, over all segments.
+/// `gain`: how fast a state follows its measurement, 1/s.
 ///
 /// # Errors
 /// None that the base itself would not have.
@@ -96,7 +98,8 @@ pub fn with_feedback(method: &Settings, states: &[String], gain: f64) -> Setting
 pub fn noises(found: &Found) -> Vec<(String, f64)> {
     let case = found.case();
     let of = |&o: &usize| {
-        let channels = case.records.iter().flat_map(|r| r.channels.iter().filter(move |c| c.output == o));
+        let channels =
+            case.records.iter().flat_map(|r| r.channels.iter().filter(move |c| c.output == o));
         let all: Vec<f64> = channels.map(|c| noise_sd(&c.z)).filter(|n| *n > 0.0).collect();
         (case.model.outputs[o].name.clone(), quantile(&all, 0.5))
     };
@@ -104,15 +107,25 @@ pub fn noises(found: &Found) -> Vec<(String, f64)> {
 }
 
 /// The responses of all segments with observer feedback on these states.
-fn traces(found: &Found, segments: &[Segment], states: &[String], gain: f64) -> Result<Vec<Trace>, Errors> {
-    // A zero shift found for a sensor is the sensor's: the feedback is of what the sensor reads less that.
-    let prepared = Prepared::new(&found.model, segments, &with_feedback(&found.method, states, gain))?;
+fn traces(
+    found: &Found,
+    segments: &[Segment],
+    states: &[String],
+    gain: f64,
+) -> Result<Vec<Trace>, Errors> {
+    // A zero shift found for a sensor is the sensor's: the feedback is of what the sensor reads
+    // less that.
+    let prepared =
+        Prepared::new(&found.model, segments, &with_feedback(&found.method, states, gain))?;
     if prepared.used != found.prepared.used {
         return Ok(Vec::new());
     }
     let base = found.case();
     let mut case = prepared.case();
-    case.records.iter_mut().zip(&base.records).for_each(|(to, from)| to.substeps = from.substeps.max(2));
+    case.records
+        .iter_mut()
+        .zip(&base.records)
+        .for_each(|(to, from)| to.substeps = from.substeps.max(2));
     let all = (0..case.records.len()).flat_map(|s| {
         let theta = Known::of(&base, &found.prepared, &found.theta(s)).placed(&case, &prepared);
         case.traces(s, &theta)
@@ -133,7 +146,12 @@ fn outputs(traces: &[Trace]) -> Vec<(String, String)> {
 fn rms(traces: &[Trace], output: &str, factor: f64) -> f64 {
     let (mut square, mut n) = (0.0, 0.0);
     for trace in traces.iter().filter(|t| t.name == output) {
-        for (z, y) in trace.measured.iter().zip(&trace.modelled).filter(|(z, y)| z.is_finite() && y.is_finite()) {
+        for (z, y) in trace
+            .measured
+            .iter()
+            .zip(&trace.modelled)
+            .filter(|(z, y)| z.is_finite() && y.is_finite())
+        {
             square += factor * factor * (z - y) * (z - y);
             n += 1.0;
         }

@@ -1,4 +1,5 @@
-//! Thresholds and a characteristic time in; how the gap is described beside the verdict, in s and Hz, out.
+//! Thresholds and a characteristic time in; how the gap is described beside the verdict, in s and
+//! Hz, out.
 
 use crate::diagnose::thresholds::Thresholds;
 
@@ -21,7 +22,9 @@ pub struct Looks {
 impl Looks {
     /// At this characteristic time. What is printed has two digits.
     pub fn of(thresholds: &Thresholds, time: f64) -> Looks {
-        let all = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|v| two_digits(v * by)).collect() };
+        let all = |values: &[f64], by: f64| -> Vec<f64> {
+            values.iter().map(|v| two_digits(v * by)).collect()
+        };
         Looks {
             feedback: thresholds.feedback / time,
             half_window: thresholds.half_window * time,
@@ -48,8 +51,14 @@ mod tests {
     #[test]
     fn a_transport_aircraft_is_looked_at_in_round_numbers() {
         let looks = Looks::of(&Thresholds::default(), 0.6);
-        assert_eq!((looks.gap_bands, looks.gap_times), (vec![0.3, 1.0, 3.0, 8.0], vec![0.5, 1.0, 2.0, 4.0]));
-        assert_eq!((looks.coherence_bands, looks.longest_lag), (vec![0.1, 0.3, 1.0, 2.0, 4.0, 8.0], 2.0));
+        assert_eq!(
+            (looks.gap_bands, looks.gap_times),
+            (vec![0.3, 1.0, 3.0, 8.0], vec![0.5, 1.0, 2.0, 4.0])
+        );
+        assert_eq!(
+            (looks.coherence_bands, looks.longest_lag),
+            (vec![0.1, 0.3, 1.0, 2.0, 4.0, 8.0], 2.0)
+        );
         assert!((looks.feedback - 8.0).abs() < 1e-9 && (looks.half_window - 0.25).abs() < 0.01);
     }
 }

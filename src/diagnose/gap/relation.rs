@@ -1,9 +1,10 @@
 //! Residuals and what moves them in; correlation with its lag, and coherence by frequency, out.
 //!
-//! Correlation is pooled over maneuvers; its limit allows for the autocorrelation of both series: the variance of a correlation
-//! of independent series is `sum_k rho_x(k) rho_y(k) / N` (Bartlett 1935), and the limit is that of the largest of all lags looked at.
-//! Coherence is that of spectra averaged over maneuvers (Welch) and over the frequencies of a band; `m` averages of independent series
-//! stay below `1 - 0.01^(1/(m-1))` in 99 of 100 cases.
+//! Correlation is pooled over maneuvers; its limit allows for the autocorrelation of both series:
+//! the variance of a correlation of independent series is `sum_k rho_x(k) rho_y(k) / N` (Bartlett
+//! 1935), and the limit is that of the largest of all lags looked at. Coherence is that of spectra
+//! averaged over maneuvers (Welch) and over the frequencies of a band; `m` averages of independent
+//! series stay below `1 - 0.01^(1/(m-1))` in 99 of 100 cases.
 
 use super::coefficient::Lack;
 use super::gaps::Flown;
@@ -17,7 +18,8 @@ pub struct Relation {
     /// An output, or a coefficient that lacks something.
     pub output: String,
     pub source: String,
-    /// The largest correlation over lags, the lag (positive: the residual follows the source), s, and what noise stays below.
+    /// The largest correlation over lags, the lag (positive: the residual follows the source), s,
+    /// and what noise stays below.
     pub correlation: f64,
     pub lag: f64,
     pub limit: f64,
@@ -61,20 +63,31 @@ impl Series {
         let mut series = Series { dt, values, auto: Vec::new(), spectra };
         let (last, step) = lags(look, dt);
         let whole = products(&series, &series, 0);
-        series.auto = (0..=last).step_by(step).map(|k| products(&series, &series, k as isize) / whole).collect();
+        series.auto = (0..=last)
+            .step_by(step)
+            .map(|k| products(&series, &series, k as isize) / whole)
+            .collect();
         series
     }
 }
 
-/// The longest lag in samples, and every how many-th is looked at: correlation changes little from one to the next.
+/// The longest lag in samples, and every how many-th is looked at: correlation changes little from
+/// one to the next.
 fn lags(look: Look, dt: f64) -> (usize, usize) {
     let last = (look.longest / dt).round() as usize;
     (last, (last / 50).max(1))
 }
 
-/// Every scored output, and what each coefficient lacks, with every input and every modelled output.
-pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack], looks: &Looks) -> Vec<Relation> {
-    let look = Look { longest: looks.longest_lag, bands: &looks.coherence_bands, p: looks.relation_p };
+/// Every scored output, and what each coefficient lacks, with every input and every modelled
+/// output.
+pub fn relations(
+    flown: &[Flown],
+    inputs: &[String],
+    lacking: &[Lack],
+    looks: &Looks,
+) -> Vec<Relation> {
+    let look =
+        Look { longest: looks.longest_lag, bands: &looks.coherence_bands, p: looks.relation_p };
     let mut outputs: Vec<String> = Vec::new();
     for trace in flown.iter().flat_map(|f| &f.traces) {
         if !outputs.contains(&trace.name) {
@@ -82,25 +95,38 @@ pub fn relations(flown: &[Flown], inputs: &[String], lacking: &[Lack], looks: &L
         }
     }
     let nu = inputs.len();
-    let mut sources: Vec<(String, Series)> =
-        inputs.iter().enumerate().map(|(i, name)| (name.clone(), input(look, flown, nu, i))).collect();
-    sources.extend(outputs.iter().map(|name| (format!("modelled {name}"), trace(look, flown, name, |_, y| y))));
+    let mut sources: Vec<(String, Series)> = inputs
+        .iter()
+        .enumerate()
+        .map(|(i, name)| (name.clone(), input(look, flown, nu, i)))
+        .collect();
+    sources.extend(
+        outputs.iter().map(|name| (format!("modelled {name}"), trace(look, flown, name, |_, y| y))),
+    );
     let dt = flown.first().map_or(1.0, |f| f.record.dt);
     let residuals = outputs.iter().map(|output| (output, trace(look, flown, output, |z, y| z - y)));
-    let lacks = lacking.iter().map(|l| (&l.name, Series::new(look, dt, l.values.iter().cloned().map(centred).collect())));
+    let lacks = lacking
+        .iter()
+        .map(|l| (&l.name, Series::new(look, dt, l.values.iter().cloned().map(centred).collect())));
     let of = |(name, residual): (&String, Series)| -> Vec<Relation> {
-        sources.iter().filter_map(|(source, series)| relation(look, (name, source), &residual, series)).collect()
+        sources
+            .iter()
+            .filter_map(|(source, series)| relation(look, (name, source), &residual, series))
+            .collect()
     };
     residuals.chain(lacks).flat_map(of).collect()
 }
 
 /// An input on the grids, about its mean in each maneuver.
 fn input(look: Look, flown: &[Flown], nu: usize, i: usize) -> Series {
-    let one = |f: &Flown| centred((f.record.start..f.record.n).map(|k| f.record.inputs[k * nu + i]).collect());
+    let one = |f: &Flown| {
+        centred((f.record.start..f.record.n).map(|k| f.record.inputs[k * nu + i]).collect())
+    };
     Series::new(look, flown.first().map_or(1.0, |f| f.record.dt), flown.iter().map(one).collect())
 }
 
-/// An output's residual, or its modelled values, at the points of the grid, about the mean in each maneuver; gaps are zero.
+/// An output's residual, or its modelled values, at the points of the grid, about the mean in each
+/// maneuver; gaps are zero.
 fn trace(look: Look, flown: &[Flown], output: &str, of: fn(f64, f64) -> f64) -> Series {
     let one = |f: &Flown| {
         let n = f.record.n.saturating_sub(f.record.start);
@@ -134,7 +160,12 @@ fn products(x: &Series, y: &Series, lag: isize) -> f64 {
     x.values.iter().zip(&y.values).map(one).sum()
 }
 
-fn relation(look: Look, (output, name): (&str, &str), residual: &Series, source: &Series) -> Option<Relation> {
+fn relation(
+    look: Look,
+    (output, name): (&str, &str),
+    residual: &Series,
+    source: &Series,
+) -> Option<Relation> {
     let samples: usize = residual.values.iter().map(Vec::len).sum();
     let (last, step) = lags(look, residual.dt);
     let (rr, ss) = (products(residual, residual, 0), products(source, source, 0));
@@ -142,13 +173,17 @@ fn relation(look: Look, (output, name): (&str, &str), residual: &Series, source:
         return None;
     }
     let at = |lag: isize| (products(source, residual, lag) / (rr * ss).sqrt(), lag);
-    let looked: Vec<(f64, isize)> = (-(last as isize)..=last as isize).step_by(step).map(at).collect();
-    let (correlation, lag) = looked.iter().copied().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?;
+    let looked: Vec<(f64, isize)> =
+        (-(last as isize)..=last as isize).step_by(step).map(at).collect();
+    let (correlation, lag) =
+        looked.iter().copied().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?;
     let both: f64 = residual.auto.iter().zip(&source.auto).skip(1).map(|(a, b)| a * b).sum();
     let variance = step as f64 * (1.0 + 2.0 * both) / samples as f64;
-    let limit = normal_quantile(1.0 - 0.5 * look.p / looked.len() as f64) * variance.max(1.0 / samples as f64).sqrt();
+    let limit = normal_quantile(1.0 - 0.5 * look.p / looked.len() as f64)
+        * variance.max(1.0 / samples as f64).sqrt();
     let (coherence, from, to, averages) = coherence(look, residual, source)?;
-    let coherence_limit = if averages > 1 { 1.0 - libm::pow(look.p, 1.0 / (averages - 1) as f64) } else { 1.0 };
+    let coherence_limit =
+        if averages > 1 { 1.0 - libm::pow(look.p, 1.0 / (averages - 1) as f64) } else { 1.0 };
     Some(Relation {
         output: output.to_string(),
         source: name.to_string(),
@@ -162,14 +197,16 @@ fn relation(look: Look, (output, name): (&str, &str), residual: &Series, source:
     })
 }
 
-/// The band of largest coherence above what its number of averages allows: coherence, edges, averages.
+/// The band of largest coherence above what its number of averages allows: coherence, edges,
+/// averages.
 fn coherence(look: Look, residual: &Series, source: &Series) -> Option<(f64, f64, f64, usize)> {
     let mut best: Option<(f64, f64, f64, usize, f64)> = None;
     for band in look.bands.windows(2) {
         let (mut xx, mut yy, mut re, mut im, mut averages) = (0.0, 0.0, 0.0, 0.0, 0usize);
         for ((x, y), values) in source.spectra.iter().zip(&residual.spectra).zip(&source.values) {
             let length = values.len() as f64 * residual.dt;
-            let inside = (band[0] * length).ceil() as usize..((band[1] * length).ceil() as usize).min(x.len()).min(y.len());
+            let inside = (band[0] * length).ceil() as usize
+                ..((band[1] * length).ceil() as usize).min(x.len()).min(y.len());
             // Every second one: the window makes neighbours alike.
             for k in inside.step_by(2) {
                 let ((a, b), (c, d)) = (x[k], y[k]);
@@ -216,19 +253,34 @@ mod tests {
     #[test]
     fn a_delayed_copy_is_found_at_its_lag() {
         let source = series(0..6);
-        let late = |x: &Vec<f64>| (0..x.len()).map(|k| if k >= 10 { 0.5 * x[k - 10] } else { 0.0 }).collect();
+        let late = |x: &Vec<f64>| {
+            (0..x.len()).map(|k| if k >= 10 { 0.5 * x[k - 10] } else { 0.0 }).collect()
+        };
         let mut values: Vec<Vec<f64>> = source.values.iter().map(late).collect();
-        values.iter_mut().zip(series(50..56).values).for_each(|(r, n)| r.iter_mut().zip(n).for_each(|(r, n)| *r += 0.3 * n));
+        values
+            .iter_mut()
+            .zip(series(50..56).values)
+            .for_each(|(r, n)| r.iter_mut().zip(n).for_each(|(r, n)| *r += 0.3 * n));
         let residual = Series::new(LOOK, 0.02, values);
         let found = relation(LOOK, ("q", "de"), &residual, &source).expect("a relation");
-        assert!((found.lag - 0.2).abs() < 1e-9 && found.correlation > 0.7 && found.coherence > found.coherence_limit, "{found:?}");
+        assert!(
+            (found.lag - 0.2).abs() < 1e-9
+                && found.correlation > 0.7
+                && found.coherence > found.coherence_limit,
+            "{found:?}"
+        );
     }
 
     #[test]
     fn coloured_series_without_relation_stay_below_the_limits() {
         let above = (0..60).filter(|i| {
-            let found = relation(LOOK, ("q", "de"), &series(100 + 20 * i..106 + 20 * i), &series(5000 + 20 * i..5006 + 20 * i))
-                .expect("a relation");
+            let found = relation(
+                LOOK,
+                ("q", "de"),
+                &series(100 + 20 * i..106 + 20 * i),
+                &series(5000 + 20 * i..5006 + 20 * i),
+            )
+            .expect("a relation");
             found.correlation.abs() > found.limit
         });
         let count = above.count();

@@ -1,4 +1,5 @@
-//! A fit in; the series that stand in for its noise, residuals and what was absorbed beside them (`crate::noise::absorbed`), out.
+//! A fit in; the series that stand in for its noise, residuals and what was absorbed beside them
+//! (`crate::noise::absorbed`), out.
 
 use super::whitening::Noise;
 use crate::estimate::{Block, Case};
@@ -21,7 +22,8 @@ pub struct Fitted<'a> {
     taken: Vec<Taken>,
 }
 
-/// Residuals of one output in one segment, and series that were absorbed; not a number where a sample is masked.
+/// Residuals of one output in one segment, and series that were absorbed; not a number where a
+/// sample is masked.
 pub struct Series {
     pub output: usize,
     pub masked: Vec<bool>,
@@ -43,7 +45,10 @@ impl<'a> Fitted<'a> {
 
     /// With what a fit weighted by `noise` absorbs; `None` where the model is not finite.
     pub fn weighted(mut self, noise: &Noise) -> Option<Fitted<'a>> {
-        let parts: Vec<Part> = (0..self.segments.len()).into_par_iter().map(|at| self.part(noise, at)).collect::<Option<_>>()?;
+        let parts: Vec<Part> = (0..self.segments.len())
+            .into_par_iter()
+            .map(|at| self.part(noise, at))
+            .collect::<Option<_>>()?;
         let priors: Vec<Prior> = self.free.iter().map(|&i| self.prior(i)).collect();
         let all = Absorbed::new(&parts, &priors);
         self.taken = parts.iter().map(|part| all.of(part)).collect();
@@ -60,7 +65,8 @@ impl<'a> Fitted<'a> {
         let s = self.segments[at];
         let mut blocks = self.case.evaluate(s, &self.case.layout.local(s, self.theta), true)?;
         for block in &mut blocks {
-            if let Some(Some(response)) = self.responses.get(at).and_then(|of| of.get(block.output)) {
+            if let Some(Some(response)) = self.responses.get(at).and_then(|of| of.get(block.output))
+            {
                 block.e.iter_mut().zip(response).for_each(|(e, response)| *e -= response);
             }
         }
@@ -69,10 +75,14 @@ impl<'a> Fitted<'a> {
 
     fn part(&self, noise: &Noise, at: usize) -> Option<Part> {
         let part = &self.case.layout.parts[self.segments[at]];
-        let place = |i: &usize| self.free.iter().position(|free| free == i).map_or(Direction::Held, Direction::Shared);
+        let place = |i: &usize| {
+            self.free.iter().position(|free| free == i).map_or(Direction::Held, Direction::Shared)
+        };
         let own = part.offset..part.offset + part.own;
-        let directions: Vec<Direction> = part.shared.iter().map(place).chain(own.clone().map(|_| Direction::Own)).collect();
-        let priors: Vec<Prior> = part.shared.iter().copied().chain(own).map(|i| self.prior(i)).collect();
+        let directions: Vec<Direction> =
+            part.shared.iter().map(place).chain(own.clone().map(|_| Direction::Own)).collect();
+        let priors: Vec<Prior> =
+            part.shared.iter().copied().chain(own).map(|i| self.prior(i)).collect();
         Part::new(&directions, &noise.whiten(self.segments[at], &self.blocks(at)?), &priors)
     }
 

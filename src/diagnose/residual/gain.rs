@@ -2,7 +2,8 @@
 
 use crate::math::dense;
 
-/// Largest `b'u - b'Fb/2` within bounds, and where; where zero is within them, it is never less than nothing.
+/// Largest `b'u - b'Fb/2` within bounds, and where; where zero is within them, it is never less
+/// than nothing.
 pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
     let k = u.len();
     let inside = |b: &[f64]| b.iter().zip(bounds).all(|(b, (low, high))| b >= low && b <= high);
@@ -15,7 +16,8 @@ pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
         Some(b) if inside(&b) => b,
         _ => by_coordinates(f, u, bounds),
     };
-    let quadratic: f64 = (0..k).map(|i| b[i] * (0..k).map(|j| f[i * k + j] * b[j]).sum::<f64>()).sum();
+    let quadratic: f64 =
+        (0..k).map(|i| b[i] * (0..k).map(|j| f[i * k + j] * b[j]).sum::<f64>()).sum();
     let value: f64 = b.iter().zip(u).map(|(b, u)| b * u).sum::<f64>() - 0.5 * quadratic;
     match inside(&vec![0.0; k]) {
         true if value > 0.0 => (value, b),

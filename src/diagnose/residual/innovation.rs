@@ -1,14 +1,20 @@
-//! Residuals of one segment in; sums of what is new in them at each instant with what sources do at that instant, out.
+//! Residuals of one segment in; sums of what is new in them at each instant with what sources do at
+//! that instant, out.
 //!
-//! A force or moment that the model lacks moves all outputs together, in the way in which a gust moves them: looked at as a response of one output, it is
-//! hidden by gusts of its own size, and a noise model takes it for a colour of theirs. But `Noise::whiten` predicts every output from the past of all of
-//! them, as a Kalman filter does, and past outputs tell what the gusts before did. What is left, `w_t`, is what acted since the last sample, and
-//! what sensors add. Where nothing is missing that is white, of unit covariance, and nothing foretells it (causality in the sense of Granger, Econometrica
-//! 37, 1969). A missing term acts in proportion to itself there and then: `w_t = C x_t + noise`, with `x_t` what the source does at `t`, not whitened,
-//! and few coefficients suffice, because the aircraft's own response to the term belongs to the past that is known already.
+//! A force or moment that the model lacks moves all outputs together, in the way in which a gust
+//! moves them: looked at as a response of one output, it is hidden by gusts of its own size, and a
+//! noise model takes it for a colour of theirs. But `Noise::whiten` predicts every output from the
+//! past of all of them, as a Kalman filter does, and past outputs tell what the gusts before did.
+//! What is left, `w_t`, is what acted since the last sample, and what sensors add. Where nothing is
+//! missing that is white, of unit covariance, and nothing foretells it (causality in the sense of
+//! Granger, Econometrica 37, 1969). A missing term acts in proportion to itself there and then:
+//! `w_t = C x_t + noise`, with `x_t` what the source does at `t`, not whitened, and few
+//! coefficients suffice, because the aircraft's own response to the term belongs to the past that
+//! is known already.
 //!
-//! Sources are modelled signals and inputs, never measured outputs: those have the noise itself in them. What the fit absorbed makes `w` smaller than white
-//! (`1 - W G P G' W'`), so that gains are at most those of chance.
+//! Sources are modelled signals and inputs, never measured outputs: those have the noise itself in
+//! them. What the fit absorbed makes `w` smaller than white (`1 - W G P G' W'`), so that gains are
+//! at most those of chance.
 
 use super::sources::{Sources, columns, signals};
 use super::sums::{Size, Sums};
@@ -20,13 +26,27 @@ use crate::math::products::{Gram, dot};
 pub const HOW: &str = ", acting at once";
 
 /// Sums of one segment.
-pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f64], size: Size) -> Vec<Sums> {
+pub fn sums(
+    case: &Case,
+    noise: &Noise,
+    sources: &Sources,
+    s: usize,
+    theta: &[f64],
+    size: Size,
+) -> Vec<Sums> {
     let traces = case.traces(s, theta);
     let signals = signals(case, s, &traces);
     let place = |output: usize| case.outputs.iter().position(|&o| o == output);
-    let residuals = |z: &[f64], y: &[f64]| -> Vec<f64> { z.iter().zip(y).map(|(z, y)| z - y).collect() };
+    let residuals =
+        |z: &[f64], y: &[f64]| -> Vec<f64> { z.iter().zip(y).map(|(z, y)| z - y).collect() };
     let known = |t: &&Trace| place(t.output).is_some_and(|o| noise.filter(s, o).is_some());
-    let block = |t: &Trace| Some(Block { output: place(t.output)?, e: residuals(&t.measured, &t.modelled), g: Vec::new() });
+    let block = |t: &Trace| {
+        Some(Block {
+            output: place(t.output)?,
+            e: residuals(&t.measured, &t.modelled),
+            g: Vec::new(),
+        })
+    };
     let (times, blocks): (Vec<&[f64]>, Vec<Block>) =
         traces.iter().filter(known).filter_map(|t| Some((&t.t[..], block(t)?))).unzip();
     let white = noise.whiten(s, &blocks).pop().unwrap_or_default();
@@ -39,7 +59,10 @@ pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f6
         from += block.e.len();
         let known: Vec<bool> = block.e.iter().map(|e| e.is_finite()).collect();
         if of != (times, known.clone()) {
-            made = columns(&sources.all, &case.records[s], &signals, times).into_iter().map(|one| silenced(one, &known)).collect();
+            made = columns(&sources.all, &case.records[s], &signals, times)
+                .into_iter()
+                .map(|one| silenced(one, &known))
+                .collect();
             of = (times, known);
         }
         for (source, (columns, products)) in made.iter().enumerate() {
@@ -56,11 +79,16 @@ pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f6
 /// Columns of every source and their products.
 type Made = Vec<(Vec<Vec<f64>>, Gram)>;
 
-/// Columns with nothing where a sample is not known, and nothing anywhere in one that is not finite; and their products.
+/// Columns with nothing where a sample is not known, and nothing anywhere in one that is not
+/// finite; and their products.
 fn silenced(mut columns: Vec<Vec<f64>>, known: &[bool]) -> (Vec<Vec<f64>>, Gram) {
     for column in &mut columns {
         let finite = column.iter().all(|v| v.is_finite());
-        column.iter_mut().zip(known).filter(|(_, known)| !finite || !**known).for_each(|(v, _)| *v = 0.0);
+        column
+            .iter_mut()
+            .zip(known)
+            .filter(|(_, known)| !finite || !**known)
+            .for_each(|(v, _)| *v = 0.0);
     }
     let products = Gram::of(&columns);
     (columns, products)

@@ -1,4 +1,5 @@
-//! A case in; which of its outputs are sampled at the same instants, and in which segments they are, out.
+//! A case in; which of its outputs are sampled at the same instants, and in which segments they
+//! are, out.
 
 use crate::estimate::Case;
 use crate::math::median;
@@ -11,11 +12,13 @@ const SAME: f64 = 1e-3;
 pub struct Set {
     /// Which of the scored outputs.
     pub outputs: Vec<usize>,
-    /// Segments of the case, ascending, in which two of them or more are measured, all at the same instants.
+    /// Segments of the case, ascending, in which two of them or more are measured, all at the same
+    /// instants.
     pub segments: Vec<usize>,
 }
 
-/// Sets of these outputs that are sampled together in most of these segments; each output is in one.
+/// Sets of these outputs that are sampled together in most of these segments; each output is in
+/// one.
 pub fn together(case: &Case, segments: &[usize], outputs: &[usize]) -> Vec<Set> {
     let stamps = |s: usize, o: usize| {
         let channel = case.records[s].channels.iter().find(|c| c.output == case.outputs[o])?;
@@ -34,7 +37,8 @@ type Stamps<'a, 'c> = dyn Fn(usize, usize) -> Option<&'c [f64]> + 'a;
 /// `stamps`: of a segment and an output.
 fn grouped(segments: &[usize], outputs: &[usize], stamps: &Stamps) -> Vec<Vec<usize>> {
     let mostly = |a: usize, b: usize| {
-        let both: Vec<bool> = segments.iter().filter_map(|&s| Some(same(stamps(s, a)?, stamps(s, b)?))).collect();
+        let both: Vec<bool> =
+            segments.iter().filter_map(|&s| Some(same(stamps(s, a)?, stamps(s, b)?))).collect();
         2 * both.iter().filter(|same| **same).count() > both.len()
     };
     let mut sets: Vec<Vec<usize>> = Vec::new();
@@ -70,7 +74,8 @@ mod tests {
         let clock: Vec<f64> = (0..50).map(|k| 3.0 + 0.02 * f64::from(k)).collect();
         let rounded: Vec<f64> = clock.iter().map(|t| t + 1e-5).collect();
         let (short, late) = (&clock[1..], clock.iter().map(|t| t + 0.004).collect::<Vec<_>>());
-        // Output 1 lost a sample in segment 0, output 2 has a clock of its own, output 3 is measured in segment 3 alone.
+        // Output 1 lost a sample in segment 0, output 2 has a clock of its own, output 3 is
+        // measured in segment 3 alone.
         let stamps = |s: usize, o: usize| match (s, o) {
             (0, 1) => Some(short),
             (_, 1) => Some(&rounded[..]),

@@ -1,9 +1,12 @@
-//! White residuals of several outputs in; what they have in common taken out, so that they are white together, out.
+//! White residuals of several outputs in; what they have in common taken out, so that they are
+//! white together, out.
 //!
-//! A gust moves all outputs at once: whitened one by one they are still correlated, at one instant and over a few. The model is
-//! `w_t = B_1 w_(t-1) + ... + B_q w_(t-q) + v_t`, `cov(v) = L L'`, over the outputs that are sampled at the same instants; `L^-1 v` has unit
-//! covariance. Like the filters of single outputs it restarts at each segment: sample `t` is predicted from the `min(t, q)` before it.
-//! At instants at which an output was not measured, and those behind them, `partly` says what becomes of the others.
+//! A gust moves all outputs at once: whitened one by one they are still correlated, at one instant
+//! and over a few. The model is `w_t = B_1 w_(t-1) + ... + B_q w_(t-q) + v_t`, `cov(v) = L L'`,
+//! over the outputs that are sampled at the same instants; `L^-1 v` has unit covariance. Like the
+//! filters of single outputs it restarts at each segment: sample `t` is predicted from the
+//! `min(t, q)` before it. At instants at which an output was not measured, and those behind them,
+//! `partly` says what becomes of the others.
 
 use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
 use crate::math::products::dot;
@@ -30,38 +33,48 @@ pub struct Rows {
 }
 
 impl Joint {
-    /// Of the sums of products of white residuals, the order by BIC; `None` where there is nothing in common to be known of.
+    /// Of the sums of products of white residuals, the order by BIC; `None` where there is nothing
+    /// in common to be known of.
     pub fn new(set: Set, sums: Lagged) -> Option<Joint> {
         let m = set.outputs.len();
         if m < 2 || sums.count < SAMPLES_PER_COEFFICIENT * m * m {
             return None;
         }
         let n = sums.count as f64;
-        let lags: Vec<Vec<f64>> = sums.lags.into_iter().map(|lag| lag.into_iter().map(|s| s / n).collect()).collect();
+        let lags: Vec<Vec<f64>> =
+            sums.lags.into_iter().map(|lag| lag.into_iter().map(|s| s / n).collect()).collect();
         let all: Vec<Predictor> = (0..=ORDER).map_while(|q| predictor(&lags, m, q)).collect();
         let bic = |q: usize| n * cholesky_log_det(&all[q].l, m) + (q * m * m) as f64 * libm::log(n);
         let best = (0..all.len()).min_by(|&a, &b| bic(a).total_cmp(&bic(b)))?;
         Some(Joint { set, predictors: all[..=best].to_vec() })
     }
 
-    /// Makes the columns of one segment white together, in place; masked rows must be 0, and stay so. `rows`: those of each output. An output
-    /// without rows counts as masked; nothing is done where the others differ in number, or there is but one.
+    /// Makes the columns of one segment white together, in place; masked rows must be 0, and stay
+    /// so. `rows`: those of each output. An output without rows counts as masked; nothing is done
+    /// where the others differ in number, or there is but one.
     pub fn apply(&self, columns: &mut [Vec<f64>], rows: &[Option<Rows>]) {
-        let of = |&o: &usize| rows.get(o).and_then(Option::as_ref).filter(|rows| !rows.masked.is_empty());
+        let of = |&o: &usize| {
+            rows.get(o).and_then(Option::as_ref).filter(|rows| !rows.masked.is_empty())
+        };
         let at: Vec<Option<&Rows>> = self.set.outputs.iter().map(of).collect();
         let lengths: Vec<usize> = at.iter().flatten().map(|rows| rows.masked.len()).collect();
         if lengths.len() < 2 || lengths.iter().any(|n| *n != lengths[0]) {
             return;
         }
         let n = lengths[0];
-        let masked: Vec<Option<&[bool]>> = at.iter().map(|rows| rows.map(|rows| &rows.masked[..])).collect();
+        let masked: Vec<Option<&[bool]>> =
+            at.iter().map(|rows| rows.map(|rows| &rows.masked[..])).collect();
         let partly = Partly::new(&self.predictors, &masked, n);
         for column in columns {
-            let of = |rows: &Option<&Rows>| rows.map_or_else(|| vec![0.0; n], |rows| column[rows.from..rows.from + n].to_vec());
+            let of = |rows: &Option<&Rows>| {
+                rows.map_or_else(|| vec![0.0; n], |rows| column[rows.from..rows.from + n].to_vec())
+            };
             let mut series: Vec<Vec<f64>> = at.iter().map(of).collect();
             let mut white = self.white(&series);
             partly.bridge(&self.predictors, &mut series, &mut white);
-            for (rows, white) in at.iter().zip(&white).filter_map(|(rows, white)| Some(((*rows)?, white))) {
+            for (rows, white) in
+                at.iter().zip(&white).filter_map(|(rows, white)| Some(((*rows)?, white)))
+            {
                 column[rows.from..rows.from + n].copy_from_slice(white);
             }
         }
@@ -74,15 +87,21 @@ impl Joint {
         for t in 0..last.min(n) {
             let b = &self.predictors[t].b;
             for (i, white) in white.iter_mut().enumerate() {
-                white[t] -= (0..t * m).map(|k| b[i * t * m + k] * series[k % m][t - 1 - k / m]).sum::<f64>();
+                white[t] -= (0..t * m)
+                    .map(|k| b[i * t * m + k] * series[k % m][t - 1 - k / m])
+                    .sum::<f64>();
             }
         }
-        // From order q on the predictor stays the same: output by output and lag by lag over the whole column.
+        // From order q on the predictor stays the same: output by output and lag by lag over the
+        // whole column.
         let Predictor { b, l } = &self.predictors[last];
         for (i, white) in white.iter_mut().enumerate().filter(|_| n > last) {
             for k in 0..last * m {
                 let factor = b[i * last * m + k];
-                white[last..].iter_mut().zip(&series[k % m][last - 1 - k / m..]).for_each(|(w, x)| *w -= factor * x);
+                white[last..]
+                    .iter_mut()
+                    .zip(&series[k % m][last - 1 - k / m..])
+                    .for_each(|(w, x)| *w -= factor * x);
             }
         }
         for t in 0..last.min(n) {
@@ -118,8 +137,9 @@ impl Lagged {
         Lagged { outputs, count: 0, lags: vec![vec![0.0; outputs * outputs]; ORDER + 1] }
     }
 
-    /// Adds the products of one segment's series `[output][sample]`, all of one length, within runs of samples at which all were measured.
-    /// Products are those of the residuals and of what was absorbed beside them: `count` is told apart.
+    /// Adds the products of one segment's series `[output][sample]`, all of one length, within runs
+    /// of samples at which all were measured. Products are those of the residuals and of what was
+    /// absorbed beside them: `count` is told apart.
     pub fn take(&mut self, w: &[&[f64]], runs: &[Range<usize>]) {
         let m = self.outputs;
         for run in runs {
@@ -140,13 +160,16 @@ impl Lagged {
     }
 }
 
-/// The best linear predictor of order `q` (multivariate Yule-Walker equations; Brockwell and Davis, section 11.4) and the factor of
-/// its innovations' covariance; `None` where that is not definite.
+/// The best linear predictor of order `q` (multivariate Yule-Walker equations; Brockwell and Davis,
+/// section 11.4) and the factor of its innovations' covariance; `None` where that is not definite.
 fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<Predictor> {
     let n = q * m;
     // E[w_(t-1-a) w_(t-1-b)'] of the stacked past
-    let of = |a: usize, b: usize, i: usize, j: usize| if b >= a { lags[b - a][i * m + j] } else { lags[a - b][j * m + i] };
-    let past: Vec<f64> = (0..n * n).map(|k| of(k / n / m, k % n / m, k / n % m, k % n % m)).collect();
+    let of = |a: usize, b: usize, i: usize, j: usize| {
+        if b >= a { lags[b - a][i * m + j] } else { lags[a - b][j * m + i] }
+    };
+    let past: Vec<f64> =
+        (0..n * n).map(|k| of(k / n / m, k % n / m, k / n % m, k % n % m)).collect();
     let mut b = vec![0.0; m * n];
     if q > 0 {
         let l = cholesky(&past, n).ok()?;
@@ -159,7 +182,8 @@ fn predictor(lags: &[Vec<f64>], m: usize, q: usize) -> Option<Predictor> {
     let mut left = lags[0].clone();
     for i in 0..m {
         for j in 0..m {
-            left[i * m + j] -= (0..n).map(|k| b[i * n + k] * lags[1 + k / m][j * m + k % m]).sum::<f64>();
+            left[i * m + j] -=
+                (0..n).map(|k| b[i * n + k] * lags[1 + k / m][j * m + k % m]).sum::<f64>();
         }
     }
     let l = cholesky(&left, m).ok()?;
@@ -174,8 +198,9 @@ mod tests {
     fn sample(n: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut stream = crate::simulate::Stream::new(seed, &["joint"]);
         let common: Vec<f64> = (0..=n).map(|_| stream.normal()).collect();
-        let own =
-            |stream: &mut crate::simulate::Stream, from: &[f64]| from.iter().map(|c| 0.8 * c + 0.6 * stream.normal()).collect();
+        let own = |stream: &mut crate::simulate::Stream, from: &[f64]| {
+            from.iter().map(|c| 0.8 * c + 0.6 * stream.normal()).collect()
+        };
         vec![own(&mut stream, &common[1..]), own(&mut stream, &common[..n])]
     }
 
@@ -210,7 +235,14 @@ mod tests {
         let mut columns = [w.concat()];
         joint.apply(&mut columns, &rows([vec![false; 20_000], vec![false; 20_000]]));
         let (a, b) = columns[0].split_at(20_000);
-        for (x, y, lag, want) in [(a, a, 0, 1.0), (b, b, 0, 1.0), (a, b, 0, 0.0), (b, a, 1, 0.0), (a, b, 1, 0.0), (a, a, 1, 0.0)] {
+        for (x, y, lag, want) in [
+            (a, a, 0, 1.0),
+            (b, b, 0, 1.0),
+            (a, b, 0, 0.0),
+            (b, a, 1, 0.0),
+            (a, b, 1, 0.0),
+            (a, a, 1, 0.0),
+        ] {
             assert!((moments(x, y, lag) - want).abs() < 0.05, "{}", moments(x, y, lag));
         }
     }
@@ -229,23 +261,37 @@ mod tests {
         let first: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
         let like = |a: &f64| 0.9 * a + (1.0 - 0.81f64).sqrt() * stream.normal();
         let second: Vec<f64> = first.iter().map(like).collect();
-        let second = second.into_iter().zip(masked).map(|(b, masked)| if *masked { 0.0 } else { b }).collect();
+        let second = second
+            .into_iter()
+            .zip(masked)
+            .map(|(b, masked)| if *masked { 0.0 } else { b })
+            .collect();
         vec![first, second]
     }
 
     #[test]
     fn masked_samples_neither_count_nor_cost() {
         let n = 20_000;
-        for masked in [(0..n).map(|k| k % 2 == 0).collect(), (0..n).map(|k| k / 100 % 2 == 0).collect::<Vec<bool>>()] {
+        for masked in [
+            (0..n).map(|k| k % 2 == 0).collect(),
+            (0..n).map(|k| k / 100 % 2 == 0).collect::<Vec<bool>>(),
+        ] {
             let w = alike(n, 1, &masked);
             let mut sums = Lagged::zero(2);
-            let runs = crate::diagnose::residual::partly::runs(&masked.iter().map(|m| !m).collect::<Vec<_>>());
+            let runs = crate::diagnose::residual::partly::runs(
+                &masked.iter().map(|m| !m).collect::<Vec<_>>(),
+            );
             sums.count = runs.iter().map(Range::len).sum();
             sums.take(&[&w[0], &w[1]], &runs);
             assert_eq!(sums.count, n / 2);
             let joint = joint(sums);
             let l = &joint.predictors[0].l;
-            assert!((l[0] - 1.0).abs() < 0.03 && (l[2] - 0.9).abs() < 0.03 && (l[3] - 0.19f64.sqrt()).abs() < 0.03, "{l:?}");
+            assert!(
+                (l[0] - 1.0).abs() < 0.03
+                    && (l[2] - 0.9).abs() < 0.03
+                    && (l[3] - 0.19f64.sqrt()).abs() < 0.03,
+                "{l:?}"
+            );
             let mut columns = [alike(n, 2, &masked).concat()];
             joint.apply(&mut columns, &rows([vec![false; n], masked.clone()]));
             let (a, b) = columns[0].split_at(n);
@@ -274,9 +320,11 @@ mod tests {
         // The first output comes first in the factor.
         assert!((whole[30] - found[30]).abs() < 1e-12 && found[90] == 0.0);
         assert_ne!(whole[31], found[31]);
-        // With the conditional mean in its place its own innovation is nothing, and the others are the same.
+        // With the conditional mean in its place its own innovation is nothing, and the others are
+        // the same.
         let Predictor { b, l } = &joint.predictors[q];
-        let mean = |i: usize| (0..2 * q).map(|k| b[i * 2 * q + k] * w[k % 2][29 - k / 2]).sum::<f64>();
+        let mean =
+            |i: usize| (0..2 * q).map(|k| b[i * 2 * q + k] * w[k % 2][29 - k / 2]).sum::<f64>();
         holed[1][30] = mean(1) + l[2] / l[0] * (w[0][30] - mean(0));
         let guessed = white(&holed, &[false; 60]);
         assert!(guessed.iter().zip(&found).all(|(a, b)| (a - b).abs() < 1e-12));
@@ -284,17 +332,23 @@ mod tests {
 
     #[test]
     fn an_output_that_a_segment_does_not_measure_is_masked_there() {
-        let three = |n: usize, seed: u64| [sample(n, seed), vec![sample(n, seed + 50)[0].clone()]].concat();
+        let three =
+            |n: usize, seed: u64| [sample(n, seed), vec![sample(n, seed + 50)[0].clone()]].concat();
         let mut all = Lagged::zero(3);
         for w in (0..6).map(|s| three(500, s)) {
             all.count += 500;
             all.take(&[&w[0], &w[1], &w[2]], std::slice::from_ref(&(0..500)));
         }
-        let joint = Joint::new(Set { outputs: vec![0, 1, 2], segments: vec![0] }, all).expect("a model");
+        let joint =
+            Joint::new(Set { outputs: vec![0, 1, 2], segments: vec![0] }, all).expect("a model");
         let w = sample(5000, 99);
         let mut columns = [w.concat()];
         joint.apply(&mut columns, &rows([vec![false; 5000], vec![false; 5000]]));
         let (a, b) = columns[0].split_at(5000);
-        assert!((moments(a, a, 0) - 1.0).abs() < 0.06 && (moments(b, b, 0) - 1.0).abs() < 0.06 && moments(b, a, 1).abs() < 0.06);
+        assert!(
+            (moments(a, a, 0) - 1.0).abs() < 0.06
+                && (moments(b, b, 0) - 1.0).abs() < 0.06
+                && moments(b, a, 1).abs() < 0.06
+        );
     }
 }

@@ -1,8 +1,11 @@
-//! A case in; the sources that its residuals may respond to, and what each does at given instants, out.
+//! A case in; the sources that its residuals may respond to, and what each does at given instants,
+//! out.
 //!
-//! A source is an input of the model or a modelled output (less its value at the start of the maneuver), or the square of it, with lags; what
-//! such a signal rings at one frequency (a lightly damped oscillation that its changes excite); the time since the start, as waves of one frequency
-//! (what repeats itself in every maneuver is no noise); or an input whose effect comes and goes with such a wave.
+//! A source is an input of the model or a modelled output (less its value at the start of the
+//! maneuver), or the square of it, with lags; what such a signal rings at one frequency (a lightly
+//! damped oscillation that its changes excite); the time since the start, as waves of one frequency
+//! (what repeats itself in every maneuver is no noise); or an input whose effect comes and goes
+//! with such a wave.
 
 use super::timescale::characteristic_time;
 use crate::diagnose::thresholds::Thresholds;
@@ -24,7 +27,8 @@ pub struct Source {
     pub limit: f64,
 }
 
-/// Signals by their place among inputs and modelled outputs; lags in s; angular frequencies in rad/s; damping as a share of the critical one.
+/// Signals by their place among inputs and modelled outputs; lags in s; angular frequencies in
+/// rad/s; damping as a share of the critical one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     Lagged {
@@ -64,11 +68,19 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// `chance`: share of the campaigns with nothing missing in which one of them may exceed its limit at one of the outputs. `motion`: whether
-    /// what the motion rings, and what inputs do that come and go, are among them.
-    pub fn of(case: &Case, segments: &[usize], chance: f64, motion: bool, thresholds: &Thresholds) -> Sources {
+    /// `chance`: share of the campaigns with nothing missing in which one of them may exceed its
+    /// limit at one of the outputs. `motion`: whether what the motion rings, and what inputs do
+    /// that come and go, are among them.
+    pub fn of(
+        case: &Case,
+        segments: &[usize],
+        chance: f64,
+        motion: bool,
+        thresholds: &Thresholds,
+    ) -> Sources {
         let inputs = case.model.inputs.iter().map(|i| i.name.clone());
-        let modelled = case.outputs.iter().map(|&o| format!("modelled {}", case.model.outputs[o].name));
+        let modelled =
+            case.outputs.iter().map(|&o| format!("modelled {}", case.model.outputs[o].name));
         let names: Vec<String> = inputs.chain(modelled).collect();
         let controls = case.model.inputs.len();
         let mut sources = Sources { all: Vec::new(), groups: 0 };
@@ -83,19 +95,31 @@ impl Sources {
         let lagged = sources.all.len();
         let frequencies = frequencies(case, segments, thresholds);
         let mut waves = |what: &str, kind: &dyn Fn(f64) -> Kind| {
-            sources.group(frequencies.iter().map(|&f| (format!("{what} at {f:.2} rad/s"), kind(f))).collect());
+            sources.group(
+                frequencies.iter().map(|&f| (format!("{what} at {f:.2} rad/s"), kind(f))).collect(),
+            );
         };
-        for (signal, name) in names.iter().enumerate().take(if motion { names.len() } else { controls }) {
-            waves(&format!("{name}, ringing"), &|frequency| Kind::Ringing { signal, frequency, damping });
+        for (signal, name) in
+            names.iter().enumerate().take(if motion { names.len() } else { controls })
+        {
+            waves(&format!("{name}, ringing"), &|frequency| Kind::Ringing {
+                signal,
+                frequency,
+                damping,
+            });
         }
         waves("the time since the start", &|frequency| Kind::Wave { frequency });
         for (signal, name) in names.iter().enumerate().take(if motion { controls } else { 0 }) {
-            waves(&format!("{name}, coming and going"), &|frequency| Kind::Coming { signal, frequency });
+            waves(&format!("{name}, coming and going"), &|frequency| Kind::Coming {
+                signal,
+                frequency,
+            });
         }
         // Half of what chance is allowed for those with lags.
         let counts = [lagged, sources.all.len() - lagged];
         for (i, source) in sources.all.iter_mut().enumerate() {
-            let share = thresholds.question_share * chance / (counts[usize::from(i >= lagged)] * case.outputs.len()).max(1) as f64;
+            let share = thresholds.question_share * chance
+                / (counts[usize::from(i >= lagged)] * case.outputs.len()).max(1) as f64;
             source.limit = 0.5 * chi2_quantile(1.0 - share, source.kind.columns() as f64);
         }
         sources
@@ -104,17 +128,29 @@ impl Sources {
     /// Some of them, each once, in their order; and which these are.
     pub fn only(&self, of: &[usize]) -> (Sources, Vec<usize>) {
         let places: Vec<usize> = (0..self.all.len()).filter(|i| of.contains(i)).collect();
-        (Sources { all: places.iter().map(|&i| self.all[i].clone()).collect(), groups: self.groups }, places)
+        (
+            Sources {
+                all: places.iter().map(|&i| self.all[i].clone()).collect(),
+                groups: self.groups,
+            },
+            places,
+        )
     }
 
     fn group(&mut self, of: Vec<(String, Kind)>) {
         let group = self.groups;
-        self.all.extend(of.into_iter().map(|(name, kind)| Source { name, group, kind, limit: f64::NAN }));
+        self.all.extend(of.into_iter().map(|(name, kind)| Source {
+            name,
+            group,
+            kind,
+            limit: f64::NAN,
+        }));
         self.groups += 1;
     }
 }
 
-/// Multiples of one period per maneuver of middle length, up to a share of what the record resolves.
+/// Multiples of one period per maneuver of middle length, up to a share of what the record
+/// resolves.
 fn frequencies(case: &Case, segments: &[usize], thresholds: &Thresholds) -> Vec<f64> {
     let mut lengths: Vec<(f64, f64)> = segments
         .iter()
@@ -125,7 +161,8 @@ fn frequencies(case: &Case, segments: &[usize], thresholds: &Thresholds) -> Vec<
     lengths.sort_by(|a, b| a.0.total_cmp(&b.0));
     let Some(&(length, dt)) = lengths.get(lengths.len() / 2) else { return Vec::new() };
     let lowest = 2.0 * std::f64::consts::PI / length;
-    let count = ((thresholds.highest_frequency * std::f64::consts::PI / dt / lowest) as usize).min(thresholds.frequencies);
+    let count = ((thresholds.highest_frequency * std::f64::consts::PI / dt / lowest) as usize)
+        .min(thresholds.frequencies);
     (1..=count).map(|k| k as f64 * lowest).collect()
 }
 
@@ -134,7 +171,9 @@ pub fn signals(case: &Case, s: usize, traces: &[Trace]) -> Signals {
     let (record, nu) = (&case.records[s], case.model.inputs.len());
     let grid = grid(record);
     let begin = record.t0 + record.start as f64 * record.dt;
-    let inputs = (0..nu).map(|i| (grid.clone(), (0..record.n).map(|k| record.inputs[k * nu + i]).collect::<Vec<f64>>()));
+    let inputs = (0..nu).map(|i| {
+        (grid.clone(), (0..record.n).map(|k| record.inputs[k * nu + i]).collect::<Vec<f64>>())
+    });
     let modelled = case.outputs.iter().map(|&o| {
         let trace = traces.iter().find(|t| t.output == o);
         trace.map(|t| (t.t.clone(), t.modelled.clone())).unwrap_or_default()
@@ -152,10 +191,16 @@ fn grid(record: &Record) -> Vec<f64> {
 }
 
 /// What every source does at these instants (ascending): `[source][coefficient][instant]`.
-pub fn columns(sources: &[Source], record: &Record, signals: &Signals, times: &[f64]) -> Vec<Vec<Vec<f64>>> {
+pub fn columns(
+    sources: &[Source],
+    record: &Record,
+    signals: &Signals,
+    times: &[f64],
+) -> Vec<Vec<Vec<f64>>> {
     let grid = grid(record);
     let begin = record.t0 + record.start as f64 * record.dt;
-    let on = |times: &[f64]| signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect::<Vec<_>>();
+    let on =
+        |times: &[f64]| signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect::<Vec<_>>();
     let (on_grid, now) = (on(&grid), on(times));
     let of = |source: &Source| match source.kind {
         Kind::Lagged { signal, squared, lags } => {
@@ -169,7 +214,9 @@ pub fn columns(sources: &[Source], record: &Record, signals: &Signals, times: &[
         Kind::Wave { frequency } => waves(times, begin, frequency),
         Kind::Coming { signal, frequency } => {
             let mut both = waves(times, begin, frequency);
-            both.iter_mut().for_each(|wave| wave.iter_mut().zip(&now[signal]).for_each(|(wave, v)| *wave *= v));
+            both.iter_mut().for_each(|wave| {
+                wave.iter_mut().zip(&now[signal]).for_each(|(wave, v)| *wave *= v)
+            });
             both
         }
         Kind::Ringing { signal, frequency, damping } => {
@@ -201,14 +248,17 @@ fn rung(v: &[f64], frequency: f64, damping: f64, dt: f64) -> [Vec<f64>; 2] {
     parts
 }
 
-/// A sampled signal at `times` (ascending) less `lag`: straight lines between samples, held before the first and after the last; NaN for
-/// none.
+/// A sampled signal at `times` (ascending) less `lag`: straight lines between samples, held before
+/// the first and after the last; NaN for none.
 fn sampled(t: &[f64], v: &[f64], times: &[f64], lag: f64) -> Vec<f64> {
     let mut after = 0;
     let one = |time: &f64| {
         let time = time - lag;
         after += t[after..].iter().take_while(|t| **t <= time).count();
-        match (after.checked_sub(1).and_then(|i| Some((t.get(i)?, v.get(i)?))), t.get(after).zip(v.get(after))) {
+        match (
+            after.checked_sub(1).and_then(|i| Some((t.get(i)?, v.get(i)?))),
+            t.get(after).zip(v.get(after)),
+        ) {
             (Some((a, x)), Some((b, y))) => x + (time - a) / (b - a) * (y - x),
             (Some((_, x)), None) => *x,
             (None, Some((_, y))) => *y,
@@ -237,6 +287,10 @@ mod tests {
         // one period after the step, and half of one
         let after = |s: f64| x[10 + (s / 0.01) as usize];
         let kept = libm::exp(-0.03 * 2.0 * std::f64::consts::PI);
-        assert!((after(1.0) - kept).abs() < 1e-3 && (after(0.5) + kept.sqrt()).abs() < 1e-3 && x[9] == 0.0);
+        assert!(
+            (after(1.0) - kept).abs() < 1e-3
+                && (after(0.5) + kept.sqrt()).abs() < 1e-3
+                && x[9] == 0.0
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! Residuals of one segment and sources in; sums of what the output, whitened by its own filter, has of each source, and the response that gains most, out.
+//! Residuals of one segment and sources in; sums of what the output, whitened by its own filter,
+//! has of each source, and the response that gains most, out.
 
 use super::gain::gain;
 use super::sources::{Source, Sources, columns, signals};
@@ -15,10 +16,13 @@ pub enum Size {
 }
 
 impl Size {
-    /// Products of regressors with each other and with the residuals, regressors multiplied by these where their size is as it is.
+    /// Products of regressors with each other and with the residuals, regressors multiplied by
+    /// these where their size is as it is.
     pub fn products(self, mut columns: Vec<Vec<f64>>, e: &[f64]) -> Gram {
         if self == Size::AsItIs {
-            columns.iter_mut().for_each(|column| column.iter_mut().zip(e).for_each(|(x, e)| *x *= e));
+            columns
+                .iter_mut()
+                .for_each(|column| column.iter_mut().zip(e).for_each(|(x, e)| *x *= e));
         }
         columns.push(e.to_vec());
         Gram::of(&columns)
@@ -33,10 +37,16 @@ pub struct Sums {
 }
 
 /// Sums over segments, `[output][source]`.
-pub fn together(case: &Case, sources: &Sources, segments: &[usize], of: &(dyn Fn(usize) -> Vec<Sums> + Sync)) -> Vec<Gram> {
+pub fn together(
+    case: &Case,
+    sources: &Sources,
+    segments: &[usize],
+    of: &(dyn Fn(usize) -> Vec<Sums> + Sync),
+) -> Vec<Gram> {
     let parts: Vec<Vec<Sums>> = segments.par_iter().map(|&s| of(s)).collect();
     let zero = |source: &Source| Gram::zero(source.kind.columns() + 1);
-    let mut all: Vec<Gram> = case.outputs.iter().flat_map(|_| sources.all.iter().map(zero)).collect();
+    let mut all: Vec<Gram> =
+        case.outputs.iter().flat_map(|_| sources.all.iter().map(zero)).collect();
     for part in parts.iter().flatten() {
         let places: Vec<usize> = (0..part.gram.n).collect();
         all[part.output * sources.all.len() + part.source].add(&part.gram, 0, &places);
@@ -44,8 +54,8 @@ pub fn together(case: &Case, sources: &Sources, segments: &[usize], of: &(dyn Fn
     all
 }
 
-/// Gain of the best response, and its coefficients; none where the source does nothing. `ridge`: a little of the diagonal, as neighbouring
-/// lags of a slow source say nearly the same.
+/// Gain of the best response, and its coefficients; none where the source does nothing. `ridge`: a
+/// little of the diagonal, as neighbouring lags of a slow source say nearly the same.
 pub fn best(gram: &Gram, ridge: f64) -> Option<(f64, Vec<f64>)> {
     let e = gram.n - 1;
     let sound: Vec<usize> = (0..e).filter(|&k| gram.at(k, k) > 0.0).collect();
@@ -61,11 +71,20 @@ pub fn best(gram: &Gram, ridge: f64) -> Option<(f64, Vec<f64>)> {
     Some((gain, b))
 }
 
-/// What is taken from an output's residuals before they are looked at; none for an output that is not looked at.
+/// What is taken from an output's residuals before they are looked at; none for an output that is
+/// not looked at.
 pub type Less<'a> = dyn Fn(usize) -> Option<&'a Option<Vec<f64>>> + 'a;
 
 /// Sums of one segment.
-pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f64], less: &Less, size: Size) -> Vec<Sums> {
+pub fn sums(
+    case: &Case,
+    noise: &Noise,
+    sources: &Sources,
+    s: usize,
+    theta: &[f64],
+    less: &Less,
+    size: Size,
+) -> Vec<Sums> {
     let traces = case.traces(s, theta);
     let signals = signals(case, s, &traces);
     let mut all = Vec::new();
@@ -77,7 +96,8 @@ pub fn sums(case: &Case, noise: &Noise, sources: &Sources, s: usize, theta: &[f6
         if made.0 != trace.t {
             made = (&trace.t, columns(&sources.all, &case.records[s], &signals, &trace.t));
         }
-        let mut e: Vec<f64> = trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect();
+        let mut e: Vec<f64> =
+            trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect();
         if let Some(less) = less {
             e.iter_mut().zip(less).for_each(|(e, less)| *e -= less);
         }

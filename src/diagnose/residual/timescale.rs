@@ -1,10 +1,14 @@
-//! Measured outputs of maneuvers in; the characteristic time of their motion, which lags, windows and bands are counted in, out.
+//! Measured outputs of maneuvers in; the characteristic time of their motion, which lags, windows
+//! and bands are counted in, out.
 //!
-//! What is fast for an aircraft is not said by seconds. Nor by its eigenvalues: a model has those of actuators beside those of the phugoid, a
-//! thousand times as slow, and nothing in the matrix tells which of them the maneuvers show. The maneuvers do: the characteristic time is the lag at which the
-//! autocorrelation of a measured output has fallen to a half (a sixth of the period of a sine), the median over outputs and maneuvers. It
-//! depends on the data alone, so that it stays what it is while a model grows; it is 0.6 s for the short-period motion of a transport aircraft, and
-//! goes with the unit of time. Sampling and the maneuvers' length bound it: lags shorter than half a sample, or longer than a maneuver, say nothing.
+//! What is fast for an aircraft is not said by seconds. Nor by its eigenvalues: a model has those
+//! of actuators beside those of the phugoid, a thousand times as slow, and nothing in the matrix
+//! tells which of them the maneuvers show. The maneuvers do: the characteristic time is the lag at
+//! which the autocorrelation of a measured output has fallen to a half (a sixth of the period of a
+//! sine), the median over outputs and maneuvers. It depends on the data alone, so that it stays
+//! what it is while a model grows; it is 0.6 s for the short-period motion of a transport aircraft,
+//! and goes with the unit of time. Sampling and the maneuvers' length bound it: lags shorter than
+//! half a sample, or longer than a maneuver, say nothing.
 
 use crate::diagnose::thresholds::Thresholds;
 use crate::dynamics::{Channel, Record};
@@ -12,7 +16,10 @@ use crate::math::median;
 use crate::signal::robust::noise_sd;
 
 /// The characteristic time of these records, s; NaN where nothing is measured.
-pub fn characteristic_time<'r>(records: impl Iterator<Item = &'r Record>, thresholds: &Thresholds) -> f64 {
+pub fn characteristic_time<'r>(
+    records: impl Iterator<Item = &'r Record>,
+    thresholds: &Thresholds,
+) -> f64 {
     let (mut halves, mut steps, mut lengths) = (Vec::new(), Vec::new(), Vec::new());
     for channel in records.flat_map(|record| &record.channels) {
         let Some((length, step)) = extent(channel) else { continue };
@@ -32,13 +39,15 @@ fn extent(channel: &Channel) -> Option<(f64, f64)> {
     (length > 0.0).then(|| (length, length / (channel.t.len() - 1) as f64))
 }
 
-/// Lag, in samples, at which the autocorrelation falls to a half, white noise taken off; none where the motion does not stand out of the noise by
-/// `visible` times.
+/// Lag, in samples, at which the autocorrelation falls to a half, white noise taken off; none where
+/// the motion does not stand out of the noise by `visible` times.
 fn half(z: &[f64], visible: f64) -> Option<f64> {
     let finite = || z.iter().filter(|z| z.is_finite());
     let mean = finite().sum::<f64>() / finite().count() as f64;
     let x: Vec<f64> = z.iter().map(|z| if z.is_finite() { z - mean } else { 0.0 }).collect();
-    let square = |lag: usize| x[lag..].iter().zip(&x).map(|(a, b)| a * b).sum::<f64>() / finite().count() as f64;
+    let square = |lag: usize| {
+        x[lag..].iter().zip(&x).map(|(a, b)| a * b).sum::<f64>() / finite().count() as f64
+    };
     let noise = noise_sd(z);
     let motion = square(0) - noise * noise;
     if !(motion > visible * visible * noise * noise && motion > 0.0) {
@@ -74,9 +83,16 @@ mod tests {
 
     #[test]
     fn truth_it_is_a_sixth_of_the_period_of_a_sine_whatever_the_unit_of_time() {
-        let sine = |dt: f64| record(|t| 4.0 + libm::sin(std::f64::consts::PI / (3.0 * 15.0 * dt) * (t - 3.0)), 0.1, dt);
+        let sine = |dt: f64| {
+            record(
+                |t| 4.0 + libm::sin(std::f64::consts::PI / (3.0 * 15.0 * dt) * (t - 3.0)),
+                0.1,
+                dt,
+            )
+        };
         let slow = time(&sine(0.04));
-        // Later lags have fewer products, which are not scaled up, and the record ends somewhere in a period.
+        // Later lags have fewer products, which are not scaled up, and the record ends somewhere in
+        // a period.
         assert!((slow / 0.6 - 1.0).abs() < 0.06, "{slow}");
         assert!((time(&sine(0.004)) / slow - 0.1).abs() < 1e-4);
     }

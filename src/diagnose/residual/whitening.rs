@@ -1,8 +1,10 @@
-//! The noise of a base fit and what its segments leave in; residuals and sensitivities made white, segment by segment, out.
+//! The noise of a base fit and what its segments leave in; residuals and sensitivities made white,
+//! segment by segment, out.
 //!
-//! Every output has an autoregressive model (`crate::noise`), restarted at each segment. What the white residuals of outputs that are
-//! sampled together still have in common (a gust moves all of them) is taken out by a joint model. The same linear map makes sensitivities comparable
-//! with the residuals.
+//! Every output has an autoregressive model (`crate::noise`), restarted at each segment. What the
+//! white residuals of outputs that are sampled together still have in common (a gust moves all of
+//! them) is taken out by a joint model. The same linear map makes sensitivities comparable with the
+//! residuals.
 
 use super::joint::{Joint, Rows};
 use crate::estimate::Block;
@@ -21,25 +23,35 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Residuals and sensitivities of a segment's blocks, made white: one column per direction, then the residuals; rows block by block.
-    /// Outputs of unknown noise are left out; rows of samples that were not measured are 0.
+    /// Residuals and sensitivities of a segment's blocks, made white: one column per direction,
+    /// then the residuals; rows block by block. Outputs of unknown noise are left out; rows of
+    /// samples that were not measured are 0.
     pub fn whiten(&self, segment: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
-        let directions = blocks.iter().find(|b| !b.e.is_empty()).map_or(0, |b| b.g.len() / b.e.len());
+        let directions =
+            blocks.iter().find(|b| !b.e.is_empty()).map_or(0, |b| b.g.len() / b.e.len());
         let mut columns = vec![Vec::new(); directions + 1];
         let mut rows: Vec<Option<Rows>> = Vec::new();
         for block in blocks {
             let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
             let Some(filter) = self.filter(segment, block.output) else { continue };
-            let mut series: Vec<Vec<f64>> =
-                (0..directions).map(|d| block.g.iter().skip(d).step_by(directions).copied().collect()).collect();
+            let mut series: Vec<Vec<f64>> = (0..directions)
+                .map(|d| block.g.iter().skip(d).step_by(directions).copied().collect())
+                .collect();
             series.push(block.e.clone());
             filter.whiten_all(&mut series, &masked);
             rows.resize(rows.len().max(block.output + 1), None);
             rows[block.output] = Some(Rows { from: columns[0].len(), masked });
-            columns.iter_mut().zip(&series).for_each(|(column, series)| column.extend_from_slice(series));
+            columns
+                .iter_mut()
+                .zip(&series)
+                .for_each(|(column, series)| column.extend_from_slice(series));
         }
         let joint = self.groups.get(segment).and_then(|&g| self.joint.get(g));
-        for joint in joint.into_iter().flatten().filter(|joint| joint.set.segments.binary_search(&segment).is_ok()) {
+        for joint in joint
+            .into_iter()
+            .flatten()
+            .filter(|joint| joint.set.segments.binary_search(&segment).is_ok())
+        {
             joint.apply(&mut columns, &rows);
         }
         columns

@@ -1,4 +1,5 @@
-//! A refitted candidate in; whether it may be believed, and why not, out. And the class of those that may be, alike.
+//! A refitted candidate in; whether it may be believed, and why not, out. And the class of those
+//! that may be, alike.
 
 use super::judged::{Judged, Standing};
 use super::refit::Left;
@@ -24,13 +25,19 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
         return Some((Standing::FitFailed, "its full fit did not settle".into()));
     }
     if let Some(v) = refit.values.iter().find(|v| v.at_bound) {
-        return Some((Standing::Bounds, format!("{} sits on its physical bound {:.4} {}", v.name, v.value, v.unit)));
+        return Some((
+            Standing::Bounds,
+            format!("{} sits on its physical bound {:.4} {}", v.name, v.value, v.unit),
+        ));
     }
     for v in &refit.values {
         if let Some((text, expected, within)) = &v.check
             && is_against(v, *expected, *within, thresholds.physics_sds)
         {
-            let words = format!("{} = {:.4} {}, where physics expects {text} = {expected:.4}", v.name, v.value, v.unit);
+            let words = format!(
+                "{} = {:.4} {}, where physics expects {text} = {expected:.4}",
+                v.name, v.value, v.unit
+            );
             return Some((Standing::Bounds, words));
         }
     }
@@ -40,19 +47,26 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     if let Some(objection) = held_out_objection(&refit.held_out, settings) {
         return Some(objection);
     }
-    let scatter = refit.heterogeneity.filter(|c| c.p < thresholds.scatter_p && c.share > thresholds.scatter_share)?;
-    let words = format!("its size differs from maneuver to maneuver by {:.0}% more than its uncertainty", 100.0 * scatter.share);
+    let scatter = refit
+        .heterogeneity
+        .filter(|c| c.p < thresholds.scatter_p && c.share > thresholds.scatter_share)?;
+    let words = format!(
+        "its size differs from maneuver to maneuver by {:.0}% more than its uncertainty",
+        100.0 * scatter.share
+    );
     Some((Standing::Inconsistent, words))
 }
 
-/// Further from what physics expects than its tolerance, by more than the estimate's own uncertainty.
+/// Further from what physics expects than its tolerance, by more than the estimate's own
+/// uncertainty.
 fn is_against(v: &Value, expected: f64, within: f64, sds: f64) -> bool {
     let off = (v.value - expected).abs() - within * expected.abs();
     off > sds * v.sd.unwrap_or(0.0)
 }
 
-/// The parameter without which an effect is not known. One with a size of its own needs all it has: what size it is hangs on its shape. One that is there
-/// or not (its size held) needs one shape: of two stops the flights may reach one, of a stall show where it begins, not how late it ends.
+/// The parameter without which an effect is not known. One with a size of its own needs all it has:
+/// what size it is hangs on its shape. One that is there or not (its size held) needs one shape: of
+/// two stops the flights may reach one, of a stall show where it begins, not how late it ends.
 fn undetermined(values: &[Value]) -> Option<&str> {
     let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && !v.own).collect();
     let loose = fitted.iter().find(|v| !v.is_determined)?;
@@ -60,9 +74,10 @@ fn undetermined(values: &[Value]) -> Option<&str> {
     (sized || fitted.iter().all(|v| !v.is_determined)).then_some(&loose.name)
 }
 
-/// The least that a maneuver must gain. A gain predicted to be `g` is normal about `g` with the sd `sqrt(2 g)`: where more than
-/// `decisive` is predicted, it must be a gain, or lie within what noise allows all `count` of them together in 99 of 100 cases (only below
-/// `g = 11` can that be a loss for one, below 17 for six); elsewhere it must be no loss beyond noise.
+/// The least that a maneuver must gain. A gain predicted to be `g` is normal about `g` with the sd
+/// `sqrt(2 g)`: where more than `decisive` is predicted, it must be a gain, or lie within what
+/// noise allows all `count` of them together in 99 of 100 cases (only below `g = 11` can that be a
+/// loss for one, below 17 for six); elsewhere it must be no loss beyond noise.
 fn least(predicted: f64, settings: &Settings, count: usize) -> f64 {
     let thresholds = &settings.thresholds;
     let noise = (2.0 * predicted.max(thresholds.least_predicted)).sqrt();
@@ -79,20 +94,31 @@ fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, 
         return Some((Standing::Untold, "no maneuver is held out".into()));
     }
     if gains.iter().any(|g| !(g.predicted.is_finite() && g.realised.is_finite())) {
-        return Some((Standing::Untold, "the model does not run over a held-out maneuver: it cannot tell".into()));
+        return Some((
+            Standing::Untold,
+            "the model does not run over a held-out maneuver: it cannot tell".into(),
+        ));
     }
     let predicted: f64 = gains.iter().map(|g| g.predicted).sum();
     let realised: f64 = gains.iter().map(|g| g.realised).sum();
     if !(predicted > settings.decisive) {
-        let why = format!("on held-out maneuvers it predicts a gain of {predicted:.1} only: they cannot tell");
+        let why = format!(
+            "on held-out maneuvers it predicts a gain of {predicted:.1} only: they cannot tell"
+        );
         return Some((Standing::Untold, why));
     }
     if !(realised > settings.decisive) {
-        return Some((Standing::HeldOut, format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted")));
+        return Some((
+            Standing::HeldOut,
+            format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted"),
+        ));
     }
     let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings, gains.len()));
     let worst = gains.iter().filter(fails).min_by(|a, b| a.realised.total_cmp(&b.realised))?;
-    let why = format!("a held-out maneuver gains {:.1} where {:.1} is predicted", worst.realised, worst.predicted);
+    let why = format!(
+        "a held-out maneuver gains {:.1} where {:.1} is predicted",
+        worst.realised, worst.predicted
+    );
     Some((Standing::HeldOut, why))
 }
 
@@ -106,20 +132,27 @@ pub struct Distance {
     pub at: usize,
     /// By how much less evidence it has.
     pub less: f64,
-    /// By how much less it is distinguished from it: a difference counts for as much less as it scatters more than noise lets it.
+    /// By how much less it is distinguished from it: a difference counts for as much less as it
+    /// scatters more than noise lets it.
     pub margin: f64,
 }
 
 /// The distance of each that passes.
 pub fn distances(judged: &[Judged], passing: &[Passing], settings: &Settings) -> Vec<Distance> {
     let evidence = |p: &Passing| judged[p.0].evidence;
-    let Some(best) = passing.iter().max_by(|a, b| evidence(a).total_cmp(&evidence(b))) else { return Vec::new() };
-    let one =
-        |p: &Passing| Distance { at: p.0, less: evidence(best) - evidence(p), margin: settings.apart * dispersion(&best.1, &p.1) };
+    let Some(best) = passing.iter().max_by(|a, b| evidence(a).total_cmp(&evidence(b))) else {
+        return Vec::new();
+    };
+    let one = |p: &Passing| Distance {
+        at: p.0,
+        less: evidence(best) - evidence(p),
+        margin: settings.apart * dispersion(&best.1, &p.1),
+    };
     passing.iter().map(one).collect()
 }
 
-/// Those that are not distinguishable from the best, best evidence first, errors of sensors before physics.
+/// Those that are not distinguishable from the best, best evidence first, errors of sensors before
+/// physics.
 pub fn class(judged: &[Judged], distances: &[Distance]) -> Vec<usize> {
     let data = |d: &Distance| judged[d.at].family == Family::Sensor;
     let mut class: Vec<&Distance> = distances.iter().filter(|d| d.less < d.margin).collect();
@@ -127,9 +160,11 @@ pub fn class(judged: &[Judged], distances: &[Distance]) -> Vec<usize> {
     class.into_iter().map(|d| d.at).collect()
 }
 
-/// Variance of a difference of log-likelihood over what it is by noise, at least 1 (quasi-likelihood; Wedderburn, Biometrika 61, 1974).
-/// In a maneuver the better of two leaves `a`, and the other one `a + d`, so that they differ by `d'd/2 + a'd`. If the better one is right, `a` is white
-/// noise and `a'd` has the variance `d'd`. Where both are wrong it has more: each follows in its own way what neither explains.
+/// Variance of a difference of log-likelihood over what it is by noise, at least 1
+/// (quasi-likelihood; Wedderburn, Biometrika 61, 1974). In a maneuver the better of two leaves `a`,
+/// and the other one `a + d`, so that they differ by `d'd/2 + a'd`. If the better one is right, `a`
+/// is white noise and `a'd` has the variance `d'd`. Where both are wrong it has more: each follows
+/// in its own way what neither explains.
 fn dispersion(better: &Left, other: &Left) -> f64 {
     let (mut found, mut noise) = (0.0, 0.0);
     for (a, b) in better.iter().zip(other) {
@@ -146,7 +181,10 @@ mod tests {
     use crate::diagnose::search::screen::Screened;
 
     fn objects(gains: &[(f64, f64)]) -> bool {
-        let gains: Vec<Gain> = gains.iter().map(|&(predicted, realised)| Gain { segment: 0, predicted, realised }).collect();
+        let gains: Vec<Gain> = gains
+            .iter()
+            .map(|&(predicted, realised)| Gain { segment: 0, predicted, realised })
+            .collect();
         held_out_objection(&gains, &Settings::default()).is_some()
     }
 
@@ -154,8 +192,20 @@ mod tests {
     fn value(name: &str, null: Option<f64>, sd: Option<f64>) -> Value {
         let (name, unit) = (name.to_string(), "-".to_string());
         let (at_bound, held, own, is_determined) = (false, false, false, false);
-        let value =
-            Value { name, unit, value: 1.0, sd, null, span: 10.0, at_bound, held, own, left: None, check: None, is_determined };
+        let value = Value {
+            name,
+            unit,
+            value: 1.0,
+            sd,
+            null,
+            span: 10.0,
+            at_bound,
+            held,
+            own,
+            left: None,
+            check: None,
+            is_determined,
+        };
         value.judged(&Thresholds::default())
     }
 
@@ -164,7 +214,10 @@ mod tests {
         let there = Value { held: true, ..value("k", Some(0.0), None) };
         let (low, high) = (value("low", None, None), value("high", None, Some(0.2)));
         assert_eq!(undetermined(&[there.clone(), low.clone(), high.clone()]), None);
-        assert_eq!(undetermined(&[there, low.clone(), value("high", None, Some(2.6))]), Some("low"));
+        assert_eq!(
+            undetermined(&[there, low.clone(), value("high", None, Some(2.6))]),
+            Some("low")
+        );
         let size = value("size", Some(0.0), Some(0.1));
         assert_eq!(undetermined(&[size.clone(), high.clone()]), None);
         assert_eq!(undetermined(&[size, low]), Some("low"));
@@ -174,7 +227,14 @@ mod tests {
     /// A candidate that passes with this evidence.
     fn judged(name: &str, family: Family, evidence: f64) -> Judged {
         let (name, text) = (name.to_string(), String::new);
-        let screened = Screened { gain: 0.0, taken: 1, at: Vec::new(), left: 1.0, collinear_with: Vec::new(), silent: false };
+        let screened = Screened {
+            gain: 0.0,
+            taken: 1,
+            at: Vec::new(),
+            left: 1.0,
+            collinear_with: Vec::new(),
+            silent: false,
+        };
         Judged {
             effect: name.clone(),
             name,
@@ -193,16 +253,21 @@ mod tests {
 
     #[test]
     fn two_are_told_apart_by_less_where_neither_explains_what_is_left() {
-        let noise = |s: usize, k: usize| libm::sin((7919 * s + 104_729 * k * k) as f64) * std::f64::consts::SQRT_2;
+        let noise = |s: usize, k: usize| {
+            libm::sin((7919 * s + 104_729 * k * k) as f64) * std::f64::consts::SQRT_2
+        };
         let shape = |k: usize| 0.2 * libm::sin(0.1 * k as f64);
-        let left = |of: &dyn Fn(usize, usize) -> f64| -> Left { (0..9).map(|s| (0..200).map(|k| of(s, k)).collect()).collect() };
+        let left = |of: &dyn Fn(usize, usize) -> f64| -> Left {
+            (0..9).map(|s| (0..200).map(|k| of(s, k)).collect()).collect()
+        };
         // The better one leaves noise, or half of what the other one leaves more of.
         let (white, half) = (left(&noise), left(&|s, k| noise(s, k) + shape(k)));
         let other = left(&|s, k| noise(s, k) + 2.0 * shape(k));
         assert!(dispersion(&white, &half) < 1.5, "{}", dispersion(&white, &half));
         assert!(dispersion(&half, &other) > 3.0, "{}", dispersion(&half, &other));
         assert_eq!(dispersion(&white, &white), 1.0);
-        // Evidence 10 apart: enough of it there, not here. One that is as good is told first where it is an error of a sensor.
+        // Evidence 10 apart: enough of it there, not here. One that is as good is told first where
+        // it is an error of a sensor.
         let all = [
             judged("best", Family::Aerodynamic, 50.0),
             judged("next", Family::Aerodynamic, 40.0),
@@ -219,13 +284,19 @@ mod tests {
     #[test]
     fn every_held_out_maneuver_must_agree_as_far_as_noise_allows() {
         assert!(!objects(&[(20.0, 18.0), (5.0, 2.0), (0.5, -1.0)]));
-        // A loss where much is predicted; one that noise explains; one beyond noise where nothing is predicted.
+        // A loss where much is predicted; one that noise explains; one beyond noise where nothing
+        // is predicted.
         assert!(objects(&[(20.0, 18.0), (15.0, -0.5)]));
         assert!(!objects(&[(20.0, 18.0), (4.0, -1.0)]));
         assert!(objects(&[(20.0, 18.0), (0.5, -6.0)]));
         // The model does not run over one: words, and no number that is none.
-        let broken = [20.0, f64::NAN].map(|predicted| Gain { segment: 0, predicted, realised: predicted - 1.0 });
-        let (standing, why) = held_out_objection(&broken, &Settings::default()).expect("an objection");
+        let broken = [20.0, f64::NAN].map(|predicted| Gain {
+            segment: 0,
+            predicted,
+            realised: predicted - 1.0,
+        });
+        let (standing, why) =
+            held_out_objection(&broken, &Settings::default()).expect("an objection");
         assert!(standing == Standing::Untold && !why.contains("NaN"), "{why}");
         // They cannot tell, or tell nothing in sum.
         assert!(objects(&[(1.0, 1.5)]) && objects(&[]) && objects(&[(4.0, 1.0), (4.0, 1.0)]));

@@ -1,11 +1,13 @@
-//! A subject and the library in; what is missing, found round after round and tested once everything else is in place, and the verdict,
-//! out.
+//! A subject and the library in; what is missing, found round after round and tested once
+//! everything else is in place, and the verdict, out.
 //!
-//! *Forward*: the candidate of most evidence is added, and all begins again. Where several things are missing, held-out maneuvers may
-//! contradict one of them only because of the others, so here a candidate needs only evidence that they do not take away. *Back*: each
-//! one is taken out of the whole again and must come out of a strict round on what is left, against those that came near it; one that
-//! does not is replaced by the one that does, or dropped for good, and the search goes on. One that explains most and is contradicted all
-//! the same stays in the model without being named: the others are judged with it in place.
+//! *Forward*: the candidate of most evidence is added, and all begins again. Where several things
+//! are missing, held-out maneuvers may contradict one of them only because of the others, so here a
+//! candidate needs only evidence that they do not take away. *Back*: each one is taken out of the
+//! whole again and must come out of a strict round on what is left, against those that came near
+//! it; one that does not is replaced by the one that does, or dropped for good, and the search goes
+//! on. One that explains most and is contradicted all the same stays in the model without being
+//! named: the others are judged with it in place.
 
 use super::judged::Standing;
 use super::judged::{Judged, Round};
@@ -26,14 +28,16 @@ use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
 use crate::model::Model;
 
-/// What the library has for a model: candidates, and effects that could not be attached with the reason.
+/// What the library has for a model: candidates, and effects that could not be attached with the
+/// reason.
 pub type Offered = (Vec<Candidate>, Vec<(String, String)>);
 
 /// Attaches the library to a model.
 pub type Offer<'a> = dyn Fn(&Model) -> Result<Offered, Errors> + 'a;
 
 /// Explains something, and may not be named all the same.
-const DOUBTED: [Standing; 3] = [Standing::HeldOut, Standing::Inconsistent, Standing::Unidentifiable];
+const DOUBTED: [Standing; 3] =
+    [Standing::HeldOut, Standing::Inconsistent, Standing::Unidentifiable];
 
 /// An effect in the model as it stands.
 #[derive(Debug, Clone)]
@@ -67,7 +71,11 @@ struct Search<'a> {
 ///
 /// # Errors
 /// Settings that do not fit the model. What the data say is never an error.
-pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Sync)) -> Result<Diagnosis, Errors> {
+pub fn diagnose(
+    subject: &Subject,
+    offer: &Offer,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Diagnosis, Errors> {
     let out = Diagnosis {
         verdict: Verdict::NothingMissing,
         complete: true,
@@ -84,10 +92,19 @@ pub fn diagnose(subject: &Subject, offer: &Offer, progress: &(dyn Fn(&str) + Syn
     };
     let held = subject.held_out.iter().filter(|h| **h).count();
     if held == 0 || held == subject.held_out.len() {
-        let why = Trouble::Segments("there must be maneuvers to train on and maneuvers held out".into());
+        let why =
+            Trouble::Segments("there must be maneuvers to train on and maneuvers held out".into());
         return Ok(Diagnosis { verdict: Verdict::None(why), ..out });
     }
-    let mut search = Search { subject, offer, progress, links: Vec::new(), dropped: Vec::new(), ending: false, out };
+    let mut search = Search {
+        subject,
+        offer,
+        progress,
+        links: Vec::new(),
+        dropped: Vec::new(),
+        ending: false,
+        out,
+    };
     match search.run()? {
         Ok(()) => {}
         Err(trouble) => search.out.verdict = Verdict::None(trouble),
@@ -107,7 +124,8 @@ impl Search<'_> {
             let what = if base.places.training.is_empty() { "to train on" } else { "held out" };
             return Ok(Err(Trouble::Segments(format!("none of the maneuvers {what} can be used"))));
         }
-        let most = self.subject.settings.thresholds.rounds_per_effect * self.subject.settings.effects + 2;
+        let most =
+            self.subject.settings.thresholds.rounds_per_effect * self.subject.settings.effects + 2;
         self.forward(&base)?;
         while !self.back(&base)? {
             // No end of it: what does not hold is taken out, and nothing comes in any more.
@@ -122,7 +140,10 @@ impl Search<'_> {
         let last = self.with(&stand, &base)?;
         if added.len() < named.len() || (last.is_none() && !named.is_empty()) {
             let names: Vec<&str> = named.iter().map(|l| l.name.as_str()).collect();
-            return Ok(Err(Trouble::Base(format!("the model with {} does not run", names.join(" and ")))));
+            return Ok(Err(Trouble::Base(format!(
+                "the model with {} does not run",
+                names.join(" and ")
+            ))));
         }
         let last = last.as_ref().unwrap_or(&base);
         let case = last.case();
@@ -134,7 +155,8 @@ impl Search<'_> {
         out.missed = missed(last, &case, settings);
         out.added = added;
         out.comparison = comparison(self.subject, &base, last)?;
-        out.doubts = self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
+        out.doubts =
+            self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
         out.complete = out.located.is_empty() && out.doubts.is_empty() && out.missed.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
         out.verdict = verdict(out, doubted, &settings.thresholds);
@@ -149,12 +171,15 @@ impl Search<'_> {
         self.subject.settings.thresholds.rivals
     }
 
-    /// The base with these links, and the candidates that they are; none where one of them cannot be attached to the others.
+    /// The base with these links, and the candidates that they are; none where one of them cannot
+    /// be attached to the others.
     fn chained(&self, links: &[Link]) -> Result<Option<(Stand, Vec<Candidate>)>, Errors> {
         let (mut stand, mut added) = (self.first(), Vec::new());
         for link in links {
             let (candidates, _) = (self.offer)(&stand.model)?;
-            let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) else { return Ok(None) };
+            let Some(candidate) = candidates.into_iter().find(|c| c.name == link.name) else {
+                return Ok(None);
+            };
             stand = joined(&stand, &candidate, &link.values);
             added.push(candidate);
         }
@@ -174,13 +199,17 @@ impl Search<'_> {
             if self.out.rounds.is_empty() {
                 self.out.skipped = skipped;
             }
-            candidates.retain(|c| !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name));
+            candidates.retain(|c| {
+                !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name)
+            });
             let number = self.out.rounds.len() + 1;
             let round = self.round(&stand, found, &candidates, 0.0)?;
             let chosen = to_add(&round, self.subject.settings);
             let link = chosen.and_then(|c| link(&round, &round.judged[c], self.rivals()));
             (self.progress)(&match &link {
-                Some(link) => format!("round {number}: {} is added, evidence {:.1}", link.name, link.evidence),
+                Some(link) => {
+                    format!("round {number}: {} is added, evidence {:.1}", link.name, link.evidence)
+                }
                 None => format!("round {number}: nothing is added"),
             });
             self.out.rounds.push(round);
@@ -223,21 +252,31 @@ impl Search<'_> {
             };
             let round = &self.out.rounds[at];
             let judged = |c: &usize| round.judged.get(*c);
-            if let Some(c) = round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name)) {
+            if let Some(c) =
+                round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name))
+            {
                 findings[i] = Some(Finding { round: at, added: c });
                 continue;
             }
             let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
             let this = round.judged.iter().find(|j| j.name == name);
             let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
-            let better = round.class.iter().filter_map(judged).find(others).filter(|j| !self.ending && !(j.evidence < evidence));
+            let better = round
+                .class
+                .iter()
+                .filter_map(judged)
+                .find(others)
+                .filter(|j| !self.ending && !(j.evidence < evidence));
             if let Some(better) = better.and_then(|j| link(round, j, self.rivals())) {
                 self.links[i] = better;
                 return Ok(false);
             }
             let thresholds = &self.subject.settings.thresholds;
-            let kept = |j: &&Judged| evidence > times(thresholds.kept_factor, round.limit, j.screened.taken, thresholds);
-            let doubt = this.filter(|j| DOUBTED.contains(&j.standing)).filter(kept).map(|j| j.why.clone());
+            let kept = |j: &&Judged| {
+                evidence > times(thresholds.kept_factor, round.limit, j.screened.taken, thresholds)
+            };
+            let doubt =
+                this.filter(|j| DOUBTED.contains(&j.standing)).filter(kept).map(|j| j.why.clone());
             if doubt.is_some() {
                 self.links[i].doubt = doubt;
                 continue;
@@ -250,18 +289,24 @@ impl Search<'_> {
         Ok(true)
     }
 
-    /// The round that tested the only link already: the one it was found in, if that was strict enough.
+    /// The round that tested the only link already: the one it was found in, if that was strict
+    /// enough.
     fn tested_already(&self) -> Option<usize> {
         let [only] = &self.links[..] else { return None };
-        let round = |r: &Round| r.base.is_empty() && r.class.iter().any(|&c| r.judged[c].name == only.name);
+        let round =
+            |r: &Round| r.base.is_empty() && r.class.iter().any(|&c| r.judged[c].name == only.name);
         self.out.rounds.iter().rposition(round)
     }
 
-    /// A round on everything but link `i`, with it and those that came near it; none where that does not run.
+    /// A round on everything but link `i`, with it and those that came near it; none where that
+    /// does not run.
     fn strict(&self, i: usize, base: &Found) -> Result<Option<Round>, Errors> {
         let mut others = self.links.clone();
         let this = others.remove(i);
-        (self.progress)(&format!("{} is taken out and tested with everything else in place", this.name));
+        (self.progress)(&format!(
+            "{} is taken out and tested with everything else in place",
+            this.name
+        ));
         let Some((stand, _)) = self.chained(&others)? else { return Ok(None) };
         let (mut candidates, _) = (self.offer)(&stand.model)?;
         candidates.retain(|c| c.name == this.name || this.rivals.contains(&c.name));
@@ -270,26 +315,36 @@ impl Search<'_> {
             return Ok(None);
         }
         // Few take part, but it was found as the best of all.
-        let mut round = self.round(&stand, made.as_ref().unwrap_or(base), &candidates, this.limit)?;
+        let mut round =
+            self.round(&stand, made.as_ref().unwrap_or(base), &candidates, this.limit)?;
         round.base = others.iter().map(|l| l.name.clone()).collect();
         round.strict = true;
         Ok(Some(round))
     }
 
     /// `least`: chance gives at least this.
-    fn round(&self, stand: &Stand, found: &Found, candidates: &[Candidate], least: f64) -> Result<Round, Errors> {
+    fn round(
+        &self,
+        stand: &Stand,
+        found: &Found,
+        candidates: &[Candidate],
+        least: f64,
+    ) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();
-        let located = locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings);
+        let located =
+            locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings);
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
-        let mut round = held_against(stand, found, &case, located, (candidates, least), self.subject, &tell)?;
+        let mut round =
+            held_against(stand, found, &case, located, (candidates, least), self.subject, &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();
         Ok(round)
     }
 }
 
-/// The candidate to add: the first of the class, unless another one has more evidence by far that held-out maneuvers hardly take away. Beside a name that one may be one
-/// that the flights do not determine: the name would be wrong where something else explains far more.
+/// The candidate to add: the first of the class, unless another one has more evidence by far that
+/// held-out maneuvers hardly take away. Beside a name that one may be one that the flights do not
+/// determine: the name would be wrong where something else explains far more.
 fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
     let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
     let held = |j: &Judged| {
@@ -298,11 +353,18 @@ fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
             && j.evidence > round.limit
             && j.evidence > (1.0 - settings.thresholds.held_out_taken) * gain(j)
     };
-    let passing = |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
-    let able = (0..round.judged.len()).filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]));
-    let top = able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;
+    let passing =
+        |j: &Judged| matches!(j.standing, Standing::Chosen | Standing::Alike | Standing::Beaten);
+    let able =
+        (0..round.judged.len()).filter(|&i| passing(&round.judged[i]) || held(&round.judged[i]));
+    let top =
+        able.max_by(|&a, &b| round.judged[a].evidence.total_cmp(&round.judged[b].evidence))?;
     match round.class.first() {
-        Some(&first) if round.class.iter().any(|&c| round.judged[c].evidence > round.judged[top].evidence - settings.apart) => {
+        Some(&first)
+            if round.class.iter().any(|&c| {
+                round.judged[c].evidence > round.judged[top].evidence - settings.apart
+            }) =>
+        {
             Some(first)
         }
         _ => Some(top),
@@ -311,7 +373,8 @@ fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
 
 fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
     let refit = judged.refit.as_ref()?;
-    let mut near: Vec<&Judged> = round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
+    let mut near: Vec<&Judged> =
+        round.judged.iter().filter(|j| j.score > round.limit && j.name != judged.name).collect();
     near.sort_by(|a, b| b.score.total_cmp(&a.score));
     Some(Link {
         name: judged.name.clone(),
@@ -324,15 +387,20 @@ fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
     })
 }
 
-/// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be little beside what is named: a name given
-/// while more than that is not understood would be one among other things that are wrong.
+/// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be
+/// little beside what is named: a name given while more than that is not understood would be one
+/// among other things that are wrong.
 fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
     let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
-        let much = |r: &Round, j: &Judged| times(thresholds.shown_factor, r.limit, j.screened.taken, thresholds);
-        let shows = |r: &Round| r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r, j));
+        let much = |r: &Round, j: &Judged| {
+            times(thresholds.shown_factor, r.limit, j.screened.taken, thresholds)
+        };
+        let shows = |r: &Round| {
+            r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r, j))
+        };
         let shown = out.rounds.first().is_some_and(shows);
         return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }

@@ -1,4 +1,5 @@
-//! Everything that is known of a candidate in; the rows of a round, with the standing that each ended with, out.
+//! Everything that is known of a candidate in; the rows of a round, with the standing that each
+//! ended with, out.
 
 use super::refit::Refit;
 use super::screen::Screened;
@@ -30,7 +31,8 @@ pub enum Standing {
     Untold,
     /// Its size differs from maneuver to maneuver by more than its uncertainty.
     Inconsistent,
-    /// It passes, but with little more evidence than chance gives where the noise is what it is taken for.
+    /// It passes, but with little more evidence than chance gives where the noise is what it is
+    /// taken for.
     Faint,
     /// It passes, another one is better by more than chance.
     Beaten,
@@ -73,10 +75,12 @@ pub struct Judged {
     /// The maneuver that would distinguish it from its rivals, in words.
     pub separate: String,
     pub screened: Screened,
-    /// Gain of the screening less what chance gives it alone: what is compared with the round's limit.
+    /// Gain of the screening less what chance gives it alone: what is compared with the round's
+    /// limit.
     pub score: f64,
     pub refit: Option<Refit>,
-    /// Log-likelihood for it, training and held out, less what chance gives it alone; NaN without a refit.
+    /// Log-likelihood for it, training and held out, less what chance gives it alone; NaN without a
+    /// refit.
     pub evidence: f64,
     pub standing: Standing,
     /// The standing in words, with its figures.
@@ -84,7 +88,8 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Its evidence as a gain, over what chance gives the best of its round: what a threshold that counts in times of chance is compared with.
+    /// Its evidence as a gain, over what chance gives the best of its round: what a threshold that
+    /// counts in times of chance is compared with.
     pub fn over_luck(&self, limit: f64, thresholds: &Thresholds) -> f64 {
         let chance = chance(self.screened.taken.max(1), thresholds.false_alarm);
         (self.evidence + chance) / (limit + chance)

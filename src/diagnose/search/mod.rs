@@ -1,4 +1,5 @@
-//! A base and candidate effects in; rounds of screening, refits and decisions, and the verdict they end with, out.
+//! A base and candidate effects in; rounds of screening, refits and decisions, and the verdict they
+//! end with, out.
 
 pub mod decide;
 pub mod diagnose;

@@ -1,4 +1,5 @@
-//! A candidate's model and a place where the base stands in; its residuals and its sensitivities to what it adds, out.
+//! A candidate's model and a place where the base stands in; its residuals and its sensitivities to
+//! what it adds, out.
 
 use super::ground::Ground;
 use crate::diagnose::effect::Candidate;
@@ -34,15 +35,24 @@ impl Probe {
     /// The candidate's model does not fit the settings of the base's estimation.
     pub fn new(candidate: &Candidate, ground: &Ground) -> Result<Probe, Errors> {
         let model = estimate::extended(&candidate.model, ground.method)?.into_owned();
-        let added: Vec<usize> = candidate.added.iter().filter_map(|a| model.parameter(&a.name)).collect();
-        let sizes: Vec<usize> = (0..candidate.added.len()).filter(|&i| candidate.added[i].null.is_some()).collect();
+        let added: Vec<usize> =
+            candidate.added.iter().filter_map(|a| model.parameter(&a.name)).collect();
+        let sizes: Vec<usize> =
+            (0..candidate.added.len()).filter(|&i| candidate.added[i].null.is_some()).collect();
         let case = ground.case;
         let index = |name: &str| case.model.parameter(name);
-        // Free initial states need no directions here, only a place for their values: those that start measured have one anyway.
-        let names = case.plan.directions.starts.iter().map(|&i| &case.model.states[i].quantity.name);
-        let free: Vec<usize> =
-            names.filter_map(|name| model.state(name)).filter(|&i| model.states[i].start != StartKind::Measured).collect();
-        let directions = Directions { parameters: sizes.iter().filter_map(|&i| added.get(i).copied()).collect(), starts: free };
+        // Free initial states need no directions here, only a place for their values: those that
+        // start measured have one anyway.
+        let names =
+            case.plan.directions.starts.iter().map(|&i| &case.model.states[i].quantity.name);
+        let free: Vec<usize> = names
+            .filter_map(|name| model.state(name))
+            .filter(|&i| model.states[i].start != StartKind::Measured)
+            .collect();
+        let directions = Directions {
+            parameters: sizes.iter().filter_map(|&i| added.get(i).copied()).collect(),
+            starts: free,
+        };
         let plan = Plan::of_outputs(&model, directions, case.outputs.clone())?;
         let place = |&state: &usize| {
             let name = &model.states[state].quantity.name;
@@ -59,26 +69,47 @@ impl Probe {
         })
     }
 
-    /// A base's record with steps as small as states that a candidate adds ask for (a play's end pushes back within milliseconds), where the
-    /// user leaves that to the program.
-    fn record<'r>(&self, case: &'r Case, s: usize, parameters: &[f64], given: &[f64]) -> Cow<'r, Record> {
+    /// A base's record with steps as small as states that a candidate adds ask for (a play's end
+    /// pushes back within milliseconds), where the user leaves that to the program.
+    fn record<'r>(
+        &self,
+        case: &'r Case,
+        s: usize,
+        parameters: &[f64],
+        given: &[f64],
+    ) -> Cow<'r, Record> {
         let base = &case.records[s];
-        let steps = if self.adds_dynamics && case.is_automatic(s) { self.plan.substeps(parameters, given, base) } else { 1 };
+        let steps = if self.adds_dynamics && case.is_automatic(s) {
+            self.plan.substeps(parameters, given, base)
+        } else {
+            1
+        };
         if steps <= base.substeps.max(1) {
             return Cow::Borrowed(base);
         }
         Cow::Owned(Record { substeps: steps, ..base.clone() })
     }
 
-    /// The blocks of segment `s` with the added parameters at `at`: residuals, and sensitivities to the sizes.
+    /// The blocks of segment `s` with the added parameters at `at`: residuals, and sensitivities to
+    /// the sizes.
     pub fn run(&self, ground: &Ground, s: usize, at: &[f64]) -> Option<Vec<Block>> {
         let case = ground.case;
         let (base, given) = case.place(s, &case.layout.local(s, ground.theta));
-        let mut parameters: Vec<f64> =
-            self.base.iter().zip(&self.starts).map(|(from, start)| from.map_or(*start, |i| base[i])).collect();
+        let mut parameters: Vec<f64> = self
+            .base
+            .iter()
+            .zip(&self.starts)
+            .map(|(from, start)| from.map_or(*start, |i| base[i]))
+            .collect();
         self.added.iter().zip(at).for_each(|(&i, value)| parameters[i] = *value);
-        let given: Vec<f64> = self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
-        let response = self.plan.respond(&parameters, &given, &self.record(case, s, &parameters, &given), true);
+        let given: Vec<f64> =
+            self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
+        let response = self.plan.respond(
+            &parameters,
+            &given,
+            &self.record(case, s, &parameters, &given),
+            true,
+        );
         if !response.finite {
             return None;
         }
@@ -86,10 +117,18 @@ impl Probe {
         let mut dy = response.dy.into_iter();
         let block = |(channel, y): (&Channel, Vec<f64>)| {
             let output = case.outputs.iter().position(|&o| o == channel.output)?;
-            let e: Vec<f64> = channel.z.iter().zip(y).map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN }).collect();
+            let e: Vec<f64> = channel
+                .z
+                .iter()
+                .zip(y)
+                .map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN })
+                .collect();
             // Only the sizes' directions: those of the initial states stand behind them.
             let g = dy.next().unwrap_or_default();
-            let g = g.chunks_exact(nd.max(1)).flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied()).collect();
+            let g = g
+                .chunks_exact(nd.max(1))
+                .flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied())
+                .collect();
             Some(Block { output, e, g })
         };
         case.records[s].channels.iter().zip(response.y).map(block).collect()

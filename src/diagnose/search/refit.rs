@@ -1,8 +1,11 @@
-//! A candidate, the base fit and both sets of maneuvers in; its full fit, and what it gains where it was never fitted, out.
+//! A candidate, the base fit and both sets of maneuvers in; its full fit, and what it gains where
+//! it was never fitted, out.
 //!
-//! Held-out maneuvers keep all derivatives as the training found them, of base and candidate alike; only what belongs to the maneuver
-//! (initial states, zero shifts) is found again. The two predictions then differ by `d` (whitened), and if the candidate is true and its
-//! parameters right, the gain in log-likelihood is normal with mean `d'd/2` and variance `d'd`: that is the gain predicted.
+//! Held-out maneuvers keep all derivatives as the training found them, of base and candidate alike;
+//! only what belongs to the maneuver (initial states, zero shifts) is found again. The two
+//! predictions then differ by `d` (whitened), and if the candidate is true and its parameters
+//! right, the gain in log-likelihood is normal with mean `d'd/2` and variance `d'd`: that is the
+//! gain predicted.
 
 use super::value::{Gain, Value};
 use crate::diagnose::base::frozen::{Frozen, frozen};
@@ -63,11 +66,16 @@ pub struct Heterogeneity {
     pub share: f64,
 }
 
-/// Fits a candidate from where the screening saw it best with its switch held, or with smaller sizes where the model is better there.
+/// Fits a candidate from where the screening saw it best with its switch held, or with smaller
+/// sizes where the model is better there.
 ///
 /// # Errors
 /// Its model does not fit the settings of the base's estimation.
-pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Option<(Refit, Left)>, Errors> {
+pub fn refit(
+    ground: &Ground,
+    candidate: &Candidate,
+    at: &[f64],
+) -> Result<Option<(Refit, Left)>, Errors> {
     let stand = joined(ground.stand, candidate, at);
     let prepared = Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?;
     if prepared.used != ground.prepared.used {
@@ -79,26 +87,44 @@ pub fn refit(ground: &Ground, candidate: &Candidate, at: &[f64]) -> Result<Optio
     settle_steps(&mut case, &theta, &least);
     let names: Vec<String> = candidate.added.iter().map(|a| a.name.clone()).collect();
     let theta = nearest(ground, &case, candidate, &theta);
-    let (mut free, mut fit) = fitted(&case, ground.noise, ground.places, theta, &names, ground.thresholds);
-    // What is stiffer where the fit ended than where it began (a play that became smaller) was not integrated well on the way.
-    if let Some(found) = fit.as_ref().filter(|found| case.stiffen(&found.theta)).map(|found| found.theta.clone()) {
+    let (mut free, mut fit) =
+        fitted(&case, ground.noise, ground.places, theta, &names, ground.thresholds);
+    // What is stiffer where the fit ended than where it began (a play that became smaller) was not
+    // integrated well on the way.
+    if let Some(found) =
+        fit.as_ref().filter(|found| case.stiffen(&found.theta)).map(|found| found.theta.clone())
+    {
         (free, fit) = fitted(&case, ground.noise, ground.places, found, &names, ground.thresholds);
     }
     let Some(fit) = fit else { return Ok(None) };
     let k = free.iter().filter(|&&i| names.contains(&case.unknowns[i].name)).count();
-    let task =
-        Task { case: &case, noise: ground.noise, segments: &ground.places.training, free: &free, thresholds: ground.thresholds };
+    let task = Task {
+        case: &case,
+        noise: ground.noise,
+        segments: &ground.places.training,
+        free: &free,
+        thresholds: ground.thresholds,
+    };
     let spread = task.spread(&fit.theta, k);
-    let held_out = frozen(&case, ground.noise, ground.places, &fit.theta, (&stand.nulls, ground.thresholds));
+    let held_out =
+        frozen(&case, ground.noise, ground.places, &fit.theta, (&stand.nulls, ground.thresholds));
     let gains = ground.frozen.iter().zip(&held_out).zip(&ground.places.held_out);
-    let gains = gains.map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s)).collect();
+    let gains = gains
+        .map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s))
+        .collect();
     let training = ground.places.training.iter().zip(ground.fit.costs.iter().zip(&fit.costs));
-    let training =
-        training.map(|(&s, (base, with))| Gain { segment: prepared.used[s], predicted: f64::NAN, realised: base - with });
-    let values = values(&case, (candidate, at), (&free, k), &fit, spread.as_ref(), ground.thresholds);
+    let training = training.map(|(&s, (base, with))| Gain {
+        segment: prepared.used[s],
+        predicted: f64::NAN,
+        realised: base - with,
+    });
+    let values =
+        values(&case, (candidate, at), (&free, k), &fit, spread.as_ref(), ground.thresholds);
     let left = left(ground, &case, &fit.theta, &held_out);
     let refit = Refit {
-        heterogeneity: spread.as_ref().and_then(|spread| heterogeneity(spread, &values, ground.thresholds.telling_share)),
+        heterogeneity: spread
+            .as_ref()
+            .and_then(|spread| heterogeneity(spread, &values, ground.thresholds.telling_share)),
         gain: ground.fit.cost() - fit.cost(),
         converged: fit.converged,
         values: values.into_iter().map(|v| v.0).collect(),
@@ -114,13 +140,21 @@ fn left(ground: &Ground, case: &Case, theta: &[f64], held_out: &[Option<Frozen>]
     let trained = |&s: &usize| white(s, &case.evaluate(s, &case.layout.local(s, theta), false)?);
     let unseen = |(&s, with): (&usize, &Option<Frozen>)| white(s, &with.as_ref()?.blocks);
     let trained = ground.places.training.par_iter().map(trained).map(Option::unwrap_or_default);
-    let unseen = ground.places.held_out.par_iter().zip(held_out).map(unseen).map(Option::unwrap_or_default);
+    let unseen =
+        ground.places.held_out.par_iter().zip(held_out).map(unseen).map(Option::unwrap_or_default);
     trained.chain(unseen).collect()
 }
 
-/// The best of the starts in which a share of the screening's sizes is taken: those were found with everything else moving along.
+/// The best of the starts in which a share of the screening's sizes is taken: those were found with
+/// everything else moving along.
 fn nearest(ground: &Ground, case: &Case, candidate: &Candidate, theta: &[f64]) -> Vec<f64> {
-    let task = Task { case, noise: ground.noise, segments: &ground.places.training, free: &[], thresholds: ground.thresholds };
+    let task = Task {
+        case,
+        noise: ground.noise,
+        segments: &ground.places.training,
+        free: &[],
+        thresholds: ground.thresholds,
+    };
     let shared = |share: f64| -> Vec<f64> {
         let mut theta = theta.to_vec();
         for (unknown, value) in case.unknowns.iter().zip(&mut theta) {
@@ -129,7 +163,8 @@ fn nearest(ground: &Ground, case: &Case, candidate: &Candidate, theta: &[f64]) -
         }
         theta
     };
-    let cost = |theta: &Vec<f64>| task.costs(theta).map_or(f64::INFINITY, |costs| costs.iter().sum());
+    let cost =
+        |theta: &Vec<f64>| task.costs(theta).map_or(f64::INFINITY, |costs| costs.iter().sum());
     let starts = ground.thresholds.start_shares.map(shared);
     let costs: Vec<f64> = starts.iter().map(cost).collect();
     let best = (0..starts.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or_default();
@@ -142,7 +177,9 @@ pub fn joined(stand: &Stand, candidate: &Candidate, at: &[f64]) -> Stand {
         Some(hold) => hold,
         None => value.clamp(added.min, added.max),
     };
-    let one = |(added, value): (&Added, &f64)| (added.name.clone(), inside(added, *value), added.is_held(), added.null);
+    let one = |(added, value): (&Added, &f64)| {
+        (added.name.clone(), inside(added, *value), added.is_held(), added.null)
+    };
     stand.with(&candidate.model, &candidate.added.iter().zip(at).map(one).collect::<Vec<_>>())
 }
 
@@ -151,16 +188,20 @@ fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, 
     let (Some(base), Some(with)) = (base, with) else {
         return Gain { segment, predicted: f64::NAN, realised: f64::NEG_INFINITY };
     };
-    let difference =
-        |(a, b): (&Block, &Block)| Block { output: a.output, e: a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(), g: Vec::new() };
+    let difference = |(a, b): (&Block, &Block)| Block {
+        output: a.output,
+        e: a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(),
+        g: Vec::new(),
+    };
     let blocks: Vec<Block> = base.blocks.iter().zip(&with.blocks).map(difference).collect();
     let white = ground.noise.whiten(s, &blocks);
     let predicted = white.last().map_or(f64::NAN, |d| 0.5 * dot(d, d));
     Gain { segment, predicted, realised: base.cost - with.cost }
 }
 
-/// The added parameters as they were found, each with its place among the last `k` free ones (none for one that is held). `tried`: the candidate, and the
-/// values of its parameters from which it was fitted.
+/// The added parameters as they were found, each with its place among the last `k` free ones (none
+/// for one that is held). `tried`: the candidate, and the values of its parameters from which it
+/// was fitted.
 fn values(
     case: &Case,
     tried: (&Candidate, &[f64]),
@@ -172,8 +213,12 @@ fn values(
     let last = &free[free.len() - k..];
     let sd = |at: usize| spread.and_then(|s| s.sd.get(at).copied().flatten());
     let one = |(added, start): (&Added, &f64)| {
-        // Of a parameter that differs from flight to flight the value that is furthest from null, in its sd: there, if anywhere, it is seen.
-        let far = |at: usize| (fit.theta[last[at]] - added.null.unwrap_or_default()).abs() / sd(at).unwrap_or(f64::INFINITY);
+        // Of a parameter that differs from flight to flight the value that is furthest from null,
+        // in its sd: there, if anywhere, it is seen.
+        let far = |at: usize| {
+            (fit.theta[last[at]] - added.null.unwrap_or_default()).abs()
+                / sd(at).unwrap_or(f64::INFINITY)
+        };
         let these = (0..k).filter(|&at| case.unknowns[last[at]].name == added.name);
         let at = these.max_by(|&a, &b| far(a).total_cmp(&far(b)).then(b.cmp(&a)));
         let value = match (at, added.hold) {
@@ -201,19 +246,28 @@ fn values(
     tried.0.added.iter().zip(tried.1).map(one).collect()
 }
 
-/// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against chi-square; its excess over the
-/// uncertainties by DerSimonian and Laird. The worst of the sizes.
-fn heterogeneity(spread: &Spread, values: &[(Value, Option<usize>)], telling_share: f64) -> Option<Heterogeneity> {
+/// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against
+/// chi-square; its excess over the uncertainties by DerSimonian and Laird. The worst of the sizes.
+fn heterogeneity(
+    spread: &Spread,
+    values: &[(Value, Option<usize>)],
+    telling_share: f64,
+) -> Option<Heterogeneity> {
     let one = |(v, at): &(Value, Option<usize>)| {
         let (null, at) = (v.null?, (*at)?);
-        let all: Vec<(f64, f64)> = spread.by_segment.iter().filter_map(|s| s.get(at).copied()).collect();
+        let all: Vec<(f64, f64)> =
+            spread.by_segment.iter().filter_map(|s| s.get(at).copied()).collect();
         let total: f64 = all.iter().map(|s| s.1).sum();
-        let telling: Vec<(f64, f64)> = all.into_iter().filter(|s| s.1 > telling_share * total).collect();
+        let telling: Vec<(f64, f64)> =
+            all.into_iter().filter(|s| s.1 > telling_share * total).collect();
         let dof = telling.len().checked_sub(1).filter(|dof| *dof > 0)? as f64;
         let q: f64 = telling.iter().map(|(slope, information)| slope * slope / information).sum();
         let (sum, squares) = telling.iter().fold((0.0, 0.0), |s, t| (s.0 + t.1, s.1 + t.1 * t.1));
         let excess = ((q - dof) / (sum - squares / sum)).max(0.0).sqrt();
         Some(Heterogeneity { p: 1.0 - chi2_cdf(q, dof), share: excess / (v.value - null).abs() })
     };
-    values.iter().filter_map(one).min_by(|a, b| a.p.total_cmp(&b.p).then(b.share.total_cmp(&a.share)))
+    values
+        .iter()
+        .filter_map(one)
+        .min_by(|a, b| a.p.total_cmp(&b.p).then(b.share.total_cmp(&a.share)))
 }

@@ -18,8 +18,8 @@ use crate::estimate::{Case, Segment};
 use crate::math::quantile;
 use crate::model::Scope;
 
-/// Screens all candidates, refits and judges the best. Chance gives at least `least`: fewer candidates may take part than one of them was
-/// found among.
+/// Screens all candidates, refits and judges the best. Chance gives at least `least`: fewer
+/// candidates may take part than one of them was found among.
 ///
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
@@ -49,8 +49,11 @@ pub fn held_against(
     let part: Vec<bool> = candidates.iter().map(takes_part).collect();
     let best = best_of_surrogates(&screening, &part, settings);
     let limit = least.max(if best.is_empty() { 0.0 } else { quantile(&best, settings.quantile) });
-    let mut judged: Vec<Judged> =
-        candidates.iter().zip(&screening.screened).map(|(c, s)| screened(c, s, limit, settings)).collect();
+    let mut judged: Vec<Judged> = candidates
+        .iter()
+        .zip(&screening.screened)
+        .map(|(c, s)| screened(c, s, limit, settings))
+        .collect();
     let best = judged.iter().map(|j| j.score).fold(0.0, f64::max);
     // Less than a share of the best one's score is not made up for by a full fit.
     let worth = limit.max(settings.thresholds.refit_share * best);
@@ -71,7 +74,10 @@ pub fn held_against(
     progress(&match order.first() {
         Some(&best) => {
             let best = &judged[best];
-            format!("{} comes furthest, {:.1} where chance gives {limit:.1}; {refits} are fitted in full", best.name, best.score)
+            format!(
+                "{} comes furthest, {:.1} where chance gives {limit:.1}; {refits} are fitted in full",
+                best.name, best.score
+            )
         }
         None => format!("nothing gains more than chance, {limit:.1}"),
     });
@@ -80,14 +86,20 @@ pub fn held_against(
         let one = refit(&ground, &candidates[i], &judged[i].screened.at)?;
         let judged = &mut judged[i];
         let Some((one, left)) = one else {
-            (judged.standing, judged.why) = (Standing::FitFailed, "its model does not run over all maneuvers".into());
+            (judged.standing, judged.why) =
+                (Standing::FitFailed, "its model does not run over all maneuvers".into());
             continue;
         };
         let held_out: f64 = one.held_out.iter().map(|g| g.realised).sum();
-        judged.evidence =
-            one.gain - chance(judged.screened.taken.max(fitted_count(&one)), settings.thresholds.false_alarm) + held_out;
+        judged.evidence = one.gain
+            - chance(
+                judged.screened.taken.max(fitted_count(&one)),
+                settings.thresholds.false_alarm,
+            )
+            + held_out;
         judged.refit = Some(one);
-        let faint = || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
+        let faint =
+            || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
         match objection(judged, settings).or_else(faint) {
             Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
             None => passing.push((i, left)),
@@ -98,7 +110,9 @@ pub fn held_against(
     for Distance { at: i, less, margin } in distances {
         let mut words = format!("evidence {:.1} in log-likelihood", judged[i].evidence);
         if less > 0.0 {
-            words += &format!(", {less:.1} less than the best one's; {margin:.1} less distinguishes them");
+            words += &format!(
+                ", {less:.1} less than the best one's; {margin:.1} less distinguishes them"
+            );
         }
         let standing = match class.iter().position(|&c| c == i) {
             Some(0) => Standing::Chosen,
@@ -114,23 +128,34 @@ fn fitted_count(refit: &refit::Refit) -> usize {
     refit.values.iter().filter(|v| !v.held).count()
 }
 
-/// What has a value for every maneuver can be fitted to a held-out one, and so never confirmed by it: it is told, and takes no part.
+/// What has a value for every maneuver can be fitted to a held-out one, and so never confirmed by
+/// it: it is told, and takes no part.
 fn takes_part(candidate: &Candidate) -> bool {
     candidate.added.iter().all(|a| a.scope != Scope::Segment)
 }
 
 fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &Settings) -> Judged {
     let own = !takes_part(candidate);
-    let score = if own { 0.0 } else { screened.gain - chance(screened.taken, settings.thresholds.false_alarm) };
+    let score = if own {
+        0.0
+    } else {
+        screened.gain - chance(screened.taken, settings.thresholds.false_alarm)
+    };
     let (standing, why) = if own {
-        let why = format!("gains {:.1} with a value for every maneuver, which held-out ones cannot confirm", screened.gain);
+        let why = format!(
+            "gains {:.1} with a value for every maneuver, which held-out ones cannot confirm",
+            screened.gain
+        );
         (Standing::Unidentifiable, why)
     } else if screened.silent {
         (Standing::Silent, "nothing in these flights moves it".to_string())
     } else if !screened.gain.is_finite() {
         (Standing::Silent, "the model with it does not run over these flights".to_string())
     } else if screened.taken == 0 {
-        (Standing::Collinear, format!("imitated by {}", crate::config::list(&screened.collinear_with)))
+        (
+            Standing::Collinear,
+            format!("imitated by {}", crate::config::list(&screened.collinear_with)),
+        )
     } else if score > limit {
         (Standing::NotRefitted, format!("gains {:.1}, others gain more", screened.gain))
     } else {

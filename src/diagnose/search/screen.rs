@@ -1,9 +1,12 @@
-//! A base fit and candidates in; the gain in log-likelihood that each promises, by a score test, out.
+//! A base fit and candidates in; the gain in log-likelihood that each promises, by a score test,
+//! out.
 //!
-//! At the base fit, with `e` the whitened residuals and `H` the whitened sensitivities of the outputs to what a candidate adds (at its
-//! null), projected on what the base's own free parameters cannot imitate: `u = H~'e`, `F = H~'H~`, gain `= max_b (b'u - b'Fb/2)` within
-//! the candidate's bounds (Rao's score test; `u'F^-1 u/2` inside them). Shapes (a delay, a threshold) matter only once the size is not
-//! null: every row of their starts has columns of its own. A fit starts from the row that is best once switches are held.
+//! At the base fit, with `e` the whitened residuals and `H` the whitened sensitivities of the
+//! outputs to what a candidate adds (at its null), projected on what the base's own free parameters
+//! cannot imitate: `u = H~'e`, `F = H~'H~`, gain `= max_b (b'u - b'Fb/2)` within the candidate's
+//! bounds (Rao's score test; `u'F^-1 u/2` inside them). Shapes (a delay, a threshold) matter only
+//! once the size is not null: every row of their starts has columns of its own. A fit starts from
+//! the row that is best once switches are held.
 
 use super::ground::Ground;
 use super::probe::Probe;
@@ -41,7 +44,8 @@ pub struct Screened {
     pub gain: f64,
     /// Parameters that this gain takes.
     pub taken: usize,
-    /// Values of the added parameters that a fit may start from (of the first segment, for those per segment).
+    /// Values of the added parameters that a fit may start from (of the first segment, for those
+    /// per segment).
     pub at: Vec<f64>,
     /// Share of the column that the base's parameters cannot imitate.
     pub left: f64,
@@ -66,7 +70,9 @@ pub struct Screening {
 }
 
 fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
-    (0..candidate.rows()).map(|row| Trial { candidate: index, at: candidate.start(row), columns: Vec::new() }).collect()
+    (0..candidate.rows())
+        .map(|row| Trial { candidate: index, at: candidate.start(row), columns: Vec::new() })
+        .collect()
 }
 
 /// Screens all candidates.
@@ -74,8 +80,10 @@ fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
 pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Errors> {
-    let probes: Vec<Probe> = candidates.par_iter().map(|c| Probe::new(c, ground)).collect::<Result<_, _>>()?;
-    let mut trials: Vec<Trial> = candidates.iter().enumerate().flat_map(|(i, c)| trials(c, i)).collect();
+    let probes: Vec<Probe> =
+        candidates.par_iter().map(|c| Probe::new(c, ground)).collect::<Result<_, _>>()?;
+    let mut trials: Vec<Trial> =
+        candidates.iter().enumerate().flat_map(|(i, c)| trials(c, i)).collect();
     let (mut columns, mut bounds) = (Vec::new(), Vec::new());
     for (t, trial) in trials.iter_mut().enumerate() {
         let added = &candidates[trial.candidate].added;
@@ -88,10 +96,17 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
             }
         }
     }
-    let parts: Vec<(Gram, Vec<usize>)> =
-        ground.segments.par_iter().map(|&s| segment(ground, &probes, &trials, &columns, s)).collect::<Option<_>>().ok_or_else(
-            || crate::error::Error::new("the base model is not finite at its own estimate: it cannot be diagnosed".to_string()),
-        )?;
+    let parts: Vec<(Gram, Vec<usize>)> = ground
+        .segments
+        .par_iter()
+        .map(|&s| segment(ground, &probes, &trials, &columns, s))
+        .collect::<Option<_>>()
+        .ok_or_else(|| {
+            crate::error::Error::new(
+                "the base model is not finite at its own estimate: it cannot be diagnosed"
+                    .to_string(),
+            )
+        })?;
     let (n, m) = (ground.free.len(), columns.len());
     let mut all = Gram::zero(n + m + 1);
     for ((part, to), &s) in parts.iter().zip(ground.segments) {
@@ -105,8 +120,10 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
     let rest = all.rest(n);
     let raw = rest.scale.clone();
     let collinear = ground.thresholds.collinear;
-    let mut screening = Screening { screened: Vec::new(), trials, columns, bounds, rest, raw, collinear };
-    screening.screened = (0..candidates.len()).map(|c| screening.judge(c, candidates, ground, &before)).collect();
+    let mut screening =
+        Screening { screened: Vec::new(), trials, columns, bounds, rest, raw, collinear };
+    screening.screened =
+        (0..candidates.len()).map(|c| screening.judge(c, candidates, ground, &before)).collect();
     Ok(screening)
 }
 
@@ -119,13 +136,27 @@ fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
     };
     let these: Vec<&Segment> = ground.segments.iter().map(|&s| ground.of[s]).collect();
     let grouping = Grouping::by(column, &these);
-    let members =
-        |group: usize| ground.segments.iter().zip(&grouping.of).filter(move |(_, of)| **of == group).map(|(&s, _)| s).collect();
+    let members = |group: usize| {
+        ground
+            .segments
+            .iter()
+            .zip(&grouping.of)
+            .filter(move |(_, of)| **of == group)
+            .map(|(&s, _)| s)
+            .collect()
+    };
     (0..grouping.values.len()).map(|group| Some(members(group))).collect()
 }
 
-/// Products of one segment: own parameters eliminated, then the free shared ones, the candidates' columns, the residuals.
-fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Column], s: usize) -> Option<(Gram, Vec<usize>)> {
+/// Products of one segment: own parameters eliminated, then the free shared ones, the candidates'
+/// columns, the residuals.
+fn segment(
+    ground: &Ground,
+    probes: &[Probe],
+    trials: &[Trial],
+    columns: &[Column],
+    s: usize,
+) -> Option<(Gram, Vec<usize>)> {
     let (case, layout) = (ground.case, &ground.case.layout);
     let blocks = case.evaluate(s, &layout.local(s, ground.theta), true)?;
     let mut white = ground.noise.whiten(s, &blocks);
@@ -147,8 +178,11 @@ fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Colum
             if column.only.as_ref().is_some_and(|only| !only.contains(&s)) {
                 continue;
             }
-            let known = made.as_ref().and_then(|made| made.iter().find(|(size, _)| *size == column.size));
-            let values = known.map(|(_, values)| values.clone()).filter(|values| values.iter().all(|v| v.is_finite()));
+            let known =
+                made.as_ref().and_then(|made| made.iter().find(|(size, _)| *size == column.size));
+            let values = known
+                .map(|(_, values)| values.clone())
+                .filter(|values| values.iter().all(|v| v.is_finite()));
             used.push(values.unwrap_or_else(|| vec![0.0; e.len()]));
             to.push(ground.free.len() + c);
         }
@@ -156,13 +190,19 @@ fn segment(ground: &Ground, probes: &[Probe], trials: &[Trial], columns: &[Colum
     to.push(ground.free.len() + columns.len());
     used.push(e);
     let mut gram = Gram::of(&used);
-    (0..part.own).for_each(|k| gram.pull(k, layout.prior(part.offset + k, ground.theta[part.offset + k])));
+    (0..part.own)
+        .for_each(|k| gram.pull(k, layout.prior(part.offset + k, ground.theta[part.offset + k])));
     gram.eliminate(0, part.own);
     Some((gram, to))
 }
 
 /// Whitened columns of one trial in one segment, by size; `None` where the model does not run.
-fn of_trial(ground: &Ground, probe: &Probe, trial: &Trial, s: usize) -> Option<Vec<(usize, Vec<f64>)>> {
+fn of_trial(
+    ground: &Ground,
+    probe: &Probe,
+    trial: &Trial,
+    s: usize,
+) -> Option<Vec<(usize, Vec<f64>)>> {
     let blocks = probe.run(ground, s, &trial.at)?;
     Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks)).collect())
 }
@@ -182,7 +222,8 @@ impl Screening {
     ) -> Option<(f64, usize, Vec<f64>)> {
         let mut best: Option<(f64, usize, Vec<f64>)> = None;
         for (t, trial) in self.trials.iter().enumerate().filter(|(_, t)| t.candidate == candidate) {
-            let sound: Vec<usize> = trial.columns.iter().copied().filter(|&c| self.is_sound(c)).collect();
+            let sound: Vec<usize> =
+                trial.columns.iter().copied().filter(|&c| self.is_sound(c)).collect();
             if sound.is_empty() {
                 continue;
             }
@@ -191,15 +232,19 @@ impl Screening {
             let bounds: Vec<(f64, f64)> = sound.iter().map(|&c| bounds(c)).collect();
             let (gain, b) = gain(&f, &slopes, &bounds);
             if best.as_ref().is_none_or(|(g, _, _)| gain > *g) {
-                let all = trial.columns.iter().map(|c| sound.iter().position(|k| k == c).map_or(0.0, |k| b[k])).collect();
+                let all = trial
+                    .columns
+                    .iter()
+                    .map(|c| sound.iter().position(|k| k == c).map_or(0.0, |k| b[k]))
+                    .collect();
                 best = Some((gain, t, all));
             }
         }
         best
     }
 
-    /// Where a fit starts: the best trial once switches are held. With a size that is free as well, much play at half its size looks like half
-    /// of it, and a fit from there does not find back.
+    /// Where a fit starts: the best trial once switches are held. With a size that is free as well,
+    /// much play at half its size looks like half of it, and a fit from there does not find back.
     fn start(&self, candidate: usize, candidates: &[Candidate]) -> Option<(f64, usize, Vec<f64>)> {
         let added = &candidates[candidate].added;
         let bounds = |c: usize| {
@@ -213,21 +258,44 @@ impl Screening {
     }
 
     fn is_sound(&self, column: usize) -> bool {
-        self.raw[column] > 0.0 && self.rest.at(column, column) > self.collinear.max(DEPENDENT) * self.raw[column]
+        self.raw[column] > 0.0
+            && self.rest.at(column, column) > self.collinear.max(DEPENDENT) * self.raw[column]
     }
 
-    fn judge(&self, candidate: usize, candidates: &[Candidate], ground: &Ground, before: &Gram) -> Screened {
+    fn judge(
+        &self,
+        candidate: usize,
+        candidates: &[Candidate],
+        ground: &Ground,
+        before: &Gram,
+    ) -> Screened {
         let e = self.columns.len();
-        let mine: Vec<usize> =
-            self.trials.iter().filter(|t| t.candidate == candidate).flat_map(|t| t.columns.iter().copied()).collect();
-        let left = mine.iter().filter(|&&c| self.raw[c] > 0.0).map(|&c| self.rest.at(c, c) / self.raw[c]).fold(0.0, f64::max);
+        let mine: Vec<usize> = self
+            .trials
+            .iter()
+            .filter(|t| t.candidate == candidate)
+            .flat_map(|t| t.columns.iter().copied())
+            .collect();
+        let left = mine
+            .iter()
+            .filter(|&&c| self.raw[c] > 0.0)
+            .map(|&c| self.rest.at(c, c) / self.raw[c])
+            .fold(0.0, f64::max);
         let silent = mine.iter().all(|&c| self.raw[c] <= 0.0);
-        let none = Screened { gain: 0.0, taken: 0, at: Vec::new(), left, collinear_with: Vec::new(), silent };
+        let none = Screened {
+            gain: 0.0,
+            taken: 0,
+            at: Vec::new(),
+            left,
+            collinear_with: Vec::new(),
+            silent,
+        };
         let (Some((gain, ..)), Some((_, t, b))) =
             (self.best(candidate, &|c| self.rest.at(c, e)), self.start(candidate, candidates))
         else {
             let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
-            let collinear_with = by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
+            let collinear_with =
+                by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
             return Screened { collinear_with, ..none };
         };
         let trial = &self.trials[t];
@@ -240,13 +308,16 @@ impl Screening {
         Screened { gain, taken: trial.columns.len(), at, ..none }
     }
 
-    /// Gains of the candidates that take part for slopes `u` (per column), 0 for the others: what a surrogate campaign yields.
+    /// Gains of the candidates that take part for slopes `u` (per column), 0 for the others: what a
+    /// surrogate campaign yields.
     pub fn gains(&self, u: &[f64], takes_part: &[bool]) -> Vec<f64> {
-        let gain = |c: usize| self.best(c, &|k| u[k]).filter(|_| takes_part[c]).map_or(0.0, |best| best.0);
+        let gain =
+            |c: usize| self.best(c, &|k| u[k]).filter(|_| takes_part[c]).map_or(0.0, |best| best.0);
         (0..self.screened.len()).map(gain).collect()
     }
 
-    /// Information of all columns, `[n][n]`, and how many there are; those that say nothing are zero.
+    /// Information of all columns, `[n][n]`, and how many there are; those that say nothing are
+    /// zero.
     pub fn information(&self) -> (Vec<f64>, usize) {
         let n = self.columns.len();
         let all: Vec<usize> = (0..n).collect();
@@ -263,7 +334,9 @@ impl Screening {
 /// Free base parameters that imitate a column most; in words where those of single maneuvers do.
 fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
     let n = ground.free.len();
-    if before.at(n + column, n + column) <= ground.thresholds.collinear.max(DEPENDENT) * before.scale[n + column] {
+    if before.at(n + column, n + column)
+        <= ground.thresholds.collinear.max(DEPENDENT) * before.scale[n + column]
+    {
         return vec!["what has a value of its own in every maneuver".to_string()];
     }
     let order: Vec<usize> = (0..n).chain([n + column]).collect();
@@ -278,6 +351,10 @@ fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
     let mut parts: Vec<(f64, usize)> = (0..n).map(|i| (x[i] * x[i] * before.at(i, i), i)).collect();
     parts.sort_by(|a, b| b.0.total_cmp(&a.0));
     let most = parts.first().map_or(0.0, |p| p.0);
-    let names = parts.iter().filter(|p| p.0 > 1e-2 * most).take(3).map(|p| &ground.case.unknowns[ground.free[p.1]].name);
+    let names = parts
+        .iter()
+        .filter(|p| p.0 > 1e-2 * most)
+        .take(3)
+        .map(|p| &ground.case.unknowns[ground.free[p.1]].name);
     names.cloned().collect()
 }

@@ -1,8 +1,10 @@
 //! A screening in; what its best candidate gains in campaigns in which nothing is missing, out.
 //!
-//! A surrogate campaign has coloured noise from the base fit's autoregressive models and nothing else. Whitened, that is white noise
-//! `w` of unit variance, and the slopes of the candidates' projected columns `u = H~'w` are normal with covariance `F = H~'H~`: so a
-//! surrogate is drawn as `u = L z` with `F = L L'` and takes the very projections of the screening, without a single simulation.
+//! A surrogate campaign has coloured noise from the base fit's autoregressive models and nothing
+//! else. Whitened, that is white noise `w` of unit variance, and the slopes of the candidates'
+//! projected columns `u = H~'w` are normal with covariance `F = H~'H~`: so a surrogate is drawn as
+//! `u = L z` with `F = L L'` and takes the very projections of the screening, without a single
+//! simulation.
 
 use super::screen::Screening;
 use crate::diagnose::settings::Settings;
@@ -12,29 +14,46 @@ use crate::math::products::factor;
 use crate::simulate::Stream;
 use rayon::prelude::*;
 
-/// What a candidate of `k` parameters gains by chance with this probability, if it is looked at alone: half the quantile of
-/// chi-square. Candidates of different numbers of parameters compare after it is taken off.
+/// What a candidate of `k` parameters gains by chance with this probability, if it is looked at
+/// alone: half the quantile of chi-square. Candidates of different numbers of parameters compare
+/// after it is taken off.
 pub fn chance(k: usize, false_alarm: f64) -> f64 {
     if k == 0 { 0.0 } else { 0.5 * chi2_quantile(1.0 - false_alarm, k as f64) }
 }
 
-/// What a score (a gain less what chance gives it alone) must exceed so that the gain itself is `factor` times that of the best by chance: noise stronger than it is taken for makes
-/// every gain larger by its factor, and what chance gives with it. `limit`: the best score by chance.
+/// What a score (a gain less what chance gives it alone) must exceed so that the gain itself is
+/// `factor` times that of the best by chance: noise stronger than it is taken for makes every gain
+/// larger by its factor, and what chance gives with it. `limit`: the best score by chance.
 pub fn times(factor: f64, limit: f64, k: usize, thresholds: &Thresholds) -> f64 {
     let chance = chance(k.max(1), thresholds.false_alarm);
     factor * (limit + chance) - chance
 }
 
-/// Best score of each surrogate, ascending; those that take no part (`round::takes_part`) are no candidates here.
-pub fn best_of_surrogates(screening: &Screening, takes_part: &[bool], settings: &Settings) -> Vec<f64> {
+/// Best score of each surrogate, ascending; those that take no part (`round::takes_part`) are no
+/// candidates here.
+pub fn best_of_surrogates(
+    screening: &Screening,
+    takes_part: &[bool],
+    settings: &Settings,
+) -> Vec<f64> {
     let (information, n) = screening.information();
     let l = factor(&information, n);
-    let chances: Vec<f64> = screening.screened.iter().map(|s| chance(s.taken, settings.thresholds.false_alarm)).collect();
+    let chances: Vec<f64> = screening
+        .screened
+        .iter()
+        .map(|s| chance(s.taken, settings.thresholds.false_alarm))
+        .collect();
     let one = |i: usize| {
         let mut stream = Stream::new(settings.seed, &["diagnose", "surrogate", &i.to_string()]);
         let z: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
-        let u: Vec<f64> = (0..n).map(|i| crate::math::products::dot(&l[i * n..i * n + i + 1], &z[..i + 1])).collect();
-        let scores = screening.gains(&u, takes_part).into_iter().zip(&chances).map(|(gain, chance)| gain - chance);
+        let u: Vec<f64> = (0..n)
+            .map(|i| crate::math::products::dot(&l[i * n..i * n + i + 1], &z[..i + 1]))
+            .collect();
+        let scores = screening
+            .gains(&u, takes_part)
+            .into_iter()
+            .zip(&chances)
+            .map(|(gain, chance)| gain - chance);
         scores.fold(0.0, f64::max)
     };
     let mut best: Vec<f64> = (0..settings.surrogates).into_par_iter().map(one).collect();

@@ -1,8 +1,11 @@
-//! A base at its fit in; held-out maneuvers that it misses by more than it does those that it was fitted to, out.
+//! A base at its fit in; held-out maneuvers that it misses by more than it does those that it was
+//! fitted to, out.
 //!
-//! What only a held-out maneuver shows (a stop that no other reaches) no candidate can gain on the training maneuvers. But "nothing is missing" would be
-//! false. Maneuvers differ, in gusts above all: the squares per sample, whitened, of the training ones are taken as draws of a lognormal, and a held-out one is
-//! one more of them unless it lies above their prediction limit, Student's t on the logarithms (no narrower than chi-square's own scatter).
+//! What only a held-out maneuver shows (a stop that no other reaches) no candidate can gain on the
+//! training maneuvers. But "nothing is missing" would be false. Maneuvers differ, in gusts above
+//! all: the squares per sample, whitened, of the training ones are taken as draws of a lognormal,
+//! and a held-out one is one more of them unless it lies above their prediction limit, Student's t
+//! on the logarithms (no narrower than chi-square's own scatter).
 
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::frozen::Frozen;
@@ -15,35 +18,57 @@ use crate::math::distribution::t_quantile;
 pub struct Missed {
     /// Index among the segments.
     pub segment: usize,
-    /// Squares of the whitened residuals per sample, infinite where the model does not run, and what they may be.
+    /// Squares of the whitened residuals per sample, infinite where the model does not run, and
+    /// what they may be.
     pub per_sample: f64,
     pub limit: f64,
 }
 
-/// Held-out maneuvers above the limit; in one of `1/(1 - quantile)` campaigns with nothing missing there is one.
+/// Held-out maneuvers above the limit; in one of `1/(1 - quantile)` campaigns with nothing missing
+/// there is one.
 pub fn missed(found: &Found, case: &Case, settings: &Settings) -> Vec<Missed> {
     let samples = |s: usize| -> usize {
         let channels = &case.records[s].channels;
         channels.iter().map(|channel| channel.z.iter().filter(|z| z.is_finite()).count()).sum()
     };
-    let training: Vec<(f64, usize)> =
-        found.places.training.iter().zip(&found.fit.costs).map(|(&s, &cost)| (cost, samples(s))).filter(|t| t.1 > 0).collect();
+    let training: Vec<(f64, usize)> = found
+        .places
+        .training
+        .iter()
+        .zip(&found.fit.costs)
+        .map(|(&s, &cost)| (cost, samples(s)))
+        .filter(|t| t.1 > 0)
+        .collect();
     let cost = |frozen: &Option<Frozen>| frozen.as_ref().map_or(f64::INFINITY, |f| f.squares);
-    let held_out = found.places.held_out.iter().zip(&found.frozen).map(|(&s, frozen)| (s, cost(frozen), samples(s)));
+    let held_out = found
+        .places
+        .held_out
+        .iter()
+        .zip(&found.frozen)
+        .map(|(&s, frozen)| (s, cost(frozen), samples(s)));
     let held_out: Vec<(usize, f64, usize)> = held_out.filter(|h| h.2 > 0).collect();
     let share = (1.0 - settings.quantile) / held_out.len().max(1) as f64;
     let above = |(s, cost, n): (usize, f64, usize)| {
         // Where too few are known to tell what is too much, a model that does not run is.
         let limit = limit(&training, n, share, settings.thresholds.fewest).unwrap_or(f64::MAX);
         let per_sample = 2.0 * cost / n as f64;
-        (per_sample > limit).then_some(Missed { segment: found.prepared.used[s], per_sample, limit })
+        (per_sample > limit).then_some(Missed {
+            segment: found.prepared.used[s],
+            per_sample,
+            limit,
+        })
     };
     held_out.into_iter().filter_map(above).collect()
 }
 
-/// What another maneuver of `n` samples exceeds with this probability; none where too few are known. `training`: cost and samples of each.
+/// What another maneuver of `n` samples exceeds with this probability; none where too few are
+/// known. `training`: cost and samples of each.
 fn limit(training: &[(f64, usize)], n: usize, share: f64, fewest: usize) -> Option<f64> {
-    let logs: Vec<f64> = training.iter().map(|&(cost, n)| libm::log(2.0 * cost / n as f64)).filter(|v| v.is_finite()).collect();
+    let logs: Vec<f64> = training
+        .iter()
+        .map(|&(cost, n)| libm::log(2.0 * cost / n as f64))
+        .filter(|v| v.is_finite())
+        .collect();
     let count = logs.len() as f64;
     if logs.len() < fewest {
         return None;
@@ -77,7 +102,10 @@ mod tests {
             2.0 * cost / n as f64 > limit(&training, n, 0.05, 3).expect("enough")
         });
         let share = hits.count() as f64 / f64::from(trials);
-        assert!((share - 0.05).abs() < 3.0 * (0.05f64 * 0.95 / f64::from(trials)).sqrt(), "{share}");
+        assert!(
+            (share - 0.05).abs() < 3.0 * (0.05f64 * 0.95 / f64::from(trials)).sqrt(),
+            "{share}"
+        );
         assert_eq!(limit(&[(100.0, 200), (100.0, 200)], 200, 0.05, 3), None);
     }
 }

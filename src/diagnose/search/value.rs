@@ -1,4 +1,5 @@
-//! What a full fit found of one parameter, or gained in one maneuver, in; whether the flights determine it, out.
+//! What a full fit found of one parameter, or gained in one maneuver, in; whether the flights
+//! determine it, out.
 
 use crate::diagnose::thresholds::Thresholds;
 
@@ -30,8 +31,8 @@ pub struct Value {
 }
 
 impl Value {
-    /// With whether it is determined: a size is where its sd is a small share of it; a shape where its interval (2 sd) is narrower than what
-    /// physics and the flights allow it.
+    /// With whether it is determined: a size is where its sd is a small share of it; a shape where
+    /// its interval (2 sd) is narrower than what physics and the flights allow it.
     pub fn judged(mut self, thresholds: &Thresholds) -> Value {
         self.is_determined = self.held
             || match (self.sd, self.null) {

@@ -19,7 +19,8 @@ pub struct Finding {
 /// What is known in the end.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Every effect added stands alone; what is left is noise, or little against what was explained (`Diagnosis::complete`).
+    /// Every effect added stands alone; what is left is noise, or little against what was explained
+    /// (`Diagnosis::complete`).
     Named,
     /// The same, but at least one is not distinguishable from others.
     OneOfThese,
@@ -52,7 +53,8 @@ pub struct Diagnosis {
     pub rounds: Vec<Round>,
     /// One per effect named.
     pub findings: Vec<Finding>,
-    /// Candidates that are in the model and explain most of something, but are contradicted, and why.
+    /// Candidates that are in the model and explain most of something, but are contradicted, and
+    /// why.
     pub doubts: Vec<(String, String)>,
     /// What was added, in order: the candidates as they stand in the model.
     pub added: Vec<effect::Candidate>,

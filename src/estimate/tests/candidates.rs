@@ -1,11 +1,13 @@
-//! Sensor errors that may be left out: are those held that are not there, and those estimated that are, with what is said of each?
+//! Sensor errors that may be left out: are those held that are not there, and those estimated that
+//! are, with what is said of each?
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
 use crate::estimate::{Estimation, Settings, Stop, Support, estimate};
 use crate::model::{Constants, Model};
 
-/// `k` scales what a sensor shows of `x`, `b` and `b2` are the same bias under two names, `c` bends its scale.
+/// `k` scales what a sensor shows of `x`, `b` and `b2` are the same bias under two names, `c` bends
+/// its scale.
 const LAG: &str = r#"
 title = "Lag and its sensor"
 [inputs]
@@ -28,24 +30,35 @@ fn lag(seed: u64, truth: [f64; 5], candidates: &[&str]) -> Estimation {
     let plan = Plan::new(&model, Directions::default()).unwrap();
     let n = 400;
     let inputs: Vec<f64> = (0..n).map(|k| [0.0, 1.0, -1.0, 2.0][k / 50 % 4]).collect();
-    let channel = Channel { output: 0, t: (0..n).map(|k| k as f64 * 0.02).collect(), z: vec![0.0; n] };
+    let channel =
+        Channel { output: 0, t: (0..n).map(|k| k as f64 * 0.02).collect(), z: vec![0.0; n] };
     let mut record = Record { dt: 0.02, n, inputs, channels: vec![channel], ..Record::default() };
     let run = plan.run(&truth, &[], &record, false);
     let mut rng = rng(seed);
     record.channels[0].z = run.y.iter().map(|y| y + 0.05 * normal(&mut rng)).collect();
-    let settings = Settings { candidates: candidates.iter().map(ToString::to_string).collect(), ..Settings::default() };
+    let settings = Settings {
+        candidates: candidates.iter().map(ToString::to_string).collect(),
+        ..Settings::default()
+    };
     estimate(&model, &[record], &settings).unwrap()
 }
 
 fn support(e: &Estimation, name: &str) -> Support {
-    e.decisions.iter().find(|d| d.parameter == name).unwrap_or_else(|| panic!("no decision on {name}: {:?}", e.decisions)).support
+    e.decisions
+        .iter()
+        .find(|d| d.parameter == name)
+        .unwrap_or_else(|| panic!("no decision on {name}: {:?}", e.decisions))
+        .support
 }
 
 #[test]
 fn recovery_a_bias_that_is_there_is_estimated_and_a_bend_that_is_not_is_held() {
     let e = lag(1, [0.3, 1.0, 0.1, 0.0, 0.0], &["b", "c"]);
     assert_eq!(e.stop, Stop::Converged);
-    assert_eq!((support(&e, "b"), support(&e, "c")), (Support::Significant, Support::NotSignificant));
+    assert_eq!(
+        (support(&e, "b"), support(&e, "c")),
+        (Support::Significant, Support::NotSignificant)
+    );
     assert_eq!(e.rows.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["T", "b"]);
     let b = &e.rows[1];
     assert!((b.value - 0.1).abs() < 3.0 * b.sd.unwrap(), "{b:?}");
@@ -53,7 +66,9 @@ fn recovery_a_bias_that_is_there_is_estimated_and_a_bend_that_is_not_is_held() {
 
 #[test]
 fn recovery_what_is_not_there_is_called_significant_once_in_twenty() {
-    let wrong = (0..100).filter(|seed| support(&lag(100 + seed, [0.3, 1.0, 0.0, 0.0, 0.0], &["c"]), "c") == Support::Significant);
+    let wrong = (0..100).filter(|seed| {
+        support(&lag(100 + seed, [0.3, 1.0, 0.0, 0.0, 0.0], &["c"]), "c") == Support::Significant
+    });
     let wrong = wrong.count();
     // 4.55% of 100, and three standard deviations of a binomial count
     assert!(wrong <= 10, "{wrong} of 100");

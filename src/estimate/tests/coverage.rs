@@ -5,7 +5,8 @@ use crate::estimate::Stop;
 use crate::noise::OrderCriterion;
 use rayon::prelude::*;
 
-/// Share of intervals `value +- 1.96 sd` over the truth, pooled and per parameter, for `sd` and for `sd_crlb`.
+/// Share of intervals `value +- 1.96 sd` over the truth, pooled and per parameter, for `sd` and for
+/// `sd_crlb`.
 fn coverage(trials: u64, rho: f64) -> ([f64; 2], Vec<[f64; 2]>) {
     let settings = Settings::default();
     let hits: Vec<Vec<[bool; 2]>> = (0..trials)
@@ -13,7 +14,8 @@ fn coverage(trials: u64, rho: f64) -> ([f64; 2], Vec<[f64; 2]>) {
         .map(|seed| {
             let solution = Toy::simulate(seed, 3, 400, 0.1, rho).solve(&settings);
             assert_eq!(solution.fit.stop, Stop::Converged, "trial {seed}");
-            let (sd, crlb) = (sds(solution.covariance.as_ref().unwrap()), sds(solution.crlb.as_ref().unwrap()));
+            let (sd, crlb) =
+                (sds(solution.covariance.as_ref().unwrap()), sds(solution.crlb.as_ref().unwrap()));
             let truth = [TOY_TRUTH[0], TOY_TRUTH[1], 0.0, 0.1, 0.2];
             (0..5)
                 .map(|i| {
@@ -23,7 +25,8 @@ fn coverage(trials: u64, rho: f64) -> ([f64; 2], Vec<[f64; 2]>) {
                 .collect()
         })
         .collect();
-    let share = |i: usize, which: usize| hits.iter().filter(|h| h[i][which]).count() as f64 / trials as f64;
+    let share =
+        |i: usize, which: usize| hits.iter().filter(|h| h[i][which]).count() as f64 / trials as f64;
     let each: Vec<[f64; 2]> = (0..5).map(|i| [share(i, 0), share(i, 1)]).collect();
     let pooled = [0, 1].map(|w| each.iter().map(|e| e[w]).sum::<f64>() / 5.0);
     (pooled, each)
@@ -92,13 +95,15 @@ fn coverage_of(make: Noise, settings: &Settings, trials: u64) -> [f64; 2] {
         })
         .collect();
     let share = |of: std::ops::Range<usize>| {
-        let (n, count) = (of.len() as f64, hits.iter().flat_map(|h| &h[of.clone()]).filter(|hit| **hit).count());
+        let (n, count) =
+            (of.len() as f64, hits.iter().flat_map(|h| &h[of.clone()]).filter(|hit| **hit).count());
         count as f64 / n / trials as f64
     };
     [share(0..2), share(0..5)]
 }
 
-/// Which criterion for the order does both jobs: short where the noise is simple, long enough for slow noise hidden under white.
+/// Which criterion for the order does both jobs: short where the noise is simple, long enough for
+/// slow noise hidden under white.
 #[test]
 fn recovery_coverage_by_order_criterion() {
     println!("coverage of 95% intervals (common parameters, all parameters)");
@@ -107,7 +112,10 @@ fn recovery_coverage_by_order_criterion() {
         let of = |ar_order| coverage_of(make, &Settings { ar_order, ..Settings::default() }, 500);
         let (white, bic) = (of(OrderCriterion::White), of(OrderCriterion::Bic));
         println!("{name:22} white {white:.3?}  bic {bic:.3?}");
-        assert!((0.92..=0.98).contains(&white[0]) && (0.93..=0.97).contains(&white[1]), "{name}: {white:?}");
+        assert!(
+            (0.92..=0.98).contains(&white[0]) && (0.93..=0.97).contains(&white[1]),
+            "{name}: {white:?}"
+        );
         assert!(!decides || bic[1] < 0.90, "the shorter models of BIC cover as much: {bic:?}");
     }
 }

@@ -2,7 +2,10 @@
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
-use crate::estimate::{Estimation, Label, Line, NoiseKind, Row, Segment, Settings, StepControl, Stop, Stretch, estimate_segments};
+use crate::estimate::{
+    Estimation, Label, Line, NoiseKind, Row, Segment, Settings, StepControl, Stop, Stretch,
+    estimate_segments,
+};
 use crate::model::{Constants, Model};
 
 const TEXT: &str = r#"
@@ -30,11 +33,18 @@ pub fn model() -> Model {
 }
 
 fn label(s: usize) -> (&'static str, &'static str, f64, f64) {
-    [("0", "f1", 1.2, 0.1), ("15", "f1", 1.5, 0.1), ("0", "f2", 1.2, -0.2), ("15", "f2", 1.5, -0.2)][s % 4]
+    [("0", "f1", 1.2, 0.1), ("15", "f1", 1.5, 0.1), ("0", "f2", 1.2, -0.2), ("15", "f2", 1.5, -0.2)]
+        [s % 4]
 }
 
-/// Truth: T 0.3, K 1.2 and 1.5 by flap, y_0 0.1 and -0.2 by flight, x_0 0.01 s; `sd` is the noise of `x` and `y` in a segment.
-pub fn segments(model: &Model, seed: u64, n: usize, sd: impl Fn(usize) -> [f64; 2]) -> Vec<Segment> {
+/// Truth: T 0.3, K 1.2 and 1.5 by flap, y_0 0.1 and -0.2 by flight, x_0 0.01 s; `sd` is the noise
+/// of `x` and `y` in a segment.
+pub fn segments(
+    model: &Model,
+    seed: u64,
+    n: usize,
+    sd: impl Fn(usize) -> [f64; 2],
+) -> Vec<Segment> {
     let mut rng = rng(seed);
     let plan = Plan::new(model, Directions::default()).unwrap();
     (0..n)
@@ -48,12 +58,15 @@ pub fn segments(model: &Model, seed: u64, n: usize, sd: impl Fn(usize) -> [f64; 
             let inputs = (0..samples).map(|k| [0.0, 1.0, -1.0, 0.0][(k / 60).min(3)]).collect();
             // `y` at half the rate of `x`, on its stamps
             let channels = vec![channel(0, 0.02, samples), channel(1, 0.04, samples / 2)];
-            let mut record = Record { dt: 0.02, n: samples, inputs, channels, substeps: 1, ..Record::default() };
+            let mut record =
+                Record { dt: 0.02, n: samples, inputs, channels, substeps: 1, ..Record::default() };
             let response = plan.respond(&[0.3, gain, shift, 0.01 * s as f64], &[], &record, false);
             for (k, (channel, y)) in record.channels.iter_mut().zip(response.y).enumerate() {
                 channel.z = y.iter().map(|y| y + sd(s)[k] * normal(&mut rng)).collect();
             }
-            let labels = [("flap", flap), ("flight", flight)].map(|(a, b)| (a.to_string(), b.to_string())).into();
+            let labels = [("flap", flap), ("flight", flight)]
+                .map(|(a, b)| (a.to_string(), b.to_string()))
+                .into();
             Segment { record, labels, ..Segment::default() }
         })
         .collect()
@@ -65,17 +78,27 @@ fn find<'a>(e: &'a Estimation, name: &str, of: &str) -> &'a Row {
 }
 
 fn within(row: &Row, truth: f64) {
-    assert!((row.value - truth).abs() < 4.0 * row.sd.unwrap() && row.sd.unwrap() < 0.03, "{row:?}, truth {truth}");
+    assert!(
+        (row.value - truth).abs() < 4.0 * row.sd.unwrap() && row.sd.unwrap() < 0.03,
+        "{row:?}, truth {truth}"
+    );
 }
 
 #[test]
 fn recovery_of_one_value_per_group() {
     let model = model();
-    let e = estimate_segments(&model, &segments(&model, 1, 4, |_| [0.01; 2]), &Settings::default()).unwrap();
+    let e = estimate_segments(&model, &segments(&model, 1, 4, |_| [0.01; 2]), &Settings::default())
+        .unwrap();
     assert_eq!(e.stop, Stop::Converged);
-    let names: Vec<String> =
-        e.rows.iter().map(|r| r.group.as_ref().map_or(r.name.clone(), |g| format!("{} of {g}", r.name))).collect();
-    assert_eq!(names[..5], ["T", "K of flap 0", "K of flap 15", "y_0 of flight f1", "y_0 of flight f2"]);
+    let names: Vec<String> = e
+        .rows
+        .iter()
+        .map(|r| r.group.as_ref().map_or(r.name.clone(), |g| format!("{} of {g}", r.name)))
+        .collect();
+    assert_eq!(
+        names[..5],
+        ["T", "K of flap 0", "K of flap 15", "y_0 of flight f1", "y_0 of flight f2"]
+    );
     assert_eq!((names.len(), e.left_out.len()), (9, 0));
     within(find(&e, "T", ""), 0.3);
     within(find(&e, "K", "0"), 1.2);
@@ -86,15 +109,21 @@ fn recovery_of_one_value_per_group() {
     assert_eq!(e.correlations.len(), 10 + 4 * 3);
 }
 
-/// The same problem with every group parameter written as a separate campaign parameter would be two problems where flaps and flights
-/// do not mix: groups of segments that share nothing must not see each other.
+/// The same problem with every group parameter written as a separate campaign parameter would be
+/// two problems where flaps and flights do not mix: groups of segments that share nothing must not
+/// see each other.
 #[test]
 fn groups_that_share_nothing_are_separate_estimates() {
     let model = model();
     let all = segments(&model, 2, 4, |_| [0.01; 2]);
     let per = ["T", "K", "y_0"].map(|p| (p.to_string(), "flight".to_string()));
-    let settings =
-        Settings { per: per.into(), noise_per: "flight".into(), tolerance: 1e-12, step_tolerance: 1e-7, ..Settings::default() };
+    let settings = Settings {
+        per: per.into(),
+        noise_per: "flight".into(),
+        tolerance: 1e-12,
+        step_tolerance: 1e-7,
+        ..Settings::default()
+    };
     let joint = estimate_segments(&model, &all, &settings).unwrap();
     for (value, two) in [("f1", &all[..2]), ("f2", &all[2..])] {
         let alone = estimate_segments(&model, two, &settings).unwrap();
@@ -107,7 +136,8 @@ fn groups_that_share_nothing_are_separate_estimates() {
     }
 }
 
-/// A gain that follows a condition: its value at the centre and its slope are found, and what a maneuver needs is not known.
+/// A gain that follows a condition: its value at the centre and its slope are found, and what a
+/// maneuver needs is not known.
 #[test]
 fn recovery_of_a_line_in_a_condition() {
     let model = model();
@@ -117,7 +147,14 @@ fn recovery_of_a_line_in_a_condition() {
     for (s, segment) in all.iter_mut().enumerate() {
         let speed = 60.0 + 11.0 * s as f64;
         let shift = label(s).3;
-        let y = plan.respond(&[0.3, 0.5 + 0.02 * speed, shift, 0.01 * s as f64], &[], &segment.record, false).y;
+        let y = plan
+            .respond(
+                &[0.3, 0.5 + 0.02 * speed, shift, 0.01 * s as f64],
+                &[],
+                &segment.record,
+                false,
+            )
+            .y;
         for (channel, y) in segment.record.channels.iter_mut().zip(y) {
             channel.z = y.iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
         }
@@ -134,11 +171,15 @@ fn recovery_of_a_line_in_a_condition() {
     within(find(&e, "K", ""), 2.1);
     let slope = find(&e, "K per V", "");
     assert_eq!(slope.unit, "1/(m/s)");
-    assert!((slope.value - 0.02).abs() < 4.0 * slope.sd.unwrap() && slope.sd.unwrap() < 1e-3, "{slope:?}");
+    assert!(
+        (slope.value - 0.02).abs() < 4.0 * slope.sd.unwrap() && slope.sd.unwrap() < 1e-3,
+        "{slope:?}"
+    );
     // Stretches of records have the same line.
     let piece = |(s, segment): (usize, &Segment)| -> Vec<Segment> {
         let edges = [f64::NEG_INFINITY, 2.5, f64::INFINITY];
-        let stretch = |i: usize| Stretch { of: format!("record {s}"), from: edges[i], to: edges[i + 1] };
+        let stretch =
+            |i: usize| Stretch { of: format!("record {s}"), from: edges[i], to: edges[i + 1] };
         (0..2).map(|i| Segment { stretch: Some(stretch(i)), ..segment.clone() }).collect()
     };
     let cut: Vec<Segment> = all.iter().enumerate().flat_map(piece).collect();
@@ -146,29 +187,44 @@ fn recovery_of_a_line_in_a_condition() {
     assert!((find(&same, "K per V", "").value - slope.value).abs() < 1e-3 * slope.sd.unwrap());
     all[2].conditions.clear();
     let e = estimate_segments(&model, &all, &settings).unwrap();
-    assert!(e.left_out[0].segment == 2 && e.left_out[0].why.contains("\"V\" is not known"), "{:?}", e.left_out);
+    assert!(
+        e.left_out[0].segment == 2 && e.left_out[0].why.contains("\"V\" is not known"),
+        "{:?}",
+        e.left_out
+    );
 }
 
-/// Stretches of a record have its start and its own parameters in common: all of them together say what the record says.
+/// Stretches of a record have its start and its own parameters in common: all of them together say
+/// what the record says.
 #[test]
 fn stretches_of_a_record_are_the_record() {
     let model = model();
     let whole = segments(&model, 5, 4, |_| [0.01; 2]);
     let pieces = |(s, segment): (usize, &Segment)| -> Vec<Segment> {
         let edges = [f64::NEG_INFINITY, 1.5, 3.1, f64::INFINITY];
-        let stretch = |i: usize| Stretch { of: format!("record {s}"), from: edges[i], to: edges[i + 1] };
+        let stretch =
+            |i: usize| Stretch { of: format!("record {s}"), from: edges[i], to: edges[i + 1] };
         (0..3).map(|i| Segment { stretch: Some(stretch(i)), ..segment.clone() }).collect()
     };
     let cut: Vec<Segment> = whole.iter().enumerate().flat_map(pieces).collect();
     for noise in [NoiseKind::Diagonal, NoiseKind::Full] {
-        let settings = Settings { noise, tolerance: 1e-12, step_tolerance: 1e-7, ..Settings::default() };
-        let (whole, cut) =
-            (estimate_segments(&model, &whole, &settings).unwrap(), estimate_segments(&model, &cut, &settings).unwrap());
-        assert_eq!((whole.stop, cut.stop, cut.left_out.len()), (Stop::Converged, Stop::Converged, 0));
+        let settings =
+            Settings { noise, tolerance: 1e-12, step_tolerance: 1e-7, ..Settings::default() };
+        let (whole, cut) = (
+            estimate_segments(&model, &whole, &settings).unwrap(),
+            estimate_segments(&model, &cut, &settings).unwrap(),
+        );
+        assert_eq!(
+            (whole.stop, cut.stop, cut.left_out.len()),
+            (Stop::Converged, Stop::Converged, 0)
+        );
         assert_eq!(cut.rows.len(), whole.rows.len());
         for a in &whole.rows {
             let of = |b: &&Row| match a.segment {
-                Some(s) => b.name == a.name && b.group.as_ref().is_some_and(|g| g.value == format!("record {s}")),
+                Some(s) => {
+                    b.name == a.name
+                        && b.group.as_ref().is_some_and(|g| g.value == format!("record {s}"))
+                }
                 None => b.name == a.name && b.group == a.group,
             };
             let b = cut.rows.iter().find(of).unwrap();
@@ -189,10 +245,13 @@ fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
         let (flap, flight, gain, shift) = label(s);
         let inputs = (0..n).map(|k| [0.0, 1.0, -1.0, 0.0][(k * 3 / n).min(3)]).collect();
         let channel = Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![] };
-        let mut record = Record { dt, n, inputs, channels: vec![channel], substeps: 1, ..Record::default() };
+        let mut record =
+            Record { dt, n, inputs, channels: vec![channel], substeps: 1, ..Record::default() };
         let y = plan.respond(&[0.3, gain, shift, 0.0], &[], &record, false).y;
         record.channels[0].z = y[0].iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
-        let labels = [("flap", flap), ("flight", flight)].map(|(a, b)| (a.to_string(), b.to_string())).into();
+        let labels = [("flap", flap), ("flight", flight)]
+            .map(|(a, b)| (a.to_string(), b.to_string()))
+            .into();
         all[s] = Segment { record, labels, ..Segment::default() };
     }
     for noise in [NoiseKind::Diagonal, NoiseKind::Full] {
@@ -204,7 +263,11 @@ fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
             within(find(&e, "K", "0"), 1.2);
             within(find(&e, "K", "15"), 1.5);
             within(find(&e, "y_0", "f1"), 0.1);
-            assert!(e.outputs.iter().all(|o| o.count == 0 || (o.r.sqrt() - 0.01).abs() < 0.002), "{:?}", e.outputs);
+            assert!(
+                e.outputs.iter().all(|o| o.count == 0 || (o.r.sqrt() - 0.01).abs() < 0.002),
+                "{:?}",
+                e.outputs
+            );
             let x = e.scatter(1, "x").unwrap();
             assert_eq!(x.count, if noise_per == "segment" { 90 } else { 690 });
         }
@@ -223,7 +286,8 @@ fn noise_per_flight_weighs_the_calm_one_more() {
     let truth = [0.01, 0.02, 0.1, 0.05];
     assert!(sd.iter().zip(truth).all(|(a, b)| (a / b - 1.0).abs() < 0.1), "{sd:?}");
     assert_eq!(split.noise_groups, [Some(0), Some(0), Some(1), Some(1)]);
-    let geometric = (split.outputs[0].r * split.outputs[1].r).sqrt() * (split.outputs[2].r * split.outputs[3].r).sqrt();
+    let geometric = (split.outputs[0].r * split.outputs[1].r).sqrt()
+        * (split.outputs[2].r * split.outputs[3].r).sqrt();
     assert!((split.det_r / geometric - 1.0).abs() < 1e-9);
     within(find(&split, "T", ""), 0.3);
     assert!(find(&split, "T", "").sd.unwrap() < 0.5 * find(&mixed, "T", "").sd.unwrap());
@@ -249,7 +313,10 @@ fn both_ways_of_stepping_end_at_the_same_point() {
     for starts in [vec![], vec![("T".to_string(), 5.0)]] {
         let tight = Settings { starts: starts.into_iter().collect(), ..tight.clone() };
         let damped = Settings { step_control: StepControl::LevenbergMarquardt, ..tight.clone() };
-        let (a, b) = (estimate_segments(&model, &all, &tight).unwrap(), estimate_segments(&model, &all, &damped).unwrap());
+        let (a, b) = (
+            estimate_segments(&model, &all, &tight).unwrap(),
+            estimate_segments(&model, &all, &damped).unwrap(),
+        );
         assert_eq!((a.stop, b.stop), (Stop::Converged, Stop::Converged));
         for (a, b) in a.rows.iter().zip(&b.rows) {
             assert!((a.value - b.value).abs() < 1e-6 * a.sd.unwrap(), "{a:?} {b:?}");
@@ -264,7 +331,8 @@ fn both_ways_of_stepping_end_at_the_same_point() {
 fn the_same_bytes_for_any_number_of_threads_and_groups() {
     let model = model();
     let all = segments(&model, 6, 6, |_| [0.01; 2]);
-    let settings = Settings { noise: NoiseKind::Full, noise_per: "flight".into(), ..Settings::default() };
+    let settings =
+        Settings { noise: NoiseKind::Full, noise_per: "flight".into(), ..Settings::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         format!("{:?}", pool.install(|| estimate_segments(&model, &all, &settings)).unwrap())
@@ -277,7 +345,8 @@ fn the_same_bytes_for_any_number_of_threads_and_groups() {
 fn many_groups_stay_small() {
     let model = model();
     let all = segments(&model, 7, 600, |_| [0.01; 2]);
-    let settings = Settings { noise_per: "segment".into(), max_iterations: 2, ..Settings::default() };
+    let settings =
+        Settings { noise_per: "segment".into(), max_iterations: 2, ..Settings::default() };
     let e = estimate_segments(&model, &all, &settings).unwrap();
     assert_eq!((e.outputs.len(), e.rows.len()), (1200, 605));
 }
@@ -296,7 +365,10 @@ fn fault_a_segment_without_samples_or_label_is_left_out_by_name() {
     assert_eq!(e.stop, Stop::Converged);
     assert_eq!(
         why(&e),
-        [(1, "it has no measured sample that is not masked"), (4, "it has no \"flap\", by which parameters differ")]
+        [
+            (1, "it has no measured sample that is not masked"),
+            (4, "it has no \"flap\", by which parameters differ")
+        ]
     );
     let own: Vec<usize> = e.rows.iter().filter_map(|r| r.segment).collect();
     assert_eq!(own, [0, 2, 3, 5]);
@@ -313,7 +385,10 @@ fn fault_a_segment_that_is_not_finite_at_the_start_is_left_out_by_name() {
     all[3].record.inputs[50] = f64::NAN;
     let e = estimate_segments(&model, &all, &Settings::default()).unwrap();
     assert_eq!(e.stop, Stop::Converged);
-    let why_not = [(2, "the model is not finite there at the start values"), (3, "input u has no value at 1 of its samples")];
+    let why_not = [
+        (2, "the model is not finite there at the start values"),
+        (3, "input u has no value at 1 of its samples"),
+    ];
     assert_eq!(why(&e), why_not);
     within(find(&e, "y_0", "f1"), 0.1);
 }
@@ -323,14 +398,23 @@ fn fault_parameters_that_only_one_segment_cannot_determine_cost_that_segment() {
     let model = model();
     let mut all = segments(&model, 10, 4, |_| [0.01; 2]);
     all[3].record.channels[1].z.fill(f64::NAN);
-    let settings = Settings { per: [("y_0".to_string(), "segment".to_string())].into(), ..Settings::default() };
+    let settings = Settings {
+        per: [("y_0".to_string(), "segment".to_string())].into(),
+        ..Settings::default()
+    };
     let e = estimate_segments(&model, &all, &settings).unwrap();
-    assert_eq!((e.stop, why(&e)), (Stop::Converged, vec![(3, "y_0 has no effect on the measured outputs")]));
+    assert_eq!(
+        (e.stop, why(&e)),
+        (Stop::Converged, vec![(3, "y_0 has no effect on the measured outputs")])
+    );
     // Where no segment determines it, it is the estimation that ends, and nothing is left out.
     all.iter_mut().for_each(|s| s.record.channels[1].z.fill(f64::NAN));
     let e = estimate_segments(&model, &all, &settings).unwrap();
     assert_eq!((e.stop, e.left_out.len()), (Stop::Singular, 0));
-    assert_eq!(e.verdict.combinations[0].to_string(), "y_0 of segment 0 has no effect on the measured outputs");
+    assert_eq!(
+        e.verdict.combinations[0].to_string(),
+        "y_0 of segment 0 has no effect on the measured outputs"
+    );
 }
 
 #[test]
@@ -348,10 +432,17 @@ fn fault_a_group_without_its_output_costs_its_segments() {
 fn fault_a_column_that_no_segment_has_is_a_mistake() {
     let model = model();
     let all = segments(&model, 12, 2, |_| [0.01; 2]);
-    let settings =
-        Settings { per: [("T".to_string(), "flapp".to_string())].into(), noise_per: "day".into(), ..Settings::default() };
+    let settings = Settings {
+        per: [("T".to_string(), "flapp".to_string())].into(),
+        noise_per: "day".into(),
+        ..Settings::default()
+    };
     let text = estimate_segments(&model, &all, &settings).unwrap_err().to_string();
-    assert!(text.contains("parameter \"T\" of model lag is per \"flapp\"") && text.contains("the noise is per \"day\""), "{text}");
+    assert!(
+        text.contains("parameter \"T\" of model lag is per \"flapp\"")
+            && text.contains("the noise is per \"day\""),
+        "{text}"
+    );
     assert!(text.contains("campaign, flap, flight, segment"), "{text}");
 }
 

@@ -1,4 +1,5 @@
-//! Hazards of estimating: delays of any length, limits, pre-roll, stiff models; and data that say nothing. Each on estimates.
+//! Hazards of estimating: delays of any length, limits, pre-roll, stiff models; and data that say
+//! nothing. Each on estimates.
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
@@ -31,7 +32,8 @@ x = { unit = "rad", value = "x" }
 
 /// Delay of the input, and of the state in a feedback.
 fn delayed() -> [Model; 2] {
-    [DELAYED.replace("OF", "delay(u, tau)"), DELAYED.replace("OF", "(u - 0.4*delay(x, tau))")].map(|text| model(&text))
+    [DELAYED.replace("OF", "delay(u, tau)"), DELAYED.replace("OF", "(u - 0.4*delay(x, tau))")]
+        .map(|text| model(&text))
 }
 
 /// A smooth input that is already moving when the record begins.
@@ -41,9 +43,21 @@ fn input(t: f64) -> f64 {
 
 fn empty(n: usize, start: usize, count: usize) -> Record {
     let t = |k: usize| (start + k) as f64 * DT;
-    let channels =
-        (0..count).map(|output| Channel { output, t: (0..n - start).map(t).collect(), z: vec![0.0; n - start] }).collect();
-    Record { dt: DT, n, start, inputs: (0..n).map(|k| input(k as f64 * DT)).collect(), channels, ..Record::default() }
+    let channels = (0..count)
+        .map(|output| Channel {
+            output,
+            t: (0..n - start).map(t).collect(),
+            z: vec![0.0; n - start],
+        })
+        .collect();
+    Record {
+        dt: DT,
+        n,
+        start,
+        inputs: (0..n).map(|k| input(k as f64 * DT)).collect(),
+        channels,
+        ..Record::default()
+    }
 }
 
 /// A record of what the model says at `parameters`, with noise.
@@ -63,15 +77,18 @@ fn within(e: &Estimation, name: &str, truth: f64, most: f64) {
     assert!((row.value - truth).abs() < 3.5 * sd && sd < most, "{row:?}, truth {truth}");
 }
 
-/// The exact derivative with respect to the delay is that of differences: shorter than a step, on grid points, between them, longer than
-/// what was flown. On a grid point, where how the history is read changes, it is that of one of the two sides.
+/// The exact derivative with respect to the delay is that of differences: shorter than a step, on
+/// grid points, between them, longer than what was flown. On a grid point, where how the history is
+/// read changes, it is that of one of the two sides.
 #[test]
 fn sensitivities_to_a_delay_are_exact_at_any_length() {
     for (which, model) in delayed().into_iter().enumerate() {
-        let plan = Plan::new(&model, Directions { parameters: vec![0, 1, 2], starts: vec![] }).unwrap();
+        let plan =
+            Plan::new(&model, Directions { parameters: vec![0, 1, 2], starts: vec![] }).unwrap();
         let record = Record { substeps: 4, ..empty(200, 40, 1) };
         for steps in [0.3, 0.999, 1.0, 1.001, 2.5, 7.0, 7.3, 39.9, 60.2, 500.0] {
-            let at = |h: f64, exact: bool| plan.run(&[1.5, 0.5, steps * DT + h], &[], &record, exact);
+            let at =
+                |h: f64, exact: bool| plan.run(&[1.5, 0.5, steps * DT + h], &[], &record, exact);
             let h = 1e-6;
             let (here, up, down) = (at(0.0, true), at(h, false), at(-h, false));
             let size = here.dy.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -79,7 +96,10 @@ fn sensitivities_to_a_delay_are_exact_at_any_length() {
                 let sides = [(up.y[k] - here.y[k]) / h, (here.y[k] - down.y[k]) / h];
                 let exact = here.dy[3 * k + 2];
                 let gap = sides.iter().map(|d| (exact - d).abs()).fold(f64::INFINITY, f64::min);
-                assert!(gap < 1e-5 * size + 1e-8, "model {which}, {steps} steps, point {k}: {exact} and {sides:?}");
+                assert!(
+                    gap < 1e-5 * size + 1e-8,
+                    "model {which}, {steps} steps, point {k}: {exact} and {sides:?}"
+                );
             }
         }
     }
@@ -92,7 +112,8 @@ fn recovery_of_delays_across_grid_points_and_below_a_step() {
             let record = Record { substeps: 4, ..empty(400, 40, 1) };
             let record = flown(&model, &[1.2, 0.6, tau], record, seed + 10 * which as u64, 0.001);
             for start in [0.0, 4.2 * DT] {
-                let settings = Settings { starts: [("tau".to_string(), start)].into(), ..Settings::default() };
+                let settings =
+                    Settings { starts: [("tau".to_string(), start)].into(), ..Settings::default() };
                 let e = estimate(&model, std::slice::from_ref(&record), &settings).unwrap();
                 assert_eq!(e.stop, Stop::Converged, "{which} {tau} from {start}");
                 within(&e, "tau", tau, 0.02);
@@ -103,25 +124,34 @@ fn recovery_of_delays_across_grid_points_and_below_a_step() {
     }
 }
 
-/// The delayed input reads what was flown before the segment, where that is known; without it, its first value.
+/// The delayed input reads what was flown before the segment, where that is known; without it, its
+/// first value.
 #[test]
 fn recovery_of_a_delay_needs_the_preroll() {
     let [model, _] = delayed();
-    let record = flown(&model, &[1.2, 0.6, 0.8], Record { substeps: 2, ..empty(120, 40, 1) }, 5, 0.002);
+    let record =
+        flown(&model, &[1.2, 0.6, 0.8], Record { substeps: 2, ..empty(120, 40, 1) }, 5, 0.002);
     let e = estimate(&model, std::slice::from_ref(&record), &Settings::default()).unwrap();
     assert_eq!(e.stop, Stop::Converged);
     within(&e, "tau", 0.8, 0.01);
     let known = e.det_r;
-    let cut = Record { inputs: record.inputs[40..].to_vec(), n: 80, start: 0, t0: 40.0 * DT, ..record };
+    let cut =
+        Record { inputs: record.inputs[40..].to_vec(), n: 80, start: 0, t0: 40.0 * DT, ..record };
     let e = estimate(&model, &[cut], &Settings::default()).unwrap();
-    assert!(e.det_r > 10.0 * known, "without pre-roll the response cannot be met: {} and {known}", e.det_r);
+    assert!(
+        e.det_r > 10.0 * known,
+        "without pre-roll the response cannot be met: {} and {known}",
+        e.det_r
+    );
 }
 
 #[test]
 fn fault_a_segment_shorter_than_the_delay_says_nothing_of_it() {
     let [model, _] = delayed();
-    let long = flown(&model, &[1.2, 0.6, 0.8], Record { substeps: 2, ..empty(300, 40, 1) }, 6, 0.005);
-    let short = flown(&model, &[1.2, 0.6, 0.8], Record { substeps: 2, ..empty(12, 0, 1) }, 7, 0.005);
+    let long =
+        flown(&model, &[1.2, 0.6, 0.8], Record { substeps: 2, ..empty(300, 40, 1) }, 6, 0.005);
+    let short =
+        flown(&model, &[1.2, 0.6, 0.8], Record { substeps: 2, ..empty(12, 0, 1) }, 7, 0.005);
     let settings = Settings { starts: [("tau".to_string(), 0.7)].into(), ..Settings::default() };
     let e = estimate(&model, std::slice::from_ref(&short), &settings).unwrap();
     assert_eq!(e.stop, Stop::Singular);
@@ -153,7 +183,8 @@ x = { unit = "rad", value = "x" }
 w = { unit = "rad s", value = "w" }
 "#;
 
-/// Sensitivities through contacts are those of differences, of what runs against the stop and of what only sees it.
+/// Sensitivities through contacts are those of differences, of what runs against the stop and of
+/// what only sees it.
 #[test]
 fn sensitivities_through_contacts_are_exact() {
     let model = model(STOPPED);
@@ -172,7 +203,10 @@ fn sensitivities_through_contacts_are_exact() {
         let (up, down) = (at(1e-7), at(-1e-7));
         for k in 0..here.y.len() {
             let (difference, exact) = ((up.y[k] - down.y[k]) / 2e-7, here.dy[3 * k + which]);
-            assert!((difference - exact).abs() < 1e-5, "parameter {which}, value {k}: {difference} {exact}");
+            assert!(
+                (difference - exact).abs() < 1e-5,
+                "parameter {which}, value {k}: {difference} {exact}"
+            );
         }
     }
 }
@@ -181,7 +215,8 @@ fn sensitivities_through_contacts_are_exact() {
 #[test]
 fn recovery_of_a_stop_and_of_what_moves_between() {
     let model = model(STOPPED);
-    let fine = flown(&model, &[1.2, 0.4, 0.8], Record { substeps: 64, ..empty(400, 0, 2) }, 8, 0.003);
+    let fine =
+        flown(&model, &[1.2, 0.4, 0.8], Record { substeps: 64, ..empty(400, 0, 2) }, 8, 0.003);
     assert!(fine.channels[0].z.iter().filter(|z| **z > 0.79).count() > 50);
     let e = estimate(&model, &[Record { substeps: 0, ..fine }], &Settings::default()).unwrap();
     assert_eq!(e.stop, Stop::Converged);
@@ -190,25 +225,29 @@ fn recovery_of_a_stop_and_of_what_moves_between() {
     within(&e, "T", 0.4, 0.01);
 }
 
-/// Where contacts come and go as a parameter changes, the cost has no jump as large as that of one standard deviation (0.5), and finer steps
-/// make it vanish.
+/// Where contacts come and go as a parameter changes, the cost has no jump as large as that of one
+/// standard deviation (0.5), and finer steps make it vanish.
 #[test]
 fn the_cost_is_continuous_where_contacts_come_and_go() {
     let model = model(STOPPED);
     let plan = Plan::new(&model, Directions::default()).unwrap();
     for (substeps, most) in [(1, 0.05), (8, 0.05)] {
-        let record = flown(&model, &[1.2, 0.4, 0.8], Record { substeps, ..empty(400, 0, 2) }, 9, 0.003);
+        let record =
+            flown(&model, &[1.2, 0.4, 0.8], Record { substeps, ..empty(400, 0, 2) }, 9, 0.003);
         for which in 0..3 {
             let cost = |i: usize| {
                 let mut p = [1.2, 0.4, 0.8];
                 p[which] *= 1.0 + 4e-5 * (i as f64 - 300.0);
                 let y = plan.respond(&p, &[], &record, false).y;
-                let one = |(c, y): (&Channel, &Vec<f64>)| c.z.iter().zip(y).map(|(z, y)| (z - y) * (z - y)).sum::<f64>();
+                let one = |(c, y): (&Channel, &Vec<f64>)| {
+                    c.z.iter().zip(y).map(|(z, y)| (z - y) * (z - y)).sum::<f64>()
+                };
                 0.5 * record.channels.iter().zip(&y).map(one).sum::<f64>() / (0.003 * 0.003)
             };
             let costs: Vec<f64> = (0..600).map(cost).collect();
             // Along a smooth curve second differences are tiny; a jump stands out as it is.
-            let jump = costs.windows(3).map(|c| (c[0] - 2.0 * c[1] + c[2]).abs()).fold(0.0, f64::max);
+            let jump =
+                costs.windows(3).map(|c| (c[0] - 2.0 * c[1] + c[2]).abs()).fold(0.0, f64::max);
             println!("{substeps} sub-steps, parameter {which}: largest jump of the cost {jump:.4}");
             assert!(jump < most, "{substeps} sub-steps, parameter {which}: {jump}");
         }
@@ -234,7 +273,8 @@ f = { unit = "rad", value = "f" }
 s = { unit = "rad", value = "s" }
 "#;
 
-/// The start asks for one step per sample, the truth for many: the estimation notices and goes on with them.
+/// The start asks for one step per sample, the truth for many: the estimation notices and goes on
+/// with them.
 #[test]
 fn recovery_of_a_stiff_model_from_a_slow_start() {
     let model = model(STIFF);
@@ -245,7 +285,8 @@ fn recovery_of_a_stiff_model_from_a_slow_start() {
     within(&e, "T_slow", 0.8, 0.01);
 }
 
-/// One slow state, seen by two outputs, with a parameter that does nothing and one that does what another does.
+/// One slow state, seen by two outputs, with a parameter that does nothing and one that does what
+/// another does.
 const POOR: &str = r#"
 title = "A lag with idle parameters"
 
@@ -281,12 +322,17 @@ fn free(names: &[&str]) -> Settings {
 #[test]
 fn fault_a_parameter_without_effect_and_one_twice_are_named_together() {
     let (model, record) = poor();
-    for step_control in [crate::estimate::StepControl::Halving, crate::estimate::StepControl::LevenbergMarquardt] {
+    for step_control in
+        [crate::estimate::StepControl::Halving, crate::estimate::StepControl::LevenbergMarquardt]
+    {
         let settings = Settings { step_control, ..free(&["K", "K_2", "T", "idle"]) };
         let e = estimate(&model, std::slice::from_ref(&record), &settings).unwrap();
         assert_eq!(e.stop, Stop::Singular);
         let named: Vec<String> = e.verdict.combinations.iter().map(ToString::to_string).collect();
-        assert_eq!(named, ["idle has no effect on the measured outputs", "K, K_2 are not distinguishable"]);
+        assert_eq!(
+            named,
+            ["idle has no effect on the measured outputs", "K, K_2 are not distinguishable"]
+        );
         assert!(e.rows.iter().all(|r| r.sd.is_none() && r.value.is_finite()));
     }
     let e = estimate(&model, &[record], &free(&["K", "T"])).unwrap();
@@ -297,10 +343,12 @@ fn fault_a_parameter_without_effect_and_one_twice_are_named_together() {
 #[test]
 fn fault_a_constant_output_is_named_and_the_rest_goes_on() {
     let (model, mut record) = poor();
-    // `c` is constant and modelled so: the floor holds its variance. `y` is stuck while its model moves.
+    // `c` is constant and modelled so: the floor holds its variance. `y` is stuck while its model
+    // moves.
     let e = estimate(&model, std::slice::from_ref(&record), &free(&["K", "T"])).unwrap();
     assert_eq!(e.stop, Stop::Converged);
-    let why: Vec<(&str, &str)> = e.doubtful.iter().map(|d| (d.output.as_str(), d.why.as_str())).collect();
+    let why: Vec<(&str, &str)> =
+        e.doubtful.iter().map(|d| (d.output.as_str(), d.why.as_str())).collect();
     assert_eq!(why, [("c", "all its samples have the same value")]);
     assert!(e.det_r > 0.0 && e.outputs[2].r > 0.0);
     within(&e, "T", 0.4, 0.01);
@@ -308,7 +356,11 @@ fn fault_a_constant_output_is_named_and_the_rest_goes_on() {
     let e = estimate(&model, &[record], &free(&["K", "T"])).unwrap();
     assert_eq!((e.stop, e.doubtful.len()), (Stop::Converged, 2));
     // It gets the variance that it deserves, and hardly any weight.
-    assert!(e.outputs[1].r.sqrt() > 0.5 && (e.outputs[0].r.sqrt() - 0.01).abs() < 2e-3, "{:?}", e.outputs);
+    assert!(
+        e.outputs[1].r.sqrt() > 0.5 && (e.outputs[0].r.sqrt() - 0.01).abs() < 2e-3,
+        "{:?}",
+        e.outputs
+    );
 }
 
 #[test]
@@ -316,15 +368,24 @@ fn fault_an_output_without_a_sample_is_named_and_the_rest_goes_on() {
     let (model, mut record) = poor();
     record.channels[1].z.fill(f64::NAN);
     for noise in [crate::estimate::NoiseKind::Diagonal, crate::estimate::NoiseKind::Full] {
-        let e = estimate(&model, std::slice::from_ref(&record), &Settings { noise, ..free(&["K", "T"]) }).unwrap();
+        let e = estimate(
+            &model,
+            std::slice::from_ref(&record),
+            &Settings { noise, ..free(&["K", "T"]) },
+        )
+        .unwrap();
         assert_eq!(e.stop, Stop::Converged);
-        assert_eq!((e.doubtful[0].output.as_str(), e.doubtful[0].why.as_str()), ("y", "it has no sample that is not masked"));
+        assert_eq!(
+            (e.doubtful[0].output.as_str(), e.doubtful[0].why.as_str()),
+            ("y", "it has no sample that is not masked")
+        );
         assert_eq!((e.outputs[1].count, e.outputs[1].masked), (0, 300));
         within(&e, "K", 1.3, 0.01);
     }
 }
 
-/// Masked samples are absent: whatever stands in their place, the estimate is the same to the bit, and they are counted.
+/// Masked samples are absent: whatever stands in their place, the estimate is the same to the bit,
+/// and they are counted.
 #[test]
 fn fault_masked_samples_are_never_averaged_in() {
     let (model, record) = poor();

@@ -1,4 +1,5 @@
-//! Assumed constants move estimates as the budget says; profiles give the intervals that they promise.
+//! Assumed constants move estimates as the budget says; profiles give the intervals that they
+//! promise.
 
 use super::{noise, normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
@@ -39,7 +40,10 @@ fn constants(values: &[(&str, f64)]) -> Constants {
     let model = Model::parse("assumed", SHORT_PERIOD, &Constants::default()).unwrap();
     let given = |name: &str, value: f64| {
         let c = model.constants.iter().find(|c| c.quantity.name == name).unwrap();
-        (name.to_string(), Given { value, unit: c.quantity.unit.clone(), sd: c.sd, source: String::new() })
+        (
+            name.to_string(),
+            Given { value, unit: c.quantity.unit.clone(), sd: c.sd, source: String::new() },
+        )
     };
     Constants(values.iter().map(|(name, value)| given(name, *value)).collect())
 }
@@ -59,13 +63,27 @@ fn step(k: usize) -> f64 {
 }
 
 /// A maneuver of 200 samples of `truth`, with white noise of these standard deviations.
-fn record(truth: &Model, parameters: &[f64], sd: &[f64], seed: u64, inputs: impl Fn(usize) -> Vec<f64>) -> Record {
+fn record(
+    truth: &Model,
+    parameters: &[f64],
+    sd: &[f64],
+    seed: u64,
+    inputs: impl Fn(usize) -> Vec<f64>,
+) -> Record {
     let plan = Plan::new(truth, Directions::default()).unwrap();
     let (n, dt) = (200, 0.05);
     let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-    let channels = (0..sd.len()).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
-    let mut record =
-        Record { dt, n, inputs: (0..n).flat_map(inputs).collect(), start: 20, channels, substeps: 2, ..Record::default() };
+    let channels =
+        (0..sd.len()).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
+    let mut record = Record {
+        dt,
+        n,
+        inputs: (0..n).flat_map(inputs).collect(),
+        start: 20,
+        channels,
+        substeps: 2,
+        ..Record::default()
+    };
     record.channels.iter_mut().for_each(|c| {
         c.t.drain(..20);
         c.z.drain(..20);
@@ -82,10 +100,12 @@ fn flight(values: &[(&str, f64)], sd: f64, seed: u64) -> Record {
     record(&model(values), &TRUTH, &[sd, sd], seed, |k| vec![step(k), 60.0 + 0.02 * k as f64])
 }
 
-/// First-order prediction against estimating again with the constant one sd (or less: `share`) higher.
+/// First-order prediction against estimating again with the constant one sd (or less: `share`)
+/// higher.
 fn check_budget(text: &str, noise: f64, settings: &Settings, share: f64) -> Estimation {
     let parse = |constants: &Constants| Model::parse("assumed", text, constants).unwrap();
-    // Many samples and little noise: what the first order leaves out is of the order of 1/N and of noise over signal.
+    // Many samples and little noise: what the first order leaves out is of the order of 1/N and of
+    // noise over signal.
     let records: Vec<Record> = (0..6).map(|seed| flight(&[], noise, seed)).collect();
     let at = |constants: &Constants| estimate(&parse(constants), &records, settings).unwrap();
     let base = at(&Constants::default());
@@ -94,14 +114,20 @@ fn check_budget(text: &str, noise: f64, settings: &Settings, share: f64) -> Esti
     assert_eq!(names, ["I", "scale", "x_v"]);
     for influence in &base.budget {
         let (c, size) = (&influence.constant, share * influence.constant.sd);
-        let moved = |sign: f64| at(&constants(&[(c.quantity.name.as_str(), c.value + sign * size)]));
+        let moved =
+            |sign: f64| at(&constants(&[(c.quantity.name.as_str(), c.value + sign * size)]));
         let (up, down) = (moved(1.0), moved(-1.0));
         for (i, row) in base.rows.iter().enumerate() {
             // The difference of both sides has no second-order part.
             let difference = 0.5 * (up.rows[i].value - down.rows[i].value);
             let predicted = influence.slopes[i] * size;
             let close = 0.01 * difference.abs() + 1e-3 * row.sd.unwrap_or(0.0);
-            assert!((difference - predicted).abs() <= close, "{} by {}: {difference}, {predicted}", row.name, c.quantity.name);
+            assert!(
+                (difference - predicted).abs() <= close,
+                "{} by {}: {difference}, {predicted}",
+                row.name,
+                c.quantity.name
+            );
         }
     }
     base
@@ -122,7 +148,10 @@ fn recovery_constants_move_estimates_as_the_budget_says() {
 fn recovery_budget_allows_for_priors_and_bounds() {
     // M_a is held back by a prior as strong as the data, Z_a by a bound short of the truth.
     let text = SHORT_PERIOD
-        .replace(r#"M_a = { unit = "1/s^2", start = -5.0 }"#, r#"M_a = { unit = "1/s^2", start = -8.00001, sd = 0.00002 }"#)
+        .replace(
+            r#"M_a = { unit = "1/s^2", start = -5.0 }"#,
+            r#"M_a = { unit = "1/s^2", start = -8.00001, sd = 0.00002 }"#,
+        )
         .replace(r#"start = -0.005 }"#, r#"start = -0.005, min = -0.0099999 }"#);
     let tight = Settings { tolerance: 1e-12, step_tolerance: 1e-6, ..Settings::default() };
     let base = check_budget(&text, 1e-6, &tight, 1e-4);
@@ -139,9 +168,13 @@ fn recovery_coverage_with_assumed_constants() {
         .into_par_iter()
         .map(|seed| {
             let mut rng = rng(1000 + seed);
-            let values: Vec<(&str, f64)> =
-                nominal.constants.iter().map(|c| (c.quantity.name.as_str(), c.value + c.sd * normal(&mut rng))).collect();
-            let e = estimate(&nominal, &[flight(&values, 1e-3, seed)], &Settings::default()).unwrap();
+            let values: Vec<(&str, f64)> = nominal
+                .constants
+                .iter()
+                .map(|c| (c.quantity.name.as_str(), c.value + c.sd * normal(&mut rng)))
+                .collect();
+            let e =
+                estimate(&nominal, &[flight(&values, 1e-3, seed)], &Settings::default()).unwrap();
             assert_eq!(e.stop, Stop::Converged);
             std::array::from_fn(|i| {
                 let miss = (e.rows[i].value - TRUTH[i]).abs();
@@ -149,8 +182,14 @@ fn recovery_coverage_with_assumed_constants() {
             })
         })
         .collect();
-    let share = |which: usize| hits.iter().flatten().filter(|h| h[which]).count() as f64 / (4 * trials) as f64;
-    println!("constants drawn from their sd: coverage by sd {:.3}, by sd_total {:.3}", share(0), share(1));
+    let share = |which: usize| {
+        hits.iter().flatten().filter(|h| h[which]).count() as f64 / (4 * trials) as f64
+    };
+    println!(
+        "constants drawn from their sd: coverage by sd {:.3}, by sd_total {:.3}",
+        share(0),
+        share(1)
+    );
     assert!((0.92..=0.98).contains(&share(1)) && share(0) < 0.75, "{} {}", share(0), share(1));
 }
 
@@ -189,13 +228,21 @@ fn recovery_the_profile_of_a_linear_problem_is_the_normal_interval() {
         for profile in &e.profiles {
             let row = &e.rows[profile.row];
             let (sd, crlb) = (row.sd.unwrap(), row.sd_crlb.unwrap());
-            // `R` follows, so twice the rise is `N ln(1 + d^2/(N crlb^2))` for a distance `d`: 1.96 sd and a little more.
-            let exact = crlb * (180.0 * libm::expm1(3.841458821 * (sd / crlb).powi(2) / 180.0)).sqrt();
+            // `R` follows, so twice the rise is `N ln(1 + d^2/(N crlb^2))` for a distance `d`: 1.96
+            // sd and a little more.
+            let exact =
+                crlb * (180.0 * libm::expm1(3.841458821 * (sd / crlb).powi(2) / 180.0)).sqrt();
             for end in [row.value - row.lower.unwrap(), row.upper.unwrap() - row.value] {
                 assert!((end / exact - 1.0).abs() < 1e-3, "{end} {exact}");
-                assert!((end / (1.959964 * sd) - 1.0).abs() < if rho == 0.0 { 0.01 } else { 0.05 }, "{end} {sd}");
+                assert!(
+                    (end / (1.959964 * sd) - 1.0).abs() < if rho == 0.0 { 0.01 } else { 0.05 },
+                    "{end} {sd}"
+                );
             }
-            assert_eq!((profile.ends, profile.words().as_str()), ([End::Found, End::Found], "closed"));
+            assert_eq!(
+                (profile.ends, profile.words().as_str()),
+                ([End::Found, End::Found], "closed")
+            );
             assert!(profile.points.windows(2).all(|w| w[0].value < w[1].value));
             assert!(rho == 0.0 || sd > 1.3 * crlb, "the noise is coloured: {row:?}");
         }
@@ -209,7 +256,10 @@ fn fault_an_interval_that_a_bound_leaves_open_says_so() {
     let (profile, row) = (&e.profiles[1], &e.rows[2]);
     assert!(row.value - 1.9 * row.sd.unwrap() < 0.0 && row.value > 0.0, "{row:?}");
     assert_eq!((profile.ends, row.lower), ([End::Bound, End::Found], None));
-    assert!(row.upper.is_some() && profile.words().starts_with("open below: the limit is not reached on the bound"));
+    assert!(
+        row.upper.is_some()
+            && profile.words().starts_with("open below: the limit is not reached on the bound")
+    );
 }
 
 #[test]
@@ -217,7 +267,11 @@ fn fault_unknown_profiles_are_named() {
     let model = Model::parse("line", LINE, &Constants::default()).unwrap();
     let settings = Settings { fixed: vec!["b".into()], profile_level: 1.0, ..asks(&["b", "aa"]) };
     let text = estimate(&model, &[], &settings).unwrap_err().to_string();
-    for part in ["profile: model line has no estimated parameter \"b\"", "\"aa\"", "profile_level lies between 0 and 1"] {
+    for part in [
+        "profile: model line has no estimated parameter \"b\"",
+        "\"aa\"",
+        "profile_level lies between 0 and 1",
+    ] {
         assert!(text.contains(part), "{part}: {text}");
     }
 }
@@ -251,17 +305,23 @@ fn recovery_the_profile_of_a_threshold_is_asymmetric_and_crosses_the_limit_at_it
     let (below, above) = (row.value - row.lower.unwrap(), row.upper.unwrap() - row.value);
     println!("F {:.4}: -{below:.4} +{above:.4}, sd {:.4}", row.value, row.sd.unwrap());
     // Neither symmetric, nor what the curvature at the estimate says.
-    assert!((below / above - 1.0).abs() > 0.05 && below < 0.85 * 1.96 * row.sd.unwrap(), "{below} {above}");
+    assert!(
+        (below / above - 1.0).abs() > 0.05 && below < 0.85 * 1.96 * row.sd.unwrap(),
+        "{below} {above}"
+    );
     // What an end promises: held there, the others estimated again, the cost is up by the limit.
     for end in [row.lower.unwrap(), row.upper.unwrap()] {
         let settings = Settings {
             fixed: vec!["F".into()],
-            starts: [("F", end), ("tau", e.rows[0].value), ("K", e.rows[2].value)].map(|(n, v)| (n.to_string(), v)).into(),
+            starts: [("F", end), ("tau", e.rows[0].value), ("K", e.rows[2].value)]
+                .map(|(n, v)| (n.to_string(), v))
+                .into(),
             ..Settings::default()
         };
         let held = estimate(&model, std::slice::from_ref(&record), &settings).unwrap();
         let cost = |e: &Estimation| e.iterations.last().unwrap().cost;
-        let rise = 2.0 * (cost(&held) - cost(&e)) * (row.sd_crlb.unwrap() / row.sd.unwrap()).powi(2);
+        let rise =
+            2.0 * (cost(&held) - cost(&e)) * (row.sd_crlb.unwrap() / row.sd.unwrap()).powi(2);
         assert!((rise - 3.841459).abs() < 0.02, "{rise}");
     }
 }
@@ -285,7 +345,8 @@ fn recovery_coverage_of_a_profiled_delay() {
     assert!((0.91..=0.98).contains(&hits), "{hits}");
 }
 
-/// The short period without its vane, whose starts are wrong in sign and size, with a parameter that only a hidden lag knows.
+/// The short period without its vane, whose starts are wrong in sign and size, with a parameter
+/// that only a hidden lag knows.
 const WRONG: &str = r#"
 title = "Short period with wrong starts"
 [inputs]
@@ -316,14 +377,22 @@ fn recovery_regression_finds_the_parameters_of_noise_free_data_from_wrong_signs(
     let r = e.regression.as_ref().unwrap();
     for (row, truth) in r.rows.iter().zip(truth).take(4) {
         println!("{} {:?}", e.rows[row.row].name, row);
-        // What is left is the trapezoidal rule and the smoothing of the states at steps of the input.
+        // What is left is the trapezoidal rule and the smoothing of the states at steps of the
+        // input.
         assert!(row.outcome == "estimated" && (row.value / truth - 1.0).abs() < 0.03, "{row:?}");
     }
-    assert_eq!((r.rows[4].outcome, r.rows[4].value, r.rows[4].sd), ("in none of these equations", 0.15, None));
-    let outcomes: Vec<(&str, &str)> = r.equations.iter().map(|e| (e.name.as_str(), e.outcome.as_str())).collect();
+    assert_eq!(
+        (r.rows[4].outcome, r.rows[4].value, r.rows[4].sd),
+        ("in none of these equations", 0.15, None)
+    );
+    let outcomes: Vec<(&str, &str)> =
+        r.equations.iter().map(|e| (e.name.as_str(), e.outcome.as_str())).collect();
     assert_eq!(outcomes[0], ("rate of alpha", "used"));
     assert!(outcomes.contains(&("alpha", "the state itself: its rate is used")));
-    assert!(outcomes.iter().any(|(name, why)| *name == "late" && why.contains("not measured")), "{outcomes:?}");
+    assert!(
+        outcomes.iter().any(|(name, why)| *name == "late" && why.contains("not measured")),
+        "{outcomes:?}"
+    );
     assert!(r.equations.iter().filter(|e| e.outcome == "used").all(|e| e.r2 > 0.99 && e.n > 150));
     assert!(r.taken && e.stop == Stop::Converged);
     for (row, truth) in e.rows.iter().zip(truth) {

@@ -6,7 +6,8 @@ use crate::least_squares::{Arrow, Covariance, Layout, Own};
 use crate::math::dense::{cholesky, cholesky_inverse, multiply, transpose};
 use crate::noise::Ar;
 
-/// A random positive definite arrow: the sum of squares of random rows, each over the border and one segment.
+/// A random positive definite arrow: the sum of squares of random rows, each over the border and
+/// one segment.
 fn random_arrow(seed: u64, nc: usize, own: &[usize]) -> Arrow {
     let mut rng = rng(seed);
     let mut arrow = Arrow { shared: nc, cc: vec![0.0; nc * nc], own: vec![] };
@@ -85,7 +86,10 @@ fn elimination_equals_the_full_solution() {
         assert!((m.quadratic(&solved) - quadratic).abs() < 1e-10 * quadratic);
         let q = if own.is_empty() { m.clone() } else { random_arrow(3, 4, &own) };
         let product = multiply(&multiply(&inverse, &dense(&q).0, n, n, n), &inverse, n, n, n);
-        for (got, want) in [(factor.sandwich(&q), blocks(&product, n, &m)), (factor.sandwich(&m), blocks(&inverse, n, &m))] {
+        for (got, want) in [
+            (factor.sandwich(&q), blocks(&product, n, &m)),
+            (factor.sandwich(&m), blocks(&inverse, n, &m)),
+        ] {
             close(&got.cc, &want.cc);
             for (g, w) in got.own.iter().zip(&want.own) {
                 if g.n > 0 {
@@ -120,8 +124,9 @@ fn pinned_component_is_taken_and_the_rest_solved_for() {
     }
 }
 
-/// The sandwich `M^-1 G' R^-1 Sigma R^-1 G M^-1`, and the series that stand in for the noise: with `P = (G' Sigma^-1 G)^-1` their products are
-/// those of `(e - G P G' Sigma^-1 e)(...)' + G P G'`. With full matrices over two segments of unequal length.
+/// The sandwich `M^-1 G' R^-1 Sigma R^-1 G M^-1`, and the series that stand in for the noise: with
+/// `P = (G' Sigma^-1 G)^-1` their products are those of `(e - G P G' Sigma^-1 e)(...)' + G P G'`.
+/// With full matrices over two segments of unequal length.
 #[test]
 fn spread_and_absorbed_part_equal_the_full_matrices() {
     let mut toy = Toy::simulate(1, 2, 40, 0.1, 0.5);
@@ -155,14 +160,22 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
     let gt = transpose(&g, n, np);
     let m: Vec<f64> = multiply(&gt, &g, np, n, np).iter().map(|v| v / r).collect();
     let inverse = cholesky_inverse(&cholesky(&m, np).unwrap(), np);
-    let q: Vec<f64> = multiply(&multiply(&gt, &sigma, np, n, n), &g, np, n, np).iter().map(|v| v / (r * r)).collect();
+    let q: Vec<f64> = multiply(&multiply(&gt, &sigma, np, n, n), &g, np, n, np)
+        .iter()
+        .map(|v| v / (r * r))
+        .collect();
     let p = multiply(&multiply(&inverse, &q, np, np, np), &inverse, np, np, np);
 
     let (_, totals) = crate::least_squares::pass(&layout, &evaluate, &theta).unwrap();
     let (matrix, _) = totals.weigh(&layout, &[1.0 / r]);
     let source = Source::new(&layout, &evaluate, &theta);
-    let (covariance, series) =
-        tests_only::spread_and_series(&source, &matrix, &[Covariance::diagonal(&[r], &[n])], &[model]).unwrap();
+    let (covariance, series) = tests_only::spread_and_series(
+        &source,
+        &matrix,
+        &[Covariance::diagonal(&[r], &[n])],
+        &[model],
+    )
+    .unwrap();
     let want = blocks(&p, np, &covariance);
     close(&covariance.cc, &want.cc);
     for (g, w) in covariance.own.iter().zip(&want.own) {
@@ -179,7 +192,8 @@ fn spread_and_absorbed_part_equal_the_full_matrices() {
     for (s, from) in [(0, 0), (1, 40)] {
         let (series, n_s) = (&series[s][0], if s == 0 { 40 } else { 30 });
         let products = |k: usize| series.iter().map(|x| x[k / n_s] * x[k % n_s]).sum();
-        let block: Vec<f64> = (0..n_s * n_s).map(|k| wanted[(from + k / n_s) * n + from + k % n_s]).collect();
+        let block: Vec<f64> =
+            (0..n_s * n_s).map(|k| wanted[(from + k / n_s) * n + from + k % n_s]).collect();
         close(&(0..n_s * n_s).map(products).collect::<Vec<f64>>(), &block);
     }
 }

@@ -38,7 +38,8 @@ fn noise(rng: &mut Pcg64, n: usize, sd: f64, rho: f64) -> Vec<f64> {
         .collect()
 }
 
-/// `x[k+1] = a x[k] + b u[k]`, `y = x`, driven by a 3211; shared parameters a, b, own parameter x[0].
+/// `x[k+1] = a x[k] + b u[k]`, `y = x`, driven by a 3211; shared parameters a, b, own parameter
+/// x[0].
 struct Toy {
     /// Measurements per segment.
     z: Vec<Vec<f64>>,
@@ -94,7 +95,11 @@ impl Toy {
         if y.iter().any(|y| !y.is_finite()) {
             return None;
         }
-        Some(vec![Block { output: 0, e: self.z[s].iter().zip(&y).map(|(z, y)| z - y).collect(), g }])
+        Some(vec![Block {
+            output: 0,
+            e: self.z[s].iter().zip(&y).map(|(z, y)| z - y).collect(),
+            g,
+        }])
     }
 
     fn solve(&self, settings: &Settings) -> Solution {

@@ -1,4 +1,5 @@
-//! A small model in the model language, estimated over simulated records: names, scopes, initial states, messages.
+//! A small model in the model language, estimated over simulated records: names, scopes, initial
+//! states, messages.
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
@@ -29,7 +30,8 @@ fn model() -> Model {
     Model::parse("lag", TEXT, &Constants::default()).unwrap()
 }
 
-/// Truth: T 0.3, K 1.2, y_0 0.1 (s + 1), x(0) 0.2 s; `x` at 50 Hz, `y` at about 21 Hz with stamps of its own.
+/// Truth: T 0.3, K 1.2, y_0 0.1 (s + 1), x(0) 0.2 s; `x` at 50 Hz, `y` at about 21 Hz with stamps
+/// of its own.
 fn records(model: &Model, segments: usize) -> Vec<Record> {
     let mut rng = rng(11);
     let plan = Plan::new(model, Directions { parameters: vec![], starts: vec![0] }).unwrap();
@@ -45,8 +47,10 @@ fn records(model: &Model, segments: usize) -> Vec<Record> {
                 }
             };
             let n = 400 + 50 * s;
-            let stamps = |dt: f64, n: usize| (0..n).map(|k| 10.0 + k as f64 * dt).collect::<Vec<f64>>();
-            let channel = |output: usize, t: Vec<f64>| Channel { output, z: vec![f64::NAN; t.len()], t };
+            let stamps =
+                |dt: f64, n: usize| (0..n).map(|k| 10.0 + k as f64 * dt).collect::<Vec<f64>>();
+            let channel =
+                |output: usize, t: Vec<f64>| Channel { output, z: vec![f64::NAN; t.len()], t };
             let mut record = Record {
                 t0: 10.0,
                 dt: 0.02,
@@ -55,7 +59,12 @@ fn records(model: &Model, segments: usize) -> Vec<Record> {
                 channels: vec![channel(0, stamps(0.02, n)), channel(1, stamps(0.047, 160))],
                 ..Record::default()
             };
-            let response = plan.respond(&[0.3, 1.2, 0.0, 0.1 * (s + 1) as f64], &[0.2 * s as f64], &record, false);
+            let response = plan.respond(
+                &[0.3, 1.2, 0.0, 0.1 * (s + 1) as f64],
+                &[0.2 * s as f64],
+                &record,
+                false,
+            );
             for (channel, y) in record.channels.iter_mut().zip(response.y) {
                 channel.z = y.iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
             }
@@ -78,7 +87,8 @@ fn campaign_segment_and_initial_values_come_back_with_their_names() {
     let settings = Settings { initial: vec!["x".into()], ..Settings::default() };
     let e = estimate(&model, &records, &settings).unwrap();
     assert_eq!(e.stop, Stop::Converged);
-    let names: Vec<(&str, Option<usize>)> = e.rows.iter().map(|r| (r.name.as_str(), r.segment)).collect();
+    let names: Vec<(&str, Option<usize>)> =
+        e.rows.iter().map(|r| (r.name.as_str(), r.segment)).collect();
     assert_eq!(names[..4], [("T", None), ("K", None), ("y_0", Some(0)), ("x(0)", Some(0))]);
     assert_eq!(names.len(), 8);
     value(&e, "T", None, 0.3);
@@ -87,7 +97,8 @@ fn campaign_segment_and_initial_values_come_back_with_their_names() {
         value(&e, "y_0", Some(s), 0.1 * (s + 1) as f64);
         value(&e, "x(0)", Some(s), 0.2 * s as f64);
     }
-    let counts: Vec<(&str, usize, usize)> = e.outputs.iter().map(|o| (o.name.as_str(), o.count, o.masked)).collect();
+    let counts: Vec<(&str, usize, usize)> =
+        e.outputs.iter().map(|o| (o.name.as_str(), o.count, o.masked)).collect();
     assert_eq!(counts, [("x", 1350, 0), ("y", 470, 10)]);
     assert!(e.outputs.iter().all(|o| (o.r.sqrt() - 0.01).abs() < 1e-3));
     assert!((e.det_r - e.outputs[0].r * e.outputs[1].r).abs() < 1e-12 * e.det_r);
@@ -115,7 +126,8 @@ fn the_same_bytes_for_any_number_of_threads() {
 fn what_cannot_be_told_apart_is_named() {
     let model = model();
     let free = Some(["T", "K", "K_2", "y_0"].map(String::from).to_vec());
-    let e = estimate(&model, &records(&model, 1), &Settings { free, ..Settings::default() }).unwrap();
+    let e =
+        estimate(&model, &records(&model, 1), &Settings { free, ..Settings::default() }).unwrap();
     assert_eq!((e.stop, e.correlations.len()), (Stop::Singular, 0));
     assert_eq!(e.verdict.combinations[0].to_string(), "K, K_2 are not distinguishable");
     assert!(e.rows.iter().all(|r| r.sd.is_none() && r.sd_crlb.is_none()));
@@ -134,7 +146,13 @@ fn mistakes_are_reported_all_at_once() {
     let errors = estimate(&model, &records(&model, 1), &settings).unwrap_err();
     let text = errors.to_string();
     assert_eq!(errors.0.len(), 5, "{text}");
-    for part in ["no parameter \"KK\"", "did you mean \"K\"", "no state \"z\"", "outside its bounds", "not at a number"] {
+    for part in [
+        "no parameter \"KK\"",
+        "did you mean \"K\"",
+        "no state \"z\"",
+        "outside its bounds",
+        "not at a number",
+    ] {
         assert!(text.contains(part), "{part}: {text}");
     }
 }

@@ -1,11 +1,14 @@
-//! Full covariance of the noise, with samples missing, against the same formulas written sample by sample.
+//! Full covariance of the noise, with samples missing, against the same formulas written sample by
+//! sample.
 
 use super::{normal, rng, sds};
 use crate::estimate::colour::{Source, tests_only};
 use crate::estimate::solution::solve;
 use crate::estimate::{Settings, Stop};
 use crate::least_squares::{Block, Covariance, Layout, Part, Scatter, Structure, scatter, weighed};
-use crate::math::dense::{cholesky, cholesky_inverse, cholesky_log_det, multiply, symmetric_eigen, transpose};
+use crate::math::dense::{
+    cholesky, cholesky_inverse, cholesky_log_det, multiply, symmetric_eigen, transpose,
+};
 use crate::noise::Ar;
 
 const OUTPUTS: usize = 3;
@@ -102,7 +105,11 @@ fn missing_samples_give_the_largest_likelihood() {
             let (up, down) = (moved(h), moved(-h));
             assert!(up > r.cost && down > r.cost, "{i} {j}: {up} {} {down}", r.cost);
             // The slope vanishes: both sides rise alike, by the curvature alone.
-            assert!((up - down).abs() < 1e-3 * (up + down - 2.0 * r.cost).abs(), "{i} {j}: {up} {} {down}", r.cost);
+            assert!(
+                (up - down).abs() < 1e-3 * (up + down - 2.0 * r.cost).abs(),
+                "{i} {j}: {up} {} {down}",
+                r.cost
+            );
         }
     }
 }
@@ -119,7 +126,8 @@ fn nested_samples_give_the_closed_form() {
         .collect();
     let r = gather(&all).covariance(&structure(1e-30)).unwrap();
     let both: Vec<&Instant> = all.iter().filter(|(o, _)| o.len() == 2).collect();
-    let mean = |f: &dyn Fn(&[f64]) -> f64| both.iter().map(|(_, e)| f(e)).sum::<f64>() / both.len() as f64;
+    let mean =
+        |f: &dyn Fn(&[f64]) -> f64| both.iter().map(|(_, e)| f(e)).sum::<f64>() / both.len() as f64;
     let first = all.iter().map(|(_, e)| e[0] * e[0]).sum::<f64>() / 300.0;
     let slope = mean(&|e| e[0] * e[1]) / mean(&|e| e[0] * e[0]);
     let rest = mean(&|e| (e[1] - slope * e[0]).powi(2));
@@ -188,7 +196,11 @@ impl Lines {
                     last[j] = 0.6 * last[j] + e[j];
                     if pattern(k).contains(&j) {
                         let masked = mask(k, j);
-                        series[j].0.push(if masked { f64::NAN } else { model(&[0.3, 1.0], j, k) + last[j] });
+                        series[j].0.push(if masked {
+                            f64::NAN
+                        } else {
+                            model(&[0.3, 1.0], j, k) + last[j]
+                        });
                         series[j].1.push(k as u32);
                     }
                 }
@@ -197,7 +209,8 @@ impl Lines {
             z.push(values);
             instants.push(at);
         }
-        let mut layout = Layout::plain(1, &vec![1; sizes.len()], OUTPUTS, vec![0.0; 1 + sizes.len()]);
+        let mut layout =
+            Layout::plain(1, &vec![1; sizes.len()], OUTPUTS, vec![0.0; 1 + sizes.len()]);
         layout.noise = structure(1e-30);
         layout.parts.iter_mut().zip(&instants).for_each(|(part, at)| part.instants.clone_from(at));
         Lines { z, instants, layout }
@@ -246,7 +259,17 @@ fn model(p: &[f64], j: usize, k: usize) -> f64 {
 fn big_r(rows: &[(usize, usize, u32, f64, Vec<f64>)], r: &[f64]) -> Vec<f64> {
     let n = rows.len();
     let together = |a: usize, b: usize| (rows[a].0, rows[a].2) == (rows[b].0, rows[b].2);
-    (0..n * n).map(|k| if together(k / n, k % n) { r[rows[k / n].1 * OUTPUTS + rows[k % n].1] } else { 0.0 }).collect()
+    (0..n * n)
+        .map(
+            |k| {
+                if together(k / n, k % n) {
+                    r[rows[k / n].1 * OUTPUTS + rows[k % n].1]
+                } else {
+                    0.0
+                }
+            },
+        )
+        .collect()
 }
 
 #[test]
@@ -254,7 +277,9 @@ fn normal_equations_with_missing_samples_are_the_full_ones() {
     let lines = Lines::new(25, &[40, 25]);
     let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
     let theta = [0.25, 0.9, 1.1];
-    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
+    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0]
+        .covariance(&lines.layout.noise)
+        .unwrap();
     let rows = lines.rows(&theta);
     let (n, np) = (rows.len(), 3);
     let inverse = cholesky_inverse(&cholesky(&big_r(&rows, &r.r), n).unwrap(), n);
@@ -263,8 +288,9 @@ fn normal_equations_with_missing_samples_are_the_full_ones() {
     let full = multiply(&weighted, &g, np, n, np);
     let e: Vec<f64> = rows.iter().map(|row| row.3).collect();
     let slope = multiply(&weighted, &e, np, n, 1);
-    let (matrix, gradient) =
-        weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]);
+    let (matrix, gradient) = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r))
+        .unwrap()
+        .weigh(&lines.layout, &[1.0]);
     close(matrix.cc[0], full[0], 1e-10);
     for s in 0..2 {
         close(matrix.own[s].ss[0], full[(1 + s) * np + 1 + s], 1e-10);
@@ -272,8 +298,12 @@ fn normal_equations_with_missing_samples_are_the_full_ones() {
     }
     gradient.iter().zip(&slope).for_each(|(a, b)| close(*a, *b, 1e-9));
     // The gradient of the concentrated cost is the gradient at fixed R.
-    let concentrated =
-        |theta: &[f64]| scatter(&lines.layout, &evaluate, theta).unwrap()[0].covariance(&lines.layout.noise).unwrap().cost;
+    let concentrated = |theta: &[f64]| {
+        scatter(&lines.layout, &evaluate, theta).unwrap()[0]
+            .covariance(&lines.layout.noise)
+            .unwrap()
+            .cost
+    };
     for i in 0..3 {
         let moved = |h: f64| {
             let mut t = theta;
@@ -281,13 +311,23 @@ fn normal_equations_with_missing_samples_are_the_full_ones() {
             concentrated(&t)
         };
         let difference = (moved(1e-5) - moved(-1e-5)) / 2e-5;
-        assert!((difference + gradient[i]).abs() < 1e-5 * gradient[i].abs().max(1.0), "{i}: {difference} {}", gradient[i]);
+        assert!(
+            (difference + gradient[i]).abs() < 1e-5 * gradient[i].abs().max(1.0),
+            "{i}: {difference} {}",
+            gradient[i]
+        );
     }
 }
 
-/// Segment, output and place in its block of every sample, masked ones too; and `Sigma = L C L'` over them, `L = A^-1 D^1/2` of each output,
-/// first-order ones of coefficients `a`, and `C` the correlations `c` of innovations of one instant.
-fn sigma_of(lines: &Lines, a: &[f64; 3], models: &[Ar], c: &dyn Fn(usize, usize) -> f64) -> (Vec<(usize, usize, usize)>, Vec<f64>) {
+/// Segment, output and place in its block of every sample, masked ones too; and `Sigma = L C L'`
+/// over them, `L = A^-1 D^1/2` of each output, first-order ones of coefficients `a`, and `C` the
+/// correlations `c` of innovations of one instant.
+fn sigma_of(
+    lines: &Lines,
+    a: &[f64; 3],
+    models: &[Ar],
+    c: &dyn Fn(usize, usize) -> f64,
+) -> (Vec<(usize, usize, usize)>, Vec<f64>) {
     let mut samples: Vec<(usize, usize, usize)> = Vec::new();
     for s in 0..2 {
         for j in 0..3 {
@@ -316,11 +356,14 @@ fn sigma_of(lines: &Lines, a: &[f64; 3], models: &[Ar], c: &dyn Fn(usize, usize)
     (samples, sigma)
 }
 
-/// Two first-order outputs and a white one, so that every response is a power, as the residuals `r` are sized; and the innovations' correlation: R's over
+/// Two first-order outputs and a white one, so that every response is a power, as the residuals `r`
+/// are sized; and the innovations' correlation: R's over
 /// `sum a_i^k a_j^k / sqrt(sum a_i^2k sum a_j^2k)`.
 fn first_order(r: &Covariance, a: [f64; 3]) -> (Vec<Ar>, impl Fn(usize, usize) -> f64) {
     let partial = |j: usize| if a[j] == 0.0 { vec![] } else { vec![a[j]] };
-    let models = (0..3).map(|j| Ar { partial: partial(j), variance: r.r[j * 4] * (1.0 - a[j] * a[j]) }).collect();
+    let models = (0..3)
+        .map(|j| Ar { partial: partial(j), variance: r.r[j * 4] * (1.0 - a[j] * a[j]) })
+        .collect();
     let c = move |i: usize, j: usize| {
         let like = ((1.0 - a[i] * a[i]) * (1.0 - a[j] * a[j])).sqrt() / (1.0 - a[i] * a[j]);
         if i == j { 1.0 } else { r.correlation(i, j) / like }
@@ -328,13 +371,16 @@ fn first_order(r: &Covariance, a: [f64; 3]) -> (Vec<Ar>, impl Fn(usize, usize) -
     (models, c)
 }
 
-/// `M^-1 G' W Sigma W G M^-1`, `Sigma` written out: autoregressive outputs whose innovations are correlated at the same instant.
+/// `M^-1 G' W Sigma W G M^-1`, `Sigma` written out: autoregressive outputs whose innovations are
+/// correlated at the same instant.
 #[test]
 fn coloured_noise_of_correlated_outputs_is_the_full_product() {
     let lines = Lines::new(26, &[30, 20]);
     let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
     let theta = [0.25, 0.9, 1.1];
-    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
+    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0]
+        .covariance(&lines.layout.noise)
+        .unwrap();
     let a = [0.6, 0.3, 0.0];
     let (models, c) = first_order(&r, a);
     let all: Vec<f64> = (0..9).map(|k| c(k / 3, k % 3)).collect();
@@ -349,16 +395,25 @@ fn coloured_noise_of_correlated_outputs_is_the_full_product() {
     let wg = multiply(&weights, &g, m, m, np);
     let place: Vec<usize> = rows
         .iter()
-        .map(|row| samples.iter().position(|&(s, j, k)| (s, j) == (row.0, row.1) && lines.instants[s][j][k] == row.2).unwrap())
+        .map(|row| {
+            samples
+                .iter()
+                .position(|&(s, j, k)| (s, j) == (row.0, row.1) && lines.instants[s][j][k] == row.2)
+                .unwrap()
+        })
         .collect();
     let scored: Vec<f64> = (0..m * m).map(|k| sigma[place[k / m] * n + place[k % m]]).collect();
-    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
+    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r))
+        .unwrap()
+        .weigh(&lines.layout, &[1.0])
+        .0;
     let normal = multiply(&transpose(&g, m, np), &wg, np, m, np);
     let inverse = cholesky_inverse(&cholesky(&normal, np).unwrap(), np);
     let q = multiply(&multiply(&transpose(&wg, m, np), &scored, np, m, m), &wg, np, m, np);
     let p = multiply(&multiply(&inverse, &q, np, np, np), &inverse, np, np, np);
     let source = Source::new(&lines.layout, &evaluate, &theta);
-    let (covariance, _) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
+    let (covariance, _) =
+        tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
     close(covariance.cc[0], p[0], 1e-9);
     for s in 0..2 {
         close(covariance.own[s].ss[0], p[(1 + s) * np + 1 + s], 1e-9);
@@ -366,14 +421,16 @@ fn coloured_noise_of_correlated_outputs_is_the_full_product() {
     }
 }
 
-/// The series that stand in for correlated noise: their products are those of the generalised least-squares residuals and `G P G'`,
-/// `Sigma` written out.
+/// The series that stand in for correlated noise: their products are those of the generalised
+/// least-squares residuals and `G P G'`, `Sigma` written out.
 #[test]
 fn what_a_fit_absorbed_of_correlated_outputs_is_the_full_product() {
     let lines = Lines::masked(26, &[30, 20], |_, _| false);
     let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
     let theta = [0.25, 0.9, 1.1];
-    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
+    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0]
+        .covariance(&lines.layout.noise)
+        .unwrap();
     let a = [0.6, 0.3, 0.0];
     let (models, c) = first_order(&r, a);
     let (samples, sigma) = sigma_of(&lines, &a, &models, &c);
@@ -381,7 +438,10 @@ fn what_a_fit_absorbed_of_correlated_outputs_is_the_full_product() {
     let rows = lines.rows(&theta);
     assert_eq!(rows.len(), n);
     let place = |row: &(usize, usize, u32, f64, Vec<f64>)| {
-        samples.iter().position(|&(s, j, k)| (s, j) == (row.0, row.1) && lines.instants[s][j][k] == row.2).unwrap()
+        samples
+            .iter()
+            .position(|&(s, j, k)| (s, j) == (row.0, row.1) && lines.instants[s][j][k] == row.2)
+            .unwrap()
     };
     let at: Vec<usize> = rows.iter().map(place).collect();
     let m = at.len();
@@ -394,9 +454,13 @@ fn what_a_fit_absorbed_of_correlated_outputs_is_the_full_product() {
     let step = multiply(&known, &multiply(&gw, &e, np, m, 1), np, np, 1);
     let left: Vec<f64> = e.iter().zip(multiply(&g, &step, m, np, 1)).map(|(e, y)| e - y).collect();
     let put_back = multiply(&multiply(&g, &known, m, np, np), &transpose(&g, m, np), m, np, m);
-    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
+    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r))
+        .unwrap()
+        .weigh(&lines.layout, &[1.0])
+        .0;
     let source = Source::new(&lines.layout, &evaluate, &theta);
-    let (_, series) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
+    let (_, series) =
+        tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
     let mut compared = 0;
     for x in 0..m {
         for y in (0..m).filter(|&y| (rows[x].0, rows[x].1) == (rows[y].0, rows[y].1)) {
@@ -410,29 +474,41 @@ fn what_a_fit_absorbed_of_correlated_outputs_is_the_full_product() {
     assert!(compared > 1000);
 }
 
-/// With white noise the sandwich around `W Sigma W` is the Cramer-Rao bound, whatever the correlation.
+/// With white noise the sandwich around `W Sigma W` is the Cramer-Rao bound, whatever the
+/// correlation.
 #[test]
 fn white_correlated_noise_has_the_bound_for_its_covariance() {
     let lines = Lines::new(27, &[60, 45]);
     let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
     let theta = [0.25, 0.9, 1.1];
-    let r: Covariance = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
-    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
+    let r: Covariance = scatter(&lines.layout, &evaluate, &theta).unwrap()[0]
+        .covariance(&lines.layout.noise)
+        .unwrap();
+    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r))
+        .unwrap()
+        .weigh(&lines.layout, &[1.0])
+        .0;
     let bound = matrix.factor().unwrap().sandwich(&matrix);
     let white: Vec<Ar> = r.variances().iter().map(|&variance| Ar::white(variance)).collect();
     let source = Source::new(&lines.layout, &evaluate, &theta);
-    let (covariance, _) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &white).unwrap();
+    let (covariance, _) =
+        tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &white).unwrap();
     sds(&covariance).iter().zip(sds(&bound)).for_each(|(a, b)| close(*a, b, 1e-9));
 }
 
-/// Two lines of opposite slope about a common mean, over 95% intervals in `trials` draws: hits per parameter, and the mean sd of
-/// the slope, with `R` diagonal and full. Noise: a part common to both outputs and one of opposite sign, of correlation `rho` in time.
+/// Two lines of opposite slope about a common mean, over 95% intervals in `trials` draws: hits per
+/// parameter, and the mean sd of the slope, with `R` diagonal and full. Noise: a part common to
+/// both outputs and one of opposite sign, of correlation `rho` in time.
 fn coverage(trials: u64, n: usize, rho: f64, max_ar_order: usize) -> ([[f64; 2]; 2], [f64; 2]) {
     let (mut hits, mut lengths) = ([[0.0; 2]; 2], [0.0; 2]);
     for seed in 0..trials {
         let mut rng = rng(1000 + seed);
         let [common, opposite] = [1.0, 0.3].map(|sd| super::noise(&mut rng, n, sd, rho));
-        let line = |w: f64| (0..n).map(|k| 1.0 + 0.3 * w * time(k) + common[k] + 2.0 * w * opposite[k]).collect::<Vec<f64>>();
+        let line = |w: f64| {
+            (0..n)
+                .map(|k| 1.0 + 0.3 * w * time(k) + common[k] + 2.0 * w * opposite[k])
+                .collect::<Vec<f64>>()
+        };
         let z = [line(-0.5), line(0.5)];
         for (which, full) in [false, true].into_iter().enumerate() {
             let mut layout = Layout::plain(2, &[0], 2, vec![0.0, 0.0]);
@@ -442,7 +518,11 @@ fn coverage(trials: u64, n: usize, rho: f64, max_ar_order: usize) -> ([[f64; 2];
             let evaluate = |_: usize, p: &[f64], _: bool| {
                 let block = |j: usize| {
                     let w = j as f64 - 0.5;
-                    let e = z[j].iter().enumerate().map(|(k, z)| z - p[0] - p[1] * w * time(k)).collect();
+                    let e = z[j]
+                        .iter()
+                        .enumerate()
+                        .map(|(k, z)| z - p[0] - p[1] * w * time(k))
+                        .collect();
                     Block { output: j, e, g: (0..n).flat_map(|k| [1.0, w * time(k)]).collect() }
                 };
                 Some(vec![block(0), block(1)])
@@ -451,17 +531,22 @@ fn coverage(trials: u64, n: usize, rho: f64, max_ar_order: usize) -> ([[f64; 2];
             assert_eq!(s.fit.stop, Stop::Converged);
             let sd = sds(s.covariance.as_ref().unwrap());
             for (i, truth) in [1.0, 0.3].iter().enumerate() {
-                hits[which][i] += f64::from(u8::from((s.fit.theta[i] - truth).abs() <= 1.96 * sd[i])) / trials as f64;
+                hits[which][i] +=
+                    f64::from(u8::from((s.fit.theta[i] - truth).abs() <= 1.96 * sd[i]))
+                        / trials as f64;
             }
             lengths[which] += sd[1] / trials as f64;
         }
     }
-    println!("rho {rho}: covered: diagonal {:.3?}, full {:.3?}; mean sd of the slope {lengths:.4?}", hits[0], hits[1]);
+    println!(
+        "rho {rho}: covered: diagonal {:.3?}, full {:.3?}; mean sd of the slope {lengths:.4?}",
+        hits[0], hits[1]
+    );
     (hits, lengths)
 }
 
-/// With `R` full the sd is right and smaller than with `R` diagonal, whose own is wrong: noise common to both lines hides in the mean, not
-/// in the difference.
+/// With `R` full the sd is right and smaller than with `R` diagonal, whose own is wrong: noise
+/// common to both lines hides in the mean, not in the difference.
 #[test]
 fn recovery_with_shared_noise() {
     let (hits, lengths) = coverage(400, 150, 0.0, 2);
@@ -478,19 +563,28 @@ fn recovery_with_shared_coloured_noise() {
     assert!(hits[0][0] < 0.9 && lengths[1] < 0.5 * lengths[0], "{hits:?} {lengths:?}");
 }
 
-/// Innovations that could not be correlated as `R` and the colours ask are correlated as far as they can be: the covariance of the
-/// estimates stays a covariance.
+/// Innovations that could not be correlated as `R` and the colours ask are correlated as far as
+/// they can be: the covariance of the estimates stays a covariance.
 #[test]
 fn very_different_colours_leave_a_covariance() {
     let lines = Lines::new(28, &[60, 45]);
     let evaluate = |s: usize, p: &[f64], _: bool| lines.evaluate(s, p);
     let theta = [0.25, 0.9, 1.1];
-    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0].covariance(&lines.layout.noise).unwrap();
-    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r)).unwrap().weigh(&lines.layout, &[1.0]).0;
-    let models: Vec<Ar> =
-        [0.98, -0.9, 0.5].iter().zip(r.variances()).map(|(a, v)| Ar { partial: vec![*a], variance: v * (1.0 - a * a) }).collect();
+    let r = scatter(&lines.layout, &evaluate, &theta).unwrap()[0]
+        .covariance(&lines.layout.noise)
+        .unwrap();
+    let matrix = weighed(&lines.layout, &evaluate, &theta, std::slice::from_ref(&r))
+        .unwrap()
+        .weigh(&lines.layout, &[1.0])
+        .0;
+    let models: Vec<Ar> = [0.98, -0.9, 0.5]
+        .iter()
+        .zip(r.variances())
+        .map(|(a, v)| Ar { partial: vec![*a], variance: v * (1.0 - a * a) })
+        .collect();
     let source = Source::new(&lines.layout, &evaluate, &theta);
-    let (covariance, _) = tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
+    let (covariance, _) =
+        tests_only::spread_and_series(&source, &matrix, std::slice::from_ref(&r), &models).unwrap();
     let own = &covariance.own;
     assert!(covariance.cc[0] > 0.0);
     for own in own {

@@ -36,7 +36,9 @@ fn one_straight_line_is_ordinary_least_squares() {
     let layout = Layout::plain(2, &[0], 1, vec![0.0, 0.0]);
     let s = solve(
         &layout,
-        &|_: usize, p: &[f64], _: bool| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)),
+        &|_: usize, p: &[f64], _: bool| {
+            Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
+        },
         &Settings::default(),
     );
     assert_eq!(s.fit.stop, Stop::Converged);
@@ -54,11 +56,20 @@ fn one_straight_line_is_ordinary_least_squares() {
 #[test]
 fn outputs_of_different_length_and_noise_get_their_own_variance() {
     let mut rng = rng(2);
-    let t: Vec<Vec<f64>> = [3000, 500].iter().map(|n| (0..*n).map(|k| k as f64 / *n as f64).collect()).collect();
+    let t: Vec<Vec<f64>> =
+        [3000, 500].iter().map(|n| (0..*n).map(|k| k as f64 / *n as f64).collect()).collect();
     let sd = [0.1, 2.0];
-    let z: Vec<Vec<f64>> = t.iter().zip(sd).map(|(t, sd)| t.iter().map(|t| 1.0 + t + sd * normal(&mut rng)).collect()).collect();
+    let z: Vec<Vec<f64>> = t
+        .iter()
+        .zip(sd)
+        .map(|(t, sd)| t.iter().map(|t| 1.0 + t + sd * normal(&mut rng)).collect())
+        .collect();
     let layout = Layout::plain(2, &[0], 2, vec![5.0, -3.0]);
-    let s = solve(&layout, &|_: usize, p: &[f64], _: bool| Some(lines(&z, &t, p)), &Settings::default());
+    let s = solve(
+        &layout,
+        &|_: usize, p: &[f64], _: bool| Some(lines(&z, &t, p)),
+        &Settings::default(),
+    );
     assert_eq!(s.fit.stop, Stop::Converged);
     close(r(&s)[0].sqrt(), 0.1, 0.05);
     close(r(&s)[1].sqrt(), 2.0, 0.1);
@@ -67,7 +78,13 @@ fn outputs_of_different_length_and_noise_get_their_own_variance() {
     // The gradient of the whole likelihood vanishes: sum over outputs of G' e / R.
     let blocks = lines(&z, &t, &s.fit.theta);
     let gradient = |i: usize| -> f64 {
-        blocks.iter().map(|b| b.e.iter().enumerate().map(|(k, e)| e * b.g[2 * k + i]).sum::<f64>() / r(&s)[b.output]).sum()
+        blocks
+            .iter()
+            .map(|b| {
+                b.e.iter().enumerate().map(|(k, e)| e * b.g[2 * k + i]).sum::<f64>()
+                    / r(&s)[b.output]
+            })
+            .sum()
     };
     let sd = sds(s.crlb.as_ref().unwrap());
     assert!((0..2).all(|i| (gradient(i) * sd[i]).abs() < 1e-3));
@@ -77,14 +94,28 @@ fn outputs_of_different_length_and_noise_get_their_own_variance() {
 fn the_same_data_twice_halve_the_variance_only() {
     let once = Toy::simulate(3, 1, 400, 0.1, 0.5);
     let twice = Toy { z: vec![once.z[0].clone(), once.z[0].clone()] };
-    let settings = Settings { tolerance: 1e-12, step_tolerance: 1e-6, ar_order: OrderCriterion::Bic, ..Settings::default() };
+    let settings = Settings {
+        tolerance: 1e-12,
+        step_tolerance: 1e-6,
+        ar_order: OrderCriterion::Bic,
+        ..Settings::default()
+    };
     let (a, b) = (once.solve(&settings), twice.solve(&settings));
     assert_eq!((a.fit.stop, b.fit.stop), (Stop::Converged, Stop::Converged));
     for i in 0..2 {
         close(b.fit.theta[i], a.fit.theta[i], 1e-8);
-        close(sds(b.crlb.as_ref().unwrap())[i], sds(a.crlb.as_ref().unwrap())[i] / 2f64.sqrt(), 1e-6);
-        // The corrected one takes the copies for independent, so that each absorbed less of its noise: nearly the same colour.
-        close(sds(b.covariance.as_ref().unwrap())[i], sds(a.covariance.as_ref().unwrap())[i] / 2f64.sqrt(), 0.02);
+        close(
+            sds(b.crlb.as_ref().unwrap())[i],
+            sds(a.crlb.as_ref().unwrap())[i] / 2f64.sqrt(),
+            1e-6,
+        );
+        // The corrected one takes the copies for independent, so that each absorbed less of its
+        // noise: nearly the same colour.
+        close(
+            sds(b.covariance.as_ref().unwrap())[i],
+            sds(a.covariance.as_ref().unwrap())[i] / 2f64.sqrt(),
+            0.02,
+        );
     }
 }
 
@@ -179,7 +210,11 @@ fn logarithm(start: f64, truth: f64, step_control: StepControl) -> Solution {
             vec![Block { output: 0, e, g: t.iter().map(|t| t / p[0]).collect() }]
         })
     };
-    solve(&Layout::plain(1, &[0], 1, vec![start]), &evaluate, &Settings { step_control, ..Settings::default() })
+    solve(
+        &Layout::plain(1, &[0], 1, vec![start]),
+        &evaluate,
+        &Settings { step_control, ..Settings::default() },
+    )
 }
 
 #[test]
@@ -195,12 +230,18 @@ fn a_model_that_is_not_finite_is_met_by_shorter_steps() {
     }
 }
 
-/// A gradient that is asked to be small is small at the end, though change and step ask for nothing.
+/// A gradient that is asked to be small is small at the end, though change and step ask for
+/// nothing.
 #[test]
 fn the_gradient_alone_can_decide() {
     let toy = Toy::simulate(12, 2, 300, 0.1, 0.0);
     for (gradient_tolerance, most) in [(1e-2, 1e-2), (1e-8, 1e-8)] {
-        let s = toy.solve(&Settings { tolerance: 10.0, step_tolerance: 0.0, gradient_tolerance, ..Settings::default() });
+        let s = toy.solve(&Settings {
+            tolerance: 10.0,
+            step_tolerance: 0.0,
+            gradient_tolerance,
+            ..Settings::default()
+        });
         let last = s.fit.iterations.last().unwrap().gradient;
         assert_eq!(s.fit.stop, Stop::Converged);
         assert!(last <= most && s.fit.iterations[0].gradient > 1.0, "{:?}", s.fit.iterations);
@@ -227,7 +268,8 @@ fn a_wrong_gradient_ends_as_no_improvement() {
     assert_eq!(s.fit.stop, Stop::NoImprovement);
 }
 
-/// The model is `|p|` of its parameter: the data lie below it, and the best fit is at the kink, where no step is good.
+/// The model is `|p|` of its parameter: the data lie below it, and the best fit is at the kink,
+/// where no step is good.
 #[test]
 fn the_bottom_of_a_kink_is_converged() {
     for start in [1.0, 3e-4, -0.7] {
@@ -263,7 +305,9 @@ fn bounded(start: [f64; 2], upper: f64, step_control: StepControl) -> Solution {
     layout.upper[1] = upper;
     solve(
         &layout,
-        &|_: usize, p: &[f64], _: bool| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)),
+        &|_: usize, p: &[f64], _: bool| {
+            Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
+        },
         &Settings { step_control, ..Settings::default() },
     )
 }
@@ -291,15 +335,25 @@ fn a_prior_weighs_in_with_its_information() {
     let mut layout = Layout::plain(1, &[0], 1, vec![2.0]);
     layout.prior_sd[0] = 0.02;
     let evaluate = |_: usize, p: &[f64], _: bool| {
-        Some(vec![Block { output: 0, e: z.iter().map(|z| z - p[0]).collect(), g: vec![1.0; z.len()] }])
+        Some(vec![Block {
+            output: 0,
+            e: z.iter().map(|z| z - p[0]).collect(),
+            g: vec![1.0; z.len()],
+        }])
     };
-    let s = solve(&layout, &evaluate, &Settings { tolerance: 1e-12, step_tolerance: 1e-9, ..Settings::default() });
-    let (mean, data, prior) = (z.iter().sum::<f64>() / 2000.0, 2000.0 / r(&s)[0], 1.0 / (0.02 * 0.02));
+    let s = solve(
+        &layout,
+        &evaluate,
+        &Settings { tolerance: 1e-12, step_tolerance: 1e-9, ..Settings::default() },
+    );
+    let (mean, data, prior) =
+        (z.iter().sum::<f64>() / 2000.0, 2000.0 / r(&s)[0], 1.0 / (0.02 * 0.02));
     close(s.fit.theta[0], (data * mean + prior * 2.0) / (data + prior), 1e-6);
     close(sds(s.crlb.as_ref().unwrap())[0], (1.0 / (data + prior)).sqrt(), 1e-9);
 }
 
-/// With white noise the corrected variance is the bound times N/(N-p): what the fit absorbed is put back.
+/// With white noise the corrected variance is the bound times N/(N-p): what the fit absorbed is put
+/// back.
 #[test]
 fn the_absorbed_degrees_of_freedom_return() {
     let mut rng = rng(10);
@@ -308,10 +362,13 @@ fn the_absorbed_degrees_of_freedom_return() {
     let layout = Layout::plain(2, &[0], 1, vec![0.0, 0.0]);
     let s = solve(
         &layout,
-        &|_: usize, p: &[f64], _: bool| Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p)),
+        &|_: usize, p: &[f64], _: bool| {
+            Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
+        },
         &Settings { max_ar_order: 0, ..Settings::default() },
     );
-    for (sd, crlb) in sds(s.covariance.as_ref().unwrap()).iter().zip(sds(s.crlb.as_ref().unwrap())) {
+    for (sd, crlb) in sds(s.covariance.as_ref().unwrap()).iter().zip(sds(s.crlb.as_ref().unwrap()))
+    {
         close(sd / crlb, (40.0f64 / 38.0).sqrt(), 1e-3);
     }
 }

@@ -1,8 +1,11 @@
-//! Zero shifts of sensors, feedback of measured states, and where states begin: as settings, without a change of the model file.
+//! Zero shifts of sensors, feedback of measured states, and where states begin: as settings,
+//! without a change of the model file.
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Plan, Record};
-use crate::estimate::{Estimation, InitialFrom, Row, Segment, Settings, Shifts, Stop, estimate, estimate_segments};
+use crate::estimate::{
+    Estimation, InitialFrom, Row, Segment, Settings, Shifts, Stop, estimate, estimate_segments,
+};
 use crate::model::{Constants, Model};
 
 /// Short period; the pilot's input reaches the tail late.
@@ -47,7 +50,8 @@ fn channel(output: usize, dt: f64, n: usize) -> Channel {
     Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![0.0; n] }
 }
 
-/// Segments whose elevator reads 0.01 (s + 1) too much, and whose alpha reads 0.02 too much in the first half of them, q 0.003 in all.
+/// Segments whose elevator reads 0.01 (s + 1) too much, and whose alpha reads 0.02 too much in the
+/// first half of them, q 0.003 in all.
 fn shifted(count: usize) -> Vec<Segment> {
     let model = model(PLAIN);
     let plan = Plan::new(&model, Directions::default()).unwrap();
@@ -56,22 +60,38 @@ fn shifted(count: usize) -> Vec<Segment> {
         .map(|s| {
             let n = 500;
             let inputs: Vec<f64> = (0..n).map(|k| multistep(k as f64 * 0.02)).collect();
-            let mut record =
-                Record { dt: 0.02, n, inputs, channels: vec![channel(0, 0.02, n), channel(1, 0.02, n)], ..Record::default() };
+            let mut record = Record {
+                dt: 0.02,
+                n,
+                inputs,
+                channels: vec![channel(0, 0.02, n), channel(1, 0.02, n)],
+                ..Record::default()
+            };
             let y = plan.respond(&[-1.0, -4.0, -2.0, -6.0, 0.05], &[], &record, false).y;
             let flight = if s < count / 2 { ("f1", 0.02) } else { ("f2", 0.0) };
-            for (channel, (y, shift)) in record.channels.iter_mut().zip(y.into_iter().zip([flight.1, 0.003])) {
+            for (channel, (y, shift)) in
+                record.channels.iter_mut().zip(y.into_iter().zip([flight.1, 0.003]))
+            {
                 channel.z = y.iter().map(|y| y + shift + 1e-3 * normal(&mut rng)).collect();
             }
             record.inputs.iter_mut().for_each(|u| *u += 0.01 * (s + 1) as f64);
-            Segment { record, labels: [("flight".to_string(), flight.0.to_string())].into(), ..Segment::default() }
+            Segment {
+                record,
+                labels: [("flight".to_string(), flight.0.to_string())].into(),
+                ..Segment::default()
+            }
         })
         .collect()
 }
 
 fn settings() -> Settings {
-    let shifts = Shifts { outputs: vec!["alpha".into(), "q".into()], inputs: vec!["delta_e".into()], ..Shifts::default() };
-    let per = [("dz_alpha", "flight"), ("dz_q", "campaign")].map(|(a, b)| (a.to_string(), b.to_string()));
+    let shifts = Shifts {
+        outputs: vec!["alpha".into(), "q".into()],
+        inputs: vec!["delta_e".into()],
+        ..Shifts::default()
+    };
+    let per =
+        [("dz_alpha", "flight"), ("dz_q", "campaign")].map(|(a, b)| (a.to_string(), b.to_string()));
     Settings { shifts, per: per.into(), ..Settings::default() }
 }
 
@@ -89,8 +109,18 @@ fn recovery_of_zero_shifts_component_by_component() {
     within(&e, named("M_delta"), -6.0, 0.1);
     within(&e, named("Z_alpha"), -1.0, 0.1);
     within(&e, named("dz_q"), 0.003, 1e-3);
-    within(&e, |r| r.name == "dz_alpha" && r.group.as_ref().is_some_and(|g| g.value == "f1"), 0.02, 1e-3);
-    within(&e, |r| r.name == "dz_alpha" && r.group.as_ref().is_some_and(|g| g.value == "f2"), 0.0, 1e-3);
+    within(
+        &e,
+        |r| r.name == "dz_alpha" && r.group.as_ref().is_some_and(|g| g.value == "f1"),
+        0.02,
+        1e-3,
+    );
+    within(
+        &e,
+        |r| r.name == "dz_alpha" && r.group.as_ref().is_some_and(|g| g.value == "f2"),
+        0.0,
+        1e-3,
+    );
     for s in 0..4 {
         within(&e, |r| r.name == "du_delta_e" && r.segment == Some(s), 0.01 * (s + 1) as f64, 1e-3);
     }
@@ -115,7 +145,8 @@ fn shifts_are_those_of_a_model_written_out() {
     assert_eq!(by_hand.rows.len(), by_setting.rows.len());
     for (a, b) in by_hand.rows.iter().zip(&by_setting.rows) {
         assert!(
-            (a.value - b.value).abs() <= 1e-9 * a.sd.unwrap() && (a.sd.unwrap() / b.sd.unwrap() - 1.0).abs() < 1e-9,
+            (a.value - b.value).abs() <= 1e-9 * a.sd.unwrap()
+                && (a.sd.unwrap() / b.sd.unwrap() - 1.0).abs() < 1e-9,
             "{a:?} {b:?}"
         );
     }
@@ -147,28 +178,44 @@ fn settings_model() -> Model {
 
 #[test]
 fn fault_shifts_of_what_is_not_there_are_all_named() {
-    let shifts = Shifts { outputs: vec!["alfa".into()], inputs: vec!["q".into()], ..Shifts::default() };
-    let text = estimate(&model(PLAIN), &[], &Settings { shifts, ..Settings::default() }).unwrap_err().to_string();
+    let shifts =
+        Shifts { outputs: vec!["alfa".into()], inputs: vec!["q".into()], ..Shifts::default() };
+    let text = estimate(&model(PLAIN), &[], &Settings { shifts, ..Settings::default() })
+        .unwrap_err()
+        .to_string();
     assert!(text.contains("no output \"alfa\"") && text.contains("no input \"q\""), "{text}");
     let twice = Shifts { outputs: vec!["alpha".into(), "alpha".into()], ..Shifts::default() };
-    let text = estimate(&model(PLAIN), &[], &Settings { shifts: twice, ..Settings::default() }).unwrap_err().to_string();
+    let text = estimate(&model(PLAIN), &[], &Settings { shifts: twice, ..Settings::default() })
+        .unwrap_err()
+        .to_string();
     assert!(text.contains("has a \"dz_alpha\" already"), "{text}");
     let stabilise = [("delta".to_string(), 1.0), ("alpha".to_string(), -1.0)].into();
-    let text = estimate(&model(PLAIN), &[], &Settings { stabilise, ..Settings::default() }).unwrap_err().to_string();
+    let text = estimate(&model(PLAIN), &[], &Settings { stabilise, ..Settings::default() })
+        .unwrap_err()
+        .to_string();
     assert!(text.contains("no state \"delta\"") && text.contains("at least zero"), "{text}");
 }
 
-/// An aircraft that doubles its angle of attack every second, flown for 30 s by a controller that lags one sample.
+/// An aircraft that doubles its angle of attack every second, flown for 30 s by a controller that
+/// lags one sample.
 fn unstable(seed: u64) -> Record {
     let (z_alpha, m_alpha, m_q, m_delta) = UNSTABLE;
-    let rate = |x: [f64; 2], u: f64| [z_alpha * x[0] + x[1], m_alpha * x[0] + m_q * x[1] + m_delta * u];
+    let rate =
+        |x: [f64; 2], u: f64| [z_alpha * x[0] + x[1], m_alpha * x[0] + m_q * x[1] + m_delta * u];
     let along = |x: [f64; 2], f: [f64; 2], h: f64| [x[0] + h * f[0], x[1] + h * f[1]];
     let (n, dt) = (1500, 0.02);
     let (mut x, mut u, mut rng) = ([0.0; 2], 0.0, rng(seed));
-    let mut record = Record { dt, n, channels: vec![channel(0, dt, n), channel(1, dt, n)], substeps: 1, ..Record::default() };
+    let mut record = Record {
+        dt,
+        n,
+        channels: vec![channel(0, dt, n), channel(1, dt, n)],
+        substeps: 1,
+        ..Record::default()
+    };
     for k in 0..n {
         record.inputs.push(u);
-        (record.channels[0].z[k], record.channels[1].z[k]) = (x[0] + 5e-4 * normal(&mut rng), x[1] + 1e-3 * normal(&mut rng));
+        (record.channels[0].z[k], record.channels[1].z[k]) =
+            (x[0] + 5e-4 * normal(&mut rng), x[1] + 1e-3 * normal(&mut rng));
         let next = multistep((k as f64 * dt) % 6.0) + 1.5 * x[0] + 0.5 * x[1];
         let mean = 0.5 * (u + next);
         let f1 = rate(x, u);
@@ -187,7 +234,8 @@ fn unstable(seed: u64) -> Record {
 const UNSTABLE: (f64, f64, f64, f64) = (-1.0, 3.2054, -1.2, -6.0);
 
 fn unstable_model() -> Model {
-    let text = PLAIN.replace("delay(delta_e, tau)", "delta_e").replace("start = -3.0", "start = 2.5");
+    let text =
+        PLAIN.replace("delay(delta_e, tau)", "delta_e").replace("start = -3.0", "start = 2.5");
     model(&text)
 }
 
@@ -196,7 +244,12 @@ fn recovery_of_an_unstable_aircraft_by_feedback() {
     let (model, record) = (unstable_model(), unstable(41));
     let largest = record.channels[0].z.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     assert!(largest < 0.2, "the controller holds it: {largest}");
-    let truth = [("Z_alpha", UNSTABLE.0), ("M_alpha", UNSTABLE.1), ("M_q", UNSTABLE.2), ("M_delta", UNSTABLE.3)];
+    let truth = [
+        ("Z_alpha", UNSTABLE.0),
+        ("M_alpha", UNSTABLE.1),
+        ("M_q", UNSTABLE.2),
+        ("M_delta", UNSTABLE.3),
+    ];
     let plain = estimate(&model, std::slice::from_ref(&record), &Settings::default()).unwrap();
     let right = |e: &Estimation| {
         truth.iter().all(|(name, value)| {
@@ -204,17 +257,28 @@ fn recovery_of_an_unstable_aircraft_by_feedback() {
             (row.value - value).abs() < 0.05 * value.abs()
         })
     };
-    println!("plain: {} after {} iterations, det R {:e}", plain.stop, plain.iterations.len() - 1, plain.det_r);
+    println!(
+        "plain: {} after {} iterations, det R {:e}",
+        plain.stop,
+        plain.iterations.len() - 1,
+        plain.det_r
+    );
     assert!(plain.stop != Stop::Converged || !right(&plain));
     let stabilise = [("alpha", 4.0), ("q", 4.0)].map(|(a, k)| (a.to_string(), k)).into();
     let e = estimate(&model, &[record], &Settings { stabilise, ..Settings::default() }).unwrap();
-    println!("fed back: {} after {} iterations, det R {:e}", e.stop, e.iterations.len() - 1, e.det_r);
+    println!(
+        "fed back: {} after {} iterations, det R {:e}",
+        e.stop,
+        e.iterations.len() - 1,
+        e.det_r
+    );
     assert_eq!(e.stop, Stop::Converged);
     for (name, value) in truth {
         let row = e.rows.iter().find(|r| r.name == name).unwrap();
         println!("{name}: {:.4} +- {:.4}, truth {value}", row.value, row.sd.unwrap());
         assert!(
-            (row.value - value).abs() < 3.0 * row.sd.unwrap() && row.sd.unwrap() < 0.05 * value.abs(),
+            (row.value - value).abs() < 3.0 * row.sd.unwrap()
+                && row.sd.unwrap() < 0.05 * value.abs(),
             "{row:?}, truth {value}"
         );
     }
@@ -225,8 +289,13 @@ fn no_feedback_is_plain_output_error() {
     let all = shifted(2);
     let plain = estimate_segments(&model(PLAIN), &all, &Settings::default()).unwrap();
     let stabilise = [("alpha".to_string(), 0.0)].into();
-    let fed = estimate_segments(&model(PLAIN), &all, &Settings { stabilise, ..Settings::default() }).unwrap();
-    assert_eq!((&plain.rows, &plain.iterations, &plain.responses), (&fed.rows, &fed.iterations, &fed.responses));
+    let fed =
+        estimate_segments(&model(PLAIN), &all, &Settings { stabilise, ..Settings::default() })
+            .unwrap();
+    assert_eq!(
+        (&plain.rows, &plain.iterations, &plain.responses),
+        (&fed.rows, &fed.iterations, &fed.responses)
+    );
 }
 
 #[test]
@@ -251,7 +320,11 @@ fn fault_a_state_that_starts_measured_without_a_sample_leaves_its_segment_out() 
     all[2].record.channels[0].z.fill(f64::NAN);
     let e = estimate_segments(&model(&text), &all, &Settings::default()).unwrap();
     assert_eq!((e.stop, e.left_out.len(), e.left_out[0].segment), (Stop::Converged, 1, 2));
-    assert!(e.left_out[0].why.contains("starts at its first measured value"), "{}", e.left_out[0].why);
+    assert!(
+        e.left_out[0].why.contains("starts at its first measured value"),
+        "{}",
+        e.left_out[0].why
+    );
     // The same where no segment has one: an outcome, not a mistake of the caller.
     all.iter_mut().for_each(|s| s.record.channels[0].z.fill(f64::NAN));
     let e = estimate_segments(&model(&text), &all, &Settings::default()).unwrap();

@@ -1,4 +1,5 @@
-//! Lines of known truth in; whether the fit, its named outcomes and the coverage of its intervals are right out.
+//! Lines of known truth in; whether the fit, its named outcomes and the coverage of its intervals
+//! are right out.
 
 use super::*;
 use rand::{RngExt, SeedableRng};
@@ -16,24 +17,31 @@ struct Coverage {
     prediction: f64,
 }
 
-/// The squared distance of a supposed line from the fitted one, in units of its covariance and per parameter: below `f_quantile(level, 2, dof)` where
-/// the line is inside the joint confidence region of that level, and so inside the simultaneous band everywhere.
+/// The squared distance of a supposed line from the fitted one, in units of its covariance and per
+/// parameter: below `f_quantile(level, 2, dof)` where the line is inside the joint confidence
+/// region of that level, and so inside the simultaneous band everywhere.
 fn joint_statistic(fit: &LineFit, slope: f64, intercept: f64) -> f64 {
     // Slope and value at the centre are uncorrelated.
-    let term = |difference: f64, sd: f64| if difference == 0.0 { 0.0 } else { (difference / sd).powi(2) };
+    let term =
+        |difference: f64, sd: f64| if difference == 0.0 { 0.0 } else { (difference / sd).powi(2) };
     let at_center = intercept + slope * fit.x_center;
     0.5 * (term(slope - fit.slope, fit.slope_sd) + term(at_center - fit.y_center, fit.y_center_sd))
 }
 
-/// Fits of `n` points with true sd `s_i` from 0.02 to `0.02 * spread`, claimed sd `claim * s_i`, scatter `tau` between points.
+/// Fits of `n` points with true sd `s_i` from 0.02 to `0.02 * spread`, claimed sd `claim * s_i`,
+/// scatter `tau` between points.
 fn coverage(n: usize, spread: f64, claim: f64, tau: f64, trials: u64) -> Coverage {
     let mut inside = [0u64; 4];
     for trial in 0..trials {
         let mut rng = Pcg64::seed_from_u64(1000 + trial);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-        let x: Vec<f64> = (0..n).map(|i| 2.0 + i as f64 / (n - 1) as f64 + 0.02 * normal()).collect();
-        let s: Vec<f64> = (0..n).map(|i| 0.02 * f64::powf(spread, ((i * 7) % n) as f64 / (n - 1) as f64)).collect();
-        let y: Vec<f64> = (0..n).map(|i| TRUTH.1 + TRUTH.0 * x[i] + s[i] * normal() + tau * normal()).collect();
+        let x: Vec<f64> =
+            (0..n).map(|i| 2.0 + i as f64 / (n - 1) as f64 + 0.02 * normal()).collect();
+        let s: Vec<f64> = (0..n)
+            .map(|i| 0.02 * f64::powf(spread, ((i * 7) % n) as f64 / (n - 1) as f64))
+            .collect();
+        let y: Vec<f64> =
+            (0..n).map(|i| TRUTH.1 + TRUTH.0 * x[i] + s[i] * normal() + tau * normal()).collect();
         let claimed: Vec<f64> = s.iter().map(|s| claim * s).collect();
         let fit = line(&x, &y, &claimed, &Settings::default()).unwrap();
         let xs: Vec<f64> = (0..21).map(|i| 2.0 + i as f64 / 20.0).collect();
@@ -45,8 +53,10 @@ fn coverage(n: usize, spread: f64, claim: f64, tau: f64, trials: u64) -> Coverag
         let typical = crate::math::median(&s.iter().map(|s| s * s).collect::<Vec<f64>>()).sqrt();
         let new = TRUTH.1 + TRUTH.0 * 2.4 + typical * normal() + tau * normal();
         let predicted = bands(&fit, &[2.4], 0.95)[0].prediction;
-        inside[0] += u64::from(joint_statistic(&fit, TRUTH.0, TRUTH.1) <= f_quantile(0.95, 2.0, fit.dof));
-        inside[1] += u64::from((fit.slope - TRUTH.0).abs() <= fit.interval_factor(0.95) * fit.slope_sd);
+        inside[0] +=
+            u64::from(joint_statistic(&fit, TRUTH.0, TRUTH.1) <= f_quantile(0.95, 2.0, fit.dof));
+        inside[1] +=
+            u64::from((fit.slope - TRUTH.0).abs() <= fit.interval_factor(0.95) * fit.slope_sd);
         inside[2] += u64::from(within);
         inside[3] += u64::from(predicted.0 <= new && new <= predicted.1);
     }
@@ -86,8 +96,9 @@ fn the_region_covers_where_points_scatter_more_than_they_claim() {
     covers(4.0, 1.0, 0.3, 0.93..=0.97);
 }
 
-/// Where the sd differ by a factor 4 and the scatter between points is as large as they are (or the excess is a factor, not a
-/// scatter), the weights are estimated from few residuals: 92 to 97.5% is what the method gives.
+/// Where the sd differ by a factor 4 and the scatter between points is as large as they are (or the
+/// excess is a factor, not a scatter), the weights are estimated from few residuals: 92 to 97.5% is
+/// what the method gives.
 #[test]
 fn the_region_nearly_covers_where_the_weights_are_hard_to_tell() {
     covers(4.0, 1.0, 0.05, 0.92..=0.97);
@@ -109,7 +120,10 @@ fn equal_sds_give_the_textbook_line() {
         assert!((fit.tau * fit.tau - (2.0 - sd * sd).max(0.0)).abs() < 1e-9);
         let band = bands(&fit, &[1.5], 0.95)[0];
         assert!((band.pointwise.1 - band.value - 4.302653 * 0.5f64.sqrt()).abs() < 1e-5);
-        assert!((band.simultaneous.1 - band.value - (2.0f64 * 19.0).sqrt() * 0.5f64.sqrt()).abs() < 1e-5);
+        assert!(
+            (band.simultaneous.1 - band.value - (2.0f64 * 19.0).sqrt() * 0.5f64.sqrt()).abs()
+                < 1e-5
+        );
         assert!((band.prediction.1 - band.value - 4.302653 * 2.5f64.sqrt()).abs() < 1e-5);
     }
 }
@@ -117,7 +131,13 @@ fn equal_sds_give_the_textbook_line() {
 #[test]
 fn weights_count() {
     // the third point claims nothing: the line goes through the other three nearly
-    let fit = line(&[0.0, 1.0, 2.0, 4.0], &[0.0, 1.0, 100.0, 4.0], &[1e-3, 1e-3, 1e3, 1e-3], &Settings::default()).unwrap();
+    let fit = line(
+        &[0.0, 1.0, 2.0, 4.0],
+        &[0.0, 1.0, 100.0, 4.0],
+        &[1e-3, 1e-3, 1e3, 1e-3],
+        &Settings::default(),
+    )
+    .unwrap();
     assert!((fit.slope - 1.0).abs() < 1e-6 && fit.intercept.abs() < 1e-6 && fit.tau == 0.0);
 }
 
@@ -132,13 +152,17 @@ fn joint_statistic_is_the_quadratic_form() {
     let (va, vb, c) = (fit.slope_sd.powi(2), fit.intercept_sd.powi(2), fit.covariance);
     let form = (a * a * vb - 2.0 * a * b * c + b * b * va) / (va * vb - c * c) / 2.0;
     assert!((joint_statistic(&fit, 1.1, 0.9) / form - 1.0).abs() < 1e-9);
-    assert_eq!(joint_statistic(&fit, fit.slope, fit.value(fit.x_center) - fit.slope * fit.x_center), 0.0);
+    assert_eq!(
+        joint_statistic(&fit, fit.slope, fit.value(fit.x_center) - fit.slope * fit.x_center),
+        0.0
+    );
 }
 
 #[test]
 fn far_from_the_origin_nothing_is_lost() {
     let x: Vec<f64> = (0..8).map(|i| 1e6 + i as f64 * 1e-2).collect();
-    let y: Vec<f64> = (0..8).map(|i| 5e3 + i as f64 * 2e-2 + if i % 2 == 0 { 1e-4 } else { -1e-4 }).collect();
+    let y: Vec<f64> =
+        (0..8).map(|i| 5e3 + i as f64 * 2e-2 + if i % 2 == 0 { 1e-4 } else { -1e-4 }).collect();
     let fit = line(&x, &y, &[1e-4; 8], &Settings::default()).unwrap();
     assert!((fit.slope - 2.0).abs() < 0.01 && (fit.value(1e6 + 0.035) - 5e3 - 0.07).abs() < 1e-4);
 }
@@ -149,7 +173,10 @@ fn what_cannot_be_fitted_has_a_name() {
     assert_eq!(line(&[], &[], &[], &s), Err(Unfit::TooFewPoints));
     assert_eq!(line(&[1.0, 2.0], &[1.0, 2.0], &[1.0, 1.0], &s), Err(Unfit::TooFewPoints));
     assert_eq!(line(&[2.0; 4], &[1.0, 2.0, 3.0, 4.0], &[1.0; 4], &s), Err(Unfit::IdenticalX));
-    assert_eq!(line(&[1.0, 2.0, 3.0], &[1.0, f64::NAN, 1.0], &[1.0; 3], &s), Err(Unfit::BadValue(1)));
+    assert_eq!(
+        line(&[1.0, 2.0, 3.0], &[1.0, f64::NAN, 1.0], &[1.0; 3], &s),
+        Err(Unfit::BadValue(1))
+    );
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert_eq!(line(&[1.0, 2.0, 3.0], &[1.0; 3], &[1.0, 1.0, bad], &s), Err(Unfit::BadSd(2)));
     }
@@ -158,7 +185,13 @@ fn what_cannot_be_fitted_has_a_name() {
 
 #[test]
 fn without_between_scatter_tau_is_zero() {
-    let fit = line(&[0.0, 1.0, 2.0, 3.0], &[3.0, 4.0, 7.0, 12.0], &[0.1; 4], &Settings { between_scatter: false }).unwrap();
+    let fit = line(
+        &[0.0, 1.0, 2.0, 3.0],
+        &[3.0, 4.0, 7.0, 12.0],
+        &[0.1; 4],
+        &Settings { between_scatter: false },
+    )
+    .unwrap();
     assert_eq!(fit.tau, 0.0);
     assert!((fit.q - 200.0).abs() < 1e-9);
 }
@@ -172,7 +205,8 @@ fn a_common_error_of_the_points_is_carried_into_the_line() {
         let settings = Settings { between_scatter };
         let base = line(&x, &y, &sd, &settings).unwrap();
         let (slope, intercept) = carried(&base, &x, &sd, &change);
-        // A small move leaves the scatter between the points, and so the weights, nearly as they are.
+        // A small move leaves the scatter between the points, and so the weights, nearly as they
+        // are.
         let moved: Vec<f64> = y.iter().zip(change).map(|(y, c)| y + 1e-6 * c).collect();
         let other = line(&x, &moved, &sd, &settings).unwrap();
         if !between_scatter {

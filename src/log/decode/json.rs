@@ -1,11 +1,13 @@
 //! JSON messages in, the numbers at the wanted paths out, without building a value tree.
 //!
-//! The layout of a message (the text between its scalars) is learnt once; messages of the same layout are compared with it
-//! bytewise, and only the wanted scalars are parsed. A message of another layout is learnt anew.
+//! The layout of a message (the text between its scalars) is learnt once; messages of the same
+//! layout are compared with it bytewise, and only the wanted scalars are parsed. A message of
+//! another layout is learnt anew.
 
 use super::{Encoding, FieldInfo, Reader, UNREADABLE};
 
-pub const ENCODING: Encoding = Encoding { message: "json", schemas: &["jsonschema", ""], fields, reader };
+pub const ENCODING: Encoding =
+    Encoding { message: "json", schemas: &["jsonschema", ""], fields, reader };
 
 /// Messages nested deeper than this are not read.
 const DEEPEST: usize = 64;
@@ -69,7 +71,8 @@ impl Layout {
     }
 }
 
-/// The number at the start of `text` and what follows it. Numbers in quotes, booleans (0, 1), null and NaN count as numbers.
+/// The number at the start of `text` and what follows it. Numbers in quotes, booleans (0, 1), null
+/// and NaN count as numbers.
 fn number(text: &[u8]) -> Option<(f64, &[u8])> {
     match text.first()? {
         b'"' => {
@@ -88,7 +91,8 @@ fn number(text: &[u8]) -> Option<(f64, &[u8])> {
 }
 
 fn quoted(inner: &[u8]) -> Option<f64> {
-    if inner.is_empty() || inner.eq_ignore_ascii_case(b"null") || inner.eq_ignore_ascii_case(b"n/a") {
+    if inner.is_empty() || inner.eq_ignore_ascii_case(b"null") || inner.eq_ignore_ascii_case(b"n/a")
+    {
         return Some(f64::NAN);
     }
     fast_float2::parse::<f64, _>(inner).ok().map(finite)
@@ -98,7 +102,8 @@ fn finite(x: f64) -> f64 {
     if x.is_finite() { x } else { f64::NAN }
 }
 
-/// What follows the scalar at the start of `text`; `None` where there is none (a list, an object, the end).
+/// What follows the scalar at the start of `text`; `None` where there is none (a list, an object,
+/// the end).
 fn skip_scalar(text: &[u8]) -> Option<&[u8]> {
     match text.first()? {
         b'"' => {
@@ -126,7 +131,8 @@ const IN_TOKEN: [bool; 256] = {
     table
 };
 
-/// Calls `visit(path, start, end)` for every scalar of a message; `None` where it is no JSON (NaN and Infinity are let through).
+/// Calls `visit(path, start, end)` for every scalar of a message; `None` where it is no JSON (NaN
+/// and Infinity are let through).
 fn scan(message: &[u8], visit: &mut dyn FnMut(&str, usize, usize)) -> Option<()> {
     let mut scanner = Scanner { text: message, at: 0, path: String::new(), visit };
     scanner.blank();
@@ -225,11 +231,15 @@ impl Scanner<'_, '_> {
 fn sound_scalar(token: &[u8]) -> bool {
     match token.first() {
         Some(b'"') => std::str::from_utf8(token).is_ok(),
-        _ => matches!(token, b"null" | b"true" | b"false") || fast_float2::parse::<f64, _>(token).is_ok(),
+        _ => {
+            matches!(token, b"null" | b"true" | b"false")
+                || fast_float2::parse::<f64, _>(token).is_ok()
+        }
     }
 }
 
-/// Fields from the schema, in its order, then those that only the message has. Texts that hold no number are left out.
+/// Fields from the schema, in its order, then those that only the message has. Texts that hold no
+/// number are left out.
 fn fields(schema: &[u8], message: Option<&[u8]>) -> Vec<FieldInfo> {
     let mut told = Vec::new();
     if let Ok(schema) = serde_json::from_slice::<serde_json::Value>(schema) {
@@ -249,18 +259,33 @@ fn fields(schema: &[u8], message: Option<&[u8]>) -> Vec<FieldInfo> {
 
 /// The path with every list index replaced by `*`, as lists stand in a schema.
 fn generic(path: &str) -> String {
-    let part = |p: &str| if !p.is_empty() && p.bytes().all(|b| b.is_ascii_digit()) { "*".to_string() } else { p.to_string() };
+    let part = |p: &str| {
+        if !p.is_empty() && p.bytes().all(|b| b.is_ascii_digit()) {
+            "*".to_string()
+        } else {
+            p.to_string()
+        }
+    };
     path.split('.').map(part).collect::<Vec<_>>().join(".")
 }
 
-fn schema_fields(root: &serde_json::Value, node: &serde_json::Value, path: &str, depth: usize, out: &mut Vec<FieldInfo>) {
+fn schema_fields(
+    root: &serde_json::Value,
+    node: &serde_json::Value,
+    path: &str,
+    depth: usize,
+    out: &mut Vec<FieldInfo>,
+) {
     if depth > DEEPEST.min(12) {
         return;
     }
-    if let Some(target) = node.get("$ref").and_then(|r| r.as_str()).and_then(|r| root.pointer(r.strip_prefix('#')?)) {
+    if let Some(target) =
+        node.get("$ref").and_then(|r| r.as_str()).and_then(|r| root.pointer(r.strip_prefix('#')?))
+    {
         return schema_fields(root, target, path, depth + 1, out);
     }
-    let join = |name: &str| if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+    let join =
+        |name: &str| if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
     if let Some(properties) = node.get("properties").and_then(|p| p.as_object()) {
         for (name, property) in properties {
             schema_fields(root, property, &join(name), depth + 1, out);
@@ -268,7 +293,9 @@ fn schema_fields(root: &serde_json::Value, node: &serde_json::Value, path: &str,
     } else if let Some(items) = node.get("items") {
         schema_fields(root, items, &join("*"), depth + 1, out);
     } else if has_number(node.get("type")) && !path.is_empty() {
-        let text = |keys: &[&str]| keys.iter().find_map(|k| node.get(*k)?.as_str()).unwrap_or_default().to_string();
+        let text = |keys: &[&str]| {
+            keys.iter().find_map(|k| node.get(*k)?.as_str()).unwrap_or_default().to_string()
+        };
         out.push(FieldInfo {
             path: path.to_string(),
             unit: text(&["unit", "units", "x-unit", "x-units"]),
@@ -293,7 +320,9 @@ mod tests {
     fn read_all(messages: &[&str], paths: &[&str]) -> Vec<Vec<String>> {
         let paths: Vec<String> = paths.iter().map(|p| p.to_string()).collect();
         let mut read = reader(b"", &paths).unwrap();
-        let word = |x: &f64| if super::super::is_unreadable(*x) { "unreadable".to_string() } else { x.to_string() };
+        let word = |x: &f64| {
+            if super::super::is_unreadable(*x) { "unreadable".to_string() } else { x.to_string() }
+        };
         let one = |m: &&str| {
             let mut out = vec![0.0; paths.len()];
             read(m.as_bytes(), &mut out);
@@ -314,7 +343,16 @@ mod tests {
             ],
             &["a.b", "a.c.1"],
         );
-        assert_eq!(got, [["1.5", "20"], ["-0.002", "21"], ["7", "unreadable"], ["3", "23"], ["4", "unreadable"]]);
+        assert_eq!(
+            got,
+            [
+                ["1.5", "20"],
+                ["-0.002", "21"],
+                ["7", "unreadable"],
+                ["3", "23"],
+                ["4", "unreadable"]
+            ]
+        );
     }
 
     #[test]
@@ -352,7 +390,11 @@ mod tests {
             &deep,
         ];
         for b in broken {
-            assert_eq!(read_all(&[r#"{"a":5}"#, b, r#"{"a":6}"#], &["a"]), [["5"], ["unreadable"], ["6"]], "{b:.20}");
+            assert_eq!(
+                read_all(&[r#"{"a":5}"#, b, r#"{"a":6}"#], &["a"]),
+                [["5"], ["unreadable"], ["6"]],
+                "{b:.20}"
+            );
         }
     }
 
@@ -362,7 +404,8 @@ mod tests {
             "p":{"type":"number","unit":"rad/s","description":"Roll rate"},
             "list":{"type":"array","items":{"type":"number","unit":"V"}}, "label":{"type":"string"}}}"#;
         let got = fields(schema, Some(br#"{"p":1,"list":[1,2],"label":"on","extra":3}"#));
-        let text: Vec<String> = got.iter().map(|f| format!("{} [{}] {}", f.path, f.unit, f.doc)).collect();
+        let text: Vec<String> =
+            got.iter().map(|f| format!("{} [{}] {}", f.path, f.unit, f.doc)).collect();
         assert_eq!(text, ["p [rad/s] Roll rate", "list.0 [V] ", "list.1 [V] ", "extra [] "]);
         assert_eq!(fields(schema, None).len(), 2);
     }

@@ -15,17 +15,20 @@ pub struct Encoding {
     pub message: &'static str,
     /// The schema encodings that go with it; an empty string is a channel without schema.
     pub schemas: &'static [&'static str],
-    /// The numeric fields of a topic, from its schema and one of its messages (either may be missing).
+    /// The numeric fields of a topic, from its schema and one of its messages (either may be
+    /// missing).
     pub fields: fn(schema: &[u8], message: Option<&[u8]>) -> Vec<FieldInfo>,
     /// A reader of the fields at the given paths (no path twice).
     pub reader: fn(schema: &[u8], paths: &[String]) -> Result<Reader, String>,
 }
 
-/// Reads one message: one value per path. Every value is overwritten: a number, NaN where the message says so (NaN, infinite, null),
-/// or `UNREADABLE` where the message has no such field or no number there.
+/// Reads one message: one value per path. Every value is overwritten: a number, NaN where the
+/// message says so (NaN, infinite, null), or `UNREADABLE` where the message has no such field or no
+/// number there.
 pub type Reader = Box<dyn FnMut(&[u8], &mut [f64])>;
 
-/// Marks a value that could not be read: a NaN with a payload of its own, never the result of a computation.
+/// Marks a value that could not be read: a NaN with a payload of its own, never the result of a
+/// computation.
 pub const UNREADABLE: f64 = f64::from_bits(0x7ff8_0000_6b6f_6865);
 
 /// Whether a value is the `UNREADABLE` mark.
@@ -43,13 +46,17 @@ pub struct FieldInfo {
 
 /// The decoder for a channel, if there is one.
 pub fn encoding_of(channel: &Channel) -> Option<&'static Encoding> {
-    ENCODINGS.iter().find(|e| e.message == channel.message_encoding && e.schemas.contains(&channel.schema_encoding.as_str()))
+    ENCODINGS.iter().find(|e| {
+        e.message == channel.message_encoding
+            && e.schemas.contains(&channel.schema_encoding.as_str())
+    })
 }
 
 /// What can be decoded, in words.
 pub fn supported() -> String {
     let one = |e: &Encoding| {
-        let schemas: Vec<&str> = e.schemas.iter().map(|s| if s.is_empty() { "none" } else { s }).collect();
+        let schemas: Vec<&str> =
+            e.schemas.iter().map(|s| if s.is_empty() { "none" } else { s }).collect();
         format!("{} (schema {})", e.message, schemas.join(" or "))
     };
     ENCODINGS.iter().map(one).collect::<Vec<_>>().join(", ")

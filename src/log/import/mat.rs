@@ -1,8 +1,9 @@
 //! A MATLAB 5 MAT file in; the columns of one of its numeric matrices out.
 //!
-//! The format is that of "MAT-File Format" (MathWorks), level 5: a header of 128 bytes, then elements of a tag (type, bytes) and data
-//! padded to 8 bytes. A variable is an element of type 14 that holds flags, dimensions, a name and numbers, or type 15 that holds such
-//! an element compressed. Numbers may be stored in any smaller type than their class.
+//! The format is that of "MAT-File Format" (MathWorks), level 5: a header of 128 bytes, then
+//! elements of a tag (type, bytes) and data padded to 8 bytes. A variable is an element of type 14
+//! that holds flags, dimensions, a name and numbers, or type 15 that holds such an element
+//! compressed. Numbers may be stored in any smaller type than their class.
 
 use std::io::Read;
 
@@ -53,12 +54,15 @@ pub fn read(bytes: &[u8], name: Option<&str>) -> Result<Matrix, String> {
             found.extend(matrix(element.data)?);
         }
     }
-    let names: Vec<String> = found.iter().map(|m| format!("{} ({} x {})", m.name, m.rows, m.columns)).collect();
+    let names: Vec<String> =
+        found.iter().map(|m| format!("{} ({} x {})", m.name, m.rows, m.columns)).collect();
     let has = if names.is_empty() { "no numeric matrix".to_string() } else { names.join(", ") };
     let mut fitting = found.into_iter().filter(|m| name.is_none_or(|name| m.name == name));
     match (fitting.next(), fitting.next(), name) {
         (Some(one), None, _) => Ok(one),
-        (_, Some(_), _) => Err(format!("the file has several matrices, name one as `variable`: {has}")),
+        (_, Some(_), _) => {
+            Err(format!("the file has several matrices, name one as `variable`: {has}"))
+        }
         (None, _, Some(name)) => Err(format!("there is no matrix \"{name}\"; the file has {has}")),
         (None, _, None) => Err("the file has no numeric matrix".into()),
     }
@@ -66,12 +70,17 @@ pub fn read(bytes: &[u8], name: Option<&str>) -> Result<Matrix, String> {
 
 fn inflate(data: &[u8]) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
-    flate2::read::ZlibDecoder::new(data).read_to_end(&mut out).map_err(|e| format!("a compressed variable is damaged: {e}"))?;
+    flate2::read::ZlibDecoder::new(data)
+        .read_to_end(&mut out)
+        .map_err(|e| format!("a compressed variable is damaged: {e}"))?;
     Ok(out)
 }
 
 fn word(bytes: &[u8], at: usize) -> Result<u32, String> {
-    let four = bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).ok_or("the file ends inside an element")?;
+    let four = bytes
+        .get(at..at + 4)
+        .and_then(|b| b.try_into().ok())
+        .ok_or("the file ends inside an element")?;
     Ok(u32::from_le_bytes(four))
 }
 
@@ -92,7 +101,8 @@ fn next<'a>(rest: &mut &'a [u8]) -> Result<Element<'a>, String> {
     Ok(Element { kind, data })
 }
 
-/// A real numeric two-dimensional matrix; none for anything else (text, structures, complex numbers).
+/// A real numeric two-dimensional matrix; none for anything else (text, structures, complex
+/// numbers).
 fn matrix(data: &[u8]) -> Result<Option<Matrix>, String> {
     let mut rest = data;
     let flags = word(next(&mut rest)?.data, 0)?;
@@ -106,7 +116,10 @@ fn matrix(data: &[u8]) -> Result<Option<Matrix>, String> {
     let name = String::from_utf8_lossy(name.data).into_owned();
     let values = numbers(&next(&mut rest)?)?;
     if Some(values.len()) != rows.checked_mul(columns) {
-        return Err(format!("matrix {name} says {rows} x {columns} and holds {} numbers", values.len()));
+        return Err(format!(
+            "matrix {name} says {rows} x {columns} and holds {} numbers",
+            values.len()
+        ));
     }
     Ok(Some(Matrix { name, rows, columns, values }))
 }
@@ -114,7 +127,13 @@ fn matrix(data: &[u8]) -> Result<Option<Matrix>, String> {
 fn numbers(element: &Element) -> Result<Vec<f64>, String> {
     macro_rules! all {
         ($t:ty) => {
-            element.data.as_chunks::<{ size_of::<$t>() }>().0.iter().map(|b| <$t>::from_le_bytes(*b) as f64).collect()
+            element
+                .data
+                .as_chunks::<{ size_of::<$t>() }>()
+                .0
+                .iter()
+                .map(|b| <$t>::from_le_bytes(*b) as f64)
+                .collect()
         };
     }
     Ok(match element.kind {
@@ -148,7 +167,10 @@ mod tests {
     fn variable(name: &str, kind: u32, numbers: &[u8]) -> Vec<u8> {
         let flags = element(6, &[6, 0, 0, 0, 0, 0, 0, 0]);
         let size = element(5, &[2, 0, 0, 0, 3, 0, 0, 0]);
-        element(MATRIX, &[flags, size, element(1, name.as_bytes()), element(kind, numbers)].concat())
+        element(
+            MATRIX,
+            &[flags, size, element(1, name.as_bytes()), element(kind, numbers)].concat(),
+        )
     }
 
     fn file(elements: &[Vec<u8>]) -> Vec<u8> {
@@ -170,14 +192,22 @@ mod tests {
         let zip = zip.finish().unwrap();
         let mut packed = [COMPRESSED.to_le_bytes(), (zip.len() as u32).to_le_bytes()].concat();
         packed.extend(zip);
-        let bytes = file(&[variable("plain", 9, &doubles()), variable("small", 2, &[1, 2, 3, 4, 5, 250]), packed]);
+        let bytes = file(&[
+            variable("plain", 9, &doubles()),
+            variable("small", 2, &[1, 2, 3, 4, 5, 250]),
+            packed,
+        ]);
         assert!(is_mat(&bytes));
         let plain = read(&bytes, Some("plain")).unwrap();
         assert_eq!((plain.rows, plain.columns), (2, 3));
         assert_eq!(plain.values, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]);
         assert_eq!(read(&bytes, Some("small")).unwrap().values[5], 250.0);
         assert_eq!(read(&bytes, Some("packed")).unwrap().values, plain.values);
-        assert!(read(&bytes, None).unwrap_err().contains("plain (2 x 3), small (2 x 3), packed (2 x 3)"));
+        assert!(
+            read(&bytes, None)
+                .unwrap_err()
+                .contains("plain (2 x 3), small (2 x 3), packed (2 x 3)")
+        );
         assert!(read(&bytes, Some("x")).unwrap_err().contains("no matrix \"x\""));
     }
 

@@ -11,16 +11,17 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Describes a text file, or a matrix of a MATLAB 5 MAT file, with one row per time and one column per quantity, and the log that
-/// becomes of it.
+/// Describes a text file, or a matrix of a MATLAB 5 MAT file, with one row per time and one column
+/// per quantity, and the log that becomes of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Import {
-    /// Several files of the same layout: each name takes the place of `{name}` in `input`, `output` and `variable`.
+    /// Several files of the same layout: each name takes the place of `{name}` in `input`, `output`
+    /// and `variable`.
     #[serde(default)]
     pub names: Vec<String>,
-    /// Where the file may be, relative to this file; `$NAME` at the start stands for an environment variable. The first file
-    /// that exists is read.
+    /// Where the file may be, relative to this file; `$NAME` at the start stands for an environment
+    /// variable. The first file that exists is read.
     pub input: Vec<String>,
     /// The matrix to read from a MAT file; not needed where it is the only one.
     #[serde(default)]
@@ -113,7 +114,12 @@ pub struct Imported {
 impl std::fmt::Display for Imported {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         let (rows, topics, fields) = (self.rows, self.topics, self.fields);
-        write!(f, "{} -> {}: {rows} rows, {fields} fields in {topics} topics", self.input.display(), self.output.display())
+        write!(
+            f,
+            "{} -> {}: {rows} rows, {fields} fields in {topics} topics",
+            self.input.display(),
+            self.output.display()
+        )
     }
 }
 
@@ -134,21 +140,28 @@ fn named(name: Option<&str>, text: &str) -> String {
     name.map_or_else(|| text.to_string(), |name| text.replace("{name}", name))
 }
 
-/// Imports what the description at `description` describes; `output` replaces the description's own (of a single file).
+/// Imports what the description at `description` describes; `output` replaces the description's own
+/// (of a single file).
 ///
 /// # Errors
-/// Mistakes in the description; no input found (the message says where it was looked for); rows that are no numbers.
+/// Mistakes in the description; no input found (the message says where it was looked for); rows
+/// that are no numbers.
 pub fn run(description: &Path, output: Option<&Path>) -> Result<Vec<Imported>, Errors> {
     let (settings, doc) = config::load::<Import>(description)?;
     check(&settings, &doc, output.is_some())?;
     let folder = description.parent().unwrap_or(Path::new(""));
-    let names: Vec<Option<&str>> =
-        if settings.names.is_empty() { vec![None] } else { settings.names.iter().map(|n| Some(n.as_str())).collect() };
+    let names: Vec<Option<&str>> = if settings.names.is_empty() {
+        vec![None]
+    } else {
+        settings.names.iter().map(|n| Some(n.as_str())).collect()
+    };
     let mut errors = Errors::default();
-    let sources: Vec<Source> = names.iter().filter_map(|name| errors.take(find(&settings, &doc, folder, *name))).collect();
+    let sources: Vec<Source> =
+        names.iter().filter_map(|name| errors.take(find(&settings, &doc, folder, *name))).collect();
     errors.or(())?;
     let one = |source: Source| {
-        let output = output.map_or_else(|| folder.join(source.named(&settings.output)), Path::to_path_buf);
+        let output =
+            output.map_or_else(|| folder.join(source.named(&settings.output)), Path::to_path_buf);
         let rows = convert(&settings, &doc, &source, &output)?;
         let fields = settings.topic.iter().map(|t| t.fields.len()).sum();
         Ok(Imported { input: source.path, output, rows, topics: settings.topic.len(), fields })
@@ -160,18 +173,23 @@ fn check(settings: &Import, doc: &Doc, one_output: bool) -> Result<(), Errors> {
     let mut errors = Errors::default();
     if settings.names.len() > 1 && (one_output || !settings.output.contains("{name}")) {
         errors.push(
-            doc.error("output", "several files are imported into one log").help("put {name} into `output`, and give no --out"),
+            doc.error("output", "several files are imported into one log")
+                .help("put {name} into `output`, and give no --out"),
         );
     }
     match Unit::parse(&settings.time.unit) {
         Ok(unit) if unit.dim == Unit::parse("s").map(|s| s.dim).unwrap_or_default() => {}
-        Ok(_) => errors.push(doc.error("time.unit", format!("\"{}\" is no unit of time", settings.time.unit))),
+        Ok(_) => errors
+            .push(doc.error("time.unit", format!("\"{}\" is no unit of time", settings.time.unit))),
         Err(e) => errors.push(doc.error("time.unit", e)),
     }
     let mut topics: Vec<&str> = Vec::new();
     for (i, topic) in settings.topic.iter().enumerate() {
         if topics.contains(&topic.name.as_str()) {
-            errors.push(doc.error(&format!("topic.{i}.name"), format!("there are two topics \"{}\"", topic.name)));
+            errors.push(doc.error(
+                &format!("topic.{i}.name"),
+                format!("there are two topics \"{}\"", topic.name),
+            ));
         }
         topics.push(&topic.name);
         let mut fields: Vec<&str> = Vec::new();
@@ -179,7 +197,10 @@ fn check(settings: &Import, doc: &Doc, one_output: bool) -> Result<(), Errors> {
             let at = |key: &str| format!("topic.{i}.fields.{k}.{key}");
             errors.take(Unit::parse(&field.unit).map_err(|e| doc.error(&at("unit"), e)));
             if fields.contains(&field.name.as_str()) {
-                errors.push(doc.error(&at("name"), format!("topic \"{}\" has two fields \"{}\"", topic.name, field.name)));
+                errors.push(doc.error(
+                    &at("name"),
+                    format!("topic \"{}\" has two fields \"{}\"", topic.name, field.name),
+                ));
             }
             fields.push(&field.name);
         }
@@ -204,13 +225,21 @@ fn find(settings: &Import, doc: &Doc, folder: &Path, name: Option<&str>) -> Resu
             }
         };
         if path.is_file() {
-            let bytes = std::fs::read(&path).map_err(|e| Error::at(Place::file(path.to_string_lossy()), e.to_string()))?;
+            let bytes = std::fs::read(&path)
+                .map_err(|e| Error::at(Place::file(path.to_string_lossy()), e.to_string()))?;
             return Ok(Source { name: name.map(str::to_string), path, bytes });
         }
         looked.push(path.display().to_string());
     }
-    let error = doc.error("input", format!("no input file found; looked for {}", looked.join(", ")));
-    Err(error.help(if settings.source.is_empty() { "put the file at one of these places" } else { &settings.source }).into())
+    let error =
+        doc.error("input", format!("no input file found; looked for {}", looked.join(", ")));
+    Err(error
+        .help(if settings.source.is_empty() {
+            "put the file at one of these places"
+        } else {
+            &settings.source
+        })
+        .into())
 }
 
 /// Reads the rows and writes the log; the number of rows.
@@ -218,11 +247,18 @@ fn convert(settings: &Import, doc: &Doc, source: &Source, output: &Path) -> Resu
     let file: &str = &source.path.to_string_lossy();
     let rows = if mat::is_mat(&source.bytes) {
         let variable = settings.variable.as_ref().map(|v| source.named(v));
-        let matrix = mat::read(&source.bytes, variable.as_deref()).map_err(|e| Error::at(Place::file(file), e))?;
+        let matrix = mat::read(&source.bytes, variable.as_deref())
+            .map_err(|e| Error::at(Place::file(file), e))?;
         matrix_rows(settings, file, &matrix, &wanted(settings, doc, &[])?)?
     } else {
         let text = std::str::from_utf8(&source.bytes).map_err(|e| {
-            Error::at(Place::file(file), format!("neither text nor a MATLAB 5 MAT file: byte {} is no text", e.valid_up_to()))
+            Error::at(
+                Place::file(file),
+                format!(
+                    "neither text nor a MATLAB 5 MAT file: byte {} is no text",
+                    e.valid_up_to()
+                ),
+            )
         })?;
         text::read(settings, file, text, &wanted(settings, doc, &text::header(settings, text))?)?
     };
@@ -236,24 +272,36 @@ fn convert(settings: &Import, doc: &Doc, source: &Source, output: &Path) -> Resu
 fn write(settings: &Import, rows: &Rows, output: &Path) -> Result<(), Error> {
     let mut log = LogWriter::create(output)?;
     let add = |t: &Topic| {
-        let fields: Vec<FieldSpec> = t.fields.iter().map(|f| FieldSpec::new(&f.name, &f.unit, &f.doc)).collect();
+        let fields: Vec<FieldSpec> =
+            t.fields.iter().map(|f| FieldSpec::new(&f.name, &f.unit, &f.doc)).collect();
         log.add_topic(&t.name, &fields)
     };
     let topics: Vec<TopicId> = settings.topic.iter().map(add).collect::<Result<_, Error>>()?;
     let streams: Vec<Stream> = topics
         .iter()
         .zip(&rows.values)
-        .map(|(&topic, values)| Stream { topic, log_time_ns: &rows.received, publish_time_ns: &rows.stamp, rows: values })
+        .map(|(&topic, values)| Stream {
+            topic,
+            log_time_ns: &rows.received,
+            publish_time_ns: &rows.stamp,
+            rows: values,
+        })
         .collect();
     log.write_streams(&streams)?;
     log.finish()
 }
 
 /// The wanted columns of a matrix.
-fn matrix_rows(settings: &Import, file: &str, matrix: &mat::Matrix, wanted: &Wanted) -> Result<Rows, Errors> {
+fn matrix_rows(
+    settings: &Import,
+    file: &str,
+    matrix: &mat::Matrix,
+    wanted: &Wanted,
+) -> Result<Rows, Errors> {
     let most = wanted.topics.iter().flatten().chain([&wanted.time]).max().copied().unwrap_or(0);
     if most >= matrix.columns {
-        let what = format!("column {} is wanted, matrix {} has {}", most + 1, matrix.name, matrix.columns);
+        let what =
+            format!("column {} is wanted, matrix {} has {}", most + 1, matrix.name, matrix.columns);
         return Err(Error::at(Place::file(file), what).into());
     }
     let mut rows = Rows::new(wanted);
@@ -261,7 +309,9 @@ fn matrix_rows(settings: &Import, file: &str, matrix: &mat::Matrix, wanted: &Wan
     for row in settings.header_lines..matrix.rows {
         let value = |column: usize| matrix.values[column * matrix.rows + row];
         let time = stamp(settings, value(wanted.time));
-        let time = time.map_err(|e| Error::at(Place::file(file), format!("row {} of matrix {}: {e}", row + 1, matrix.name)));
+        let time = time.map_err(|e| {
+            Error::at(Place::file(file), format!("row {} of matrix {}: {e}", row + 1, matrix.name))
+        });
         if let Some(time) = errors.take(time) {
             rows.push_time(time);
         }
@@ -289,12 +339,17 @@ struct Wanted {
 
 fn wanted(settings: &Import, doc: &Doc, header: &[&str]) -> Result<Wanted, Errors> {
     let mut errors = Errors::default();
-    let mut index = |column: &Column, key: String| errors.take(resolve(column, header).map_err(|e| doc.error(&key, e)));
+    let mut index = |column: &Column, key: String| {
+        errors.take(resolve(column, header).map_err(|e| doc.error(&key, e)))
+    };
     let time = index(&settings.time.column, "time.column".into()).unwrap_or(0);
     let mut topics: Vec<Vec<usize>> = Vec::new();
     for (i, topic) in settings.topic.iter().enumerate() {
         let of = topic.fields.iter().enumerate();
-        topics.push(of.filter_map(|(k, f)| index(&f.column, format!("topic.{i}.fields.{k}.column"))).collect());
+        topics.push(
+            of.filter_map(|(k, f)| index(&f.column, format!("topic.{i}.fields.{k}.column")))
+                .collect(),
+        );
     }
     errors.or(Wanted { time, topics })
 }
@@ -303,11 +358,15 @@ fn resolve(column: &Column, header: &[&str]) -> Result<usize, String> {
     match column {
         Column::Number(0) => Err("columns count from 1".into()),
         Column::Number(n) => Ok(n - 1),
-        Column::Name(name) if header.is_empty() => Err(format!("there is no header to find column \"{name}\" in: give its number")),
-        Column::Name(name) => header
-            .iter()
-            .position(|h| h == name)
-            .ok_or_else(|| format!("there is no column \"{name}\"; the header has {}", super::words::nearest_first(name, header))),
+        Column::Name(name) if header.is_empty() => {
+            Err(format!("there is no header to find column \"{name}\" in: give its number"))
+        }
+        Column::Name(name) => header.iter().position(|h| h == name).ok_or_else(|| {
+            format!(
+                "there is no column \"{name}\"; the header has {}",
+                super::words::nearest_first(name, header)
+            )
+        }),
     }
 }
 

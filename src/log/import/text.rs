@@ -9,7 +9,11 @@ const SHOWN: usize = 10;
 /// Names of the columns, from the last line of the header; none without one.
 pub fn header<'t>(settings: &Import, text: &'t str) -> Vec<&'t str> {
     let line = settings.header_lines.checked_sub(1).and_then(|n| text.lines().nth(n));
-    line.map(|l| settings.separator.split(l)).unwrap_or_default().into_iter().map(|name| name.trim_matches('"')).collect()
+    line.map(|l| settings.separator.split(l))
+        .unwrap_or_default()
+        .into_iter()
+        .map(|name| name.trim_matches('"'))
+        .collect()
 }
 
 /// Reads the wanted columns.
@@ -19,17 +23,26 @@ pub fn header<'t>(settings: &Import, text: &'t str) -> Vec<&'t str> {
 pub fn read(settings: &Import, file: &str, text: &str, wanted: &Wanted) -> Result<Rows, Errors> {
     let mut rows = Rows::new(wanted);
     let mut errors = Errors::default();
-    for (number, line) in text.lines().enumerate().skip(settings.header_lines).filter(|(_, l)| !l.trim().is_empty()) {
+    for (number, line) in
+        text.lines().enumerate().skip(settings.header_lines).filter(|(_, l)| !l.trim().is_empty())
+    {
         let cells = settings.separator.split(line);
         let at = |cell: &str| {
-            let column = line[..cell.as_ptr() as usize - line.as_ptr() as usize].chars().count() + 1;
+            let column =
+                line[..cell.as_ptr() as usize - line.as_ptr() as usize].chars().count() + 1;
             Place { file: file.to_string(), line: number + 1, column }
         };
         let value = |i: usize| match cells.get(i) {
-            None => Err(Error::at(at(&line[line.len()..]), format!("column {} is wanted, the row has {}", i + 1, cells.len()))),
-            Some(cell) => parse(cell).ok_or_else(|| Error::at(at(cell), format!("column {}: \"{cell}\" is no number", i + 1))),
+            None => Err(Error::at(
+                at(&line[line.len()..]),
+                format!("column {} is wanted, the row has {}", i + 1, cells.len()),
+            )),
+            Some(cell) => parse(cell).ok_or_else(|| {
+                Error::at(at(cell), format!("column {}: \"{cell}\" is no number", i + 1))
+            }),
         };
-        let time = value(wanted.time).and_then(|t| stamp(settings, t).map_err(|e| Error::at(at(cells[wanted.time]), e)));
+        let time = value(wanted.time)
+            .and_then(|t| stamp(settings, t).map_err(|e| Error::at(at(cells[wanted.time]), e)));
         if let Some(time) = errors.take(time) {
             rows.push_time(time);
         }

@@ -1,4 +1,5 @@
-//! The generator: a program in; instructions of a function over points, or of Runge-Kutta steps, out.
+//! The generator: a program in; instructions of a function over points, or of Runge-Kutta steps,
+//! out.
 
 use std::collections::HashMap;
 
@@ -17,7 +18,12 @@ use super::{CALLS, Form, TABLES};
 
 /// The numbers that the code loads; they have to live as long as it.
 pub fn literals() -> Box<[f64]> {
-    SIN.iter().chain(&COS).chain(&HALF_PI).chain(&[TWO_OVER_PI, ROUND, -0.5, 1.0, REACH, 0.0, -1.0, SMALL]).copied().collect()
+    SIN.iter()
+        .chain(&COS)
+        .chain(&HALF_PI)
+        .chain(&[TWO_OVER_PI, ROUND, -0.5, 1.0, REACH, 0.0, -1.0, SMALL])
+        .copied()
+        .collect()
 }
 
 /// Positions in `literals`.
@@ -33,7 +39,13 @@ const MINUS_ONE_AT: usize = ZERO_AT + 1;
 const SMALL_AT: usize = MINUS_ONE_AT + 1;
 
 /// Defines the function in `module`.
-pub fn emit(module: &mut JITModule, program: &Program, width: usize, literals: &[f64], form: Form) -> Option<FuncId> {
+pub fn emit(
+    module: &mut JITModule,
+    program: &Program,
+    width: usize,
+    literals: &[f64],
+    form: Form,
+) -> Option<FuncId> {
     let mut context = module.make_context();
     let mut frontend = FunctionBuilderContext::new();
     context.func.signature.params.extend([I64; 5].map(AbiParam::new));
@@ -42,12 +54,14 @@ pub fn emit(module: &mut JITModule, program: &Program, width: usize, literals: &
     }
     let id = module.declare_function("program", Linkage::Export, &context.func.signature).ok()?;
     let mut calls = HashMap::new();
-    for (op, table) in CALLS.iter().map(|c| (c.0, false)).chain(TABLES.iter().map(|t| (t.0, true))) {
+    for (op, table) in CALLS.iter().map(|c| (c.0, false)).chain(TABLES.iter().map(|t| (t.0, true)))
+    {
         let mut signature = module.make_signature();
         signature.params.extend(table.then(|| AbiParam::new(I64)));
         signature.params.extend([F64; 3].map(AbiParam::new));
         signature.returns.push(AbiParam::new(F64));
-        let function = module.declare_function(&format!("{op:?}"), Linkage::Import, &signature).ok()?;
+        let function =
+            module.declare_function(&format!("{op:?}"), Linkage::Import, &signature).ok()?;
         calls.insert(op, module.declare_func_in_func(function, &mut context.func));
     }
     let mut b = FunctionBuilder::new(&mut context.func, &mut frontend);
@@ -57,7 +71,16 @@ pub fn emit(module: &mut JITModule, program: &Program, width: usize, literals: &
     let given = b.block_params(entry).to_vec();
     let [file, point, _, _, tables] = <[Value; 5]>::try_from(given.get(..5)?).ok()?;
     let literals = b.ins().iconst(I64, literals.as_ptr() as i64);
-    let emitter = Emitter { b, file, point, tables, literals, width: width as u32, values: HashMap::new(), calls };
+    let emitter = Emitter {
+        b,
+        file,
+        point,
+        tables,
+        literals,
+        width: width as u32,
+        values: HashMap::new(),
+        calls,
+    };
     let mut b = match form {
         Form::Points => emitter.points(program, &given)?,
         Form::Steps => emitter.steps(program, &given)?,
@@ -106,8 +129,9 @@ impl<'f> Emitter<'f> {
         Some(b)
     }
 
-    /// One turn per step, inside it one per stage: the states of the stage, the weighed sum of rates so far, the stage's address and
-    /// that of its weights. The same operations as in `dynamics::propagate`.
+    /// One turn per step, inside it one per stage: the states of the stage, the weighed sum of
+    /// rates so far, the stage's address and that of its weights. The same operations as in
+    /// `dynamics::propagate`.
     fn steps(mut self, program: &Program, given: &[Value]) -> Option<FunctionBuilder<'f>> {
         let flags = MemFlagsData::trusted();
         let [_, points, n, states, _, weights] = <[Value; 6]>::try_from(given.to_vec()).ok()?;
@@ -244,7 +268,8 @@ impl<'f> Emitter<'f> {
                 let call = *self.calls.get(&op)?;
                 let table = TABLES.iter().any(|t| t.0 == op);
                 let with_tables = [self.tables, a, b, c];
-                let call = self.b.ins().call(call, if table { &with_tables } else { &with_tables[1..] });
+                let call =
+                    self.b.ins().call(call, if table { &with_tables } else { &with_tables[1..] });
                 *self.b.inst_results(call).first()?
             }
         };
@@ -258,7 +283,8 @@ impl<'f> Emitter<'f> {
         self.b.ins().select(greater, yes, no)
     }
 
-    /// The polynomial of `arithmetic`, operation by operation; out of its reach the same calls as there.
+    /// The polynomial of `arithmetic`, operation by operation; out of its reach the same calls as
+    /// there.
     fn sin_cos(&mut self, x: Value) -> Option<(Value, Value)> {
         let [small, large, near, far, done] = std::array::from_fn(|_| self.b.create_block());
         self.b.append_block_param(done, F64);

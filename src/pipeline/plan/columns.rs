@@ -31,7 +31,8 @@ pub enum Found<'a> {
 pub struct Column {
     /// SI unit.
     pub unit: String,
-    /// Unit of the signal of the channel map with this name; a reconstructed column may have taken its place in the samples.
+    /// Unit of the signal of the channel map with this name; a reconstructed column may have taken
+    /// its place in the samples.
     pub signal: Option<String>,
     /// Its values are reconstructed or derived, not those of the signal.
     pub made: bool,
@@ -41,16 +42,23 @@ impl Columns {
     /// The signals of the channel map; none where it has mistakes.
     pub fn of_signals(channels: Option<&Channels>) -> Columns {
         let Some(channels) = channels else { return Columns { open: true, ..Columns::default() } };
-        let column = |name: &String| Column { unit: channels.unit(name), signal: Some(channels.unit(name)), made: false };
+        let column = |name: &String| Column {
+            unit: channels.unit(name),
+            signal: Some(channels.unit(name)),
+            made: false,
+        };
         let all = channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect();
         Columns { all, ..Columns::default() }
     }
 
-    /// With the columns of the flight path that the kinematic model has; none where the model has mistakes.
+    /// With the columns of the flight path that the kinematic model has; none where the model has
+    /// mistakes.
     pub fn with_flight_path(mut self, kinematics: Option<&Model>) -> Columns {
         for column in schema("flightpath").iter().flat_map(|s| &s.columns) {
             match kinematics {
-                Some(model) if model.output(&column.name).is_some() => self.put(&column.name, &column.unit),
+                Some(model) if model.output(&column.name).is_some() => {
+                    self.put(&column.name, &column.unit)
+                }
                 Some(_) => (),
                 None => drop(self.unsure.insert(column.name.clone())),
             }
@@ -66,27 +74,41 @@ impl Columns {
         self
     }
 
-    /// With the outputs that the model of `[derive]` declares, which has mistakes; none where it cannot be read.
+    /// With the outputs that the model of `[derive]` declares, which has mistakes; none where it
+    /// cannot be read.
     pub fn with_unsure(mut self, declared: Option<Vec<String>>) -> Columns {
         self.open |= declared.is_none();
         self.unsure.extend(declared.unwrap_or_default());
         self
     }
 
-    /// Files an error for every two columns of the samples table whose names differ by case only, at what a person can rename: a signal,
-    /// else the model of `[derive]`.
+    /// Files an error for every two columns of the samples table whose names differ by case only,
+    /// at what a person can rename: a signal, else the model of `[derive]`.
     pub fn distinct(&self, channels: &Channels, doc: &Doc, errors: &mut Errors) {
-        let of = |table: &str| schema(table).iter().flat_map(|s| &s.columns).map(|c| c.name.as_str()).collect::<Vec<_>>();
+        let of = |table: &str| {
+            schema(table)
+                .iter()
+                .flat_map(|s| &s.columns)
+                .map(|c| c.name.as_str())
+                .collect::<Vec<_>>()
+        };
         let (own, path) = (of("samples"), of("flightpath"));
         let all: Vec<&str> = own.iter().copied().chain(self.names()).collect();
         for (i, &name) in all.iter().enumerate() {
-            let Some(&other) = all[..i].iter().find(|other| other.to_lowercase() == name.to_lowercase()) else { continue };
+            let Some(&other) =
+                all[..i].iter().find(|other| other.to_lowercase() == name.to_lowercase())
+            else {
+                continue;
+            };
             let what = format!(
                 "\"{other}\" and \"{name}\" would both be columns of the table `samples`, and many readers (DuckDB, Spark) take them for one"
             );
             let signals = &channels.map.signal;
             let (error, rest) = match [name, other].into_iter().find(|n| signals.contains_key(*n)) {
-                Some(signal) => (channels.doc.error(&format!("signal.{signal}"), what), if signal == name { other } else { name }),
+                Some(signal) => (
+                    channels.doc.error(&format!("signal.{signal}"), what),
+                    if signal == name { other } else { name },
+                ),
                 None => (doc.error("derive.model", what), ""),
             };
             errors.push(error.help(match path.contains(&rest) && !own.contains(&rest) && !signals.contains_key(rest) {
@@ -132,7 +154,14 @@ impl Columns {
     }
 
     /// As `unit`; files an error where there is no column of this name.
-    pub fn look_up(&self, name: &str, kind: &str, doc: &Doc, key: &str, errors: &mut Errors) -> Option<String> {
+    pub fn look_up(
+        &self,
+        name: &str,
+        kind: &str,
+        doc: &Doc,
+        key: &str,
+        errors: &mut Errors,
+    ) -> Option<String> {
         let unit = self.unit(name);
         if unit.is_none() {
             errors.push(unknown(doc, key, kind, name, &self.names()));

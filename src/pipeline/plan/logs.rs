@@ -1,4 +1,5 @@
-//! The patterns of the pipeline file come in, the logs of the flights go out: those that are there and those to be simulated.
+//! The patterns of the pipeline file come in, the logs of the flights go out: those that are there
+//! and those to be simulated.
 
 use crate::config::Doc;
 use crate::error::{Error, Errors};
@@ -18,14 +19,22 @@ pub struct FlightLog {
 /// The logs in alphabetical order of the flights.
 ///
 /// # Errors
-/// A file that is named and not there, a pattern that finds nothing, two logs with one name, a name that is no flight id.
-pub fn find(settings: &Settings, doc: &Doc, folder: &Path, simulation: Option<&Simulation>) -> Result<Vec<FlightLog>, Errors> {
+/// A file that is named and not there, a pattern that finds nothing, two logs with one name, a name
+/// that is no flight id.
+pub fn find(
+    settings: &Settings,
+    doc: &Doc,
+    folder: &Path,
+    simulation: Option<&Simulation>,
+) -> Result<Vec<FlightLog>, Errors> {
     let mut errors = Errors::default();
     let mut found: BTreeMap<String, PathBuf> = BTreeMap::new();
     let to_simulate: Vec<(String, PathBuf)> = simulation.map(Simulation::logs).unwrap_or_default();
     for (i, pattern) in settings.logs.iter().enumerate() {
         let key = format!("logs.{i}");
-        for path in errors.take(matches(doc, &key, folder, pattern, &to_simulate)).unwrap_or_default() {
+        for path in
+            errors.take(matches(doc, &key, folder, pattern, &to_simulate)).unwrap_or_default()
+        {
             let flight = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             if let Err(e) = check_flight(&flight) {
                 let what = format!("the log {} names no flight: {}", path.display(), e.what);
@@ -33,8 +42,15 @@ pub fn find(settings: &Settings, doc: &Doc, folder: &Path, simulation: Option<&S
             }
             match found.get(&flight) {
                 Some(other) if *other != path => {
-                    let what = format!("two logs are of flight {flight}: {} and {}", other.display(), path.display());
-                    errors.push(doc.error(&key, what).help("rename one: the file's name is the flight's id"));
+                    let what = format!(
+                        "two logs are of flight {flight}: {} and {}",
+                        other.display(),
+                        path.display()
+                    );
+                    errors.push(
+                        doc.error(&key, what)
+                            .help("rename one: the file's name is the flight's id"),
+                    );
                 }
                 _ => {
                     found.insert(flight, path);
@@ -43,13 +59,21 @@ pub fn find(settings: &Settings, doc: &Doc, folder: &Path, simulation: Option<&S
         }
     }
     if settings.logs.is_empty() {
-        errors.push(doc.error("logs", "no logs are named").help("for example: logs = [\"logs/*.mcap\"]"));
+        errors.push(
+            doc.error("logs", "no logs are named").help("for example: logs = [\"logs/*.mcap\"]"),
+        );
     }
     errors.or(found.into_iter().map(|(flight, path)| FlightLog { flight, path }).collect())
 }
 
 /// The logs that one pattern stands for, simulated ones included.
-fn matches(doc: &Doc, key: &str, folder: &Path, pattern: &str, to_simulate: &[(String, PathBuf)]) -> Result<Vec<PathBuf>, Error> {
+fn matches(
+    doc: &Doc,
+    key: &str,
+    folder: &Path,
+    pattern: &str,
+    to_simulate: &[(String, PathBuf)],
+) -> Result<Vec<PathBuf>, Error> {
     let (folder, pattern) = match pattern.strip_prefix('$').and_then(|rest| rest.split_once('/')) {
         None if Path::new(pattern).is_absolute() => (PathBuf::new(), pattern),
         None => (folder.to_path_buf(), pattern),
@@ -64,7 +88,9 @@ fn matches(doc: &Doc, key: &str, folder: &Path, pattern: &str, to_simulate: &[(S
     let full = folder.join(pattern);
     let text = full.to_string_lossy().into_owned();
     let is_pattern = pattern.contains(['*', '?', '[']);
-    let bad = |e: &dyn std::fmt::Display| doc.error(key, format!("\"{pattern}\" cannot be looked up: {e}"));
+    let bad = |e: &dyn std::fmt::Display| {
+        doc.error(key, format!("\"{pattern}\" cannot be looked up: {e}"))
+    };
     // The folder itself may contain characters that mean something in a pattern.
     let escaped = format!("{}{}", folder_pattern(&folder), pattern);
     let compiled = glob::Pattern::new(&escaped).map_err(|e| bad(&e))?;
@@ -75,13 +101,19 @@ fn matches(doc: &Doc, key: &str, folder: &Path, pattern: &str, to_simulate: &[(S
     } else {
         Vec::new()
     };
-    let simulated =
-        to_simulate.iter().map(|(_, path)| path).filter(|p| if is_pattern { compiled.matches_path(p) } else { **p == full });
+    let simulated = to_simulate
+        .iter()
+        .map(|(_, path)| path)
+        .filter(|p| if is_pattern { compiled.matches_path(p) } else { **p == full });
     paths.extend(simulated.cloned());
     paths.sort();
     paths.dedup();
     if paths.is_empty() {
-        let what = if is_pattern { format!("no log matches {text}") } else { format!("there is no log {text}") };
+        let what = if is_pattern {
+            format!("no log matches {text}")
+        } else {
+            format!("there is no log {text}")
+        };
         return Err(doc
             .error(key, what)
             .help("paths are relative to the folder of the pipeline file; `koehler import` and `koehler simulate` make logs"));

@@ -1,4 +1,5 @@
-//! Names in the pipeline file and in models come in; what they stand for, with agreeing units, or the mistakes, go out.
+//! Names in the pipeline file and in models come in; what they stand for, with agreeing units, or
+//! the mistakes, go out.
 
 use super::columns::{Columns, Found};
 use crate::config::{Doc, list, nearest};
@@ -13,7 +14,11 @@ use indexmap::IndexMap;
 /// `pipeline.toml:14:9: there is no column "alfa"`, with the nearest name.
 pub fn unknown<S: AsRef<str>>(doc: &Doc, key: &str, kind: &str, name: &str, known: &[S]) -> Error {
     let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
-    let all = if known.is_empty() { "there are none".to_string() } else { format!("there are {}", list(&known)) };
+    let all = if known.is_empty() {
+        "there are none".to_string()
+    } else {
+        format!("there are {}", list(&known))
+    };
     let help = match nearest(name, known.iter().copied()) {
         Some(near) => format!("did you mean \"{near}\"? {all}"),
         None => all,
@@ -29,7 +34,14 @@ fn agree(a: &str, b: &str) -> bool {
 }
 
 /// Checks that the keys of a mapping are names of the model.
-fn keys_are_known(map: &IndexMap<String, String>, known: &[Quantity], kind: &str, doc: &Doc, key: &str, errors: &mut Errors) {
+fn keys_are_known(
+    map: &IndexMap<String, String>,
+    known: &[Quantity],
+    kind: &str,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) {
     let names: Vec<&str> = known.iter().map(|q| q.name.as_str()).collect();
     for name in map.keys().filter(|name| !names.contains(&name.as_str())) {
         errors.push(unknown(doc, &format!("{key}.{name}"), kind, name, &names));
@@ -50,17 +62,28 @@ fn driver(
     let at = if mapped.is_some() { format!("{key}.{}", input.name) } else { key.to_string() };
     match columns.find(name) {
         Found::Known(column) if !agree(&column.unit, &input.unit) => {
-            let what = format!("input \"{}\" of the model is in {}, column \"{name}\" in {}", input.name, input.unit, column.unit);
-            errors.push(doc.error(&at, what).help("map another column to it, or correct the unit in the model or the channel map"));
+            let what = format!(
+                "input \"{}\" of the model is in {}, column \"{name}\" in {}",
+                input.name, input.unit, column.unit
+            );
+            errors.push(doc.error(&at, what).help(
+                "map another column to it, or correct the unit in the model or the channel map",
+            ));
         }
         Found::Known(_) | Found::Unsure => (),
         Found::Missing => {
             let mut error = unknown(doc, &at, "signal or column", name, &columns.names());
             if mapped.is_none() {
-                error.what = format!("input \"{}\" of the model has no column of this name, and none is mapped to it", input.name);
+                error.what = format!(
+                    "input \"{}\" of the model has no column of this name, and none is mapped to it",
+                    input.name
+                );
             }
             if name == "v" && columns.unit("v_body").is_some() {
-                let help = format!("the flight path's v is the column \"v_body\": inputs = {{ {} = \"v_body\" }}", input.name);
+                let help = format!(
+                    "the flight path's v is the column \"v_body\": inputs = {{ {} = \"v_body\" }}",
+                    input.name
+                );
                 error.help = Some(help);
             }
             errors.push(error);
@@ -84,20 +107,36 @@ pub fn drivers(
 }
 
 /// What drives the model of an estimate, in the order of its inputs.
-pub fn inputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Vec<Driver> {
+pub fn inputs(
+    model: &Model,
+    settings: &Settings,
+    columns: &Columns,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) -> Vec<Driver> {
     let (of_inputs, of_held) = (format!("{key}.inputs"), format!("{key}.held"));
     keys_are_known(&settings.inputs, &model.inputs, "input of the model", doc, &of_inputs, errors);
     keys_are_known(&settings.held, &model.inputs, "input of the model", doc, &of_held, errors);
     for name in settings.held.keys().filter(|name| settings.inputs.contains_key(*name)) {
-        errors.push(doc.error(&format!("{of_held}.{name}"), format!("input \"{name}\" is both in `inputs` and in `held`")));
+        errors.push(doc.error(
+            &format!("{of_held}.{name}"),
+            format!("input \"{name}\" is both in `inputs` and in `held`"),
+        ));
     }
     if !settings.held.is_empty() && settings.input.is_none() {
-        let what = "there is no quiet time before a whole record, so nothing can be held at its mean";
-        errors.push(doc.error(&of_held, what).help("give the estimate an `input`, so that it uses maneuvers"));
+        let what =
+            "there is no quiet time before a whole record, so nothing can be held at its mean";
+        errors.push(
+            doc.error(&of_held, what)
+                .help("give the estimate an `input`, so that it uses maneuvers"),
+        );
     }
     let one = |input: &Quantity| match settings.held.contains_key(&input.name) {
         true => driver(input, &settings.held, columns, doc, &of_held, errors).map(Driver::Held),
-        false => driver(input, &settings.inputs, columns, doc, &of_inputs, errors).map(Driver::Column),
+        false => {
+            driver(input, &settings.inputs, columns, doc, &of_inputs, errors).map(Driver::Column)
+        }
     };
     model.inputs.iter().filter_map(one).collect()
 }
@@ -108,28 +147,60 @@ pub fn levels(settings: &Settings, columns: &Columns, doc: &Doc, key: &str, erro
         let key = format!("{key}.levels.{name}");
         columns.look_up(name, "signal or column", doc, &key, errors);
         if levels.is_empty() || levels.iter().any(|v| !v.is_finite()) {
-            errors.push(doc.error(&key, "the levels of a condition are at least one finite number"));
+            errors
+                .push(doc.error(&key, "the levels of a condition are at least one finite number"));
         }
         if settings.input.is_none() {
             let what = "there is no quiet time before a whole record, so it has no conditions";
-            errors.push(doc.error(&key, what).help("give the estimate an `input`, so that it uses maneuvers"));
+            errors.push(
+                doc.error(&key, what)
+                    .help("give the estimate an `input`, so that it uses maneuvers"),
+            );
         }
     }
 }
 
 /// What measures the outputs of a model that are scored.
-pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc, key: &str, errors: &mut Errors) -> Vec<Scored> {
+pub fn outputs(
+    model: &Model,
+    settings: &Settings,
+    columns: &Columns,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) -> Vec<Scored> {
     let (of_outputs, of_unscored) = (format!("{key}.outputs"), format!("{key}.unscored"));
-    keys_are_known(&settings.outputs, &model.outputs, "output of the model", doc, &of_outputs, errors);
+    keys_are_known(
+        &settings.outputs,
+        &model.outputs,
+        "output of the model",
+        doc,
+        &of_outputs,
+        errors,
+    );
     let names: Vec<&str> = model.outputs.iter().map(|q| q.name.as_str()).collect();
-    for (i, name) in settings.unscored.iter().enumerate().filter(|(_, name)| !names.contains(&name.as_str())) {
-        errors.push(unknown(doc, &format!("{of_unscored}.{i}"), "output of the model", name, &names));
+    for (i, name) in
+        settings.unscored.iter().enumerate().filter(|(_, name)| !names.contains(&name.as_str()))
+    {
+        errors.push(unknown(
+            doc,
+            &format!("{of_unscored}.{i}"),
+            "output of the model",
+            name,
+            &names,
+        ));
     }
     let mut all = Vec::new();
-    for (output, quantity) in model.outputs.iter().enumerate().filter(|(_, q)| !settings.unscored.contains(&q.name)) {
+    for (output, quantity) in
+        model.outputs.iter().enumerate().filter(|(_, q)| !settings.unscored.contains(&q.name))
+    {
         let mapped = settings.outputs.get(&quantity.name);
         let measured = mapped.unwrap_or(&quantity.name).clone();
-        let at = if mapped.is_some() { format!("{of_outputs}.{}", quantity.name) } else { of_outputs.clone() };
+        let at = if mapped.is_some() {
+            format!("{of_outputs}.{}", quantity.name)
+        } else {
+            of_outputs.clone()
+        };
         let (unit, is_signal) = match (columns.signal(&measured), columns.find(&measured)) {
             (Some(unit), _) => (unit, true),
             (None, Found::Known(column)) => (column.unit.as_str(), false),
@@ -137,17 +208,24 @@ pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc,
             (None, Found::Missing) => {
                 let mut error = unknown(doc, &at, "signal or column", &measured, &columns.names());
                 if mapped.is_none() {
-                    error.what =
-                        format!("output \"{}\" of the model has no signal of this name, and none is mapped to it", quantity.name);
-                    error.help = Some("map a signal to it in `outputs`, or list it in `unscored`".into());
+                    error.what = format!(
+                        "output \"{}\" of the model has no signal of this name, and none is mapped to it",
+                        quantity.name
+                    );
+                    error.help =
+                        Some("map a signal to it in `outputs`, or list it in `unscored`".into());
                 }
                 errors.push(error);
                 continue;
             }
         };
         if !agree(unit, &quantity.unit) {
-            let what = format!("output \"{}\" of the model is in {}, \"{measured}\" in {unit}", quantity.name, quantity.unit);
-            let help = "map another signal to it, or correct the unit in the model or the channel map";
+            let what = format!(
+                "output \"{}\" of the model is in {}, \"{measured}\" in {unit}",
+                quantity.name, quantity.unit
+            );
+            let help =
+                "map another signal to it, or correct the unit in the model or the channel map";
             errors.push(doc.error(&at, what).help(help));
         }
         all.push(Scored { output, measured, is_signal });
@@ -158,7 +236,8 @@ pub fn outputs(model: &Model, settings: &Settings, columns: &Columns, doc: &Doc,
     all
 }
 
-/// Files an error for every output that is compared with the measurement that is its own input: a sensor would be compared with itself.
+/// Files an error for every output that is compared with the measurement that is its own input: a
+/// sensor would be compared with itself.
 pub fn itself(
     model: &Model,
     (inputs, outputs): (&[Driver], &[Scored]),
@@ -186,7 +265,9 @@ pub fn itself(
                 "output \"{output}\" of the model follows from input \"{input}\", and both are signal \"{}\": it would be compared with itself",
                 scored.measured
             );
-            let help = format!("list \"{output}\" in `unscored`, or map another signal to it in `outputs`");
+            let help = format!(
+                "list \"{output}\" in `unscored`, or map another signal to it in `outputs`"
+            );
             errors.push(doc.error(&format!("{key}.outputs"), what).help(help));
         }
     }
@@ -201,17 +282,25 @@ pub fn placed(doc: &Doc, key: &str, error: Error) -> Error {
     }
 }
 
-/// Checks the names in the settings of the estimator, against the model with the shifts that they ask for.
+/// Checks the names in the settings of the estimator, against the model with the shifts that they
+/// ask for.
 pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: &mut Errors) {
     let method = &settings.method;
     let parameters: Vec<&str> = model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
     let states: Vec<&str> = model.states.iter().map(|s| s.quantity.name.as_str()).collect();
     let mut check = |list: &str, names: &[String], known: &[&str], kind: &str| {
-        for (i, name) in names.iter().enumerate().filter(|(_, name)| !known.contains(&name.as_str())) {
+        for (i, name) in
+            names.iter().enumerate().filter(|(_, name)| !known.contains(&name.as_str()))
+        {
             errors.push(unknown(doc, &format!("{key}.method.{list}.{i}"), kind, name, known));
         }
     };
-    check("free", method.free.as_deref().unwrap_or_default(), &parameters, "parameter of the model");
+    check(
+        "free",
+        method.free.as_deref().unwrap_or_default(),
+        &parameters,
+        "parameter of the model",
+    );
     check("fixed", &method.fixed, &parameters, "parameter of the model");
     check("initial", &method.initial, &states, "state of the model");
     let outputs: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
@@ -227,21 +316,43 @@ pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: 
 }
 
 /// Checks the columns that parameters or the noise are `per`.
-fn columns_are_known(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: &mut Errors) {
+fn columns_are_known(
+    model: &Model,
+    settings: &Settings,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) {
     let known = settings.columns();
     let method = &settings.method;
     for (name, per) in method.per.iter().filter(|(_, per)| !known.contains(&per.as_str())) {
-        errors.push(unknown(doc, &format!("{key}.method.per.{name}"), "column of the segments", per, &known));
+        errors.push(unknown(
+            doc,
+            &format!("{key}.method.per.{name}"),
+            "column of the segments",
+            per,
+            &known,
+        ));
     }
     if !known.contains(&method.noise_per.as_str()) {
-        errors.push(unknown(doc, &format!("{key}.method.noise_per"), "column of the segments", &method.noise_per, &known));
+        errors.push(unknown(
+            doc,
+            &format!("{key}.method.noise_per"),
+            "column of the segments",
+            &method.noise_per,
+            &known,
+        ));
     }
-    for parameter in model.parameters.iter().filter(|p| !method.per.contains_key(&p.quantity.name)) {
+    for parameter in model.parameters.iter().filter(|p| !method.per.contains_key(&p.quantity.name))
+    {
         let per = parameter.scope.name();
         if !known.contains(&per) {
-            let mut error = unknown(doc, &format!("{key}.model"), "column of the segments", per, &known);
-            error.what =
-                format!("parameter \"{}\" of the model is per \"{per}\", which segments do not have", parameter.quantity.name);
+            let mut error =
+                unknown(doc, &format!("{key}.model"), "column of the segments", per, &known);
+            error.what = format!(
+                "parameter \"{}\" of the model is per \"{per}\", which segments do not have",
+                parameter.quantity.name
+            );
             errors.push(error);
         }
     }

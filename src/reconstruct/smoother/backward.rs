@@ -1,15 +1,18 @@
-//! A tape of the filter in; smoothed states, their covariances and the sums that judge the noise levels out, backwards in time.
+//! A tape of the filter in; smoothed states, their covariances and the sums that judge the noise
+//! levels out, backwards in time.
 //!
-//! Modified Bryson-Frazier (Bierman 1973): an adjoint `a` and its covariance `A` run back through the tape, with
-//! `x_s = x - P a`, `P_s = P - P A P` after the updates of a node; nothing is inverted.
+//! Modified Bryson-Frazier (Bierman 1973): an adjoint `a` and its covariance `A` run back through
+//! the tape, with `x_s = x - P a`, `P_s = P - P A P` after the updates of a node; nothing is
+//! inverted.
 //!
 //! ```text
 //! measurement:  u = nu/s + K'a,   d = 1/s + K'A K,   a <- a - h u,   A <- A - (A K) h' - h (A K)' + d h h'
 //! step:         a <- F'a,         A <- F'A F
 //! ```
 //!
-//! `u` and `d` are de Jong's (1988) smoothed disturbance and its variance: the derivative of the log-likelihood with respect to the
-//! measurement's variance is `sum (u^2 - d)/2`, with respect to a process noise that enters by `g` it is `sum (g'a)^2 - g'A g` over two.
+//! `u` and `d` are de Jong's (1988) smoothed disturbance and its variance: the derivative of the
+//! log-likelihood with respect to the measurement's variance is `sum (u^2 - d)/2`, with respect to
+//! a process noise that enters by `g` it is `sum (g'a)^2 - g'A g` over two.
 
 use super::filter::{Filter, Scalar, Tape};
 use super::matrix::{adjoint_step, adjoint_update, dot, multiply, smoothed};
@@ -36,9 +39,16 @@ pub struct Backward {
 
 /// What is done at the nodes, latest first.
 pub trait Visit {
-    /// The smoothed mean at node `k` of the tape; `covariance` computes `P_s` when asked. `noise` is the smoothed error of every
-    /// input over the step that follows (zero at the end).
-    fn node(&mut self, tape: &Tape, k: usize, x: &[f64], noise: &[f64], covariance: &mut dyn FnMut(&mut Vec<f64>));
+    /// The smoothed mean at node `k` of the tape; `covariance` computes `P_s` when asked. `noise`
+    /// is the smoothed error of every input over the step that follows (zero at the end).
+    fn node(
+        &mut self,
+        tape: &Tape,
+        k: usize,
+        x: &[f64],
+        noise: &[f64],
+        covariance: &mut dyn FnMut(&mut Vec<f64>),
+    );
     /// The smoothed disturbance of a measurement: its residual is `r u`, with variance `r - r^2 d`.
     fn residual(&mut self, _t: f64, _scalar: &Scalar, _u: f64, _d: f64) {}
 }
@@ -58,7 +68,11 @@ impl Backward {
             b: vec![0.0; m],
             w: vec![0.0; n * m],
             w2: vec![0.0; n * m],
-            sums: Sums { channels: vec![[0.0; 2]; channels], inputs: vec![[0.0; 2]; inputs], walks: vec![[0.0; 2]; n] },
+            sums: Sums {
+                channels: vec![[0.0; 2]; channels],
+                inputs: vec![[0.0; 2]; inputs],
+                walks: vec![[0.0; 2]; n],
+            },
             x: vec![0.0; n],
             p: vec![0.0; n * m],
         }
@@ -106,7 +120,14 @@ impl Backward {
         }
     }
 
-    fn measurement(&mut self, t: f64, scalar: &Scalar, h: &[f64], gain: &[f64], visit: &mut impl Visit) {
+    fn measurement(
+        &mut self,
+        t: f64,
+        scalar: &Scalar,
+        h: &[f64],
+        gain: &[f64],
+        visit: &mut impl Visit,
+    ) {
         let n = self.n;
         multiply(&self.aa, self.m, gain, &mut self.b[..n]);
         let u = scalar.nu / scalar.s + dot(gain, &self.a);

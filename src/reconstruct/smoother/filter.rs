@@ -1,4 +1,5 @@
-//! Logged signals and a state with its covariance in; the same moved through updates and steps, with a tape of what was done, out.
+//! Logged signals and a state with its covariance in; the same moved through updates and steps,
+//! with a tape of what was done, out.
 
 use super::flight::{Flight, SAME};
 use super::kinematics::{Derivatives, Evaluator, Kinematics};
@@ -8,9 +9,11 @@ use crate::dynamics::{AHEAD, WEIGHT};
 
 /// Longest step of the integration, s.
 const LONGEST: f64 = 0.05;
-/// Local iterations of one update at most; they end when the linear prediction holds to a tenth of a standard deviation.
+/// Local iterations of one update at most; they end when the linear prediction holds to a tenth of
+/// a standard deviation.
 const ITERATIONS: usize = 6;
-/// An update whose prior knowledge is better than this share of the measurement's variance is as good as linear.
+/// An update whose prior knowledge is better than this share of the measurement's variance is as
+/// good as linear.
 const SHARP: f64 = 0.25;
 
 /// Where a filter is: time, mean, covariance, and the next sample of everything.
@@ -34,8 +37,8 @@ pub struct State {
 pub struct About {
     /// The smoothed means of an earlier run over the first nodes, `[node][n]`.
     pub means: Vec<f64>,
-    /// Beyond those, where the filter knows its states: sensor errors as an earlier run found them, `[n]` (the states are not read). NaN, or
-    /// nothing: what the filter has.
+    /// Beyond those, where the filter knows its states: sensor errors as an earlier run found them,
+    /// `[n]` (the states are not read). NaN, or nothing: what the filter has.
     pub known: Vec<f64>,
 }
 
@@ -48,7 +51,9 @@ impl About {
             return;
         }
         out.copy_from_slice(&state.x);
-        for (x, known) in out.iter_mut().zip(&self.known).skip(nx).filter(|(_, known)| known.is_finite()) {
+        for (x, known) in
+            out.iter_mut().zip(&self.known).skip(nx).filter(|(_, known)| known.is_finite())
+        {
             *x = *known;
         }
     }
@@ -86,8 +91,16 @@ pub struct Tape {
 
 impl Tape {
     pub fn clear(&mut self) {
-        for list in [&mut self.t, &mut self.x, &mut self.p, &mut self.h, &mut self.s, &mut self.q, &mut self.rows, &mut self.gains]
-        {
+        for list in [
+            &mut self.t,
+            &mut self.x,
+            &mut self.p,
+            &mut self.h,
+            &mut self.s,
+            &mut self.q,
+            &mut self.rows,
+            &mut self.gains,
+        ] {
             list.clear();
         }
         self.first.clear();
@@ -160,7 +173,10 @@ impl<'a> Filter<'a> {
         Filter {
             rates: Evaluator::new(kinematics.model, &kinematics.rates),
             jacobian: Evaluator::new(kinematics.model, &kinematics.jacobian.program),
-            measured: programs.iter().map(|d| Evaluator::new(kinematics.model, &d.program)).collect(),
+            measured: programs
+                .iter()
+                .map(|d| Evaluator::new(kinematics.model, &d.program))
+                .collect(),
             points: std::array::from_fn(|_| vec![0.0; nx]),
             u: std::array::from_fn(|_| vec![0.0; nu]),
             slope: std::array::from_fn(|_| vec![0.0; nu]),
@@ -195,13 +211,19 @@ impl<'a> Filter<'a> {
         for i in 0..self.n {
             p[i * self.m + i] = self.levels.start_sd[i] * self.levels.start_sd[i];
         }
-        let packets = self.flight.packets.iter().map(|p| p.t.partition_point(|&x| x < t - SAME)).collect();
+        let packets =
+            self.flight.packets.iter().map(|p| p.t.partition_point(|&x| x < t - SAME)).collect();
         State { t, x: x.to_vec(), p, clocks: self.flight.locate(t), packets, node: 0 }
     }
 
-    /// One node: the updates at the state's time, then the step to the next time at which something happens. False at the end, and
-    /// where the state is no longer finite.
-    pub fn node(&mut self, state: &mut State, tape: Option<&mut Tape>, watch: &mut impl Watch) -> bool {
+    /// One node: the updates at the state's time, then the step to the next time at which something
+    /// happens. False at the end, and where the state is no longer finite.
+    pub fn node(
+        &mut self,
+        state: &mut State,
+        tape: Option<&mut Tape>,
+        watch: &mut impl Watch,
+    ) -> bool {
         let mut none = Tape::default();
         let taping = tape.is_some();
         let tape = tape.unwrap_or(&mut none);
@@ -255,8 +277,9 @@ impl<'a> Filter<'a> {
         }
     }
 
-    /// Mean, transition and covariance over a step of `h` s: classic Runge-Kutta, and its exact derivative with respect to states,
-    /// parameters and (constant over the step) errors of the inputs.
+    /// Mean, transition and covariance over a step of `h` s: classic Runge-Kutta, and its exact
+    /// derivative with respect to states, parameters and (constant over the step) errors of the
+    /// inputs.
     fn step(&mut self, state: &mut State, h: f64) {
         let (nx, m, lanes) = (self.kinematics.states(), self.m, self.lanes);
         let free = &self.kinematics.free;
@@ -293,11 +316,13 @@ impl<'a> Filter<'a> {
         let away = self.base.iter().any(|d| *d != 0.0);
         for i in 0..nx {
             let from = state.x[i] - self.base[i] + h / 6.0 * self.sum[i];
-            self.points[0][i] = from + if away { dot(&self.s[i * lanes..i * lanes + m], &self.base) } else { 0.0 };
+            self.points[0][i] =
+                from + if away { dot(&self.s[i * lanes..i * lanes + m], &self.base) } else { 0.0 };
         }
         state.x[..nx].copy_from_slice(&self.points[0]);
         for (i, input) in self.flight.inputs.iter().enumerate() {
-            self.q[i] = self.flight.density(i, state.clocks[input.clock], self.levels.density[i]) / h;
+            self.q[i] =
+                self.flight.density(i, state.clocks[input.clock], self.levels.density[i]) / h;
         }
         predict(&mut state.p, self.n, m, nx, &self.s, lanes, &self.q, &mut self.w);
         for i in 0..self.n {
@@ -313,7 +338,18 @@ impl<'a> Filter<'a> {
         }
         let (nx, n, m, lanes) = (self.kinematics.states(), self.n, self.m, self.lanes);
         let entries = &derivatives.entries;
-        transition(&mut self.s, &mut self.k, &mut self.stage, entries, &self.entries, nx, n, m, lanes, h);
+        transition(
+            &mut self.s,
+            &mut self.k,
+            &mut self.stage,
+            entries,
+            &self.entries,
+            nx,
+            n,
+            m,
+            lanes,
+            h,
+        );
     }
 
     /// All scalar updates at the state's time.
@@ -352,9 +388,17 @@ impl<'a> Filter<'a> {
         evaluator.get(0, 0)
     }
 
-    /// One scalar update, iterated where the prior is wide: the fixed point is the mode of the posterior (Bell and Cathey 1993).
+    /// One scalar update, iterated where the prior is wide: the fixed point is the mode of the
+    /// posterior (Bell and Cathey 1993).
     #[allow(clippy::too_many_arguments)]
-    fn update(&mut self, state: &mut State, channel: usize, z: f64, tape: Option<&mut Tape>, watch: &mut impl Watch) {
+    fn update(
+        &mut self,
+        state: &mut State,
+        channel: usize,
+        z: f64,
+        tape: Option<&mut Tape>,
+        watch: &mut impl Watch,
+    ) {
         let (n, m) = (self.n, self.m);
         let r = self.levels.r[channel];
         let angle = self.flight.channels[channel].angle;

@@ -1,7 +1,9 @@
-//! Logged signals in; what drives and what measures a kinematic model, each at its own time stamps, with its noise levels, out.
+//! Logged signals in; what drives and what measures a kinematic model, each at its own time stamps,
+//! with its noise levels, out.
 //!
-//! Inputs run straight between their samples. An input whose time derivative the model asks for (lever arms) is replaced by the
-//! local cubic through a short window at its own stamps, which gives value and derivative together.
+//! Inputs run straight between their samples. An input whose time derivative the model asks for
+//! (lever arms) is replaced by the local cubic through a short window at its own stamps, which
+//! gives value and derivative together.
 
 use super::kinematics::Kinematics;
 use super::local;
@@ -70,17 +72,27 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// `driving`: one series per input of the model; `measured`: (output, series). Ascending times. `smooth_s`: length of the local
-    /// cubic of the inputs that are differentiated.
-    pub fn new(kinematics: &Kinematics, driving: &[Series], measured: &[(usize, Series)], smooth_s: f64) -> Flight {
+    /// `driving`: one series per input of the model; `measured`: (output, series). Ascending times.
+    /// `smooth_s`: length of the local cubic of the inputs that are differentiated.
+    pub fn new(
+        kinematics: &Kinematics,
+        driving: &[Series],
+        measured: &[(usize, Series)],
+        smooth_s: f64,
+    ) -> Flight {
         let mut flight = Flight::default();
         for (i, (t, value)) in driving.iter().enumerate() {
-            let known: Vec<usize> = (0..t.len()).filter(|&k| t[k].is_finite() && value[k].is_finite()).collect();
+            let known: Vec<usize> =
+                (0..t.len()).filter(|&k| t[k].is_finite() && value[k].is_finite()).collect();
             let t: Vec<f64> = known.iter().map(|&k| t[k]).collect();
             let value: Vec<f64> = known.iter().map(|&k| value[k]).collect();
             let sd = noise_sd(&value);
-            let mut input =
-                Input { sd, direct: [sd * sd, 0.0], spread: local::spread(&value).max(10.0 * sd), ..Default::default() };
+            let mut input = Input {
+                sd,
+                direct: [sd * sd, 0.0],
+                spread: local::spread(&value).max(10.0 * sd),
+                ..Default::default()
+            };
             if kinematics.differentiated[i] {
                 let half = smooth_s / spacing(&t).max(SAME) / 2.0;
                 let smooth = local::cubic(&t, &value, (half as usize).max(2), GAP * spacing(&t));
@@ -96,7 +108,12 @@ impl Flight {
             flight.clocks[input.clock].drives |= kinematics.driving[i];
             flight.inputs.push(input);
         }
-        let fastest = flight.clocks.iter().filter(|c| c.drives).map(|c| c.spacing).fold(f64::INFINITY, f64::min);
+        let fastest = flight
+            .clocks
+            .iter()
+            .filter(|c| c.drives)
+            .map(|c| c.spacing)
+            .fold(f64::INFINITY, f64::min);
         for clock in &mut flight.clocks {
             clock.steps = clock.drives && clock.spacing <= 1.5 * fastest;
         }
@@ -113,15 +130,22 @@ impl Flight {
         flight
     }
 
-    /// The times at which all inputs are known, between gaps longer than `coast` s: `[begin, end]` each.
+    /// The times at which all inputs are known, between gaps longer than `coast` s: `[begin, end]`
+    /// each.
     pub fn stretches(&self, coast: f64) -> Vec<[f64; 2]> {
         let driving = || self.clocks.iter().filter(|c| c.drives);
-        let first = driving().map(|c| c.t.first().copied().unwrap_or(f64::INFINITY)).fold(f64::NEG_INFINITY, f64::max);
-        let last = driving().map(|c| c.t.last().copied().unwrap_or(f64::NEG_INFINITY)).fold(f64::INFINITY, f64::min);
+        let first = driving()
+            .map(|c| c.t.first().copied().unwrap_or(f64::INFINITY))
+            .fold(f64::NEG_INFINITY, f64::max);
+        let last = driving()
+            .map(|c| c.t.last().copied().unwrap_or(f64::NEG_INFINITY))
+            .fold(f64::INFINITY, f64::min);
         let gap = |c: &Clock, k: usize| c.t[k + 1] - c.t[k] > coast.max(GAP * c.spacing);
         let mut gaps: Vec<[f64; 2]> = Vec::new();
         for clock in driving() {
-            let found = (0..clock.t.len().saturating_sub(1)).filter(|&k| gap(clock, k)).map(|k| [clock.t[k], clock.t[k + 1]]);
+            let found = (0..clock.t.len().saturating_sub(1))
+                .filter(|&k| gap(clock, k))
+                .map(|k| [clock.t[k], clock.t[k + 1]]);
             gaps.extend(found);
         }
         gaps.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -138,7 +162,8 @@ impl Flight {
         out
     }
 
-    /// Values and slopes of all inputs at time `t`; `near[clock]` is a sample at or before `t` to search from.
+    /// Values and slopes of all inputs at time `t`; `near[clock]` is a sample at or before `t` to
+    /// search from.
     #[inline]
     pub fn inputs_at(&self, t: f64, near: &[usize], value: &mut [f64], slope: &mut [f64]) {
         let (mut clock, mut k, mut w) = (usize::MAX, 0, 0.0);
@@ -150,7 +175,11 @@ impl Flight {
                 while k + 1 < stamps.len() && stamps[k + 1] <= t {
                     k += 1;
                 }
-                w = if k + 1 < stamps.len() { ((t - stamps[k]) / (stamps[k + 1] - stamps[k])).max(0.0) } else { 0.0 };
+                w = if k + 1 < stamps.len() {
+                    ((t - stamps[k]) / (stamps[k + 1] - stamps[k])).max(0.0)
+                } else {
+                    0.0
+                };
             }
             let next = (k + 1).min(input.value.len() - 1);
             value[i] = input.value[k] + w * (input.value[next] - input.value[k]);
@@ -162,17 +191,25 @@ impl Flight {
 
     /// The last sample of every clock at or before `t`.
     pub fn locate(&self, t: f64) -> Vec<usize> {
-        self.clocks.iter().map(|c| c.t.partition_point(|&x| x <= t + SAME).saturating_sub(1)).collect()
+        self.clocks
+            .iter()
+            .map(|c| c.t.partition_point(|&x| x <= t + SAME).saturating_sub(1))
+            .collect()
     }
 
-    /// Spectral density of the noise of input `i` after sample `k` of its clock, unit^2 s: white samples every `spacing` that stand
-    /// for the time to the next one; in a gap the signal itself is unknown all along.
+    /// Spectral density of the noise of input `i` after sample `k` of its clock, unit^2 s: white
+    /// samples every `spacing` that stand for the time to the next one; in a gap the signal itself
+    /// is unknown all along.
     #[inline]
     pub fn density(&self, i: usize, k: usize, given: f64) -> f64 {
         let input = &self.inputs[i];
         let clock = &self.clocks[input.clock];
         let step = if k + 1 < clock.t.len() { clock.t[k + 1] - clock.t[k] } else { clock.spacing };
-        if step > GAP * clock.spacing { given.max(input.spread * input.spread * step) } else { given }
+        if step > GAP * clock.spacing {
+            given.max(input.spread * input.spread * step)
+        } else {
+            given
+        }
     }
 }
 

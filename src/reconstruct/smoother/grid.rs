@@ -1,9 +1,11 @@
-//! Smoothed nodes, latest first, in; the model's outputs and their standard deviations on a uniform grid out.
+//! Smoothed nodes, latest first, in; the model's outputs and their standard deviations on a uniform
+//! grid out.
 //!
-//! Between two nodes the smoothed states follow the cubic through both ends with the model's own rates there (nodes are at most some
-//! hundredths of a second apart). Standard deviations follow by the delta method from the exact derivatives of the outputs with respect
-//! to states, parameters, inputs and input rates; they change slowly, so they are computed at every so many points and run straight
-//! between.
+//! Between two nodes the smoothed states follow the cubic through both ends with the model's own
+//! rates there (nodes are at most some hundredths of a second apart). Standard deviations follow by
+//! the delta method from the exact derivatives of the outputs with respect to states, parameters,
+//! inputs and input rates; they change slowly, so they are computed at every so many points and run
+//! straight between.
 
 use super::backward::Visit;
 use super::filter::Tape;
@@ -22,7 +24,8 @@ pub struct Outputs {
     pub value: Vec<Vec<f64>>,
     /// `[output][point]`.
     pub sd: Vec<Vec<f64>>,
-    /// Standard deviations of states and free parameters where they were computed, latest first: `[n][]`.
+    /// Standard deviations of states and free parameters where they were computed, latest first:
+    /// `[n][]`.
     pub x_sd: Vec<Vec<f64>>,
 }
 
@@ -58,7 +61,13 @@ pub struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    pub fn new(kinematics: &'a Kinematics<'a>, flight: &'a Flight, grid: Grid, every: usize, out: &'a mut Outputs) -> Self {
+    pub fn new(
+        kinematics: &'a Kinematics<'a>,
+        flight: &'a Flight,
+        grid: Grid,
+        every: usize,
+        out: &'a mut Outputs,
+    ) -> Self {
         let model = kinematics.model;
         let (nx, nu) = (kinematics.states(), model.inputs.len());
         Sampler {
@@ -159,7 +168,8 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Ends the pass: what waits is evaluated, standard deviations run straight between the points where they are known.
+    /// Ends the pass: what waits is evaluated, standard deviations run straight between the points
+    /// where they are known.
     pub fn finish(mut self, from: usize, to: usize) {
         self.flush();
         for column in &mut self.out.sd {
@@ -180,7 +190,14 @@ impl<'a> Sampler<'a> {
 }
 
 impl Visit for Sampler<'_> {
-    fn node(&mut self, tape: &Tape, k: usize, x: &[f64], _: &[f64], covariance: &mut dyn FnMut(&mut Vec<f64>)) {
+    fn node(
+        &mut self,
+        tape: &Tape,
+        k: usize,
+        x: &[f64],
+        _: &[f64],
+        covariance: &mut dyn FnMut(&mut Vec<f64>),
+    ) {
         let t = tape.t[k];
         let after = self.after.take();
         if self.next > 0 && self.grid.time(self.next - 1) >= t - super::flight::SAME {
@@ -194,7 +211,14 @@ impl Visit for Sampler<'_> {
                 let now = self.grid.time(at);
                 match &after {
                     Some((t1, x1)) if now <= *t1 + super::flight::SAME => {
-                        hermite(&mut self.x, ((now - t) / (t1 - t)).clamp(0.0, 1.0), t1 - t, x, x1, &self.f);
+                        hermite(
+                            &mut self.x,
+                            ((now - t) / (t1 - t)).clamp(0.0, 1.0),
+                            t1 - t,
+                            x,
+                            x1,
+                            &self.f,
+                        );
                     }
                     None if now <= t + super::flight::SAME => self.x.copy_from_slice(x),
                     _ => continue,
@@ -209,7 +233,8 @@ impl Visit for Sampler<'_> {
     }
 }
 
-/// The cubic through both ends with the rates `f` there; parameters, which have no rate, run straight.
+/// The cubic through both ends with the rates `f` there; parameters, which have no rate, run
+/// straight.
 fn hermite(out: &mut [f64], s: f64, h: f64, x0: &[f64], x1: &[f64], f: &[Vec<f64>; 2]) {
     let (s2, s3) = (s * s, s * s * s);
     for i in 0..out.len() {

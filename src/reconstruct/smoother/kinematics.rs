@@ -1,10 +1,12 @@
-//! A compiled model in; the programs a smoother runs (rates, chosen outputs, their exact derivatives) with their register files out.
+//! A compiled model in; the programs a smoother runs (rates, chosen outputs, their exact
+//! derivatives) with their register files out.
 
 use crate::error::{Error, Result};
 use crate::model::graph::{Leaf, Node};
 use crate::model::{Model, Program, StartKind};
 
-/// Values of some nodes and their non-zero derivatives: the program's first outputs are the values, the others the `entries`.
+/// Values of some nodes and their non-zero derivatives: the program's first outputs are the values,
+/// the others the `entries`.
 #[derive(Debug, Clone)]
 pub struct Derivatives {
     pub program: Program,
@@ -20,7 +22,9 @@ impl Derivatives {
         let (mut entries, mut all) = (Vec::new(), nodes.to_vec());
         for (row, &node) in nodes.iter().enumerate() {
             let present = graph.leaves(&[node]);
-            for (column, leaf) in leaves.iter().enumerate().filter(|(_, leaf)| present.contains(leaf)) {
+            for (column, leaf) in
+                leaves.iter().enumerate().filter(|(_, leaf)| present.contains(leaf))
+            {
                 let d = graph.derivative(node, *leaf);
                 if graph.constant(d) != Some(0.0) {
                     entries.push((row, column));
@@ -28,7 +32,11 @@ impl Derivatives {
                 }
             }
         }
-        Derivatives { program: Program::lower(&graph, &all, &model.layout), rows: nodes.len(), entries }
+        Derivatives {
+            program: Program::lower(&graph, &all, &model.layout),
+            rows: nodes.len(),
+            entries,
+        }
     }
 }
 
@@ -101,7 +109,8 @@ impl<'m, const W: usize> Evaluator<'m, W> {
     }
 }
 
-/// The programs of one model for one choice of free parameters and of inputs whose noise drives the states.
+/// The programs of one model for one choice of free parameters and of inputs whose noise drives the
+/// states.
 #[derive(Debug, Clone)]
 pub struct Kinematics<'m> {
     pub model: &'m Model,
@@ -124,15 +133,20 @@ pub struct Kinematics<'m> {
 
 impl<'m> Kinematics<'m> {
     /// # Errors
-    /// A model with delays: delayed states are not Markov. Known sensor delays belong in the time stamps.
+    /// A model with delays: delayed states are not Markov. Known sensor delays belong in the time
+    /// stamps.
     pub fn new(model: &'m Model, free: Vec<usize>) -> Result<Kinematics<'m>> {
         if !model.delays.is_empty() {
-            return Err(Error::new(format!("the smoother cannot run model {}: it has a delay()", model.name))
-                .help("put known sensor delays into the channel map, or use method = \"windows\""));
+            return Err(Error::new(format!(
+                "the smoother cannot run model {}: it has a delay()",
+                model.name
+            ))
+            .help("put known sensor delays into the channel map, or use method = \"windows\""));
         }
         let nodes: Vec<Node> = model.rates.iter().chain(&model.output_nodes).copied().collect();
         let leaves = model.graph.leaves(&nodes);
-        let differentiated = (0..model.inputs.len()).map(|i| leaves.contains(&Leaf::InputRate(i))).collect();
+        let differentiated =
+            (0..model.inputs.len()).map(|i| leaves.contains(&Leaf::InputRate(i))).collect();
         let mut columns: Vec<Leaf> = (0..model.states.len()).map(Leaf::State).collect();
         columns.extend(free.iter().map(|&i| Leaf::Parameter(i)));
         columns.extend((0..model.inputs.len()).map(Leaf::Input));
@@ -171,7 +185,8 @@ impl<'m> Kinematics<'m> {
 
     /// Where a state or a free parameter stands in what is smoothed.
     pub fn place(&self, name: &str) -> Option<usize> {
-        let parameter = || self.free.iter().position(|&i| self.model.parameters[i].quantity.name == name);
+        let parameter =
+            || self.free.iter().position(|&i| self.model.parameters[i].quantity.name == name);
         self.model.state(name).or_else(|| parameter().map(|k| self.states() + k))
     }
 

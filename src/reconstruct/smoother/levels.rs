@@ -1,4 +1,5 @@
-//! What a flight's signals show of their own noise in; the noise levels a smoother runs with, and their improvement by maximum likelihood, out.
+//! What a flight's signals show of their own noise in; the noise levels a smoother runs with, and
+//! their improvement by maximum likelihood, out.
 
 use super::flight::{Flight, spacing};
 use super::kinematics::Kinematics;
@@ -24,23 +25,43 @@ pub struct Levels {
 const LEAST: f64 = 0.3;
 /// Walks need not be known as well as measurement noise: by this factor.
 const WALKS: f64 = 5.0;
-/// Most that one iteration changes a variance, as a factor: farther, and what is too large by a poor start is not used any more, and stays
-/// too large because it is not used.
+/// Most that one iteration changes a variance, as a factor: farther, and what is too large by a
+/// poor start is not used any more, and stays too large because it is not used.
 const STRIDE: f64 = 5.0;
 
 impl Levels {
-    /// Levels from the signals themselves; `walks` gives densities (unit per square root of a second) by name of state or parameter, `sd`
-    /// the noise of single samples by name of output or input.
-    pub fn guess(kinematics: &Kinematics, flight: &Flight, walks: &IndexMap<String, f64>, sd: &IndexMap<String, f64>) -> Levels {
+    /// Levels from the signals themselves; `walks` gives densities (unit per square root of a
+    /// second) by name of state or parameter, `sd` the noise of single samples by name of output or
+    /// input.
+    pub fn guess(
+        kinematics: &Kinematics,
+        flight: &Flight,
+        walks: &IndexMap<String, f64>,
+        sd: &IndexMap<String, f64>,
+    ) -> Levels {
         let model = kinematics.model;
         let output = |c: &super::flight::Channel| sd.get(&model.outputs[c.output].name).copied();
         let input = |i: usize| sd.get(&model.inputs[i].name).copied();
-        let names = model.states.iter().map(|s| &s.quantity).chain(kinematics.free.iter().map(|&i| &model.parameters[i].quantity));
+        let names = model
+            .states
+            .iter()
+            .map(|s| &s.quantity)
+            .chain(kinematics.free.iter().map(|&i| &model.parameters[i].quantity));
         let walk = names.clone().map(|q| walks.get(&q.name).map_or(0.0, |w| w * w)).collect();
-        let prior = |i: usize| kinematics.free.get(i).map(|&p| model.parameters[p].prior_sd).filter(|sd| sd.is_finite());
+        let prior = |i: usize| {
+            kinematics
+                .free
+                .get(i)
+                .map(|&p| model.parameters[p].prior_sd)
+                .filter(|sd| sd.is_finite())
+        };
         let nx = kinematics.states();
-        let start_sd =
-            names.enumerate().map(|(i, q)| i.checked_sub(nx).and_then(prior).unwrap_or_else(|| unknown(&q.unit, i < nx))).collect();
+        let start_sd = names
+            .enumerate()
+            .map(|(i, q)| {
+                i.checked_sub(nx).and_then(prior).unwrap_or_else(|| unknown(&q.unit, i < nx))
+            })
+            .collect();
         let density = |i: usize| {
             let sd = input(i).unwrap_or(flight.inputs[i].sd);
             sd * sd * flight.clocks[flight.inputs[i].clock].spacing
@@ -49,7 +70,8 @@ impl Levels {
             flight.channels.iter().map(|c| output(c).is_some()).collect(),
             (0..flight.inputs.len()).map(|i| input(i).is_some()).collect(),
         ];
-        let variance = |c: &super::flight::Channel| output(c).map_or((c.sd * c.sd).max(1e-24), |sd| sd * sd);
+        let variance =
+            |c: &super::flight::Channel| output(c).map_or((c.sd * c.sd).max(1e-24), |sd| sd * sd);
         Levels {
             given,
             r: flight.channels.iter().map(variance).collect(),
@@ -64,7 +86,8 @@ impl Levels {
         let nx = kinematics.states();
         self.r.clone_from(&levels.r);
         self.density.clone_from(&levels.density);
-        let places = kinematics.free.iter().map(|p| free.iter().position(|f| f == p).map(|k| nx + k));
+        let places =
+            kinematics.free.iter().map(|p| free.iter().position(|f| f == p).map(|k| nx + k));
         for (i, place) in (0..nx).map(Some).chain(places).enumerate() {
             if let Some(walk) = place.and_then(|place| levels.walk.get(place)) {
                 self.walk[i] = *walk;
@@ -72,9 +95,10 @@ impl Levels {
         }
     }
 
-    /// One step of maximum likelihood: a variance times `sum u^2 / sum D`, the ratio of what its adjoints are to what they should be
-    /// (score of de Jong's disturbance smoother: at the maximum each ratio is 1). `walks`: the states whose walk is estimated.
-    /// Gives the largest relative change of a standard deviation.
+    /// One step of maximum likelihood: a variance times `sum u^2 / sum D`, the ratio of what its
+    /// adjoints are to what they should be (score of de Jong's disturbance smoother: at the maximum
+    /// each ratio is 1). `walks`: the states whose walk is estimated. Gives the largest relative
+    /// change of a standard deviation.
     pub fn improve(&mut self, first: &Levels, sums: &Sums, walks: &[usize]) -> f64 {
         let mut change = 0.0f64;
         let mut scale = |value: &mut f64, [actual, expected]: [f64; 2], least: f64, power: i32| {
@@ -90,14 +114,18 @@ impl Levels {
         for (j, r) in self.r.iter_mut().enumerate().filter(|(j, _)| free(&self.given[0], *j)) {
             scale(r, sums.channels[j], LEAST * LEAST * first.r[j], 1);
         }
-        for (i, density) in self.density.iter_mut().enumerate().filter(|(i, _)| free(&self.given[1], *i)) {
-            // an input is at least as noisy as it looks; where the path needs more (vibration averaged away before it was logged, a sensor
-            // that is not where it is said to be), it gets more
+        for (i, density) in
+            self.density.iter_mut().enumerate().filter(|(i, _)| free(&self.given[1], *i))
+        {
+            // an input is at least as noisy as it looks; where the path needs more (vibration
+            // averaged away before it was logged, a sensor that is not where it is said to be), it
+            // gets more
             scale(density, sums.inputs[i], first.density[i], 1);
         }
         for &i in walks {
-            // most of a walk's noise is not seen by the measurements, so its ratio moves it too little: squared, it goes about twice as
-            // far. Below a hundredth of the first guess it is no walk: it stops there.
+            // most of a walk's noise is not seen by the measurements, so its ratio moves it too
+            // little: squared, it goes about twice as far. Below a hundredth of the first guess it
+            // is no walk: it stops there.
             scale(&mut self.walk[i], sums.walks[i], 1e-4 * first.walk[i], 2);
         }
         change

@@ -2,7 +2,8 @@
 
 use crate::math::median;
 
-/// Values and slopes at the stamps, and the share of the samples' noise variance that is left in them.
+/// Values and slopes at the stamps, and the share of the samples' noise variance that is left in
+/// them.
 #[derive(Debug, Clone, Default)]
 pub struct Smooth {
     pub value: Vec<f64>,
@@ -10,9 +11,10 @@ pub struct Smooth {
     pub gain: [f64; 2],
 }
 
-/// The least-squares cubic through the `half` samples on either side of every sample, at that sample; at the ends and beside gaps
-/// longer than `gap` the window is shifted inwards, and where fewer than five samples are together the sample itself is kept with the
-/// slope of its neighbours. The basis is orthonormal on the window's own stamps, so jitter does no harm.
+/// The least-squares cubic through the `half` samples on either side of every sample, at that
+/// sample; at the ends and beside gaps longer than `gap` the window is shifted inwards, and where
+/// fewer than five samples are together the sample itself is kept with the slope of its neighbours.
+/// The basis is orthonormal on the window's own stamps, so jitter does no harm.
 pub fn cubic(t: &[f64], y: &[f64], half: usize, gap: f64) -> Smooth {
     let n = t.len();
     let mut out = Smooth { value: y.to_vec(), slope: vec![0.0; n], gain: [1.0, 0.0] };
@@ -21,7 +23,8 @@ pub fn cubic(t: &[f64], y: &[f64], half: usize, gap: f64) -> Smooth {
     while begin < n {
         let end = (begin + 1..n).find(|&k| t[k] - t[k - 1] > gap).unwrap_or(n);
         for i in begin..end {
-            let from = i.saturating_sub(half).max(begin).min(end.saturating_sub(2 * half + 1).max(begin));
+            let from =
+                i.saturating_sub(half).max(begin).min(end.saturating_sub(2 * half + 1).max(begin));
             let to = (from + 2 * half + 1).min(end);
             if to - from >= 5 {
                 let (value, slope, gain) = fit(&t[from..to], &y[from..to], i - from, &mut basis);
@@ -123,7 +126,11 @@ mod tests {
     fn angles_are_unwrapped() {
         let z = [3.0, 3.1, -3.1, -3.0, f64::NAN, 3.1];
         let u = unwrap(&z);
-        assert!(u.windows(2).all(|w| !(w[0].is_finite() && w[1].is_finite()) || (w[1] - w[0]).abs() < 0.3), "{u:?}");
+        assert!(
+            u.windows(2)
+                .all(|w| !(w[0].is_finite() && w[1].is_finite()) || (w[1] - w[0]).abs() < 0.3),
+            "{u:?}"
+        );
         assert!((u[5] - 3.1).abs() < 1e-12);
     }
 }

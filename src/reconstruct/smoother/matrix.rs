@@ -1,7 +1,9 @@
-//! Covariances and adjoints in, the same after a measurement or a step out: the kernels of the smoother, in place, nothing allocated.
+//! Covariances and adjoints in, the same after a measurement or a step out: the kernels of the
+//! smoother, in place, nothing allocated.
 //!
-//! A matrix of `n` columns is stored in rows of `m` values, `m` a multiple of four, the rest zero: every row is whole vectors. The same
-//! operations in the same order on every machine (nothing is fused), so the width of the vectors changes no bit.
+//! A matrix of `n` columns is stored in rows of `m` values, `m` a multiple of four, the rest zero:
+//! every row is whole vectors. The same operations in the same order on every machine (nothing is
+//! fused), so the width of the vectors changes no bit.
 
 use crate::dynamics::{AHEAD, WEIGHT};
 
@@ -80,7 +82,8 @@ kernel! {
 }
 
 kernel! {
-    /// `P <- (I - K h') P (I - K h')' + r K K'` (Joseph), given `g = P h`: symmetric and positive whatever was rounded in `K`.
+    /// `P <- (I - K h') P (I - K h')' + r K K'` (Joseph), given `g = P h`: symmetric and positive
+    /// whatever was rounded in `K`.
     pub fn joseph(p: &mut [f64], n: usize, m: usize, h: &[f64], g: &[f64], k: &[f64], r: f64) {
         for i in 0..n {
             let row = &mut p[i * m..(i + 1) * m];
@@ -94,9 +97,10 @@ kernel! {
 }
 
 kernel! {
-    /// `s = [Phi | Gamma]` (`[nx][lanes]`) over a step of `h` s by the classic Runge-Kutta on `S' = A S + B`: `values[e]` is entry `e` of
-    /// `[A | B]` at the four stages, at (row, column) `entries[e]`, where columns below `n` are states and parameters and the others noise.
-    /// `k` and `stage` are scratch of the size of `s`.
+    /// `s = [Phi | Gamma]` (`[nx][lanes]`) over a step of `h` s by the classic Runge-Kutta on
+    /// `S' = A S + B`: `values[e]` is entry `e` of `[A | B]` at the four stages, at (row, column)
+    /// `entries[e]`, where columns below `n` are states and parameters and the others noise. `k`
+    /// and `stage` are scratch of the size of `s`.
     pub fn transition(
         s: &mut [f64], k: &mut [f64], stage: &mut [f64], entries: &[(usize, usize)], values: &[[f64; 4]], nx: usize, n: usize, m: usize,
         lanes: usize, h: f64,
@@ -129,8 +133,9 @@ kernel! {
 }
 
 kernel! {
-    /// `P <- F P F' + sum q_j g_j g_j'` for `F = [top; 0 I]`. Rows of `s` are `top` (`m` values) and then the columns `g` of the noise
-    /// (`q.len()` of them), `lanes` in all; `w` is scratch of `nx m` values.
+    /// `P <- F P F' + sum q_j g_j g_j'` for `F = [top; 0 I]`. Rows of `s` are `top` (`m` values)
+    /// and then the columns `g` of the noise (`q.len()` of them), `lanes` in all; `w` is scratch of
+    /// `nx m` values.
     pub fn predict(p: &mut [f64], n: usize, m: usize, nx: usize, s: &[f64], lanes: usize, q: &[f64], w: &mut [f64]) {
         for i in 0..nx {
             let row = &mut w[i * m..(i + 1) * m];
@@ -191,7 +196,8 @@ kernel! {
 }
 
 kernel! {
-    /// Adjoint covariance back through a measurement: `A <- A - b h' - h b' + d h h'`, with `b = A K` and `d = 1/s + K' A K`.
+    /// Adjoint covariance back through a measurement: `A <- A - b h' - h b' + d h h'`, with
+    /// `b = A K` and `d = 1/s + K' A K`.
     pub fn adjoint_update(a: &mut [f64], n: usize, m: usize, h: &[f64], b: &[f64], d: f64) {
         for i in 0..n {
             let row = &mut a[i * m..(i + 1) * m];

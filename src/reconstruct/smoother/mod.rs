@@ -1,8 +1,10 @@
-//! Logged signals of one flight and a kinematic model in; its smoothed path with covariances, and how well everything fits, out.
+//! Logged signals of one flight and a kinematic model in; its smoothed path with covariances, and
+//! how well everything fits, out.
 //!
 //! # The model
 //!
-//! What is smoothed is `z = (x, theta)`: the states of any kinematic model file and chosen parameters of it (biases, scales, wind).
+//! What is smoothed is `z = (x, theta)`: the states of any kinematic model file and chosen
+//! parameters of it (biases, scales, wind).
 //!
 //! ```text
 //! dx/dt     = f(x, theta, u + e_u) + w_x        e_u: noise of the measured inputs, white
@@ -10,41 +12,50 @@
 //! y_j(t)    = g_j(x, theta, u) + e_j            every channel at its own time stamps
 //! ```
 //!
-//! *Inputs* drive as they were logged, straight between their samples. White sample noise of variance `s^2` every `T` seconds is the
-//! same to the states as a continuous one of density `s^2 T`: over a step of `h` seconds an error of the input with variance `s^2 T/h`,
-//! which enters through `Gamma = dx(t+h)/du`. *Walks* `w` have a density in unit^2/s (the settings give its root).
+//! *Inputs* drive as they were logged, straight between their samples. White sample noise of
+//! variance `s^2` every `T` seconds is the same to the states as a continuous one of density
+//! `s^2 T`: over a step of `h` seconds an error of the input with variance `s^2 T/h`, which enters
+//! through `Gamma = dx(t+h)/du`. *Walks* `w` have a density in unit^2/s (the settings give its
+//! root).
 //!
 //! # The filter
 //!
-//! Steps end wherever something was measured: no common grid. The mean goes by the classic Runge-Kutta; its exact derivatives
-//! `[Phi | Gamma]` by the same Runge-Kutta on `S' = A S + B` with the model's compiled Jacobian. Measurements are processed one scalar at
-//! a time in Joseph's form, which keeps the covariance symmetric and positive whatever is rounded (Bierman 1977; a square-root form
-//! would double the digits at twice the cost, and with variances spread over 8 decades, as here, double precision has 8 to spare). Where
-//! the prior is wide (the start, the end of a gap) an update is iterated to the mode of its posterior (Bell and Cathey 1993).
-//! Innovations beyond the gate are rejected and counted.
+//! Steps end wherever something was measured: no common grid. The mean goes by the classic
+//! Runge-Kutta; its exact derivatives `[Phi | Gamma]` by the same Runge-Kutta on `S' = A S + B`
+//! with the model's compiled Jacobian. Measurements are processed one scalar at a time in Joseph's
+//! form, which keeps the covariance symmetric and positive whatever is rounded (Bierman 1977; a
+//! square-root form would double the digits at twice the cost, and with variances spread over 8
+//! decades, as here, double precision has 8 to spare). Where the prior is wide (the start, the end
+//! of a gap) an update is iterated to the mode of its posterior (Bell and Cathey 1993). Innovations
+//! beyond the gate are rejected and counted.
 //!
 //! # The smoother
 //!
-//! The fixed-interval solution is the modified Bryson-Frazier recursion (Bierman 1973; see `backward`): the same result as Rauch, Tung and
-//! Striebel's, without inverting predicted covariances, which are singular for constant parameters. The filter runs forward
-//! once and leaves a checkpoint every `sqrt(N)` nodes; backwards, each stretch is run again from its checkpoint onto a tape that only
-//! holds one stretch. Memory grows with the square root of the length (besides logs and results), and the bits are those of a tape of everything.
+//! The fixed-interval solution is the modified Bryson-Frazier recursion (Bierman 1973; see
+//! `backward`): the same result as Rauch, Tung and Striebel's, without inverting predicted
+//! covariances, which are singular for constant parameters. The filter runs forward once and leaves
+//! a checkpoint every `sqrt(N)` nodes; backwards, each stretch is run again from its checkpoint
+//! onto a tape that only holds one stretch. Memory grows with the square root of the length
+//! (besides logs and results), and the bits are those of a tape of everything.
 //!
 //! # Noise levels
 //!
-//! The noise of inputs comes from the signals themselves (third differences). The variances of the channels and the walks of gusts start
-//! there and are improved by maximum likelihood on parts of the flight: a variance is multiplied by `sum u^2 / sum d` of the disturbance
-//! smoother (de Jong 1988), whose fixed point is a stationary point of the likelihood.
+//! The noise of inputs comes from the signals themselves (third differences). The variances of the
+//! channels and the walks of gusts start there and are improved by maximum likelihood on parts of
+//! the flight: a variance is multiplied by `sum u^2 / sum d` of the disturbance smoother (de Jong
+//! 1988), whose fixed point is a stationary point of the likelihood.
 //!
 //! # The start
 //!
-//! States start measured or as the model says, with wide standard deviations (by unit: 30 m/s, 1 rad, 5000 m). The first seconds are smoothed
-//! a few times, each time linearised about the last result (Gauss-Newton, Bell 1994), before the flight is filtered.
+//! States start measured or as the model says, with wide standard deviations (by unit: 30 m/s, 1
+//! rad, 5000 m). The first seconds are smoothed a few times, each time linearised about the last
+//! result (Gauss-Newton, Bell 1994), before the flight is filtered.
 //!
 //! # Gaps
 //!
-//! In a gap of an input the model coasts on a straight line between the ends, with the noise of a signal that may be anywhere within its
-//! usual spread. Longer than the limit of the settings, there is no path: what follows starts anew.
+//! In a gap of an input the model coasts on a straight line between the ends, with the noise of a
+//! signal that may be anywhere within its usual spread. Longer than the limit of the settings,
+//! there is no path: what follows starts anew.
 
 pub mod backward;
 pub mod filter;
@@ -72,7 +83,8 @@ use sums::Sums;
 /// Seconds that are smoothed to find a start, and how often.
 const START_S: f64 = 3.0;
 const STARTS: usize = 4;
-/// The first seconds are linearised about their smoothed means: until then sensor errors and states are hardly told apart.
+/// The first seconds are linearised about their smoothed means: until then sensor errors and states
+/// are hardly told apart.
 const FAR: f64 = 120.0;
 
 /// One flight ready to be smoothed.
@@ -102,7 +114,8 @@ pub struct Smoothed {
 pub struct Nothing;
 
 impl Visit for Nothing {
-    fn node(&mut self, _: &Tape, _: usize, _: &[f64], _: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {}
+    fn node(&mut self, _: &Tape, _: usize, _: &[f64], _: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {
+    }
 }
 
 /// Smoothed means, latest first.
@@ -133,8 +146,9 @@ impl<'a> Smoother<'a> {
         Smoother { gate, programs: self.programs.clone(), ..*self }
     }
 
-    /// Mean to begin from at time `t`: a state that is measured from its first finite sample after it, another one from the expression of
-    /// its start with the inputs there; 0 where there is neither.
+    /// Mean to begin from at time `t`: a state that is measured from its first finite sample after
+    /// it, another one from the expression of its start with the inputs there; 0 where there is
+    /// neither.
     fn guess(&self, t: f64) -> Vec<f64> {
         let model = self.kinematics.model;
         let first = |name: &str| {
@@ -144,7 +158,8 @@ impl<'a> Smoother<'a> {
             let from = packet.t.partition_point(|&x| x < t);
             self.flight.channels[number].z[from..].iter().copied().find(|z| z.is_finite())
         };
-        let measured: Vec<Option<f64>> = model.states.iter().map(|s| first(&s.quantity.name)).collect();
+        let measured: Vec<Option<f64>> =
+            model.states.iter().map(|s| first(&s.quantity.name)).collect();
         let mut evaluator: Evaluator<1> = Evaluator::new(model, &self.kinematics.starts);
         let (mut u, mut slope) = (vec![0.0; model.inputs.len()], vec![0.0; model.inputs.len()]);
         self.flight.inputs_at(t, &self.flight.locate(t), &mut u, &mut slope);
@@ -152,7 +167,8 @@ impl<'a> Smoother<'a> {
         evaluator.point(0, &known, &u, &slope, t);
         evaluator.starts(0, &known);
         evaluator.run();
-        let states = measured.iter().enumerate().map(|(i, z)| z.unwrap_or_else(|| evaluator.get(i, 0)));
+        let states =
+            measured.iter().enumerate().map(|(i, z)| z.unwrap_or_else(|| evaluator.get(i, 0)));
         states.chain(self.kinematics.free.iter().map(|&i| model.parameters[i].start)).collect()
     }
 
@@ -166,7 +182,8 @@ impl<'a> Smoother<'a> {
         // nothing is rejected before the filter knows where it is
         let open = self.with_gate(f64::INFINITY);
         for _ in 0..STARTS {
-            let smoothed = open.run(levels, [from, to.min(from + START_S)], &x, &mut (), &mut Nothing);
+            let smoothed =
+                open.run(levels, [from, to.min(from + START_S)], &x, &mut (), &mut Nothing);
             if !smoothed.finite {
                 break;
             }
@@ -175,17 +192,27 @@ impl<'a> Smoother<'a> {
         x
     }
 
-    /// Where to linearise `[from, to]`: its first seconds about their smoothed means after `passes` more runs, each linearised about the
-    /// last one's (Gauss-Newton: Bell 1994); nothing is rejected in the first, which does not know the sensor errors yet. It ends early
-    /// where a run does not stay finite. Whether the first seconds are all there is comes along.
-    pub fn about(&self, levels: &Levels, [from, to]: [f64; 2], x: &[f64], passes: usize) -> (Option<About>, bool) {
+    /// Where to linearise `[from, to]`: its first seconds about their smoothed means after `passes`
+    /// more runs, each linearised about the last one's (Gauss-Newton: Bell 1994); nothing is
+    /// rejected in the first, which does not know the sensor errors yet. It ends early where a run
+    /// does not stay finite. Whether the first seconds are all there is comes along.
+    pub fn about(
+        &self,
+        levels: &Levels,
+        [from, to]: [f64; 2],
+        x: &[f64],
+        passes: usize,
+    ) -> (Option<About>, bool) {
         let far = to.min(from + FAR);
         let open = self.with_gate(f64::INFINITY);
         let mut about: Option<About> = None;
         for pass in 0..=passes {
             let mut collected = Means::default();
             let smoother = if pass == 0 { &open } else { self };
-            if !smoother.run_about(about.as_ref(), levels, [from, far], x, &mut (), &mut collected).finite {
+            if !smoother
+                .run_about(about.as_ref(), levels, [from, far], x, &mut (), &mut collected)
+                .finite
+            {
                 break;
             }
             about = Some(About { means: collected.ordered(), known: Vec::new() });
@@ -193,13 +220,22 @@ impl<'a> Smoother<'a> {
         if far < to {
             // the last step there ends where no other run has a node
             let two = 2 * self.kinematics.size();
-            about.iter_mut().for_each(|about| about.means.truncate(about.means.len().saturating_sub(two)));
+            about
+                .iter_mut()
+                .for_each(|about| about.means.truncate(about.means.len().saturating_sub(two)));
         }
         (about, far >= to)
     }
 
     /// Smooths `[from, to]` from the mean `x` at `from`.
-    pub fn run(&self, levels: &Levels, part: [f64; 2], x: &[f64], watch: &mut impl Watch, visit: &mut impl Visit) -> Smoothed {
+    pub fn run(
+        &self,
+        levels: &Levels,
+        part: [f64; 2],
+        x: &[f64],
+        watch: &mut impl Watch,
+        visit: &mut impl Visit,
+    ) -> Smoothed {
         self.run_about(None, levels, part, x, watch, visit)
     }
 
@@ -214,9 +250,11 @@ impl<'a> Smoother<'a> {
         watch: &mut impl Watch,
         visit: &mut impl Visit,
     ) -> Smoothed {
-        let mut filter = Filter::new(self.kinematics, self.flight, &self.programs, levels, self.gate, to);
+        let mut filter =
+            Filter::new(self.kinematics, self.flight, &self.programs, levels, self.gate, to);
         filter.about = about;
-        let stretch = if self.stretch > 0 { self.stretch } else { self.nodes(from, to).isqrt().max(16) };
+        let stretch =
+            if self.stretch > 0 { self.stretch } else { self.nodes(from, to).isqrt().max(16) };
         let mut state = filter.start(from, x);
         let mut checkpoints: Vec<State> = Vec::new();
         let mut count = 0;
@@ -260,7 +298,8 @@ impl<'a> Smoother<'a> {
         out: &mut Outputs,
     ) -> Smoothed {
         let first = (0..grid.n).find(|&k| grid.time(k) >= from - flight::SAME).unwrap_or(grid.n);
-        let last = (0..grid.n).rev().find(|&k| grid.time(k) <= to + flight::SAME).map_or(0, |k| k + 1);
+        let last =
+            (0..grid.n).rev().find(|&k| grid.time(k) <= to + flight::SAME).map_or(0, |k| k + 1);
         let mut sampler = Sampler::new(self.kinematics, self.flight, grid, every, out);
         let smoothed = self.run_about(about, levels, [from, to], x, watch, &mut sampler);
         sampler.finish(first, last.max(first));
@@ -269,8 +308,11 @@ impl<'a> Smoother<'a> {
 
     /// About how many nodes there are between two times.
     fn nodes(&self, from: f64, to: f64) -> usize {
-        let within = |t: &[f64]| t.partition_point(|&x| x <= to).saturating_sub(t.partition_point(|&x| x < from));
-        let clocks = self.flight.clocks.iter().filter(|c| c.steps).map(|c| within(&c.t)).max().unwrap_or(0);
+        let within = |t: &[f64]| {
+            t.partition_point(|&x| x <= to).saturating_sub(t.partition_point(|&x| x < from))
+        };
+        let clocks =
+            self.flight.clocks.iter().filter(|c| c.steps).map(|c| within(&c.t)).max().unwrap_or(0);
         clocks + self.flight.packets.iter().map(|p| within(&p.t)).sum::<usize>()
     }
 }
@@ -297,7 +339,8 @@ pub const LAGS: usize = 24;
 
 impl Innovations {
     pub fn new(channels: usize) -> Innovations {
-        let one = Innovation { lagged: vec![0.0; LAGS], recent: vec![0.0; LAGS], ..Default::default() };
+        let one =
+            Innovation { lagged: vec![0.0; LAGS], recent: vec![0.0; LAGS], ..Default::default() };
         Innovations { channels: vec![one; channels] }
     }
 }

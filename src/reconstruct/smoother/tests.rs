@@ -1,4 +1,5 @@
-//! The smoother against what it must equal: a dense least-squares solution, itself with other checkpoints, simulated truth.
+//! The smoother against what it must equal: a dense least-squares solution, itself with other
+//! checkpoints, simulated truth.
 
 use super::*;
 use crate::math::dense;
@@ -54,7 +55,14 @@ struct Collect {
 }
 
 impl Visit for Collect {
-    fn node(&mut self, tape: &Tape, k: usize, x: &[f64], _: &[f64], covariance: &mut dyn FnMut(&mut Vec<f64>)) {
+    fn node(
+        &mut self,
+        tape: &Tape,
+        k: usize,
+        x: &[f64],
+        _: &[f64],
+        covariance: &mut dyn FnMut(&mut Vec<f64>),
+    ) {
         let mut p = Vec::new();
         covariance(&mut p);
         self.t.insert(0, tape.t[k]);
@@ -76,7 +84,8 @@ struct Cart {
 fn cart_data() -> Cart {
     let mut normal = Normal::new(7);
     let mut noisy = |n: usize, dt: f64, t0: f64| -> (Vec<f64>, Vec<f64>) {
-        let t: Vec<f64> = (0..n).map(|k| t0 + dt * (k as f64 + 0.1 * normal.next().clamp(-2.0, 2.0))).collect();
+        let t: Vec<f64> =
+            (0..n).map(|k| t0 + dt * (k as f64 + 0.1 * normal.next().clamp(-2.0, 2.0))).collect();
         let z = t.iter().map(|&t| libm::sin(t) + 0.1 * normal.next()).collect();
         (t, z)
     };
@@ -116,12 +125,15 @@ fn truth_a_linear_flight_equals_dense_least_squares() {
     };
     let rate = |x: &[f64; 3], u: f64| [u - x[2] - 0.3 * x[0], x[0], 0.0];
     let runge = |x: [f64; 3], u: [f64; 3], h: f64| {
-        let ahead = |k: &[f64; 3], c: f64| std::array::from_fn::<f64, 3, _>(|i| x[i] + c * h * k[i]);
+        let ahead =
+            |k: &[f64; 3], c: f64| std::array::from_fn::<f64, 3, _>(|i| x[i] + c * h * k[i]);
         let k1 = rate(&x, u[0]);
         let k2 = rate(&ahead(&k1, 0.5), u[1]);
         let k3 = rate(&ahead(&k2, 0.5), u[1]);
         let k4 = rate(&ahead(&k3, 1.0), u[2]);
-        std::array::from_fn::<f64, 3, _>(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
+        std::array::from_fn::<f64, 3, _>(|i| {
+            x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+        })
     };
     let mut prior = vec![4.0, 9.0, 0.25];
     let (mut mean, mut maps) = (vec![x0], vec![vec![0.0; 3 * size]]);
@@ -157,9 +169,15 @@ fn truth_a_linear_flight_equals_dense_least_squares() {
     }
     let mut scored = 0;
     for (t, z, r, is_speed) in
-        d.ts.iter().zip(&d.zs).map(|(t, z)| (*t, *z, 0.04, false)).chain(d.tv.iter().zip(&d.zv).map(|(t, z)| (*t, *z, 0.09, true)))
+        d.ts.iter()
+            .zip(&d.zs)
+            .map(|(t, z)| (*t, *z, 0.04, false))
+            .chain(d.tv.iter().zip(&d.zv).map(|(t, z)| (*t, *z, 0.09, true)))
     {
-        let Some(k) = got.t.iter().position(|x| (x - t).abs() < 1e-9).filter(|_| z.is_finite()) else { continue };
+        let Some(k) = got.t.iter().position(|x| (x - t).abs() < 1e-9).filter(|_| z.is_finite())
+        else {
+            continue;
+        };
         scored += 1;
         let (row, y) = if is_speed { (0, mean[k][0] + 0.05 * at(t)) } else { (1, mean[k][1]) };
         let h = &maps[k][row * size..(row + 1) * size];
@@ -187,7 +205,11 @@ fn truth_a_linear_flight_equals_dense_least_squares() {
                         p += row[a] * covariance[a * size + b] * other[b];
                     }
                 }
-                assert!((p - got.p[k][i * 4 + j]).abs() < 1e-9, "node {k} covariance {i} {j}: {p} {}", got.p[k][i * 4 + j]);
+                assert!(
+                    (p - got.p[k][i * 4 + j]).abs() < 1e-9,
+                    "node {k} covariance {i} {j}: {p} {}",
+                    got.p[k][i * 4 + j]
+                );
             }
         }
     }
@@ -200,17 +222,34 @@ fn checkpoints_change_no_bit() {
     let kinematics = Kinematics::new(&model, vec![0]).expect("no delays");
     let measured = [(0, (&d.ts[..], &d.zs[..])), (1, (&d.tv[..], &d.zv[..]))];
     let flight = Flight::new(&kinematics, &[(&d.ta, &d.a)], &measured, 0.0);
-    let levels = Levels::guess(&kinematics, &flight, &IndexMap::from([("b".to_string(), 0.1)]), &IndexMap::new());
+    let levels = Levels::guess(
+        &kinematics,
+        &flight,
+        &IndexMap::from([("b".to_string(), 0.1)]),
+        &IndexMap::new(),
+    );
     let path = |stretch: usize| {
         let smoother = Smoother { stretch, ..Smoother::new(&kinematics, &flight, 5.0) };
         let grid = Grid::covering(d.ta[0], d.ta[39], 0.05);
         let mut out = Outputs::empty(2, 3, grid.n);
         let mut watch = Innovations::new(2);
-        let smoothed = smoother.path(None, &levels, [d.ta[0], d.ta[39]], &[1.0, 0.0, 0.0], (grid, 2), &mut watch, &mut out);
+        let smoothed = smoother.path(
+            None,
+            &levels,
+            [d.ta[0], d.ta[39]],
+            &[1.0, 0.0, 0.0],
+            (grid, 2),
+            &mut watch,
+            &mut out,
+        );
         (smoothed, out, watch.channels.iter().map(|c| c.lagged.clone()).collect::<Vec<_>>())
     };
     let all = path(1_000_000);
-    assert!(all.0.finite && all.1.value[0].iter().all(|v| v.is_finite()) && all.1.sd[1].iter().all(|v| *v > 0.0));
+    assert!(
+        all.0.finite
+            && all.1.value[0].iter().all(|v| v.is_finite())
+            && all.1.sd[1].iter().all(|v| *v > 0.0)
+    );
     for stretch in [0, 1, 7, 16] {
         assert_eq!(path(stretch), all, "checkpoints every {stretch}");
     }

@@ -1,4 +1,5 @@
-//! Sensors that are missing, dead, reversed, late or silent: is the path right all the same, or is it said that it is not?
+//! Sensors that are missing, dead, reversed, late or silent: is the path right all the same, or is
+//! it said that it is not?
 
 use super::*;
 
@@ -8,13 +9,16 @@ fn fault_a_gap_of_two_seconds_is_coasted_over_and_one_of_five_has_no_path() {
     let mut flown = fly(12, 0.0, &heights);
     for name in INERTIAL {
         let (t, y) = &mut flown.signals[name];
-        let keep: Vec<usize> = (0..t.len()).filter(|&k| !(15.0..17.0).contains(&t[k]) && !(25.0..30.0).contains(&t[k])).collect();
+        let keep: Vec<usize> = (0..t.len())
+            .filter(|&k| !(15.0..17.0).contains(&t[k]) && !(25.0..30.0).contains(&t[k]))
+            .collect();
         (*t, *y) = (keep.iter().map(|&k| t[k]).collect(), keep.iter().map(|&k| y[k]).collect());
     }
     let path = path(&flown);
     nowhere_wrong(&flown, &heights, &path, 5.0);
     let theta = &path.outputs[kinematics().output("theta").expect("theta")];
-    let known = |t: f64| theta[path.t.iter().position(|x| *x >= t).expect("on the grid")].is_finite();
+    let known =
+        |t: f64| theta[path.t.iter().position(|x| *x >= t).expect("on the grid")].is_finite();
     assert!(known(16.0) && !known(27.0) && known(35.0));
     assert!(path.notes.iter().any(|n| n.text.contains("gap")), "{:?}", path.notes);
     assert_eq!(verdict(&path, "q_imu", "gaps"), "gaps");
@@ -30,7 +34,9 @@ fn fault_a_burst_of_nan_is_passed_over() {
     }
     let path = path(&flown);
     nowhere_wrong(&flown, &heights, &path, 5.0);
-    assert!(path.outputs[kinematics().output("theta").expect("theta")].iter().all(|v| v.is_finite()));
+    assert!(
+        path.outputs[kinematics().output("theta").expect("theta")].iter().all(|v| v.is_finite())
+    );
     assert_eq!(verdict(&path, "alpha_vane", "gaps"), "gaps");
 }
 
@@ -86,7 +92,8 @@ fn fault_a_recorder_that_is_late_is_found() {
         flown.signals[name].0.iter_mut().for_each(|t| *t += 0.06);
     }
     let path = path(&flown);
-    let row = path.checks.iter().find(|r| r.channel == "theta" && r.check == "time skew").expect("a row");
+    let row =
+        path.checks.iter().find(|r| r.channel == "theta" && r.check == "time skew").expect("a row");
     assert_eq!(row.verdict, "late");
     assert!((row.value - 0.06).abs() < 0.02, "{row:?}");
 }
@@ -105,7 +112,10 @@ fn fault_a_clock_that_jumps_is_named() {
     let rows: Vec<_> = path.checks.iter().filter(|r| r.check == "clock").collect();
     assert!(["phi", "theta", "psi"].into_iter().any(named), "{rows:#?}");
     // those whose clocks are right are not accused
-    assert!(!["V", "alpha_vane", "beta_vane", "static_pressure"].into_iter().any(named), "{rows:#?}");
+    assert!(
+        !["V", "alpha_vane", "beta_vane", "static_pressure"].into_iter().any(named),
+        "{rows:#?}"
+    );
 }
 
 #[test]
@@ -119,8 +129,14 @@ fn fault_a_missing_sensor_leaves_honest_intervals_or_nothing() {
         let path = path(&flown);
         nowhere_wrong(&flown, &heights, &path, 5.5);
         if missing.contains(&"psi") {
-            assert!(path.notes.iter().any(|n| n.text.contains("no sensor determines psi")), "{:?}", path.notes);
-            assert!(path.outputs[kinematics().output("psi").expect("psi")].iter().all(|v| v.is_nan()));
+            assert!(
+                path.notes.iter().any(|n| n.text.contains("no sensor determines psi")),
+                "{:?}",
+                path.notes
+            );
+            assert!(
+                path.outputs[kinematics().output("psi").expect("psi")].iter().all(|v| v.is_nan())
+            );
         }
     }
 }
@@ -144,10 +160,17 @@ fn fault_a_flight_that_starts_on_the_ground_is_right_in_the_air_and_says_what_wa
     let heights = heights(&scene);
     let flown = record(22, scene, &heights);
     let path = path(&flown);
-    assert!(path.notes.iter().any(|n| n.text.contains("slower than") && n.text.contains("alpha_vane")), "{:?}", path.notes);
+    assert!(
+        path.notes.iter().any(|n| n.text.contains("slower than") && n.text.contains("alpha_vane")),
+        "{:?}",
+        path.notes
+    );
     for (name, list) in STATES.iter().zip(normed(&flown, &heights, &path, |t| t > 50.0)) {
         let worst = list.iter().fold(0.0f64, |m, e| m.max(e.abs()));
-        assert!(list.len() > 500 && worst < 5.0, "{name} is {worst} standard deviations off in the air");
+        assert!(
+            list.len() > 500 && worst < 5.0,
+            "{name} is {worst} standard deviations off in the air"
+        );
     }
     nowhere_wrong(&flown, &heights, &path, 6.0);
 }
@@ -161,7 +184,12 @@ fn fault_a_clock_that_jumps_by_years_gives_no_path_and_a_note() {
     }
     for by in [Method::Smoother, Method::Windows] {
         let path = path_by(&flown, &kinematics(), &Settings { by, ..settings() });
-        assert!(path.outputs.is_empty() && path.notes.iter().any(|n| n.text.contains("clock has jumped")), "{:?}", path.notes);
+        assert!(
+            path.outputs.is_empty()
+                && path.notes.iter().any(|n| n.text.contains("clock has jumped")),
+            "{:?}",
+            path.notes
+        );
     }
 }
 
@@ -191,10 +219,19 @@ fn fault_a_signal_without_values_is_missing_and_one_with_three_is_not_used() {
     (*t, *y) = (few.iter().map(|&k| t[k]).collect(), few.iter().map(|&k| y[k] + 300.0).collect());
     let found = path(&flown);
     let said = |what: &str| found.notes.iter().any(|n| n.text.contains(what));
-    assert!(said("not measured, so not checked: beta_vane") && said("static_pressure has only 3 samples"), "{:?}", found.notes);
+    assert!(
+        said("not measured, so not checked: beta_vane")
+            && said("static_pressure has only 3 samples"),
+        "{:?}",
+        found.notes
+    );
     // nothing tells the height, so none is given
     assert!(said("no sensor determines h"), "{:?}", found.notes);
-    for (name, list) in STATES.iter().zip(normed(&flown, &heights, &found, |_| true)).filter(|(name, _)| **name != "h") {
+    for (name, list) in STATES
+        .iter()
+        .zip(normed(&flown, &heights, &found, |_| true))
+        .filter(|(name, _)| **name != "h")
+    {
         let worst = list.iter().fold(0.0f64, |m, e| m.max(e.abs()));
         assert!(!list.is_empty() && worst < 5.5, "{name} is {worst} standard deviations off");
     }
@@ -218,7 +255,9 @@ fn fault_windows_of_output_error_have_the_same_checks() {
     let mut flown = fly(26, 0.0, &heights);
     let good = path_by(&flown, &kinematics(), &by_windows());
     assert!(good.notes.is_empty() && good.failed == 0, "{:?}", good.notes);
-    for (channel, check) in [("theta", "sign"), ("alpha_vane", "time skew"), ("q_imu", "sign"), ("V", "whiteness")] {
+    for (channel, check) in
+        [("theta", "sign"), ("alpha_vane", "time skew"), ("q_imu", "sign"), ("V", "whiteness")]
+    {
         assert_eq!(verdict(&good, channel, check), "good", "{channel} {check}: {:#?}", good.checks);
     }
     // a sensor that is turned round is named and not used: the path is the one without it
@@ -232,7 +271,11 @@ fn fault_windows_of_output_error_have_the_same_checks() {
     flown.signals["az_imu"].1.iter_mut().for_each(|y| *y = -*y);
     let none = path_by(&flown, &kinematics(), &by_windows());
     assert_eq!(verdict(&none, "az_imu", "sign"), "sign reversed");
-    assert!(none.outputs.iter().flatten().all(|v| v.is_nan()) && none.notes.iter().any(|n| n.missing), "{:?}", none.notes);
+    assert!(
+        none.outputs.iter().flatten().all(|v| v.is_nan()) && none.notes.iter().any(|n| n.missing),
+        "{:?}",
+        none.notes
+    );
 }
 
 #[test]
@@ -240,10 +283,15 @@ fn fault_a_window_that_ends_singular_names_the_parameter() {
     let heights = altitude();
     let mut flown = fly(27, 0.0, &heights);
     flown.signals.shift_remove("beta_vane");
-    let path = path_by(&flown, &kinematics(), &Settings { free: vec!["k_beta".into()], ..by_windows() });
+    let path =
+        path_by(&flown, &kinematics(), &Settings { free: vec!["k_beta".into()], ..by_windows() });
     let lost: Vec<&Note> = path.notes.iter().filter(|n| n.missing).collect();
     let named = |n: &&Note| n.text.contains("ended as \"singular\"") && n.text.contains("k_beta");
-    assert!(path.failed > 0 && lost.len() == path.failed && lost.iter().all(named), "{:?}", path.notes);
+    assert!(
+        path.failed > 0 && lost.len() == path.failed && lost.iter().all(named),
+        "{:?}",
+        path.notes
+    );
 }
 
 #[test]
@@ -252,10 +300,18 @@ fn fault_rejected_samples_are_counted_in_a_note() {
     let mut flown = fly(28, 0.0, &heights);
     flown.signals["theta"].1.iter_mut().step_by(60).for_each(|y| *y += 0.3);
     for settings in [settings(), by_windows()] {
-        let settings = Settings { sd: [("theta".to_string(), 1e-3)].into_iter().collect(), ..settings };
+        let settings =
+            Settings { sd: [("theta".to_string(), 1e-3)].into_iter().collect(), ..settings };
         let path = path_by(&flown, &kinematics(), &settings);
-        let note = path.notes.iter().find(|n| n.subject == "theta").unwrap_or_else(|| panic!("{:?}", path.notes));
-        assert!((15..=18).contains(&note.count) && note.text.contains("samples rejected"), "{note:?}");
+        let note = path
+            .notes
+            .iter()
+            .find(|n| n.subject == "theta")
+            .unwrap_or_else(|| panic!("{:?}", path.notes));
+        assert!(
+            (15..=18).contains(&note.count) && note.text.contains("samples rejected"),
+            "{note:?}"
+        );
         assert_eq!(verdict(&path, "theta", "rejected"), "outliers");
     }
 }
@@ -266,9 +322,17 @@ fn fault_a_signal_that_drives_the_model_is_not_compared_with_itself() {
     let flown = fly(29, 0.0, &heights);
     let plain = path(&flown);
     // the same signals by the names of the model's outputs, as a channel map may have them
-    let natural = [("ax_imu", "ax"), ("ay_imu", "ay"), ("az_imu", "az"), ("p_imu", "p"), ("q_imu", "q"), ("r_imu", "r")];
+    let natural = [
+        ("ax_imu", "ax"),
+        ("ay_imu", "ay"),
+        ("az_imu", "az"),
+        ("p_imu", "p"),
+        ("q_imu", "q"),
+        ("r_imu", "r"),
+    ];
     let natural = [&natural[..], &[("alpha_vane", "alpha"), ("beta_vane", "beta")]].concat();
-    let mut renamed = Flown { signals: IndexMap::new(), gust: flown.gust.clone(), scene: flown.scene };
+    let mut renamed =
+        Flown { signals: IndexMap::new(), gust: flown.gust.clone(), scene: flown.scene };
     for (name, series) in &flown.signals {
         let new = natural.iter().find(|(old, _)| old == name).map_or(name.as_str(), |(_, new)| new);
         renamed.signals.insert(new.to_string(), series.clone());

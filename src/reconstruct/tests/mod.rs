@@ -1,4 +1,5 @@
-//! Made-up flights whose motion is known exactly, recorded with noise and with faults: is the path right, or is it said that it is not?
+//! Made-up flights whose motion is known exactly, recorded with noise and with faults: is the path
+//! right, or is it said that it is not?
 
 use super::smoother::tests::Normal;
 use super::*;
@@ -34,8 +35,15 @@ struct Scene {
     dead_below: f64,
 }
 
-const CALM: Scene =
-    Scene { motion, duration: DURATION, gusts: 0.0, wind: [0.0; 2], arm: [0.0; 3], vane: [1.0, 0.0, 0.0], dead_below: 0.0 };
+const CALM: Scene = Scene {
+    motion,
+    duration: DURATION,
+    gusts: 0.0,
+    wind: [0.0; 2],
+    arm: [0.0; 3],
+    vane: [1.0, 0.0, 0.0],
+    dead_below: 0.0,
+};
 
 const DURATION: f64 = 40.0;
 /// Biases of the six inertial sensors.
@@ -97,7 +105,9 @@ fn inertial(motion: fn(f64) -> [f64; 6], t: f64) -> [f64; 6] {
 
 /// The same at `arm`: rotation adds `w' x arm + w x (w x arm)`.
 fn inertial_at(scene: &Scene, t: f64) -> [f64; 6] {
-    let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let cross = |a: [f64; 3], b: [f64; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
     let mut at = inertial(scene.motion, t);
     let turn = |t: f64| -> [f64; 3] { std::array::from_fn(|i| inertial(scene.motion, t)[3 + i]) };
     let (w, a, b) = (turn(t), turn(t - 1e-3), turn(t + 1e-3));
@@ -129,10 +139,21 @@ fn truth(flown: &Flown, heights: &[f64], t: f64) -> [f64; 7] {
     let ([n, e], [phi, theta, psi]) = (flown.scene.wind, [m[3], m[4], m[5]]);
     let along = n * cos(psi) + e * sin(psi);
     let across = e * cos(psi) - n * sin(psi);
-    let wind =
-        [cos(theta) * along, sin(phi) * sin(theta) * along + cos(phi) * across, cos(phi) * sin(theta) * along - sin(phi) * across];
+    let wind = [
+        cos(theta) * along,
+        sin(phi) * sin(theta) * along + cos(phi) * across,
+        cos(phi) * sin(theta) * along - sin(phi) * across,
+    ];
     let air = |i: usize| m[i] - wind[i] + gust[i];
-    [air(0), air(1), air(2), phi, theta, psi, heights[((t * 1000.0).round().max(0.0) as usize).min(heights.len() - 1)]]
+    [
+        air(0),
+        air(1),
+        air(2),
+        phi,
+        theta,
+        psi,
+        heights[((t * 1000.0).round().max(0.0) as usize).min(heights.len() - 1)],
+    ]
 }
 
 /// A flight with gusts of `sigma` m/s and sensors without faults.
@@ -140,7 +161,8 @@ fn fly(seed: u64, sigma: f64, heights: &[f64]) -> Flown {
     record(seed, Scene { gusts: sigma, ..CALM }, heights)
 }
 
-/// Inertial sensors at 50 Hz, vanes at 20, air data and the motion over ground at 10, attitude at 25, each with stamps of its own.
+/// Inertial sensors at 50 Hz, vanes at 20, air data and the motion over ground at 10, attitude at
+/// 25, each with stamps of its own.
 fn record(seed: u64, scene: Scene, heights: &[f64]) -> Flown {
     let mut normal = Normal::new(seed);
     let count = (scene.duration * 1000.0) as usize + 1;
@@ -148,23 +170,37 @@ fn record(seed: u64, scene: Scene, heights: &[f64]) -> Flown {
     let mut gust = vec![[0.0; 3]];
     for k in 1..count {
         let old = gust[k - 1];
-        gust.push(std::array::from_fn(|i| old[i] * (1.0 - 1e-3 / 3.0) + scene.gusts * (2e-3 / 3.0f64).sqrt() * normal.next()));
+        gust.push(std::array::from_fn(|i| {
+            old[i] * (1.0 - 1e-3 / 3.0) + scene.gusts * (2e-3 / 3.0f64).sqrt() * normal.next()
+        }));
     }
     let mut flown = Flown { signals: IndexMap::new(), gust, scene };
     let mut stamps = |rate: f64, offset: f64| -> Vec<f64> {
         let n = (scene.duration * rate) as usize - 1;
         (0..n)
-            .map(|k| (((k as f64 + offset) / rate * 1000.0).round() + (2.0 * normal.next()).round().clamp(-4.0, 4.0)) / 1000.0)
+            .map(|k| {
+                (((k as f64 + offset) / rate * 1000.0).round()
+                    + (2.0 * normal.next()).round().clamp(-4.0, 4.0))
+                    / 1000.0
+            })
             .collect::<Vec<_>>()
     };
     let imu = stamps(50.0, 0.3);
-    let clocks = [(stamps(10.0, 0.2), vec![0, 6, 7, 8]), (stamps(20.0, 0.7), vec![1, 2]), (stamps(25.0, 0.4), vec![3, 4, 5])];
+    let clocks = [
+        (stamps(10.0, 0.2), vec![0, 6, 7, 8]),
+        (stamps(20.0, 0.7), vec![1, 2]),
+        (stamps(25.0, 0.4), vec![3, 4, 5]),
+    ];
     for i in 0..6 {
-        let y = imu.iter().map(|&t| inertial_at(&scene, t)[i] + BIAS[i] + NOISE[i] * normal.next()).collect();
+        let y = imu
+            .iter()
+            .map(|&t| inertial_at(&scene, t)[i] + BIAS[i] + NOISE[i] * normal.next())
+            .collect();
         flown.signals.insert(INERTIAL[i].to_string(), (imu.clone(), y));
     }
     let warm = |h: f64| 288.15 - 0.0065 * h;
-    let air: Vec<f64> = clocks[0].0.iter().map(|&t| warm(heights[(t * 1000.0).round() as usize])).collect();
+    let air: Vec<f64> =
+        clocks[0].0.iter().map(|&t| warm(heights[(t * 1000.0).round() as usize])).collect();
     flown.signals.insert("temperature".into(), (clocks[0].0.clone(), air));
     for (t, outputs) in clocks {
         for k in outputs {
@@ -173,7 +209,11 @@ fn record(seed: u64, scene: Scene, heights: &[f64]) -> Flown {
                 let late = if k == 1 { scene.vane[2] } else { 0.0 };
                 let x = truth(&flown, heights, (t - late).max(0.0));
                 let m = (scene.motion)(t);
-                let over = Flown { gust: vec![[0.0; 3]], scene: Scene { wind: [0.0; 2], ..scene }, signals: IndexMap::new() };
+                let over = Flown {
+                    gust: vec![[0.0; 3]],
+                    scene: Scene { wind: [0.0; 2], ..scene },
+                    signals: IndexMap::new(),
+                };
                 let ground = truth(&over, heights, t);
                 let north = earth(&ground, m[5]);
                 let speed = (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt();
@@ -223,7 +263,9 @@ pub(super) fn from_fragments(name: &str, text: &str) -> Model {
 
 /// Where the sensors are.
 fn all_at_the_origin() -> Constants {
-    let zero = |name: &str, unit: &str| (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into() });
+    let zero = |name: &str, unit: &str| {
+        (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into() })
+    };
     let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"];
     Constants(places.iter().map(|name| zero(name, "m")).chain([zero("upwash", "-")]).collect())
 }
@@ -244,7 +286,12 @@ fn path_by(flown: &Flown, model: &Model, settings: &Settings) -> FlightPath {
 const STATES: [&str; 7] = ["u", "v_body", "w", "phi", "theta", "psi", "h"];
 
 /// (value - truth)/sd of every state at the grid points `keep` accepts.
-fn normed(flown: &Flown, heights: &[f64], path: &FlightPath, keep: impl Fn(f64) -> bool) -> Vec<Vec<f64>> {
+fn normed(
+    flown: &Flown,
+    heights: &[f64],
+    path: &FlightPath,
+    keep: impl Fn(f64) -> bool,
+) -> Vec<Vec<f64>> {
     let model = kinematics();
     STATES
         .iter()
@@ -256,13 +303,19 @@ fn normed(flown: &Flown, heights: &[f64], path: &FlightPath, keep: impl Fn(f64) 
                 let e = if i == 5 { libm::remainder(e, 2.0 * std::f64::consts::PI) } else { e };
                 e / path.sd[k][p]
             };
-            (0..path.t.len()).filter(|&p| keep(path.t[p]) && path.outputs[k][p].is_finite()).map(at).collect()
+            (0..path.t.len())
+                .filter(|&p| keep(path.t[p]) && path.outputs[k][p].is_finite())
+                .map(at)
+                .collect()
         })
         .collect()
 }
 
 fn verdict<'a>(path: &'a FlightPath, channel: &str, check: &str) -> &'a str {
-    path.checks.iter().find(|r| r.channel == channel && r.check == check).map_or("none", |r| r.verdict)
+    path.checks
+        .iter()
+        .find(|r| r.channel == channel && r.check == check)
+        .map_or("none", |r| r.verdict)
 }
 
 /// No state is further from the truth than `limit` of its standard deviations anywhere.
@@ -280,7 +333,8 @@ fn the_same_bytes_with_any_number_of_threads() {
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         let path = pool.install(|| path(&flown));
-        let bits = |lists: &[Vec<f64>]| lists.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
+        let bits =
+            |lists: &[Vec<f64>]| lists.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
         (bits(&path.outputs), bits(&path.sd), path.checks.len())
     };
     let one = on(1);

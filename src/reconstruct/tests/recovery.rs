@@ -17,7 +17,10 @@ fn coverage(sigma: f64) {
             *inside += list.iter().filter(|e| e.abs() < 1.96).count();
         }
         for bias in &path.biases {
-            let k = INERTIAL.iter().position(|n| n[..2] == bias.parameter[2..] || n[..1] == bias.parameter[2..]).expect("a bias");
+            let k = INERTIAL
+                .iter()
+                .position(|n| n[..2] == bias.parameter[2..] || n[..1] == bias.parameter[2..])
+                .expect("a bias");
             let e = (bias.value - BIAS[k]) / bias.sd.expect("an sd");
             assert!(e.abs() < 4.5, "{} {e}", bias.parameter);
         }
@@ -51,11 +54,18 @@ fn a_clean_flight_is_called_good() {
     let bad: Vec<_> = unlike.map(|r| (r.channel.as_str(), r.verdict)).collect();
     assert_eq!(bad, [("static_pressure", "not compared")]);
     let signs = path.checks.iter().filter(|r| r.check == "sign" && r.verdict == "good").count();
-    assert!(signs >= 12, "{signs} channels compared: {:#?}", path.checks.iter().filter(|r| r.check == "sign").collect::<Vec<_>>());
+    assert!(
+        signs >= 12,
+        "{signs} channels compared: {:#?}",
+        path.checks.iter().filter(|r| r.check == "sign").collect::<Vec<_>>()
+    );
 }
 
 fn error<'a>(path: &'a FlightPath, parameter: &str) -> &'a Bias {
-    path.biases.iter().find(|b| b.parameter == parameter).unwrap_or_else(|| panic!("no {parameter}: {:?}", path.biases))
+    path.biases
+        .iter()
+        .find(|b| b.parameter == parameter)
+        .unwrap_or_else(|| panic!("no {parameter}: {:?}", path.biases))
 }
 
 /// Whether `truth` is within `limit` standard deviations of an estimated sensor error.
@@ -71,7 +81,11 @@ fn recovery_scale_bias_and_delay_of_a_vane_at_the_right_rate() {
     let scene = Scene { vane: [1.08, 0.012, 0.07], ..CALM };
     let heights = heights(&scene);
     let names = |list: &[&str]| list.iter().map(|s| s.to_string()).collect::<Vec<_>>();
-    let settings = Settings { late: names(&["alpha_vane"]), candidates: names(&["k_alpha", "b_alpha", "b_beta"]), ..settings() };
+    let settings = Settings {
+        late: names(&["alpha_vane"]),
+        candidates: names(&["k_alpha", "b_alpha", "b_beta"]),
+        ..settings()
+    };
     let (mut inside, mut all) = (0, 0);
     for seed in 0..8 {
         let flown = record(40 + seed, scene, &heights);
@@ -81,7 +95,11 @@ fn recovery_scale_bias_and_delay_of_a_vane_at_the_right_rate() {
             all += 1;
         }
         assert!(error(&path, "tau_alpha_vane").sd.expect("sd") < 0.01);
-        let row = path.checks.iter().find(|r| r.channel == "b_beta" && r.check == "sensor error").expect("a decision");
+        let row = path
+            .checks
+            .iter()
+            .find(|r| r.channel == "b_beta" && r.check == "sensor error")
+            .expect("a decision");
         // there is none: at most one in twenty is called significant, and then it is small
         assert!(row.verdict == "not significant" || row.value.abs() < 3e-3, "{row:?}");
     }
@@ -105,15 +123,32 @@ fn recovery_constant_wind_where_ground_speed_is_logged() {
 }
 
 /// `kinematics_wind` where a position is logged.
-const POSITION: [&str; 8] =
-    ["path_imu", "path_ground", "path_euler", "path_altitude", "path_flat_earth", "path_vanes", "path_outputs", "path_position"];
+const POSITION: [&str; 8] = [
+    "path_imu",
+    "path_ground",
+    "path_euler",
+    "path_altitude",
+    "path_flat_earth",
+    "path_vanes",
+    "path_outputs",
+    "path_position",
+];
 /// Any attitude.
-const LOOP: [&str; 7] =
-    ["path_imu", "path_air", "path_quaternion", "path_altitude", "path_flat_earth", "path_vanes", "path_outputs"];
+const LOOP: [&str; 7] = [
+    "path_imu",
+    "path_air",
+    "path_quaternion",
+    "path_altitude",
+    "path_flat_earth",
+    "path_vanes",
+    "path_outputs",
+];
 
 /// A kinematic model put together of parts, about a centre of gravity that stays where it is.
 fn put_together(title: &str, parts: &[&str]) -> String {
-    let constants = ["x_cg", "y_cg", "z_cg"].map(|name| format!("{name} = {{ unit = \"m\", value = 0.0 }}")).join("\n");
+    let constants = ["x_cg", "y_cg", "z_cg"]
+        .map(|name| format!("{name} = {{ unit = \"m\", value = 0.0 }}"))
+        .join("\n");
     format!(
         "title = \"{title}\"\nuse = {parts:?}\n[inputs]\ntemperature = \"K\"\n[constants]\n{constants}\n[equations]\nT_air = \"temperature\"\n"
     )
@@ -125,7 +160,11 @@ fn recovery_position_and_wind_where_a_position_is_logged() {
     let heights = heights(&scene);
     let mut flown = record(65, scene, &heights);
     // the motion is that over ground
-    let still = Flown { gust: vec![[0.0; 3]], scene: Scene { wind: [0.0; 2], ..scene }, signals: IndexMap::new() };
+    let still = Flown {
+        gust: vec![[0.0; 3]],
+        scene: Scene { wind: [0.0; 2], ..scene },
+        signals: IndexMap::new(),
+    };
     let mut places = vec![[1000.0, -500.0]];
     for k in 0..(scene.duration * 1000.0) as usize {
         let t = (k as f64 + 0.5) * 1e-3;
@@ -151,7 +190,11 @@ fn recovery_position_and_wind_where_a_position_is_logged() {
         let k = model.output(name).expect("an output");
         for (p, &t) in path.t.iter().enumerate() {
             let e = (path.outputs[k][p] - place(t)[i]) / path.sd[k][p];
-            assert!(e.abs() < 5.0 && path.sd[k][p] < 2.0, "{name} at {t}: {e} standard deviations off, {} m", path.sd[k][p]);
+            assert!(
+                e.abs() < 5.0 && path.sd[k][p] < 2.0,
+                "{name} at {t}: {e} standard deviations off, {} m",
+                path.sd[k][p]
+            );
         }
     }
 }
@@ -211,7 +254,8 @@ fn recovery_of_a_loop_by_the_quaternion() {
     flown.signals["theta"].1.iter_mut().for_each(|p| *p = libm::asin(libm::sin(*p)));
     for name in ["phi", "psi"] {
         let half = std::f64::consts::PI;
-        let list = flown.signals[name].1.iter_mut().zip(&inverted).filter(|(_, inverted)| **inverted);
+        let list =
+            flown.signals[name].1.iter_mut().zip(&inverted).filter(|(_, inverted)| **inverted);
         list.for_each(|(a, _)| *a -= half);
     }
     let model = from_fragments("loop", &put_together("Any attitude", &LOOP));
@@ -224,7 +268,8 @@ fn recovery_of_a_loop_by_the_quaternion() {
         let z = [(of("theta"), up), (of("u"), x[0]), (of("w"), x[2])];
         for (worst, (i, true_value)) in worst.iter_mut().zip(z) {
             assert!(path.outputs[i][k].is_finite(), "no path at {t}: {:?}", path.notes);
-            // pitch has no sensible deviation within some degrees of the vertical, where it turns round
+            // pitch has no sensible deviation within some degrees of the vertical, where it turns
+            // round
             if i != of("theta") || up.abs() < 1.4 {
                 *worst = worst.max(((path.outputs[i][k] - true_value) / path.sd[i][k]).abs());
             }

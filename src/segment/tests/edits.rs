@@ -7,7 +7,13 @@ use crate::error::Place;
 fn channel() -> (Vec<f64>, Vec<f64>) {
     let t: Vec<f64> = (0..3000).map(|i| i as f64 * 0.02).collect();
     // a doublet at 10 s; a slow one at 30 s that its ramps hide
-    let slow = |t: f64| if (30.0..34.0).contains(&t) { ((t - 30.0) * std::f64::consts::FRAC_PI_2).sin() } else { 0.0 };
+    let slow = |t: f64| {
+        if (30.0..34.0).contains(&t) {
+            ((t - 30.0) * std::f64::consts::FRAC_PI_2).sin()
+        } else {
+            0.0
+        }
+    };
     let u = t.iter().map(|t| {
         5.0 + if (10.0..11.0).contains(t) {
             1.0
@@ -43,7 +49,11 @@ fn no_edits_change_nothing() {
 #[test]
 fn an_excluded_maneuver_stays_with_its_reason() {
     let (flight, input, reason) = words();
-    let all = run(&Edits { exclude: vec![Exclude { flight, input, t_s: 13.0, reason }], ..Edits::default() }).unwrap();
+    let all = run(&Edits {
+        exclude: vec![Exclude { flight, input, t_s: 13.0, reason }],
+        ..Edits::default()
+    })
+    .unwrap();
     assert_eq!(all.len(), 1);
     assert!(!all[0].included && all[0].reason == "a reason");
 }
@@ -55,8 +65,16 @@ fn an_included_interval_is_measured() {
     let all = run(&Edits { include: vec![e], ..Edits::default() }).unwrap();
     assert_eq!(all.len(), 2);
     let m = &all[1];
-    assert!(m.included && m.reason == "a reason" && m.kind == Kind::Doublet && m.unit_time == 2.0 && m.polarity == 1.0);
-    assert!((m.trim - 5.0).abs() < 1e-9 && m.amplitude > 0.3 && m.amplitude < 0.5 && m.steps.len() == 2);
+    assert!(
+        m.included
+            && m.reason == "a reason"
+            && m.kind == Kind::Doublet
+            && m.unit_time == 2.0
+            && m.polarity == 1.0
+    );
+    assert!(
+        (m.trim - 5.0).abs() < 1e-9 && m.amplitude > 0.3 && m.amplitude < 0.5 && m.steps.len() == 2
+    );
 }
 
 #[test]
@@ -65,13 +83,19 @@ fn a_moved_maneuver_has_its_new_interval() {
     let e = Move { flight, input, t_s: 11.0, t_start_s: 9.5, t_end_s: 12.5, kind: None, reason };
     let all = run(&Edits { moves: vec![e], ..Edits::default() }).unwrap();
     assert_eq!(all.len(), 1);
-    assert!(all[0].t_start == 9.5 && all[0].t_end == 12.5 && all[0].kind == Kind::Doublet && all[0].reason == "a reason");
+    assert!(
+        all[0].t_start == 9.5
+            && all[0].t_end == 12.5
+            && all[0].kind == Kind::Doublet
+            && all[0].reason == "a reason"
+    );
 }
 
 #[test]
 fn an_edit_that_matches_nothing_is_an_error_with_its_place() {
     let (flight, input, reason) = words();
-    let e = Exclude { flight: flight.clone(), input: input.clone(), t_s: 40.0, reason: reason.clone() };
+    let e =
+        Exclude { flight: flight.clone(), input: input.clone(), t_s: 40.0, reason: reason.clone() };
     let i = Include {
         flight: flight.clone(),
         input: input.clone(),
@@ -81,17 +105,26 @@ fn an_edit_that_matches_nothing_is_an_error_with_its_place() {
         reason: reason.clone(),
     };
     let far = Include { flight, input, kind: Kind::Step, t_start_s: 100.0, t_end_s: 101.0, reason };
-    let text = run(&Edits { exclude: vec![e], include: vec![i, far], ..Edits::default() }).unwrap_err();
+    let text =
+        run(&Edits { exclude: vec![e], include: vec![i, far], ..Edits::default() }).unwrap_err();
     assert!(text.starts_with("pipeline.toml:7:1: exclude at 40 s: flight \"f1\" has no maneuver on \"elevator\" within 2 s; found were doublet at 9.99"), "{text}");
-    assert!(text.contains("include at 11 s: a doublet was found") && text.contains("has no samples"), "{text}");
+    assert!(
+        text.contains("include at 11 s: a doublet was found") && text.contains("has no samples"),
+        "{text}"
+    );
 }
 
 #[test]
 fn edits_for_other_flights_are_left_alone_and_checked_beforehand() {
     let (_, input, _) = words();
-    let edits = Edits { exclude: vec![Exclude { flight: "f2".into(), input, t_s: 40.0, reason: " ".into() }], ..Edits::default() };
+    let edits = Edits {
+        exclude: vec![Exclude { flight: "f2".into(), input, t_s: 40.0, reason: " ".into() }],
+        ..Edits::default()
+    };
     assert_eq!(run(&edits).unwrap().len(), 1);
-    let errors = edits.check(&["f1".into()], &["aileron".into()], &Place::file("pipeline.toml")).unwrap_err();
+    let errors = edits
+        .check(&["f1".into()], &["aileron".into()], &Place::file("pipeline.toml"))
+        .unwrap_err();
     assert_eq!(errors.0.len(), 3);
     assert!(errors.to_string().contains("there is no flight \"f2\""));
 }

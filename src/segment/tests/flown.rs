@@ -5,11 +5,15 @@ use super::data::{mat_columns, text_columns};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// Listed (from, to, level): times at which the signal is clearly on its level, so each edge lies between two listed times.
+/// Listed (from, to, level): times at which the signal is clearly on its level, so each edge lies
+/// between two listed times.
 fn has_steps(m: &Maneuver, listed: &[(f64, f64, f64)], tolerance: f64, level_tolerance: f64) {
     assert_eq!(m.steps.len(), listed.len(), "{m:?}");
     for (s, (from, to, level)) in m.steps.iter().zip(listed) {
-        assert!((s.start - from).abs() < tolerance && (s.end - to).abs() < tolerance, "{s:?}, listed {from} to {to}");
+        assert!(
+            (s.start - from).abs() < tolerance && (s.end - to).abs() < tolerance,
+            "{s:?}, listed {from} to {to}"
+        );
         assert!((s.level - level).abs() < level_tolerance, "{s:?}, listed {level}");
     }
 }
@@ -20,7 +24,8 @@ fn hfb320_elevator() {
     let found = find(&t, &u, &Settings::default());
     found.iter().for_each(|m| println!("{m:?}"));
     assert_eq!(found.iter().map(|m| m.kind).collect::<Vec<_>>(), [Kind::K3211, Kind::Step]);
-    let listed = [(4.6, 7.5, 0.68), (7.8, 9.6, -0.74), (9.9, 10.7, 0.62), (11.0, 11.7, -0.63)].map(|(a, b, l)| (a, b, l * DEG));
+    let listed = [(4.6, 7.5, 0.68), (7.8, 9.6, -0.74), (9.9, 10.7, 0.62), (11.0, 11.7, -0.63)]
+        .map(|(a, b, l)| (a, b, l * DEG));
     has_steps(&found[0], &listed, 0.3, 0.12 * DEG);
     assert!((found[0].unit_time - 1.0).abs() < 0.1 && found[0].polarity == 1.0);
     has_steps(&found[1], &[(25.5, 41.2, 0.71 * DEG)], 0.3, 0.12 * DEG);
@@ -36,11 +41,22 @@ fn attas(file: &str, plus: usize, minus: Option<usize>) -> Option<(Vec<f64>, Vec
     Some((c[0].iter().map(|t| t - c[0][0]).collect(), u))
 }
 
-fn attas_finds(file: &str, plus: usize, minus: Option<usize>, kinds: &[Kind], listed: &[(f64, f64, f64)], level_tolerance: f64) {
+fn attas_finds(
+    file: &str,
+    plus: usize,
+    minus: Option<usize>,
+    kinds: &[Kind],
+    listed: &[(f64, f64, f64)],
+    level_tolerance: f64,
+) {
     let Some((t, u)) = attas(file, plus, minus) else { return };
     let found = find(&t, &u, &Settings::default());
     for m in &found {
-        let steps: Vec<String> = m.steps.iter().map(|s| format!("{:.2}..{:.2} {:+.2}", s.start, s.end, s.level)).collect();
+        let steps: Vec<String> = m
+            .steps
+            .iter()
+            .map(|s| format!("{:.2}..{:.2} {:+.2}", s.start, s.end, s.level))
+            .collect();
         println!("{file}: {} unit {:.2} s score {:.2}: {steps:?}", m.kind, m.unit_time, m.score);
     }
     assert!(kinds.contains(&found[0].kind), "{:?}", found[0].kind);
@@ -58,7 +74,8 @@ fn attas_elevator_1() {
 #[test]
 fn attas_elevator_2() {
     // 2.56, 2.05, 1.16, 0.83 s: nearly as near to 2-2-1-1 as to 3-2-1-1
-    let listed = [(6.16, 8.60, 2.6), (8.72, 10.64, -3.6), (10.76, 11.80, 2.1), (11.92, 12.64, -3.8)];
+    let listed =
+        [(6.16, 8.60, 2.6), (8.72, 10.64, -3.6), (10.76, 11.80, 2.1), (11.92, 12.64, -3.8)];
     attas_finds("fAttasElv2", 22, None, &[Kind::K3211, Kind::K2211], &listed, 0.6);
 }
 

@@ -1,4 +1,5 @@
-//! Simulated and flown input channels in; whether the maneuvers on them, and only those, are found out.
+//! Simulated and flown input channels in; whether the maneuvers on them, and only those, are found
+//! out.
 
 mod data;
 mod edits;

@@ -64,7 +64,11 @@ fn record(flown: &[Flown], length: f64, dt: f64, d: &Disturbance) -> (Vec<f64>, 
         walk += fine / 2.0 * -walk + (2.0 * fine / 2.0f64).sqrt() * e;
         corrections += fine / 1.0 * (walk * 1.22 - corrections);
         let command: f64 = flown.iter().map(|f| f.command(time)).sum();
-        lagged += if d.lag > 0.0 { (1.0 - (-fine / d.lag).exp()) * (command - lagged) } else { command - lagged };
+        lagged += if d.lag > 0.0 {
+            (1.0 - (-fine / d.lag).exp()) * (command - lagged)
+        } else {
+            command - lagged
+        };
         if time >= next {
             let e: f64 = StandardNormal.sample(&mut rng);
             t.push(time);
@@ -76,16 +80,31 @@ fn record(flown: &[Flown], length: f64, dt: f64, d: &Disturbance) -> (Vec<f64>, 
     (t, u)
 }
 
-/// `m` is the maneuver flown: kind, polarity, amplitude, times (a lag delays every edge alike), unit time.
+/// `m` is the maneuver flown: kind, polarity, amplitude, times (a lag delays every edge alike),
+/// unit time.
 fn is(m: &Maneuver, f: &Flown, dt: f64, d: &Disturbance) -> Result<(), TestCaseError> {
     let delay = 0.69 * d.lag;
     let slack = 0.6 * dt + 0.12 * f.unit + 0.02;
     prop_assert_eq!(m.kind, f.kind);
     prop_assert_eq!(m.polarity, f.amplitude.signum());
     prop_assert!((m.amplitude / f.amplitude.abs() - 1.0).abs() < 0.25, "amplitude {}", m.amplitude);
-    prop_assert!((m.t_start - f.start - delay).abs() < slack, "start {} of {}", m.t_start, f.start + delay);
-    prop_assert!((m.t_end - f.end() - delay).abs() < slack, "end {} of {}", m.t_end, f.end() + delay);
-    prop_assert!((m.unit_time / f.unit - 1.0).abs() < 0.12 + 0.5 * dt / f.unit, "unit {}", m.unit_time);
+    prop_assert!(
+        (m.t_start - f.start - delay).abs() < slack,
+        "start {} of {}",
+        m.t_start,
+        f.start + delay
+    );
+    prop_assert!(
+        (m.t_end - f.end() - delay).abs() < slack,
+        "end {} of {}",
+        m.t_end,
+        f.end() + delay
+    );
+    prop_assert!(
+        (m.unit_time / f.unit - 1.0).abs() < 0.12 + 0.5 * dt / f.unit,
+        "unit {}",
+        m.unit_time
+    );
     prop_assert!(m.onset <= m.t_start && m.onset > f.start - slack - 0.15, "onset {}", m.onset);
     prop_assert!(m.score > 0.4 && m.score <= 1.0);
     prop_assert!(m.included && m.reason.is_empty());
@@ -137,16 +156,38 @@ fn a_flight_gives_its_maneuvers_and_nothing_else() {
     for seed in 0..10 {
         let mut flown = vec![];
         let mut rng = Pcg64::seed_from_u64(seed);
-        for (i, kind) in [Kind::K3211, Kind::K3211, Kind::Doublet, Kind::K211, Kind::K2211, Kind::K3211].into_iter().enumerate() {
+        for (i, kind) in
+            [Kind::K3211, Kind::K3211, Kind::Doublet, Kind::K211, Kind::K2211, Kind::K3211]
+                .into_iter()
+                .enumerate()
+        {
             let amplitude = rng.random_range(0.6..1.5) * if i % 2 == 0 { 1.0 } else { -1.0 };
-            flown.push(Flown { kind, start: 30.0 + 45.0 * i as f64, unit: rng.random_range(0.5..2.0), amplitude });
+            flown.push(Flown {
+                kind,
+                start: 30.0 + 45.0 * i as f64,
+                unit: rng.random_range(0.5..2.0),
+                amplitude,
+            });
         }
-        let d = Disturbance { noise: 0.02, lag: 0.08, offset: 3.0, drift: 0.005, leveller: 0.04, jitter: 0.1, seed };
+        let d = Disturbance {
+            noise: 0.02,
+            lag: 0.08,
+            offset: 3.0,
+            drift: 0.005,
+            leveller: 0.04,
+            jitter: 0.1,
+            seed,
+        };
         let (t, u) = record(&flown, 320.0, 0.02, &d);
         let found = find(&t, &u, &Settings::default());
         let listing: Vec<String> = found
             .iter()
-            .map(|m| format!("{} {:.2} {:.2} A {:.3} s {:.2}", m.kind, m.t_start, m.t_end, m.amplitude, m.score))
+            .map(|m| {
+                format!(
+                    "{} {:.2} {:.2} A {:.3} s {:.2}",
+                    m.kind, m.t_start, m.t_end, m.amplitude, m.score
+                )
+            })
             .collect();
         println!("seed {seed}: {listing:#?}");
         assert_eq!(found.len(), flown.len(), "seed {seed}: {flown:#?}");
@@ -160,16 +201,26 @@ fn a_flight_gives_its_maneuvers_and_nothing_else() {
 fn a_leveller_alone_gives_no_maneuvers() {
     let mut alarms = vec![];
     for seed in 0..20 {
-        let d = Disturbance { noise: 0.02, leveller: 1.0, drift: 0.05, jitter: 0.1, seed, ..Disturbance::default() };
+        let d = Disturbance {
+            noise: 0.02,
+            leveller: 1.0,
+            drift: 0.05,
+            jitter: 0.1,
+            seed,
+            ..Disturbance::default()
+        };
         let (t, u) = record(&[], 300.0, 0.02, &d);
         alarms.extend(find(&t, &u, &Settings::default()).into_iter().map(|m| (seed, m)));
         let still = Disturbance { noise: 1.0, seed, ..Disturbance::default() };
         let (t, u) = record(&[], 300.0, 0.02, &still);
         alarms.extend(find(&t, &u, &Settings::default()).into_iter().map(|m| (seed, m)));
     }
-    alarms
-        .iter()
-        .for_each(|(seed, m)| println!("seed {seed}: {} {:.2} to {:.2} s score {:.2}", m.kind, m.t_start, m.t_end, m.score));
+    alarms.iter().for_each(|(seed, m)| {
+        println!(
+            "seed {seed}: {} {:.2} to {:.2} s score {:.2}",
+            m.kind, m.t_start, m.t_end, m.score
+        )
+    });
     assert!(alarms.is_empty(), "{} false maneuvers in 200 minutes", alarms.len());
 }
 
@@ -177,7 +228,8 @@ fn a_leveller_alone_gives_no_maneuvers() {
 fn smooth_corrections_without_noise_give_no_maneuvers() {
     let t: Vec<f64> = (0..20_000).map(|i| i as f64 * 0.02).collect();
     for period in [6.0, 15.0, 40.0] {
-        let u: Vec<f64> = t.iter().map(|t| (t * std::f64::consts::TAU / period).sin() + 0.01 * t).collect();
+        let u: Vec<f64> =
+            t.iter().map(|t| (t * std::f64::consts::TAU / period).sin() + 0.01 * t).collect();
         assert_eq!(find(&t, &u, &Settings::default()), [], "period {period}");
     }
     let ramps: Vec<f64> = t.iter().map(|t| ((t / 30.0) % 2.0 - 1.0).abs()).collect();
@@ -205,7 +257,12 @@ fn overshoot_and_rate_limits_do_not_disturb() {
     for u in [ringing, limited] {
         let found = find(&t, &u, &Settings::default());
         assert_eq!(found.len(), 1, "{found:?}");
-        assert!(found[0].kind == Kind::K3211 && (found[0].unit_time - 1.0).abs() < 0.06 && found[0].score > 0.6, "{found:?}");
+        assert!(
+            found[0].kind == Kind::K3211
+                && (found[0].unit_time - 1.0).abs() < 0.06
+                && found[0].score > 0.6,
+            "{found:?}"
+        );
     }
 }
 
@@ -216,7 +273,8 @@ fn gaps_and_nonsense_are_survived() {
     assert_eq!(find(&[0.0, 1.0], &[0.0, 1.0], &s), []);
     assert_eq!(find(&[0.0; 50], &[1.0; 50], &s), []);
     let f = Flown { kind: Kind::K3211, start: 10.0, unit: 1.0, amplitude: 1.0 };
-    let (t, mut u) = record(&[f], 30.0, 0.02, &Disturbance { noise: 0.02, ..Disturbance::default() });
+    let (t, mut u) =
+        record(&[f], 30.0, 0.02, &Disturbance { noise: 0.02, ..Disturbance::default() });
     let whole = find(&t, &u, &s);
     // single NaN samples do not matter
     (0..u.len()).step_by(17).for_each(|i| u[i] = f64::NAN);
@@ -224,21 +282,35 @@ fn gaps_and_nonsense_are_survived() {
     assert!(holes.len() == 1 && (holes[0].t_start - whole[0].t_start).abs() < 0.02);
     // a second of NaN inside the maneuver hides it: no maneuver across a gap
     (0..u.len()).filter(|&i| t[i] > 11.0 && t[i] < 12.0).for_each(|i| u[i] = f64::NAN);
-    assert!(find(&t, &u, &s).iter().all(|m| m.kind != Kind::K3211 && (m.t_start > 12.0 || m.t_end < 11.0)));
+    assert!(
+        find(&t, &u, &s)
+            .iter()
+            .all(|m| m.kind != Kind::K3211 && (m.t_start > 12.0 || m.t_end < 11.0))
+    );
     assert_eq!(find(&t, &vec![f64::NAN; t.len()], &s), []);
     // a clock that jumps by decades costs neither memory nor what was flown before and after
-    let (mut times, mut values) = record(&[f], 30.0, 0.02, &Disturbance { noise: 0.02, ..Disturbance::default() });
+    let (mut times, mut values) =
+        record(&[f], 30.0, 0.02, &Disturbance { noise: 0.02, ..Disturbance::default() });
     times.extend(times.clone().iter().map(|t| t + 1.7e9));
     values.extend(values.clone());
-    assert_eq!(find(&times, &values, &s).iter().map(|m| m.kind).collect::<Vec<_>>(), [Kind::K3211, Kind::K3211]);
-    let wild = Settings { max_step_s: 1e300, quiet_s: 1e300, max_gap_s: -1.0, threshold: f64::NAN, ..s };
+    assert_eq!(
+        find(&times, &values, &s).iter().map(|m| m.kind).collect::<Vec<_>>(),
+        [Kind::K3211, Kind::K3211]
+    );
+    let wild =
+        Settings { max_step_s: 1e300, quiet_s: 1e300, max_gap_s: -1.0, threshold: f64::NAN, ..s };
     assert_eq!(find(&t, &u, &wild), []);
 }
 
 #[test]
 fn the_quiet_window_ends_where_the_signal_leaves_trim() {
     let f = Flown { kind: Kind::Doublet, start: 10.0, unit: 1.0, amplitude: 2.0 };
-    let (t, u) = record(&[f], 20.0, 0.02, &Disturbance { noise: 0.02, lag: 0.2, offset: 7.0, ..Disturbance::default() });
+    let (t, u) = record(
+        &[f],
+        20.0,
+        0.02,
+        &Disturbance { noise: 0.02, lag: 0.2, offset: 7.0, ..Disturbance::default() },
+    );
     let m = &find(&t, &u, &Settings::default())[0];
     let (from, to) = m.pre_window(1.0);
     assert!((to - from - 1.0).abs() < 1e-12 && to <= 10.05 && to > 9.9, "{m:?}");
@@ -254,7 +326,8 @@ fn small_and_unwanted_maneuvers_are_filtered_by_amplitude() {
         amplitude,
     });
     let flown = [flown[0], Flown { start: 30.0, ..flown[1] }, Flown { start: 50.0, ..flown[2] }];
-    let (t, u) = record(&flown, 70.0, 0.02, &Disturbance { noise: 0.005, ..Disturbance::default() });
+    let (t, u) =
+        record(&flown, 70.0, 0.02, &Disturbance { noise: 0.005, ..Disturbance::default() });
     assert_eq!(find(&t, &u, &Settings::default()).len(), 2);
     assert_eq!(find(&t, &u, &Settings { relative_amplitude: 0.0, ..Settings::default() }).len(), 3);
     assert_eq!(find(&t, &u, &Settings { min_amplitude: 3.0, ..Settings::default() }), []);

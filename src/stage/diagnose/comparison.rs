@@ -16,8 +16,12 @@ fn finite(v: f64) -> f64 {
 pub fn gaps(told: &Told) -> Result<Table> {
     let comparison = &told.diagnosis.comparison;
     let after = if told.diagnosis.added.is_empty() { &[][..] } else { &comparison.gaps_after[..] };
-    let rows: Vec<(&str, &Gap)> =
-        comparison.gaps_before.iter().map(|g| ("before", g)).chain(after.iter().map(|g| ("after", g))).collect();
+    let rows: Vec<(&str, &Gap)> = comparison
+        .gaps_before
+        .iter()
+        .map(|g| ("before", g))
+        .chain(after.iter().map(|g| ("after", g)))
+        .collect();
     let number = |of: fn(&Gap) -> f64| rows.iter().map(|r| finite(of(r.1))).collect::<Vec<f64>>();
     Table::build("gaps")
         .repeat("diagnosis", &told.config.name())
@@ -30,14 +34,21 @@ pub fn gaps(told: &Told) -> Result<Table> {
         .i64("n", rows.iter().map(|r| r.1.n as i64).collect::<Vec<_>>())
         .f64("mean", number(|g| g.mean))
         .f64("rms", number(|g| g.rms))
-        .f64("noise", rows.iter().map(|r| if r.1.noise.is_finite() { r.1.noise } else { 0.0 }).collect::<Vec<_>>())
+        .f64(
+            "noise",
+            rows.iter()
+                .map(|r| if r.1.noise.is_finite() { r.1.noise } else { 0.0 })
+                .collect::<Vec<_>>(),
+        )
         .f64("ratio", number(|g| g.rms / g.noise))
         .finish()
 }
 
 pub fn closures(told: &Told) -> Result<Table> {
     let rows: Vec<&Channel> = told.diagnosis.comparison.channels.iter().collect();
-    let number = |which: fn(&Channel) -> Match, of: fn(Match) -> f64| rows.iter().map(|c| of(which(c))).collect::<Vec<f64>>();
+    let number = |which: fn(&Channel) -> Match, of: fn(Match) -> f64| {
+        rows.iter().map(|c| of(which(c))).collect::<Vec<f64>>()
+    };
     let before = |c: &Channel| c.before;
     let after = |c: &Channel| c.after;
     Table::build("closures")
@@ -77,11 +88,17 @@ pub fn overlays(told: &Told) -> Result<Table> {
     let rows: Vec<_> = all.flat_map(|o| (0..o.before.t.len()).map(move |k| (o, k))).collect();
     Table::build("overlays")
         .repeat("diagnosis", &told.config.name())
-        .strings("segment", rows.iter().map(|(o, _)| told.names.get(o.segment).map_or("", String::as_str)))
+        .strings(
+            "segment",
+            rows.iter().map(|(o, _)| told.names.get(o.segment).map_or("", String::as_str)),
+        )
         .strings("output", rows.iter().map(|(o, _)| &o.before.name))
         .strings("unit", rows.iter().map(|(o, _)| &o.before.unit))
         .f64("t_s", rows.iter().map(|(o, k)| o.before.t[*k]).collect::<Vec<_>>())
-        .f64("measured", rows.iter().map(|(o, k)| finite(o.before.measured[*k])).collect::<Vec<_>>())
+        .f64(
+            "measured",
+            rows.iter().map(|(o, k)| finite(o.before.measured[*k])).collect::<Vec<_>>(),
+        )
         .f64("before", rows.iter().map(|(o, k)| finite(o.before.modelled[*k])).collect::<Vec<_>>())
         .f64("after", rows.iter().map(|(o, k)| finite(o.after[*k])).collect::<Vec<_>>())
         .finish()
@@ -106,7 +123,9 @@ pub fn relations(told: &Told) -> Result<Table> {
 
 pub fn driven(told: &Told) -> Result<Table> {
     let all = &told.diagnosis.comparison.driven;
-    let free = |output: &str| all.iter().find(|d| d.state.is_none() && d.output == output).map_or(f64::NAN, |d| d.rms);
+    let free = |output: &str| {
+        all.iter().find(|d| d.state.is_none() && d.output == output).map_or(f64::NAN, |d| d.rms)
+    };
     // A state that cannot have it is left out.
     let rows: Vec<&Driven> = all.iter().filter(|d| d.rms.is_finite()).collect();
     Table::build("driven")
@@ -121,10 +140,15 @@ pub fn driven(told: &Told) -> Result<Table> {
 }
 
 pub fn equation_errors(told: &Told) -> Result<Table> {
-    let rows: Vec<_> = told.diagnosis.comparison.equations.iter().filter(|e| e.rms.is_finite()).collect();
+    let rows: Vec<_> =
+        told.diagnosis.comparison.equations.iter().filter(|e| e.rms.is_finite()).collect();
     Table::build("equation_errors")
         .repeat("diagnosis", &told.config.name())
-        .strings("equation", rows.iter().map(|e| if e.is_rate { format!("rate of {}", e.name) } else { e.name.clone() }))
+        .strings(
+            "equation",
+            rows.iter()
+                .map(|e| if e.is_rate { format!("rate of {}", e.name) } else { e.name.clone() }),
+        )
         .strings("kind", rows.iter().map(|e| if e.is_rate { "rate" } else { "coefficient" }))
         .opt_strings("segment", rows.iter().map(|e| name(told, e.segment)))
         .strings("unit", rows.iter().map(|e| &e.unit))

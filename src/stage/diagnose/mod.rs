@@ -1,4 +1,5 @@
-//! Maneuvers of all flights and the library of effects come in; what one estimate's model lacks, and the amended model file, go out.
+//! Maneuvers of all flights and the library of effects come in; what one estimate's model lacks,
+//! and the amended model file, go out.
 
 mod comparison;
 pub(super) mod recommended;
@@ -55,20 +56,24 @@ pub struct Settings {
     /// Name in the tables; that of the estimate unless given.
     #[serde(default)]
     pub name: Option<String>,
-    /// Name of the `[[estimate]]`: its model, its maneuvers and its method. Effects are looked for over all maneuvers at once; what is estimated per
-    /// maneuver or flight (`group`) stays so, or is a line where a `[[fit]]` says so.
+    /// Name of the `[[estimate]]`: its model, its maneuvers and its method. Effects are looked for
+    /// over all maneuvers at once; what is estimated per maneuver or flight (`group`) stays so, or
+    /// is a line where a `[[fit]]` says so.
     pub estimate: String,
-    /// A folder of effects of your own, or several, searched besides the library; relative to the pipeline file.
+    /// A folder of effects of your own, or several, searched besides the library; relative to the
+    /// pipeline file.
     #[serde(default, deserialize_with = "one_or_several")]
     #[schemars(with = "estimate::Used")]
     pub effects: Vec<String>,
-    /// What plays a role that effects speak of, where the model's names do not tell: `control = ["eta"]`.
+    /// What plays a role that effects speak of, where the model's names do not tell:
+    /// `control = ["eta"]`.
     #[serde(default)]
     pub roles: IndexMap<String, Vec<String>>,
     /// How the diagnosis is run.
     #[serde(default)]
     pub method: diagnose::Settings,
-    /// Whether the estimate is run again with what was added; its rows are named after the diagnosis, with `.next` behind.
+    /// Whether the estimate is run again with what was added; its rows are named after the
+    /// diagnosis, with `.next` behind.
     #[serde(default = "default_rerun")]
     pub rerun: bool,
     /// A command asked for it, not the pipeline file.
@@ -129,7 +134,11 @@ impl Config {
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let Some((config, base)) = parts(campaign, unit) else { return Value::Null };
-    let effects: Vec<Value> = config.effects.iter().map(|e| json!({ "name": e.name, "file": slice_of(&e.file) })).collect();
+    let effects: Vec<Value> = config
+        .effects
+        .iter()
+        .map(|e| json!({ "name": e.name, "file": slice_of(&e.file) }))
+        .collect();
     json!({
         "settings": slice_of(&config.settings),
         "estimate": slice_of(&base.settings),
@@ -166,7 +175,11 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 fn lines<'a>(campaign: &'a Campaign, config: &'a Config) -> impl Iterator<Item = Fitted> + 'a {
     let of = |fit: &'a super::fit::Config| {
         let (against, unit) = (&fit.settings.against, &fit.unit_x);
-        let line = |name: &String| Fitted { parameter: name.clone(), against: against.clone(), unit: unit.clone() };
+        let line = |name: &String| Fitted {
+            parameter: name.clone(),
+            against: against.clone(),
+            unit: unit.clone(),
+        };
         fit.settings.parameters.iter().map(line)
     };
     campaign.fits.iter().filter(|fit| fit.estimate == config.estimate).flat_map(of)
@@ -189,7 +202,8 @@ struct Told<'a> {
     /// Segment ids, in the order of the subject's segments.
     names: Vec<String>,
     rule: Rule,
-    /// How the parameters are taken where the pipeline does not estimate all maneuvers together, in words.
+    /// How the parameters are taken where the pipeline does not estimate all maneuvers together, in
+    /// words.
     base: String,
     diagnosis: Diagnosis,
 }
@@ -207,7 +221,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let settings = &config.settings.method;
     let (mut segments, names) = diagnose::cut(segments, names, settings);
     let claim = claim(campaign, config, base);
-    let (method, taken) = diagnose::together(&base.model, &base.settings.method, &mut segments, &claim)?;
+    let (method, taken) =
+        diagnose::together(&base.model, &base.settings.method, &mut segments, &claim)?;
     let rule = diagnose::held_out(&segments, &names, settings);
     let context = context(&config.settings.roles, &base.model, &segments);
     let offer = |model: &Model| {
@@ -215,7 +230,14 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         Ok((offer.candidates, offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect()))
     };
     let held_out = &rule.held_out[..];
-    let subject = Subject { model: &base.model, segments: &segments, held_out, method: &method, context: &context, settings };
+    let subject = Subject {
+        model: &base.model,
+        segments: &segments,
+        held_out,
+        method: &method,
+        context: &context,
+        settings,
+    };
     let diagnosis = diagnose::diagnose(&subject, &offer, inputs.tell)?;
     notes.extend(lost(config, &names, &rule, &diagnosis));
     let told = Told { config, model: &base.model.name, names, rule, base: taken, diagnosis };
@@ -223,7 +245,10 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let added = added(&told, base);
     if !added.is_empty() {
         let text = base.model.own_text().to_string() + &added;
-        files.push((format!("models/{}.model.toml", told.config.settings.next()), text.into_bytes()));
+        files.push((
+            format!("models/{}.model.toml", told.config.settings.next()),
+            text.into_bytes(),
+        ));
     }
     let mut tables = tables::all(&told)?;
     tables.push(("next_models", tables::next_models(&told, &base.name(), &added)?));
@@ -253,11 +278,15 @@ fn lost(config: &Config, names: &[String], rule: &Rule, diagnosis: &Diagnosis) -
     }
     for left in &diagnosis.left_out {
         let name = names.get(left.segment).map_or("", String::as_str);
-        let text = format!("{name} is left out of the diagnosis of {}: {}", config.settings.estimate, left.why);
+        let text = format!(
+            "{name} is left out of the diagnosis of {}: {}",
+            config.settings.estimate, left.why
+        );
         notes.push(note(Severity::Missing, name, 1, text));
     }
     if !diagnosis.skipped.is_empty() {
-        // Most of a library is about something that a model does not have; the list is for whoever misses one.
+        // Most of a library is about something that a model does not have; the list is for whoever
+        // misses one.
         let each = diagnosis.skipped.iter().map(|(effect, why)| format!("{effect} ({why})"));
         let text = format!("effects not tried: {}", each.collect::<Vec<_>>().join("; "));
         notes.push(note(Severity::Info, &config.name(), diagnosis.skipped.len(), text));
@@ -265,14 +294,16 @@ fn lost(config: &Config, names: &[String], rule: &Rule, diagnosis: &Diagnosis) -
     notes
 }
 
-/// What effects may want to know of the campaign: roles, half range and middle of every input and measured output of the model.
+/// What effects may want to know of the campaign: roles, half range and middle of every input and
+/// measured output of the model.
 fn context(roles: &IndexMap<String, Vec<String>>, model: &Model, segments: &[Segment]) -> Context {
     let records: Vec<_> = segments.iter().map(|s| &s.record).collect();
     Context { roles: roles.clone(), ..Context::of(model, &records) }
 }
 
-/// Everything that was added, as it stands behind the model's own file: one block per effect; empty where nothing was. What makes a gap smaller that is
-/// only located is no finding, and a model with it would be wrong in another way.
+/// Everything that was added, as it stands behind the model's own file: one block per effect; empty
+/// where nothing was. What makes a gap smaller that is only located is no finding, and a model with
+/// it would be wrong in another way.
 fn added(told: &Told, base: &estimate::Config) -> String {
     if !told.diagnosis.is_named() {
         return String::new();
@@ -283,9 +314,11 @@ fn added(told: &Told, base: &estimate::Config) -> String {
     for (candidate, finding) in told.diagnosis.added.iter().zip(&told.diagnosis.findings) {
         let round = told.diagnosis.rounds.get(finding.round);
         let judged = round.and_then(|r| Some((r.judged.get(finding.added)?, r.limit)));
-        let provenance = judged.map(|(j, limit)| words::provenance(told, j, limit)).unwrap_or_default();
+        let provenance =
+            judged.map(|(j, limit)| words::provenance(told, j, limit)).unwrap_or_default();
         let held = judged.map(|(j, _)| undetermined(j)).unwrap_or_default();
-        // Each candidate's base is the model with those before it: its text has their starting values, so blocks are joined by hand.
+        // Each candidate's base is the model with those before it: its text has their starting
+        // values, so blocks are joined by hand.
         let own = model.own_text().len();
         let whole = candidate.text(model, &values, &held, &provenance);
         text += whole.get(own..).unwrap_or_default();
@@ -294,7 +327,8 @@ fn added(told: &Told, base: &estimate::Config) -> String {
     text
 }
 
-/// What the flights do not determine of an effect: held where it was found, because an estimation could not move it.
+/// What the flights do not determine of an effect: held where it was found, because an estimation
+/// could not move it.
 fn undetermined(judged: &Judged) -> Vec<&str> {
     let values = judged.refit.iter().flat_map(|refit| &refit.values);
     values.filter(|v| !v.is_determined).map(|v| v.name.as_str()).collect()

@@ -1,8 +1,11 @@
-//! What a diagnosis adds, and the estimates with it, in; the one value of each added parameter that is to be used, out.
+//! What a diagnosis adds, and the estimates with it, in; the one value of each added parameter that
+//! is to be used, out.
 //!
-//! A parameter has several values on its way: what the screening promises, the fit to the training maneuvers with everything else in place, and the estimate
-//! that is run again over all maneuvers. The last one is the best known where it converged and is one number: it has seen everything, by the
-//! estimator that the pipeline uses. Else it is the fit's: where the pipeline estimates every maneuver apart, or where its estimate did not converge.
+//! A parameter has several values on its way: what the screening promises, the fit to the training
+//! maneuvers with everything else in place, and the estimate that is run again over all maneuvers.
+//! The last one is the best known where it converged and is one number: it has seen everything, by
+//! the estimator that the pipeline uses. Else it is the fit's: where the pipeline estimates every
+//! maneuver apart, or where its estimate did not converge.
 
 use crate::error::Result;
 use crate::table::Table;
@@ -14,14 +17,18 @@ struct Pick {
     source: &'static str,
 }
 
-/// The table `recommended`: a row for each parameter of the effects that are named. `again`: the estimates with them, if there are any.
+/// The table `recommended`: a row for each parameter of the effects that are named. `again`: the
+/// estimates with them, if there are any.
 ///
 /// # Errors
 /// A table lacks a column.
 pub fn values(diagnosis: &str, additions: &Table, again: Option<&Table>) -> Result<Table> {
-    let (found, held, determined) = (additions.bools("found")?, additions.bools("held")?, additions.bools("determined")?);
-    let (candidates, parameters) = (additions.strings("candidate")?, additions.strings("parameter")?);
-    let (units, fitted, sds) = (additions.strings("unit")?, additions.f64("value")?, additions.f64("sd")?);
+    let (found, held, determined) =
+        (additions.bools("found")?, additions.bools("held")?, additions.bools("determined")?);
+    let (candidates, parameters) =
+        (additions.strings("candidate")?, additions.strings("parameter")?);
+    let (units, fitted, sds) =
+        (additions.strings("unit")?, additions.f64("value")?, additions.f64("sd")?);
     let rows: Vec<usize> = (0..found.len()).filter(|&i| found[i] && !held[i]).collect();
     let pick = |&i: &usize| -> Result<Pick> {
         let estimated = again.map(|table| estimated(table, parameters[i])).transpose()?.flatten();
@@ -29,7 +36,11 @@ pub fn values(diagnosis: &str, additions: &Table, again: Option<&Table>) -> Resu
             true => Pick { value: fitted[i], sd: sds[i], source: "fit to the training maneuvers" },
             false => Pick { value: fitted[i], sd: f64::NAN, source: "not determined" },
         };
-        Ok(estimated.map_or(fit, |(value, sd)| Pick { value, sd, source: "estimate over all maneuvers" }))
+        Ok(estimated.map_or(fit, |(value, sd)| Pick {
+            value,
+            sd,
+            source: "estimate over all maneuvers",
+        }))
     };
     let picks: Vec<Pick> = rows.iter().map(pick).collect::<Result<_>>()?;
     Table::build("recommended")
@@ -111,19 +122,36 @@ mod tests {
     fn the_estimate_over_all_maneuvers_is_used_where_it_is_one_and_converged() {
         let of = |again: Option<&Table>| {
             let t = values("d", &additions(true), again).expect("values");
-            let sources: Vec<String> = t.strings("source").expect("column").iter().map(|s| s.chars().take(3).collect()).collect();
+            let sources: Vec<String> = t
+                .strings("source")
+                .expect("column")
+                .iter()
+                .map(|s| s.chars().take(3).collect())
+                .collect();
             (t.f64("value").expect("column").to_vec(), sources.join(" "))
         };
         assert_eq!(of(None), (vec![0.3, 8.0], "fit fit".to_string()));
         let one = again(&[("all", "size", 0.31, "converged"), ("all", "arm", 8.4, "converged")]);
         assert_eq!(of(Some(&one)), (vec![0.31, 8.4], "est est".to_string()));
-        let limit = again(&[("all", "size", 0.31, "iteration limit"), ("all", "arm", 8.4, "iteration limit")]);
+        let limit = again(&[
+            ("all", "size", 0.31, "iteration limit"),
+            ("all", "arm", 8.4, "iteration limit"),
+        ]);
         assert_eq!(of(Some(&limit)), (vec![0.3, 8.0], "fit fit".to_string()));
-        let apart = again(&[("a", "size", 0.31, "converged"), ("b", "size", 0.33, "converged"), ("a", "arm", 8.4, "converged")]);
+        let apart = again(&[
+            ("a", "size", 0.31, "converged"),
+            ("b", "size", 0.33, "converged"),
+            ("a", "arm", 8.4, "converged"),
+        ]);
         assert_eq!(of(Some(&apart)), (vec![0.3, 8.4], "fit est".to_string()));
         // What the flights do not determine is held in the amended model.
-        let held = values("d", &additions(false), Some(&again(&[("all", "size", 0.31, "converged")]))).expect("values");
-        assert_eq!(held.strings("source").expect("column"), ["estimate over all maneuvers", "not determined"]);
+        let held =
+            values("d", &additions(false), Some(&again(&[("all", "size", 0.31, "converged")])))
+                .expect("values");
+        assert_eq!(
+            held.strings("source").expect("column"),
+            ["estimate over all maneuvers", "not determined"]
+        );
         assert!(held.f64("sd").expect("column")[1].is_nan());
     }
 }

@@ -60,8 +60,9 @@ fn findings(told: &Told) -> Result<Table> {
     let d = &told.diagnosis;
     let members = members(told);
     let n = members.len() + 1;
-    let number =
-        |first: f64, of: fn(&Member) -> f64| -> Vec<f64> { std::iter::once(first).chain(members.iter().map(of)).collect() };
+    let number = |first: f64, of: fn(&Member) -> f64| -> Vec<f64> {
+        std::iter::once(first).chain(members.iter().map(of)).collect()
+    };
     let text = |of: fn(&Member) -> String| -> Vec<Option<String>> {
         std::iter::once(None).chain(members.iter().map(|m| Some(of(m)))).collect()
     };
@@ -70,14 +71,25 @@ fn findings(told: &Told) -> Result<Table> {
         format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, limit))
     };
     let sentences = std::iter::once(words::verdict(told)).chain(members.iter().map(sentence));
-    let held: Vec<&str> = told.names.iter().zip(&told.rule.held_out).filter(|(_, h)| **h).map(|(n, _)| n.as_str()).collect();
+    let held: Vec<&str> = told
+        .names
+        .iter()
+        .zip(&told.rule.held_out)
+        .filter(|(_, h)| **h)
+        .map(|(n, _)| n.as_str())
+        .collect();
     Table::build("findings")
         .repeat("diagnosis", &told.config.name())
         .repeat("model", told.model)
         .i64("number", (0..n as i64).collect::<Vec<_>>())
         .repeat("verdict", d.verdict.as_str())
         .bools("complete", vec![d.complete; n])
-        .opt_i64("round", std::iter::once(None).chain(members.iter().map(|m| Some(m.number as i64))).collect::<Vec<_>>())
+        .opt_i64(
+            "round",
+            std::iter::once(None)
+                .chain(members.iter().map(|m| Some(m.number as i64)))
+                .collect::<Vec<_>>(),
+        )
         .opt_strings("candidate", text(|m| m.judged.name.clone()))
         .opt_strings("effect", text(|m| m.judged.effect.clone()))
         .opt_strings("family", text(|m| m.judged.family.name().to_string()))
@@ -104,7 +116,9 @@ fn rows<'a>(told: &'a Told) -> Vec<(usize, &'a Round, &'a Judged)> {
 
 fn candidates(told: &Told) -> Result<Table> {
     let rows = rows(told);
-    let number = |of: &dyn Fn(&Round, &Judged) -> f64| rows.iter().map(|(_, round, j)| of(round, j)).collect::<Vec<f64>>();
+    let number = |of: &dyn Fn(&Round, &Judged) -> f64| {
+        rows.iter().map(|(_, round, j)| of(round, j)).collect::<Vec<f64>>()
+    };
     Table::build("candidates")
         .repeat("diagnosis", &told.config.name())
         .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
@@ -122,24 +136,43 @@ fn candidates(told: &Told) -> Result<Table> {
         .f64("limit", number(&|round, _| round.limit))
         .f64("gain", number(&|_, j| j.refit.as_ref().map_or(f64::NAN, |r| r.gain)))
         .f64("evidence", number(&|_, j| j.evidence))
-        .f64("consistency", number(&|_, j| j.refit.as_ref().and_then(|r| r.heterogeneity).map_or(f64::NAN, |c| c.p)))
-        .f64("scatter", number(&|_, j| j.refit.as_ref().and_then(|r| r.heterogeneity).map_or(f64::NAN, |c| c.share)))
+        .f64(
+            "consistency",
+            number(&|_, j| {
+                j.refit.as_ref().and_then(|r| r.heterogeneity).map_or(f64::NAN, |c| c.p)
+            }),
+        )
+        .f64(
+            "scatter",
+            number(&|_, j| {
+                j.refit.as_ref().and_then(|r| r.heterogeneity).map_or(f64::NAN, |c| c.share)
+            }),
+        )
         .finish()
 }
 
-/// Whether a candidate of a round (from 1) is one that the verdict names, in the round that tested it with everything else in place.
+/// Whether a candidate of a round (from 1) is one that the verdict names, in the round that tested
+/// it with everything else in place.
 fn is_found(told: &Told, round: usize, judged: &Judged) -> bool {
     let d = &told.diagnosis;
     let same = |f: &crate::diagnose::Finding| {
-        f.round + 1 == round && d.rounds.get(f.round).and_then(|r| r.judged.get(f.added)).is_some_and(|j| j.name == judged.name)
+        f.round + 1 == round
+            && d.rounds
+                .get(f.round)
+                .and_then(|r| r.judged.get(f.added))
+                .is_some_and(|j| j.name == judged.name)
     };
     d.is_named() && d.findings.iter().any(same)
 }
 
 fn additions(told: &Told) -> Result<Table> {
     let all = rows(told);
-    let rows: Vec<_> =
-        all.iter().flat_map(|(i, _, j)| j.refit.iter().flat_map(move |r| r.values.iter().map(move |v| (*i, *j, v)))).collect();
+    let rows: Vec<_> = all
+        .iter()
+        .flat_map(|(i, _, j)| {
+            j.refit.iter().flat_map(move |r| r.values.iter().map(move |v| (*i, *j, v)))
+        })
+        .collect();
     Table::build("additions")
         .repeat("diagnosis", &told.config.name())
         .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
@@ -154,7 +187,10 @@ fn additions(told: &Told) -> Result<Table> {
         .bools("determined", rows.iter().map(|r| r.2.is_determined).collect::<Vec<_>>())
         .bools("found", rows.iter().map(|r| is_found(told, r.0, r.1)).collect::<Vec<_>>())
         .bools("at_bound", rows.iter().map(|r| r.2.at_bound).collect::<Vec<_>>())
-        .f64("expected", rows.iter().map(|r| r.2.check.as_ref().map_or(f64::NAN, |c| c.1)).collect::<Vec<_>>())
+        .f64(
+            "expected",
+            rows.iter().map(|r| r.2.check.as_ref().map_or(f64::NAN, |c| c.1)).collect::<Vec<_>>(),
+        )
         .opt_strings("expected_from", rows.iter().map(|r| r.2.check.as_ref().map(|c| c.0.clone())))
         .finish()
 }
@@ -162,17 +198,25 @@ fn additions(told: &Told) -> Result<Table> {
 fn held_out(told: &Told) -> Result<Table> {
     let all = rows(told);
     let gains = |j: &Judged| -> Vec<(&'static str, Gain)> {
-        let of = |set: &'static str, gains: &[Gain]| gains.iter().map(|g| (set, *g)).collect::<Vec<_>>();
-        j.refit.iter().flat_map(|r| [of("training", &r.training), of("held out", &r.held_out)].concat()).collect()
+        let of =
+            |set: &'static str, gains: &[Gain]| gains.iter().map(|g| (set, *g)).collect::<Vec<_>>();
+        j.refit
+            .iter()
+            .flat_map(|r| [of("training", &r.training), of("held out", &r.held_out)].concat())
+            .collect()
     };
-    let rows: Vec<_> = all.iter().flat_map(|(i, _, j)| gains(j).into_iter().map(move |g| (*i, *j, g))).collect();
+    let rows: Vec<_> =
+        all.iter().flat_map(|(i, _, j)| gains(j).into_iter().map(move |g| (*i, *j, g))).collect();
     Table::build("held_out")
         .repeat("diagnosis", &told.config.name())
         .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
         .strings("candidate", rows.iter().map(|r| &r.1.name))
         .strings("standing", rows.iter().map(|r| r.1.standing.as_str()))
         .strings("set", rows.iter().map(|r| r.2.0))
-        .strings("segment", rows.iter().map(|r| told.names.get(r.2.1.segment).map_or("", String::as_str)))
+        .strings(
+            "segment",
+            rows.iter().map(|r| told.names.get(r.2.1.segment).map_or("", String::as_str)),
+        )
         .f64("predicted", rows.iter().map(|r| r.2.1.predicted).collect::<Vec<_>>())
         .f64("realised", rows.iter().map(|r| r.2.1.realised).collect::<Vec<_>>())
         .finish()
@@ -180,9 +224,15 @@ fn held_out(told: &Told) -> Result<Table> {
 
 fn located(told: &Told) -> Result<Table> {
     let d = &told.diagnosis;
-    let rounds = d.rounds.iter().enumerate().flat_map(|(i, r)| r.located.iter().map(move |l| (i as i64 + 1, l)));
+    let rounds = d
+        .rounds
+        .iter()
+        .enumerate()
+        .flat_map(|(i, r)| r.located.iter().map(move |l| (i as i64 + 1, l)));
     let rows: Vec<_> = rounds.collect();
-    let number = |of: &dyn Fn(&crate::diagnose::Located) -> f64| rows.iter().map(|r| of(r.1)).collect::<Vec<f64>>();
+    let number = |of: &dyn Fn(&crate::diagnose::Located) -> f64| {
+        rows.iter().map(|r| of(r.1)).collect::<Vec<f64>>()
+    };
     Table::build("located")
         .repeat("diagnosis", &told.config.name())
         .i64("round", rows.iter().map(|r| r.0).collect::<Vec<_>>())

@@ -18,7 +18,11 @@ pub fn value(v: &Value) -> String {
         return format!("{} not determined (best at {}{unit})", v.name, digits(v.value));
     }
     let sd = v.sd.map(|sd| format!(" +- {}", digits(1.96 * sd))).unwrap_or_default();
-    let check = v.check.as_ref().map(|(text, expected, _)| format!(" ({text} = {})", digits(*expected))).unwrap_or_default();
+    let check = v
+        .check
+        .as_ref()
+        .map(|(text, expected, _)| format!(" ({text} = {})", digits(*expected)))
+        .unwrap_or_default();
     format!("{} = {}{sd}{unit}{check}", v.name, digits(v.value))
 }
 
@@ -28,7 +32,11 @@ pub fn digits(v: f64) -> String {
         return format!("{v}");
     }
     let before_point = libm::floor(libm::log10(v.abs())) as i32 + 1;
-    if (-2..6).contains(&before_point) { format!("{v:.*}", (3 - before_point).max(0) as usize) } else { format!("{v:.2e}") }
+    if (-2..6).contains(&before_point) {
+        format!("{v:.*}", (3 - before_point).max(0) as usize)
+    } else {
+        format!("{v:.2e}")
+    }
 }
 
 /// The estimated parameters of a candidate, with 95% intervals.
@@ -42,7 +50,11 @@ pub fn evidence(judged: &Judged, limit: f64) -> String {
     let Some(refit) = &judged.refit else { return judged.why.clone() };
     let realised: f64 = refit.held_out.iter().map(|g| g.realised).sum();
     let predicted: f64 = refit.held_out.iter().map(|g| g.predicted).sum();
-    let less = if judged.standing == Standing::Alike { format!("; {}", judged.why) } else { String::new() };
+    let less = if judged.standing == Standing::Alike {
+        format!("; {}", judged.why)
+    } else {
+        String::new()
+    };
     format!(
         "log-likelihood gains {} on the training maneuvers (null maximum, 99%: {}), and {} on the held-out ones, where {} is predicted{less}",
         digits(refit.gain),
@@ -73,21 +85,32 @@ pub fn verdict(told: &Told) -> String {
     format!("{}{}{base}", missing(told), data_first(&told.diagnosis))
 }
 
-/// The error of a sensor or of the recording that comes furthest in the last round of all candidates, with everything in place that was added
-/// before; nothing where the flights could show none.
+/// The error of a sensor or of the recording that comes furthest in the last round of all
+/// candidates, with everything in place that was added before; nothing where the flights could show
+/// none.
 fn data_first(d: &Diagnosis) -> String {
     let last = d.rounds.iter().rfind(|r| !r.strict);
     let judged = last.map(|r| &r.judged[..]).unwrap_or_default();
-    let beside = last.filter(|r| !r.base.is_empty()).map(|r| format!(", beside {}", r.base.join(" and "))).unwrap_or_default();
-    let shown = |j: &&Judged| j.family == Family::Sensor && !matches!(j.standing, Standing::Collinear | Standing::Silent);
+    let beside = last
+        .filter(|r| !r.base.is_empty())
+        .map(|r| format!(", beside {}", r.base.join(" and ")))
+        .unwrap_or_default();
+    let shown = |j: &&Judged| {
+        j.family == Family::Sensor && !matches!(j.standing, Standing::Collinear | Standing::Silent)
+    };
     // Those that were refitted before those that were only screened.
-    let far = |j: &Judged| if j.evidence.is_finite() { (true, j.evidence) } else { (false, j.score) };
-    let order = |a: &&Judged, b: &&Judged| far(a).0.cmp(&far(b).0).then(far(a).1.total_cmp(&far(b).1));
+    let far =
+        |j: &Judged| if j.evidence.is_finite() { (true, j.evidence) } else { (false, j.score) };
+    let order =
+        |a: &&Judged, b: &&Judged| far(a).0.cmp(&far(b).0).then(far(a).1.total_cmp(&far(b).1));
     let tried = judged.iter().filter(shown).count();
     let furthest = judged.iter().filter(shown).max_by(order);
     let told = |j: &Judged| {
         let (standing, why) = (j.standing.as_str(), &j.why);
-        format!(" Data first: of {tried} errors of sensors and recording{beside}, {} comes furthest: {standing} ({why}).", j.name)
+        format!(
+            " Data first: of {tried} errors of sensors and recording{beside}, {} comes furthest: {standing} ({why}).",
+            j.name
+        )
     };
     furthest.map(told).unwrap_or_default()
 }
@@ -111,15 +134,21 @@ fn missing(told: &Told) -> String {
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
-        Verdict::Named | Verdict::OneOfThese => format!("The model lacks (+- is 95%): {}.{rest}", classes()),
+        Verdict::Named | Verdict::OneOfThese => {
+            format!("The model lacks (+- is 95%): {}.{rest}", classes())
+        }
         Verdict::Located if !d.findings.is_empty() => {
             format!(
                 "Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by (+- is 95%): {}.",
                 classes()
             )
         }
-        Verdict::Located if left.is_empty() => format!("Something is missing, and no effect of the library passes: {}.", best(d)),
-        Verdict::Located => format!("Something is missing that no effect of the library is trusted to explain: {left}."),
+        Verdict::Located if left.is_empty() => {
+            format!("Something is missing, and no effect of the library passes: {}.", best(d))
+        }
+        Verdict::Located => format!(
+            "Something is missing that no effect of the library is trusted to explain: {left}."
+        ),
         Verdict::None(why) => format!("No verdict: {}.", trouble(why)),
     }
 }
@@ -129,15 +158,23 @@ fn counted(texts: impl Iterator<Item = String>) -> String {
     let texts: Vec<String> = texts.map(|text| text.trim_end_matches('.').to_string()).collect();
     match &texts[..] {
         [one] => one.clone(),
-        several => several.iter().enumerate().map(|(i, text)| format!("({}) {text}", i + 1)).collect::<Vec<_>>().join("; "),
+        several => several
+            .iter()
+            .enumerate()
+            .map(|(i, text)| format!("({}) {text}", i + 1))
+            .collect::<Vec<_>>()
+            .join("; "),
     }
 }
 
-/// What is not explained: the first outputs that still response, what explains something and is not believed, held-out maneuvers that are missed.
+/// What is not explained: the first outputs that still response, what explains something and is not
+/// believed, held-out maneuvers that are missed.
 fn left(told: &Told) -> String {
     let d = &told.diagnosis;
-    let responses = d.located.iter().take(3).map(|l| format!("{} responds to {}", l.output, l.source));
-    let doubts = d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
+    let responses =
+        d.located.iter().take(3).map(|l| format!("{} responds to {}", l.output, l.source));
+    let doubts =
+        d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
     let missed = d.missed.iter().map(|m| missed(told, m));
     responses.chain(doubts).chain(missed).collect::<Vec<_>>().join("; ")
 }
@@ -156,10 +193,16 @@ fn class(d: &Diagnosis, finding: &Finding) -> String {
     match &all[..] {
         [one] => format!("{} ({})", one.sentence, values(one)),
         several => {
-            let names: Vec<String> = several.iter().map(|j| format!("{} ({})", j.sentence, values(j))).collect();
-            let mut separate: Vec<&str> = several.iter().map(|j| j.separate.as_str()).filter(|s| !s.is_empty()).collect();
+            let names: Vec<String> =
+                several.iter().map(|j| format!("{} ({})", j.sentence, values(j))).collect();
+            let mut separate: Vec<&str> =
+                several.iter().map(|j| j.separate.as_str()).filter(|s| !s.is_empty()).collect();
             separate.dedup();
-            let fly = if separate.is_empty() { String::new() } else { format!("; to separate them: {}", separate.join(" ")) };
+            let fly = if separate.is_empty() {
+                String::new()
+            } else {
+                format!("; to separate them: {}", separate.join(" "))
+            };
             format!("one of these, which the flights cannot separate: {}{fly}", names.join(" | "))
         }
     }

@@ -1,4 +1,5 @@
-//! Maneuvers, samples and signals of all flights come in; maximum-likelihood estimates of one model, with responses, go out.
+//! Maneuvers, samples and signals of all flights come in; maximum-likelihood estimates of one
+//! model, with responses, go out.
 
 mod records;
 mod settings;
@@ -81,7 +82,10 @@ impl Config {
 
     /// Columns of the samples table that drive the model.
     pub fn columns(&self) -> Vec<String> {
-        self.inputs.iter().filter_map(|d| if let Driver::Column(name) = d { Some(name.clone()) } else { None }).collect()
+        self.inputs
+            .iter()
+            .filter_map(|d| if let Driver::Column(name) = d { Some(name.clone()) } else { None })
+            .collect()
     }
 }
 
@@ -98,14 +102,21 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 }
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
-    campaign.estimates.get(unit.index).map(|config| tables_read(config, campaign)).unwrap_or_default()
+    campaign
+        .estimates
+        .get(unit.index)
+        .map(|config| tables_read(config, campaign))
+        .unwrap_or_default()
 }
 
 /// What the records of an estimate are made from.
 pub(super) fn tables_read(config: &Config, campaign: &Campaign) -> Vec<Read> {
     let whole_flights = config.settings.input.is_none();
-    let tables: &[&'static str] =
-        if whole_flights { &["signals", "samples"] } else { &["signals", "samples", "segments", "conditions"] };
+    let tables: &[&'static str] = if whole_flights {
+        &["signals", "samples"]
+    } else {
+        &["signals", "samples", "segments", "conditions"]
+    };
     Read::flights(tables, campaign)
 }
 
@@ -135,11 +146,18 @@ struct Stretch {
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
-    campaign.estimates.get(unit.index).map_or_else(|| Ok(Output::default()), |config| estimated(config, campaign, inputs))
+    campaign
+        .estimates
+        .get(unit.index)
+        .map_or_else(|| Ok(Output::default()), |config| estimated(config, campaign, inputs))
 }
 
 /// One estimate of the campaign's maneuvers.
-pub(super) fn estimated(config: &Config, campaign: &Campaign, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+pub(super) fn estimated(
+    config: &Config,
+    campaign: &Campaign,
+    inputs: &Inputs,
+) -> std::result::Result<Output, Errors> {
     let mut notes = Vec::new();
     let mut ready = Vec::new();
     for flight in &campaign.flights {
@@ -154,7 +172,11 @@ pub(super) fn estimated(config: &Config, campaign: &Campaign, inputs: &Inputs) -
     let estimations: Vec<Estimation> = batches
         .par_iter()
         .map(|batch| {
-            let estimation = estimate::estimate_segments(&config.model, &batch.labelled, &config.settings.method);
+            let estimation = estimate::estimate_segments(
+                &config.model,
+                &batch.labelled,
+                &config.settings.method,
+            );
             (inputs.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, batches.len());
             estimation
         })
@@ -174,8 +196,15 @@ pub(super) fn estimated(config: &Config, campaign: &Campaign, inputs: &Inputs) -
 }
 
 /// The records of one flight's maneuvers; what cannot be used is noted.
-pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, notes: &mut Vec<Note>) -> Result<Vec<Ready>> {
-    let (Some(samples), Some(signals)) = (inputs.flight("samples", flight), inputs.flight("signals", flight)) else {
+pub(super) fn flight_records(
+    config: &Config,
+    flight: &str,
+    inputs: &Inputs,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Ready>> {
+    let (Some(samples), Some(signals)) =
+        (inputs.flight("samples", flight), inputs.flight("signals", flight))
+    else {
         return Ok(Vec::new());
     };
     let signals = series(signals)?;
@@ -191,28 +220,58 @@ pub(super) fn flight_records(config: &Config, flight: &str, inputs: &Inputs, not
         };
         measured.push(Measured { output: scored.output, t, z });
     }
-    let telling: Vec<String> = config.columns().into_iter().chain(config.outputs.iter().map(|s| s.measured.clone())).collect();
+    let telling: Vec<String> = config
+        .columns()
+        .into_iter()
+        .chain(config.outputs.iter().map(|s| s.measured.clone()))
+        .collect();
     let mut ready = Vec::new();
     for Stretch { segment, window, mut labels } in stretches(config, flight, inputs, t)? {
         let held = held(inputs.flight("conditions", flight), &segment)?;
-        labels.extend(config.settings.levels.iter().filter_map(|(name, levels)| level(name, levels, &held)));
-        let sources: Vec<Source> = config.inputs.iter().map(|driver| source(driver, &held)).collect();
+        labels.extend(
+            config.settings.levels.iter().filter_map(|(name, levels)| level(name, levels, &held)),
+        );
+        let sources: Vec<Source> =
+            config.inputs.iter().map(|driver| source(driver, &held)).collect();
         match record(&grid, &sources, &measured, window) {
             Ok(record) => {
-                let record = Record { substeps: config.settings.substeps, interpolation: config.settings.interpolation, ..record };
-                let masked: usize = record.channels.iter().map(|c| c.z.iter().filter(|z| !z.is_finite()).count()).sum();
+                let record = Record {
+                    substeps: config.settings.substeps,
+                    interpolation: config.settings.interpolation,
+                    ..record
+                };
+                let masked: usize = record
+                    .channels
+                    .iter()
+                    .map(|c| c.z.iter().filter(|z| !z.is_finite()).count())
+                    .sum();
                 if masked > 0 {
-                    let text = format!("{masked} masked or lost samples of the outputs are not scored in {segment}");
-                    notes.push(note(config, flight, Severity::Warning, segment.clone(), masked, text));
+                    let text = format!(
+                        "{masked} masked or lost samples of the outputs are not scored in {segment}"
+                    );
+                    notes.push(note(
+                        config,
+                        flight,
+                        Severity::Warning,
+                        segment.clone(),
+                        masked,
+                        text,
+                    ));
                 }
                 let trim = Trim::of(inputs.flight("conditions", flight), &segment, &telling)?;
-                let conditions = held.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+                let conditions =
+                    held.iter().map(|(name, value)| (name.to_string(), *value)).collect();
                 let labelled = Segment { record, labels, conditions, stretch: None };
                 ready.push(Ready { flight: flight.to_string(), segment, labelled, trim });
             }
-            Err(why) => {
-                notes.push(note(config, flight, Severity::Missing, segment.clone(), 1, format!("{segment} is not used: {why}")))
-            }
+            Err(why) => notes.push(note(
+                config,
+                flight,
+                Severity::Missing,
+                segment.clone(),
+                1,
+                format!("{segment} is not used: {why}"),
+            )),
         }
     }
     Ok(ready)
@@ -225,7 +284,8 @@ fn source(driver: &Driver, held: &BTreeMap<&str, f64>) -> Source {
     }
 }
 
-/// The stretches of a flight that are used: the included maneuvers of the input, or the whole record.
+/// The stretches of a flight that are used: the included maneuvers of the input, or the whole
+/// record.
 fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Result<Vec<Stretch>> {
     let settings = &config.settings;
     let of_flight = || IndexMap::from([("flight".to_string(), flight.to_string())]);
@@ -235,17 +295,27 @@ fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Resul
         return Ok(pieces(flight, from, to, settings).into_iter().map(stretch).collect());
     };
     let Some(segments) = inputs.flight("segments", flight) else { return Ok(Vec::new()) };
-    let (names, kinds, found_in) = (segments.strings("segment")?, segments.strings("kind")?, segments.strings("input")?);
-    let (starts, ends, included) = (segments.f64("t_start_s")?, segments.f64("t_end_s")?, segments.bools("included")?);
+    let (names, kinds, found_in) =
+        (segments.strings("segment")?, segments.strings("kind")?, segments.strings("input")?);
+    let (starts, ends, included) =
+        (segments.f64("t_start_s")?, segments.f64("t_end_s")?, segments.bools("included")?);
     let polarity = segments.i64("polarity")?;
     let of_ours = |i: usize| input.names().iter().any(|name| name == found_in[i]);
-    let of_kind = |i: usize| settings.kinds.is_empty() || settings.kinds.iter().any(|kind| kind == kinds[i]);
+    let of_kind =
+        |i: usize| settings.kinds.is_empty() || settings.kinds.iter().any(|kind| kind == kinds[i]);
     let overlap = |i: usize, k: usize| starts[i] < ends[k] && starts[k] < ends[i];
     let alone = |i: usize| !(0..names.len()).any(|k| !of_ours(k) && overlap(i, k));
-    let wanted = |i: &usize| included[*i] && of_ours(*i) && of_kind(*i) && (!settings.alone || alone(*i));
+    let wanted =
+        |i: &usize| included[*i] && of_ours(*i) && of_kind(*i) && (!settings.alone || alone(*i));
     let (preroll, settle) = (settings.preroll_s, settings.settle_s);
-    let window = |i: usize| Window { from: starts[i] - settings.pre_s, to: ends[i] + settings.post_s, preroll, settle };
-    // (last maneuver so far, stretch): in order of time, so that an overlap is one with the stretch before
+    let window = |i: usize| Window {
+        from: starts[i] - settings.pre_s,
+        to: ends[i] + settings.post_s,
+        preroll,
+        settle,
+    };
+    // (last maneuver so far, stretch): in order of time, so that an overlap is one with the stretch
+    // before
     let mut used: Vec<(usize, Stretch)> = Vec::new();
     for i in (0..names.len()).filter(wanted) {
         if let Some((last, stretch)) = used.last_mut().filter(|(last, _)| overlap(*last, i)) {
@@ -254,7 +324,10 @@ fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Resul
             continue;
         }
         let values = [kinds[i].to_string(), found_in[i].to_string(), polarity[i].to_string()];
-        let labels = of_flight().into_iter().chain(settings::LABELS.iter().map(ToString::to_string).zip(values)).collect();
+        let labels = of_flight()
+            .into_iter()
+            .chain(settings::LABELS.iter().map(ToString::to_string).zip(values))
+            .collect();
         used.push((i, Stretch { segment: names[i].to_string(), window: window(i), labels }));
     }
     Ok(used.into_iter().map(|(_, stretch)| stretch).collect())
@@ -272,9 +345,14 @@ fn pieces(flight: &str, from: f64, to: f64, settings: &Settings) -> Vec<(String,
     let longest = settings.window_s;
     let n = if longest > 0.0 { ((to - from) / longest).ceil().max(1.0) as usize } else { 1 };
     let at = |i: usize| from + (to - from) * i as f64 / n as f64;
-    let name = |i: usize| if n == 1 { flight.to_string() } else { format!("{flight}-{:03}", i + 1) };
+    let name =
+        |i: usize| if n == 1 { flight.to_string() } else { format!("{flight}-{:03}", i + 1) };
     let settle = settings.settle_s;
-    (0..n).map(|i| (name(i), Window { from: at(i), to: at(i + 1), preroll: settings.preroll_s, settle })).collect()
+    (0..n)
+        .map(|i| {
+            (name(i), Window { from: at(i), to: at(i + 1), preroll: settings.preroll_s, settle })
+        })
+        .collect()
 }
 
 /// The conditions of one maneuver, by signal.
@@ -282,7 +360,10 @@ fn held<'a>(conditions: Option<&'a Table>, segment: &str) -> Result<BTreeMap<&'a
     let Some(conditions) = conditions else { return Ok(BTreeMap::new()) };
     let (segments, signals) = (conditions.strings("segment")?, conditions.strings("signal")?);
     let values = conditions.f64("value")?;
-    Ok((0..values.len()).filter(|i| segments[*i] == segment).map(|i| (signals[i], values[i])).collect())
+    Ok((0..values.len())
+        .filter(|i| segments[*i] == segment)
+        .map(|i| (signals[i], values[i]))
+        .collect())
 }
 
 /// Groups the records, in order of flights and maneuvers.
@@ -300,22 +381,34 @@ fn batches(group: Group, ready: Vec<Ready>) -> Vec<Batch> {
                 batch.labelled.push(r.labelled);
                 batch.trims.push(r.trim);
             }
-            None => batches.push(Batch { group: name, segments: vec![r.segment], labelled: vec![r.labelled], trims: vec![r.trim] }),
+            None => batches.push(Batch {
+                group: name,
+                segments: vec![r.segment],
+                labelled: vec![r.labelled],
+                trims: vec![r.trim],
+            }),
         }
     }
     batches
 }
 
-/// What to say about one estimation that did not end well, or whose parameters the data hardly separate.
+/// What to say about one estimation that did not end well, or whose parameters the data hardly
+/// separate.
 fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
     let mut notes = Vec::new();
     if estimation.stop != estimate::Stop::Converged {
-        let text = format!("{}: the estimate of {} ended with \"{}\"", batch.group, config.name(), estimation.stop);
+        let text = format!(
+            "{}: the estimate of {} ended with \"{}\"",
+            batch.group,
+            config.name(),
+            estimation.stop
+        );
         notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, text));
     }
     for left in &estimation.left_out {
         let segment = batch.segments.get(left.segment).cloned().unwrap_or_default();
-        let text = format!("{segment} is left out of the estimate of {}: {}", config.name(), left.why);
+        let text =
+            format!("{segment} is left out of the estimate of {}: {}", config.name(), left.why);
         notes.push(note(config, "", Severity::Missing, segment, 1, text));
     }
     for doubtful in &estimation.doubtful {
@@ -325,7 +418,14 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
     }
     notes.extend(colour_notes(config, batch, estimation));
     for combination in &estimation.verdict.combinations {
-        notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, format!("{}: {combination}", batch.group)));
+        notes.push(note(
+            config,
+            "",
+            Severity::Warning,
+            batch.group.clone(),
+            1,
+            format!("{}: {combination}", batch.group),
+        ));
     }
     notes
 }
@@ -336,7 +436,10 @@ fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<
     let cut = |output: &estimate::OutputScatter| {
         let order = output.colour.as_ref()?.cut?;
         let why = "what is left is rounding, or no stretch without masked samples is longer";
-        Some(of(format!("{}: the noise of {} is modelled to order {order} and no further: {why}", batch.group, output.name)))
+        Some(of(format!(
+            "{}: the noise of {} is modelled to order {order} and no further: {why}",
+            batch.group, output.name
+        )))
     };
     let unsettled = (!estimation.settled).then(|| {
         of(format!("{}: the colour of the residuals still changed in the last round: sd may be off by some percent", batch.group))
@@ -344,9 +447,24 @@ fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<
     estimation.outputs.iter().filter_map(cut).chain(unsettled).collect()
 }
 
-fn note(config: &Config, flight: &str, severity: Severity, subject: String, count: usize, text: String) -> Note {
-    let text = if text.contains(&config.name()) { text } else { format!("{}: {text}", config.name()) };
-    Note { flight: flight.to_string(), stage: STAGE.name.to_string(), severity, subject, count: count as u64, text }
+fn note(
+    config: &Config,
+    flight: &str,
+    severity: Severity,
+    subject: String,
+    count: usize,
+    text: String,
+) -> Note {
+    let text =
+        if text.contains(&config.name()) { text } else { format!("{}: {text}", config.name()) };
+    Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity,
+        subject,
+        count: count as u64,
+        text,
+    }
 }
 
 #[cfg(test)]
@@ -355,12 +473,19 @@ mod tests {
 
     #[test]
     fn a_record_is_cut_into_equal_stretches_that_cover_it() {
-        let settings =
-            |longest: f64| -> Settings { toml::from_str(&format!("model = \"m\"\nwindow_s = {longest:?}")).expect("settings") };
+        let settings = |longest: f64| -> Settings {
+            toml::from_str(&format!("model = \"m\"\nwindow_s = {longest:?}")).expect("settings")
+        };
         let whole = pieces("f", 2.0, 45.0, &settings(0.0));
-        assert_eq!((whole.len(), whole[0].0.as_str(), whole[0].1.from, whole[0].1.to), (1, "f", 2.0, 45.0));
+        assert_eq!(
+            (whole.len(), whole[0].0.as_str(), whole[0].1.from, whole[0].1.to),
+            (1, "f", 2.0, 45.0)
+        );
         let cut = pieces("f", 2.0, 45.0, &settings(20.0));
-        assert_eq!(cut.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["f-001", "f-002", "f-003"]);
+        assert_eq!(
+            cut.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(),
+            ["f-001", "f-002", "f-003"]
+        );
         assert_eq!((cut[0].1.from, cut[2].1.to), (2.0, 45.0));
         assert!(cut.windows(2).all(|w| w[0].1.to == w[1].1.from));
         assert!(cut.iter().all(|(_, w)| (w.to - w.from - 43.0 / 3.0).abs() < 1e-12));

@@ -1,4 +1,5 @@
-//! One maneuver as a model sees it: the samples' grid and the signals come in, a record of inputs and measured outputs goes out.
+//! One maneuver as a model sees it: the samples' grid and the signals come in, a record of inputs
+//! and measured outputs goes out.
 
 use crate::dynamics::{Channel, Record};
 use crate::math::median;
@@ -35,7 +36,8 @@ pub struct Window {
     pub to: f64,
     /// Time before `from` that only feeds delays.
     pub preroll: f64,
-    /// Time before `from` (and behind the preroll) in which the model runs already and nothing is scored.
+    /// Time before `from` (and behind the preroll) in which the model runs already and nothing is
+    /// scored.
     pub settle: f64,
 }
 
@@ -54,20 +56,31 @@ impl std::fmt::Display for Unusable {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         match self {
             Unusable::Outside => write!(f, "the samples of the flight do not cover it"),
-            Unusable::NoColumn(name) => write!(f, "the samples of the flight have no column `{name}`"),
-            Unusable::Masked { input, samples } => write!(f, "input `{input}` has no value at {samples} samples of it"),
+            Unusable::NoColumn(name) => {
+                write!(f, "the samples of the flight have no column `{name}`")
+            }
+            Unusable::Masked { input, samples } => {
+                write!(f, "input `{input}` has no value at {samples} samples of it")
+            }
         }
     }
 }
 
-/// What lies outside a window by less than this share of a grid step counts as inside: times in logs are rounded, some to five digits.
+/// What lies outside a window by less than this share of a grid step counts as inside: times in
+/// logs are rounded, some to five digits.
 const SLACK: f64 = 1e-3;
 
-/// Builds the record of one window: inputs on the grid, outputs at their own time stamps. The window is cut to what the flight has.
+/// Builds the record of one window: inputs on the grid, outputs at their own time stamps. The
+/// window is cut to what the flight has.
 ///
 /// # Errors
 /// An input has no value somewhere in the window: a model cannot be driven by what is not there.
-pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Window) -> Result<Record, Unusable> {
+pub fn record(
+    grid: &Grid,
+    inputs: &[Source],
+    measured: &[Measured],
+    window: Window,
+) -> Result<Record, Unusable> {
     let index = |t: f64| (t - grid.t0) / grid.dt;
     let clip = |k: f64| k.clamp(0.0, grid.n as f64) as usize;
     let first = clip((index(window.from - window.settle - window.preroll) - SLACK).ceil());
@@ -84,7 +97,9 @@ pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Win
         match source {
             Source::Held(value) => (0..n).for_each(|k| values[k * nu + j] = *value),
             Source::Column(name) => {
-                let column = (grid.column)(name).and_then(|c| c.get(first..end)).ok_or_else(|| Unusable::NoColumn(name.clone()))?;
+                let column = (grid.column)(name)
+                    .and_then(|c| c.get(first..end))
+                    .ok_or_else(|| Unusable::NoColumn(name.clone()))?;
                 let samples = column.iter().filter(|v| !v.is_finite()).count();
                 if samples > 0 {
                     return Err(Unusable::Masked { input: name.clone(), samples });
@@ -106,16 +121,19 @@ pub fn record(grid: &Grid, inputs: &[Source], measured: &[Measured], window: Win
     })
 }
 
-/// More than so many spacings between two samples of a regular channel: some between them were lost.
+/// More than so many spacings between two samples of a regular channel: some between them were
+/// lost.
 const LOST: f64 = 1.5;
-/// A channel is regular where so many of its spacings, as a share, are within that share of their median. One that is sent when it changes is not.
+/// A channel is regular where so many of its spacings, as a share, are within that share of their
+/// median. One that is sent when it changes is not.
 const USUAL: f64 = 0.75;
 const JITTER: f64 = 0.25;
 /// Fewest spacings that tell.
 const SPACINGS: usize = 4;
 
-/// What was measured within a window. Samples that a regular channel lost are put back as masked ones, so that neighbours are a spacing apart, as
-/// a model of the noise takes them to be, and channels of one clock have the same samples in every window.
+/// What was measured within a window. Samples that a regular channel lost are put back as masked
+/// ones, so that neighbours are a spacing apart, as a model of the noise takes them to be, and
+/// channels of one clock have the same samples in every window.
 fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {
     let (low, high) = (from - SLACK * dt, to + SLACK * dt);
     let begin = m.t.partition_point(|t| *t < low);
@@ -123,12 +141,18 @@ fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {
     let (t, z) = (&m.t[begin..end], m.z.get(begin..end).unwrap_or_default());
     let clamped = |t: f64| t.clamp(from, to);
     let Some(spacing) = spacing(t) else {
-        return Channel { output: m.output, t: t.iter().map(|t| clamped(*t)).collect(), z: z.to_vec() };
+        return Channel {
+            output: m.output,
+            t: t.iter().map(|t| clamped(*t)).collect(),
+            z: z.to_vec(),
+        };
     };
-    // The samples around the window; before the channel's first one and behind its last one as many as the window holds.
+    // The samples around the window; before the channel's first one and behind its last one as many
+    // as the window holds.
     let beyond = |room: f64| spacing * ((room / spacing).floor() + 1.0);
     let before = begin.checked_sub(1).map_or_else(|| t[0] - beyond(t[0] - low), |k| m.t[k]);
-    let after = m.t.get(end).copied().unwrap_or_else(|| t[t.len() - 1] + beyond(high - t[t.len() - 1]));
+    let after =
+        m.t.get(end).copied().unwrap_or_else(|| t[t.len() - 1] + beyond(high - t[t.len() - 1]));
     let mut filled = Channel { output: m.output, ..Channel::default() };
     let mut last = before;
     for (next, value) in t.iter().copied().zip(z.iter().copied().map(Some)).chain([(after, None)]) {
@@ -148,7 +172,8 @@ fn spacing(t: &[f64]) -> Option<f64> {
     let steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
     let middle = median(&steps);
     let usual = steps.iter().filter(|step| (**step - middle).abs() <= JITTER * middle).count();
-    (steps.len() >= SPACINGS && middle > 0.0 && usual as f64 >= USUAL * steps.len() as f64).then_some(middle)
+    (steps.len() >= SPACINGS && middle > 0.0 && usual as f64 >= USUAL * steps.len() as f64)
+        .then_some(middle)
 }
 
 /// Times of the samples lost between two others, evenly spread.
@@ -184,7 +209,13 @@ mod tests {
         let t: Vec<f64> = (0..400).map(|i| 9.987 + 0.03 * f64::from(i)).collect();
         let m = [Measured { output: 2, t: &t, z: &t }];
         let inputs = [Source::Held(7.0), Source::Column("u".into())];
-        let r = record(&grid(&column), &inputs, &m, Window { from: 12.0, to: 13.0, preroll: 0.5, settle: 0.0 }).expect("covered");
+        let r = record(
+            &grid(&column),
+            &inputs,
+            &m,
+            Window { from: 12.0, to: 13.0, preroll: 0.5, settle: 0.0 },
+        )
+        .expect("covered");
         assert_eq!((r.n, r.start), (16, 5));
         assert!((r.t0 - 11.5).abs() < 1e-12);
         assert_eq!(&r.inputs[..4], &[7.0, 15.0, 7.0, 16.0]);
@@ -199,9 +230,20 @@ mod tests {
         let u = vec![0.0; 101];
         let column = |_: &str| Some(&u[..]);
         let inputs = [Source::Column("u".into())];
-        let r = record(&grid(&column), &inputs, &[], Window { from: 19.0, to: 30.0, preroll: 0.0, settle: 0.0 }).expect("covered");
+        let r = record(
+            &grid(&column),
+            &inputs,
+            &[],
+            Window { from: 19.0, to: 30.0, preroll: 0.0, settle: 0.0 },
+        )
+        .expect("covered");
         assert_eq!(r.n, 11);
-        let none = record(&grid(&column), &inputs, &[], Window { from: 30.0, to: 40.0, preroll: 0.0, settle: 0.0 });
+        let none = record(
+            &grid(&column),
+            &inputs,
+            &[],
+            Window { from: 30.0, to: 40.0, preroll: 0.0, settle: 0.0 },
+        );
         assert_eq!(none, Err(Unusable::Outside));
     }
 
@@ -212,7 +254,12 @@ mod tests {
         u[51] = f64::NAN;
         let column = |_: &str| Some(&u[..]);
         let inputs = [Source::Column("u".into())];
-        let masked = record(&grid(&column), &inputs, &[], Window { from: 14.0, to: 16.0, preroll: 0.0, settle: 0.0 });
+        let masked = record(
+            &grid(&column),
+            &inputs,
+            &[],
+            Window { from: 14.0, to: 16.0, preroll: 0.0, settle: 0.0 },
+        );
         assert_eq!(masked, Err(Unusable::Masked { input: "u".into(), samples: 2 }));
     }
 
@@ -222,29 +269,46 @@ mod tests {
         let column = |_: &str| Some(&u[..]);
         let m = [Measured { output: 0, t, z: t }];
         let window = Window { from: 12.0, to: 13.0, preroll: 0.0, settle: 0.0 };
-        record(&grid(&column), &[Source::Column("u".into())], &m, window).expect("covered").channels.swap_remove(0)
+        record(&grid(&column), &[Source::Column("u".into())], &m, window)
+            .expect("covered")
+            .channels
+            .swap_remove(0)
     }
 
     #[test]
     fn lost_samples_of_a_regular_channel_are_masked_ones() {
         let whole: Vec<f64> = (0..400).map(|i| 9.987 + 0.03 * f64::from(i)).collect();
         // One, several, and both ends of the window.
-        let gone = |t: f64| (12.20..12.23).contains(&t) || (12.5..12.65).contains(&t) || t < 12.1 || (12.9..14.0).contains(&t);
+        let gone = |t: f64| {
+            (12.20..12.23).contains(&t)
+                || (12.5..12.65).contains(&t)
+                || t < 12.1
+                || (12.9..14.0).contains(&t)
+        };
         let lossy: Vec<f64> = whole.iter().copied().filter(|t| !gone(*t)).collect();
         let (want, found) = (within(&whole), within(&lossy));
         assert_eq!(found.t.len(), want.t.len());
         assert!(found.t.iter().zip(&want.t).all(|(a, b)| (a - b).abs() < 1e-9), "{:?}", found.t);
-        assert!(want.z.iter().zip(&found.z).all(|(z, found)| if gone(*z) { found.is_nan() } else { found == z }));
+        assert!(want.z.iter().zip(&found.z).all(|(z, found)| if gone(*z) {
+            found.is_nan()
+        } else {
+            found == z
+        }));
         let kept = want.t.iter().filter(|t| !gone(**t)).count();
-        assert!(found.z.iter().filter(|z| z.is_finite()).count() == kept && kept < want.t.len() - 10);
+        assert!(
+            found.z.iter().filter(|z| z.is_finite()).count() == kept && kept < want.t.len() - 10
+        );
     }
 
     #[test]
     fn a_channel_without_lost_samples_is_as_it_is() {
         // Late by up to a third of a spacing.
-        let late: Vec<f64> = (0..400).map(|i| 9.987 + 0.03 * f64::from(i) + 0.01 * f64::from(i * i % 7) / 6.0).collect();
+        let late: Vec<f64> = (0..400)
+            .map(|i| 9.987 + 0.03 * f64::from(i) + 0.01 * f64::from(i * i % 7) / 6.0)
+            .collect();
         // Sent when it changed.
-        let changed: Vec<f64> = (0..4000).filter(|i| i * i % 11 < 4).map(|i| 9.987 + 0.003 * f64::from(i)).collect();
+        let changed: Vec<f64> =
+            (0..4000).filter(|i| i * i % 11 < 4).map(|i| 9.987 + 0.003 * f64::from(i)).collect();
         for t in [late, changed] {
             let want: Vec<f64> = t.iter().copied().filter(|t| (12.0..=13.0).contains(t)).collect();
             let found = within(&t);

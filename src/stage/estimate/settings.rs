@@ -15,18 +15,21 @@ pub struct Settings {
     pub name: Option<String>,
     /// The model file, relative to the pipeline file.
     pub model: String,
-    /// Name of the `[[segment.input]]` whose maneuvers are used, or several; left out, each flight's whole record is used as one segment.
-    /// Maneuvers of several inputs that overlap in time are one segment, named after the first.
+    /// Name of the `[[segment.input]]` whose maneuvers are used, or several; left out, each
+    /// flight's whole record is used as one segment. Maneuvers of several inputs that overlap in
+    /// time are one segment, named after the first.
     #[serde(default)]
     pub input: Option<Used>,
     /// Leaves out the maneuvers during which another input than these was moved as well.
     #[serde(default)]
     pub alone: bool,
-    /// Without `input`: the record is cut into equal segments of at most this length, s (0: one segment). What disturbs a model, such as
-    /// noise of the signals that drive it, adds up over a long segment.
+    /// Without `input`: the record is cut into equal segments of at most this length, s (0: one
+    /// segment). What disturbs a model, such as noise of the signals that drive it, adds up over a
+    /// long segment.
     #[serde(default)]
     pub window_s: f64,
-    /// Kinds of maneuvers used ("3211", "2211", "211", "doublet", "step", "multistep"); empty for all kinds.
+    /// Kinds of maneuvers used ("3211", "2211", "211", "doublet", "step", "multistep"); empty for
+    /// all kinds.
     #[serde(default)]
     pub kinds: Vec<String>,
     /// What is estimated together.
@@ -41,29 +44,34 @@ pub struct Settings {
     /// Time before that which only feeds delays in the model, s.
     #[serde(default)]
     pub preroll_s: f64,
-    /// Time before that in which the model runs already and is not scored, s: what remembers (a lag, separated flow) forgets how it began. For
-    /// models driven by measurements; a state that starts "measured" would start too late.
+    /// Time before that in which the model runs already and is not scored, s: what remembers (a
+    /// lag, separated flow) forgets how it began. For models driven by measurements; a state that
+    /// starts "measured" would start too late.
     #[serde(default)]
     pub settle_s: f64,
     /// Integration steps per step of the grid; 0 lets the model's fastest mode decide.
     #[serde(default)]
     pub substeps: usize,
-    /// How the inputs run between the points of the grid: "linear" (mid-step is the mean), or "cubic" for smooth measured signals.
+    /// How the inputs run between the points of the grid: "linear" (mid-step is the mean), or
+    /// "cubic" for smooth measured signals.
     #[serde(default)]
     pub interpolation: Interpolation,
-    /// Columns of the samples table for the model's inputs, where the names differ: `input of the model = "column"`.
+    /// Columns of the samples table for the model's inputs, where the names differ:
+    /// `input of the model = "column"`.
     #[serde(default)]
     pub inputs: IndexMap<String, String>,
-    /// Inputs of the model that are held over a maneuver at the mean of a column in the quiet time before it:
-    /// `alpha_ref = "alpha"`.
+    /// Inputs of the model that are held over a maneuver at the mean of a column in the quiet time
+    /// before it: `alpha_ref = "alpha"`.
     #[serde(default)]
     pub held: IndexMap<String, String>,
-    /// Signals or columns that measure the model's outputs, where the names differ: `output of the model = "signal"`. A signal is
-    /// scored at its own time stamps, a column (of what was reconstructed or derived) on the grid.
+    /// Signals or columns that measure the model's outputs, where the names differ:
+    /// `output of the model = "signal"`. A signal is scored at its own time stamps, a column (of
+    /// what was reconstructed or derived) on the grid.
     #[serde(default)]
     pub outputs: IndexMap<String, String>,
-    /// Conditions that take a few values only, and those values (SI): `flap = [0.0, 0.262]`. A maneuver is labelled with the nearest one
-    /// to the mean of that column in the quiet time before it, and parameters can be `per = "flap"`.
+    /// Conditions that take a few values only, and those values (SI): `flap = [0.0, 0.262]`. A
+    /// maneuver is labelled with the nearest one to the mean of that column in the quiet time
+    /// before it, and parameters can be `per = "flap"`.
     #[serde(default)]
     pub levels: IndexMap<String, Vec<f64>>,
     /// Outputs of the model that are not scored.

@@ -54,13 +54,16 @@ fn of_flight<'a>(batch: &'a Batch, row: &Row) -> Option<&'a str> {
         (None, Some(label)) => batch.labelled[*s].labels.get(&label.column) == Some(&label.value),
         (None, None) => true,
     };
-    let mut flights = (0..batch.labelled.len()).filter(holds).map(|s| batch.labelled[s].labels.get("flight").map(String::as_str));
+    let mut flights = (0..batch.labelled.len())
+        .filter(holds)
+        .map(|s| batch.labelled[s].labels.get("flight").map(String::as_str));
     let first = flights.next()??;
     flights.all(|flight| flight == Some(first)).then_some(first)
 }
 
 fn estimates(model: &str, done: &[Done]) -> Result<Table> {
-    let mut rows: Vec<_> = done.iter().flat_map(|(b, e)| e.rows.iter().map(move |row| (b, e, row))).collect();
+    let mut rows: Vec<_> =
+        done.iter().flat_map(|(b, e)| e.rows.iter().map(move |row| (b, e, row))).collect();
     rows.sort_by_key(|(b, _, r)| (&b.group, &r.name, segment(b, r.segment), per(b, r).1));
     Table::build("estimates")
         .repeat("model", model)
@@ -73,8 +76,14 @@ fn estimates(model: &str, done: &[Done]) -> Result<Table> {
         .strings("unit", rows.iter().map(|(_, _, r)| &r.unit))
         .f64("value", rows.iter().map(|(_, _, r)| r.value).collect::<Vec<_>>())
         .f64("sd", rows.iter().map(|(_, _, r)| r.sd.unwrap_or(f64::NAN)).collect::<Vec<_>>())
-        .f64("sd_crlb", rows.iter().map(|(_, _, r)| r.sd_crlb.unwrap_or(f64::NAN)).collect::<Vec<_>>())
-        .f64("sd_total", rows.iter().map(|(_, _, r)| r.sd_total.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+        .f64(
+            "sd_crlb",
+            rows.iter().map(|(_, _, r)| r.sd_crlb.unwrap_or(f64::NAN)).collect::<Vec<_>>(),
+        )
+        .f64(
+            "sd_total",
+            rows.iter().map(|(_, _, r)| r.sd_total.unwrap_or(f64::NAN)).collect::<Vec<_>>(),
+        )
         .f64("lower", rows.iter().map(|(_, _, r)| r.lower.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .f64("upper", rows.iter().map(|(_, _, r)| r.upper.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .opt_strings("interval", rows.iter().map(|(_, e, r)| e.profile(r).map(Profile::words)))
@@ -87,7 +96,11 @@ fn estimates(model: &str, done: &[Done]) -> Result<Table> {
 fn correlations(model: &str, done: &[Done]) -> Result<Table> {
     let rows: Vec<_> = done
         .iter()
-        .flat_map(|(b, e)| e.correlations.iter().filter_map(move |c| Some((b, e.rows.get(c.a)?, e.rows.get(c.b)?, *c))))
+        .flat_map(|(b, e)| {
+            e.correlations
+                .iter()
+                .filter_map(move |c| Some((b, e.rows.get(c.a)?, e.rows.get(c.b)?, *c)))
+        })
         .filter(|(_, _, _, c)| c.value.is_finite())
         .collect();
     Table::build("correlations")
@@ -105,8 +118,10 @@ fn correlations(model: &str, done: &[Done]) -> Result<Table> {
 }
 
 fn iterations(model: &str, done: &[Done]) -> Result<Table> {
-    let rows: Vec<_> = done.iter().flat_map(|(b, e)| e.iterations.iter().map(move |i| (b, i))).collect();
-    let of = |value: fn(&Iteration) -> f64| rows.iter().map(|(_, i)| value(i)).collect::<Vec<f64>>();
+    let rows: Vec<_> =
+        done.iter().flat_map(|(b, e)| e.iterations.iter().map(move |i| (b, i))).collect();
+    let of =
+        |value: fn(&Iteration) -> f64| rows.iter().map(|(_, i)| value(i)).collect::<Vec<f64>>();
     let after_start = |value: f64, i: &Iteration| if i.iteration == 0 { f64::NAN } else { value };
     Table::build("iterations")
         .repeat("model", model)
@@ -138,7 +153,8 @@ impl Left<'_> {
 
     fn whiteness(&self) -> Whiteness {
         let both = self.trace.measured.iter().zip(&self.trace.modelled);
-        let e: Vec<f64> = both.map(|(z, y)| z - y).map(|e| if e.is_finite() { e } else { f64::NAN }).collect();
+        let e: Vec<f64> =
+            both.map(|(z, y)| z - y).map(|e| if e.is_finite() { e } else { f64::NAN }).collect();
         whiteness(&e)
     }
 }
@@ -165,8 +181,10 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
     };
     let rms = |v: &Vec<f64>| (v.iter().map(|e| e * e).sum::<f64>() / v.len() as f64).sqrt();
     let white: Vec<Whiteness> = rows.iter().map(Left::whiteness).collect();
-    let colour: Vec<Option<&Modelled>> =
-        rows.iter().map(|l| l.estimation.scatter(l.segment, &l.trace.name)?.colour.as_ref()).collect();
+    let colour: Vec<Option<&Modelled>> = rows
+        .iter()
+        .map(|l| l.estimation.scatter(l.segment, &l.trace.name)?.colour.as_ref())
+        .collect();
     Table::build("residuals")
         .repeat("model", model)
         .strings("group", rows.iter().map(|l| &l.batch.group))
@@ -177,18 +195,31 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         .f64("mean", values.iter().map(mean).collect::<Vec<_>>())
         .f64("sd", values.iter().map(sd).collect::<Vec<_>>())
         .f64("rms", values.iter().map(rms).collect::<Vec<_>>())
-        .f64("theil", rows.iter().map(|l| theil(&l.trace.measured, &l.trace.modelled)).collect::<Vec<_>>())
+        .f64(
+            "theil",
+            rows.iter().map(|l| theil(&l.trace.measured, &l.trace.modelled)).collect::<Vec<_>>(),
+        )
         .f64("white_p", white.iter().map(|w| w.p).collect::<Vec<_>>())
         .f64("outside", white.iter().map(|w| w.outside).collect::<Vec<_>>())
-        .opt_i64("ar_order", colour.iter().map(|c| c.map(|c| c.model.order() as i64)).collect::<Vec<_>>())
-        .f64("colour", colour.iter().map(|c| c.map_or(f64::NAN, |c| c.model.colour())).collect::<Vec<_>>())
+        .opt_i64(
+            "ar_order",
+            colour.iter().map(|c| c.map(|c| c.model.order() as i64)).collect::<Vec<_>>(),
+        )
+        .f64(
+            "colour",
+            colour.iter().map(|c| c.map_or(f64::NAN, |c| c.model.colour())).collect::<Vec<_>>(),
+        )
         .finish()
 }
 
 fn responses(model: &str, done: &[Done]) -> Result<Table> {
     let rows = traces(done);
-    let each = |of: fn(&Trace) -> &Vec<f64>| rows.iter().flat_map(|l| of(l.trace).iter().copied()).collect::<Vec<f64>>();
-    let text = |of: fn(&Left) -> String| rows.iter().flat_map(|l| vec![of(l); l.trace.t.len()]).collect::<Vec<String>>();
+    let each = |of: fn(&Trace) -> &Vec<f64>| {
+        rows.iter().flat_map(|l| of(l.trace).iter().copied()).collect::<Vec<f64>>()
+    };
+    let text = |of: fn(&Left) -> String| {
+        rows.iter().flat_map(|l| vec![of(l); l.trace.t.len()]).collect::<Vec<String>>()
+    };
     Table::build("responses")
         .repeat("model", model)
         .strings("group", text(|l| l.batch.group.clone()))
@@ -199,7 +230,9 @@ fn responses(model: &str, done: &[Done]) -> Result<Table> {
         .f64("modelled", each(|t| &t.modelled))
         .f64(
             "residual",
-            rows.iter().flat_map(|l| l.trace.measured.iter().zip(&l.trace.modelled).map(|(z, y)| z - y)).collect::<Vec<_>>(),
+            rows.iter()
+                .flat_map(|l| l.trace.measured.iter().zip(&l.trace.modelled).map(|(z, y)| z - y))
+                .collect::<Vec<_>>(),
         )
         .finish()
 }

@@ -7,8 +7,8 @@ use crate::table::Table;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Trim(Vec<(String, String, f64)>);
 
-/// How far two maneuvers of one condition may be apart: what is flown again by hand or by an autopilot comes back to it, and coefficients that
-/// vary with the condition hardly move.
+/// How far two maneuvers of one condition may be apart: what is flown again by hand or by an
+/// autopilot comes back to it, and coefficients that vary with the condition hardly move.
 const ANGLE: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// The same for altitudes and distances, m.
 const LENGTH: f64 = 150.0;
@@ -18,14 +18,23 @@ const SPEED: f64 = 0.03;
 const PRESSURE: f64 = 0.06;
 
 impl Trim {
-    /// Of the named columns those that a condition is told by: airspeeds, pressures, angles, altitudes. Rates, forces and currents are not.
+    /// Of the named columns those that a condition is told by: airspeeds, pressures, angles,
+    /// altitudes. Rates, forces and currents are not.
     pub fn of(conditions: Option<&Table>, segment: &str, columns: &[String]) -> Result<Trim> {
         let Some(table) = conditions else { return Ok(Trim::default()) };
-        let (segments, signals, units) = (table.strings("segment")?, table.strings("signal")?, table.strings("unit")?);
+        let (segments, signals, units) =
+            (table.strings("segment")?, table.strings("signal")?, table.strings("unit")?);
         let values = table.f64("value")?;
-        let wanted = |&i: &usize| segments[i] == segment && columns.iter().any(|c| c == signals[i]) && values[i].is_finite();
+        let wanted = |&i: &usize| {
+            segments[i] == segment
+                && columns.iter().any(|c| c == signals[i])
+                && values[i].is_finite()
+        };
         let told = |i: usize| (signals[i].to_string(), units[i].to_string(), values[i]);
-        let known = (0..table.rows()).filter(wanted).map(told).filter(|(_, unit, value)| tolerance(unit, *value).is_some());
+        let known = (0..table.rows())
+            .filter(wanted)
+            .map(told)
+            .filter(|(_, unit, value)| tolerance(unit, *value).is_some());
         Ok(Trim(known.collect()))
     }
 
@@ -34,7 +43,8 @@ impl Trim {
         !self.0.is_empty()
     }
 
-    /// Whether two maneuvers were flown at the same condition, as far as both tell; not where nothing is known.
+    /// Whether two maneuvers were flown at the same condition, as far as both tell; not where
+    /// nothing is known.
     pub fn is_like(&self, other: &Trim) -> bool {
         let close = |(name, unit, value): &(String, String, f64)| {
             let (.., theirs) = other.0.iter().find(|(n, ..)| n == name)?;
@@ -47,14 +57,20 @@ impl Trim {
     /// `qbar 4120 Pa, alpha 0.0512 rad`
     pub fn words(&self) -> String {
         let digits = |v: f64| {
-            let before_point = if v == 0.0 { 1 } else { libm::floor(libm::log10(v.abs())) as i32 + 1 };
+            let before_point =
+                if v == 0.0 { 1 } else { libm::floor(libm::log10(v.abs())) as i32 + 1 };
             format!("{v:.*}", (3 - before_point).clamp(0, 5) as usize)
         };
-        self.0.iter().map(|(name, unit, value)| format!("{name} {} {unit}", digits(*value))).collect::<Vec<_>>().join(", ")
+        self.0
+            .iter()
+            .map(|(name, unit, value)| format!("{name} {} {unit}", digits(*value)))
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 }
 
-/// How far a quantity of this SI unit may be off within one condition; none for those that tell no condition.
+/// How far a quantity of this SI unit may be off within one condition; none for those that tell no
+/// condition.
 fn tolerance(unit: &str, value: f64) -> Option<f64> {
     match unit {
         "rad" => Some(ANGLE),
@@ -70,8 +86,15 @@ mod tests {
     use super::*;
 
     fn trim(v: f64, alpha: f64, q: f64) -> Trim {
-        let table = Table::build("conditions").repeat("flight", "f").repeat("segment", "s").strings("signal", ["V", "alpha", "q"]);
-        let table = table.strings("unit", ["m/s", "rad", "rad/s"]).f64("value", [v, alpha, q]).finish().expect("conditions");
+        let table = Table::build("conditions")
+            .repeat("flight", "f")
+            .repeat("segment", "s")
+            .strings("signal", ["V", "alpha", "q"]);
+        let table = table
+            .strings("unit", ["m/s", "rad", "rad/s"])
+            .f64("value", [v, alpha, q])
+            .finish()
+            .expect("conditions");
         Trim::of(Some(&table), "s", &["V", "alpha", "q"].map(String::from)).expect("a condition")
     }
 

@@ -1,4 +1,5 @@
-//! Finished estimations come in; the tables of what their uncertainty is made of, and whether it can be believed, go out.
+//! Finished estimations come in; the tables of what their uncertainty is made of, and whether it
+//! can be believed, go out.
 
 use super::Batch;
 use super::tables::{Done, per, segment};
@@ -32,7 +33,9 @@ const NOTHING: f64 = 1e-12;
 
 pub fn separability(model: &str, done: &[Done]) -> Result<Table> {
     let rows: Vec<Finding> = done.iter().flat_map(|(batch, e)| findings(batch, e)).collect();
-    let term = |of: fn(&Batch, &Row) -> Option<String>| rows.iter().map(move |f| f.term.and_then(|(row, _)| of(f.batch, row)));
+    let term = |of: fn(&Batch, &Row) -> Option<String>| {
+        rows.iter().map(move |f| f.term.and_then(|(row, _)| of(f.batch, row)))
+    };
     let named = |of: fn(&Row) -> &String, or: fn(&Decision) -> &String| {
         rows.iter().map(move |f| f.term.map(|(row, _)| of(row)).or(f.decision.map(or)).cloned())
     };
@@ -44,10 +47,16 @@ pub fn separability(model: &str, done: &[Done]) -> Result<Table> {
         .f64("information", rows.iter().map(|f| f.information).collect::<Vec<_>>())
         .f64("condition", rows.iter().map(|f| f.condition).collect::<Vec<_>>())
         .opt_strings("parameter", named(|row| &row.name, |d| &d.parameter))
-        .opt_strings("segment", rows.iter().map(|f| segment(f.batch, f.term.map_or(f.segment, |(row, _)| row.segment))))
+        .opt_strings(
+            "segment",
+            rows.iter().map(|f| segment(f.batch, f.term.map_or(f.segment, |(row, _)| row.segment))),
+        )
         .opt_strings("of", term(|batch, row| per(batch, row).1))
         .opt_strings("unit", named(|row| &row.unit, |d| &d.unit))
-        .f64("change", rows.iter().map(|f| f.term.map_or(f64::NAN, |(_, change)| change)).collect::<Vec<_>>())
+        .f64(
+            "change",
+            rows.iter().map(|f| f.term.map_or(f64::NAN, |(_, change)| change)).collect::<Vec<_>>(),
+        )
         .strings("text", rows.iter().map(|f| &f.text))
         .finish()
 }
@@ -61,23 +70,47 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
     } else {
         ("separable", format!("these data determine all parameters; condition {condition:.1e}"))
     };
-    let whole =
-        Finding { batch, number: 0, verdict, information: f64::NAN, condition, term: None, segment: None, decision: None, text };
+    let whole = Finding {
+        batch,
+        number: 0,
+        verdict,
+        information: f64::NAN,
+        condition,
+        term: None,
+        segment: None,
+        decision: None,
+        text,
+    };
     let mut all = vec![whole];
     for combination in &e.verdict.combinations {
         let number = all.last().map_or(0, |f| f.number) + 1;
         let (verdict, text) = words(combination);
         for term in &combination.terms {
-            let of = |r: &&Row| r.name == term.name && r.segment == term.segment && r.group == term.group;
+            let of = |r: &&Row| {
+                r.name == term.name && r.segment == term.segment && r.group == term.group
+            };
             let term = e.rows.iter().find(of).map(|row| (row, term.change));
             let (information, text) = (combination.information, text.clone());
             let (condition, segment, decision) = (f64::NAN, None, None);
-            all.push(Finding { batch, number, verdict, information, condition, term, segment, decision, text });
+            all.push(Finding {
+                batch,
+                number,
+                verdict,
+                information,
+                condition,
+                term,
+                segment,
+                decision,
+                text,
+            });
         }
     }
     for row in e.rows.iter().filter(|r| r.at_bound) {
         let number = all.last().map_or(0, |f| f.number) + 1;
-        let text = format!("{} sits on its bound {}; the other estimates hold for it fixed there", row.name, row.value);
+        let text = format!(
+            "{} sits on its bound {}; the other estimates hold for it fixed there",
+            row.name, row.value
+        );
         let term = Some((row, f64::NAN));
         all.push(Finding {
             batch,
@@ -94,16 +127,40 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
     for decision in &e.decisions {
         let number = all.last().map_or(0, |f| f.number) + 1;
         let (information, condition) = (f64::NAN, f64::NAN);
-        let (verdict, text, decision) = (decision.support.as_str(), decided(decision), Some(decision));
-        all.push(Finding { batch, number, verdict, information, condition, term: None, segment: None, decision, text });
+        let (verdict, text, decision) =
+            (decision.support.as_str(), decided(decision), Some(decision));
+        all.push(Finding {
+            batch,
+            number,
+            verdict,
+            information,
+            condition,
+            term: None,
+            segment: None,
+            decision,
+            text,
+        });
     }
     let left_out = e.left_out.iter().map(|l| (l.segment, "left out", l.why.clone()));
-    let doubtful = e.doubtful.iter().map(|d| (d.segment, "doubtful output", format!("{}: {}", d.output, d.why)));
+    let doubtful = e
+        .doubtful
+        .iter()
+        .map(|d| (d.segment, "doubtful output", format!("{}: {}", d.output, d.why)));
     for (segment, verdict, text) in left_out.chain(doubtful) {
         let number = all.last().map_or(0, |f| f.number) + 1;
         let (information, condition) = (f64::NAN, f64::NAN);
         let (term, segment, decision) = (None, Some(segment), None);
-        all.push(Finding { batch, number, verdict, information, condition, term, segment, decision, text });
+        all.push(Finding {
+            batch,
+            number,
+            verdict,
+            information,
+            condition,
+            term,
+            segment,
+            decision,
+            text,
+        });
     }
     all
 }
@@ -114,7 +171,10 @@ fn decided(d: &Decision) -> String {
     if !d.held() {
         format!("{parameter} {value:.4e} +- {:.1e} (95%): estimated", INTERVAL * sd)
     } else if value.is_finite() {
-        format!("{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}", INTERVAL * sd)
+        format!(
+            "{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}",
+            INTERVAL * sd
+        )
     } else {
         format!("{parameter} is not distinguishable from others by these data: held at {start}")
     }
@@ -143,12 +203,20 @@ struct Share<'a> {
 pub fn budget(model: &str, done: &[Done]) -> Result<Table> {
     let mut rows: Vec<Share> = done.iter().flat_map(|(batch, e)| shares(batch, e)).collect();
     let key = |s: &Share| {
-        (s.batch.group.clone(), s.row.name.clone(), segment(s.batch, s.row.segment).map(str::to_string), per(s.batch, s.row).1)
+        (
+            s.batch.group.clone(),
+            s.row.name.clone(),
+            segment(s.batch, s.row.segment).map(str::to_string),
+            per(s.batch, s.row).1,
+        )
     };
     rows.sort_by(|a, b| key(a).cmp(&key(b)).then(b.share.total_cmp(&a.share)));
-    let constant = |of: fn(&Influence) -> &str| rows.iter().map(move |s| s.influence.map(|(i, _)| of(i)));
+    let constant =
+        |of: fn(&Influence) -> &str| rows.iter().map(move |s| s.influence.map(|(i, _)| of(i)));
     let number = |of: fn(&Influence, f64) -> f64| {
-        rows.iter().map(|s| s.influence.map_or(f64::NAN, |(i, slope)| of(i, slope))).collect::<Vec<_>>()
+        rows.iter()
+            .map(|s| s.influence.map_or(f64::NAN, |(i, slope)| of(i, slope)))
+            .collect::<Vec<_>>()
     };
     Table::build("budget")
         .repeat("model", model)
@@ -195,8 +263,10 @@ pub fn profiles(model: &str, done: &[Done]) -> Result<Table> {
         all.extend(e.profiles.iter().filter_map(|p| Some((*batch, e.rows.get(p.row)?, p))));
     }
     all.sort_by_key(|(b, r, _)| (&b.group, &r.name, segment(b, r.segment), per(b, r).1));
-    let rows: Vec<(&Batch, &Row, &Profile, &Point)> =
-        all.iter().flat_map(|(b, r, p)| p.points.iter().map(move |point| (*b, *r, *p, point))).collect();
+    let rows: Vec<(&Batch, &Row, &Profile, &Point)> = all
+        .iter()
+        .flat_map(|(b, r, p)| p.points.iter().map(move |point| (*b, *r, *p, point)))
+        .collect();
     Table::build("profiles")
         .repeat("model", model)
         .strings("group", rows.iter().map(|(b, ..)| &b.group))
@@ -215,10 +285,17 @@ pub fn regressions(model: &str, done: &[Done]) -> Result<Table> {
     let mut rows: Vec<(&Batch, &Row, &Regression, &Regressed)> = Vec::new();
     for (batch, e) in done {
         if let Some(regression) = &e.regression {
-            rows.extend(regression.rows.iter().filter_map(|r| Some((*batch, e.rows.get(r.row)?, regression, r))));
+            rows.extend(
+                regression
+                    .rows
+                    .iter()
+                    .filter_map(|r| Some((*batch, e.rows.get(r.row)?, regression, r))),
+            );
         }
     }
-    let number = |of: fn(&Regressed) -> Option<f64>| rows.iter().map(|(.., r)| of(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>();
+    let number = |of: fn(&Regressed) -> Option<f64>| {
+        rows.iter().map(|(.., r)| of(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
+    };
     let condition = |r: &Regression| if r.condition.is_finite() { r.condition } else { f64::NAN };
     Table::build("regressions")
         .repeat("model", model)
@@ -244,7 +321,9 @@ pub fn regressions(model: &str, done: &[Done]) -> Result<Table> {
 pub fn equations(model: &str, done: &[Done]) -> Result<Table> {
     let mut rows: Vec<(&Batch, &Equation)> = Vec::new();
     for (batch, e) in done {
-        rows.extend(e.regression.iter().flat_map(|r| &r.equations).map(|equation| (*batch, equation)));
+        rows.extend(
+            e.regression.iter().flat_map(|r| &r.equations).map(|equation| (*batch, equation)),
+        );
     }
     let number = |of: fn(&Equation) -> f64| rows.iter().map(|(_, e)| of(e)).collect::<Vec<f64>>();
     Table::build("equations")
@@ -309,7 +388,8 @@ pub fn repeats(model: &str, done: &[Done]) -> Result<Table> {
         .finish()
 }
 
-/// The estimates that belong to one maneuver and have an sd; initial values are no repeats of each other.
+/// The estimates that belong to one maneuver and have an sd; initial values are no repeats of each
+/// other.
 fn ones<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<One<'a>> {
     let alone = batch.labelled.len() == 1;
     let one = |row: &'a Row| {
@@ -322,22 +402,31 @@ fn ones<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<One<'a>> {
     e.rows.iter().filter_map(one).collect()
 }
 
-/// The sets of maneuvers of one input and kind at the same trimmed condition, each as the first of it tells: repeats of one another.
+/// The sets of maneuvers of one input and kind at the same trimmed condition, each as the first of
+/// it tells: repeats of one another.
 fn conditions<'a>(ones: &[&One<'a>]) -> Vec<Set<'a>> {
     let mut all: Vec<Vec<&One<'a>>> = Vec::new();
     for one in ones.iter().filter(|one| one.trim.is_known()) {
-        let same = |first: &One| (first.input, first.kind) == (one.input, one.kind) && first.trim.is_like(one.trim);
+        let same = |first: &One| {
+            (first.input, first.kind) == (one.input, one.kind) && first.trim.is_like(one.trim)
+        };
         match all.iter_mut().find(|set| set.first().is_some_and(|first| same(first))) {
             Some(set) => set.push(one),
             None => all.push(vec![one]),
         }
     }
-    let of = |mine: &Vec<&One<'a>>| Some(Set { trim: Some(mine.first()?.trim), ..set("condition", mine)? });
+    let of = |mine: &Vec<&One<'a>>| {
+        Some(Set { trim: Some(mine.first()?.trim), ..set("condition", mine)? })
+    };
     all.iter().filter_map(of).collect()
 }
 
 /// The sets of at least two estimates that are alike in `key`, in the order in which they come.
-fn sets<'a>(name: &'static str, ones: &[&One<'a>], key: impl Fn(&One<'a>) -> Option<&'a str>) -> Vec<Set<'a>> {
+fn sets<'a>(
+    name: &'static str,
+    ones: &[&One<'a>],
+    key: impl Fn(&One<'a>) -> Option<&'a str>,
+) -> Vec<Set<'a>> {
     let mut keys: Vec<Option<&str>> = Vec::new();
     for one in ones {
         if !keys.contains(&key(one)) {
@@ -356,5 +445,12 @@ fn set<'a>(set: &'static str, mine: &[&One<'a>]) -> Option<Set<'a>> {
     let first = mine.first()?;
     let values: Vec<f64> = mine.iter().map(|one| one.row.value).collect();
     let sds: Vec<f64> = mine.iter().filter_map(|one| one.row.sd).collect();
-    Some(Set { row: first.row, set, trim: None, input: first.input, kind: first.kind, found: compare(&values, &sds)? })
+    Some(Set {
+        row: first.row,
+        set,
+        trim: None,
+        input: first.input,
+        kind: first.kind,
+        found: compare(&values, &sds)?,
+    })
 }

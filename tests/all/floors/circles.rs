@@ -1,8 +1,9 @@
 //! Sources as text in; which file imports from which, and the circles among them, out.
 //!
-//! A path counts for the file that *defines* what it names: `super::{Name}` and `crate::module::Name` are followed through child modules and
-//! re-exports. A `mod.rs` that only re-exports its children therefore takes part in no circle; one whose own items its children import, and
-//! that calls them, does.
+//! A path counts for the file that *defines* what it names: `super::{Name}` and
+//! `crate::module::Name` are followed through child modules and re-exports. A `mod.rs` that only
+//! re-exports its children therefore takes part in no circle; one whose own items its children
+//! import, and that calls them, does.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -45,9 +46,13 @@ type Edges = BTreeMap<(usize, usize), BTreeSet<String>>;
 impl Imports {
     /// Of sources (path in `src`, text). Tests may look at anything: their files are left out.
     pub fn read<'a>(sources: impl IntoIterator<Item = (&'a str, &'a str)>) -> Imports {
-        let is_test = |path: &str| path.ends_with("tests.rs") || path.split('/').any(|part| part == "tests");
-        let files: Vec<File> =
-            sources.into_iter().filter(|(path, _)| !is_test(path)).map(|(path, text)| file(path, text)).collect();
+        let is_test =
+            |path: &str| path.ends_with("tests.rs") || path.split('/').any(|part| part == "tests");
+        let files: Vec<File> = sources
+            .into_iter()
+            .filter(|(path, _)| !is_test(path))
+            .map(|(path, text)| file(path, text))
+            .collect();
         let modules = files.iter().enumerate().map(|(i, file)| (file.module.clone(), i)).collect();
         let imports = Imports { files, modules, edges: Edges::new() };
         Imports { edges: imports.edges(), ..imports }
@@ -55,13 +60,16 @@ impl Imports {
 
     /// Groups of files that all reach each other, largest first.
     pub fn circles(&self) -> Vec<Vec<String>> {
-        let reached: Vec<BTreeSet<usize>> = (0..self.files.len()).map(|from| reach(&self.edges, from)).collect();
+        let reached: Vec<BTreeSet<usize>> =
+            (0..self.files.len()).map(|from| reach(&self.edges, from)).collect();
         let mut seen = BTreeSet::new();
         let mut circles = Vec::new();
         for from in 0..self.files.len() {
-            let circle: Vec<usize> = reached[from].iter().copied().filter(|&to| reached[to].contains(&from)).collect();
+            let circle: Vec<usize> =
+                reached[from].iter().copied().filter(|&to| reached[to].contains(&from)).collect();
             if !circle.is_empty() && seen.insert(circle.clone()) {
-                let mut paths: Vec<String> = circle.iter().map(|&i| self.files[i].path.clone()).collect();
+                let mut paths: Vec<String> =
+                    circle.iter().map(|&i| self.files[i].path.clone()).collect();
                 paths.sort();
                 circles.push(paths);
             }
@@ -76,7 +84,12 @@ impl Imports {
         let mut lines = Vec::new();
         for ((from, to), names) in &self.edges {
             if circle.contains(of(*from)) && circle.contains(of(*to)) {
-                lines.push(format!("    {} <- {}: {}", of(*from), of(*to), names.iter().cloned().collect::<Vec<_>>().join(", ")));
+                lines.push(format!(
+                    "    {} <- {}: {}",
+                    of(*from),
+                    of(*to),
+                    names.iter().cloned().collect::<Vec<_>>().join(", ")
+                ));
             }
         }
         lines
@@ -87,7 +100,9 @@ impl Imports {
         for (at, file) in self.files.iter().enumerate() {
             // A name that is only passed on is no use of it.
             let used = |import: &&Import| !import.is_public || file.words.contains(&import.name);
-            for path in file.imports.iter().filter(used).map(|import| &import.path).chain(&file.inline) {
+            for path in
+                file.imports.iter().filter(used).map(|import| &import.path).chain(&file.inline)
+            {
                 for landing in self.landings(at, path, 0) {
                     // An imported module counts by what is taken from it.
                     if let Landing::Item(to) = landing
@@ -101,7 +116,8 @@ impl Imports {
         edges
     }
 
-    /// Where a path written in a file leads. More than one place: a module and a function may share a name.
+    /// Where a path written in a file leads. More than one place: a module and a function may share
+    /// a name.
     fn landings(&self, at: usize, path: &[String], depth: usize) -> Vec<Landing> {
         let mut module = self.files[at].module.clone();
         let mut rest = path;
@@ -153,12 +169,15 @@ impl Imports {
             }
             for landing in self.landings(at, &import.path, depth + 1) {
                 match landing {
-                    Landing::Module(module) => found.extend(self.descend(module, rest, false, depth + 1)),
+                    Landing::Module(module) => {
+                        found.extend(self.descend(module, rest, false, depth + 1))
+                    }
                     item => found.push(item),
                 }
             }
         }
-        // A bare name that is neither here nor imported belongs to another crate; else it is an item that the text does not show (a macro's).
+        // A bare name that is neither here nor imported belongs to another crate; else it is an
+        // item that the text does not show (a macro's).
         if found.is_empty() && !is_bare {
             found.push(Landing::Item(at));
         }
@@ -170,25 +189,36 @@ fn reach(edges: &Edges, from: usize) -> BTreeSet<usize> {
     let mut reached = BTreeSet::new();
     let mut open = vec![from];
     while let Some(at) = open.pop() {
-        open.extend(edges.range((at, 0)..=(at, usize::MAX)).map(|((_, to), _)| *to).filter(|to| reached.insert(*to)));
+        open.extend(
+            edges
+                .range((at, 0)..=(at, usize::MAX))
+                .map(|((_, to), _)| *to)
+                .filter(|to| reached.insert(*to)),
+        );
     }
     reached
 }
 
 fn file(path: &str, text: &str) -> File {
     let stem = path.trim_end_matches(".rs").trim_end_matches("/mod");
-    let module = if stem == "lib" { Vec::new() } else { stem.split('/').map(String::from).collect() };
+    let module =
+        if stem == "lib" { Vec::new() } else { stem.split('/').map(String::from).collect() };
     let mut file = File { module, path: path.to_string(), ..File::default() };
     let tokens = without_tests(tokens(text));
     let mut i = 0;
     while i < tokens.len() {
         let before = i.checked_sub(1).map_or("", |i| tokens[i].as_str());
-        let is_path = tokens.get(i + 1).is_some_and(|t| t == "::") && !["::", "."].contains(&before);
+        let is_path =
+            tokens.get(i + 1).is_some_and(|t| t == "::") && !["::", "."].contains(&before);
         if tokens[i] == "use" {
             let mut leaves = Vec::new();
             let is_public = before == "pub" || before == ")";
             i = tree(&tokens, i + 1, &[], &mut leaves);
-            file.imports.extend(leaves.into_iter().map(|(name, path)| Import { name, path, is_public }));
+            file.imports.extend(leaves.into_iter().map(|(name, path)| Import {
+                name,
+                path,
+                is_public,
+            }));
         } else if is_word(&tokens[i]) && is_path {
             let mut leaves = Vec::new();
             let end = tree(&tokens, i, &[], &mut leaves);
@@ -196,7 +226,9 @@ fn file(path: &str, text: &str) -> File {
             file.inline.extend(leaves.into_iter().map(|(_, path)| path));
             i = end.max(i + 1);
         } else {
-            if ["fn", "struct", "enum", "trait", "type", "const", "static", "union", "mod"].contains(&before) && is_word(&tokens[i])
+            if ["fn", "struct", "enum", "trait", "type", "const", "static", "union", "mod"]
+                .contains(&before)
+                && is_word(&tokens[i])
             {
                 // `mod name;` is a file of its own.
                 if before != "mod" || tokens.get(i + 1).is_some_and(|t| t == "{") {
@@ -213,7 +245,12 @@ fn file(path: &str, text: &str) -> File {
 }
 
 /// The paths of a tree `a::{b, c::d as e, *}` with the names they get; returns where it ends.
-fn tree(tokens: &[String], mut i: usize, prefix: &[String], leaves: &mut Vec<(String, Vec<String>)>) -> usize {
+fn tree(
+    tokens: &[String],
+    mut i: usize,
+    prefix: &[String],
+    leaves: &mut Vec<(String, Vec<String>)>,
+) -> usize {
     let mut path = prefix.to_vec();
     loop {
         match tokens.get(i).map(String::as_str) {
@@ -222,7 +259,11 @@ fn tree(tokens: &[String], mut i: usize, prefix: &[String], leaves: &mut Vec<(St
                 while tokens.get(i).is_some_and(|t| t != "}") {
                     let next = tree(tokens, i, &path, leaves);
                     // What is no path (a block) is stepped over.
-                    i = if tokens.get(next).is_some_and(|t| t == ",") || next == i { next + 1 } else { next };
+                    i = if tokens.get(next).is_some_and(|t| t == ",") || next == i {
+                        next + 1
+                    } else {
+                        next
+                    };
                 }
                 return i + 1;
             }
@@ -239,12 +280,16 @@ fn tree(tokens: &[String], mut i: usize, prefix: &[String], leaves: &mut Vec<(St
             }
             _ => return i,
         }
-        if tokens.get(i).is_some_and(|t| t == "::") && tokens.get(i + 1).is_some_and(|t| is_word(t) || t == "{" || t == "*") {
+        if tokens.get(i).is_some_and(|t| t == "::")
+            && tokens.get(i + 1).is_some_and(|t| is_word(t) || t == "{" || t == "*")
+        {
             i += 1;
             continue;
         }
         let mut name = path.last().cloned().unwrap_or_default();
-        if tokens.get(i).is_some_and(|t| t == "as") && tokens.get(i + 2).is_some_and(|t| t == "," || t == ";" || t == "}") {
+        if tokens.get(i).is_some_and(|t| t == "as")
+            && tokens.get(i + 2).is_some_and(|t| t == "," || t == ";" || t == "}")
+        {
             name = tokens[i + 1].clone();
             i += 2;
         }
@@ -266,17 +311,26 @@ fn tokens(text: &str) -> Vec<String> {
         let rest = &chars[i..];
         i += match rest {
             ['/', '/', ..] => rest.iter().position(|c| *c == '\n').unwrap_or(rest.len()),
-            ['r', '#', '"', ..] => 3 + rest[3..].windows(2).position(|w| w == ['"', '#']).map_or(rest.len(), |n| n + 2),
-            ['r', '"', ..] => 2 + rest[2..].iter().position(|c| *c == '"').map_or(rest.len(), |n| n + 1),
+            ['r', '#', '"', ..] => {
+                3 + rest[3..].windows(2).position(|w| w == ['"', '#']).map_or(rest.len(), |n| n + 2)
+            }
+            ['r', '"', ..] => {
+                2 + rest[2..].iter().position(|c| *c == '"').map_or(rest.len(), |n| n + 1)
+            }
             ['"', ..] => text_length(rest),
-            ['\'', '\\', _, ..] => 3 + rest[3..].iter().position(|c| *c == '\'').map_or(rest.len(), |n| n + 1),
+            ['\'', '\\', _, ..] => {
+                3 + rest[3..].iter().position(|c| *c == '\'').map_or(rest.len(), |n| n + 1)
+            }
             ['\'', _, '\'', ..] => 3,
             [':', ':', ..] => {
                 tokens.push("::".into());
                 2
             }
             [c, ..] if c.is_alphanumeric() || *c == '_' => {
-                let length = rest.iter().position(|c| !c.is_alphanumeric() && *c != '_').unwrap_or(rest.len());
+                let length = rest
+                    .iter()
+                    .position(|c| !c.is_alphanumeric() && *c != '_')
+                    .unwrap_or(rest.len());
                 tokens.push(rest[..length].iter().collect());
                 length
             }
@@ -365,17 +419,24 @@ mod tests {
     #[test]
     fn a_parent_takes_part_by_its_own_items_only() {
         let child = ("a/b.rs", "use super::A; pub fn b(a: A) {}");
-        assert!(circles(&[LIB, ("a/mod.rs", "mod b; pub use b::b; pub struct A;"), child]).is_empty(), "passed on, not used");
+        assert!(
+            circles(&[LIB, ("a/mod.rs", "mod b; pub use b::b; pub struct A;"), child]).is_empty(),
+            "passed on, not used"
+        );
         let used = ("a/mod.rs", "mod b; pub use b::b; pub struct A; fn f() { b(A) }");
         assert_eq!(circles(&[LIB, used, child]), [["a/b.rs", "a/mod.rs"]]);
-        let of_its_own = [LIB, ("a/mod.rs", "mod b; mod c; pub use c::A; fn f() { b::b(A) }"), child, ("a/c.rs", "pub struct A;")];
+        let of_its_own = [
+            LIB,
+            ("a/mod.rs", "mod b; mod c; pub use c::A; fn f() { b::b(A) }"),
+            child,
+            ("a/c.rs", "pub struct A;"),
+        ];
         assert!(circles(&of_its_own).is_empty(), "the shared type in a file of its own");
     }
 
     #[test]
     fn tests_comments_and_text_are_no_imports() {
-        let text =
-            "pub struct B; // super::d::D\nconst T: &str = \"super::d::D\";\n#[cfg(test)]\nmod tests { use super::super::d::D; }\n";
+        let text = "pub struct B; // super::d::D\nconst T: &str = \"super::d::D\";\n#[cfg(test)]\nmod tests { use super::super::d::D; }\n";
         let sources = [
             LIB,
             ("a/mod.rs", "#[cfg(test)]\nmod tests; mod b; mod d;"),

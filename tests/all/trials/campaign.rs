@@ -1,4 +1,5 @@
-//! A seed in; a small campaign of recorded maneuvers of an aircraft with something hidden in it, out.
+//! A seed in; a small campaign of recorded maneuvers of an aircraft with something hidden in it,
+//! out.
 
 use koehler::dynamics::{Channel, Directions, Interpolation, Plan, Record};
 use koehler::estimate::{self, Segment, Settings};
@@ -39,7 +40,10 @@ pub fn base() -> Model {
 }
 
 pub fn method() -> Settings {
-    Settings { initial: ["V", "alpha", "theta", "q"].map(String::from).to_vec(), ..Settings::default() }
+    Settings {
+        initial: ["V", "alpha", "theta", "q"].map(String::from).to_vec(),
+        ..Settings::default()
+    }
 }
 
 fn random(seed: u64, what: u64) -> Pcg64 {
@@ -81,7 +85,10 @@ fn inputs(seed: u64, kind: usize, speed: usize) -> Vec<f64> {
     let small = 85.0 * 85.0 / (SPEEDS[speed] * SPEEDS[speed]);
     let size = |r: &mut Pcg64| if r.random_range(0..2) == 0 { 1.0 } else { 0.55 };
     let sign = |r: &mut Pcg64| if r.random_range(0..2) == 0 { 1.0 } else { -1.0 };
-    let (a, b) = (0.07 * small * size(&mut r) * sign(&mut r), 0.22 * small.sqrt() * size(&mut r) * sign(&mut r));
+    let (a, b) = (
+        0.07 * small * size(&mut r) * sign(&mut r),
+        0.22 * small.sqrt() * size(&mut r) * sign(&mut r),
+    );
     let (unit_a, unit_b) = (r.random_range(0.4..0.7), r.random_range(0.4..0.8));
     let throttle = 0.5 * sign(&mut r);
     let (mut x, mut y, mut z) = (0.0, 0.0, 0.0);
@@ -105,7 +112,9 @@ fn gusts(seed: u64, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]>
     let keep = (-speed / 533.4 * DT).exp();
     let mut now = [0, 0].map(|_: i32| intensity * r.sample::<f64, _>(StandardNormal));
     let mut step = || {
-        now = now.map(|v| keep * v + intensity * (1.0 - keep * keep).sqrt() * r.sample::<f64, _>(StandardNormal));
+        now = now.map(|v| {
+            keep * v + intensity * (1.0 - keep * keep).sqrt() * r.sample::<f64, _>(StandardNormal)
+        });
         now
     };
     (0..POINTS).map(|_| step()).collect()
@@ -114,14 +123,16 @@ fn gusts(seed: u64, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]>
 /// Flies all maneuvers: what sensors without noise show.
 fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Segment>> {
     let model = hidden.model();
-    let plan = Plan::new(&model, Directions { parameters: Vec::new(), starts: (0..4).collect() }).expect("a plan");
+    let plan = Plan::new(&model, Directions { parameters: Vec::new(), starts: (0..4).collect() })
+        .expect("a plan");
     let mut segments = Vec::new();
     for kind in 0..KINDS.len() {
         for turn in 0..SPEEDS.len() {
             let speed = (turn + kind) % SPEEDS.len();
             let u = inputs(seed, kind, speed);
             let gust = gusts(seed, segments.len(), SPEEDS[speed], intensity);
-            let rows = u.chunks(3).zip(&gust).flat_map(|(u, w)| [u[0], u[1], u[2], w[0], w[1]]).collect();
+            let rows =
+                u.chunks(3).zip(&gust).flat_map(|(u, w)| [u[0], u[1], u[2], w[0], w[1]]).collect();
             let truth = Record {
                 dt: DT,
                 n: POINTS,
@@ -137,11 +148,22 @@ fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Se
                 return None;
             }
             let t: Vec<f64> = (START..POINTS).map(|k| k as f64 * DT).collect();
-            let channel = |output| Channel { output, t: t.clone(), z: grid.y.iter().skip(output).step_by(6).copied().collect() };
+            let channel = |output| Channel {
+                output,
+                t: t.clone(),
+                z: grid.y.iter().skip(output).step_by(6).copied().collect(),
+            };
             let channels = (0..6).map(channel).collect();
             let record = Record { inputs: u, channels, substeps: 0, ..truth };
-            let labels = [("input".to_string(), KINDS[kind].to_string()), ("flight".to_string(), format!("f{turn}"))];
-            segments.push(Segment { record, labels: labels.into_iter().collect(), ..Segment::default() });
+            let labels = [
+                ("input".to_string(), KINDS[kind].to_string()),
+                ("flight".to_string(), format!("f{turn}")),
+            ];
+            segments.push(Segment {
+                record,
+                labels: labels.into_iter().collect(),
+                ..Segment::default()
+            });
         }
     }
     Some(segments)
@@ -152,7 +174,9 @@ fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
     let factor: f64 = r.random_range(0.7..1.4);
     for segment in &mut segments {
         for channel in &mut segment.record.channels {
-            channel.z.iter_mut().for_each(|z| *z += factor * NOISE[channel.output] * r.sample::<f64, _>(StandardNormal));
+            channel.z.iter_mut().for_each(|z| {
+                *z += factor * NOISE[channel.output] * r.sample::<f64, _>(StandardNormal)
+            });
         }
     }
     segments
@@ -161,18 +185,26 @@ fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
 /// The rms that the base leaves in the outputs of held-out maneuvers, refitted on the others.
 fn left(segments: &[Segment]) -> Option<[f64; 6]> {
     let base = base();
-    let (train, held): (Vec<_>, Vec<_>) = segments.iter().cloned().enumerate().partition(|(i, _)| i % 3 != 2);
+    let (train, held): (Vec<_>, Vec<_>) =
+        segments.iter().cloned().enumerate().partition(|(i, _)| i % 3 != 2);
     let only = |of: Vec<(usize, Segment)>| of.into_iter().map(|(_, s)| s).collect::<Vec<_>>();
     let floor = base.outputs.iter().zip(NOISE).map(|(o, sd)| (o.name.clone(), 0.3 * sd)).collect();
     let method = Settings { floor, ..method() };
     let fit = estimate::estimate_segments(&base, &only(train), &method).ok()?;
-    let starts = fit.rows.iter().filter(|r| r.segment.is_none()).map(|r| (r.name.clone(), r.value)).collect();
+    let starts = fit
+        .rows
+        .iter()
+        .filter(|r| r.segment.is_none())
+        .map(|r| (r.name.clone(), r.value))
+        .collect();
     let frozen = Settings { free: Some(Vec::new()), starts, ..method };
     let held = only(held);
     let check = estimate::estimate_segments(&base, &held, &frozen).ok()?;
     let mut sums = [(0.0, 0usize); 6];
     for trace in check.responses.iter().flatten() {
-        for e in trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).filter(|e| e.is_finite()) {
+        for e in
+            trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).filter(|e| e.is_finite())
+        {
             sums[trace.output].0 += e * e;
             sums[trace.output].1 += 1;
         }
@@ -194,7 +226,8 @@ pub fn trial(hidden: &Hidden, setting: &Setting) -> Option<Trial> {
         let most = (0..6).max_by(|&a, &b| (rms[a] / noise[a]).total_cmp(&(rms[b] / noise[b])))?;
         Some((rms[most] / noise[most], most))
     };
-    // The size grows with the amount, though not always in proportion: a bracket, halved in the logarithm.
+    // The size grows with the amount, though not always in proportion: a bracket, halved in the
+    // logarithm.
     let (mut low, mut high) = (0.0f64, f64::INFINITY);
     let mut amount = hidden.nominal;
     let mut now = size(amount)?;
@@ -209,7 +242,11 @@ pub fn trial(hidden: &Hidden, setting: &Setting) -> Option<Trial> {
             high = amount
         }
         let guess = amount * ratio.clamp(0.3, 3.0).powf(0.9);
-        amount = if guess > low && guess < high { guess } else { (low.max(0.1 * high) * high.min(10.0 * low)).sqrt() };
+        amount = if guess > low && guess < high {
+            guess
+        } else {
+            (low.max(0.1 * high) * high.min(10.0 * low)).sqrt()
+        };
         now = size(amount)?;
     }
     let segments = with_noise(fly(hidden, amount, setting.seed, intensity)?, setting.seed);

@@ -1,8 +1,11 @@
-//! Hidden-effect trials: does the diagnosis name what was hidden in a campaign that it knows nothing about?
+//! Hidden-effect trials: does the diagnosis name what was hidden in a campaign that it knows
+//! nothing about?
 //!
-//! A fixed selection runs with the slow tests (`KOEHLER_SLOW=1`). `KOEHLER_TRIALS=60 cargo test --release --test all -- trials::matrix --nocapture`
-//! runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the whole one, `KOEHLER_TRIALS="flap lag#3"` one trial in detail, `"flap#1-9"` all whose
-//! name has that in it, with these seeds; `"inside#1"`, `"outside#1-3"` all of a kind. A matrix keeps every trial that has ended in a file, and goes on from there when
+//! A fixed selection runs with the slow tests (`KOEHLER_SLOW=1`). `KOEHLER_TRIALS=60 cargo test
+//! --release --test all -- trials::matrix
+//! --nocapture` runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the whole one, `KOEHLER_TRIALS="flap
+//! lag#3"` one trial in detail, `"flap#1-9"` all whose name has that in it, with these seeds; `"inside#1"`, `"outside#1-3"`
+//! all of a kind. A matrix keeps every trial that has ended in a file, and goes on from there when
 //! it is started again with the same program.
 
 mod campaign;
@@ -37,7 +40,12 @@ fn run(hidden: &Hidden, setting: &Setting) -> Option<Outcome> {
 }
 
 /// Diagnoses what was flown.
-fn diagnosed(hidden: &Hidden, setting: &Setting, trial: &Trial, settings: &diagnose::Settings) -> Outcome {
+fn diagnosed(
+    hidden: &Hidden,
+    setting: &Setting,
+    trial: &Trial,
+    settings: &diagnose::Settings,
+) -> Outcome {
     let clock = std::time::Instant::now();
     let (base, method) = (campaign::base(), campaign::method());
     let settings = diagnose::Settings { seed: setting.seed, ..settings.clone() };
@@ -47,13 +55,21 @@ fn diagnosed(hidden: &Hidden, setting: &Setting, trial: &Trial, settings: &diagn
     let records: Vec<_> = trial.segments.iter().map(|s| &s.record).collect();
     let context = effect::Context::of(&base, &records);
     let (segments, held_out) = (&trial.segments[..], &held_out[..]);
-    let subject = Subject { model: &base, segments, held_out, method: &method, context: &context, settings: &settings };
+    let subject = Subject {
+        model: &base,
+        segments,
+        held_out,
+        method: &method,
+        context: &context,
+        settings: &settings,
+    };
     let offer = |model: &koehler::model::Model| {
         let offer = effect::candidates(model, &context, &library);
         let skipped = offer.skipped.into_iter().map(|s| (s.effect, s.why)).collect();
         Ok((offer.candidates, skipped))
     };
-    let diagnosis = diagnose::diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{}: {e}", hidden.name));
+    let diagnosis = diagnose::diagnose(&subject, &offer, &|_| {})
+        .unwrap_or_else(|e| panic!("{}: {e}", hidden.name));
     let end = graded(hidden, setting, &diagnosis);
     Outcome {
         end,
@@ -81,7 +97,8 @@ const AIR: [&str; 2] = ["vertical-gust", "head-gust"];
 
 fn graded(hidden: &Hidden, setting: &Setting, diagnosis: &Diagnosis) -> End {
     let air = |class: &Vec<&str>| setting.turbulence && class.iter().all(|name| AIR.contains(name));
-    let classes: Vec<Vec<&str>> = named(diagnosis).into_iter().filter(|class| !air(class)).collect();
+    let classes: Vec<Vec<&str>> =
+        named(diagnosis).into_iter().filter(|class| !air(class)).collect();
     let has_truth = |class: &Vec<&str>| class.iter().any(|name| hidden.is.contains(name));
     match &diagnosis.verdict {
         Verdict::None(_) => End::None,
@@ -135,16 +152,41 @@ fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
         let mut order: Vec<_> = round.judged.iter().collect();
         order.sort_by(|a, b| b.score.total_cmp(&a.score));
         for j in order.iter().take(12) {
-            let _ =
-                write!(text, "\n  {} score {:.1} evidence {:.1} {}: {}", j.name, j.score, j.evidence, j.standing.as_str(), j.why);
+            let _ = write!(
+                text,
+                "\n  {} score {:.1} evidence {:.1} {}: {}",
+                j.name,
+                j.score,
+                j.evidence,
+                j.standing.as_str(),
+                j.why
+            );
             if let Some(refit) = &j.refit {
-                let values: Vec<String> = refit.values.iter().map(|v| format!("{} {:.4}", v.name, v.value)).collect();
-                let held: Vec<String> = refit.held_out.iter().map(|g| format!("{:.1}/{:.1}", g.realised, g.predicted)).collect();
-                let _ = write!(text, "\n     gain {:.1}, {}, held out {}", refit.gain, values.join(", "), held.join(" "));
+                let values: Vec<String> =
+                    refit.values.iter().map(|v| format!("{} {:.4}", v.name, v.value)).collect();
+                let held: Vec<String> = refit
+                    .held_out
+                    .iter()
+                    .map(|g| format!("{:.1}/{:.1}", g.realised, g.predicted))
+                    .collect();
+                let _ = write!(
+                    text,
+                    "\n     gain {:.1}, {}, held out {}",
+                    refit.gain,
+                    values.join(", "),
+                    held.join(" ")
+                );
             }
         }
         for j in round.judged.iter().filter(|j| hidden.is.contains(&j.name.as_str())) {
-            let _ = write!(text, "\n  truth: {} score {:.1} {}: {}", j.name, j.score, j.standing.as_str(), j.why);
+            let _ = write!(
+                text,
+                "\n  truth: {} score {:.1} {}: {}",
+                j.name,
+                j.score,
+                j.standing.as_str(),
+                j.why
+            );
         }
     }
     for l in d.located.iter().take(4) {
@@ -157,30 +199,42 @@ fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
 fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
     let setting = |seed: u64, turn: usize| {
         // sizes from 1 to 4, spread evenly over their logarithm
-        let share = ((seed ^ (seed >> 7)).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 / (1u64 << 24) as f64;
+        let share = ((seed ^ (seed >> 7)).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64
+            / (1u64 << 24) as f64;
         Setting { seed, turbulence: turn % 2 == 1, size: 4f64.powf(share) }
     };
     // seed by seed, so that the first of them has every effect once
     let of = |all: &'static [Hidden], seeds: u64| {
-        let one = |s: u64| all.iter().enumerate().map(move |(i, h)| (h, setting(1000 * i as u64 + s, s as usize + i)));
+        let one = |s: u64| {
+            all.iter()
+                .enumerate()
+                .map(move |(i, h)| (h, setting(1000 * i as u64 + s, s as usize + i)))
+        };
         (1..=seeds).flat_map(one).collect::<Vec<_>>()
     };
-    let nothing = |n: u64| (1..=n).map(|s| (&NOTHING, setting(900_000 + s, s as usize))).collect::<Vec<_>>();
+    let nothing =
+        |n: u64| (1..=n).map(|s| (&NOTHING, setting(900_000 + s, s as usize))).collect::<Vec<_>>();
     if wanted == "full" {
         // All three side by side, so that what has ended is a sample of the whole at any time.
         let share = |list: Vec<(&'static Hidden, Setting)>| {
             let n = list.len();
             list.into_iter().enumerate().map(move |(i, trial)| (i as f64 / n as f64, trial))
         };
-        let mut all: Vec<_> = share(of(INSIDE, 20)).chain(share(nothing(200))).chain(share(of(OUTSIDE, 20))).collect();
+        let mut all: Vec<_> = share(of(INSIDE, 20))
+            .chain(share(nothing(200)))
+            .chain(share(of(OUTSIDE, 20)))
+            .collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         return all.into_iter().map(|(_, trial)| trial).collect();
     }
     if let Ok(n) = wanted.parse::<usize>() {
         let (outside, null) = (n / 8, n / 6);
         let seeds = |all: &[Hidden], n: usize| n.div_ceil(all.len()) as u64;
-        let first = |all: &'static [Hidden], n: usize| of(all, seeds(all, n)).into_iter().take(n).collect::<Vec<_>>();
-        return [first(INSIDE, n - outside - null), nothing(null as u64), first(OUTSIDE, outside)].concat();
+        let first = |all: &'static [Hidden], n: usize| {
+            of(all, seeds(all, n)).into_iter().take(n).collect::<Vec<_>>()
+        };
+        return [first(INSIDE, n - outside - null), nothing(null as u64), first(OUTSIDE, outside)]
+            .concat();
     }
     let (name, seed) = wanted.split_once('#').unwrap_or((wanted, "1"));
     let (first, last) = seed.split_once('-').unwrap_or((seed, seed));
@@ -191,17 +245,26 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
         name => h.name.contains(name),
     };
     let all = INSIDE.iter().chain(OUTSIDE).chain([&NOTHING]).filter(wanted);
-    let seeds = |h| (first..=last).map(move |seed| (h, setting(seed, (seed % 1000 + seed / 1000) as usize)));
+    let seeds = |h| {
+        (first..=last).map(move |seed| (h, setting(seed, (seed % 1000 + seed / 1000) as usize)))
+    };
     all.flat_map(seeds).collect()
 }
 
-/// The gain of the best candidate that passes all tests but that of evidence itself, over what chance gives the best of its round; 0 without one. What a
-/// name must have is chosen so that nothing has it where nothing is missing.
+/// The gain of the best candidate that passes all tests but that of evidence itself, over what
+/// chance gives the best of its round; 0 without one. What a name must have is chosen so that
+/// nothing has it where nothing is missing.
 fn most(diagnosis: &Diagnosis) -> f64 {
     use diagnose::Standing::{Alike, Beaten, Chosen, Faint};
     let thresholds = diagnose::Thresholds::default();
     let passes = |j: &&diagnose::Judged| matches!(j.standing, Alike | Beaten | Chosen | Faint);
-    let of = |r: &diagnose::Round| r.judged.iter().filter(passes).map(|j| j.over_luck(r.limit, &thresholds)).fold(0.0, f64::max);
+    let of = |r: &diagnose::Round| {
+        r.judged
+            .iter()
+            .filter(passes)
+            .map(|j| j.over_luck(r.limit, &thresholds))
+            .fold(0.0, f64::max)
+    };
     diagnosis.rounds.iter().map(of).fold(0.0, f64::max)
 }
 
@@ -213,7 +276,12 @@ fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     let row = row(hidden, setting, outcome.as_ref());
     println!("{}", row.line());
     if let Some(o) = outcome.as_ref().filter(|_| row.kind == Kind::Nothing) {
-        println!("{} #{}: gain over that by chance {:.2}", row.hidden, row.seed, most(&o.diagnosis));
+        println!(
+            "{} #{}: gain over that by chance {:.2}",
+            row.hidden,
+            row.seed,
+            most(&o.diagnosis)
+        );
     }
     row
 }
@@ -232,7 +300,14 @@ fn row(hidden: &Hidden, setting: &Setting, outcome: Option<&Outcome>) -> Row {
     };
     let Some(o) = outcome else { return row };
     let names: Vec<String> = named(&o.diagnosis).iter().map(|c| c.join("|")).collect();
-    Row { size: o.size, channel: o.channel.clone(), end: o.end, names: names.join(" then "), seconds: o.seconds, ..row }
+    Row {
+        size: o.size,
+        channel: o.channel.clone(),
+        end: o.end,
+        names: names.join(" then "),
+        seconds: o.seconds,
+        ..row
+    }
 }
 
 /// Where the trials of a matrix are kept; none for a selection.
@@ -244,23 +319,41 @@ fn kept(wanted: &str) -> Option<PathBuf> {
 /// The program's fingerprint (FNV-1a): what another one has found is not gone on from.
 fn program() -> String {
     let bytes = std::env::current_exe().and_then(std::fs::read).unwrap_or_default();
-    let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
+    let hash = bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3));
     format!("# program {hash:016x}")
 }
 
 /// How many trials end between two prints of the totals.
 const EVERY: usize = 100;
 
-/// Runs a list of trials, every one on a single thread, as many at once as there are cores; those that `file` has already are taken from it.
+/// Runs a list of trials, every one on a single thread, as many at once as there are cores; those
+/// that `file` has already are taken from it.
 fn all(list: &[(&'static Hidden, Setting)], file: Option<&Path>) -> Vec<Row> {
     let program = program();
-    let old = file.and_then(|file| std::fs::read_to_string(file).ok()).filter(|text| text.lines().next() == Some(&program));
-    let rows: Vec<Row> = old.as_deref().unwrap_or_default().lines().filter_map(Row::parse).collect();
-    let has = |(hidden, setting): &&(&Hidden, Setting)| rows.iter().any(|r| r.hidden == hidden.name && r.seed == setting.seed);
+    let old = file
+        .and_then(|file| std::fs::read_to_string(file).ok())
+        .filter(|text| text.lines().next() == Some(&program));
+    let rows: Vec<Row> =
+        old.as_deref().unwrap_or_default().lines().filter_map(Row::parse).collect();
+    let has = |(hidden, setting): &&(&Hidden, Setting)| {
+        rows.iter().any(|r| r.hidden == hidden.name && r.seed == setting.seed)
+    };
     let left: Vec<_> = list.iter().filter(|trial| !has(trial)).collect();
     let mut out = file.map(|file| {
-        println!("{} of {} trials are in {} already", list.len() - left.len(), list.len(), file.display());
-        let new = std::fs::OpenOptions::new().create(true).append(old.is_some()).write(true).truncate(old.is_none()).open(file);
+        println!(
+            "{} of {} trials are in {} already",
+            list.len() - left.len(),
+            list.len(),
+            file.display()
+        );
+        let new = std::fs::OpenOptions::new()
+            .create(true)
+            .append(old.is_some())
+            .write(true)
+            .truncate(old.is_none())
+            .open(file);
         new.unwrap_or_else(|e| panic!("{}: {e}", file.display()))
     });
     if let Some(out) = out.as_mut().filter(|_| old.is_none()) {
@@ -293,7 +386,9 @@ fn cores() -> usize {
 
 #[test]
 fn matrix_of_hidden_effects() {
-    let wanted = std::env::var("KOEHLER_TRIALS").ok().filter(|wanted| !wanted.starts_with(sensitivity::WANTED));
+    let wanted = std::env::var("KOEHLER_TRIALS")
+        .ok()
+        .filter(|wanted| !wanted.starts_with(sensitivity::WANTED));
     let Some(wanted) = wanted else {
         println!("skipped: set KOEHLER_TRIALS to 60, full, or the name of what is hidden");
         return;
@@ -340,8 +435,15 @@ fn recovery_a_selection_of_hidden_effects() {
         println!("{}", story(hidden, &setting, &outcome));
         assert!(expected(hidden, outcome.end), "{}: {:?}", hidden.name, outcome.end);
         if outcome.end == End::Right {
-            let whole = |c: &&diagnose::Channel| c.held_out && c.segment.is_none() && c.output.is_none();
-            let gap = outcome.diagnosis.comparison.channels.iter().find(whole).expect("held-out maneuvers together");
+            let whole =
+                |c: &&diagnose::Channel| c.held_out && c.segment.is_none() && c.output.is_none();
+            let gap = outcome
+                .diagnosis
+                .comparison
+                .channels
+                .iter()
+                .find(whole)
+                .expect("held-out maneuvers together");
             println!("chi-square per sample {} before, {} after", gap.before.chi2, gap.after.chi2);
             assert!(gap.before.chi2 > 1.1 * gap.after.chi2 && (gap.after.chi2 - 1.0).abs() < 0.15);
         }
@@ -351,7 +453,11 @@ fn recovery_a_selection_of_hidden_effects() {
 #[test]
 fn everything_hidden_has_its_candidates() {
     let base = campaign::base();
-    let offer = effect::candidates(&base, &effect::Context::default(), &effect::load(&[]).unwrap_or_else(|e| panic!("{e}")));
+    let offer = effect::candidates(
+        &base,
+        &effect::Context::default(),
+        &effect::load(&[]).unwrap_or_else(|e| panic!("{e}")),
+    );
     let names: Vec<&str> = offer.candidates.iter().map(|c| c.name.as_str()).collect();
     for hidden in INSIDE.iter().chain(OUTSIDE) {
         hidden.model();

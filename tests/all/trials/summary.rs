@@ -1,4 +1,5 @@
-//! Trials that ended in; lines of a file, and the confusion matrix with the figures that the requirements speak of, out.
+//! Trials that ended in; lines of a file, and the confusion matrix with the figures that the
+//! requirements speak of, out.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -44,7 +45,8 @@ pub enum Kind {
     Nothing,
 }
 
-const KINDS: [(Kind, &str); 3] = [(Kind::Inside, "inside"), (Kind::Outside, "outside"), (Kind::Nothing, "nothing")];
+const KINDS: [(Kind, &str); 3] =
+    [(Kind::Inside, "inside"), (Kind::Outside, "outside"), (Kind::Nothing, "nothing")];
 
 /// One trial that ended.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,7 +83,9 @@ impl Row {
 
     pub fn parse(line: &str) -> Option<Row> {
         let fields: Vec<&str> = line.split('\t').collect();
-        let [kind, hidden, seed, air, size, channel, end, names, seconds] = fields[..] else { return None };
+        let [kind, hidden, seed, air, size, channel, end, names, seconds] = fields[..] else {
+            return None;
+        };
         Some(Row {
             kind: KINDS.iter().find(|k| k.1 == kind)?.0,
             hidden: hidden.to_string(),
@@ -96,7 +100,8 @@ impl Row {
     }
 }
 
-/// Counts of the ends by what was hidden, with the seed, size and names of every trial that did not end as it should.
+/// Counts of the ends by what was hidden, with the seed, size and names of every trial that did not
+/// end as it should.
 pub fn table(rows: &[Row]) -> String {
     let mut groups: Vec<(&str, BTreeMap<End, usize>, Vec<String>)> = Vec::new();
     let mut order: Vec<&Row> = rows.iter().collect();
@@ -114,14 +119,18 @@ pub fn table(rows: &[Row]) -> String {
         };
         if row.end != expected {
             let end = word(row.end);
-            groups[at].2.push(format!("#{} {:.1} {end} {}", row.seed, row.size, row.names).trim_end().to_string());
+            groups[at].2.push(
+                format!("#{} {:.1} {end} {}", row.seed, row.size, row.names).trim_end().to_string(),
+            );
         }
     }
     let mut text = format!("{:<38}", "hidden");
     ENDS.iter().for_each(|(_, name)| text += &format!("{name:>11}"));
     for (name, counts, notes) in groups {
         let _ = write!(text, "\n{name:<38}");
-        ENDS.iter().for_each(|(end, _)| text += &format!("{:>11}", counts.get(end).map_or(String::new(), usize::to_string)));
+        ENDS.iter().for_each(|(end, _)| {
+            text += &format!("{:>11}", counts.get(end).map_or(String::new(), usize::to_string))
+        });
         let _ = write!(text, "   {}", notes.join("; "));
     }
     text
@@ -134,12 +143,14 @@ pub fn totals(rows: &[Row]) -> String {
         let _ = write!(
             text,
             "\n{air}:\n  {}",
-            of_air(rows.iter().filter(|r| r.turbulence == turbulence).collect()).replace('\n', "\n  ")
+            of_air(rows.iter().filter(|r| r.turbulence == turbulence).collect())
+                .replace('\n', "\n  ")
         );
     }
     let mut seconds: Vec<f64> = rows.iter().map(|r| r.seconds).collect();
     seconds.sort_by(f64::total_cmp);
-    let (middle, most) = (seconds.get(seconds.len() / 2).unwrap_or(&0.0), seconds.last().unwrap_or(&0.0));
+    let (middle, most) =
+        (seconds.get(seconds.len() / 2).unwrap_or(&0.0), seconds.last().unwrap_or(&0.0));
     let _ = write!(
         text,
         "\n{} trials; one takes {middle:.1} s of one core (median), {most:.1} s at most (20 required), {:.0} s in sum",
@@ -150,11 +161,14 @@ pub fn totals(rows: &[Row]) -> String {
 }
 
 fn of_air(rows: Vec<&Row>) -> String {
-    let count = |kind: Kind, is: &dyn Fn(&Row) -> bool| rows.iter().filter(|r| r.kind == kind && is(r)).count();
+    let count = |kind: Kind, is: &dyn Fn(&Row) -> bool| {
+        rows.iter().filter(|r| r.kind == kind && is(r)).count()
+    };
     let share = |kind: Kind, ends: &[End]| {
         // Sizes come out within 15% of what was wanted, which is 1 at least.
         let counts = |r: &Row| r.end != End::Unflown && (kind == Kind::Nothing || r.size >= 0.84);
-        let (part, all) = (count(kind, &|r| counts(r) && ends.contains(&r.end)), count(kind, &counts));
+        let (part, all) =
+            (count(kind, &|r| counts(r) && ends.contains(&r.end)), count(kind, &counts));
         format!("{part} of {all} ({:.1}%)", 100.0 * part as f64 / all.max(1) as f64)
     };
     format!(

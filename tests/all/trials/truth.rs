@@ -1,4 +1,5 @@
-//! What may be hidden: an aircraft's text with one effect written into it, by hand and not with the library's lines.
+//! What may be hidden: an aircraft's text with one effect written into it, by hand and not with the
+//! library's lines.
 
 use koehler::model::{Constants, Model};
 
@@ -138,7 +139,8 @@ impl Hidden {
             let filled = self.text.iter().find(|t| t.0 == *place).map_or(*plain, |t| t.1);
             text = text.replace(&format!("<{place}>"), filled);
         }
-        Model::parse(self.name, &text, &Constants::default()).unwrap_or_else(|e| panic!("{}: {e}", self.name))
+        Model::parse(self.name, &text, &Constants::default())
+            .unwrap_or_else(|e| panic!("{}: {e}", self.name))
     }
 }
 
