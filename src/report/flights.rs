@@ -165,9 +165,14 @@ pub fn overview(
     };
     let flights: Vec<Flight> = ids.iter().map(&mut flight).collect();
     let thinned = if thinned { " Traces are thinned for display, extremes kept." } else { "" };
-    let shown = format!(
-        "Shaded: maneuvers that may be used (blue) and those left out (grey), numbered as in the table below.{thinned}"
-    );
+    let shaded = match segments {
+        Some(_) => {
+            "Shaded: maneuvers that may be used (blue) and those left out (grey), numbered as in the \
+             table below."
+        }
+        None => "",
+    };
+    let shown = format!("{shaded}{thinned}").trim_start().to_string();
     (Overview { missing: None, shown }, flights)
 }
 

@@ -73,7 +73,7 @@ fn estimated(segments: Option<&Columns>, responses: Option<&Columns>) -> Vec<Est
     let found = segments.map(|s| s.rows_by(["segment"])).unwrap_or_default();
     let one = |([segment], rows): ([String; 1], Vec<usize>)| match (
         segments,
-        found.get(&[segment.clone()]),
+        found.get(std::slice::from_ref(&segment)),
     ) {
         (Some(s), Some(own)) => {
             let row = *own.first()?;

@@ -217,7 +217,8 @@ fn repeats(table: Option<&Columns>) -> Grid {
     for row in 0..table.rows() {
         let repeated = table.text("set", row) == "condition";
         let mut cells: Vec<Cell> =
-            ["model", "parameter", "unit"].map(|c| Cell::new(table.text(c, row))).to_vec();
+            ["model", "parameter"].map(|c| Cell::new(table.text(c, row))).to_vec();
+        cells.push(table.unit_in("unit", row).into());
         let kind = table.text("kind", row);
         cells.push(table.text("input", row).into());
         cells.push(Cell::new(if kind.is_empty() { "all".to_string() } else { kind }));
