@@ -5,6 +5,7 @@ mod columns;
 mod logs;
 mod loose;
 mod names;
+mod unknown;
 
 use super::settings::Settings;
 use super::simulate::Simulation;
@@ -345,7 +346,7 @@ impl Reader {
             .flat_map(estimate::Used::names)
             .filter(|input| !inputs.contains(&input.as_str()))
         {
-            let error = names::unknown(
+            let error = unknown::unknown(
                 &self.doc,
                 &format!("{key}.input"),
                 "[[segment.input]]",
@@ -365,7 +366,7 @@ impl Reader {
         for (i, kind) in
             settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str()))
         {
-            let error = names::unknown(
+            let error = unknown::unknown(
                 &self.doc,
                 &format!("{key}.kinds.{i}"),
                 "kind of maneuver",
@@ -439,7 +440,7 @@ impl Reader {
         let names: Vec<String> =
             self.settings.estimate.iter().map(estimate::Settings::name).collect();
         let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
-            let error = names::unknown(
+            let error = unknown::unknown(
                 &self.doc,
                 &format!("{key}.estimate"),
                 "[[estimate]]",
@@ -479,7 +480,7 @@ impl Reader {
             match estimate.model.parameters.iter().find(|p| p.quantity.name == *name) {
                 Some(parameter) => units.push(parameter.quantity.unit.clone()),
                 None => {
-                    let error = names::unknown(
+                    let error = unknown::unknown(
                         &self.doc,
                         &format!("{key}.parameters.{i}"),
                         "parameter of the model",
@@ -518,7 +519,7 @@ impl Reader {
         let names: Vec<String> =
             self.settings.estimate.iter().map(estimate::Settings::name).collect();
         let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
-            let error = names::unknown(
+            let error = unknown::unknown(
                 &self.doc,
                 &format!("{key}.estimate"),
                 "[[estimate]]",
@@ -551,8 +552,13 @@ impl Reader {
             effect::roles::names().iter().map(|name| name.to_string()).collect();
         for (role, players) in &settings.roles {
             if !effect::roles::exists(role) {
-                let error =
-                    names::unknown(&self.doc, &format!("{key}.roles.{role}"), "role", role, &known);
+                let error = unknown::unknown(
+                    &self.doc,
+                    &format!("{key}.roles.{role}"),
+                    "role",
+                    role,
+                    &known,
+                );
                 self.errors.push(error);
             }
             for (i, name) in

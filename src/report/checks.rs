@@ -16,8 +16,7 @@ use super::grid::Level;
 use super::lines::EXCESS;
 use super::section::{Body, Given, Section};
 use super::{
-    SECTIONS, consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still,
-    uncertainty,
+    consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still, uncertainty,
 };
 use crate::error::Result;
 use serde::Serialize;
@@ -159,7 +158,7 @@ pub fn answers(given: &Given) -> Vec<Check> {
     ];
     let link = |section: &str, id| {
         let section =
-            SECTIONS.iter().find(|s| s.id == section).filter(|s| given.input.asks_for(s))?;
+            given.sections.iter().find(|s| s.id == section).filter(|s| given.input.asks_for(s))?;
         Some(Link { id, heading: section.heading })
     };
     // A check without a finding has nothing to show.

@@ -2,9 +2,8 @@
 //! the table of maneuvers out.
 
 use super::columns::Columns;
-use super::format::{count, display_unit, every, number, plain, shorts, thin};
+use super::format::{count, display_unit, every, number, plain, shorts, thin, times};
 use super::grid::{Cell, Grid, Level, Row};
-use super::maneuvers::times;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;

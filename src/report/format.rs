@@ -10,6 +10,11 @@ pub const MEANING: &str = "± is half of the 95% interval, 1.96 standard deviati
     deviation. Plots, and what is printed with them, are in the units of their axes, angles in degrees; tables are in SI units, angles in rad, \
     unless a unit stands there.";
 
+/// Times to the millisecond: six digits would not do for a long flight.
+pub fn times(t: &[f64]) -> Vec<Option<f64>> {
+    t.iter().map(|t| t.is_finite().then(|| (t * 1e3).round() / 1e3)).collect()
+}
+
 /// `-0.372 ± 0.008`: an estimate with half of its 95% interval; alone where it has no standard
 /// deviation. No other place writes a `±`.
 pub fn plus_minus(value: f64, sd: f64) -> String {

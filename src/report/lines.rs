@@ -1,12 +1,12 @@
 //! `fits`, `bands` and `points` in, the plots of coefficients versus angle of attack and the table
 //! of fitted lines out.
 
-use super::FlightStyle;
 use super::columns::Columns;
 use super::format::{
     INTERVAL, bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit,
 };
 use super::grid::{Cell, Grid, Level};
+use super::section::FlightStyle;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;

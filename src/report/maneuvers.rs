@@ -3,7 +3,7 @@
 
 use super::columns::Columns;
 use super::flights;
-use super::format::{count, display_unit, number, plain, short, shorts, thin};
+use super::format::{count, display_unit, number, plain, short, shorts, thin, times};
 use super::grid::{Cell, Grid, Level, Row};
 use super::section::{Body, Given, Section};
 use crate::error::Result;
@@ -350,11 +350,6 @@ impl Lookup<'_> {
 
 fn pick(values: &[f64], rows: &[usize]) -> Vec<f64> {
     rows.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)).collect()
-}
-
-/// Times to the millisecond: six digits would not do for a long flight.
-pub fn times(t: &[f64]) -> Vec<Option<f64>> {
-    t.iter().map(|t| t.is_finite().then(|| (t * 1e3).round() / 1e3)).collect()
 }
 
 /// A residual above this part of the measured variation is a poor match.

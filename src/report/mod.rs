@@ -28,7 +28,7 @@ mod uncertainty;
 mod used;
 mod verdict;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::table::Table;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -36,7 +36,9 @@ use std::collections::BTreeMap;
 pub use checks::Check;
 pub use columns::Columns;
 pub use grid::{Cell, Grid, Level};
-pub use section::{Body, Given, Section};
+pub use section::{Body, Given, ReportInput, Section};
+
+use section::{fault, flight_styles, json};
 
 /// The sections in the order of the page. Adding one is adding a file that has it, and a line here.
 pub const SECTIONS: &[Section] = &[
@@ -67,58 +69,6 @@ pub fn tables(more: &[&'static Section]) -> Vec<&'static str> {
     }
     all
 }
-
-/// What a page is made from.
-#[derive(Debug, Default)]
-pub struct ReportInput {
-    /// Title of the campaign.
-    pub title: String,
-    /// One line under the title: what was run (pipeline, stages, models).
-    pub subtitle: String,
-    /// Tables by name, as listed by [`tables`], all flights of a table in one. Others are ignored;
-    /// absent ones are said to be absent.
-    pub tables: BTreeMap<String, Table>,
-    /// Columns of `samples` that drive each model, drawn below its outputs; without an entry the
-    /// segment's own input is drawn.
-    pub inputs: BTreeMap<String, Vec<String>>,
-    /// Column of `samples` in which each input of `segments` was searched; without an entry it has
-    /// the input's own name.
-    pub searched: BTreeMap<String, String>,
-    /// Sections that stages bring along; they stand behind [`SECTIONS`].
-    pub more: Vec<&'static Section>,
-    /// Tables that no stage of this campaign writes: sections about them have no place on the page.
-    pub unasked: Vec<&'static str>,
-    /// Name and value of everything that says where the numbers come from: program version, code
-    /// hash, configuration hashes.
-    pub provenance: Vec<(String, String)>,
-}
-
-impl ReportInput {
-    /// Whether this campaign asks for what a section is about.
-    fn asks_for(&self, section: &Section) -> bool {
-        section.tables.first().is_none_or(|table| !self.unasked.contains(table))
-    }
-}
-
-/// One flight in the legend.
-#[derive(Debug, Clone, Serialize)]
-pub struct FlightStyle {
-    id: String,
-    colour: &'static str,
-    symbol: &'static str,
-    path: &'static str,
-}
-
-/// Colours that stay apart for colour-blind readers (Okabe and Ito), each with a shape of its own,
-/// so that print works too.
-const STYLES: [(&str, &str, &str); 6] = [
-    ("#0072b2", "circle", "M0-5A5 5 0 1 1 0 5A5 5 0 1 1 0-5Z"),
-    ("#d55e00", "square", "M-4.5-4.5H4.5V4.5H-4.5Z"),
-    ("#009e73", "triangle-up", "M0-5.5L5.5 4.5H-5.5Z"),
-    ("#cc79a7", "diamond", "M0-6L6 0L0 6L-6 0Z"),
-    ("#b8860b", "triangle-down", "M0 5.5L5.5-4.5H-5.5Z"),
-    ("#4ba3d9", "cross", "M-2-5.5H2V-2H5.5V2H2V5.5H-2V2H-5.5V-2H-2Z"),
-];
 
 /// What the frame is filled with.
 #[derive(Serialize)]
@@ -178,6 +128,7 @@ pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
         flights: &flights,
         tables: &columns,
         named: checks::SECTION.tables,
+        sections: SECTIONS,
     })
 }
 
@@ -199,6 +150,7 @@ fn page_with(
         flights: &flights,
         tables: &tables,
         named: section.tables,
+        sections: SECTIONS,
     };
     let environment = environment()?;
     let mut built = Vec::new();
@@ -241,15 +193,6 @@ fn environment() -> Result<minijinja::Environment<'static>> {
     Ok(environment)
 }
 
-fn fault(e: minijinja::Error) -> Error {
-    Error::new(format!("the report page could not be written: {e:#}"))
-}
-
-fn json(value: &impl Serialize) -> Result<String> {
-    serde_json::to_string(value)
-        .map_err(|e| Error::new(format!("the report's numbers could not be written: {e}")))
-}
-
 /// JSON that may stand inside a script element: no `<` can end the element.
 fn object(plots: &[(&str, String)]) -> String {
     let fields: Vec<String> =
@@ -262,22 +205,6 @@ fn plotly_script() -> String {
     let tags = plotly::Plot::offline_js_sources();
     let first = tags.split("</script>").next().unwrap_or_default();
     first.split_once('>').map_or("", |(_, script)| script).to_string()
-}
-
-/// All flights any table knows, in alphabetical order, with colour and shape.
-fn flight_styles(tables: &BTreeMap<String, Columns>) -> Vec<FlightStyle> {
-    let mut ids: Vec<String> = tables
-        .values()
-        .flat_map(|t| t.rows_by(["flight"]).into_keys().flatten())
-        .filter(|id| !id.is_empty())
-        .collect();
-    ids.sort();
-    ids.dedup();
-    let style = |(i, id): (usize, String)| {
-        let (colour, symbol, path) = STYLES[i % STYLES.len()];
-        FlightStyle { id, colour, symbol, path }
-    };
-    ids.into_iter().enumerate().map(style).collect()
 }
 
 #[cfg(test)]

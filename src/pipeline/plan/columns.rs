@@ -1,6 +1,6 @@
 //! Signals, flight path and derived outputs come in; the columns that there are, or may be, go out.
 
-use super::names::unknown;
+use super::unknown::unknown;
 use crate::config::Doc;
 use crate::error::Errors;
 use crate::model::Model;

@@ -2,7 +2,8 @@
 //! the mistakes, go out.
 
 use super::columns::{Columns, Found};
-use crate::config::{Doc, list, nearest};
+use super::unknown::unknown;
+use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::model::graph::Leaf;
 use crate::model::{Model, Quantity};
@@ -10,21 +11,6 @@ use crate::stage::Channels;
 use crate::stage::estimate::{Driver, Scored, Settings};
 use crate::units::Unit;
 use indexmap::IndexMap;
-
-/// `pipeline.toml:14:9: there is no column "alfa"`, with the nearest name.
-pub fn unknown<S: AsRef<str>>(doc: &Doc, key: &str, kind: &str, name: &str, known: &[S]) -> Error {
-    let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
-    let all = if known.is_empty() {
-        "there are none".to_string()
-    } else {
-        format!("there are {}", list(&known))
-    };
-    let help = match nearest(name, known.iter().copied()) {
-        Some(near) => format!("did you mean \"{near}\"? {all}"),
-        None => all,
-    };
-    doc.error(key, format!("there is no {kind} \"{name}\"")).help(help)
-}
 
 fn agree(a: &str, b: &str) -> bool {
     match (Unit::parse(a), Unit::parse(b)) {
