@@ -337,9 +337,9 @@ fn weights(h: f64) -> [[f64; 2]; 4] {
     std::array::from_fn(|i| [WEIGHT[i], if i < 3 { AHEAD[i] * h } else { h / 6.0 }])
 }
 
-/// Sensitivities of the delayed values, behind those of the states in `s`: dX(t - tau) = S(t - tau)
-/// - X'(t - tau) dtau. `taus`: the Jacobian of the delay times, and the point; `history`:
-/// sensitivities of the states and of their rates at the remembered times.
+/// Sensitivities of the delayed values, behind those of the states in `s`:
+/// `dX(t - tau) = S(t - tau) - X'(t - tau) dtau`. `taus`: the Jacobian of the delay times, and the
+/// point; `history`: sensitivities of the states and of their rates at the remembered times.
 fn delayed(
     plan: &Plan,
     width: Width,
