@@ -147,8 +147,10 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     };
     let (bad, odd, remarks) = (names(Level::Bad), names(Level::Warn), names(Level::Info));
     let unknown = |row: &usize| table.text("verdict", *row) == NOT_COMPARED;
-    let unknown: Vec<String> =
-        (0..table.rows()).filter(unknown).map(|row| table.text("channel", row)).collect();
+    let unknown: Vec<String> = (0..table.rows())
+        .filter(unknown)
+        .map(|row| format!("{} {}", table.text("flight", row), table.text("channel", row)))
+        .collect();
     let agrees = match unknown.len() {
         0 => "Every channel agrees with what the other sensors say of it".to_string(),
         _ => format!(
