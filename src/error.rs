@@ -1,11 +1,12 @@
 //! The one error type: where it is, what is wrong (what was wanted, what was there), and what to do
 //! about it.
 
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A position in a file that a person wrote. Line and column count from 1; 0 means "the whole
 /// file".
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub struct Place {
     /// Path of the file, as the user gave it.
     pub file: String,
@@ -42,7 +43,7 @@ impl fmt::Display for Place {
 
 /// One mistake: `channels.toml:14:9: topic "/airdata" is not in flight-03.mcap; it has
 /// "/air_data"`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Error {
     /// Where; none where no file is concerned.
     pub place: Option<Place>,
@@ -86,7 +87,7 @@ impl fmt::Display for Error {
 impl std::error::Error for Error {}
 
 /// One or more mistakes, in the order in which a reader meets them.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Errors(pub Vec<Error>);
 
 impl Errors {

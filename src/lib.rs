@@ -14,6 +14,7 @@
 //! | `noise` | the colour of residuals: autoregressive models, whitening, what a fit absorbed |
 //! | `signal` | resampling, smoothing, differentiation of sampled signals |
 //! | `table` | schemas, Parquet datasets, atomic writes, campaign-level joins |
+//! | `engine` | where work runs: functions and their items, threads, other processes |
 //! | `log` | MCAP in and out, channel map, decoders, imports |
 //! | `model` | the model language: parse, check units, sort, differentiate, evaluate |
 //! | `dynamics` | a compiled model over a record: trajectories, exact sensitivities, trim |
@@ -25,7 +26,8 @@
 //! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
 //! | `cli` | verbs, progress, the one place that prints errors |
 //!
-//! Other programs may use `cli` (the command), `table` (its tables) and `error`. What is public
+//! Other programs may use `cli` (the command), `engine` with [`FUNCTIONS`] (to run its work elsewhere),
+//! `table` (its tables) and `error`. What is public
 //! besides is so for the tests and benchmarks of the project; nothing is promised of it.
 
 // A user's file is never a reason to panic: what can be wrong with it is an error with a place.
@@ -43,7 +45,9 @@
 
 // The interface to other programs.
 pub mod cli;
+pub mod engine;
 pub mod error;
+pub use pipeline::FUNCTIONS;
 pub mod table;
 
 // Seen by the tests and benchmarks of the project only; nothing is promised of them.

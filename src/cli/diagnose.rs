@@ -5,13 +5,14 @@ use super::progress::Bars;
 use super::run::{look_at_logs, out_folder};
 use super::{DiagnoseArgs, End, on_threads, print_errors, say, summary, verdict};
 use crate::diagnose::Base;
+use crate::engine::Engine;
 use crate::error::{Error, Errors, Result};
 use crate::pipeline::{self, Plan, Settings, Store};
 use crate::stage::diagnose;
 use crate::table::Table;
 
 /// `koehler diagnose`
-pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
+pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result<End, Errors> {
     let out = out_folder(&args.files);
     let store = Store::open(&out);
     let plan = Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store))?;
@@ -28,7 +29,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> std::result::Result<End, Errors> {
             super::simulate::make(simulation, false)?;
         }
         look_at_logs(&plan)?;
-        Ok(pipeline::run(&plan, &store, &|event| bars.hear(event))?)
+        Ok(pipeline::run(&plan, &store, engine, &|event| bars.hear(event))?)
     })??;
     print_errors(&result.errors);
     result.removed.iter().for_each(|unit| say(&format!("removed: {unit}")));

@@ -10,9 +10,11 @@ mod summary;
 mod text;
 mod verdict;
 
+use crate::engine::{Engine, Threads};
 use crate::error::Errors;
 use crate::log;
 use clap::{Args, Parser, Subcommand};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -106,6 +108,9 @@ struct RunArgs {
     /// Number of threads; the tables are the same bytes for any number [default: one per core]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
+    /// What does the work, for programs that bring engines of their own
+    #[arg(long, value_name = "NAME", hide = true)]
+    engine: Option<String>,
     /// Tell what would be run and why, and run nothing
     #[arg(long)]
     dry_run: bool,
@@ -127,6 +132,9 @@ struct DiagnoseArgs {
     /// Number of threads; the tables are the same bytes for any number [default: one per core]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
+    /// What does the work, for programs that bring engines of their own
+    #[arg(long, value_name = "NAME", hide = true)]
+    engine: Option<String>,
 }
 
 /// How a command ended, where it did not fail outright.
@@ -139,9 +147,18 @@ enum End {
     Partial,
 }
 
-/// Runs the command of this process.
+/// Runs the command of this process, with threads.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    main_with(&[("threads", &Threads)], std::env::args_os())
+}
+
+/// Runs a command (its name, then its arguments) with these engines by name; the first one does the
+/// work unless `--engine` names another.
+pub fn main_with(
+    engines: &[(&str, &dyn Engine)],
+    args: impl Iterator<Item = OsString>,
+) -> ExitCode {
+    let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(e) => {
             // A closed pipe is no reason to complain about help that nobody reads.
@@ -149,7 +166,7 @@ pub fn main() -> ExitCode {
             return if e.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
         }
     };
-    match dispatch(cli.verb) {
+    match dispatch(cli.verb, engines) {
         Ok(End::Complete) => ExitCode::SUCCESS,
         Ok(End::Found) => ExitCode::from(3),
         Ok(End::Partial) => ExitCode::from(1),
@@ -160,11 +177,11 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn dispatch(verb: Verb) -> Result<End, Errors> {
+fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> {
     match verb {
         Verb::Run(args) if args.dry_run => run::status(&args.files),
-        Verb::Run(args) => run::run(&args),
-        Verb::Diagnose(args) => diagnose::diagnose(&args),
+        Verb::Run(args) => run::run(&args, chosen(engines, args.engine.as_deref())?),
+        Verb::Diagnose(args) => diagnose::diagnose(&args, chosen(engines, args.engine.as_deref())?),
         Verb::Status(args) => run::status(&args),
         Verb::Check { pipeline } => run::check(&pipeline),
         Verb::Inspect { log } => shown(&log::inspect::run(&log)?),
@@ -179,6 +196,21 @@ fn dispatch(verb: Verb) -> Result<End, Errors> {
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),
         Verb::Schema { file, out } => schema::schema(file.as_deref(), out.as_deref()),
     }
+}
+
+/// The engine of this name, or the first.
+fn chosen<'a>(
+    engines: &[(&str, &'a dyn Engine)],
+    name: Option<&str>,
+) -> Result<&'a dyn Engine, Errors> {
+    let named = |(known, _): &&(&str, _)| name.is_none_or(|name| name == *known);
+    let names: Vec<&str> = engines.iter().map(|(name, _)| *name).collect();
+    engines.iter().find(named).map(|(_, engine)| *engine).ok_or_else(|| {
+        let wanted = name.unwrap_or("to work with");
+        crate::error::Error::new(format!("there is no engine {wanted}"))
+            .help(format!("there is {}", crate::config::list(&names)))
+            .into()
+    })
 }
 
 /// Prints what a verb has to say.

@@ -3,6 +3,7 @@
 use super::progress::Bars;
 use super::{End, PipelineArgs, RunArgs, on_threads, print_errors, say, summary};
 use crate::config;
+use crate::engine::Engine;
 use crate::error::Errors;
 use crate::pipeline::{self, Assessment, Plan, State, Store, Summaries};
 use std::path::{Path, PathBuf};
@@ -67,7 +68,7 @@ pub(super) fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
 }
 
 /// `koehler run`
-pub fn run(args: &RunArgs) -> Result<End, Errors> {
+pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
     let begin = Instant::now();
     let out = out_folder(&args.files);
     let store = Store::open(&out);
@@ -79,7 +80,7 @@ pub fn run(args: &RunArgs) -> Result<End, Errors> {
             super::simulate::make(simulation, false)?;
         }
         look_at_logs(&plan)?;
-        Ok(pipeline::run(&plan, &store, &|event| bars.hear(event))?)
+        Ok(pipeline::run(&plan, &store, engine, &|event| bars.hear(event))?)
     })??;
     print_errors(&result.errors);
     if result.nothing_done() {

@@ -2,7 +2,7 @@
 //! own times.
 
 /// What was measured of one model output, at its own time stamps.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct Channel {
     /// Index into the model's outputs.
     pub output: usize,
@@ -35,7 +35,7 @@ pub enum Interpolation {
 }
 
 /// Inputs on a uniform grid and what was measured meanwhile.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct Record {
     /// Time of grid point 0, s.
     pub t0: f64,

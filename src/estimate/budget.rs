@@ -24,6 +24,7 @@ use super::{Settings, Stop};
 use crate::error::Errors;
 use crate::least_squares::normal_matrix;
 use crate::model::{Assumed, Model, Scope, StartKind};
+use std::sync::Arc;
 
 /// How one assumed constant moves the estimates.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,15 +64,16 @@ pub fn influences(
     let wider = widened(case, &opened, &constants);
     let owned: Vec<Segment> = segments.iter().map(|s| (*s).clone()).collect();
     let plan = plan(&opened, &wider, &owned)?;
+    let (opened, wider, plan) = (Arc::new(opened), Arc::new(wider), Arc::new(plan));
     let opened_case =
-        Case::new(&opened, &wider, &plan, segments, given, settings).with_steps_of(case);
+        Case::new(opened.clone(), wider, plan, segments, given, settings).with_steps(&case.steps());
     Ok(slopes(&opened, &constants, &opened_case, case, solution).unwrap_or_default())
 }
 
 /// The case's choice for the opened model, whose parameters have other indices, with the constants
 /// as further shared parameters.
 fn widened(case: &Case, opened: &Model, constants: &[usize]) -> Chosen {
-    let (model, chosen) = (case.model, case.chosen);
+    let (model, chosen) = (&case.model, &case.chosen);
     let there: Vec<usize> =
         model.parameters.iter().filter_map(|p| opened.parameter(&p.quantity.name)).collect();
     let moved = |of: &[usize]| of.iter().map(|&p| there[p]).collect::<Vec<usize>>();

@@ -2,15 +2,14 @@
 //! solution, out.
 
 use super::choice::Chosen;
-use super::profile::{Profile, profiles};
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
-use super::solution::{Solution, solve};
 use super::{Label, Line, NoiseKind, Settings, Trace};
 use crate::dynamics::{Directions, Plan, Record, Response, Sampling};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::{Model, Scope};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A variance is never taken smaller than this share of the mean square of the measurements; the
 /// second where outputs may be correlated, since a combination of outputs can vanish altogether.
@@ -28,10 +27,10 @@ pub struct Unknown {
 }
 
 /// The segments that are used together.
-pub struct Case<'a> {
-    pub model: &'a Model,
-    pub(super) chosen: &'a Chosen,
-    pub plan: &'a Plan,
+pub struct Case {
+    pub model: Arc<Model>,
+    pub(super) chosen: Arc<Chosen>,
+    pub plan: Arc<Plan>,
     pub records: Vec<Record>,
     /// How the samples of each record lie on its grid.
     sampling: Vec<Vec<Sampling>>,
@@ -48,21 +47,21 @@ pub struct Case<'a> {
     pub unknowns: Vec<Unknown>,
 }
 
-impl<'a> Case<'a> {
+impl Case {
     /// `given`: start values of the states that the plan wants from outside, per segment.
     pub fn new(
-        model: &'a Model,
-        chosen: &'a Chosen,
-        plan: &'a Plan,
+        model: Arc<Model>,
+        chosen: Arc<Chosen>,
+        plan: Arc<Plan>,
         segments: &[&Segment],
         given: Vec<Vec<f64>>,
         settings: &Settings,
-    ) -> Case<'a> {
+    ) -> Case {
         let records: Vec<Record> = segments.iter().map(|s| s.scored()).collect();
         let automatic = records.iter().map(|r| r.substeps == 0).collect();
         let outputs = plan.outputs.clone();
         let (layout, unknowns) =
-            layout(model, plan, (segments, &records), settings, chosen, &given);
+            layout(&model, &plan, (segments, &records), settings, &chosen, &given);
         let sampling = records.iter().map(Record::sampling).collect();
         let away = |s: &&Segment| {
             let of = |(_, line): &(usize, Line)| {
@@ -86,26 +85,15 @@ impl<'a> Case<'a> {
         }
     }
 
-    /// Solves with integration steps that stay the same during an iteration (a cost that changed
-    /// its steps on the way would have jumps). They are chosen at the start; where the solution
-    /// turns out to be stiffer, the estimation is repeated with the steps that it asks for.
-    pub fn solve(&mut self, settings: &Settings) -> Solution {
-        let mut needed = self.layout.start.clone();
-        loop {
-            let changed = self.stiffen(&needed);
-            let evaluate = |s: usize, local: &[f64], sensitivities: bool| {
-                self.evaluate(s, local, sensitivities)
-            };
-            let solution = solve(&self.layout, &evaluate, settings);
-            let stiffer = |s: usize| {
-                self.is_automatic(s)
-                    && self.substeps(s, &solution.fit.theta) > self.records[s].substeps
-            };
-            if !changed || !(0..self.records.len()).any(stiffer) {
-                return solution;
-            }
-            needed = solution.fit.theta;
-        }
+    /// The integration steps of every segment.
+    pub fn steps(&self) -> Vec<usize> {
+        self.records.iter().map(|r| r.substeps).collect()
+    }
+
+    /// With these integration steps.
+    pub fn with_steps(mut self, steps: &[usize]) -> Case {
+        self.records.iter_mut().zip(steps).for_each(|(record, steps)| record.substeps = *steps);
+        self
     }
 
     /// Whether the number of integration steps of segment `s` is left to the program.
@@ -125,24 +113,6 @@ impl<'a> Case<'a> {
             }
         }
         rose
-    }
-
-    /// The profiles that the settings ask for.
-    pub fn profiles(&self, solution: &Solution, settings: &Settings) -> Vec<Profile> {
-        let asked = |i: &usize| settings.profile.contains(&self.unknowns[*i].name);
-        let which: Vec<usize> = (0..self.unknowns.len()).filter(asked).collect();
-        let evaluate =
-            |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
-        profiles(&self.layout, &evaluate, solution, &which, settings)
-    }
-
-    /// With the integration steps of another case of the same segments.
-    pub fn with_steps_of(mut self, other: &Case) -> Case<'a> {
-        self.records
-            .iter_mut()
-            .zip(&other.records)
-            .for_each(|(mine, other)| mine.substeps = other.substeps);
-        self
     }
 
     /// Integration steps per step of the grid that the model asks for in segment `s`.
@@ -221,7 +191,7 @@ impl<'a> Case<'a> {
 
     /// A segment's directions back in the model: all parameters, and the start values from outside.
     pub fn place(&self, s: usize, local: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let chosen = self.chosen;
+        let chosen = &*self.chosen;
         let mut parameters = chosen.parameters.clone();
         let mut starts = self.given[s].clone();
         let mut values = local.iter().copied();

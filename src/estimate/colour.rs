@@ -75,7 +75,7 @@ impl<'a, F: Evaluate> Source<'a, F> {
     /// Blocks whose masked samples have sensitivities of zero, which add nothing to any sum; their
     /// residuals stay NaN.
     fn fresh(&self, s: usize) -> Option<Vec<Block>> {
-        let mut blocks = (self.evaluate)(s, &self.layout.local(s, self.theta), true)?;
+        let mut blocks = self.evaluate.blocks(s, &self.layout.local(s, self.theta), true)?;
         let nd = self.layout.parts[s].directions();
         for block in &mut blocks {
             empty_masked(&block.e, &mut block.g, nd);

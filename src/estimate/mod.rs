@@ -25,6 +25,8 @@
 //! | `choice` | settings against the model: what is free, where it starts |
 //! | `extend` | the model with shifts and feedback that the settings ask for, and records that feed it |
 //! | `prepared` | the same without an estimation: a model over the segments that can be used, to be evaluated anywhere |
+//! | `usable` | start values of the states; which segments can be used |
+//! | `equations` | the sums over a segment, wherever they are taken; the solution and the profiles made from them |
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
 //! | `case` | that problem for the segments used |
 //! | `trace` | measured and modelled values of an output |
@@ -36,6 +38,7 @@ mod case;
 mod choice;
 mod colour;
 mod decision;
+mod equations;
 mod estimation;
 mod extend;
 mod noise_covariance;
@@ -54,14 +57,16 @@ mod start;
 #[cfg(test)]
 mod tests;
 mod trace;
+mod usable;
 
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::Influence;
 pub use case::{Case, Unknown};
 pub use decision::{Decision, Support};
+pub use equations::NormalEquations;
 pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row};
 pub use extend::extended;
-pub use output_error::{estimate, estimate_segments};
+pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use prepared::Prepared;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};

@@ -3,17 +3,21 @@
 
 use super::budget::influences;
 use super::case::{Case, plan};
-use super::choice::{Chosen, choose};
+use super::choice::choose;
+use super::equations::Origin;
 use super::extend::prepare;
 use super::rank::{NONE, weak_words};
 use super::result::{Further, name};
 use super::segment::Segment;
 use super::selection::select;
 use super::solution::Solution;
-use super::{Doubtful, Estimation, InitialFrom, LeftOut, Line, Settings, Stop};
-use crate::dynamics::{Channel, Plan, Record};
-use crate::error::{Error, Errors};
-use crate::model::{Model, StartKind};
+use super::usable::{starts, unusable};
+use super::{Doubtful, Estimation, LeftOut, Settings, Stop};
+use crate::dynamics::Record;
+use crate::engine::{Here, Kept, Threads};
+use crate::error::Errors;
+use crate::model::Model;
+use std::sync::Arc;
 
 /// Estimates the free parameters of `model` jointly over `records`, one segment each, without
 /// labels.
@@ -50,22 +54,42 @@ pub fn estimate_segments(
     segments: &[Segment],
     settings: &Settings,
 ) -> Result<Estimation, Errors> {
-    select(settings, |settings| once(model, segments, settings))
+    let kept = Kept::default();
+    let here = Here { engine: &Threads, kept: &kept, hear: &|_, _| {} };
+    estimate_where(&here, model, segments, settings)
+}
+
+/// The same, the normal equations of the segments being left to an engine.
+///
+/// # Errors
+/// As `estimate_segments`.
+pub fn estimate_where(
+    here: &Here,
+    model: &Model,
+    segments: &[Segment],
+    settings: &Settings,
+) -> Result<Estimation, Errors> {
+    select(settings, |settings| once(here, model, segments, settings))
 }
 
 /// Estimates all that is free, candidates included.
-fn once(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Estimation, Errors> {
-    let base = model;
-    let (model, segments) = prepare(base, segments, settings)?;
-    let (model, segments) = (&*model, &*segments);
-    let chosen = choose(model, segments, settings)?;
-    let mut plan = plan(model, &chosen, segments)?;
+fn once(
+    here: &Here,
+    base: &Model,
+    all: &[Segment],
+    settings: &Settings,
+) -> Result<Estimation, Errors> {
+    let (model, segments) = prepare(base, all, settings)?;
+    let (model, segments) = (Arc::new(model.into_owned()), &*segments);
+    let chosen = Arc::new(choose(&model, segments, settings)?);
+    let mut plan = plan(&model, &chosen, segments)?;
     plan.compile(settings.tier, segments.iter().map(|s| s.record.n).sum());
-    let given = starts(model, &plan, segments, &chosen, settings)?;
+    let plan = Arc::new(plan);
+    let given = starts(&model, &plan, segments, &chosen, settings)?;
     let mut left_out: Vec<LeftOut> = Vec::new();
     let mut used: Vec<usize> = Vec::new();
     for s in 0..segments.len() {
-        match unusable(model, &chosen, &segments[s], &given[s]) {
+        match unusable(&model, &chosen, &segments[s], &given[s]) {
             Some(why) => left_out.push(LeftOut { segment: s, why }),
             None => used.push(s),
         }
@@ -78,101 +102,26 @@ fn once(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Esti
     loop {
         let these: Vec<&Segment> = used.iter().map(|&s| &segments[s]).collect();
         let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
-        let mut case = Case::new(model, &chosen, &plan, &these, values, settings);
+        let mut case =
+            Case::new(model.clone(), chosen.clone(), plan.clone(), &these, values, settings);
+        let origin = Origin::new(base, all, settings, &used);
         let regression = case.start_by_regression(settings)?;
-        let solution = case.solve(settings);
+        let solution = case.solve(settings, &origin, here);
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
             let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
             let budget = influences(base, &these, values, &case, &solution, settings)?;
-            let further =
-                Further { budget, profiles: case.profiles(&solution, settings), regression };
-            let named = name(model, &case, &used, segments.len(), solution, further);
-            return Ok(Estimation { left_out, doubtful: doubtful(model, segments), ..named });
+            let profiles = case.profiles(&solution, settings, &origin, here);
+            let further = Further { budget, profiles, regression };
+            let named = name(&model, &case, &used, segments.len(), solution, further);
+            return Ok(Estimation { left_out, doubtful: doubtful(&model, segments), ..named });
         }
         left_out.extend(
             useless.iter().map(|(at, why)| LeftOut { segment: used[*at], why: why.clone() }),
         );
         used.retain(|s| left_out.iter().all(|left| left.segment != *s));
     }
-}
-
-/// Start values of the states that need one from outside, per segment, or why there is none.
-///
-/// # Errors
-/// A state starts "measured", and its output is measured nowhere.
-pub(super) fn starts(
-    model: &Model,
-    plan: &Plan,
-    segments: &[Segment],
-    chosen: &Chosen,
-    settings: &Settings,
-) -> Result<Vec<Result<Vec<f64>, String>>, Errors> {
-    let mut errors = Errors::default();
-    let measured = |name: &str| {
-        let output = model.output(name);
-        output.is_some_and(|o| {
-            segments.iter().any(|s| s.record.channels.iter().any(|c| c.output == o))
-        })
-    };
-    for state in
-        model.states.iter().filter(|s| s.start == StartKind::Measured && !segments.is_empty())
-    {
-        let name = &state.quantity.name;
-        if !measured(name) {
-            let what = format!(
-                "state \"{name}\" starts at its first measured value, but there is no measured output \"{name}\""
-            );
-            errors.push(
-                Error::new(what)
-                    .help("map a measured signal to that output, or give the state a start value"),
-            );
-        }
-    }
-    errors.or(())?;
-    let values = |s: &Segment| {
-        let first = match settings.initial_from {
-            InitialFrom::Own => s,
-            InitialFrom::First => segments.first().unwrap_or(s),
-        };
-        plan.first_values_of(model, &chosen.parameters, &s.record, &first.record)
-            .map_err(|e| e.what)
-    };
-    Ok(segments.iter().map(values).collect())
-}
-
-/// Why a segment cannot take part, as far as its data and labels tell.
-pub(super) fn unusable(
-    model: &Model,
-    chosen: &Chosen,
-    segment: &Segment,
-    given: &Result<Vec<f64>, String>,
-) -> Option<String> {
-    let record = &segment.record;
-    let scored = |c: &Channel| {
-        c.t.iter().zip(&c.z).any(|(t, z)| z.is_finite() && record.weights(*t).is_some())
-    };
-    if !record.channels.iter().any(scored) {
-        return Some("it has no measured sample that is not masked".into());
-    }
-    let nu = model.inputs.len();
-    for (i, input) in model.inputs.iter().enumerate() {
-        let missing = (0..record.n)
-            .filter(|k| record.inputs.get(k * nu + i).is_none_or(|u| !u.is_finite()))
-            .count();
-        if missing > 0 {
-            return Some(format!("input {} has no value at {missing} of its samples", input.name));
-        }
-    }
-    if let Some(column) = chosen.columns().find(|column| !segment.labels.contains_key(*column)) {
-        return Some(format!("it has no \"{column}\", by which parameters differ"));
-    }
-    let known = |line: &Line| segment.conditions.get(&line.against).is_some_and(|x| x.is_finite());
-    if let Some((_, line)) = chosen.lines.iter().find(|(_, line)| !known(line)) {
-        return Some(format!("its \"{}\" is not known, which parameters follow", line.against));
-    }
-    given.as_ref().err().cloned()
 }
 
 /// Measured outputs that say little.

@@ -4,26 +4,28 @@
 use super::case::{Case, plan};
 use super::choice::{Chosen, choose};
 use super::extend::prepare;
-use super::output_error::{starts, unusable};
 use super::segment::Segment;
+use super::usable::{starts, unusable};
 use super::{LeftOut, Settings};
 use crate::dynamics::Plan;
 use crate::error::Errors;
 use crate::model::Model;
+use std::sync::Arc;
 
 /// A model with its shifts and feedback, what is free in it, and the segments that feed it.
 #[derive(Debug, Clone)]
 pub struct Prepared {
-    pub model: Model,
+    pub model: Arc<Model>,
     /// All segments, used or not.
     pub segments: Vec<Segment>,
     /// Indices of the segments that can be used, ascending.
     pub used: Vec<usize>,
     /// The others, and why they cannot.
     pub left_out: Vec<LeftOut>,
-    chosen: Chosen,
-    plan: Plan,
-    given: Vec<Vec<f64>>,
+    chosen: Arc<Chosen>,
+    plan: Arc<Plan>,
+    /// Of all segments.
+    given: Vec<Result<Vec<f64>, String>>,
     settings: Settings,
 }
 
@@ -51,23 +53,41 @@ impl Prepared {
             .enumerate()
             .filter_map(|(segment, why)| Some(LeftOut { segment, why: why? }))
             .collect();
-        let given = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
         Ok(Prepared {
-            model,
+            model: Arc::new(model),
             segments,
             used,
             left_out,
-            chosen,
-            plan,
+            chosen: Arc::new(chosen),
+            plan: Arc::new(plan),
             given,
             settings: settings.clone(),
         })
     }
 
     /// The problem over the segments used, in their order.
-    pub fn case(&self) -> Case<'_> {
-        let these: Vec<&Segment> = self.used.iter().map(|&s| &self.segments[s]).collect();
-        Case::new(&self.model, &self.chosen, &self.plan, &these, self.given.clone(), &self.settings)
+    pub fn case(&self) -> Case {
+        self.case_of(&self.used)
+    }
+
+    /// The problem over these segments (indices), which have to be usable.
+    pub fn case_of(&self, used: &[usize]) -> Case {
+        let these: Vec<&Segment> = used.iter().map(|&s| &self.segments[s]).collect();
+        let given = used.iter().filter_map(|&s| self.given[s].as_ref().ok().cloned()).collect();
+        let (model, chosen, plan) = (self.model.clone(), self.chosen.clone(), self.plan.clone());
+        Case::new(model, chosen, plan, &these, given, &self.settings)
+    }
+
+    /// Whether a segment (index) has start values for all states that need one from outside.
+    pub fn has_starts(&self, s: usize) -> bool {
+        self.given.get(s).is_some_and(Result::is_ok)
+    }
+
+    /// With machine code where the settings say so.
+    pub fn compiled(mut self) -> Prepared {
+        let points = self.segments.iter().map(|s| s.record.n).sum();
+        Arc::make_mut(&mut self.plan).compile(self.settings.tier, points);
+        self
     }
 
     /// States whose start value is free in every segment.

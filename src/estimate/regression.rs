@@ -93,7 +93,7 @@ struct Prepared {
 }
 
 struct Problem<'a> {
-    case: &'a Case<'a>,
+    case: &'a Case,
     rates: Program,
     outputs: Program,
     linear: Linear,
@@ -109,7 +109,7 @@ const ORDER: usize = 3;
 /// The smoothing cannot be built.
 pub fn regress(case: &Case, settings: &Settings) -> Result<(Regression, Vec<f64>)> {
     let (sides, mut equations) = sides(case);
-    let model = case.model;
+    let model = &case.model;
     let free: Vec<usize> = case.chosen.shared.iter().chain(&case.chosen.own).copied().collect();
     let segments = (0..case.records.len())
         .map(|s| prepare(case, &sides, s, settings))
@@ -167,7 +167,7 @@ const ESTIMATED: &str = "estimated";
 
 /// The equations that can be used, and all of them by name.
 fn sides(case: &Case) -> (Vec<Side>, Vec<Equation>) {
-    let model = case.model;
+    let model = &case.model;
     let (mut sides, mut equations) = (Vec::new(), Vec::new());
     let mut add = |name: String,
                    unit: String,
@@ -258,7 +258,7 @@ fn on_grid(record: &Record, output: usize, first: usize) -> Vec<f64> {
 }
 
 fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result<Prepared> {
-    let (model, record) = (case.model, &case.records[s]);
+    let (model, record) = (&case.model, &case.records[s]);
     let (l, first, dt) = (model.layout, record.start, record.dt);
     let n = record.n.saturating_sub(first);
     let window = (((settings.smoothing_s / dt / 2.0).round() as usize).max(2) * 2) + 1;
@@ -388,7 +388,7 @@ impl Problem<'_> {
 
     /// All outputs of a program at all points of a segment, `[n][outputs]`.
     fn over(&self, program: &Program, s: usize, parameters: &[f64]) -> Vec<f64> {
-        let (model, prepared) = (self.case.model, &self.segments[s]);
+        let (model, prepared) = (&self.case.model, &self.segments[s]);
         let mut file = program.registers::<1>();
         parameters.iter().enumerate().for_each(|(p, v)| file[model.layout.parameter() + p] = [*v]);
         program.prepare(&mut file, &model.tables);

@@ -3,6 +3,7 @@
 
 use crate::dynamics::{Channel, Record};
 use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// What a group of segments has in common.
@@ -20,7 +21,7 @@ impl std::fmt::Display for Label {
 
 /// One stretch of flight of an estimation, and what is known of it by name: the columns that
 /// parameters can be `per`.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 pub struct Segment {
     pub record: Record,
     /// For example `flight = "f3"`, `flap = "15"`.
@@ -35,7 +36,7 @@ pub struct Segment {
 /// A stretch of a longer record. The model runs from the record's beginning, with start values and
 /// segment parameters that all stretches of the record have in common; only what was measured
 /// within the stretch is scored.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct Stretch {
     /// Name of the record, the same in all of its stretches.
     pub of: String,

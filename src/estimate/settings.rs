@@ -97,7 +97,7 @@ pub struct Settings {
 /// A straight line that a parameter follows: `value + slope (condition - centre)`. The parameter's
 /// own name is that of its value at the centre; its start and its bounds are those of the model
 /// there. The slope starts at zero, without bounds.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 pub struct Line {
     /// The condition, by its name in `Segment::conditions`.
     pub against: String,

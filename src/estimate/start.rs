@@ -7,7 +7,7 @@ use super::{Settings, StartFrom};
 use crate::error::Result;
 use crate::least_squares::cost;
 
-impl Case<'_> {
+impl Case {
     /// Starts from the result of a regression on the equations, if the settings ask for it and it
     /// fits better.
     ///

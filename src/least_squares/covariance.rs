@@ -22,6 +22,7 @@
 
 use crate::math::dense::{self, multiply};
 use crate::math::products::dot;
+use serde::{Deserialize, Serialize};
 
 /// Rounds of expectation and maximisation, and the relative change that ends them: its square is
 /// what is missing in the cost.
@@ -51,7 +52,7 @@ impl Structure {
 }
 
 /// Outputs present at the same instants.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Pattern {
     /// Ascending.
     outputs: Vec<usize>,
@@ -61,7 +62,7 @@ struct Pattern {
 }
 
 /// What is known of the residuals of one segment, or one group of them.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Scatter(Vec<Pattern>);
 
 impl Scatter {
@@ -248,7 +249,7 @@ fn raise(a: &mut [f64], floor: &[f64]) {
 }
 
 /// `R` of one group of segments.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Covariance {
     /// Number of outputs.
     pub n: usize,
@@ -299,7 +300,7 @@ impl Covariance {
 }
 
 /// `R_m = C C'` of one pattern.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Weight {
     outputs: Vec<usize>,
     /// `C^-1`, `[m][m]`, lower triangle: rows `C^-1 G_m` have noise of covariance one.

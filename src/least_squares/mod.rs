@@ -34,6 +34,9 @@ pub use covariance::{Covariance, Structure};
 pub use gauss::{Fit, cost, minimise, normal_matrix};
 pub use iteration::{Iteration, Stop};
 pub use method::{Method, StepControl, Undetermined};
-pub use problem::{Block, Evaluate, Layout, Part, Samples, at_instants, each, give_back};
+pub use problem::{
+    Block, Evaluate, Layout, Part, Samples, SegmentSums, Wanted, at_instants, each, give_back,
+    segment_sums,
+};
 #[cfg(test)]
 pub use problem::{pass, scatter, weighed};

@@ -10,6 +10,9 @@ use super::covariance::{Covariance, Scatter, Structure};
 use super::rows;
 use crate::math::pool;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::ops::Range;
 
 /// Segments evaluated at a time. Fixed, so that memory is bounded and sums never depend on the
 /// number of threads.
@@ -126,15 +129,86 @@ pub struct Block {
     pub g: Vec<f64>,
 }
 
-/// `Fn(segment, local parameters, sensitivities)`: the blocks of one segment (shared parameters it
-/// sees, then its own; the same blocks in the same order at every parameter vector), or `None`
-/// where its model is not finite.
-pub trait Evaluate: Fn(usize, &[f64], bool) -> Option<Vec<Block>> + Sync {}
-impl<F: Fn(usize, &[f64], bool) -> Option<Vec<Block>> + Sync> Evaluate for F {}
+/// A model over segments.
+pub trait Evaluate: Sync {
+    /// The blocks of one segment (parameters: the shared ones it sees, then its own; the same
+    /// blocks in the same order at every parameter vector), or `None` where its model is not
+    /// finite.
+    fn blocks(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>>;
+
+    /// Sums over each of these segments, in their order. This is the work that may be done
+    /// elsewhere; here it is done by the threads of this process.
+    fn sums(
+        &self,
+        layout: &Layout,
+        theta: &[f64],
+        wanted: &Wanted,
+        segments: Range<usize>,
+    ) -> Vec<Option<SegmentSums>>
+    where
+        Self: Sized,
+    {
+        segments.into_par_iter().map(|s| segment_sums(layout, self, theta, wanted, s)).collect()
+    }
+}
+
+impl<F: Fn(usize, &[f64], bool) -> Option<Vec<Block>> + Sync> Evaluate for F {
+    fn blocks(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
+        self(s, local, sensitivities)
+    }
+}
+
+/// Which sums are wanted of every segment.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub enum Wanted<'a> {
+    /// Of residuals alone.
+    Scatter,
+    /// Of rows, per output.
+    PerOutput,
+    /// Of rows weighed with known `R` (per group).
+    Weighed(Cow<'a, [Covariance]>),
+}
+
+/// Sums over one segment.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum SegmentSums {
+    Scatter(Scatter),
+    PerOutput(Vec<Sums>),
+    Weighed(Sums),
+}
+
+/// Sums over one segment; `None` where it is not finite.
+pub fn segment_sums<E: Evaluate>(
+    layout: &Layout,
+    evaluate: &E,
+    theta: &[f64],
+    wanted: &Wanted,
+    s: usize,
+) -> Option<SegmentSums> {
+    let sensitivities = !matches!(wanted, Wanted::Scatter);
+    let blocks = evaluate.blocks(s, &layout.local(s, theta), sensitivities)?;
+    let nd = layout.parts[s].directions();
+    let sums = match wanted {
+        Wanted::Scatter => {
+            let scatter = scatter_of(layout, s, &blocks);
+            scatter.is_finite().then_some(SegmentSums::Scatter(scatter))
+        }
+        Wanted::PerOutput => blocks
+            .iter()
+            .map(|block| sum_block(block, nd))
+            .collect::<Option<_>>()
+            .map(SegmentSums::PerOutput),
+        Wanted::Weighed(r) => whiten(layout, s, &blocks, &r[layout.parts[s].group])
+            .and_then(|white| sum_block(&white, nd))
+            .map(SegmentSums::Weighed),
+    };
+    give_back(blocks);
+    sums
+}
 
 /// Sums over one segment of rows of equal weight.
-#[derive(Debug, Clone, PartialEq)]
-struct Sums {
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Sums {
     /// The output, or 0 where the rows have been weighed already.
     kind: usize,
     count: usize,
@@ -178,7 +252,7 @@ pub fn each<F: Evaluate, T: Send>(
         let to = (from + CHUNK).min(layout.parts.len());
         let chunk: Vec<Option<T>> = (from..to)
             .into_par_iter()
-            .map(|s| one(s, evaluate(s, &layout.local(s, theta), sensitivities)?))
+            .map(|s| one(s, evaluate.blocks(s, &layout.local(s, theta), sensitivities)?))
             .collect();
         for (s, value) in (from..to).zip(chunk) {
             take(s, value?);
@@ -187,70 +261,65 @@ pub fn each<F: Evaluate, T: Send>(
     Some(())
 }
 
+/// Calls `take` with the sums of all segments in segment order; `None` where one is not finite.
+fn gather<E: Evaluate>(
+    layout: &Layout,
+    evaluate: &E,
+    theta: &[f64],
+    wanted: &Wanted,
+    mut take: impl FnMut(usize, SegmentSums),
+) -> Option<()> {
+    for from in (0..layout.parts.len()).step_by(CHUNK) {
+        let these = from..(from + CHUNK).min(layout.parts.len());
+        let sums = evaluate.sums(layout, theta, wanted, these.clone());
+        for (s, sums) in these.zip(sums) {
+            take(s, sums?);
+        }
+    }
+    Some(())
+}
+
 /// Residuals of all segments at `theta`, per group; `None` where any segment is not finite.
-pub fn scatter<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) -> Option<Vec<Scatter>> {
+pub fn scatter<E: Evaluate>(layout: &Layout, evaluate: &E, theta: &[f64]) -> Option<Vec<Scatter>> {
     let mut groups = vec![Scatter::default(); layout.noise.groups];
-    let one = |s: usize, blocks: Vec<Block>| {
-        let scatter = scatter_of(layout, s, &blocks);
-        give_back(blocks);
-        scatter.is_finite().then_some(scatter)
-    };
-    each(layout, evaluate, theta, false, one, |s, scatter| {
-        groups[layout.parts[s].group].merge(&scatter)
+    gather(layout, evaluate, theta, &Wanted::Scatter, |s, sums| {
+        if let SegmentSums::Scatter(scatter) = sums {
+            groups[layout.parts[s].group].merge(&scatter);
+        }
     })?;
     Some(groups)
 }
 
 /// One pass for one diagonal `R`: residuals, and sums per output.
-pub fn pass<F: Evaluate>(
+pub fn pass<E: Evaluate>(
     layout: &Layout,
-    evaluate: &F,
+    evaluate: &E,
     theta: &[f64],
 ) -> Option<(Vec<Scatter>, Totals)> {
     let mut scatter = Scatter::default();
     let mut totals = Totals::new(layout.shared, layout.noise.outputs);
-    each(
-        layout,
-        evaluate,
-        theta,
-        true,
-        |s, blocks| {
-            let sums = blocks
-                .iter()
-                .map(|b| sum_block(b, layout.parts[s].directions()))
-                .collect::<Option<Vec<Sums>>>();
-            give_back(blocks);
-            sums
-        },
-        |s, sums| {
+    gather(layout, evaluate, theta, &Wanted::PerOutput, |s, sums| {
+        if let SegmentSums::PerOutput(sums) = sums {
             sums.iter().for_each(|sum| scatter.add_alone(sum.kind, sum.count, sum.square));
             totals.add(&layout.parts[s], &sums);
-        },
-    )?;
+        }
+    })?;
     Some((vec![scatter], totals))
 }
 
 /// Sums of rows weighed with known `R` (per group): one kind, of weight 1.
-pub fn weighed<F: Evaluate>(
+pub fn weighed<E: Evaluate>(
     layout: &Layout,
-    evaluate: &F,
+    evaluate: &E,
     theta: &[f64],
     r: &[Covariance],
 ) -> Option<Totals> {
     let mut totals = Totals::new(layout.shared, 1);
-    each(
-        layout,
-        evaluate,
-        theta,
-        true,
-        |s, blocks| {
-            let nd = layout.parts[s].directions();
-            let white = whiten(layout, s, &blocks, &r[layout.parts[s].group])?;
-            give_back(blocks);
-            sum_block(&white, nd)
-        },
-        |s, sum| totals.add(&layout.parts[s], &[sum]),
-    )?;
+    gather(layout, evaluate, theta, &Wanted::Weighed(r.into()), |s, sums| {
+        if let SegmentSums::Weighed(sum) = sums {
+            totals.add(&layout.parts[s], &[sum]);
+        }
+    })?;
     Some(totals)
 }
 

@@ -218,6 +218,30 @@ pub struct Recipe {
     constants: Constants,
 }
 
+/// What a model is compiled from, as text.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+pub struct Text {
+    name: String,
+    /// Name and text of every file, those it uses first.
+    files: Vec<(String, String)>,
+    constants: Constants,
+}
+
+impl Text {
+    /// The model.
+    ///
+    /// # Errors
+    /// As `Model::load`.
+    pub fn compile(self) -> Result<Model, Errors> {
+        let mut sources = Vec::new();
+        for (name, text) in &self.files {
+            let (file, doc) = config::parse(name, text)?;
+            sources.extend(fragments::sources_of(file, doc));
+        }
+        Model::compiled(Recipe { name: self.name, sources, constants: self.constants })
+    }
+}
+
 impl Model {
     /// Reads, checks and compiles a model file; its name is the file name without `.model.toml`.
     ///
@@ -300,6 +324,17 @@ impl Model {
         Model::compiled(Recipe {
             name: recipe.name.clone(),
             sources,
+            constants: recipe.constants.clone(),
+        })
+    }
+
+    /// What the model is compiled from, as text; none if it was not compiled from text.
+    pub fn recipe_text(&self) -> Option<Text> {
+        let recipe = self.recipe.as_ref()?;
+        let files = recipe.sources.iter().filter(|s| s.amends.is_none());
+        Some(Text {
+            name: recipe.name.clone(),
+            files: files.map(|s| (s.doc.file().to_string(), s.doc.text().to_string())).collect(),
             constants: recipe.constants.clone(),
         })
     }

@@ -9,8 +9,11 @@ mod settings;
 mod simulate;
 mod store;
 mod summaries;
+mod unit;
 
 mod memo;
+
+use crate::engine::Served;
 
 pub use assess::{Assessment, State};
 pub use plan::{FlightLog, Plan};
@@ -19,3 +22,8 @@ pub use settings::Settings;
 pub use simulate::Simulation;
 pub use store::{Lock, Store};
 pub use summaries::{Summaries, summaries};
+pub use unit::UnitOfStage;
+
+/// All work that an engine may move elsewhere.
+pub const FUNCTIONS: &[Served] =
+    &[Served::of::<UnitOfStage>(), Served::of::<crate::estimate::NormalEquations>()];

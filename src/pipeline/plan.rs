@@ -27,6 +27,8 @@ pub use logs::FlightLog;
 /// A checked campaign, ready to run.
 #[derive(Debug)]
 pub struct Plan {
+    /// The pipeline file.
+    pub pipeline: PathBuf,
     pub campaign: Campaign,
     /// The logs, in the order of the campaign's flights.
     pub logs: Vec<FlightLog>,
@@ -54,7 +56,8 @@ impl Plan {
         let plan = |(mut settings, doc): (Settings, Doc)| {
             change(&mut settings);
             let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
-            Reader { settings, doc, folder, errors: Errors::default() }.plan()
+            let pipeline = pipeline.to_path_buf();
+            Reader { settings, doc, pipeline, folder, errors: Errors::default() }.plan()
         };
         let mut errors = match config::load(pipeline) {
             Ok(read) => return plan(read),
@@ -86,6 +89,7 @@ impl Plan {
 struct Reader {
     settings: Settings,
     doc: Doc,
+    pipeline: PathBuf,
     folder: PathBuf,
     errors: Errors,
 }
@@ -120,6 +124,7 @@ impl Reader {
         let settings = self.settings.fields;
         match (self.errors.is_empty(), channels, derive) {
             (true, Some(channels), Some(derive)) => Ok(Plan {
+                pipeline: self.pipeline,
                 campaign: Campaign {
                     title: settings.title,
                     flights,

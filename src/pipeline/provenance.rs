@@ -1,6 +1,7 @@
 //! What a stage was made from and what it made: in come a unit's ingredients and outputs, out goes
 //! the record that decides about reruns.
 
+use crate::engine::Key;
 use crate::stage::Note;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -76,7 +77,7 @@ impl Ingredients {
             hasher.update(hash.as_bytes());
             hasher.update(&[0]);
         }
-        short(&hasher.finalize())
+        Key::from(hasher.finalize()).0
     }
 
     /// What differs from the ingredients of an earlier run, in words.
@@ -118,13 +119,9 @@ pub fn canonical(value: &Value) -> String {
     }
 }
 
-/// Hash of a file's or a table's bytes (BLAKE3, first 128 bits, hexadecimal).
+/// Hash of a file's or a table's bytes: its content key.
 pub fn hash_bytes(bytes: &[u8]) -> String {
-    short(&blake3::hash(bytes))
-}
-
-fn short(hash: &blake3::Hash) -> String {
-    hash.to_hex()[..32].to_string()
+    Key::of(bytes).0
 }
 
 #[cfg(test)]

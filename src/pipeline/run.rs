@@ -1,16 +1,18 @@
 //! The run: a plan and an output folder come in; stale units are run in order of stages, in
-//! parallel over flights; tables go out.
+//! parallel over flights, where the engine says; tables go out.
 
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::plan::Plan;
 use super::provenance::{PROGRAM, Record, hash_bytes};
 use super::store::Store;
+use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep, made_from, place};
+use crate::engine::{self, Engine, Here, Kept, Key, Said};
 use crate::error::{Error, Errors, Result};
-use crate::stage::{Inputs, NOTES, Note, Output, Part, STAGES_TABLE, Severity, Stage, Unit};
+use crate::stage::{NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit};
 use crate::table::Table;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex};
+use std::sync::OnceLock;
 
 /// What a watcher of a run hears. Flights run in parallel, so units of one stage interleave.
 pub enum Event<'a> {
@@ -70,10 +72,11 @@ impl RunResult {
 struct Run<'a> {
     plan: &'a Plan,
     store: &'a Store,
+    engine: &'a dyn Engine,
     watch: Watch<'a>,
     contents: Contents,
-    /// Tables of this run, by path: later stages need not read them back.
-    tables: Mutex<BTreeMap<String, Arc<Table>>>,
+    /// Tables of this run: later stages need not read them back.
+    kept: Kept,
     /// Records of the units that succeeded.
     records: Vec<Record>,
     result: RunResult,
@@ -93,13 +96,14 @@ enum Outcome {
 /// # Errors
 /// The output folder cannot be read or written. What fails inside a stage does not stop the others
 /// and is in the result.
-pub fn run(plan: &Plan, store: &Store, watch: Watch) -> Result<RunResult> {
+pub fn run(plan: &Plan, store: &Store, engine: &dyn Engine, watch: Watch) -> Result<RunResult> {
     let mut run = Run {
         plan,
         store,
+        engine,
         watch,
         contents: Contents::new(),
-        tables: Mutex::default(),
+        kept: Kept::default(),
         records: Vec::new(),
         result: RunResult::default(),
     };
@@ -127,11 +131,12 @@ impl Run<'_> {
             };
             (stage.units)(&self.plan.campaign).into_iter().flat_map(of).collect()
         };
-        let wanted: BTreeSet<String> = later.iter().flat_map(reads).collect();
-        self.tables
-            .lock()
-            .unwrap_or_else(|p| p.into_inner())
-            .retain(|path, _| wanted.contains(path));
+        let place = |path: String| match self.contents.get(&path) {
+            Some(Content::Hash(hash)) => Some(place(&path, hash)),
+            _ => None,
+        };
+        let wanted: BTreeSet<Key> = later.iter().flat_map(reads).filter_map(place).collect();
+        self.kept.retain(|key| wanted.contains(key));
     }
 
     fn stage(&mut self, stage: &'static Stage) -> Result<()> {
@@ -143,24 +148,89 @@ impl Run<'_> {
         if assessments.is_empty() {
             return Ok(());
         }
+        let to_run: Vec<&Assessment> = assessments.iter().filter(|a| self.is_run(a)).collect();
         let fresh = assessments.iter().filter(|a| a.state == State::Fresh).count();
-        let blocked = assessments.iter().filter(|a| matches!(a.state, State::Blocked(_))).count();
-        (self.watch)(Event::Stage { stage, to_run: assessments.len() - fresh - blocked, fresh });
-        let outcomes: Vec<(Unit, Outcome)> = assessments
-            .into_par_iter()
-            .map(|a| {
-                let unit = a.unit.clone();
-                self.unit(stage, a).map(|outcome| (unit, outcome))
-            })
-            .collect::<Result<_>>()?;
+        (self.watch)(Event::Stage { stage, to_run: to_run.len(), fresh });
+        let ran = self.ran(stage, &to_run)?;
         (self.watch)(Event::End { stage });
-        let mut of_stage =
-            StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
-        for (unit, outcome) in outcomes {
-            self.take(stage, &unit, outcome, &mut of_stage);
+        let mut counts = StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
+        let mut ran = ran.into_iter();
+        for a in &assessments {
+            let outcome = if self.is_run(a) { ran.next() } else { Some(self.spared(a)?) };
+            if let Some(outcome) = outcome {
+                self.take(stage, &a.unit, outcome, &mut counts);
+            }
         }
-        self.result.stages.push(of_stage);
+        self.result.stages.push(counts);
         Ok(())
+    }
+
+    /// Whether a unit is run: it is neither blocked nor fresh.
+    fn is_run(&self, a: &Assessment) -> bool {
+        match a.state {
+            State::Blocked(_) => false,
+            State::Fresh => a.record.is_none(),
+            _ => true,
+        }
+    }
+
+    /// What becomes of a unit that is not run.
+    fn spared(&self, a: &Assessment) -> Result<Outcome> {
+        match (&a.state, &a.record) {
+            (State::Blocked(what), record) => {
+                record.iter().try_for_each(|record| self.store.forget(record))?;
+                Ok(Outcome::Blocked(record.as_ref().map(|_| what.clone())))
+            }
+            (_, record) => Ok(record.clone().map_or(Outcome::Blocked(None), Outcome::Fresh)),
+        }
+    }
+
+    /// Runs units, and files what each of them made as soon as it is there.
+    fn ran(&self, stage: &Stage, units: &[&Assessment]) -> Result<Vec<Outcome>> {
+        let items: Vec<Item> =
+            units.iter().map(|a| self.item(stage, &a.unit)).collect::<Result<_>>()?;
+        let outcomes: Vec<OnceLock<Result<Outcome>>> =
+            units.iter().map(|_| OnceLock::new()).collect();
+        let hear = |i: usize, said: Said| {
+            let unit = &units[i].unit;
+            (self.watch)(match &said {
+                Said::Step(done, of) => Event::Step { unit, done: *done, of: *of },
+                Said::Words(text) => Event::Told { unit, text },
+            });
+        };
+        let here = Here { engine: self.engine, kept: &self.kept, hear: &hear };
+        let work = Work { plan: self.plan, folder: self.store.root() };
+        let take = |i: usize, made: Result<Made>| {
+            let made = made.map_or_else(|e| Err(e.into()), |made| made.0);
+            (self.watch)(Event::Unit { unit: &units[i].unit, ok: made.is_ok() });
+            drop(outcomes[i].set(self.filed(stage, units[i], made)));
+        };
+        match stage.spreads {
+            true => engine::each_here::<UnitOfStage>(&here, &work, &items, &take),
+            false => engine::each::<UnitOfStage>(&here, &work, &items, &take),
+        }
+        outcomes.into_iter().filter_map(OnceLock::into_inner).collect()
+    }
+
+    /// A unit with what it reads.
+    fn item(&self, stage: &Stage, unit: &Unit) -> Result<Item> {
+        let needed = |read: Read| match self.contents.get(&read.part.path(read.table)) {
+            Some(Content::Hash(hash)) => {
+                Some(Needed { table: read.table.into(), part: read.part, key: hash.clone() })
+            }
+            _ => None,
+        };
+        let log = if stage.reads_log { Some(self.plan.log(&unit.name)?) } else { None };
+        Ok(Item {
+            stage: stage.name.to_string(),
+            unit: unit.clone(),
+            tables: (stage.reads)(&self.plan.campaign, unit)
+                .into_iter()
+                .filter_map(needed)
+                .collect(),
+            log: log.map(|log| log.path.clone()),
+            made_from: made_from(self.plan, stage, unit),
+        })
     }
 
     /// Files what became of a unit in the run's result.
@@ -196,86 +266,48 @@ impl Run<'_> {
         self.records.push(record);
     }
 
-    fn unit(&self, stage: &Stage, a: Assessment) -> Result<Outcome> {
-        match (a.state, a.record) {
-            (State::Fresh, Some(record)) => Ok(Outcome::Fresh(record)),
-            (State::Blocked(what), record) => {
-                record.iter().try_for_each(|record| self.store.forget(record))?;
-                Ok(Outcome::Blocked(record.map(|_| what)))
-            }
-            (_, earlier) => {
-                let made = self.inputs_and_run(stage, &a.unit);
-                (self.watch)(Event::Unit { unit: &a.unit, ok: made.is_ok() });
-                let mut record = Record {
-                    stage: stage.name.to_string(),
-                    unit: a.unit.name.clone(),
-                    key: a.ingredients.key(stage.name, &a.unit.name),
-                    ingredients: a.ingredients.0,
-                    outputs: BTreeMap::new(),
-                    notes: Vec::new(),
-                    error: None,
-                    asked: (stage.asked)(&self.plan.campaign, &a.unit),
-                };
-                let outcome = match made {
-                    Ok(output) => {
-                        self.file(&a.unit, output, &mut record)?;
-                        Outcome::Ran(record.clone())
-                    }
-                    Err(errors) => {
-                        record.error = Some(errors.to_string());
-                        Outcome::Failed(errors)
-                    }
-                };
-                let gone = earlier
-                    .iter()
-                    .flat_map(|e| e.outputs.keys())
-                    .filter(|path| !record.outputs.contains_key(*path));
-                gone.into_iter().try_for_each(|path| self.store.remove(path))?;
-                self.store.put_record(&record)?;
-                Ok(outcome)
-            }
-        }
-    }
-
-    fn inputs_and_run(&self, stage: &Stage, unit: &Unit) -> std::result::Result<Output, Errors> {
-        let campaign = &self.plan.campaign;
-        let mut tables = BTreeMap::new();
-        for read in (stage.reads)(campaign, unit) {
-            let path = read.part.path(read.table);
-            if self.contents.contains_key(&path) {
-                let table = self.table(read.table, &read.part)?;
-                tables.insert((read.table, read.part), table);
-            }
-        }
-        let progress = |done: usize, of: usize| (self.watch)(Event::Step { unit, done, of });
-        let log = if stage.reads_log { Some(self.plan.log(&unit.name)?) } else { None };
-        let tell = |text: &str| (self.watch)(Event::Told { unit, text });
-        let inputs = Inputs {
-            tables,
-            log: log.map(|log| log.path.as_path()),
-            progress: &progress,
-            tell: &tell,
+    /// Files what a unit made, and its record.
+    fn filed(
+        &self,
+        stage: &Stage,
+        a: &Assessment,
+        made: std::result::Result<Output, Errors>,
+    ) -> Result<Outcome> {
+        let mut record = Record {
+            stage: stage.name.to_string(),
+            unit: a.unit.name.clone(),
+            key: a.ingredients.key(stage.name, &a.unit.name),
+            ingredients: a.ingredients.0.clone(),
+            outputs: BTreeMap::new(),
+            notes: Vec::new(),
+            error: None,
+            asked: (stage.asked)(&self.plan.campaign, &a.unit),
         };
-        (stage.run)(campaign, unit, &inputs)
-    }
-
-    /// A table of this run, or read back from its file.
-    fn table(&self, name: &'static str, part: &Part) -> Result<Arc<Table>> {
-        let path = part.path(name);
-        if let Some(table) = self.tables.lock().unwrap_or_else(|p| p.into_inner()).get(&path) {
-            return Ok(table.clone());
-        }
-        let table = Arc::new(self.store.table(name, part)?);
-        self.tables.lock().unwrap_or_else(|p| p.into_inner()).insert(path, table.clone());
-        Ok(table)
+        let outcome = match made {
+            Ok(output) => {
+                self.file(&a.unit, output, &mut record)?;
+                Outcome::Ran(record.clone())
+            }
+            Err(errors) => {
+                record.error = Some(errors.to_string());
+                Outcome::Failed(errors)
+            }
+        };
+        let earlier = a.record.iter().flat_map(|earlier| earlier.outputs.keys());
+        earlier
+            .filter(|path| !record.outputs.contains_key(*path))
+            .try_for_each(|path| self.store.remove(path))?;
+        self.store.put_record(&record)?;
+        Ok(outcome)
     }
 
     /// Writes a unit's outputs and enters them in its record.
     fn file(&self, unit: &Unit, output: Output, record: &mut Record) -> Result<()> {
         for (name, table) in output.tables {
             let path = unit.part.path(name);
-            record.outputs.insert(path.clone(), self.store.put(&path, &table.to_parquet()?)?);
-            self.tables.lock().unwrap_or_else(|p| p.into_inner()).insert(path, Arc::new(table));
+            let hash = self.store.put(&path, &table.to_parquet()?)?;
+            keep(&self.kept, &path, &hash, table);
+            record.outputs.insert(path, hash);
         }
         for (path, bytes) in output.files {
             let hash = self.store.put(&path, &bytes)?;
@@ -291,8 +323,8 @@ impl Run<'_> {
         for table in own_tables(&self.result.notes, &self.records)? {
             let path = Part::Number(0).path(table.name());
             let hash = self.store.put(&path, &table.to_parquet()?)?;
-            self.contents.insert(path.clone(), Content::Hash(hash));
-            self.tables.lock().unwrap_or_else(|p| p.into_inner()).insert(path, Arc::new(table));
+            keep(&self.kept, &path, &hash, table);
+            self.contents.insert(path, Content::Hash(hash));
         }
         Ok(())
     }

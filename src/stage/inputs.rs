@@ -1,14 +1,16 @@
 //! What a unit of a stage reads: tables by name and part, the log's bytes.
 
+use crate::engine::{Engine, Kept};
 use crate::error::{Error, Result};
 use crate::table::Table;
 use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 /// A part of a table: one file of the dataset.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Part {
     /// `<table>/flight=<id>/part-0.parquet`
     Flight(String),
@@ -45,6 +47,10 @@ pub struct Inputs<'a> {
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
     /// Tells whoever watches what is being done.
     pub tell: &'a (dyn Fn(&str) + Sync),
+    /// Does the work that a unit hands on.
+    pub engine: &'a dyn Engine,
+    /// What this process keeps.
+    pub kept: &'a Kept,
 }
 
 impl Inputs<'_> {

@@ -65,6 +65,9 @@ pub struct Stage {
     /// The settings of a unit that a command asked for, not the pipeline file: later runs keep its
     /// results as long as they are fresh.
     pub asked: fn(&Campaign, &Unit) -> Option<Value>,
+    /// Whether its units hand their own work to the engine and are run where the run is, instead
+    /// of being handed to it whole.
+    pub spreads: bool,
     /// Why a unit that is not fresh is not run now, although the campaign has it.
     pub idle: fn(&Campaign, &Unit) -> Option<&'static str>,
 }
@@ -86,6 +89,7 @@ impl Stage {
         run: |_, _, _| Ok(Output::default()),
         reads_records: false,
         asked: |_, _| None,
+        spreads: false,
         idle: |_, _| None,
     };
 
@@ -110,7 +114,7 @@ mod codes {
 pub use codes::code;
 
 /// One run of a stage: for a flight, an entry of the pipeline file, or the campaign.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unit {
     /// Flight id, name of the entry, or `campaign`.
     pub name: String,

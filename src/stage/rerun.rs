@@ -15,6 +15,7 @@ pub const STAGE: Stage = Stage {
     reads,
     slice,
     run,
+    spreads: true,
     ..Stage::PLAIN
 };
 

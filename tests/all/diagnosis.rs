@@ -36,8 +36,13 @@ fn out() -> Option<&'static TempDir> {
         let plan = plan.unwrap_or_else(|e| panic!("{e}"));
         let simulation = plan.simulation.as_ref().expect("logs are simulated");
         simulation.fly(false, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
-        let result = run(&plan, &Store::open(&folder.path().join("out")), &|_| {})
-            .unwrap_or_else(|e| panic!("{e}"));
+        let result = run(
+            &plan,
+            &Store::open(&folder.path().join("out")),
+            &koehler::engine::Threads,
+            &|_| {},
+        )
+        .unwrap_or_else(|e| panic!("{e}"));
         assert!(result.errors.is_empty(), "{}", result.errors);
         folder
     }))

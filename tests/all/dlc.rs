@@ -98,8 +98,9 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
             .expect("a log");
     }
     let plan = Plan::read(&out.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let result = run(&plan, &Store::open(&out.path().join("out")), &|_| {})
-        .unwrap_or_else(|e| panic!("{e}"));
+    let result =
+        run(&plan, &Store::open(&out.path().join("out")), &koehler::engine::Threads, &|_| {})
+            .unwrap_or_else(|e| panic!("{e}"));
     let lost: Vec<_> =
         result.notes.iter().filter(|n| n.severity == koehler::stage::Severity::Missing).collect();
     assert!(result.complete() && lost.is_empty(), "seed {seed}: {lost:?} {}", result.errors);

@@ -161,3 +161,49 @@ fn every_file_opens_with_its_sentence() {
     let unfinished = named(|text| text.starts_with("//! (to come)"));
     assert!(unfinished.is_empty(), "files without a sentence yet: {unfinished:?}");
 }
+
+/// Files that may call the thread pool themselves, and why. All other work goes through the engine.
+const THREADS: [(&str, &str); 24] = [
+    ("engine/threads.rs", "the engine of this process"),
+    ("cli/mod.rs", "the number of threads that a user asks for"),
+    ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
+    ("estimate/colour.rs", "series of residuals of one estimate, once at its end"),
+    ("estimate/profile.rs", "the two sides of an interval of one estimate"),
+    ("stage/estimate/mod.rs", "groups of maneuvers of one estimate, whose sums go to the engine"),
+    ("log/flight.rs", "chunks and signals of one log"),
+    ("log/inspect.rs", "chunks of one log"),
+    ("reconstruct/consistency.rs", "stretches of one flight"),
+    ("reconstruct/output_error.rs", "windows of one flight"),
+    ("reconstruct/smoothed.rs", "suspects of one flight"),
+    ("reconstruct/stretches.rs", "stretches of one flight"),
+    ("diagnose/base/frozen.rs", "maneuvers of one diagnosis"),
+    ("diagnose/base/spread.rs", "maneuvers of one diagnosis"),
+    ("diagnose/base/training.rs", "maneuvers of one diagnosis"),
+    ("diagnose/gap/coefficient.rs", "maneuvers of one diagnosis"),
+    ("diagnose/residual/absorbed.rs", "maneuvers of one diagnosis"),
+    ("diagnose/residual/colour.rs", "maneuvers of one diagnosis"),
+    ("diagnose/residual/sums.rs", "maneuvers of one diagnosis"),
+    ("diagnose/search/refit.rs", "candidates of one round of a diagnosis"),
+    ("diagnose/search/screen.rs", "candidates of one round of a diagnosis"),
+    ("diagnose/search/surrogate.rs", "series of chance of one round of a diagnosis"),
+    ("pipeline/run.rs", "hashes of what units read, which decide what is run at all"),
+    ("pipeline/summaries.rs", "a look at the logs before work starts"),
+];
+
+/// Whole flights that are not handed to the engine.
+const FLIGHTS: [(&str, &str); 1] =
+    [("simulate/campaign.rs", "a simulated campaign is written where its file is")];
+
+#[test]
+fn threads_are_called_where_the_list_says() {
+    let listed: Vec<&str> = THREADS.iter().chain(&FLIGHTS).map(|(file, _)| *file).collect();
+    let calls = |text: &str| code(text).contains("rayon::");
+    let found: Vec<String> =
+        sources().into_iter().filter(|(_, text)| calls(text)).map(|(file, _)| file).collect();
+    let of_tests = |file: &&String| !file.contains("/tests") && !file.ends_with("tests.rs");
+    let new: Vec<&String> =
+        found.iter().filter(of_tests).filter(|f| !listed.contains(&f.as_str())).collect();
+    assert!(new.is_empty(), "let the engine do it (src/engine/mod.rs), or say why not: {new:?}");
+    let gone: Vec<&&str> = listed.iter().filter(|l| !found.iter().any(|f| f == **l)).collect();
+    assert!(gone.is_empty(), "take them out of the list: {gone:?}");
+}

@@ -7,6 +7,7 @@ mod closure;
 mod coverage;
 mod diagnosis;
 mod dlc;
+mod engines;
 mod faults;
 mod flightdata;
 mod floors;

@@ -45,8 +45,9 @@ fn recovery_of_the_stall_of_the_attas() {
 }
 
 /// The HFB-320's own estimates with one term of the model taken out, diagnosed as predicted; the
-/// candidates named, and value and sd of the parameter that should bring the term back.
-fn crippled(parameter: &str, term: &str, effect: &str) -> Option<(Vec<String>, f64, f64)> {
+/// candidates named; the last standing of the effect that should bring the term back, its value and
+/// sd.
+fn crippled(parameter: &str, term: &str, effect: &str) -> Option<(Vec<String>, String, f64, f64)> {
     if std::env::var("KOEHLER_SLOW").as_deref() != Ok("1") {
         println!("skipped: set KOEHLER_SLOW=1 (a minute in release mode)");
         return None;
@@ -87,7 +88,8 @@ fn crippled(parameter: &str, term: &str, effect: &str) -> Option<(Vec<String>, f
     let candidates = additions.strings("candidate").expect("column");
     let row = candidates.iter().rposition(|c| *c == effect).expect("it was refitted");
     let at = |column: &str| additions.f64(column).expect("column")[row];
-    Some((named, at("value"), at("sd")))
+    let standing = additions.strings("standing").expect("column")[row].to_string();
+    Some((named, standing, at("value"), at("sd")))
 }
 
 /// The estimates of "free-start" but one, as a table of TOML.
@@ -107,18 +109,20 @@ fn starts(estimates: &Table, without: &str) -> String {
 #[test]
 fn recovery_of_the_pitch_damping_of_the_hfb320() {
     let effect = "rate-derivative-longitudinal:Cm";
-    let Some((named, value, sd)) = crippled("Cmq", " + Cmq*q*half_c/V_0", effect) else { return };
+    let Some((named, _, value, sd)) = crippled("Cmq", " + Cmq*q*half_c/V_0", effect) else {
+        return;
+    };
     println!("{value} +- {sd}");
     assert_eq!(named.first().map(String::as_str), Some(effect), "{named:?}");
     assert!((value - -26.89 * 1.215).abs() < 2.0 * sd, "{value} +- {sd}");
 }
 
-/// `C_DV V/V_0` is brought back as `CD_V V`. Its evidence was 4.95 times the null maximum (99%)
-/// when what makes a name was set below that, with this in view.
+/// `C_DV V/V_0` is found with its value and not named: it gains 2.3 times what chance gives in this
+/// one record, and a name must gain 3.25 times (`docs/thresholds.md`).
 #[test]
 fn recovery_of_the_drag_with_airspeed_of_the_hfb320() {
     let effect = "speed-dependence:CD";
-    let Some((named, value, sd)) = crippled("CDV", " + CDV*V/V_0", effect) else { return };
-    assert!(named.iter().any(|name| name == effect), "{named:?}");
+    let Some((_, standing, value, sd)) = crippled("CDV", " + CDV*V/V_0", effect) else { return };
+    assert_eq!(standing, "faint");
     assert!((value - -0.0477 / 104.67).abs() < 2.0 * sd, "{value} +- {sd}");
 }

@@ -62,7 +62,9 @@ fn a_new_stage_is_one_value() {
     let mut plan = Plan::read(&c.path("pipeline.toml")).expect("a plan");
     plan.campaign.stages = &WITH_TOY;
     let store = Store::open(&c.path("out"));
-    let run = |plan: &Plan| pipeline::run(plan, &store, &|_| {}).expect("a run");
+    let run = |plan: &Plan| {
+        pipeline::run(plan, &store, &koehler::engine::Threads, &|_| {}).expect("a run")
+    };
     let first = run(&plan);
     assert!(first.errors.is_empty(), "{}", first.errors);
     let toy = first.stages.iter().find(|s| s.name == "toy").expect("the stage ran");

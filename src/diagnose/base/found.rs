@@ -44,7 +44,7 @@ impl Found {
         Known::of(&self.prepared.case(), &self.prepared, &self.fit.theta)
     }
 
-    pub fn case(&self) -> Case<'_> {
+    pub fn case(&self) -> Case {
         let mut case = self.prepared.case();
         case.records
             .iter_mut()

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 /// Which segments and which shared parameters take part.
 pub struct Task<'a> {
-    pub case: &'a Case<'a>,
+    pub case: &'a Case,
     pub noise: &'a Noise,
     /// Places among the segments of the case.
     pub segments: &'a [usize],

@@ -7,7 +7,7 @@ use crate::noise::theil;
 
 /// A model at its fit: parameters per segment place (held-out ones with their own).
 pub struct At<'a> {
-    pub case: &'a Case<'a>,
+    pub case: &'a Case,
     pub theta: &'a dyn Fn(usize) -> Vec<f64>,
 }
 

@@ -137,14 +137,14 @@ fn increments(targets: &[Target]) -> String {
 /// The model with its increments and observer feedback, at the base's fit.
 struct Observer<'a> {
     found: &'a Found,
-    base: &'a Case<'a>,
+    base: &'a Case,
     prepared: Prepared,
 }
 
 impl<'a> Observer<'a> {
     /// None where other maneuvers can be used than for the base.
     fn new(
-        (found, base): (&'a Found, &'a Case<'a>),
+        (found, base): (&'a Found, &'a Case),
         model: &Model,
         segments: &[Segment],
         method: &Settings,
@@ -172,7 +172,7 @@ impl<'a> Observer<'a> {
 }
 
 /// Channels with a block each.
-fn scored<'a>(case: &'a Case, s: usize) -> impl Iterator<Item = &'a Channel> {
+fn scored(case: &Case, s: usize) -> impl Iterator<Item = &Channel> {
     case.records[s].channels.iter().filter(|c| case.outputs.contains(&c.output))
 }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// A fit as the noise sees it.
 pub struct Fitted<'a> {
-    pub case: &'a Case<'a>,
+    pub case: &'a Case,
     /// Places among the segments of the case.
     pub segments: &'a [usize],
     /// Shared parameters that were free.
@@ -33,7 +33,7 @@ pub struct Series {
 
 impl<'a> Fitted<'a> {
     pub fn new(
-        case: &'a Case<'a>,
+        case: &'a Case,
         segments: &'a [usize],
         free: &'a [usize],
         theta: &'a [f64],

@@ -6,7 +6,7 @@ use crate::estimate::{self, Case, Segment};
 
 /// What is screened against.
 pub struct Ground<'a> {
-    pub case: &'a Case<'a>,
+    pub case: &'a Case,
     pub noise: &'a Noise,
     pub method: &'a estimate::Settings,
     pub theta: &'a [f64],

@@ -65,7 +65,7 @@ impl Probe {
             plan,
             added,
             sizes,
-            adds_dynamics: dynamics(&model) > dynamics(case.model),
+            adds_dynamics: dynamics(&model) > dynamics(&case.model),
         })
     }
 

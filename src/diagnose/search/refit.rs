@@ -27,7 +27,7 @@ use rayon::prelude::*;
 pub struct Ground<'a> {
     pub stand: &'a Stand,
     pub prepared: &'a Prepared,
-    pub case: &'a Case<'a>,
+    pub case: &'a Case,
     pub noise: &'a Noise,
     pub places: &'a Places,
     pub fit: &'a Fit,

@@ -9,6 +9,7 @@ mod uncertainty;
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
 use crate::dynamics::Record;
+use crate::engine::Here;
 use crate::error::{Errors, Result};
 use crate::estimate::{self, Estimation, Segment};
 use crate::model::Model;
@@ -43,6 +44,7 @@ pub const STAGE: Stage = Stage {
     reads,
     slice,
     run,
+    spreads: true,
     ..Stage::PLAIN
 };
 
@@ -172,7 +174,9 @@ pub(super) fn estimated(
     let estimations: Vec<Estimation> = batches
         .par_iter()
         .map(|batch| {
-            let estimation = estimate::estimate_segments(
+            let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
+            let estimation = estimate::estimate_where(
+                &here,
                 &config.model,
                 &batch.labelled,
                 &config.settings.method,

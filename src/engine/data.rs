@@ -1,0 +1,149 @@
+//! Content keys in; the data that they name, as bytes that all processes see, or as what a process
+//! made of them and kept, out.
+
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard};
+
+/// Content key: the hash of the bytes that something is made from (BLAKE3, first 128 bits,
+/// hexadecimal).
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Key(pub String);
+
+impl Key {
+    /// The key of these bytes.
+    pub fn of(bytes: &[u8]) -> Key {
+        Key::from(blake3::hash(bytes))
+    }
+}
+
+impl From<blake3::Hash> for Key {
+    fn from(hash: blake3::Hash) -> Key {
+        Key(hash.to_hex()[..32].to_string())
+    }
+}
+
+/// Bytes by content key, where all processes of an engine find them.
+pub trait Blobs: Send + Sync {
+    /// Puts bytes there and returns their key.
+    ///
+    /// # Errors
+    /// They cannot be written.
+    fn put(&self, bytes: &[u8]) -> Result<Key>;
+    /// The bytes of a key.
+    ///
+    /// # Errors
+    /// They are not there.
+    fn get(&self, key: &Key) -> Result<Vec<u8>>;
+}
+
+/// Blobs as files of a folder that all processes see.
+#[derive(Debug, Clone)]
+pub struct Folder(pub PathBuf);
+
+impl Blobs for Folder {
+    fn put(&self, bytes: &[u8]) -> Result<Key> {
+        let key = Key::of(bytes);
+        let path = self.0.join(&key.0);
+        if !path.is_file() {
+            crate::table::write_atomic(&path, bytes)?;
+        }
+        Ok(key)
+    }
+
+    fn get(&self, key: &Key) -> Result<Vec<u8>> {
+        let path = self.0.join(&key.0);
+        std::fs::read(&path).map_err(|e| Error::new(format!("cannot read {}: {e}", path.display())))
+    }
+}
+
+/// What a function says while it works.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Said {
+    /// So many steps of so many are done.
+    Step(usize, usize),
+    /// What it is doing, in words.
+    Words(String),
+}
+
+type Entry = (u64, Arc<dyn Any + Send + Sync>);
+
+/// What a process made of data, by their key.
+#[derive(Default)]
+pub struct Kept {
+    /// Entries with the time of their last use, counted in uses.
+    entries: Mutex<(u64, BTreeMap<Key, Entry>)>,
+    /// At most so many; none without a limit.
+    limit: Option<usize>,
+}
+
+impl Kept {
+    /// Forgets what was used longest ago once there are more than `limit`.
+    pub fn at_most(limit: usize) -> Kept {
+        Kept { limit: Some(limit), ..Kept::default() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (u64, BTreeMap<Key, Entry>)> {
+        self.entries.lock().unwrap_or_else(|p| p.into_inner())
+    }
+
+    /// What is kept under a key, or is made now.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn get<T: Send + Sync + 'static>(
+        &self,
+        key: &Key,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<Arc<T>> {
+        if let Some(found) = self.find(key) {
+            return Ok(found);
+        }
+        let made = Arc::new(make()?);
+        self.put(key.clone(), made.clone());
+        Ok(made)
+    }
+
+    fn find<T: Send + Sync + 'static>(&self, key: &Key) -> Option<Arc<T>> {
+        let (uses, entries) = &mut *self.lock();
+        let (last, value) = entries.get_mut(key)?;
+        *uses += 1;
+        *last = *uses;
+        value.clone().downcast().ok()
+    }
+
+    /// Keeps a value under a key.
+    pub fn put<T: Send + Sync + 'static>(&self, key: Key, value: Arc<T>) {
+        let (uses, entries) = &mut *self.lock();
+        *uses += 1;
+        entries.insert(key, (*uses, value));
+        while self.limit.is_some_and(|limit| entries.len() > limit) {
+            let oldest = entries.iter().min_by_key(|(_, (last, _))| *last);
+            let Some(oldest) = oldest.map(|(key, _)| key.clone()) else { break };
+            entries.remove(&oldest);
+        }
+    }
+
+    /// Forgets all whose key is not wanted.
+    pub fn retain(&self, wanted: impl Fn(&Key) -> bool) {
+        self.lock().1.retain(|key, _| wanted(key));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_used_longest_ago_is_forgotten() {
+        let kept = Kept::at_most(2);
+        let key = |n: u8| Key::of(&[n]);
+        (0..2).for_each(|n| kept.put(key(n), Arc::new(n)));
+        assert_eq!(kept.get(&key(0), || Ok(9u8)).ok().as_deref(), Some(&0));
+        kept.put(key(2), Arc::new(2u8));
+        assert_eq!(kept.get(&key(1), || Ok(9u8)).ok().as_deref(), Some(&9));
+    }
+}

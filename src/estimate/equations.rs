@@ -1,0 +1,219 @@
+//! The normal equations of a segment as a function: a problem, a parameter vector and a segment come
+//! in, sums over the segment go out, wherever that is done.
+//!
+//! A process that does it for another one makes the problem from what it was made of there (the
+//! text of the model, the records, the settings), once, and keeps it by the key of these bytes; then
+//! every call carries a parameter vector and the covariance of the noise, and every item the place
+//! of a segment.
+
+use super::case::Case;
+use super::prepared::Prepared;
+use super::profile::{Profile, profiles};
+use super::segment::Segment;
+use super::solution::{Solution, solve};
+use super::{Line, Settings};
+use crate::engine::{self, Blobs, Function, Here, Key, Source, decode, encode};
+use crate::error::{Error, Result};
+use crate::least_squares::{Block, Evaluate, Layout, SegmentSums, Wanted, segment_sums};
+use crate::model::{Model, Text};
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Mutex;
+
+/// Sums over one segment of an estimation.
+pub struct NormalEquations;
+
+/// A problem at one parameter vector.
+pub struct At<'a> {
+    case: &'a Case,
+    theta: &'a [f64],
+    wanted: &'a Wanted<'a>,
+    /// What the problem was made of; none where it was made again.
+    origin: Option<&'a Origin<'a>>,
+}
+
+impl Function for NormalEquations {
+    const NAME: &'static str = "normal equations of a segment";
+    const VERSION: u32 = 1;
+    type Parameters<'a> = At<'a>;
+    /// The place of the segment among those used.
+    type Item = usize;
+    /// None where the model is not finite there.
+    type Output = Option<SegmentSums>;
+
+    fn run(at: &At, s: &usize, _: &Source) -> Result<Option<SegmentSums>> {
+        Ok(at.here(*s))
+    }
+
+    fn pack(at: &At, blobs: &dyn Blobs) -> Result<Vec<u8>> {
+        let origin = at.origin.ok_or_else(|| Error::new("a problem is passed on only once"))?;
+        encode(&Packed {
+            problem: origin.key(&at.case.steps(), blobs)?,
+            theta: Cow::Borrowed(at.theta),
+            wanted: at.wanted.clone(),
+        })
+    }
+
+    fn lend(bytes: &[u8], source: &Source, to: &mut dyn FnMut(&At) -> Result<()>) -> Result<()> {
+        let Packed { problem, theta, wanted } = decode(bytes)?;
+        let case =
+            source.kept.get(&problem, || decode::<Problem>(&source.blob(&problem)?)?.case())?;
+        to(&At { case: &case, theta: &theta, wanted: &wanted, origin: None })
+    }
+}
+
+impl At<'_> {
+    fn here(&self, s: usize) -> Option<SegmentSums> {
+        let case = self.case;
+        let evaluate =
+            |s: usize, local: &[f64], sensitivities: bool| case.evaluate(s, local, sensitivities);
+        segment_sums(&case.layout, &evaluate, self.theta, self.wanted, s)
+    }
+}
+
+/// What is sent with every call.
+#[derive(Serialize, Deserialize)]
+struct Packed<'a> {
+    problem: Key,
+    theta: Cow<'a, [f64]>,
+    wanted: Wanted<'a>,
+}
+
+/// What a problem is made of.
+#[derive(Serialize, Deserialize)]
+struct Problem<'a> {
+    model: Text,
+    segments: Cow<'a, [Segment]>,
+    settings: Cow<'a, Settings>,
+    /// Not among the settings of a file.
+    lines: IndexMap<String, Line>,
+    used: Cow<'a, [usize]>,
+    steps: Cow<'a, [usize]>,
+}
+
+impl Problem<'_> {
+    fn case(self) -> Result<Case> {
+        let model = self.model.compile().map_err(|e| Error::new(e.to_string()))?;
+        let settings = Settings { lines: self.lines, ..self.settings.into_owned() };
+        let prepared = Prepared::new(&model, &self.segments, &settings)
+            .map_err(|e| Error::new(e.to_string()))?;
+        if self.used.iter().any(|&s| !prepared.has_starts(s)) {
+            return Err(Error::new("a segment of the problem cannot be used here"));
+        }
+        Ok(prepared.compiled().case_of(&self.used).with_steps(&self.steps))
+    }
+}
+
+/// What a problem was made of, for a process that has to make it again.
+pub struct Origin<'a> {
+    model: &'a Model,
+    segments: &'a [Segment],
+    settings: &'a Settings,
+    used: &'a [usize],
+    /// Integration steps, and the key of the problem with them.
+    key: Mutex<Option<(Vec<usize>, Key)>>,
+}
+
+impl<'a> Origin<'a> {
+    /// `used`: indices of the segments that the problem is over.
+    pub fn new(
+        model: &'a Model,
+        segments: &'a [Segment],
+        settings: &'a Settings,
+        used: &'a [usize],
+    ) -> Origin<'a> {
+        Origin { model, segments, settings, used, key: Mutex::new(None) }
+    }
+
+    /// The problem, its sums left to the engine.
+    pub fn spread<'b>(&'b self, case: &'b Case, here: &'b Here<'b>) -> Spread<'b> {
+        Spread { case, origin: self, here }
+    }
+
+    /// The key of the problem, which is put into the blobs where it is not there yet.
+    fn key(&self, steps: &[usize], blobs: &dyn Blobs) -> Result<Key> {
+        let mut known = self.key.lock().unwrap_or_else(|p| p.into_inner());
+        if let Some((_, key)) = known.as_ref().filter(|(of, _)| of == steps) {
+            return Ok(key.clone());
+        }
+        let text = self.model.recipe_text();
+        let key = blobs.put(&encode(&Problem {
+            model: text.ok_or_else(|| Error::new("this model was not compiled from text"))?,
+            segments: Cow::Borrowed(self.segments),
+            settings: Cow::Borrowed(self.settings),
+            lines: self.settings.lines.clone(),
+            used: Cow::Borrowed(self.used),
+            steps: Cow::Borrowed(steps),
+        })?)?;
+        *known = Some((steps.to_vec(), key.clone()));
+        Ok(key)
+    }
+}
+
+/// A problem whose sums are left to an engine.
+pub struct Spread<'a> {
+    case: &'a Case,
+    origin: &'a Origin<'a>,
+    here: &'a Here<'a>,
+}
+
+impl Evaluate for Spread<'_> {
+    fn blocks(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
+        self.case.evaluate(s, local, sensitivities)
+    }
+
+    /// `layout` may hold parameters that the case's own does not; what the sums are made of is the
+    /// same.
+    fn sums(
+        &self,
+        _: &Layout,
+        theta: &[f64],
+        wanted: &Wanted,
+        segments: Range<usize>,
+    ) -> Vec<Option<SegmentSums>> {
+        let at = At { case: self.case, theta, wanted, origin: Some(self.origin) };
+        let items: Vec<usize> = segments.collect();
+        // One segment is not worth the way.
+        if let [s] = items[..] {
+            return vec![at.here(s)];
+        }
+        let sums = engine::map::<NormalEquations>(self.here, &at, &items);
+        sums.into_iter().zip(items).map(|(sums, s)| sums.unwrap_or_else(|_| at.here(s))).collect()
+    }
+}
+
+impl Case {
+    /// Solves with integration steps that stay the same during an iteration (a cost that changed
+    /// its steps on the way would have jumps). They are chosen at the start; where the solution
+    /// turns out to be stiffer, the estimation is repeated with the steps that it asks for.
+    pub fn solve(&mut self, settings: &Settings, origin: &Origin, here: &Here) -> Solution {
+        let mut needed = self.layout.start.clone();
+        loop {
+            let changed = self.stiffen(&needed);
+            let solution = solve(&self.layout, &origin.spread(self, here), settings);
+            let stiffer = |s: usize| {
+                self.is_automatic(s)
+                    && self.substeps(s, &solution.fit.theta) > self.records[s].substeps
+            };
+            if !changed || !(0..self.records.len()).any(stiffer) {
+                return solution;
+            }
+            needed = solution.fit.theta;
+        }
+    }
+
+    /// The profiles that the settings ask for.
+    pub fn profiles(
+        &self,
+        solution: &Solution,
+        settings: &Settings,
+        origin: &Origin,
+        here: &Here,
+    ) -> Vec<Profile> {
+        let asked = |i: &usize| settings.profile.contains(&self.unknowns[*i].name);
+        let which: Vec<usize> = (0..self.unknowns.len()).filter(asked).collect();
+        profiles(&self.layout, &origin.spread(self, here), solution, &which, settings)
+    }
+}

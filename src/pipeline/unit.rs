@@ -1,0 +1,219 @@
+//! A unit of a stage as a function: a plan and the names of what the unit reads come in, its tables,
+//! files and notes go out, wherever it is run.
+
+use super::plan::Plan;
+use crate::engine::{Blobs, Function, Kept, Key, Said, Source, decode, encode};
+use crate::error::{Error, Errors, Result};
+use crate::stage::{self, Inputs, Note, Part, Stage, Unit};
+use crate::table::Table;
+use bytes::Bytes;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Runs one unit of a stage.
+pub struct UnitOfStage;
+
+/// What all units of a run have in common.
+pub struct Work<'a> {
+    pub plan: &'a Plan,
+    /// The output folder, which holds the tables.
+    pub folder: &'a Path,
+}
+
+/// One unit, and what it reads.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Item {
+    pub stage: String,
+    pub unit: Unit,
+    pub tables: Vec<Needed>,
+    /// The flight's log, for a stage that reads it.
+    pub log: Option<PathBuf>,
+    /// Hash of the stage's code and of the configuration it sees: another process must have the
+    /// same.
+    pub made_from: String,
+}
+
+/// A part of a table that a unit reads.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Needed {
+    pub table: String,
+    pub part: Part,
+    /// Content key of its file.
+    pub key: String,
+}
+
+impl Needed {
+    /// What the table is kept under. Files of two flights may be alike to the byte and are two
+    /// tables.
+    pub fn place(&self) -> Key {
+        place(&self.part.path(&self.table), &self.key)
+    }
+
+    fn read(&self, folder: &Path) -> Result<Table> {
+        let path = folder.join(self.part.path(&self.table));
+        let bytes = std::fs::read(&path)
+            .map_err(|e| Error::new(format!("cannot read {}: {e}", path.display())))?;
+        if Key::of(&bytes).0 != self.key {
+            return Err(Error::new(format!("{} was changed meanwhile", path.display())));
+        }
+        let flight = if let Part::Flight(id) = &self.part { Some(id.as_str()) } else { None };
+        Table::from_parquet(&self.table, bytes, flight)
+    }
+}
+
+/// What a table is kept under: its file, relative to the output folder, and the hash of its bytes.
+pub fn place(path: &str, hash: &str) -> Key {
+    Key(format!("{path} {hash}"))
+}
+
+/// What came of a unit.
+pub struct Made(pub std::result::Result<stage::Output, Errors>);
+
+/// Hash of the code of a stage and of the configuration that a unit sees.
+pub fn made_from(plan: &Plan, stage: &Stage, unit: &Unit) -> String {
+    let slice = (stage.slice)(&plan.campaign, unit);
+    Key::of(format!("{} {slice}", stage.code()).as_bytes()).0
+}
+
+impl Function for UnitOfStage {
+    const NAME: &'static str = "unit of a stage";
+    const VERSION: u32 = 1;
+    type Parameters<'a> = Work<'a>;
+    type Item = Item;
+    type Output = Made;
+
+    fn run(work: &Work, item: &Item, source: &Source) -> Result<Made> {
+        let campaign = &work.plan.campaign;
+        let known = campaign.stages.iter().find(|stage| stage.name == item.stage);
+        let stage = known.ok_or_else(|| Error::new(format!("no stage \"{}\"", item.stage)))?;
+        // By reference there is one configuration; elsewhere it was read again.
+        if source.blobs.is_some() && made_from(work.plan, stage, &item.unit) != item.made_from {
+            return Err(Error::new(format!(
+                "{} of {} would be made from other code or settings here",
+                item.stage, item.unit.name
+            )));
+        }
+        let mut tables = BTreeMap::new();
+        for needed in &item.tables {
+            let name = crate::table::schema(&needed.table)?.name.as_str();
+            let table = source.kept.get(&needed.place(), || needed.read(work.folder))?;
+            tables.insert((name, needed.part.clone()), table);
+        }
+        let inputs = Inputs {
+            tables,
+            log: item.log.as_deref(),
+            progress: &|done, of| (source.tell)(Said::Step(done, of)),
+            tell: &|text| (source.tell)(Said::Words(text.to_string())),
+            engine: source.engine,
+            kept: source.kept,
+        };
+        Ok(Made((stage.run)(campaign, &item.unit, &inputs)))
+    }
+
+    fn pack(work: &Work, _: &dyn Blobs) -> Result<Vec<u8>> {
+        let absolute = |path: &Path| {
+            std::path::absolute(path)
+                .map_err(|e| Error::new(format!("cannot find {}: {e}", path.display())))
+        };
+        encode(&Packed {
+            pipeline: absolute(&work.plan.pipeline)?,
+            folder: absolute(work.folder)?,
+            diagnoses: work.plan.campaign.diagnoses.iter().map(|d| d.settings.clone()).collect(),
+        })
+    }
+
+    fn lend(bytes: &[u8], source: &Source, to: &mut dyn FnMut(&Work) -> Result<()>) -> Result<()> {
+        let packed: Packed = decode(bytes)?;
+        let plan = source.kept.get(&Key::of(bytes), || packed.plan())?;
+        to(&Work { plan: &plan, folder: &packed.folder })
+    }
+}
+
+/// The plan by the files it is made from, and what a command changed in it.
+#[derive(Serialize, Deserialize)]
+struct Packed {
+    pipeline: PathBuf,
+    folder: PathBuf,
+    diagnoses: Vec<stage::diagnose::Settings>,
+}
+
+impl Packed {
+    fn plan(&self) -> Result<Plan> {
+        let changed = |settings: &mut super::Settings| settings.diagnose = self.diagnoses.clone();
+        Plan::read_with(&self.pipeline, changed).map_err(|e| Error::new(e.to_string()))
+    }
+}
+
+/// A unit's output as bytes.
+#[derive(Serialize, Deserialize)]
+struct Parcel {
+    /// Name, flight, Parquet file.
+    tables: Vec<(String, Option<String>, Bytes)>,
+    files: Vec<(String, Bytes)>,
+    notes: Vec<Note>,
+}
+
+impl Parcel {
+    fn of(output: &stage::Output) -> Result<Parcel> {
+        let table = |(name, table): &(&'static str, Table)| {
+            let flight = match crate::table::schema(name)?.per_flight {
+                true => table.strings("flight")?.first().map(ToString::to_string),
+                false => None,
+            };
+            Ok((name.to_string(), flight, Bytes::from(table.to_parquet()?)))
+        };
+        Ok(Parcel {
+            tables: output.tables.iter().map(table).collect::<Result<_>>()?,
+            files: output
+                .files
+                .iter()
+                .map(|(path, bytes)| (path.clone(), Bytes::from(bytes.clone())))
+                .collect(),
+            notes: output.notes.clone(),
+        })
+    }
+
+    fn open(self) -> Result<stage::Output> {
+        let table = |(name, flight, bytes): (String, Option<String>, Bytes)| {
+            let schema = crate::table::schema(&name)?;
+            // A table without rows has no flight that could be told.
+            let flight = flight.as_deref().or(schema.per_flight.then_some(""));
+            Ok((schema.name.as_str(), Table::from_parquet(&name, bytes.into(), flight)?))
+        };
+        Ok(stage::Output {
+            tables: self.tables.into_iter().map(table).collect::<Result<_>>()?,
+            files: self.files.into_iter().map(|(path, bytes)| (path, bytes.into())).collect(),
+            notes: self.notes,
+        })
+    }
+}
+
+impl Serialize for Made {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        use serde::ser::Error as _;
+        let parcel = self.0.as_ref().map(Parcel::of);
+        match parcel {
+            Ok(Ok(parcel)) => Ok::<_, &Errors>(parcel).serialize(serializer),
+            Ok(Err(e)) => Err(S::Error::custom(e)),
+            Err(errors) => Err::<Parcel, _>(errors).serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Made {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Made, D::Error> {
+        let parcel = std::result::Result::<Parcel, Errors>::deserialize(deserializer)?;
+        Ok(Made(match parcel {
+            Ok(parcel) => Ok(parcel.open().map_err(D::Error::custom)?),
+            Err(errors) => Err(errors),
+        }))
+    }
+}
+
+/// Keeps a table where a unit that reads it finds it.
+pub fn keep(kept: &Kept, path: &str, hash: &str, table: Table) {
+    kept.put(place(path, hash), Arc::new(table));
+}
