@@ -153,7 +153,7 @@ mod tests {
 
     impl Engine for Unreliable {
         fn run(&self, job: &dyn Job) {
-            assert!(job.done(1, b"nonsense").is_err());
+            assert!(job.done(1, b"\xc1 nonsense").is_err());
             for i in (0..job.count()).rev().filter(|i| i % 3 > 0) {
                 (0..i % 3).for_each(|_| job.here(i));
             }
