@@ -1,6 +1,7 @@
 //! Signals, the flight path and a model without states come in; everything a model may ask for, on
 //! one uniform grid, goes out.
 
+use super::check::{Columns, Given, drivers};
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::dynamics::{Directions, Plan, Record};
 use crate::error::{Error, Errors, Result};
@@ -83,6 +84,58 @@ pub struct Config {
 }
 
 impl Config {
+    /// Checks the settings against their model and the columns that there are before; none where the
+    /// model has mistakes.
+    pub fn read(settings: Settings, given: &mut Given, columns: &Columns) -> Option<Config> {
+        if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
+            given.push(
+                "derive.rate_hz",
+                format!(
+                    "the rate of the grid is a positive number of Hz, not {}",
+                    settings.rate_hz
+                ),
+                "",
+            );
+        }
+        for (name, window) in &settings.smooth {
+            let key = format!("derive.smooth.{name}");
+            if !(*window > 0.0 && *window <= 3600.0) {
+                given.push(
+                    &key,
+                    format!("a signal is smoothed over a positive number of seconds, not {window}"),
+                    "",
+                );
+            }
+            given.look_up(columns, name, "signal or column", &key);
+        }
+        let model = match &settings.model {
+            Some(file) => {
+                let model = given.model("derive.model", file)?;
+                if !model.states.is_empty() {
+                    given.push(
+                        "derive.model",
+                        "the model of [derive] has states",
+                        "only a model without states can be evaluated sample by sample",
+                    );
+                }
+                Some(model)
+            }
+            None => None,
+        };
+        let inputs = match &model {
+            Some(model) => drivers(
+                model,
+                &settings.inputs,
+                columns,
+                &given.doc,
+                "derive.inputs",
+                &mut given.errors,
+            ),
+            None => Vec::new(),
+        };
+        Some(Config { settings, model, inputs })
+    }
+
     fn slice(&self, channels: &super::Channels) -> Value {
         // Units and meanings go along as metadata of the columns.
         let columns: IndexMap<&String, (String, &str)> = channels

@@ -1,7 +1,10 @@
 //! Estimates per maneuver and the trimmed conditions come in; straight lines through them, bands
 //! and the points go out.
 
-use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
+use super::check::{Columns, Given};
+use super::{
+    Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, estimate, slice_of,
+};
 use crate::config::list;
 use crate::error::{Errors, Result};
 use crate::fit::{self, Band, LineFit, Unfit};
@@ -67,6 +70,51 @@ pub struct Config {
 }
 
 impl Config {
+    /// Checks the settings of one fit, which stand at `key`, against the estimates (their names, and
+    /// what is checked of them) and the columns; none where they have mistakes that matter to it.
+    pub fn read(
+        settings: Settings,
+        (given, key): (&mut Given, &str),
+        (names, estimates): (&[String], &[Option<estimate::Config>]),
+        columns: &Columns,
+    ) -> Option<Config> {
+        let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
+            given.unknown(&format!("{key}.estimate"), "[[estimate]]", &settings.estimate, names);
+            return None;
+        };
+        if !(settings.level > 0.0 && settings.level < 1.0) {
+            given.push(
+                &format!("{key}.level"),
+                format!("a confidence level is between 0 and 1, not {}", settings.level),
+                "95% is 0.95",
+            );
+        }
+        let unit_x = given.look_up(columns, &settings.against, "column", &format!("{key}.against"));
+        let estimate = estimates.get(index)?.as_ref()?;
+        if estimate.settings.group != estimate::Group::Segment || estimate.settings.input.is_none()
+        {
+            given.push(
+                &format!("{key}.estimate"),
+                format!("estimate \"{}\" does not give one estimate per maneuver", settings.estimate),
+                "a line goes through estimates per maneuver: give it `input`, and group = \"segment\"",
+            );
+        }
+        let mut units = Vec::new();
+        for (i, name) in settings.parameters.iter().enumerate() {
+            let known: Vec<&str> =
+                estimate.model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
+            match estimate.model.parameters.iter().find(|p| p.quantity.name == *name) {
+                Some(parameter) => units.push(parameter.quantity.unit.clone()),
+                None => {
+                    let key = format!("{key}.parameters.{i}");
+                    given.unknown(&key, "parameter of the model", name, &known);
+                }
+            }
+        }
+        let complete = units.len() == settings.parameters.len();
+        complete.then_some(Config { settings, estimate: index, units, unit_x: unit_x? })
+    }
+
     pub fn name(&self) -> String {
         self.settings.name()
     }

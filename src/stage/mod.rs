@@ -5,6 +5,8 @@
 //! file here and a line there.
 
 mod campaign;
+mod channels;
+pub mod check;
 mod inputs;
 mod told;
 
@@ -26,7 +28,8 @@ use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-pub use campaign::{Campaign, Channels};
+pub use campaign::Campaign;
+pub use channels::Channels;
 pub use inputs::{Inputs, Part};
 pub use told::{Check, Key, Known, Told};
 

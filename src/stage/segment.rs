@@ -1,6 +1,7 @@
 //! Signals and samples of a flight come in; the maneuvers flown in it, and the trimmed condition
 //! before each, go out.
 
+use super::check::{Columns, Given};
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
 use crate::error::{Error, Errors, Place, Result};
 use crate::segment::{self, Edits, Maneuver, Source};
@@ -61,6 +62,24 @@ pub struct Config {
     pub settings: Settings,
     /// Where the edits stand in the pipeline file.
     pub edits: Place,
+}
+
+impl Config {
+    /// Checks the settings against the flights and the columns.
+    pub fn read(
+        settings: Settings,
+        given: &mut Given,
+        flights: &[String],
+        columns: &Columns,
+    ) -> Config {
+        let edits = given.doc.place("segment.edits");
+        given.errors.0.extend(check(&settings, flights, &edits).0);
+        for (i, input) in settings.input.iter().enumerate() {
+            let key = format!("segment.input.{i}.signal");
+            given.look_up(columns, &input.signal, "signal or column", &key);
+        }
+        Config { settings, edits }
+    }
 }
 
 /// A maneuver with the input it was found in.

@@ -2,23 +2,23 @@
 //! and the amended model file, go out.
 
 mod comparison;
+mod config;
 pub(super) mod recommended;
 mod tables;
 mod words;
 
 use super::estimate::{self, Group, Ready};
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, said, slice_of};
-use crate::diagnose::effect::{self, Context, Effect};
+use crate::diagnose::effect::{self, Context};
 use crate::diagnose::{self, Base, Claim, Diagnosis, Fitted, Judged, Rule, Subject, Verdict};
 use crate::error::Errors;
 use crate::estimate::{SEGMENT, Segment};
 use crate::model::Model;
 use indexmap::IndexMap;
-use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
+pub use config::{Config, Settings};
 pub use words::digits;
 
 pub const STAGE: Stage = Stage {
@@ -48,89 +48,6 @@ pub const STAGE: Stage = Stage {
     idle,
     ..Stage::PLAIN
 };
-
-/// One estimate's model held against the flights: where is it wrong, and what is missing?
-#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Settings {
-    /// Name in the tables; that of the estimate unless given.
-    #[serde(default)]
-    pub name: Option<String>,
-    /// Name of the `[[estimate]]`: its model, its maneuvers and its method. Effects are looked for
-    /// over all maneuvers at once; what is estimated per maneuver or flight (`group`) stays so, or
-    /// is a line where a `[[fit]]` says so.
-    pub estimate: String,
-    /// A folder of effects of your own, or several, searched besides the library; relative to the
-    /// pipeline file.
-    #[serde(default, deserialize_with = "one_or_several")]
-    #[schemars(with = "estimate::Used")]
-    pub effects: Vec<String>,
-    /// What plays a role that effects speak of, where the model's names do not tell:
-    /// `control = ["eta"]`.
-    #[serde(default)]
-    pub roles: IndexMap<String, Vec<String>>,
-    /// How the diagnosis is run.
-    #[serde(default)]
-    pub method: diagnose::Settings,
-    /// Whether the estimate is run again with what was added; its rows are named after the
-    /// diagnosis, with `.next` behind.
-    #[serde(default = "default_rerun")]
-    pub rerun: bool,
-    /// A command asked for it, not the pipeline file.
-    #[serde(skip)]
-    pub asked: bool,
-    /// It is kept as long as it is fresh, and not run.
-    #[serde(skip)]
-    pub idle: bool,
-}
-
-fn default_rerun() -> bool {
-    true
-}
-
-fn one_or_several<'de, D: Deserializer<'de>>(given: D) -> Result<Vec<String>, D::Error> {
-    estimate::Used::deserialize(given).map(|used| used.names().to_vec())
-}
-
-impl Settings {
-    pub fn name(&self) -> String {
-        self.name.clone().unwrap_or_else(|| self.estimate.clone())
-    }
-
-    /// Name of the estimate with what was added.
-    pub fn next(&self) -> String {
-        format!("{}.next", self.name())
-    }
-
-    /// The diagnosis of an estimate by default settings, as a command asks for it.
-    pub fn of(estimate: &str) -> Settings {
-        Settings {
-            name: None,
-            estimate: estimate.to_string(),
-            effects: Vec::new(),
-            roles: IndexMap::new(),
-            method: diagnose::Settings::default(),
-            rerun: default_rerun(),
-            asked: true,
-            idle: false,
-        }
-    }
-}
-
-/// The checked settings of one diagnosis.
-#[derive(Debug)]
-pub struct Config {
-    pub settings: Settings,
-    /// Place of the estimate in the list of estimates.
-    pub estimate: usize,
-    pub effects: Vec<Effect>,
-}
-
-impl Config {
-    pub fn name(&self) -> String {
-        self.settings.name()
-    }
-}
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let Some((config, base)) = parts(campaign, unit) else { return Value::Null };

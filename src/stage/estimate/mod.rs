@@ -1,6 +1,8 @@
 //! Maneuvers, samples and signals of all flights come in; maximum-likelihood estimates of one
 //! model, with responses, go out.
 
+mod config;
+mod names;
 mod records;
 mod settings;
 mod tables;
@@ -12,7 +14,6 @@ use crate::dynamics::Record;
 use crate::engine::Here;
 use crate::error::{Errors, Result};
 use crate::estimate::{self, Estimation, Segment};
-use crate::model::Model;
 use crate::table::Table;
 use indexmap::IndexMap;
 use rayon::prelude::*;
@@ -22,6 +23,8 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use trim::Trim;
 
+pub use config::Config;
+pub use names::{Driver, Scored};
 pub use settings::{Group, Settings, Used};
 
 pub const STAGE: Stage = Stage {
@@ -47,49 +50,6 @@ pub const STAGE: Stage = Stage {
     spreads: true,
     ..Stage::PLAIN
 };
-
-/// The checked settings of one estimate.
-#[derive(Debug)]
-pub struct Config {
-    pub settings: Settings,
-    pub model: Model,
-    /// Column of the samples table, or of the conditions, for each input of the model.
-    pub inputs: Vec<Driver>,
-    /// What measures the outputs that are scored.
-    pub outputs: Vec<Scored>,
-}
-
-/// What drives one input of the model.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Driver {
-    Column(String),
-    /// Held at the mean of this column before the maneuver.
-    Held(String),
-}
-
-/// One output that is scored.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scored {
-    /// Index into the model's outputs.
-    pub output: usize,
-    /// Signal of the channel map, scored at its own time stamps, or column of the samples table.
-    pub measured: String,
-    pub is_signal: bool,
-}
-
-impl Config {
-    pub fn name(&self) -> String {
-        self.settings.name()
-    }
-
-    /// Columns of the samples table that drive the model.
-    pub fn columns(&self) -> Vec<String> {
-        self.inputs
-            .iter()
-            .filter_map(|d| if let Driver::Column(name) = d { Some(name.clone()) } else { None })
-            .collect()
-    }
-}
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let Some(config) = campaign.estimates.get(unit.index) else { return Value::Null };

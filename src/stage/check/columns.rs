@@ -4,7 +4,7 @@ use super::unknown::unknown;
 use crate::config::Doc;
 use crate::error::Errors;
 use crate::model::Model;
-use crate::stage::{Channels, derive};
+use crate::stage::channels::Channels;
 use crate::table::schema;
 use indexmap::IndexMap;
 use std::collections::BTreeSet;
@@ -67,8 +67,8 @@ impl Columns {
     }
 
     /// With the outputs of the model of `[derive]`.
-    pub fn with_derived(mut self, derive: &derive::Config) -> Columns {
-        for output in derive.model.iter().flat_map(|m| &m.outputs) {
+    pub fn with_derived(mut self, derived: Option<&Model>) -> Columns {
+        for output in derived.iter().flat_map(|m| &m.outputs) {
             self.put(&output.name, &output.unit);
         }
         self

@@ -1,0 +1,98 @@
+//! An `[[estimate]]` of the pipeline file comes in; its checked settings, with what drives the model
+//! and what measures its outputs, or the mistakes, go out.
+
+use super::names::{self, Driver, Scored};
+use super::settings::{Settings, Used};
+use crate::model::Model;
+use crate::segment::Kind;
+use crate::stage::channels::Channels;
+use crate::stage::check::{Columns, Given, placed};
+
+/// The checked settings of one estimate.
+#[derive(Debug)]
+pub struct Config {
+    pub settings: Settings,
+    pub model: Model,
+    /// Column of the samples table, or of the conditions, for each input of the model.
+    pub inputs: Vec<Driver>,
+    /// What measures the outputs that are scored.
+    pub outputs: Vec<Scored>,
+}
+
+impl Config {
+    pub fn name(&self) -> String {
+        self.settings.name()
+    }
+
+    /// Columns of the samples table that drive the model.
+    pub fn columns(&self) -> Vec<String> {
+        self.inputs
+            .iter()
+            .filter_map(|d| if let Driver::Column(name) = d { Some(name.clone()) } else { None })
+            .collect()
+    }
+
+    /// Checks the settings of one estimate, which stand at `key`, against its model, the inputs in
+    /// which maneuvers are searched, the columns and the channel map; none where they have mistakes
+    /// that leave nothing to hold others against.
+    pub fn read(
+        settings: Settings,
+        (given, key): (&mut Given, &str),
+        searched: &[String],
+        columns: &Columns,
+        channels: Option<&Channels>,
+    ) -> Option<Config> {
+        for input in
+            settings.input.iter().flat_map(Used::names).filter(|input| !searched.contains(input))
+        {
+            given.unknown(&format!("{key}.input"), "[[segment.input]]", input, searched);
+        }
+        if settings.alone && settings.input.is_none() {
+            given.push(&format!("{key}.alone"), "`alone` belongs to `input`, which is missing", "");
+        }
+        let kinds = Kind::ALL.map(Kind::name);
+        for (i, kind) in
+            settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str()))
+        {
+            given.unknown(&format!("{key}.kinds.{i}"), "kind of maneuver", kind, &kinds);
+        }
+        let times = [
+            ("pre_s", settings.pre_s),
+            ("post_s", settings.post_s),
+            ("preroll_s", settings.preroll_s),
+            ("settle_s", settings.settle_s),
+        ];
+        for (name, value) in times {
+            if !(value >= 0.0 && value.is_finite()) {
+                given.push(
+                    &format!("{key}.{name}"),
+                    format!("{name} is a time of zero or more seconds, not {value}"),
+                    "",
+                );
+            }
+        }
+        let model = given.model(&format!("{key}.model"), &settings.model)?;
+        let inputs = names::inputs(&model, &settings, columns, &given.doc, key, &mut given.errors);
+        let outputs =
+            names::outputs(&model, &settings, columns, &given.doc, key, &mut given.errors);
+        if let Some(channels) = channels {
+            names::itself(
+                &model,
+                (&inputs, &outputs),
+                columns,
+                channels,
+                &given.doc,
+                key,
+                &mut given.errors,
+            );
+        }
+        names::levels(&settings, columns, &given.doc, key, &mut given.errors);
+        match crate::estimate::extended(&model, &settings.method) {
+            Ok(extended) => names::method(&extended, &settings, &given.doc, key, &mut given.errors),
+            Err(errors) => given.errors.0.extend(
+                errors.0.into_iter().map(|e| placed(&given.doc, &format!("{key}.method"), e)),
+            ),
+        }
+        Some(Config { settings, model, inputs, outputs })
+    }
+}
