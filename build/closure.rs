@@ -148,7 +148,7 @@ fn edges(
     found.extend((depth..=depth + 2).flat_map(|n| named(code, &"super::".repeat(n.max(1)))));
     // The list of stages and the campaign name all stages; who uses one of them says so himself, or
     // takes the campaign's field.
-    let hub = ["src/stage/mod.rs", "src/stage/campaign.rs"].contains(&path);
+    let hub = ["src/stage/mod.rs", "src/stage/kind.rs"].contains(&path);
     if hub {
         // It names the type of a section; a stage that has one names it in its own file.
         found.remove("report");
@@ -164,12 +164,9 @@ fn edges(
                 .filter(|(field, _)| reads_field(code, field))
                 .map(|(_, module)| module.clone()),
         );
-        found.extend([
-            "stage".to_string(),
-            "stage/campaign".to_string(),
-            "stage/inputs".to_string(),
-            "stage/told".to_string(),
-        ]);
+        let common = ["kind", "inputs", "told", "notes", "slice", "channels"];
+        found.extend(common.map(|name| format!("stage/{name}")));
+        found.insert("stage".to_string());
     }
     found.retain(|module| known.contains(module) && Some(module) != self::module(path).as_ref());
     found
@@ -193,7 +190,7 @@ fn reads_field(code: &str, field: &str) -> bool {
 /// The fields of the campaign that belong to a stage: `estimates: Vec<estimate::Config>` is of
 /// `stage/estimate`.
 fn fields(files: &Files) -> BTreeMap<String, Module> {
-    let text = code(&text(files, "src/stage/campaign.rs"));
+    let text = code(&text(files, "src/stage/kind.rs"));
     let field = |line: &str| {
         let (name, kind) = line.trim().strip_prefix("pub ")?.split_once(": ")?;
         let (owner, _) = kind.split_once("::")?;

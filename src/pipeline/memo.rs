@@ -66,7 +66,7 @@ impl Memo {
         {
             return Ok(Some(entry.hash.clone()));
         }
-        let hash = hash_bytes(&super::store::map(path)?);
+        let hash = hash_bytes(&super::mapped::map(path)?);
         let settled = SystemTime::now().duration_since(modified).is_ok_and(|age| age > SETTLED);
         if settled {
             let entry = Entry { bytes: meta.len(), modified_ns, hash: hash.clone() };

@@ -2,6 +2,7 @@
 //! stage by stage as far as not fresh.
 
 mod assess;
+mod mapped;
 mod plan;
 mod provenance;
 mod run;

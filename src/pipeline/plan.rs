@@ -120,6 +120,7 @@ impl Reader {
         let diagnoses = self.diagnoses((&names, &estimates));
         let told = self.told(&flights, &columns);
         let settings = self.settings.fields;
+        let simulation = simulation.and_then(|s| s.for_missing(&flights));
         match (self.given.errors.is_empty(), channels, derive) {
             (true, Some(channels), Some(derive)) => Ok(Plan {
                 pipeline: self.pipeline,
@@ -136,7 +137,7 @@ impl Reader {
                     told,
                     stages: STAGES,
                 },
-                simulation: simulation.and_then(|s| s.for_missing(&logs)),
+                simulation,
                 logs,
             }),
             _ => Err(self.given.errors),

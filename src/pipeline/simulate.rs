@@ -1,6 +1,5 @@
 //! The simulated campaign behind a pipeline file, and which of its flights have no log yet.
 
-use super::plan::FlightLog;
 use crate::config;
 use crate::error::Errors;
 use crate::simulate::{Campaign, Flown, Settings};
@@ -45,8 +44,8 @@ impl Simulation {
     }
 
     /// With only those missing flights that a pipeline asks for; none where all of them are there.
-    pub fn for_missing(mut self, wanted: &[FlightLog]) -> Option<Simulation> {
-        self.missing.retain(|id| wanted.iter().any(|log| log.flight == *id));
+    pub fn for_missing(mut self, wanted: &[String]) -> Option<Simulation> {
+        self.missing.retain(|id| wanted.contains(id));
         (!self.missing.is_empty()).then_some(self)
     }
 

@@ -1,6 +1,7 @@
 //! The output folder: records, tables and pages go in atomically, and come out as bytes; one run at
 //! a time.
 
+use super::mapped::cannot;
 use super::memo::Memo;
 use super::provenance::{Record, hash_bytes};
 use crate::error::{Error, Result};
@@ -8,7 +9,6 @@ use crate::stage::Part;
 use crate::table::{Table, read_part, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::ops::Deref;
 use std::path::{Component, Path, PathBuf};
 
 /// The folder below the output folder that holds records, memory and lock.
@@ -179,40 +179,6 @@ impl Store {
     }
 }
 
-/// The bytes of a file, mapped; an empty file is empty bytes.
-pub enum Bytes {
-    Mapped(memmap2::Mmap),
-    Empty,
-}
-
-impl Deref for Bytes {
-    type Target = [u8];
-    fn deref(&self) -> &[u8] {
-        match self {
-            Bytes::Mapped(map) => map,
-            Bytes::Empty => &[],
-        }
-    }
-}
-
-/// Maps a file for reading.
-///
-/// # Errors
-/// The file is not there or cannot be read.
-pub fn map(path: &Path) -> Result<Bytes> {
-    let file = File::open(path).map_err(|e| cannot("read", path, &e))?;
-    let meta = file.metadata().map_err(|e| cannot("read", path, &e))?;
-    if !meta.is_file() {
-        return Err(Error::new(format!("{} is not a file", path.display())));
-    }
-    if meta.len() == 0 {
-        return Ok(Bytes::Empty);
-    }
-    // SAFETY: the map is only read. Another program that cuts the file short meanwhile can stop
-    // this one, as with any mapped log.
-    unsafe { memmap2::Mmap::map(&file) }.map(Bytes::Mapped).map_err(|e| cannot("read", path, &e))
-}
-
 fn make_parent(path: &Path) -> Result<PathBuf> {
     let folder = path.parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf);
     std::fs::create_dir_all(&folder).map_err(|e| cannot("make the folder", &folder, &e))?;
@@ -232,10 +198,6 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
         std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
     all.sort();
     all
-}
-
-fn cannot(what: &str, path: &Path, e: &std::io::Error) -> Error {
-    Error::new(format!("cannot {what} {}: {e}", path.display()))
 }
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
-//! What a unit of a stage reads: tables by name and part, the log's bytes.
+//! What a unit of a stage reads and hands back: tables by name and part, the log's path; tables, files
+//! and notes.
 
+use super::notes::Note;
 use crate::engine::{Engine, Kept};
 use crate::error::{Error, Result};
 use crate::table::Table;
@@ -79,6 +81,16 @@ impl Inputs<'_> {
     pub fn all(&self, table: &'static str) -> Vec<&Table> {
         self.tables.iter().filter(|((name, _), _)| *name == table).map(|(_, t)| &**t).collect()
     }
+}
+
+/// What a stage hands back: the pipeline files it.
+#[derive(Debug, Default)]
+pub struct Output {
+    /// Tables by name; each becomes the unit's part of that table.
+    pub tables: Vec<(&'static str, Table)>,
+    /// Other files, by path relative to the output folder.
+    pub files: Vec<(String, Vec<u8>)>,
+    pub notes: Vec<Note>,
 }
 
 /// Times and values of a signal.

@@ -75,7 +75,7 @@ fn a_byte_changes_all_that_use_it() {
     ] {
         assert_eq!(changed(&files, path), all, "{path}");
     }
-    assert_eq!(changed(&files, "src/stage/fit.rs").first().map(String::as_str), Some("fit"));
+    assert_eq!(changed(&files, "src/stage/fit/mod.rs").first().map(String::as_str), Some("fit"));
     // What only commands and tests are made from is in no stage.
     for path in ["src/cli/mod.rs", "src/main.rs", "src/report/tests.rs", "src/pipeline/run.rs"] {
         assert_eq!(changed(&files, path), Vec::<String>::new(), "{path}");
@@ -118,7 +118,7 @@ fn an_edge_is_seen_however_it_is_written() {
         let campaign = "pub struct Campaign {\n    pub others: Vec<other::Config>,\n}\n";
         let all = [
             ("src/stage/mod.rs", list),
-            ("src/stage/campaign.rs", campaign),
+            ("src/stage/kind.rs", campaign),
             ("src/stage/inputs.rs", ""),
             ("src/stage/toy.rs", text),
             ("src/stage/other.rs", "use crate::far::X;\n"),

@@ -3,6 +3,7 @@
 
 mod comparison;
 mod config;
+mod outcome;
 pub(super) mod recommended;
 mod tables;
 mod words;
@@ -19,6 +20,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 pub use config::{Config, Settings};
+use outcome::Told;
 pub use words::digits;
 
 pub const STAGE: Stage = Stage {
@@ -110,19 +112,6 @@ fn claim(campaign: &Campaign, config: &Config, base: &estimate::Config) -> Claim
         (Base::Estimated, Group::Flight) => Some("flight".to_string()),
     };
     Claim { apart, lines: lines(campaign, config).collect() }
-}
-
-/// A diagnosis and what its rows are named by.
-struct Told<'a> {
-    config: &'a Config,
-    model: &'a str,
-    /// Segment ids, in the order of the subject's segments.
-    names: Vec<String>,
-    rule: Rule,
-    /// How the parameters are taken where the pipeline does not estimate all maneuvers together, in
-    /// words.
-    base: String,
-    diagnosis: Diagnosis,
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {

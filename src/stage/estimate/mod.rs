@@ -1,6 +1,7 @@
 //! Maneuvers, samples and signals of all flights come in; maximum-likelihood estimates of one
 //! model, with responses, go out.
 
+mod batch;
 mod config;
 mod names;
 mod records;
@@ -15,6 +16,7 @@ use crate::engine::Here;
 use crate::error::{Errors, Result};
 use crate::estimate::{self, Estimation, Segment};
 use crate::table::Table;
+use batch::Batch;
 use indexmap::IndexMap;
 use rayon::prelude::*;
 use records::{Grid, Measured, Source, Window, record};
@@ -88,16 +90,6 @@ pub(super) struct Ready {
     pub(super) segment: String,
     pub(super) labelled: Segment,
     trim: Trim,
-}
-
-/// The maneuvers that are estimated together.
-struct Batch {
-    group: String,
-    /// Segment ids.
-    segments: Vec<String>,
-    labelled: Vec<Segment>,
-    /// What is known of the condition before each.
-    trims: Vec<Trim>,
 }
 
 /// A stretch of flight and what is known of it.

@@ -1,12 +1,11 @@
 //! Finished estimations come in, their tables go out.
 
-use super::{Batch, uncertainty};
+use super::batch::{Batch, Done, per, segment};
+use super::uncertainty;
 use crate::error::Result;
 use crate::estimate::{Estimation, Iteration, Profile, Row, Trace};
 use crate::noise::{Modelled, Whiteness, theil, whiteness};
 use crate::table::Table;
-
-pub(super) type Done<'a> = (&'a Batch, &'a Estimation);
 
 /// The tables of one model's estimations.
 pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
@@ -23,20 +22,6 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("residuals", residuals(model, done)?),
         ("responses", responses(model, done)?),
     ])
-}
-
-/// A segment's id, for a quantity of one segment.
-pub(super) fn segment(batch: &Batch, index: Option<usize>) -> Option<&str> {
-    index.and_then(|i| batch.segments.get(i)).map(String::as_str)
-}
-
-/// Where one value holds, and which segment or group of segments this one belongs to.
-pub(super) fn per(batch: &Batch, row: &Row) -> (String, Option<String>) {
-    match (&row.group, segment(batch, row.segment)) {
-        (Some(label), _) => (label.column.clone(), Some(label.value.clone())),
-        (None, Some(segment)) => ("segment".to_string(), Some(segment.to_string())),
-        (None, None) => ("campaign".to_string(), None),
-    }
 }
 
 /// The one segment that a row is of: its own, or the only one of the batch.

@@ -1,8 +1,7 @@
 //! Finished estimations come in; the tables of what their uncertainty is made of, and whether it
 //! can be believed, go out.
 
-use super::Batch;
-use super::tables::{Done, per, segment};
+use super::batch::{Batch, Done, per, segment};
 use super::trim::Trim;
 use crate::error::Result;
 use crate::estimate::regression::{Equation, Regressed, Regression};

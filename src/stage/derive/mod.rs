@@ -1,8 +1,9 @@
 //! Signals, the flight path and a model without states come in; everything a model may ask for, on
 //! one uniform grid, goes out.
 
-use super::check::{Columns, Given, drivers};
-use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
+mod config;
+
+use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
 use crate::dynamics::{Directions, Plan, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
@@ -10,9 +11,9 @@ use crate::signal::resample::{Grid, linear};
 use crate::signal::smooth::smooth;
 use crate::table::Table;
 use indexmap::IndexMap;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+pub use config::{Config, Settings};
 
 pub const STAGE: Stage = Stage {
     name: "derive",
@@ -24,38 +25,6 @@ pub const STAGE: Stage = Stage {
     run,
     ..Stage::PLAIN
 };
-
-/// The uniform grid and the signals derived on it: the columns of the samples table.
-///
-/// They are all signals of the channel map, the reconstructed flight path, and the outputs of the
-/// model. Where two have one name, the later one in this order takes the place of the earlier: it
-/// is the better knowledge of the same thing.
-#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Settings {
-    /// Rate of the grid, Hz.
-    pub rate_hz: f64,
-    /// A gap of a signal longer than this many of its usual spacings is masked, not bridged.
-    #[serde(default = "default_gap")]
-    pub max_gap: f64,
-    /// Signals, or columns of the flight path, that are smoothed on the grid, by a cubic fitted to
-    /// so many seconds around every point: `smooth = { thrust = 1.0 }`. For what changes slowly and
-    /// drives a model, which takes its noise for motion; not for surfaces, whose edges it would
-    /// round.
-    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
-    pub smooth: IndexMap<String, f64>,
-    /// A model file without states: its outputs become columns of the samples table.
-    #[serde(default)]
-    pub model: Option<String>,
-    /// Columns for the inputs of that model, where the names differ:
-    /// `input of the model = "column"`.
-    #[serde(default)]
-    pub inputs: IndexMap<String, String>,
-}
-
-fn default_gap() -> f64 {
-    5.0
-}
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
     let mut slice = campaign.derive.slice(&campaign.channels);
@@ -72,86 +41,6 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let tables: &[&'static str] =
         if campaign.reconstruct.is_some() { &["signals", "flightpath"] } else { &["signals"] };
     Read::flight(tables, &unit.name)
-}
-
-/// The checked settings of this stage.
-#[derive(Debug)]
-pub struct Config {
-    pub settings: Settings,
-    pub model: Option<Model>,
-    /// The column for each input of the model.
-    pub inputs: Vec<String>,
-}
-
-impl Config {
-    /// Checks the settings against their model and the columns that there are before; none where the
-    /// model has mistakes.
-    pub fn read(settings: Settings, given: &mut Given, columns: &Columns) -> Option<Config> {
-        if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
-            given.push(
-                "derive.rate_hz",
-                format!(
-                    "the rate of the grid is a positive number of Hz, not {}",
-                    settings.rate_hz
-                ),
-                "",
-            );
-        }
-        for (name, window) in &settings.smooth {
-            let key = format!("derive.smooth.{name}");
-            if !(*window > 0.0 && *window <= 3600.0) {
-                given.push(
-                    &key,
-                    format!("a signal is smoothed over a positive number of seconds, not {window}"),
-                    "",
-                );
-            }
-            given.look_up(columns, name, "signal or column", &key);
-        }
-        let model = match &settings.model {
-            Some(file) => {
-                let model = given.model("derive.model", file)?;
-                if !model.states.is_empty() {
-                    given.push(
-                        "derive.model",
-                        "the model of [derive] has states",
-                        "only a model without states can be evaluated sample by sample",
-                    );
-                }
-                Some(model)
-            }
-            None => None,
-        };
-        let inputs = match &model {
-            Some(model) => drivers(
-                model,
-                &settings.inputs,
-                columns,
-                &given.doc,
-                "derive.inputs",
-                &mut given.errors,
-            ),
-            None => Vec::new(),
-        };
-        Some(Config { settings, model, inputs })
-    }
-
-    fn slice(&self, channels: &super::Channels) -> Value {
-        // Units and meanings go along as metadata of the columns.
-        let columns: IndexMap<&String, (String, &str)> = channels
-            .map
-            .signal
-            .keys()
-            .map(|name| (name, (channels.unit(name), channels.doc(name))))
-            .collect();
-        let mut slice = slice_of(&self.settings);
-        if let Some(entries) = slice.as_object_mut() {
-            entries
-                .insert("model".into(), self.model.as_ref().map(super::said).unwrap_or_default());
-            entries.insert("signals".into(), slice_of(&columns));
-        }
-        slice
-    }
 }
 
 /// A column of the samples table.

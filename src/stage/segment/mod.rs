@@ -1,14 +1,15 @@
 //! Signals and samples of a flight come in; the maneuvers flown in it, and the trimmed condition
 //! before each, go out.
 
-use super::check::{Columns, Given};
+mod config;
+
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
-use crate::error::{Error, Errors, Place, Result};
-use crate::segment::{self, Edits, Maneuver, Source};
+use crate::error::{Errors, Result};
+use crate::segment::{self, Maneuver, Source};
 use crate::table::Table;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+
+pub use config::{Config, InputSettings, Settings};
 
 pub const STAGE: Stage = Stage {
     name: "segment",
@@ -20,67 +21,6 @@ pub const STAGE: Stage = Stage {
     run,
     ..Stage::PLAIN
 };
-
-/// Maneuvers searched for.
-#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Settings {
-    /// The inputs in which multisteps are searched.
-    pub input: Vec<InputSettings>,
-    /// Maneuvers included, excluded or moved by hand, each with a reason that stays in the table.
-    #[serde(default)]
-    pub edits: Edits,
-}
-
-/// One input in which multisteps (3211, 2211, 211, doublet, step) are searched.
-#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct InputSettings {
-    /// Name in the segments table and in `[[estimate]]`; the signal's name unless given.
-    #[serde(default)]
-    pub name: Option<String>,
-    /// The signal searched, commanded or measured: one of the channel map, or a column of the
-    /// samples table.
-    pub signal: String,
-    /// Whether a flight without a maneuver in this input is as it should be.
-    #[serde(default)]
-    pub optional: bool,
-    /// How maneuvers are found.
-    #[serde(default)]
-    pub method: segment::Settings,
-}
-
-impl InputSettings {
-    pub fn name(&self) -> &str {
-        self.name.as_deref().unwrap_or(&self.signal)
-    }
-}
-
-/// The checked settings of this stage.
-#[derive(Debug)]
-pub struct Config {
-    pub settings: Settings,
-    /// Where the edits stand in the pipeline file.
-    pub edits: Place,
-}
-
-impl Config {
-    /// Checks the settings against the flights and the columns.
-    pub fn read(
-        settings: Settings,
-        given: &mut Given,
-        flights: &[String],
-        columns: &Columns,
-    ) -> Config {
-        let edits = given.doc.place("segment.edits");
-        given.errors.0.extend(check(&settings, flights, &edits).0);
-        for (i, input) in settings.input.iter().enumerate() {
-            let key = format!("segment.input.{i}.signal");
-            given.look_up(columns, &input.signal, "signal or column", &key);
-        }
-        Config { settings, edits }
-    }
-}
 
 /// A maneuver with the input it was found in.
 struct Found<'a> {
@@ -248,20 +188,4 @@ fn sorted(segment: &[String], signal: &[&str]) -> Vec<usize> {
 fn mean(values: &[f64]) -> f64 {
     let finite = values.iter().filter(|v| v.is_finite());
     finite.clone().sum::<f64>() / finite.count() as f64
-}
-
-/// Checks what the schema cannot: names given twice, edits that point nowhere.
-pub fn check(settings: &Settings, flights: &[String], edits: &Place) -> Errors {
-    let mut errors = Errors::default();
-    let names: Vec<String> = settings.input.iter().map(|i| i.name().to_string()).collect();
-    for (i, name) in names.iter().enumerate() {
-        if names[..i].contains(name) {
-            errors.push(
-                Error::at(edits.clone(), format!("two inputs have the name \"{name}\""))
-                    .help("give each its own `name`"),
-            );
-        }
-    }
-    errors.take(settings.edits.check(flights, &names, edits));
-    errors
 }

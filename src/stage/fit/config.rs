@@ -1,0 +1,110 @@
+//! A `[[fit]]` of the pipeline file comes in; its checked settings, or the mistakes, go out.
+
+use crate::fit;
+use crate::stage::check::{Columns, Given};
+use crate::stage::estimate;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Straight lines through the estimates per maneuver.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Name of the fit; `<estimate>-<against>` unless given.
+    #[serde(default)]
+    pub name: Option<String>,
+    /// Name of the `[[estimate]]`, which must give one estimate per maneuver.
+    pub estimate: String,
+    /// Parameters of its model, each of which gets a line.
+    pub parameters: Vec<String>,
+    /// Column of the samples table whose mean in the quiet time before the maneuver is the
+    /// abscissa.
+    pub against: String,
+    /// Confidence level of the bands.
+    #[serde(default = "default_level")]
+    pub level: f64,
+    /// Points of each band, from the smallest to the largest abscissa.
+    #[serde(default = "default_points")]
+    pub points: usize,
+    /// How a line is fitted.
+    #[serde(default)]
+    pub method: fit::Settings,
+}
+
+fn default_level() -> f64 {
+    0.95
+}
+
+fn default_points() -> usize {
+    61
+}
+
+/// The checked settings of one fit.
+#[derive(Debug)]
+pub struct Config {
+    pub settings: Settings,
+    /// Place of the estimate in the list of estimates.
+    pub estimate: usize,
+    /// SI units of the parameters, in the order of the settings.
+    pub units: Vec<String>,
+    /// SI unit of the abscissa.
+    pub unit_x: String,
+}
+
+impl Config {
+    /// Checks the settings of one fit, which stand at `key`, against the estimates (their names, and
+    /// what is checked of them) and the columns; none where they have mistakes that matter to it.
+    pub fn read(
+        settings: Settings,
+        (given, key): (&mut Given, &str),
+        (names, estimates): (&[String], &[Option<estimate::Config>]),
+        columns: &Columns,
+    ) -> Option<Config> {
+        let Some(index) = names.iter().position(|name| *name == settings.estimate) else {
+            given.unknown(&format!("{key}.estimate"), "[[estimate]]", &settings.estimate, names);
+            return None;
+        };
+        if !(settings.level > 0.0 && settings.level < 1.0) {
+            given.push(
+                &format!("{key}.level"),
+                format!("a confidence level is between 0 and 1, not {}", settings.level),
+                "95% is 0.95",
+            );
+        }
+        let unit_x = given.look_up(columns, &settings.against, "column", &format!("{key}.against"));
+        let estimate = estimates.get(index)?.as_ref()?;
+        if estimate.settings.group != estimate::Group::Segment || estimate.settings.input.is_none()
+        {
+            given.push(
+                &format!("{key}.estimate"),
+                format!("estimate \"{}\" does not give one estimate per maneuver", settings.estimate),
+                "a line goes through estimates per maneuver: give it `input`, and group = \"segment\"",
+            );
+        }
+        let mut units = Vec::new();
+        for (i, name) in settings.parameters.iter().enumerate() {
+            let known: Vec<&str> =
+                estimate.model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
+            match estimate.model.parameters.iter().find(|p| p.quantity.name == *name) {
+                Some(parameter) => units.push(parameter.quantity.unit.clone()),
+                None => {
+                    let key = format!("{key}.parameters.{i}");
+                    given.unknown(&key, "parameter of the model", name, &known);
+                }
+            }
+        }
+        let complete = units.len() == settings.parameters.len();
+        complete.then_some(Config { settings, estimate: index, units, unit_x: unit_x? })
+    }
+
+    pub fn name(&self) -> String {
+        self.settings.name()
+    }
+}
+
+impl Settings {
+    /// Name of the fit.
+    pub fn name(&self) -> String {
+        self.name.clone().unwrap_or_else(|| format!("{}-{}", self.estimate, self.against))
+    }
+}
