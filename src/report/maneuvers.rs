@@ -7,6 +7,7 @@ use super::format::{count, display_unit, number, plain, short, shorts, thin, tim
 use super::grid::{Cell, Grid, Level, Row};
 use super::section::{Body, Given, Section};
 use crate::error::Result;
+use crate::signal::robust::noise_sd;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -134,7 +135,7 @@ fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>) {
         "output",
         "#samples",
         "#residual r.m.s.",
-        "#part of measured variation|%",
+        "#beyond noise, part of measured variation|%",
         "#colour",
     ];
     let mut table = Grid::new(columns);
@@ -179,7 +180,7 @@ pub fn matches(responses: Option<&Columns>) -> Vec<Match> {
 struct Misfit {
     n: usize,
     rms: f64,
-    /// r.m.s. over the standard deviation of what was measured.
+    /// r.m.s. without the sensor's noise, over the standard deviation of what was measured.
     part: f64,
 }
 
@@ -194,7 +195,10 @@ fn misfit(responses: &Columns, rows: &[usize]) -> Misfit {
     let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
     let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
     let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
-    Misfit { n: pairs.len(), rms, part: rms / variation }
+    // A model cannot follow noise, and an output that was not excited is hardly more than that.
+    let noise = noise_sd(&pairs.iter().map(|(z, _)| *z).collect::<Vec<f64>>());
+    let beyond = (rms * rms - noise * noise).max(0.0).sqrt();
+    Misfit { n: pairs.len(), rms, part: beyond / variation }
 }
 
 fn by_output(responses: &Columns, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
@@ -367,7 +371,7 @@ pub fn summary(matches: &[Match]) -> Option<(Level, String)> {
         (
             Level::Good,
             format!(
-                "Modelled and measured outputs differ by less than {:.0}% of the measured variation; {worst}.",
+                "Beyond the sensors' noise, modelled and measured outputs differ by less than {:.0}% of the measured variation; {worst}.",
                 100.0 * POOR
             ),
         )
@@ -375,7 +379,7 @@ pub fn summary(matches: &[Match]) -> Option<(Level, String)> {
         (
             Level::Warn,
             format!(
-                "{} differ from the measured by more than {:.0}% of its variation; {worst}.",
+                "{} differ from the measured, beyond the sensor's noise, by more than {:.0}% of its variation; {worst}.",
                 count(poor, "modelled output"),
                 100.0 * POOR
             ),
