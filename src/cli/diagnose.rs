@@ -1,9 +1,11 @@
 //! The verb diagnose: a pipeline file comes in; what its models lack goes out, in words, as tables,
 //! and as the exit code.
 
+use super::args::DiagnoseArgs;
 use super::progress::Bars;
 use super::run::{look_at_logs, out_folder};
-use super::{DiagnoseArgs, End, on_threads, print_errors, say, summary, verdict};
+use super::words::{End, on_threads, print_errors, say};
+use super::{summary, verdict};
 use crate::diagnose::Base;
 use crate::engine::Engine;
 use crate::error::{Error, Errors, Result};

@@ -1,6 +1,6 @@
-//! The command line: arguments come in; verbs do the work; this is the one place that prints errors
-//! and decides the exit code.
+//! The command line: arguments come in; verbs do the work; the exit code goes out.
 
+mod args;
 mod diagnose;
 mod progress;
 mod run;
@@ -9,143 +9,16 @@ mod simulate;
 mod summary;
 mod text;
 mod verdict;
+mod words;
 
 use crate::engine::{Engine, Threads};
 use crate::error::Errors;
 use crate::log;
-use clap::{Args, Parser, Subcommand};
+use args::{Cli, Verb};
+use clap::Parser;
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::process::ExitCode;
-
-/// Flight-test logs in, identified aircraft models with honest uncertainty out.
-#[derive(Debug, Parser)]
-#[command(name = "koehler", version, after_help = text::EXAMPLES, after_long_help = text::LONG)]
-struct Cli {
-    #[command(subcommand)]
-    verb: Verb,
-}
-
-#[derive(Debug, Subcommand)]
-enum Verb {
-    /// Run a campaign: from logs (simulated first where there are none) to tables and a report
-    #[command(after_help = text::RUN)]
-    Run(RunArgs),
-    /// Hold models against the flights: where are they wrong, and which missing effect explains it?
-    #[command(after_help = text::DIAGNOSE)]
-    Diagnose(DiagnoseArgs),
-    /// Tell what a run would do and why: fresh, stale or missing
-    #[command(after_help = text::STATUS)]
-    Status(PipelineArgs),
-    /// Check all configuration files of a campaign, and that its logs have the topics, fields and
-    /// units they name
-    #[command(after_help = text::CHECK)]
-    Check {
-        /// The pipeline file
-        pipeline: PathBuf,
-    },
-    /// Show what is in a log: topics, fields, rates, gaps, ranges
-    Inspect {
-        /// An MCAP log
-        log: PathBuf,
-    },
-    /// Write a starter campaign folder from logs: a channel map to be completed, with candidates
-    /// named in comments
-    #[command(after_help = text::INIT)]
-    Init {
-        /// MCAP logs of the campaign
-        #[arg(required = true)]
-        logs: Vec<PathBuf>,
-        /// Folder to write
-        #[arg(long, default_value = "campaign")]
-        out: PathBuf,
-    },
-    /// Turn text columns into an MCAP log, as a small description file says
-    #[command(after_help = text::IMPORT)]
-    Import {
-        /// The description file
-        description: PathBuf,
-        /// The log to write, if another than the description says
-        #[arg(long)]
-        out: Option<PathBuf>,
-    },
-    /// Simulate a campaign into MCAP logs
-    #[command(after_help = text::SIMULATE)]
-    Simulate {
-        /// The campaign file
-        campaign: PathBuf,
-        /// Write again the logs that are there already
-        #[arg(long)]
-        force: bool,
-        /// Number of threads [default: one per core]
-        #[arg(long, value_name = "N")]
-        jobs: Option<usize>,
-    },
-    /// Print the JSON Schema of a configuration file, or write all of them, for editors
-    #[command(after_help = text::SCHEMA)]
-    Schema {
-        /// Which file: pipeline, channels, aircraft, campaign, model, import
-        file: Option<String>,
-        /// Folder to write all schemas to
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-    },
-}
-
-#[derive(Debug, Args)]
-struct PipelineArgs {
-    /// The pipeline file
-    pipeline: PathBuf,
-    /// Output folder [default: out/ beside pipeline.toml, out/NAME/ beside NAME.toml]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-}
-
-#[derive(Debug, Args)]
-struct RunArgs {
-    #[command(flatten)]
-    files: PipelineArgs,
-    /// Number of threads; the tables are the same bytes for any number [default: one per core]
-    #[arg(long, value_name = "N")]
-    jobs: Option<usize>,
-    /// What does the work, for programs that bring engines of their own
-    #[arg(long, value_name = "NAME", hide = true)]
-    engine: Option<String>,
-    /// Tell what would be run and why, and run nothing
-    #[arg(long)]
-    dry_run: bool,
-}
-
-#[derive(Debug, Args)]
-struct DiagnoseArgs {
-    #[command(flatten)]
-    files: PipelineArgs,
-    /// Estimates whose models are diagnosed [default: those of the [[diagnose]] sections, or all]
-    #[arg(long, value_name = "NAME")]
-    estimate: Vec<String>,
-    /// A folder with effects of your own, relative to the pipeline file
-    #[arg(long, value_name = "DIR")]
-    effects: Vec<String>,
-    /// Hold the parameters of the models at their values: their errors can be found then
-    #[arg(long)]
-    predicted: bool,
-    /// Number of threads; the tables are the same bytes for any number [default: one per core]
-    #[arg(long, value_name = "N")]
-    jobs: Option<usize>,
-    /// What does the work, for programs that bring engines of their own
-    #[arg(long, value_name = "NAME", hide = true)]
-    engine: Option<String>,
-}
-
-/// How a command ended, where it did not fail outright.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum End {
-    Complete,
-    /// A diagnosis found that something is missing in a model: exit code 3.
-    Found,
-    /// Results are there, and something asked for is missing: exit code 1.
-    Partial,
-}
+use words::{End, print_errors, shown};
 
 /// Runs the command of this process, with threads.
 pub fn main() -> ExitCode {
@@ -211,35 +84,4 @@ fn chosen<'a>(
             .help(format!("there is {}", crate::config::list(&names)))
             .into()
     })
-}
-
-/// Prints what a verb has to say.
-fn shown(text: &str) -> Result<End, Errors> {
-    say(text.trim_end());
-    Ok(End::Complete)
-}
-
-/// The one place that prints errors.
-fn print_errors(errors: &Errors) {
-    for error in &errors.0 {
-        eprintln!("error: {error}");
-    }
-    if errors.0.len() > 1 {
-        eprintln!("{} errors", errors.0.len());
-    }
-}
-
-/// Prints a line to standard output; a reader who has closed the pipe wants no more.
-fn say(line: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout(), "{line}");
-}
-
-/// Does `work` on `jobs` threads.
-fn on_threads<T: Send>(jobs: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, Errors> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(jobs.unwrap_or(0))
-        .build()
-        .map_err(|e| crate::error::Error::new(format!("cannot start the threads: {e}")))?;
-    Ok(pool.install(work))
 }

@@ -1,7 +1,9 @@
 //! The verbs run, status and check: a pipeline file comes in, tables or words about them go out.
 
+use super::args::{PipelineArgs, RunArgs};
 use super::progress::Bars;
-use super::{End, PipelineArgs, RunArgs, on_threads, print_errors, say, summary};
+use super::summary;
+use super::words::{End, on_threads, print_errors, say};
 use crate::config;
 use crate::engine::Engine;
 use crate::error::Errors;

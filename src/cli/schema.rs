@@ -1,7 +1,7 @@
 //! The verb schema: the name of a configuration file comes in, its JSON Schema for editors goes
 //! out.
 
-use super::{End, say};
+use super::words::{End, say};
 use crate::config::schema_text;
 use crate::error::{Error, Errors};
 use crate::{diagnose, log, model, pipeline, simulate, table};

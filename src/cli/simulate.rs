@@ -1,6 +1,7 @@
 //! The verb simulate: a campaign file comes in, MCAP logs of its flights go out.
 
-use super::{End, on_threads, say, summary};
+use super::summary;
+use super::words::{End, on_threads, say};
 use crate::error::Errors;
 use crate::pipeline::Simulation;
 use std::io::IsTerminal;

@@ -1,7 +1,7 @@
 //! The closing words of a run: its result and its tables come in, a page of text on the screen goes
 //! out.
 
-use super::say;
+use super::words::say;
 use crate::error::Result;
 use crate::pipeline::{Plan, RunResult, Store};
 use crate::stage::{Note, Part, Severity, Unit};

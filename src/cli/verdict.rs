@@ -1,7 +1,7 @@
 //! The tables of a diagnosis come in; its verdict as a box of five lines at most goes out, with the
 //! one value that is to be used.
 
-use super::End;
+use super::words::End;
 use crate::error::Result;
 use crate::pipeline::Store;
 use crate::stage::Part;

@@ -185,7 +185,7 @@ fn cell(rows: &[&Row], unchanged: &[&Row]) -> String {
     let wrong = rows.iter().filter(|r| r.kind != Kind::Nothing && r.end == End::Wrong).count();
     let nulls = rows.iter().filter(|r| r.kind == Kind::Nothing);
     let (named, nulls) = (
-        nulls.clone().filter(|r| !matches!(r.end, End::Nothing | End::Located)).count(),
+        nulls.clone().filter(|r| !matches!(r.end, End::Nothing | End::Located | End::None)).count(),
         nulls.count(),
     );
     let changed = rows.iter().filter_map(|r| {
@@ -195,15 +195,15 @@ fn cell(rows: &[&Row], unchanged: &[&Row]) -> String {
             .then(|| format!("{}#{} {}{names}", r.hidden, r.seed, super::summary::word(r.end)))
     });
     let changed: Vec<String> = changed.collect();
-    let changed = if changed.is_empty() {
-        String::new()
-    } else {
-        format!(": {}", changed.join(", ").replace('|', " or "))
-    };
-    format!(
-        "{}/{inside} right, {wrong} wrong, {named}/{nulls} nulls named{changed}",
+    let counts = format!(
+        "{}/{inside} right, {wrong} wrong, {named}/{nulls} nulls named",
         count(Kind::Inside, End::Right)
-    )
+    );
+    match (changed.is_empty(), std::ptr::eq(rows, unchanged)) {
+        (_, true) => counts,
+        (true, _) => "the same".to_string(),
+        (false, _) => format!("{counts}: {}", changed.join(", ").replace('|', " or ")),
+    }
 }
 
 /// The table of the document.

@@ -1,0 +1,124 @@
+//! The arguments of the command line, as people write them.
+
+use super::text;
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// Flight-test logs in, identified aircraft models with honest uncertainty out.
+#[derive(Debug, Parser)]
+#[command(name = "koehler", version, after_help = text::EXAMPLES, after_long_help = text::LONG)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Run a campaign: from logs (simulated first where there are none) to tables and a report
+    #[command(after_help = text::RUN)]
+    Run(RunArgs),
+    /// Hold models against the flights: where are they wrong, and which missing effect explains it?
+    #[command(after_help = text::DIAGNOSE)]
+    Diagnose(DiagnoseArgs),
+    /// Tell what a run would do and why: fresh, stale or missing
+    #[command(after_help = text::STATUS)]
+    Status(PipelineArgs),
+    /// Check all configuration files of a campaign, and that its logs have the topics, fields and
+    /// units they name
+    #[command(after_help = text::CHECK)]
+    Check {
+        /// The pipeline file
+        pipeline: PathBuf,
+    },
+    /// Show what is in a log: topics, fields, rates, gaps, ranges
+    Inspect {
+        /// An MCAP log
+        log: PathBuf,
+    },
+    /// Write a starter campaign folder from logs: a channel map to be completed, with candidates
+    /// named in comments
+    #[command(after_help = text::INIT)]
+    Init {
+        /// MCAP logs of the campaign
+        #[arg(required = true)]
+        logs: Vec<PathBuf>,
+        /// Folder to write
+        #[arg(long, default_value = "campaign")]
+        out: PathBuf,
+    },
+    /// Turn text columns into an MCAP log, as a small description file says
+    #[command(after_help = text::IMPORT)]
+    Import {
+        /// The description file
+        description: PathBuf,
+        /// The log to write, if another than the description says
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
+    /// Simulate a campaign into MCAP logs
+    #[command(after_help = text::SIMULATE)]
+    Simulate {
+        /// The campaign file
+        campaign: PathBuf,
+        /// Write again the logs that are there already
+        #[arg(long)]
+        force: bool,
+        /// Number of threads [default: one per core]
+        #[arg(long, value_name = "N")]
+        jobs: Option<usize>,
+    },
+    /// Print the JSON Schema of a configuration file, or write all of them, for editors
+    #[command(after_help = text::SCHEMA)]
+    Schema {
+        /// Which file: pipeline, channels, aircraft, campaign, model, import
+        file: Option<String>,
+        /// Folder to write all schemas to
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct PipelineArgs {
+    /// The pipeline file
+    pub pipeline: PathBuf,
+    /// Output folder [default: out/ beside pipeline.toml, out/NAME/ beside NAME.toml]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub files: PipelineArgs,
+    /// Number of threads; the tables are the same bytes for any number [default: one per core]
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<usize>,
+    /// What does the work, for programs that bring engines of their own
+    #[arg(long, value_name = "NAME", hide = true)]
+    pub engine: Option<String>,
+    /// Tell what would be run and why, and run nothing
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct DiagnoseArgs {
+    #[command(flatten)]
+    pub files: PipelineArgs,
+    /// Estimates whose models are diagnosed [default: those of the [[diagnose]] sections, or all]
+    #[arg(long, value_name = "NAME")]
+    pub estimate: Vec<String>,
+    /// A folder with effects of your own, relative to the pipeline file
+    #[arg(long, value_name = "DIR")]
+    pub effects: Vec<String>,
+    /// Hold the parameters of the models at their values: their errors can be found then
+    #[arg(long)]
+    pub predicted: bool,
+    /// Number of threads; the tables are the same bytes for any number [default: one per core]
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<usize>,
+    /// What does the work, for programs that bring engines of their own
+    #[arg(long, value_name = "NAME", hide = true)]
+    pub engine: Option<String>,
+}
