@@ -154,7 +154,7 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     let agrees = match unknown.len() {
         0 => "Every channel agrees with what the other sensors say of it".to_string(),
         _ => format!(
-            "Every channel that could be compared agrees with what the other sensors say of it, not compared: {}",
+            "Every channel that could be compared agrees with what the other sensors say of it; not compared: {}",
             few(&unknown)
         ),
     };
