@@ -22,7 +22,7 @@
 //! | `reconstruct`, `segment`, `fit`, `simulate` | algorithms: numbers in, numbers out |
 //! | `diagnose` | what a model lacks: candidate effects, and which of them the data ask for |
 //! | `report` | tables to pages |
-//! | `stage` | one file per stage: tables <-> algorithms |
+//! | `stage` | one file or folder per stage: tables <-> algorithms |
 //! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
 //! | `cli` | verbs, progress, the one place that prints errors |
 //!

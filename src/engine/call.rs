@@ -4,6 +4,7 @@ use super::code::{decode, encode};
 use super::data::{Blobs, Kept, Said};
 use super::function::{Function, Source};
 use super::job::{Engine, Job};
+use super::serve::{CODE, Packed};
 use super::threads::Threads;
 use crate::error::{Error, Result};
 use std::sync::OnceLock;
@@ -59,10 +60,15 @@ fn each_on<F: Function>(
     items: &[F::Item],
     take: &(dyn Fn(usize, Result<F::Output>) + Sync),
 ) {
+    if items.is_empty() {
+        return;
+    }
     let done = items.iter().map(|_| AtomicBool::new(false)).collect();
     let call = Call::<F> { here, parameters, items, take, done };
     engine.run(&call);
-    (0..items.len()).filter(|&i| !call.done[i].load(Ordering::Acquire)).for_each(|i| call.here(i));
+    if call.done.iter().any(|done| !done.load(Ordering::Acquire)) {
+        Threads.run(&call);
+    }
 }
 
 /// The job of one call.
@@ -97,6 +103,9 @@ impl<F: Function> Job for Call<'_, '_, F> {
     }
 
     fn here(&self, i: usize) {
+        if self.done[i].load(Ordering::Acquire) {
+            return;
+        }
         let Here { kept, engine, hear } = *self.here;
         let tell = |said| hear(i, said);
         let source = Source { kept, engine, blobs: None, tell: &tell };
@@ -104,7 +113,7 @@ impl<F: Function> Job for Call<'_, '_, F> {
     }
 
     fn parameters(&self, blobs: &dyn Blobs) -> Result<Vec<u8>> {
-        F::pack(self.parameters, blobs)
+        encode(&Packed { code: CODE.into(), parameters: F::pack(self.parameters, blobs)?.into() })
     }
 
     fn item(&self, i: usize) -> Result<Vec<u8>> {

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// Content key: the hash of the bytes that something is made from (BLAKE3, first 128 bits,
-/// hexadecimal).
+/// What data are asked for by: the hash of the bytes they are made from (BLAKE3, first 128 bits,
+/// hexadecimal), and where two things may be made from the same bytes, their place before it.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Key(pub String);
 

@@ -11,7 +11,8 @@ pub trait Engine: Sync {
     fn run(&self, job: &dyn Job);
 }
 
-/// A function and its items, as an engine sees them.
+/// A function and its items, as an engine sees them: items have the numbers `0..count()`, and a
+/// method panics for any other.
 pub trait Job: Sync {
     /// Name of the function.
     fn name(&self) -> &'static str;
@@ -19,7 +20,8 @@ pub trait Job: Sync {
     fn version(&self) -> u32;
     /// Number of items.
     fn count(&self) -> usize;
-    /// Does item `i` here, by reference.
+    /// Does item `i` here, by reference, unless it is done already. Work that it divides goes to the
+    /// thread pool that the calling thread is in.
     fn here(&self, i: usize);
     /// The parameters as bytes.
     ///

@@ -164,8 +164,8 @@ impl Evaluate for Spread<'_> {
         self.case.evaluate(s, local, sensitivities)
     }
 
-    /// `layout` may hold parameters that the case's own does not; what the sums are made of is the
-    /// same.
+    /// `layout` differs from the case's own by starts and bounds only: its parts and its noise are
+    /// what the sums are made of.
     fn sums(
         &self,
         _: &Layout,
@@ -180,7 +180,13 @@ impl Evaluate for Spread<'_> {
             return vec![at.here(s)];
         }
         let sums = engine::map::<NormalEquations>(self.here, &at, &items);
-        sums.into_iter().zip(items).map(|(sums, s)| sums.unwrap_or_else(|_| at.here(s))).collect()
+        let taken = |(sums, s): (Result<Option<SegmentSums>>, usize)| match sums {
+            Ok(Some(sums)) if sums.are(wanted) => Some(sums),
+            Ok(None) => None,
+            // Not done, or the answer to another question.
+            _ => at.here(s),
+        };
+        sums.into_iter().zip(items).map(taken).collect()
     }
 }
 

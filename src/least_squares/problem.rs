@@ -177,6 +177,18 @@ pub enum SegmentSums {
     Weighed(Sums),
 }
 
+impl SegmentSums {
+    /// Whether these are the sums that are wanted.
+    pub fn are(&self, wanted: &Wanted) -> bool {
+        matches!(
+            (self, wanted),
+            (SegmentSums::Scatter(_), Wanted::Scatter)
+                | (SegmentSums::PerOutput(_), Wanted::PerOutput)
+                | (SegmentSums::Weighed(_), Wanted::Weighed(_))
+        )
+    }
+}
+
 /// Sums over one segment; `None` where it is not finite.
 pub fn segment_sums<E: Evaluate>(
     layout: &Layout,

@@ -23,7 +23,7 @@ pub use settings::Settings;
 pub use simulate::Simulation;
 pub use store::{Lock, Store};
 pub use summaries::{Summaries, summaries};
-pub use unit::UnitOfStage;
+use unit::UnitOfStage;
 
 /// All work that an engine may move elsewhere.
 pub const FUNCTIONS: &[Served] =

@@ -5,7 +5,7 @@ use super::assess::{Assessment, Content, Contents, State, assess, contents_after
 use super::plan::Plan;
 use super::provenance::{PROGRAM, Record, hash_bytes};
 use super::store::Store;
-use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep, made_from, place};
+use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep, place};
 use crate::engine::{self, Engine, Here, Kept, Key, Said};
 use crate::error::{Error, Errors, Result};
 use crate::stage::{NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit};
@@ -151,12 +151,17 @@ impl Run<'_> {
         let to_run: Vec<&Assessment> = assessments.iter().filter(|a| self.is_run(a)).collect();
         let fresh = assessments.iter().filter(|a| a.state == State::Fresh).count();
         (self.watch)(Event::Stage { stage, to_run: to_run.len(), fresh });
+        // What is taken away goes first: its place may be another unit's now.
+        let mut outcomes: Vec<Option<Outcome>> = assessments
+            .iter()
+            .map(|a| if self.is_run(a) { Ok(None) } else { self.spared(a).map(Some) })
+            .collect::<Result<_>>()?;
         let ran = self.ran(stage, &to_run)?;
+        let left = outcomes.iter_mut().filter(|outcome| outcome.is_none());
+        left.zip(ran).for_each(|(outcome, ran)| *outcome = Some(ran));
         (self.watch)(Event::End { stage });
         let mut counts = StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
-        let mut ran = ran.into_iter();
-        for a in &assessments {
-            let outcome = if self.is_run(a) { ran.next() } else { Some(self.spared(a)?) };
+        for (a, outcome) in assessments.iter().zip(outcomes) {
             if let Some(outcome) = outcome {
                 self.take(stage, &a.unit, outcome, &mut counts);
             }
@@ -199,7 +204,7 @@ impl Run<'_> {
             });
         };
         let here = Here { engine: self.engine, kept: &self.kept, hear: &hear };
-        let work = Work { plan: self.plan, folder: self.store.root() };
+        let work = Work { plan: self.plan, folder: self.store.root(), elsewhere: false };
         let take = |i: usize, made: Result<Made>| {
             let made = made.map_or_else(|e| Err(e.into()), |made| made.0);
             (self.watch)(Event::Unit { unit: &units[i].unit, ok: made.is_ok() });
@@ -209,7 +214,8 @@ impl Run<'_> {
             true => engine::each_here::<UnitOfStage>(&here, &work, &items, &take),
             false => engine::each::<UnitOfStage>(&here, &work, &items, &take),
         }
-        outcomes.into_iter().filter_map(OnceLock::into_inner).collect()
+        let missing = || Err(Error::new(format!("a unit of {} was not done", stage.name)));
+        outcomes.into_iter().map(|outcome| outcome.into_inner().unwrap_or_else(missing)).collect()
     }
 
     /// A unit with what it reads.
@@ -220,7 +226,10 @@ impl Run<'_> {
             }
             _ => None,
         };
-        let log = if stage.reads_log { Some(self.plan.log(&unit.name)?) } else { None };
+        let log = match stage.reads_log {
+            true => Some(self.plan.log_hash(self.store, &unit.name)?.unwrap_or_default()),
+            false => None,
+        };
         Ok(Item {
             stage: stage.name.to_string(),
             unit: unit.clone(),
@@ -228,8 +237,7 @@ impl Run<'_> {
                 .into_iter()
                 .filter_map(needed)
                 .collect(),
-            log: log.map(|log| log.path.clone()),
-            made_from: made_from(self.plan, stage, unit),
+            log,
         })
     }
 

@@ -3,8 +3,8 @@
 
 use super::plan::Plan;
 use crate::engine::{Blobs, Function, Kept, Key, Said, Source, decode, encode};
-use crate::error::{Error, Errors, Result};
-use crate::stage::{self, Inputs, Note, Part, Stage, Unit};
+use crate::error::{Error, Errors, Place, Result};
+use crate::stage::{self, Inputs, Note, Part, Unit};
 use crate::table::Table;
 use bytes::Bytes;
 use serde::de::Error as _;
@@ -21,6 +21,19 @@ pub struct Work<'a> {
     pub plan: &'a Plan,
     /// The output folder, which holds the tables.
     pub folder: &'a Path,
+    /// The plan was read again by another process than the one that runs it.
+    pub elsewhere: bool,
+}
+
+impl<'a> Work<'a> {
+    /// The log of a flight; elsewhere it has to be the same one.
+    fn log(&self, flight: &str, key: &str) -> Result<&'a Path> {
+        let path = &self.plan.log(flight)?.path;
+        if self.elsewhere && Key::of(&super::mapped::map(path)?).0 != key {
+            return Err(Error::new(format!("{} is another log here", path.display())));
+        }
+        Ok(path)
+    }
 }
 
 /// One unit, and what it reads.
@@ -29,11 +42,8 @@ pub struct Item {
     pub stage: String,
     pub unit: Unit,
     pub tables: Vec<Needed>,
-    /// The flight's log, for a stage that reads it.
-    pub log: Option<PathBuf>,
-    /// Hash of the stage's code and of the configuration it sees: another process must have the
-    /// same.
-    pub made_from: String,
+    /// Content key of the flight's log, for a stage that reads it; the plan says where it is.
+    pub log: Option<String>,
 }
 
 /// A part of a table that a unit reads.
@@ -60,7 +70,9 @@ impl Needed {
             return Err(Error::new(format!("{} was changed meanwhile", path.display())));
         }
         let flight = if let Part::Flight(id) = &self.part { Some(id.as_str()) } else { None };
+        let place = Place::file(path.to_string_lossy());
         Table::from_parquet(&self.table, bytes, flight)
+            .map_err(|e| Error { place: Some(place), ..e })
     }
 }
 
@@ -72,10 +84,18 @@ pub fn place(path: &str, hash: &str) -> Key {
 /// What came of a unit.
 pub struct Made(pub std::result::Result<stage::Output, Errors>);
 
-/// Hash of the code of a stage and of the configuration that a unit sees.
-pub fn made_from(plan: &Plan, stage: &Stage, unit: &Unit) -> String {
-    let slice = (stage.slice)(&plan.campaign, unit);
-    Key::of(format!("{} {slice}", stage.code()).as_bytes()).0
+/// Hash of everything that units take from a plan: flights, channel map, and of every unit of every
+/// stage its place, what it reads and the configuration it sees.
+fn fingerprint(plan: &Plan) -> Key {
+    let campaign = &plan.campaign;
+    let mut text = format!("{:?}\n{}\n", campaign.flights, campaign.channels.doc.text());
+    for stage in campaign.stages {
+        for unit in (stage.units)(campaign) {
+            let (reads, slice) = ((stage.reads)(campaign, &unit), (stage.slice)(campaign, &unit));
+            text += &format!("{} {} {unit:?} {reads:?} {slice}\n", stage.name, stage.code());
+        }
+    }
+    Key::of(text.as_bytes())
 }
 
 impl Function for UnitOfStage {
@@ -89,13 +109,10 @@ impl Function for UnitOfStage {
         let campaign = &work.plan.campaign;
         let known = campaign.stages.iter().find(|stage| stage.name == item.stage);
         let stage = known.ok_or_else(|| Error::new(format!("no stage \"{}\"", item.stage)))?;
-        // By reference there is one configuration; elsewhere it was read again.
-        if source.blobs.is_some() && made_from(work.plan, stage, &item.unit) != item.made_from {
-            return Err(Error::new(format!(
-                "{} of {} would be made from other code or settings here",
-                item.stage, item.unit.name
-            )));
-        }
+        let log = match &item.log {
+            Some(key) => Some(work.log(&item.unit.name, key)?),
+            None => None,
+        };
         let mut tables = BTreeMap::new();
         for needed in &item.tables {
             let name = crate::table::schema(&needed.table)?.name.as_str();
@@ -104,7 +121,7 @@ impl Function for UnitOfStage {
         }
         let inputs = Inputs {
             tables,
-            log: item.log.as_deref(),
+            log,
             progress: &|done, of| (source.tell)(Said::Step(done, of)),
             tell: &|text| (source.tell)(Said::Words(text.to_string())),
             engine: source.engine,
@@ -121,6 +138,7 @@ impl Function for UnitOfStage {
         encode(&Packed {
             pipeline: absolute(&work.plan.pipeline)?,
             folder: absolute(work.folder)?,
+            fingerprint: fingerprint(work.plan),
             diagnoses: work.plan.campaign.diagnoses.iter().map(|d| d.settings.clone()).collect(),
         })
     }
@@ -128,7 +146,7 @@ impl Function for UnitOfStage {
     fn lend(bytes: &[u8], source: &Source, to: &mut dyn FnMut(&Work) -> Result<()>) -> Result<()> {
         let packed: Packed = decode(bytes)?;
         let plan = source.kept.get(&Key::of(bytes), || packed.plan())?;
-        to(&Work { plan: &plan, folder: &packed.folder })
+        to(&Work { plan: &plan, folder: &packed.folder, elsewhere: true })
     }
 }
 
@@ -137,13 +155,22 @@ impl Function for UnitOfStage {
 struct Packed {
     pipeline: PathBuf,
     folder: PathBuf,
+    /// Of the plan: files may have changed meanwhile, or be others.
+    fingerprint: Key,
     diagnoses: Vec<stage::diagnose::Settings>,
 }
 
 impl Packed {
     fn plan(&self) -> Result<Plan> {
         let changed = |settings: &mut super::Settings| settings.diagnose = self.diagnoses.clone();
-        Plan::read_with(&self.pipeline, changed).map_err(|e| Error::new(e.to_string()))
+        let plan =
+            Plan::read_with(&self.pipeline, changed).map_err(|e| Error::new(e.to_string()))?;
+        match fingerprint(&plan) == self.fingerprint {
+            true => Ok(plan),
+            false => {
+                Err(Error::new(format!("{} says something else here", self.pipeline.display())))
+            }
+        }
     }
 }
 

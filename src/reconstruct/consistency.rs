@@ -361,7 +361,8 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
     let (only, ..) = fit(&[&[0], &trend[..]].concat())?;
     let share = 1.0 - square(&left) / square(&without).max(1e-300);
     let scale = [x[0], sd(0)];
-    let worth = x[0].abs() > SIGNAL * sd(0) || share > 0.5;
+    // What is left of the trend may be explained by the delay alone; that says nothing of the sign.
+    let worth = x[0].abs() > SIGNAL * sd(0) || (share > 0.5 && x[0] > 0.0 && only[0] > 0.0);
     worth.then(|| Comparison {
         which,
         correlation: only[0].signum() * share.max(0.0).sqrt(),

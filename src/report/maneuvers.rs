@@ -186,17 +186,18 @@ struct Misfit {
 
 fn misfit(responses: &Columns, rows: &[usize]) -> Misfit {
     let [measured, modelled] = ["measured", "modelled"].map(|c| pick(responses.column(c), rows));
-    let pairs: Vec<(f64, f64)> = measured
-        .into_iter()
-        .zip(modelled)
-        .filter(|(z, y)| z.is_finite() && y.is_finite())
-        .collect();
+    misfit_of(&measured, &modelled)
+}
+
+fn misfit_of(measured: &[f64], modelled: &[f64]) -> Misfit {
+    let both = measured.iter().zip(modelled).map(|(z, y)| (*z, *y));
+    let pairs: Vec<(f64, f64)> = both.filter(|(z, y)| z.is_finite() && y.is_finite()).collect();
     let n = pairs.len() as f64;
     let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
     let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
     let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
     // A model cannot follow noise, and an output that was not excited is hardly more than that.
-    let noise = noise_sd(&pairs.iter().map(|(z, _)| *z).collect::<Vec<f64>>());
+    let noise = noise_sd(measured);
     let beyond = (rms * rms - noise * noise).max(0.0).sqrt();
     Misfit { n: pairs.len(), rms, part: beyond / variation }
 }
@@ -356,7 +357,8 @@ fn pick(values: &[f64], rows: &[usize]) -> Vec<f64> {
     rows.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)).collect()
 }
 
-/// A residual above this part of the measured variation is a poor match.
+/// A residual that is larger, beyond the sensor's noise, than this part of the measured variation
+/// is a poor match.
 pub const POOR: f64 = 0.25;
 
 /// The sentence of the checks about the match of the time histories.
@@ -385,4 +387,26 @@ pub fn summary(matches: &[Match]) -> Option<(Level, String)> {
             ),
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn noise_is_no_misfit_and_an_offset_is_one() {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(1);
+        let mut noise = || -> f64 { StandardNormal.sample(&mut rng) };
+        let curve = |size: f64| (0..400).map(move |i| size * (0.05 * i as f64).sin());
+        for size in [0.0, 0.5, 3.0] {
+            let modelled: Vec<f64> = curve(size).collect();
+            let measured: Vec<f64> = modelled.iter().map(|y| y + noise()).collect();
+            let right = misfit_of(&measured, &modelled);
+            assert!(right.part < POOR && (right.rms - 1.0).abs() < 0.1, "{size}: {}", right.part);
+            let aside: Vec<f64> = modelled.iter().map(|y| y + 1.0).collect();
+            assert!(misfit_of(&measured, &aside).part > POOR, "{size}");
+        }
+    }
 }

@@ -71,6 +71,11 @@ fn a_byte_changes_all_that_use_it() {
         "schemas/tables/samples.json",
         "src/stage/mod.rs",
         "src/stage/inputs.rs",
+        "src/stage/kind.rs",
+        "src/stage/notes.rs",
+        "src/stage/slice.rs",
+        "src/stage/told.rs",
+        "src/stage/channels.rs",
         "src/error.rs",
     ] {
         assert_eq!(changed(&files, path), all, "{path}");

@@ -68,6 +68,7 @@ impl Processes {
                 .args(["engines::works_for_another_process", "--exact"])
                 .env(ADDRESS, &address)
                 .env(BLOBS, folder.path())
+                .current_dir(std::env::temp_dir())
                 .stdout(Stdio::null())
                 .spawn()
                 .expect("started");

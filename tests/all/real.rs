@@ -122,7 +122,10 @@ fn recovery_of_the_pitch_damping_of_the_hfb320() {
 #[test]
 fn recovery_of_the_drag_with_airspeed_of_the_hfb320() {
     let effect = "speed-dependence:CD";
-    let Some((_, standing, value, sd)) = crippled("CDV", " + CDV*V/V_0", effect) else { return };
+    let Some((named, standing, value, sd)) = crippled("CDV", " + CDV*V/V_0", effect) else {
+        return;
+    };
+    assert!(!named.iter().any(|name| name == effect), "{named:?}");
     assert_eq!(standing, "faint");
     assert!((value - -0.0477 / 104.67).abs() < 2.0 * sd, "{value} +- {sd}");
 }
