@@ -197,7 +197,8 @@ fn misfit_of(measured: &[f64], modelled: &[f64]) -> Misfit {
     let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
     let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
     // A model cannot follow noise, and an output that was not excited is hardly more than that.
-    let noise = noise_sd(measured);
+    // What is known of the noise from n samples has a standard error of some 1.6/sqrt(n) of it.
+    let noise = noise_sd(measured) * (1.0 + 3.2 / n.sqrt());
     let beyond = (rms * rms - noise * noise).max(0.0).sqrt();
     Misfit { n: pairs.len(), rms, part: beyond / variation }
 }
