@@ -293,3 +293,21 @@ fn a_diagnosis_takes_the_base_as_the_pipeline_estimates_it() {
     );
     assert!(why(&c).contains("a value of its own in every maneuver"), "{}", why(&c));
 }
+
+/// A diagnosis that only a command asked for gives its place to one of the pipeline file: its files
+/// are taken away, and not those that the other one has just written there.
+#[test]
+fn what_gives_its_place_away_takes_no_file_of_its_successor() {
+    let c = Campaign::new();
+    let second = "[[estimate]]\nname = \"second\"\nmodel = \"lag.model.toml\"\ninput = \"drive\"\n";
+    c.edit("pipeline.toml", "\n[[fit]]", &format!("\n{second}\n[[fit]]"));
+    c.koehler("diagnose", &["--estimate", "second"]);
+    let asked = std::fs::read(c.path("out/findings/part-0.parquet")).expect("its findings");
+    c.edit("pipeline.toml", "\n[[fit]]", "\n[[diagnose]]\nestimate = \"lag\"\n\n[[fit]]");
+    let run = c.run();
+    let taken = std::fs::read(c.path("out/findings/part-0.parquet"))
+        .unwrap_or_else(|e| panic!("{e}: {run:?}"));
+    assert_ne!(asked, taken);
+    let again = c.koehler("status", &[]);
+    assert!(!again.out.contains("is gone"), "{}", again.out);
+}
