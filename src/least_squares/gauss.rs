@@ -4,8 +4,10 @@
 use super::arrow::{Arrow, Factor};
 use super::covariance::{Covariance, Scatter};
 use super::iteration::{Iteration, Stop};
+use super::layout::Layout;
 use super::method::{Method, StepControl, Undetermined};
-use super::problem::{Evaluate, Layout, Totals, pass, scatter, weighed};
+use super::problem::{Evaluate, pass, scatter, weighed};
+use super::sums::Totals;
 
 /// Where the iteration ended.
 #[derive(Debug, Clone)]

@@ -15,28 +15,33 @@
 //! | `rows` | sums of products of sensitivities and residuals, eight columns at a time |
 //! | `arrow` | the normal equations, every segment's own block eliminated first |
 //! | `covariance` | `R` per group of segments, with floor and missing samples, and the cost at it |
-//! | `problem` | parameters in two parts; what a segment hands over; the pass over all segments |
+//! | `layout` | parameters in two parts, their bounds and priors |
+//! | `blocks` | what a segment hands over, instant by instant |
+//! | `sums` | what is added over a segment, and over all of them |
+//! | `problem` | the pass over all segments |
 //! | `iteration` | how it went, and why it ended |
 //! | `gauss` | the iteration: step, bounds, halving or damping, stopping |
 
 mod arrow;
+mod blocks;
 mod covariance;
 mod gauss;
 mod iteration;
+mod layout;
 mod method;
 mod problem;
 mod rows;
+mod sums;
 
 pub use arrow::{Arrow, Factor, Own, diagonal};
+pub use blocks::{Block, Samples, at_instants, give_back};
 #[cfg(test)]
 pub use covariance::Scatter;
 pub use covariance::{Covariance, Structure};
 pub use gauss::{Fit, cost, minimise, normal_matrix};
 pub use iteration::{Iteration, Stop};
+pub use layout::{Layout, Part};
 pub use method::{Method, StepControl, Undetermined};
-pub use problem::{
-    Block, Evaluate, Layout, Part, Samples, SegmentSums, Wanted, at_instants, each, give_back,
-    segment_sums,
-};
+pub use problem::{Evaluate, SegmentSums, Wanted, each, segment_sums};
 #[cfg(test)]
 pub use problem::{pass, scatter, weighed};

@@ -191,6 +191,13 @@ unsafe fn tile<V: Eight, const R: usize, const C: usize, const E: usize>(
     }
 }
 
+/// `to += w from`, number by number.
+pub fn add_scaled(to: &mut [f64], w: f64, from: &[f64]) {
+    for (t, f) in to.iter_mut().zip(from) {
+        *t += w * f;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,6 +6,7 @@ use super::provenance::{Ingredients, PLACE, Record};
 use super::store::Store;
 use crate::error::Result;
 use crate::stage::{Part, Stage, Unit};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// The state of one unit of a stage.
@@ -46,11 +47,21 @@ pub struct Assessment {
     pub record: Option<Record>,
 }
 
-/// Holds one unit against the record of its last run.
+/// Holds every unit of a stage against the record of its last run, in order of units.
 ///
 /// # Errors
 /// A log or an output file is there and cannot be read.
 pub fn assess(
+    plan: &Plan,
+    store: &Store,
+    contents: &Contents,
+    stage: &Stage,
+) -> Result<Vec<Assessment>> {
+    let units = (stage.units)(&plan.campaign).into_par_iter();
+    units.map(|unit| assess_unit(plan, store, contents, stage, unit)).collect()
+}
+
+fn assess_unit(
     plan: &Plan,
     store: &Store,
     contents: &Contents,

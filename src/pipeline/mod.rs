@@ -3,24 +3,28 @@
 
 mod assess;
 mod mapped;
+mod memo;
+mod own;
 mod plan;
 mod provenance;
+mod result;
 mod run;
 mod settings;
 mod simulate;
+mod status;
 mod store;
 mod summaries;
 mod unit;
-
-mod memo;
 
 use crate::engine::Served;
 
 pub use assess::{Assessment, State};
 pub use plan::{FlightLog, Plan};
-pub use run::{Event, RunResult, StageResult, Watch, gone, run, status};
+pub use result::{Event, RunResult, StageResult, Watch};
+pub use run::run;
 pub use settings::Settings;
 pub use simulate::Simulation;
+pub use status::{gone, status};
 pub use store::{Lock, Store};
 pub use summaries::{Summaries, summaries};
 use unit::UnitOfStage;

@@ -1,72 +1,19 @@
 //! The run: a plan and an output folder come in; stale units are run in order of stages, in
 //! parallel over flights, where the engine says; tables go out.
 
-use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
+use super::assess::{Assessment, Content, Contents, State, assess};
+use super::own::{failure_note, own_tables};
 use super::plan::Plan;
-use super::provenance::{PROGRAM, Record, hash_bytes};
+use super::provenance::Record;
+use super::result::{Event, RunResult, StageResult, Watch};
+use super::status::gone;
 use super::store::Store;
 use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep, place};
 use crate::engine::{self, Engine, Here, Kept, Key, Said};
 use crate::error::{Error, Errors, Result};
-use crate::stage::{NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit};
-use crate::table::Table;
-use rayon::prelude::*;
+use crate::stage::{NOTES, Output, Part, Read, STAGES_TABLE, Stage, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
-
-/// What a watcher of a run hears. Flights run in parallel, so units of one stage interleave.
-pub enum Event<'a> {
-    /// A stage begins with so many units to run; so many more are fresh.
-    Stage { stage: &'a Stage, to_run: usize, fresh: usize },
-    /// So many steps of so many inside a unit are done.
-    Step { unit: &'a Unit, done: usize, of: usize },
-    /// What a unit is doing, in words.
-    Told { unit: &'a Unit, text: &'a str },
-    /// A unit is done, well or not.
-    Unit { unit: &'a Unit, ok: bool },
-    /// A stage ends.
-    End { stage: &'a Stage },
-}
-
-/// Called with every event, from any thread.
-pub type Watch<'a> = &'a (dyn Fn(Event) + Sync);
-
-/// What became of one stage.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StageResult {
-    pub name: &'static str,
-    pub ran: usize,
-    pub fresh: usize,
-    pub failed: usize,
-    pub blocked: usize,
-}
-
-/// What became of a run.
-#[derive(Debug, Default)]
-pub struct RunResult {
-    pub stages: Vec<StageResult>,
-    /// Everything worth knowing, in order of stages and flights.
-    pub notes: Vec<Note>,
-    /// Why units failed.
-    pub errors: Errors,
-    /// The tables' files, relative to the output folder.
-    pub files: Vec<String>,
-    /// The units whose outputs were removed, and why: their flight, estimate or fit is no longer
-    /// part of the campaign, or cannot be made.
-    pub removed: Vec<String>,
-}
-
-impl RunResult {
-    /// Whether everything asked for is there, and the report calls nothing a problem.
-    pub fn complete(&self) -> bool {
-        self.errors.is_empty() && self.notes.iter().all(|n| n.severity < Severity::Problem)
-    }
-
-    /// Whether every stage was fresh.
-    pub fn nothing_done(&self) -> bool {
-        self.removed.is_empty() && self.stages.iter().all(|s| s.ran == 0 && s.failed == 0)
-    }
-}
 
 /// The state of a run while it goes through the stages.
 struct Run<'a> {
@@ -89,6 +36,24 @@ enum Outcome {
     Failed(Errors),
     /// Not run; why, where earlier outputs were removed.
     Blocked(Option<String>),
+}
+
+/// Which unit of a stage a file belongs to, by its path: what one unit gives up may be another's.
+struct Owners(BTreeMap<String, String>);
+
+impl Owners {
+    fn of(stage: &Stage, assessments: &[Assessment]) -> Owners {
+        let paths = |unit: &Unit| {
+            let (part, name) = (unit.part.clone(), unit.name.clone());
+            stage.writes.iter().map(move |table| (part.path(table), name.clone()))
+        };
+        Owners(assessments.iter().flat_map(|a| paths(&a.unit)).collect())
+    }
+
+    /// Whether a unit may remove a file that it made earlier.
+    fn leave(&self, path: &str, unit: &Unit) -> bool {
+        self.0.get(path).is_none_or(|owner| *owner == unit.name)
+    }
 }
 
 /// Runs what is not fresh. The caller holds the folder's lock.
@@ -140,23 +105,20 @@ impl Run<'_> {
     }
 
     fn stage(&mut self, stage: &'static Stage) -> Result<()> {
-        let (plan, store, contents) = (self.plan, self.store, &self.contents);
-        let assessments: Vec<Assessment> = (stage.units)(&plan.campaign)
-            .into_par_iter()
-            .map(|unit| assess(plan, store, contents, stage, unit))
-            .collect::<Result<_>>()?;
+        let assessments = assess(self.plan, self.store, &self.contents, stage)?;
         if assessments.is_empty() {
             return Ok(());
         }
         let to_run: Vec<&Assessment> = assessments.iter().filter(|a| self.is_run(a)).collect();
         let fresh = assessments.iter().filter(|a| a.state == State::Fresh).count();
         (self.watch)(Event::Stage { stage, to_run: to_run.len(), fresh });
+        let owners = Owners::of(stage, &assessments);
         // What is taken away goes first: its place may be another unit's now.
         let mut outcomes: Vec<Option<Outcome>> = assessments
             .iter()
-            .map(|a| if self.is_run(a) { Ok(None) } else { self.spared(a).map(Some) })
+            .map(|a| if self.is_run(a) { Ok(None) } else { self.spared(a, &owners).map(Some) })
             .collect::<Result<_>>()?;
-        let ran = self.ran(stage, &to_run)?;
+        let ran = self.ran(stage, &to_run, &owners)?;
         let left = outcomes.iter_mut().filter(|outcome| outcome.is_none());
         left.zip(ran).for_each(|(outcome, ran)| *outcome = Some(ran));
         (self.watch)(Event::End { stage });
@@ -180,18 +142,32 @@ impl Run<'_> {
     }
 
     /// What becomes of a unit that is not run.
-    fn spared(&self, a: &Assessment) -> Result<Outcome> {
+    fn spared(&self, a: &Assessment, owners: &Owners) -> Result<Outcome> {
         match (&a.state, &a.record) {
             (State::Blocked(what), record) => {
-                record.iter().try_for_each(|record| self.store.forget(record))?;
+                self.give_up(a, &BTreeMap::new(), owners)?;
+                record.iter().try_for_each(|record| self.store.remove_record(record))?;
                 Ok(Outcome::Blocked(record.as_ref().map(|_| what.clone())))
             }
             (_, record) => Ok(record.clone().map_or(Outcome::Blocked(None), Outcome::Fresh)),
         }
     }
 
+    /// Removes what a unit made earlier and does not make now.
+    fn give_up(
+        &self,
+        a: &Assessment,
+        made: &BTreeMap<String, String>,
+        owners: &Owners,
+    ) -> Result<()> {
+        let earlier = a.record.iter().flat_map(|earlier| earlier.outputs.keys());
+        earlier
+            .filter(|path| !made.contains_key(*path) && owners.leave(path, &a.unit))
+            .try_for_each(|path| self.store.remove(path))
+    }
+
     /// Runs units, and files what each of them made as soon as it is there.
-    fn ran(&self, stage: &Stage, units: &[&Assessment]) -> Result<Vec<Outcome>> {
+    fn ran(&self, stage: &Stage, units: &[&Assessment], owners: &Owners) -> Result<Vec<Outcome>> {
         let items: Vec<Item> =
             units.iter().map(|a| self.item(stage, &a.unit)).collect::<Result<_>>()?;
         let outcomes: Vec<OnceLock<Result<Outcome>>> =
@@ -208,7 +184,7 @@ impl Run<'_> {
         let take = |i: usize, made: Result<Made>| {
             let made = made.map_or_else(|e| Err(e.into()), |made| made.0);
             (self.watch)(Event::Unit { unit: &units[i].unit, ok: made.is_ok() });
-            drop(outcomes[i].set(self.filed(stage, units[i], made)));
+            drop(outcomes[i].set(self.filed(stage, units[i], made, owners)));
         };
         match stage.spreads {
             true => engine::each_here::<UnitOfStage>(&here, &work, &items, &take),
@@ -280,6 +256,7 @@ impl Run<'_> {
         stage: &Stage,
         a: &Assessment,
         made: std::result::Result<Output, Errors>,
+        owners: &Owners,
     ) -> Result<Outcome> {
         let mut record = Record {
             stage: stage.name.to_string(),
@@ -301,10 +278,7 @@ impl Run<'_> {
                 Outcome::Failed(errors)
             }
         };
-        let earlier = a.record.iter().flat_map(|earlier| earlier.outputs.keys());
-        earlier
-            .filter(|path| !record.outputs.contains_key(*path))
-            .try_for_each(|path| self.store.remove(path))?;
+        self.give_up(a, &record.outputs, owners)?;
         self.store.put_record(&record)?;
         Ok(outcome)
     }
@@ -363,107 +337,4 @@ impl Run<'_> {
         let known: BTreeSet<String> = self.contents.keys().cloned().collect();
         self.store.sweep(&tables, &known)
     }
-}
-
-/// Records of units that are no longer part of the campaign.
-pub fn gone(plan: &Plan, store: &Store) -> Vec<Record> {
-    let of = |s: &Stage| {
-        (s.units)(&plan.campaign)
-            .into_iter()
-            .map(|u| (s.name.to_string(), u.name))
-            .collect::<Vec<_>>()
-    };
-    let wanted: BTreeSet<(String, String)> = plan.campaign.stages.iter().flat_map(of).collect();
-    store
-        .records()
-        .into_iter()
-        .filter(|r| !wanted.contains(&(r.stage.clone(), r.unit.clone())))
-        .collect()
-}
-
-/// The state of every unit, without running anything.
-///
-/// # Errors
-/// A log or an output file is there and cannot be read.
-pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Assessment>)>> {
-    let mut contents = Contents::new();
-    let mut all = Vec::new();
-    let mut fresh = Some((Vec::new(), Vec::new()));
-    for stage in plan.campaign.stages {
-        if stage.reads_records {
-            match &fresh {
-                Some((notes, records)) => {
-                    for table in own_tables(notes, records)? {
-                        contents.insert(
-                            Part::Number(0).path(table.name()),
-                            Content::Hash(hash_bytes(&table.to_parquet()?)),
-                        );
-                    }
-                }
-                None => contents.extend([NOTES, STAGES_TABLE].map(|table| {
-                    (Part::Number(0).path(table), Content::Changing("an earlier stage".into()))
-                })),
-            }
-        }
-        let known = &contents;
-        let of_stage: Vec<Assessment> = (stage.units)(&plan.campaign)
-            .into_par_iter()
-            .map(|unit| assess(plan, store, known, stage, unit))
-            .collect::<Result<_>>()?;
-        for a in &of_stage {
-            contents_after(stage, a, &mut contents);
-            match (&mut fresh, &a.state, &a.record) {
-                (Some((notes, records)), State::Fresh, Some(record)) => {
-                    notes.extend(record.notes.iter().cloned());
-                    records.push(record.clone());
-                }
-                (_, State::Blocked(_), _) => {}
-                _ => fresh = None,
-            }
-        }
-        all.push((stage, of_stage));
-    }
-    Ok(all)
-}
-
-/// The tables that the pipeline itself writes: notes, and where the other tables come from.
-fn own_tables(notes: &[Note], records: &[Record]) -> Result<[Table; 2]> {
-    let rows: Vec<(&Record, &String, &String)> = records
-        .iter()
-        .flat_map(|r| r.ingredients.iter().map(move |(name, hash)| (r, name, hash)))
-        .collect();
-    let stages = Table::build(STAGES_TABLE)
-        .strings("stage", rows.iter().map(|(r, _, _)| &r.stage))
-        .strings("unit", rows.iter().map(|(r, _, _)| &r.unit))
-        .strings("key", rows.iter().map(|(r, _, _)| &r.key))
-        .strings(
-            "code",
-            rows.iter().map(|(r, _, _)| r.ingredients.get(PROGRAM).map_or("", String::as_str)),
-        )
-        .strings("ingredient", rows.iter().map(|(_, name, _)| name))
-        .strings("hash", rows.iter().map(|(_, _, hash)| hash))
-        .finish()?;
-    Ok([crate::stage::notes_table(notes)?, stages])
-}
-
-fn failure_note(stage: &Stage, unit: &Unit, error: &Error) -> Note {
-    Note {
-        flight: unit.flight().to_string(),
-        stage: stage.name.to_string(),
-        severity: Severity::Missing,
-        subject: unit.name.clone(),
-        count: 1,
-        text: without_folder(error).to_string(),
-    }
-}
-
-/// The error with the name of its file alone: tables do not depend on where a campaign lies.
-fn without_folder(error: &Error) -> Error {
-    let mut error = error.clone();
-    if let Some(place) = &mut error.place {
-        let name =
-            std::path::Path::new(&place.file).file_name().map(|n| n.to_string_lossy().into_owned());
-        place.file = name.unwrap_or_else(|| place.file.clone());
-    }
-    error
 }

@@ -109,6 +109,11 @@ impl Store {
         for output in record.outputs.keys() {
             self.remove(output)?;
         }
+        self.remove_record(record)
+    }
+
+    /// Removes a record alone.
+    pub fn remove_record(&self, record: &Record) -> Result<()> {
         remove_file(&self.record_path(&record.stage, &record.unit))
     }
 

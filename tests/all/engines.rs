@@ -8,11 +8,12 @@ use koehler::FUNCTIONS;
 use koehler::engine::{self, Engine, Folder, Job, Kept, Said, Source, Threads};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Mutex;
+use std::time::Duration;
 
 /// One item on its way.
 #[derive(Serialize, Deserialize)]
@@ -30,10 +31,11 @@ enum Answer {
     Done(Result<Bytes, String>),
 }
 
-fn send<T: Serialize>(stream: &mut TcpStream, value: &T) {
+/// An error where the other side is gone.
+fn send<T: Serialize>(stream: &mut TcpStream, value: &T) -> std::io::Result<()> {
     let bytes = engine::encode(value).expect("bytes");
-    stream.write_all(&(bytes.len() as u32).to_le_bytes()).expect("sent");
-    stream.write_all(&bytes).expect("sent");
+    stream.write_all(&(bytes.len() as u32).to_le_bytes())?;
+    stream.write_all(&bytes)
 }
 
 /// None where the other side is gone.
@@ -41,7 +43,7 @@ fn receive<T: serde::de::DeserializeOwned>(stream: &mut TcpStream) -> Option<T> 
     let mut length = [0; 4];
     stream.read_exact(&mut length).ok()?;
     let mut bytes = vec![0; u32::from_le_bytes(length) as usize];
-    stream.read_exact(&mut bytes).expect("the rest");
+    stream.read_exact(&mut bytes).ok()?;
     Some(engine::decode(&bytes).expect("a message"))
 }
 
@@ -57,14 +59,40 @@ struct Processes {
 
 const ADDRESS: &str = "KOEHLER_TEST_WORKER";
 const BLOBS: &str = "KOEHLER_TEST_BLOBS";
+/// After so many items the worker is gone, in the middle of the next one.
+const LASTS: &str = "KOEHLER_TEST_LASTS";
+
+/// The connection of a process that was just started.
+fn connection(listener: &TcpListener, child: &mut Child) -> TcpStream {
+    listener.set_nonblocking(true).expect("set");
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                stream.set_nonblocking(false).expect("set");
+                stream.set_nodelay(true).expect("set");
+                return stream;
+            }
+            Err(e) if e.kind() == ErrorKind::WouldBlock => {}
+            Err(e) => panic!("no connection: {e}"),
+        }
+        let ended = child.try_wait().expect("known");
+        assert!(ended.is_none(), "the other process ended: {ended:?}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
 
 impl Processes {
-    fn start() -> Processes {
+    /// The first of them lasts for so many items.
+    fn start(lasts: Option<usize>) -> Processes {
         let folder = tempfile::tempdir().expect("a folder");
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("its address").to_string();
-        let worker = |_| {
-            let child = Command::new(std::env::current_exe().expect("this program"))
+        let worker = |w: usize| {
+            let mut command = Command::new(std::env::current_exe().expect("this program"));
+            if let Some(n) = lasts.filter(|_| w == 0) {
+                command.env(LASTS, n.to_string());
+            }
+            let mut child = command
                 .args(["engines::works_for_another_process", "--exact"])
                 .env(ADDRESS, &address)
                 .env(BLOBS, folder.path())
@@ -72,9 +100,7 @@ impl Processes {
                 .stdout(Stdio::null())
                 .spawn()
                 .expect("started");
-            let (stream, _) = listener.accept().expect("a connection");
-            stream.set_nodelay(true).expect("set");
-            (Mutex::new(stream), child)
+            (Mutex::new(connection(&listener, &mut child)), child)
         };
         Processes {
             workers: (0..2).map(worker).collect(),
@@ -85,23 +111,28 @@ impl Processes {
         }
     }
 
-    fn one(&self, stream: &mut TcpStream, job: &dyn Job, parameters: &[u8], i: usize) {
-        let item = job.item(i).expect("an item");
-        send(
-            stream,
-            &Request {
-                name: job.name().into(),
-                version: job.version(),
-                parameters: Bytes::copy_from_slice(parameters),
-                item: item.into(),
-            },
-        );
+    /// Whether the process is still there afterwards.
+    fn one(&self, stream: &mut TcpStream, job: &dyn Job, parameters: &[u8], i: usize) -> bool {
+        let request = Request {
+            name: job.name().into(),
+            version: job.version(),
+            parameters: Bytes::copy_from_slice(parameters),
+            item: job.item(i).expect("an item").into(),
+        };
+        if send(stream, &request).is_err() {
+            return false;
+        }
         loop {
-            match receive(stream).expect("an answer") {
-                Answer::Said(said) => job.said(i, said),
-                Answer::Done(Ok(output)) => return job.done(i, &output).expect("an output"),
-                Answer::Done(Err(why)) => return self.failed.lock().expect("alive").push(why),
+            match receive(stream) {
+                None => return false,
+                Some(Answer::Said(said)) => {
+                    job.said(i, said);
+                    continue;
+                }
+                Some(Answer::Done(Ok(output))) => job.done(i, &output).expect("an output"),
+                Some(Answer::Done(Err(why))) => self.failed.lock().expect("alive").push(why),
             }
+            return true;
         }
     }
 }
@@ -121,7 +152,9 @@ impl Engine for Processes {
                 let (left, parameters) = (&left, &parameters);
                 scope.spawn(move || {
                     while let Some(i) = { left.lock().expect("alive").pop() } {
-                        self.one(&mut stream.lock().expect("alive"), job, parameters, i);
+                        if !self.one(&mut stream.lock().expect("alive"), job, parameters, i) {
+                            return;
+                        }
                         *self.done.lock().expect("alive").entry((job.name(), w)).or_default() += 1;
                     }
                 });
@@ -148,9 +181,17 @@ fn works_for_another_process() {
     let mut stream = TcpStream::connect(address).expect("connected");
     stream.set_nodelay(true).expect("set");
     let kept = Kept::at_most(24);
+    let lasts = std::env::var(LASTS).ok().map(|n| n.parse::<usize>().expect("a number"));
+    let mut done = 0;
     while let Some(request) = receive::<Request>(&mut stream) {
+        if lasts == Some(done) {
+            return;
+        }
+        done += 1;
         let back = Mutex::new(stream.try_clone().expect("a second handle"));
-        let tell = |said| send(&mut back.lock().expect("alive"), &Answer::Said(said));
+        let tell = |said| {
+            send(&mut back.lock().expect("alive"), &Answer::Said(said)).expect("sent");
+        };
         let source = Source { kept: &kept, engine: &Threads, blobs: Some(&blobs), tell: &tell };
         let known = FUNCTIONS
             .iter()
@@ -161,7 +202,7 @@ fn works_for_another_process() {
                 .run(&request.parameters, &request.item, &source)
                 .map_err(|e| format!("{}: {e}", request.name))
         });
-        send(&mut stream, &Answer::Done(output.map(Bytes::from)));
+        send(&mut stream, &Answer::Done(output.map(Bytes::from))).expect("sent");
     }
 }
 
@@ -186,17 +227,19 @@ fn left(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 /// Runs a command over a pipeline with both engines; what both leave has to be the same bytes.
-/// Returns how many items of each function were done elsewhere.
-fn same_bytes(verb: &str, pipeline: &Path, more: &[&str]) -> BTreeMap<&'static str, usize> {
+/// Returns how many items of each function were done elsewhere, and the exit code.
+fn same_bytes(
+    verb: &str,
+    pipeline: &Path,
+    processes: &Processes,
+) -> (BTreeMap<&'static str, usize>, String) {
     let folder = tempfile::tempdir().expect("a folder");
-    let processes = Processes::start();
     let run = |name: &str| {
         let out = folder.path().join(name);
-        let engines: [(&str, &dyn Engine); 2] = [("threads", &Threads), ("processes", &processes)];
+        let engines: [(&str, &dyn Engine); 2] = [("threads", &Threads), ("processes", processes)];
         let mut args = vec!["koehler".into(), verb.into(), pipeline.as_os_str().to_os_string()];
         args.extend(["--out".into(), out.clone().into_os_string()]);
         args.extend(["--engine", name].map(Into::into));
-        args.extend(more.iter().map(Into::into));
         let code = koehler::cli::main_with(&engines, args.into_iter());
         (format!("{code:?}"), left(&out))
     };
@@ -215,7 +258,7 @@ fn same_bytes(verb: &str, pipeline: &Path, more: &[&str]) -> BTreeMap<&'static s
         println!("{function}: {n} by process {worker}");
         *counts.entry(*function).or_default() += n;
     }
-    counts
+    (counts, here.0)
 }
 
 /// Estimates per maneuver, and one of all of them with everything that a problem can be made of.
@@ -255,12 +298,26 @@ estimate = "candidates"
 [[fit]]"#;
     c.edit("pipeline.toml", "\n[[fit]]", more);
     for verb in ["run", "diagnose"] {
-        let counts = same_bytes(verb, &c.path("pipeline.toml"), &[]);
+        let counts = same_bytes(verb, &c.path("pipeline.toml"), &Processes::start(None)).0;
         for function in FUNCTIONS {
             let n = counts.get(function.name).copied().unwrap_or_default();
             assert!(n > 10, "{}: {n} done elsewhere", function.name);
         }
     }
+}
+
+/// A flight whose log is no log fails elsewhere as it does here: same notes, same exit code. So do
+/// the others when one of the processes is lost over an item, which is then done by somebody else.
+#[test]
+fn what_fails_and_who_is_lost_change_no_byte() {
+    let c = Campaign::new();
+    c.write("logs/flight-4.mcap", "not a log");
+    let processes = Processes::start(Some(3));
+    let (counts, code) = same_bytes("run", &c.path("pipeline.toml"), &processes);
+    assert_eq!(code, format!("{:?}", std::process::ExitCode::FAILURE));
+    let done = processes.done.lock().expect("alive");
+    assert_eq!(done.iter().filter(|((_, w), _)| *w == 0).map(|(_, n)| n).sum::<usize>(), 3);
+    assert!(done.iter().any(|((_, w), _)| *w == 1), "{counts:?}");
 }
 
 /// Every shipped pipeline whose data are there; `KOEHLER_SLOW=1`.
@@ -285,6 +342,7 @@ fn two_processes_make_the_same_bytes_of_every_pipeline() {
     for (pipeline, imports, verb, file) in shipped {
         let folder = flightdata::copy(pipeline);
         imports.iter().for_each(|i| flightdata::koehler(folder.path(), &data, &["import", i]));
-        println!("{pipeline}/{file}: {:?}", same_bytes(verb, &folder.path().join(file), &[]));
+        let made = same_bytes(verb, &folder.path().join(file), &Processes::start(None));
+        println!("{pipeline}/{file}: {made:?}");
     }
 }

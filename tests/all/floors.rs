@@ -157,7 +157,7 @@ const THREADS: [(&str, &str); 24] = [
     ("diagnose/search/refit.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/screen.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/surrogate.rs", "series of chance of one round of a diagnosis"),
-    ("pipeline/run.rs", "hashes of what units read, which decide what is run at all"),
+    ("pipeline/assess.rs", "hashes of what units read, which decide what is run at all"),
     ("pipeline/summaries.rs", "a look at the logs before work starts"),
 ];
 

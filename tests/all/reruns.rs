@@ -311,3 +311,25 @@ fn what_gives_its_place_away_takes_no_file_of_its_successor() {
     let again = c.koehler("status", &[]);
     assert!(!again.out.contains("is gone"), "{}", again.out);
 }
+
+/// Places go by the order of the pipeline file. Two estimates that swap them each write where the
+/// other one was, and neither removes what the other has just written.
+#[test]
+fn estimates_that_swap_their_places_keep_what_they_made() {
+    let c = Campaign::new();
+    let second = "[[estimate]]\nname = \"second\"\nmodel = \"lag.model.toml\"\ninput = \"drive\"\n";
+    c.edit("pipeline.toml", "\n[[fit]]", &format!("\n{second}\n[[fit]]"));
+    c.run().ended(0);
+    for (old, new) in [("lag", "@"), ("second", "lag"), ("@", "second")] {
+        c.edit("pipeline.toml", &format!("name = \"{old}\""), &format!("name = \"{new}\""));
+    }
+    c.run().ended(0);
+    let swapped = tables(&c.path("out"));
+    let again = c.run().ended(0);
+    assert!(again.out.contains("nothing to do"), "{}", again.out);
+    std::fs::remove_dir_all(c.path("out")).expect("removed");
+    c.run().ended(0);
+    let anew = tables(&c.path("out"));
+    assert_eq!(swapped.keys().collect::<Vec<_>>(), anew.keys().collect::<Vec<_>>());
+    assert!(anew.iter().all(|(path, bytes)| swapped[path] == *bytes));
+}

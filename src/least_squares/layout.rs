@@ -1,0 +1,104 @@
+//! The parameter vector: what segments share, what one segment has to itself, where the iteration
+//! begins, and bounds and priors.
+
+use super::covariance::Structure;
+
+/// Parameters of one segment: which shared ones it sees, and how many are its own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Indices into the shared parameters, in the order of the segment's directions.
+    pub shared: Vec<usize>,
+    /// Where its own parameters begin in the parameter vector.
+    pub offset: usize,
+    /// Number of its own parameters; they follow the shared ones in the segment's directions.
+    pub own: usize,
+    /// The group of segments whose `R` it shares.
+    pub group: usize,
+    /// Where outputs may be correlated: the number of the instant of every sample of every block,
+    /// ascending; samples of the same number belong together.
+    pub instants: Vec<Vec<u32>>,
+}
+
+impl Part {
+    /// Number of directions of this segment.
+    pub fn directions(&self) -> usize {
+        self.shared.len() + self.own
+    }
+}
+
+/// The parameter vector: shared parameters first, then each segment's own.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layout {
+    /// Number of shared parameters.
+    pub shared: usize,
+    pub parts: Vec<Part>,
+    /// Where the iteration begins.
+    pub start: Vec<f64>,
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+    /// Centre and standard deviation of a prior; infinite without one.
+    pub centre: Vec<f64>,
+    pub prior_sd: Vec<f64>,
+    pub noise: Structure,
+}
+
+impl Layout {
+    /// Every segment sees all `shared` parameters and has `own[s]` of its own; unbounded, no
+    /// priors, one diagonal `R`.
+    #[cfg(test)]
+    pub fn plain(shared: usize, own: &[usize], outputs: usize, start: Vec<f64>) -> Layout {
+        let mut offset = shared;
+        let parts = own
+            .iter()
+            .map(|&own| {
+                let part = Part {
+                    shared: (0..shared).collect(),
+                    offset,
+                    own,
+                    group: 0,
+                    instants: Vec::new(),
+                };
+                offset += own;
+                part
+            })
+            .collect();
+        let n = start.len();
+        Layout {
+            shared,
+            parts,
+            centre: start.clone(),
+            start,
+            lower: vec![f64::NEG_INFINITY; n],
+            upper: vec![f64::INFINITY; n],
+            prior_sd: vec![f64::INFINITY; n],
+            noise: Structure {
+                outputs,
+                groups: 1,
+                full: false,
+                floor: vec![1e-30; outputs],
+                known: false,
+            },
+        }
+    }
+
+    /// Information of the prior of parameter `i`: `1/sd^2`, 0 without one.
+    pub fn prior_weight(&self, i: usize) -> f64 {
+        let sd = self.prior_sd[i];
+        if sd.is_finite() { 1.0 / (sd * sd) } else { 0.0 }
+    }
+
+    /// What the prior of parameter `i` adds to the normal equations at `value`: its weight, and its
+    /// pull downhill.
+    pub fn prior(&self, i: usize, value: f64) -> (f64, f64) {
+        let weight = self.prior_weight(i);
+        (weight, if weight > 0.0 { weight * (self.centre[i] - value) } else { 0.0 })
+    }
+
+    /// The parameters as segment `s` sees them, in the order of its directions.
+    pub fn local(&self, s: usize, theta: &[f64]) -> Vec<f64> {
+        let part = &self.parts[s];
+        let mut local: Vec<f64> = part.shared.iter().map(|&i| theta[i]).collect();
+        local.extend_from_slice(&theta[part.offset..part.offset + part.own]);
+        local
+    }
+}

@@ -1,0 +1,67 @@
+//! What a run would do: the state of every unit, and what is no longer part of the campaign.
+
+use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
+use super::own::own_tables;
+use super::plan::Plan;
+use super::provenance::{Record, hash_bytes};
+use super::store::Store;
+use crate::error::Result;
+use crate::stage::{NOTES, Part, STAGES_TABLE, Stage};
+use std::collections::BTreeSet;
+
+/// Records of units that are no longer part of the campaign.
+pub fn gone(plan: &Plan, store: &Store) -> Vec<Record> {
+    let of = |s: &Stage| {
+        (s.units)(&plan.campaign)
+            .into_iter()
+            .map(|u| (s.name.to_string(), u.name))
+            .collect::<Vec<_>>()
+    };
+    let wanted: BTreeSet<(String, String)> = plan.campaign.stages.iter().flat_map(of).collect();
+    store
+        .records()
+        .into_iter()
+        .filter(|r| !wanted.contains(&(r.stage.clone(), r.unit.clone())))
+        .collect()
+}
+
+/// The state of every unit, without running anything.
+///
+/// # Errors
+/// A log or an output file is there and cannot be read.
+pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Assessment>)>> {
+    let mut contents = Contents::new();
+    let mut all = Vec::new();
+    let mut fresh = Some((Vec::new(), Vec::new()));
+    for stage in plan.campaign.stages {
+        if stage.reads_records {
+            match &fresh {
+                Some((notes, records)) => {
+                    for table in own_tables(notes, records)? {
+                        contents.insert(
+                            Part::Number(0).path(table.name()),
+                            Content::Hash(hash_bytes(&table.to_parquet()?)),
+                        );
+                    }
+                }
+                None => contents.extend([NOTES, STAGES_TABLE].map(|table| {
+                    (Part::Number(0).path(table), Content::Changing("an earlier stage".into()))
+                })),
+            }
+        }
+        let of_stage = assess(plan, store, &contents, stage)?;
+        for a in &of_stage {
+            contents_after(stage, a, &mut contents);
+            match (&mut fresh, &a.state, &a.record) {
+                (Some((notes, records)), State::Fresh, Some(record)) => {
+                    notes.extend(record.notes.iter().cloned());
+                    records.push(record.clone());
+                }
+                (_, State::Blocked(_), _) => {}
+                _ => fresh = None,
+            }
+        }
+        all.push((stage, of_stage));
+    }
+    Ok(all)
+}
