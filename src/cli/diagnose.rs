@@ -55,13 +55,7 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
         if let Some(estimates) = verdict::part(&store, "estimates", again)? {
             say(&format!("  {}", verdict::again(&next, &estimates)?));
         }
-        let recommended = [again, i]
-            .into_iter()
-            .find_map(|n| verdict::part(&store, "recommended", n).transpose())
-            .transpose()?;
-        verdict::lines(&diagnosis.name(), &findings, recommended.as_ref())?
-            .iter()
-            .for_each(|line| say(line));
+        verdict::of(&store, &plan, i)?.into_iter().flatten().for_each(|line| say(&line));
         end = if end == End::Partial { end } else { verdict::end(&findings)?.max(end) };
     }
     let report = "report/index.html";

@@ -1,6 +1,7 @@
 //! The closing words of a run: its result and its tables come in, a page of text on the screen goes
 //! out.
 
+use super::verdict;
 use super::words::say;
 use crate::error::Result;
 use crate::pipeline::{Plan, RunResult, Store};
@@ -14,7 +15,7 @@ const INTERVAL: f64 = 1.96;
 /// Kinds of notes shown before the rest is left to the table.
 const GROUPS_SHOWN: usize = 20;
 
-/// Prints stages, flights, estimates, lines, notes, and where the report is.
+/// Prints stages, flights, estimates, lines, notes, verdicts, and where the report is.
 ///
 /// # Errors
 /// A table cannot be read back.
@@ -24,6 +25,9 @@ pub fn print(plan: &Plan, store: &Store, out: &Path, result: &RunResult) -> Resu
     estimates(plan, store)?;
     lines(plan, store)?;
     notes(&result.notes);
+    for i in 0..plan.campaign.diagnoses.len() {
+        verdict::of(store, plan, i)?.into_iter().flatten().for_each(|line| say(&line));
+    }
     let report = "report/index.html";
     if result.files.iter().any(|f| f == report) {
         say(&format!("\nreport: {}", out.join(report).display()));

@@ -38,6 +38,9 @@ Examples:
   koehler run pipelines/citation/pipeline.toml --out trial --jobs 4
   koehler run pipelines/citation/pipeline.toml --dry-run
 
+What a [[diagnose]] section found stands in a box at the end. It is a result and leaves the exit code alone; `koehler diagnose`
+ends with 3 where a model lacks something.
+
 Exit codes: 0 everything is there, 1 something asked for is missing or the report names a problem, 2 configuration or usage error.";
 
 pub const DIAGNOSE: &str = "\

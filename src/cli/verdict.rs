@@ -3,7 +3,7 @@
 
 use super::words::End;
 use crate::error::Result;
-use crate::pipeline::Store;
+use crate::pipeline::{Plan, Store};
 use crate::stage::Part;
 use crate::table::Table;
 
@@ -21,6 +21,21 @@ pub fn part(store: &Store, table: &str, number: usize) -> Result<Option<Table>> 
     } else {
         Ok(None)
     }
+}
+
+/// The box of diagnosis `i` of a plan, where it has been made.
+///
+/// # Errors
+/// A table cannot be read, or lacks a column.
+pub fn of(store: &Store, plan: &Plan, i: usize) -> Result<Option<Vec<String>>> {
+    let Some(findings) = part(store, "findings", i)? else { return Ok(None) };
+    // Values come from the estimate with what was added, where there is one.
+    let again = plan.campaign.estimates.len() + i;
+    let recommended = [again, i]
+        .into_iter()
+        .find_map(|n| part(store, "recommended", n).transpose())
+        .transpose()?;
+    lines(&plan.campaign.diagnoses[i].name(), &findings, recommended.as_ref()).map(Some)
 }
 
 /// How a diagnosis with these findings ends.
@@ -65,7 +80,7 @@ pub fn again(next: &str, estimates: &Table) -> Result<String> {
 ///
 /// # Errors
 /// A table lacks a column.
-pub fn lines(name: &str, findings: &Table, recommended: Option<&Table>) -> Result<Vec<String>> {
+fn lines(name: &str, findings: &Table, recommended: Option<&Table>) -> Result<Vec<String>> {
     let verdict = findings.strings("verdict")?.first().copied().unwrap_or_default().to_uppercase();
     let complete = findings.bools("complete")?.first().copied().unwrap_or(true);
     let is_named = matches!(verdict.as_str(), "NAMED" | "ONE OF THESE");

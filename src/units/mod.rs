@@ -3,6 +3,9 @@
 //! `rad` is dimensionless. Only `log` converts values; everywhere else units are coherent SI and
 //! serve checks and display.
 
+mod simplify;
+
+pub use simplify::simplified;
 use std::fmt;
 
 /// Exponents of kg, m, s, A, K in twelfths, so that roots stay exact.

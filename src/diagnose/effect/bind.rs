@@ -15,6 +15,7 @@ use super::roles::{self, Bound};
 use crate::diagnose::thresholds::SIZES;
 use crate::model::file::Value;
 use crate::model::{Model, Scope};
+use crate::units::simplified;
 
 /// All candidates for a base model, in the order of the effects and of the model.
 pub fn candidates(base: &Model, context: &Context, effects: &[Effect]) -> Offer {
@@ -216,8 +217,7 @@ impl<'a> Binding<'a> {
     }
 
     fn unit(&self, text: &str) -> String {
-        let filled = fill(text, |k| self.field(k, |b| unit_factor(&b.unit)));
-        if filled == "1" { "-".to_string() } else { filled }
+        simplified(&fill(text, |k| self.field(k, |b| unit_factor(&b.unit))))
     }
 
     /// Half the range of what is bound to `key`, or something plausible for its unit.
