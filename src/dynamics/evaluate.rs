@@ -11,7 +11,7 @@ use crate::model::{Program, Tables};
 /// A program with its register file for one evaluation at a time.
 pub(super) struct Single<'p> {
     program: &'p Program,
-    pub(super) native: Option<&'p Compiled>,
+    native: Option<&'p Compiled>,
     tables: &'p Tables,
     file: Vec<[f64; 1]>,
     /// Outputs of the machine code.
@@ -94,6 +94,28 @@ impl<'p> Single<'p> {
             self.out[k]
         } else {
             self.program.output(&self.file, k)[0]
+        }
+    }
+}
+
+/// The programs that a trajectory needs, point by point.
+pub(super) struct Programs<'p> {
+    pub rates: Single<'p>,
+    pub taus: Single<'p>,
+    /// Limits of the states: lower and upper in turn.
+    pub limits: Single<'p>,
+    /// Per `Moving` what would move it, and its friction.
+    pub moving: Single<'p>,
+}
+
+impl<'p> Programs<'p> {
+    pub(super) fn new(plan: &'p Plan, parameters: &[f64]) -> Self {
+        let single = |program| Single::new(program, plan, parameters);
+        Programs {
+            rates: Single { native: plan.native.as_deref(), ..single(&plan.rates) },
+            taus: single(&plan.delay_values),
+            limits: single(&plan.limits),
+            moving: single(&plan.moving_values),
         }
     }
 }

@@ -25,16 +25,23 @@
 //! its slope.
 //!
 //! A state with a stop is put on it wherever it would be beyond it: in the arguments of every
-//! stage, and at the end of every sub-step. Its sensitivity there is that of the stop. So values
+//! stage, and at the end of every step. Its sensitivity there is that of the stop. So values
 //! change continuously when contacts come and go with a parameter, and what other states see of it
-//! is never beyond the stop.
+//! is never beyond the stop. A stop may move with inputs and other states.
+//!
+//! A velocity with friction, and one whose position has a stop, is held and let go at instants that
+//! are found inside a step (`contacts`): the step ends there, and another one takes its rest.
 //!
 //! Measured outputs keep their own time stamps: a prediction between grid points is the cubic
 //! through the four nearest grid values, a fixed linear map, so values and sensitivities stay
 //! exactly consistent; on a grid point it is the value itself.
 
+#[cfg(test)]
+mod contact_tests;
+mod contacts;
 mod evaluate;
 mod history;
+mod modes;
 mod plan;
 mod propagate;
 mod record;
@@ -42,12 +49,14 @@ mod respond;
 mod rows;
 mod sigma_filter;
 mod starts;
+mod step;
 mod stiffness;
 mod substeps;
 mod tableau;
 mod tangent;
 mod values;
 
+pub use modes::Lost;
 pub use plan::{Directions, Plan, Tier};
 
 pub use record::{Channel, Interpolation, Record, Sampling};
@@ -67,6 +76,10 @@ pub struct Grid {
     pub x_end: Vec<f64>,
     /// False if a state or an output stopped being finite; what follows is NaN.
     pub finite: bool,
+    /// Why, where the trajectory was given up.
+    pub lost: Option<Lost>,
+    /// Velocities that friction held all along: states.
+    pub stuck: Vec<usize>,
 }
 
 /// Predictions at the samples of the record's channels.

@@ -5,7 +5,7 @@ use super::rows::Rows;
 use crate::error::Result;
 use crate::model::linear::{Linear, Starts};
 use crate::model::native::{Native, Points, Steps};
-use crate::model::{Layout, Model, Program, StartKind, Tables};
+use crate::model::{Layout, Model, Moving, Program, StartKind, Tables};
 use std::sync::Arc;
 
 /// Free directions: the columns of the sensitivities, parameters first.
@@ -72,16 +72,23 @@ pub struct Plan {
     pub(super) output_values: Program,
     pub(super) delay_values: Program,
     pub(super) limits: Program,
+    /// Whether they change along a trajectory.
+    pub(super) limits_move: bool,
     pub(super) limited: Vec<usize>,
+    /// Velocities that friction or a stop may hold, and what would move them.
+    pub(super) moving: Vec<Moving>,
+    pub(super) moving_values: Program,
     pub(super) delays: Vec<crate::model::Delay>,
     pub(super) uses_input_rates: bool,
     pub(super) linear: Linear,
     /// Machine code of the rates, where it was worth making.
     pub(super) native: Option<Arc<Compiled>>,
-    /// The Jacobians of rates, outputs and delay times, row by row.
+    /// The Jacobians of rates, outputs, delay times and limits, row by row.
     pub(super) rate_rows: Rows,
     pub(super) output_rows: Rows,
     pub(super) delay_rows: Rows,
+    pub(super) limit_rows: Rows,
+    pub(super) moving_rows: Rows,
     pub(super) starts: Starts,
     /// Per given start: how it begins, and the output that measures it.
     pub(super) begin: Vec<(StartKind, Option<usize>, String)>,
@@ -126,6 +133,14 @@ impl Plan {
                 nx,
                 lanes,
             ),
+            limit_rows: Rows::new(&linear.limits, &linear.limits_program, 2 * nx, nx, lanes),
+            moving_rows: Rows::new(
+                &linear.moving,
+                &linear.moving_program,
+                2 * model.moving.len(),
+                nx,
+                lanes,
+            ),
             linear,
             native: None,
             layout: model.layout,
@@ -134,6 +149,9 @@ impl Plan {
             output_values: model.outputs_program(&outputs),
             delay_values: model.delays_program(),
             limits: model.limits_program(),
+            limits_move: model.limits_move(),
+            moving: model.moving.clone(),
+            moving_values: model.moving_program(),
             limited: (0..model.states.len())
                 .filter(|&i| model.states[i].min.is_some() || model.states[i].max.is_some())
                 .collect(),
@@ -165,9 +183,9 @@ impl Plan {
         }
     }
 
-    /// Whether a step is nothing but rates: without delays and stops.
+    /// Whether a step is nothing but rates: without delays, stops and friction.
     pub(super) fn plain(&self) -> bool {
-        self.delays.is_empty() && self.limited.is_empty()
+        self.delays.is_empty() && self.limited.is_empty() && self.moving.is_empty()
     }
 
     /// States that need a start value from outside: those that start "measured" and the free ones,

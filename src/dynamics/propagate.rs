@@ -1,7 +1,8 @@
 //! A plan and a record in; values, then Jacobians over lanes, then sensitivities, chunk by chunk
 //! (see the module's page), out.
 
-use super::evaluate::{Many, Single};
+use super::evaluate::{Many, Programs};
+use super::modes::Lost;
 use super::plan::Plan;
 use super::starts::start_file;
 use super::stiffness::Stiffness;
@@ -36,19 +37,21 @@ pub fn run(
     }
     let file = start_file(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
     let mut x: Vec<f64> = (0..nx).map(|i| plan.starts.program.output(&file, i)[0]).collect();
-    let mut bounds = Single::new(&plan.limits, plan, parameters);
-    bounds.at(&[]);
-    let bounds: Vec<f64> = (0..2 * nx).map(|k| bounds.get(k)).collect();
-    let mut rates = Single::new(&plan.rates, plan, parameters);
-    rates.native = plan.native.as_deref();
+    let mut programs = Programs::new(plan, parameters);
     let mut outputs = Many::new(&plan.output_values, plan, parameters);
-    let mut taus = Single::new(&plan.delay_values, plan, parameters);
-    let mut run = Run::new(plan, record, bounds, &mut taus);
+    let mut run = Run::new(plan, record, &mut programs.taus);
+    let mut look = vec![0.0; plan.layout.time() + 1];
+    run.arguments(0, 0.0, &x, &mut look);
+    programs.limits.at(&look);
+    run.bounds = (0..2 * nx).map(|k| programs.limits.get(k)).collect();
+    let mut lost = run.begin(&x, &mut programs).err().map(|why| (0, why));
     let mut tangent = sensitivities.then(|| Tangent::new(plan, parameters, &file, n));
+    if let Some(tangent) = &mut tangent {
+        run.held().for_each(|state| tangent.hold(state));
+    }
     let mut stiffness: Option<Stiffness> = None;
     let mut chunk = Chunk::default();
     let mut substeps = record.substeps.max(1);
-    let mut look = vec![0.0; plan.layout.time() + 1];
     for first in (0..n).step_by(CHUNK) {
         chunk.clear();
         let end = (first + CHUNK).min(n);
@@ -58,14 +61,19 @@ pub fn run(
                 .get_or_insert_with(|| Stiffness::new(plan, parameters))
                 .substeps(&look, record.dt);
         }
-        let lost = if substeps > MOST_SUBSTEPS {
-            Some(first)
+        lost = if lost.is_some() {
+            lost
+        } else if substeps > MOST_SUBSTEPS {
+            let fastest = stiffness.as_mut().map(|stiffness| stiffness.fastest(&look));
+            let (state, time_constant) = fastest.unwrap_or((0, 0.0));
+            Some((first, Lost::Stiff { state, time_constant }))
         } else if plan.plain() {
-            run.march(first..end, substeps, &mut x, &mut rates, &mut chunk)
+            let lost = run.march(first..end, substeps, &mut x, &mut programs.rates, &mut chunk);
+            lost.map(|k| (k, Lost::Diverges))
         } else {
-            run.walk(first..end, substeps, &mut x, &mut rates, &mut taus, &mut chunk)
+            run.walk(first..end, substeps, &mut x, &mut programs, &mut chunk)
         };
-        let good = lost.unwrap_or(end);
+        let good = lost.map_or(end, |(k, _)| k);
         let width = plan.layout.time() + 1;
         outputs.over(&chunk.points[..(good - first) * width], &mut grid.y[first * ny..good * ny]);
         let bad = match finite(&grid.y[first * ny..good * ny]) {
@@ -74,8 +82,8 @@ pub fn run(
                 (first..good).find(|&k| grid.y[k * ny..(k + 1) * ny].iter().any(|v| !v.is_finite()))
             }
         };
-        if let Some(k) = bad.or(lost) {
-            grid.finite = false;
+        if let Some((k, why)) = bad.map(|k| (k, Lost::Diverges)).or(lost) {
+            (grid.finite, grid.lost) = (false, Some(why));
             grid.y[k * ny..].fill(f64::NAN);
             return (grid, vec![vec![f64::NAN; n * nd]; if sensitivities { ny } else { 0 }]);
         }
@@ -84,6 +92,7 @@ pub fn run(
         }
     }
     grid.x_end = x;
+    grid.stuck = run.stuck();
     let Some(tangent) = tangent else { return (grid, Vec::new()) };
     grid.finite &= tangent.is_finite();
     (grid, tangent.rows)

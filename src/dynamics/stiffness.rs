@@ -21,15 +21,30 @@ impl<'p> Stiffness<'p> {
         }
     }
 
-    /// Sub-steps per grid step `dt` so that |lambda| h stays below the limit; more than the most
-    /// allowed if it cannot.
-    pub fn substeps(&mut self, point: &[f64], dt: f64) -> usize {
+    /// The state that is fastest at a point by itself, and its time constant, s.
+    pub fn fastest(&mut self, point: &[f64]) -> (usize, f64) {
+        let (a, nx) = (self.jacobian_at(point), self.plan.layout.states);
+        let by_itself = |i: &usize| a[i * nx + i].abs();
+        let state = (0..nx).max_by(|i, j| by_itself(i).total_cmp(&by_itself(j))).unwrap_or(0);
+        let rate = by_itself(&state);
+        // Where no state is fast by itself, the pair that oscillates is.
+        (state, 1.0 / if rate > 0.0 { rate } else { spectral_radius(&a, nx) })
+    }
+
+    fn jacobian_at(&mut self, point: &[f64]) -> Vec<f64> {
         let nx = self.plan.layout.states;
         self.jacobian.over(point, &mut self.entries);
         let mut a = vec![0.0; nx * nx];
         for e in &self.plan.linear.rates.states {
             a[e.row * nx + e.column] = self.entries[e.output];
         }
+        a
+    }
+
+    /// Sub-steps per grid step `dt` so that |lambda| h stays below the limit; more than the most
+    /// allowed if it cannot.
+    pub fn substeps(&mut self, point: &[f64], dt: f64) -> usize {
+        let (a, nx) = (self.jacobian_at(point), self.plan.layout.states);
         let needed = spectral_radius(&a, nx) * dt / STIFF;
         if needed.is_nan() { 1 } else { (needed.ceil() as usize).clamp(1, MOST_SUBSTEPS + 1) }
     }

@@ -21,7 +21,7 @@ pub fn substeps(plan: &Plan, parameters: &[f64], given: &[f64], record: &Record)
     }
     let x = evaluate_starts(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
     let mut taus = Single::new(&plan.delay_values, plan, parameters);
-    let mut run = Run::new(plan, record, Vec::new(), &mut taus);
+    let mut run = Run::new(plan, record, &mut taus);
     let mut stiffness = Stiffness::new(plan, parameters);
     let mut most = 1;
     for k in looks(plan, record) {

@@ -2,10 +2,12 @@
 
 use super::evaluate::Many;
 use super::history::Past;
+use super::modes::{Event, Jump};
 use super::plan::Plan;
 use super::rows::{Append, Block, LANES, Rows, Steps, append, product, steps};
+use super::step::RESTS;
 use super::tableau::{AHEAD, WEIGHT};
-use super::values::{Chunk, RESTS, Run};
+use super::values::{Chunk, Run};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
 use crate::model::{Delayed, Program};
@@ -17,6 +19,12 @@ pub struct Tangent<'p> {
     outputs: Jacobian<'p>,
     delays: Jacobian<'p>,
     point_delays: Jacobian<'p>,
+    /// Of the limits at stages and at the ends of steps, where they change along a trajectory.
+    stage_limits: Jacobian<'p>,
+    end_limits: Jacobian<'p>,
+    /// Of what moves the movers, at the ends of steps, likewise, and what came out last.
+    pushes: Jacobian<'p>,
+    pushed: Vec<f64>,
     /// Directions, padded.
     lanes: usize,
     /// Sensitivities of the states `[state][lanes]`, behind them those of the delayed values at a
@@ -97,21 +105,19 @@ impl<'p> Tangent<'p> {
                 s[e.row * lanes + column] = plan.starts.program.output(starts, e.output)[0];
             }
         }
-        let mut limits = vec![0.0; if plan.limited.is_empty() { 0 } else { nx * 2 * lanes }];
-        let mut values = vec![0.0; plan.linear.limits_program.outputs()];
-        let point = vec![0.0; plan.layout.time() + 1];
-        Many::new(&plan.linear.limits_program, plan, parameters).over(&point, &mut values);
-        for &(state, is_max, column, output) in &plan.linear.limits {
-            limits[(2 * state + usize::from(is_max)) * lanes + column] = values[output];
-        }
         let jacobian = |rows, program| Jacobian::new(rows, program, plan, parameters);
-        Tangent {
+        let limits = vec![0.0; if plan.limited.is_empty() { 0 } else { nx * 2 * lanes }];
+        let mut tangent = Tangent {
             plan,
             width: Width::detect(),
             rates: jacobian(&plan.rate_rows, &plan.linear.rates_program),
             outputs: jacobian(&plan.output_rows, &plan.linear.outputs_program),
             delays: jacobian(&plan.delay_rows, &plan.linear.delays_program),
             point_delays: jacobian(&plan.delay_rows, &plan.linear.delays_program),
+            stage_limits: jacobian(&plan.limit_rows, &plan.linear.limits_program),
+            end_limits: jacobian(&plan.limit_rows, &plan.linear.limits_program),
+            pushes: jacobian(&plan.moving_rows, &plan.linear.moving_program),
+            pushed: vec![0.0; 2 * plan.moving.len() * lanes],
             lanes,
             s,
             limits,
@@ -126,7 +132,19 @@ impl<'p> Tangent<'p> {
                 kept: Aligned::default(),
             },
             zeros: [0.0; 8],
+        };
+        if !tangent.limits.is_empty() && !plan.limits_move {
+            let point = vec![0.0; plan.layout.time() + 1];
+            let block = tangent.end_limits.at(&point, 0);
+            // SAFETY: the width is this machine's.
+            unsafe { product(tangent.width, block, 0, &tangent.s, &mut tangent.limits) };
         }
+        tangent
+    }
+
+    /// A state that is held at the start has no sensitivity.
+    pub fn hold(&mut self, state: usize) {
+        self.s[state * self.lanes..(state + 1) * self.lanes].fill(0.0);
     }
 
     /// Whether all that was written so far is finite.
@@ -136,11 +154,10 @@ impl<'p> Tangent<'p> {
 
     /// Takes the sensitivities through a chunk whose values are done.
     pub fn advance(&mut self, run: &Run, chunk: &Chunk) {
-        for jacobian in
-            [&mut self.rates, &mut self.outputs, &mut self.delays, &mut self.point_delays]
-        {
-            jacobian.block = None;
-        }
+        let points =
+            [&mut self.outputs, &mut self.point_delays, &mut self.end_limits, &mut self.pushes];
+        let stages = [&mut self.rates, &mut self.delays, &mut self.stage_limits];
+        points.into_iter().chain(stages).for_each(|jacobian| jacobian.block = None);
         if self.plan.plain() {
             self.march(run, chunk);
         } else {
@@ -206,6 +223,10 @@ impl<'p> Tangent<'p> {
             (plan.delays.len(), plan.limited.len(), run.keeps_history());
         let points = chunk.points.len() / (plan.layout.time() + 1);
         let (mut stage, mut substep) = (0, 0);
+        let mut jumps = chunk.jumps.iter().peekable();
+        while let Some(jump) = jumps.next_if(|jump| jump.after == 0) {
+            self.jump(jump, chunk, 0);
+        }
         for point in 0..points {
             if history {
                 self.remember();
@@ -242,12 +263,12 @@ impl<'p> Tangent<'p> {
                 )
             };
             self.done += 1;
-            let Some(&m) = chunk.substeps.get(point) else { continue };
-            let weights = weights(run.record.dt / m as f64);
-            for s in 0..m {
+            let Some(&steps) = chunk.substeps.get(point) else { continue };
+            for s in 0..steps {
                 if history && s > 0 {
                     self.remember();
                 }
+                let weights = weights(chunk.lengths[substep]);
                 for _ in 0..4 {
                     let clipped = &chunk.clipped[stage * limited..(stage + 1) * limited];
                     let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
@@ -255,8 +276,18 @@ impl<'p> Tangent<'p> {
                     stage += 1;
                 }
                 let held = &chunk.held[substep * limited..(substep + 1) * limited];
+                if plan.limits_move && is_put(held) {
+                    let block = self.end_limits.at(&chunk.ends, substep);
+                    // SAFETY: the width is this machine's.
+                    unsafe {
+                        product(self.width, block, substep % LANES, &self.s, &mut self.limits)
+                    };
+                }
                 put_on_stops(plan, &self.limits, self.lanes, held, &mut self.s);
                 substep += 1;
+                while let Some(jump) = jumps.next_if(|jump| jump.after <= substep) {
+                    self.jump(jump, chunk, substep);
+                }
             }
         }
     }
@@ -279,6 +310,11 @@ impl<'p> Tangent<'p> {
             b[..size].copy_from_slice(&self.s[..size]);
         }
         let from = if number % 2 == 0 { &mut *b } else { &mut *a };
+        if self.plan.limits_move && is_put(clipped) {
+            let block = self.stage_limits.at(stages, at);
+            // SAFETY: the width is this machine's.
+            unsafe { product(self.width, block, at % LANES, from, &mut self.limits) };
+        }
         put_on_stops(self.plan, &self.limits, self.lanes, clipped, from);
         if !pasts.is_empty() {
             let lists = [&self.s_history, &self.k_history];
@@ -318,10 +354,60 @@ impl<'p> Tangent<'p> {
         }
     }
 
+    /// The sensitivities behind an instant at which a velocity jumps (see `contacts`); `done`: steps
+    /// of the chunk before it.
+    fn jump(&mut self, jump: &Jump, chunk: &Chunk, done: usize) {
+        let (lanes, mover) = (self.lanes, self.plan.moving[jump.moving]);
+        let leaves = jump.event == Event::Loose;
+        if self.plan.limits_move && jump.limit.is_some() && done > 0 {
+            let at = (done - 1) % LANES;
+            // SAFETY: the width is this machine's.
+            unsafe {
+                let block = self.end_limits.at(&chunk.ends, done - 1);
+                product(self.width, block, at, &self.s, &mut self.limits);
+                let block = self.pushes.at(&chunk.ends, done - 1);
+                product(self.width, block, at, &self.s, &mut self.pushed);
+            }
+        }
+        for l in 0..lanes {
+            let s = |state: usize| self.s[state * lanes + l];
+            let of_limit = jump.limit.map_or(0.0, |limit| self.limits[limit * lanes + l]);
+            let met = mover.position.zip(jump.limit).map(|(i, _)| i);
+            // The sensitivity of the instant.
+            let (gap, speed) = match met {
+                Some(_) if leaves => {
+                    let side =
+                        if jump.limit.is_some_and(|limit| limit % 2 == 1) { 1.0 } else { -1.0 };
+                    let of = |row: usize| self.pushed[(2 * jump.moving + row) * lanes + l];
+                    (side * of(0) - of(1), jump.gap)
+                }
+                Some(i) => (s(i) - of_limit, jump.before[i] - jump.drift),
+                None => (s(mover.velocity), jump.before[mover.velocity]),
+            };
+            let instant = if speed == 0.0 { 0.0 } else { -gap / speed };
+            if let Some(i) = met.filter(|_| leaves) {
+                self.s[i * lanes + l] += jump.drift * instant;
+                continue;
+            }
+            for (state, (before, behind)) in jump.before.iter().zip(&jump.behind).enumerate() {
+                self.s[state * lanes + l] += (before - behind) * instant;
+            }
+            self.s[mover.velocity * lanes + l] = -jump.behind[mover.velocity] * instant;
+            if let Some(i) = met {
+                self.s[i * lanes + l] = of_limit;
+            }
+        }
+    }
+
     fn remember(&mut self) {
         self.s_history.extend_from_slice(&self.s[..self.plan.layout.states * self.lanes]);
         self.k_history.resize(self.s_history.len(), 0.0);
     }
+}
+
+/// Whether any state was put on a stop.
+fn is_put(how: &[u8]) -> bool {
+    how.iter().any(|how| (1..RESTS).contains(how))
 }
 
 /// The sensitivity of a state that was put on a stop is that of the stop.

@@ -1,16 +1,15 @@
-//! Runge-Kutta through a chunk of a record: states in; values, and what the later passes need of
-//! every stage, out.
+//! A chunk of a record, grid point by grid point: states in; values, and what the later passes need
+//! of every stage, out.
 
-use super::evaluate::Single;
+use super::evaluate::{Programs, Single};
 use super::history::{self, Past};
+use super::modes::{Jump, Lost, Mode, Span};
 use super::plan::Plan;
 use super::sigma_filter::{Smooth, smoothed};
-use super::tableau::{AHEAD, OFFSET, WEIGHT};
+use super::tableau::OFFSET;
 use super::{Interpolation, Record};
 use crate::model::Delayed;
 
-/// A state on its stop, which it would leave outwards.
-pub(super) const RESTS: u8 = 3;
 /// Everything of one run that the three passes share.
 pub(super) struct Run<'p> {
     pub(super) plan: &'p Plan,
@@ -19,24 +18,23 @@ pub(super) struct Run<'p> {
     slopes: Vec<f64>,
     /// Inputs without their small movements, per delay.
     smooth: Vec<Option<Smooth>>,
-    /// Limits of the states: lower, upper.
-    bounds: Vec<f64>,
-    /// Times at which sub-steps begin; states and their rates there (delayed states need them).
-    times: Vec<f64>,
-    x_history: Vec<f64>,
-    f_history: Vec<f64>,
-    /// Scratch of a step.
-    stage: Vec<f64>,
-    sum: Vec<f64>,
+    /// Limits of the states at this instant: lower, upper.
+    pub(super) bounds: Vec<f64>,
+    /// How each `Moving` is at this instant, and whether it has moved at all.
+    pub(super) modes: Vec<Mode>,
+    pub(super) moved: Vec<bool>,
+    /// Times at which steps begin; states and their rates there (delayed states need them).
+    pub(super) times: Vec<f64>,
+    pub(super) x_history: Vec<f64>,
+    pub(super) f_history: Vec<f64>,
+    /// Scratch of a step, and of a point.
+    pub(super) stage: Vec<f64>,
+    pub(super) sum: Vec<f64>,
+    pub(super) scratch: Vec<f64>,
 }
 
 impl<'p> Run<'p> {
-    pub(super) fn new(
-        plan: &'p Plan,
-        record: &'p Record,
-        bounds: Vec<f64>,
-        taus: &mut Single,
-    ) -> Self {
+    pub(super) fn new(plan: &'p Plan, record: &'p Record, taus: &mut Single) -> Self {
         let smooth = if plan.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
             taus.at(&[]); // their parameters are the same all along a record
             smoothed(
@@ -55,7 +53,22 @@ impl<'p> Run<'p> {
             Vec::new()
         };
         let (times, x_history, f_history, stage, sum) = Default::default();
-        Run { plan, record, slopes, smooth, bounds, times, x_history, f_history, stage, sum }
+        let count = plan.moving.len();
+        Run {
+            plan,
+            record,
+            slopes,
+            smooth,
+            bounds: Vec::new(),
+            modes: vec![Mode::Free(0); count],
+            moved: vec![false; count],
+            times,
+            x_history,
+            f_history,
+            stage,
+            sum,
+            scratch: vec![0.0; plan.layout.time() + 1],
+        }
     }
 }
 
@@ -69,10 +82,17 @@ pub(super) struct Chunk {
     /// Arguments at the grid points.
     pub(super) points: Vec<f64>,
     pub(super) point_pasts: Vec<Past>,
-    /// Sub-steps of each grid step.
+    /// Steps in each grid step: its sub-steps, and more where something begins or ceases to move
+    /// inside one.
     pub(super) substeps: Vec<usize>,
-    /// Per sub-step and limited state: 0 free, 1 held at its minimum, 2 at its maximum.
+    /// Length of each step, s; empty for a plain model, whose steps are alike.
+    pub(super) lengths: Vec<f64>,
+    /// Arguments at the end of each step, where limits change along a trajectory.
+    pub(super) ends: Vec<f64>,
+    /// Per step and limited state: 0 free, 1 held at its minimum, 2 at its maximum.
     pub(super) held: Vec<u8>,
+    /// Where sensitivities jump.
+    pub(super) jumps: Vec<Jump>,
     /// Per stage and limited state, likewise: its stage value was put on its minimum or maximum. Of
     /// a first stage: 3 where it rests on a stop, so that the slope of its history is zero.
     pub(super) clipped: Vec<u8>,
@@ -85,6 +105,9 @@ impl Chunk {
         self.points.clear();
         self.point_pasts.clear();
         self.substeps.clear();
+        self.lengths.clear();
+        self.ends.clear();
+        self.jumps.clear();
         self.held.clear();
         self.clipped.clear();
     }
@@ -129,11 +152,15 @@ impl Run<'_> {
                 point[l.input_rate() + j] = between(&self.slopes, j);
             }
         }
+        for (k, mode) in self.modes.iter().enumerate() {
+            point[l.held() + k] = mode.held();
+            point[l.side() + k] = mode.side();
+        }
         point[l.time()] = (k as f64 - self.record.start as f64 + c) * self.record.dt;
     }
 
     /// Fills the delayed values of a point and says how the states among them were read.
-    fn delayed(
+    pub(super) fn delayed(
         &self,
         point: &mut [f64],
         taus: &mut Single,
@@ -180,28 +207,34 @@ impl Run<'_> {
     }
 
     /// The grid points of a chunk and the steps between them, one by one: the point where the
-    /// states were lost, if they were.
+    /// states were lost, and why, if they were.
     pub(super) fn walk(
         &mut self,
         points: std::ops::Range<usize>,
-        substeps: usize,
+        m: usize,
         x: &mut [f64],
-        rates: &mut Single,
-        taus: &mut Single,
+        programs: &mut Programs,
         chunk: &mut Chunk,
-    ) -> Option<usize> {
+    ) -> Option<(usize, Lost)> {
         let last = self.record.n - self.record.start - 1;
         for k in points {
-            self.point(k, x, taus, chunk);
+            self.point(k, x, &mut programs.taus, chunk);
             if x.iter().any(|v| !v.is_finite()) {
-                return Some(k);
+                return Some((k, Lost::Diverges));
             }
-            if k < last {
-                chunk.substeps.push(substeps);
-                for s in 0..substeps {
-                    self.step((k, s, substeps), x, rates, taus, chunk);
+            if k == last {
+                continue;
+            }
+            let before = chunk.lengths.len();
+            for s in 0..m {
+                let span = Span::whole(k, s, m);
+                if self.modes.is_empty() {
+                    self.step(span, x, programs, chunk);
+                } else if let Err(lost) = self.through(span, x, programs, chunk) {
+                    return Some((k, lost));
                 }
             }
+            chunk.substeps.push(chunk.lengths.len() - before);
         }
         None
     }
@@ -304,87 +337,11 @@ impl Run<'_> {
     }
 
     /// Adds a step time and the states there to the history, once.
-    fn remember(&mut self, time: f64, x: &[f64]) {
+    pub(super) fn remember(&mut self, time: f64, x: &[f64]) {
         if self.keeps_history() && self.times.last() != Some(&time) {
             self.times.push(time);
             self.x_history.extend_from_slice(x);
             self.f_history.resize(self.x_history.len(), 0.0);
-        }
-    }
-
-    /// Sub-step `s` of `m` in grid step `k`: the classic fourth-order method.
-    fn step(
-        &mut self,
-        (k, s, m): (usize, usize, usize),
-        x: &mut [f64],
-        rates: &mut Single,
-        taus: &mut Single,
-        chunk: &mut Chunk,
-    ) {
-        let nx = x.len();
-        let width = self.plan.layout.time() + 1;
-        let h = self.record.dt / m as f64;
-        let mut stage_x = std::mem::take(&mut self.stage);
-        stage_x.clear();
-        stage_x.extend_from_slice(x);
-        let mut sum = std::mem::take(&mut self.sum);
-        sum.clear();
-        sum.resize(nx, 0.0);
-        for stage in 0..4 {
-            let at = chunk.stages.len();
-            chunk.stages.resize(at + width, 0.0);
-            let point = &mut chunk.stages[at..];
-            self.arguments(k, (s as f64 + OFFSET[stage]) / m as f64, &stage_x, point);
-            if stage == 0 {
-                self.remember(point[width - 1], x);
-            }
-            self.delayed(point, taus, stage > 0, &mut chunk.pasts);
-            rates.at(point);
-            for i in 0..nx {
-                let f = rates.get(i);
-                sum[i] += WEIGHT[stage] * f;
-                stage_x[i] = x[i] + AHEAD[stage] * h * f;
-                if stage == 0 && self.keeps_history() {
-                    let end = self.f_history.len();
-                    self.f_history[end - nx + i] = f;
-                }
-            }
-            if stage == 0 {
-                self.rests(x, rates, chunk);
-            }
-            if stage < 3 {
-                self.clip(&mut stage_x, &mut chunk.clipped);
-            }
-        }
-        for i in 0..nx {
-            x[i] += h / 6.0 * sum[i];
-        }
-        self.clip(x, &mut chunk.held);
-        (self.stage, self.sum) = (stage_x, sum);
-    }
-
-    /// Puts states that are beyond a stop on it, and says which.
-    fn clip(&self, x: &mut [f64], how: &mut Vec<u8>) {
-        for &i in &self.plan.limited {
-            let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
-            let beyond = u8::from(x[i] < low) + 2 * u8::from(x[i] > high);
-            how.push(beyond);
-            x[i] = [x[i], low, high][usize::from(beyond.min(2))];
-        }
-    }
-
-    /// Notes which states rest on a stop at the start of a sub-step: their history has no slope
-    /// there.
-    fn rests(&mut self, x: &[f64], rates: &Single, chunk: &mut Chunk) {
-        let nx = x.len();
-        for &i in &self.plan.limited {
-            let (low, high, f) = (self.bounds[2 * i], self.bounds[2 * i + 1], rates.get(i));
-            let rests = x[i] >= high && f > 0.0 || x[i] <= low && f < 0.0;
-            chunk.clipped.push(if rests { RESTS } else { 0 });
-            if rests && self.keeps_history() {
-                let end = self.f_history.len();
-                self.f_history[end - nx + i] = 0.0;
-            }
         }
     }
 }

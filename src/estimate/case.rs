@@ -4,7 +4,7 @@
 use super::choice::Chosen;
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::{Label, Line, NoiseKind, Settings, Trace};
-use crate::dynamics::{Directions, Plan, Record, Response, Sampling};
+use crate::dynamics::{Directions, Lost, Plan, Record, Response, Sampling};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::{Model, Scope};
@@ -119,6 +119,12 @@ impl Case {
     pub fn substeps(&self, s: usize, theta: &[f64]) -> usize {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
         self.plan.substeps(&parameters, &starts, &self.records[s])
+    }
+
+    /// Why the trajectory of segment `s` is given up, if it is.
+    pub fn lost(&self, s: usize, theta: &[f64]) -> Option<Lost> {
+        let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
+        self.plan.run(&parameters, &starts, &self.records[s], false).lost
     }
 
     /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked.

@@ -13,7 +13,7 @@ use super::selection::select;
 use super::solution::Solution;
 use super::usable::{starts, unusable};
 use super::{Doubtful, Estimation, LeftOut, Settings, Stop};
-use crate::dynamics::Record;
+use crate::dynamics::{Lost, Record};
 use crate::engine::{Here, Kept, Threads};
 use crate::error::Errors;
 use crate::model::Model;
@@ -154,10 +154,7 @@ fn useless(case: &Case, solution: &Solution) -> Vec<(usize, String)> {
     let all = case.layout.parts.len();
     if solution.fit.stop == Stop::NotFinite {
         let finite = |s: &usize| is_finite(case, *s);
-        return (0..all)
-            .filter(|s| !finite(s))
-            .map(|s| (s, "the model is not finite there at the start values".into()))
-            .collect();
+        return (0..all).filter(|s| !finite(s)).map(|s| (s, given_up(case, s))).collect();
     }
     let mut found: Vec<(usize, String)> = Vec::new();
     for weak in solution.weak.iter().filter(|weak| solution.singular && weak.information <= NONE) {
@@ -175,6 +172,14 @@ fn useless(case: &Case, solution: &Solution) -> Vec<(usize, String)> {
         }
     }
     found
+}
+
+/// Why a segment cannot be run at the start values.
+fn given_up(case: &Case, s: usize) -> String {
+    match case.lost(s, &case.layout.start) {
+        None | Some(Lost::Diverges) => "the model is not finite there at the start values".into(),
+        Some(lost) => format!("{} at the start values", lost.words(&case.model.states)),
+    }
 }
 
 fn is_finite(case: &Case, s: usize) -> bool {

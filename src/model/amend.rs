@@ -15,11 +15,13 @@ pub(super) enum Target {
     Name(String),
     /// The rate of a state.
     Rate(String),
+    /// The friction of a state.
+    Friction(String),
     Output(String),
 }
 
 impl Target {
-    /// `"C_m"`, `"rate(q)"`, `"output(alpha)"`.
+    /// `"C_m"`, `"rate(q)"`, `"friction(q)"`, `"output(alpha)"`.
     fn parse(text: &str) -> Target {
         let inside = |function: &str| {
             text.strip_prefix(function)?
@@ -27,17 +29,18 @@ impl Target {
                 .strip_suffix(')')
                 .map(|s| s.trim().to_string())
         };
-        match (inside("rate"), inside("output")) {
-            (Some(state), _) => Target::Rate(state),
-            (_, Some(output)) => Target::Output(output),
-            _ => Target::Name(text.trim().to_string()),
-        }
+        let of: [(&str, fn(String) -> Target); 3] =
+            [("rate", Target::Rate), ("friction", Target::Friction), ("output", Target::Output)];
+        of.into_iter()
+            .find_map(|(function, target)| inside(function).map(target))
+            .unwrap_or_else(|| Target::Name(text.trim().to_string()))
     }
 
     fn text(&self) -> String {
         match self {
             Target::Name(name) => name.clone(),
             Target::Rate(state) => format!("rate({state})"),
+            Target::Friction(state) => format!("friction({state})"),
             Target::Output(output) => format!("output({output})"),
         }
     }
@@ -88,15 +91,16 @@ impl Compiler<'_> {
     fn exists(&mut self, target: &Target, adds: bool, at: &At) -> bool {
         let known = match target {
             Target::Name(name) => self.symbols.contains_key(name),
-            Target::Rate(state) => self.model.states.iter().any(|s| s.quantity.name == *state),
+            Target::Rate(state) | Target::Friction(state) => {
+                self.model.states.iter().any(|s| s.quantity.name == *state)
+            }
             Target::Output(output) => {
                 self.sources.iter().any(|s| s.file.outputs.contains_key(output))
             }
         };
         if !known {
             let verb = if adds { "add to" } else { "replace" };
-            let help =
-                "an effect acts on a name of the model, on rate(a state), or on output(an output)";
+            let help = "an effect acts on a name of the model, on rate(a state), on friction(a state), or on output(an output)";
             self.error_help(at, 0, format!("there is no {} to {verb}", target.text()), help);
         }
         known
@@ -138,6 +142,10 @@ impl Compiler<'_> {
             Target::Rate(state) => {
                 let i = self.model.states.iter().position(|s| s.quantity.name == *state)?;
                 self.own_rate(i)
+            }
+            Target::Friction(state) => {
+                let i = self.model.states.iter().position(|s| s.quantity.name == *state)?;
+                self.own_friction(i)
             }
             Target::Output(output) => self.own_output(output),
         }

@@ -113,6 +113,7 @@ pub fn compile(
         c.open_constants();
     }
     c.tables();
+    c.movers();
     c.states();
     c.outputs();
     c.trim();
@@ -128,6 +129,7 @@ pub fn compile(
         states: model.states.len(),
         inputs: model.inputs.len(),
         delayed: model.delays.len(),
+        moving: model.moving.len(),
         parameters: model.parameters.len(),
     };
     let files = sources.iter().filter(|s| s.amends.is_none());
@@ -213,6 +215,7 @@ impl Compiler<'_> {
                 }
             }
         }
+        self.limits_of_limits();
     }
 
     /// A number in the unit of its place, or an expression that must have that unit.
@@ -227,14 +230,48 @@ impl Compiler<'_> {
         }
     }
 
-    /// Like `value`, but of constants and parameters only.
-    fn limit(&mut self, value: &Value, at: &At, dim: Dim, what: &str) -> Option<Node> {
+    /// Like `value`, but of what is known at an instant without the motion there.
+    pub(super) fn limit(&mut self, value: &Value, at: &At, dim: Dim, what: &str) -> Option<Node> {
         let node = self.value(value, at, dim, what)?;
-        if self.model.graph.depends(node) & super::graph::depends::TRAJECTORY != 0 {
-            self.error(at, 0, format!("{what} must not change along a trajectory: numbers, constants and parameters only"));
+        let of_motion = |leaf: &Leaf| {
+            matches!(leaf, Leaf::Delayed(_) | Leaf::InputRate(_) | Leaf::Held(_) | Leaf::Side(_))
+        };
+        if self.leaves(node).iter().any(of_motion) {
+            self.error(
+                at,
+                0,
+                format!("{what} is a number or an expression of inputs, states, constants and parameters: no delays and no rates"),
+            );
             return None;
         }
         Some(node)
+    }
+
+    /// A limit may depend on states, but not on those that have limits themselves: which of them is
+    /// put on its stop first would matter.
+    fn limits_of_limits(&mut self) {
+        let limits = |s: &super::State| [s.min, s.max];
+        for i in 0..self.state_at.len() {
+            let state = &self.model.states[i];
+            let nodes: Vec<Node> = limits(state).into_iter().flatten().collect();
+            let name = state.quantity.name.clone();
+            let limited = self.model.graph.leaves(&nodes).into_iter().find_map(|leaf| match leaf {
+                Leaf::State(j) if limits(&self.model.states[j]) != [None, None] => Some(j),
+                _ => None,
+            });
+            if let Some(j) = limited {
+                let (at, other) = (self.state_at[i].clone(), &self.model.states[j].quantity.name);
+                let what = format!(
+                    "the limits of \"{name}\" depend on \"{other}\", which has limits itself"
+                );
+                self.error_help(
+                    &at,
+                    0,
+                    what,
+                    "let them depend on inputs, or on states without limits",
+                );
+            }
+        }
     }
 
     fn expect(&mut self, typed: Typed, dim: Dim, at: &At, offset: usize, what: &str) {
@@ -262,12 +299,20 @@ impl Compiler<'_> {
         let typed = self.amended_value(&target, self.amendments_of(&target), &key("rate"))?;
         let state_dim = self.dims[&name];
         let mut node = typed.node;
+        if let Some(k) = self.model.moving.iter().position(|m| m.velocity == i) {
+            node = self.held_rate(k, node, &key("friction"))?;
+        }
         if let Some(limit) = &entry.rate_max {
             let high = self.limit(limit, &key("rate_max"), dim, "rate_max")?;
             let g = &mut self.model.graph;
             let low = g.neg(high);
             node = g.min(node, high);
             node = g.max(node, low);
+        }
+        if self.model.moving.iter().any(|m| m.position == Some(i)) {
+            // its velocity is zero on the stop
+            self.rates[i] = Some(node);
+            return Some(Typed { node, dim: Some(dim) });
         }
         let x = self.model.graph.leaf(Leaf::State(i));
         for (field, limit) in [("min", &entry.min), ("max", &entry.max)] {

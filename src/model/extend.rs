@@ -141,6 +141,13 @@ impl Model {
             ));
             let output = errors.take(self.known(self.output(name), "output", name, &self.outputs));
             let (Some(state), Some(output)) = (state, output) else { continue };
+            if self.moving.iter().any(|m| m.velocity == state) {
+                let error = Error::new(format!(
+                    "\"{name}\" of model {} is held by friction or a stop, and cannot be led back to its measurement",
+                    self.name
+                ));
+                errors.push(error.help("lead the position back, or another state"));
+            }
             let dim = |unit: &str| Unit::parse(unit).ok().map(|u| u.dim);
             if dim(&self.states[state].quantity.unit) != dim(&self.outputs[output].unit) {
                 errors.push(Error::new(format!(
@@ -202,11 +209,16 @@ impl Model {
         let nodes = nodes
             .chain(self.delays.iter_mut().map(|d| &mut d.tau))
             .chain(self.trim.zero.iter_mut().map(|z| &mut z.1));
-        let starts = self.states.iter_mut().filter_map(|s| match &mut s.start {
-            StartKind::Expression(node) => Some(node),
-            StartKind::Measured => None,
+        let moving =
+            self.moving.iter_mut().flat_map(|m| [Some(&mut m.free), m.friction.as_mut()]).flatten();
+        let of_states = self.states.iter_mut().flat_map(|s| {
+            let start = match &mut s.start {
+                StartKind::Expression(node) => Some(node),
+                StartKind::Measured => None,
+            };
+            [start, s.min.as_mut(), s.max.as_mut()].into_iter().flatten()
         });
-        nodes.chain(starts).for_each(|node| *node = g.substitute(*node, with));
+        nodes.chain(moving).chain(of_states).for_each(|node| *node = g.substitute(*node, with));
     }
 
     fn known(

@@ -62,12 +62,13 @@ pub struct Effect {
     /// What is integrated besides the model's own states.
     #[serde(default)]
     pub states: IndexMap<String, State>,
-    /// Terms added to an equation, to the rate of a state (`"rate(q)"`) or to an output
-    /// (`"output(alpha)"`).
+    /// Terms added to an equation, to the rate of a state (`"rate(q)"`), to its friction
+    /// (`"friction(q)"`) or to an output (`"output(alpha)"`).
     #[serde(default)]
     pub add: IndexMap<String, String>,
     /// What everything else reads instead of an input, constant, parameter, equation or state, of a
-    /// state's rate (`"rate(q)"`) or of an output (`"output(alpha)"`). The effect itself still
+    /// state's rate (`"rate(q)"`) or friction (`"friction(q)"`), or of an output
+    /// (`"output(alpha)"`). The effect itself still
     /// reads what was there before it.
     #[serde(default)]
     pub replace: IndexMap<String, String>,
@@ -148,12 +149,16 @@ pub struct State {
     pub rate: String,
     /// Start value: a number, an expression, or "measured".
     pub start: Value,
-    /// The state stays above this number, constant or parameter.
+    /// The state stays above this: a number, or an expression of inputs, other states, constants
+    /// and parameters.
     pub min: Option<Value>,
-    /// The state stays below this number, constant or parameter.
+    /// The state stays below this, likewise.
     pub max: Option<Value>,
-    /// The rate stays within plus and minus this number, constant or parameter.
+    /// The rate stays within plus and minus this, likewise.
     pub rate_max: Option<Value>,
+    /// Coulomb friction: what the rate has to overcome before the state leaves zero, and what acts
+    /// against it while it moves, in the unit of the rate; a number or an expression, not negative.
+    pub friction: Option<Value>,
     #[serde(default)]
     pub doc: String,
 }

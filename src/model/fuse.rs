@@ -13,7 +13,9 @@ impl Model {
     /// Fuses rates and outputs, then everything else.
     pub(super) fn fuse(&mut self) {
         let graph = &mut self.graph;
-        let roots: Vec<Node> = self.rates.iter().chain(&self.output_nodes).copied().collect();
+        let moving = self.moving.iter().flat_map(|m| [Some(m.free), m.friction]).flatten();
+        let roots: Vec<Node> =
+            self.rates.iter().chain(&self.output_nodes).copied().chain(moving).collect();
         let mut map = BTreeMap::new();
         fuse(graph, &roots, &mut map);
         let others: Vec<Node> =
@@ -22,7 +24,9 @@ impl Model {
         let nodes = (self.rates.iter_mut())
             .chain(&mut self.output_nodes)
             .chain(self.equations.values_mut());
-        for node in nodes.chain(self.trim.zero.iter_mut().map(|z| &mut z.1)) {
+        let moving =
+            self.moving.iter_mut().flat_map(|m| [Some(&mut m.free), m.friction.as_mut()]).flatten();
+        for node in nodes.chain(self.trim.zero.iter_mut().map(|z| &mut z.1)).chain(moving) {
             *node = map[node];
         }
     }

@@ -23,6 +23,10 @@ pub enum Leaf {
     /// Value of `Delay` k.
     Delayed(usize),
     Time,
+    /// 1 while `Moving` k is held by friction or by a stop, 0 while it moves.
+    Held(usize),
+    /// Which way `Moving` k moves against its friction: -1 or 1; 0 where it has none.
+    Side(usize),
     Parameter(usize),
     /// Start value of a state that is given from outside (measured, or free in an estimation).
     StartValue(usize),

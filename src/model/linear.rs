@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::graph::{Graph, Leaf, Node};
+use super::graph::{Graph, Leaf, Node, depends};
 use super::program::Program;
 use super::{Model, StartKind};
 use crate::error::{Error, Result};
@@ -39,10 +39,13 @@ pub struct Linear {
     /// Delay times (first) and their Jacobian entries.
     pub delays: Sparse,
     pub delays_program: Program,
-    /// d(limit)/d(parameter) of the states' `min` and `max`: (state, is max, direction, output of
-    /// `limits_program`).
-    pub limits: Vec<(usize, bool, usize, usize)>,
+    /// Jacobian entries of the states' limits; row `2 i` is the `min` of state i, `2 i + 1` its
+    /// `max`.
+    pub limits: Sparse,
     pub limits_program: Program,
+    /// Jacobian entries of what would move the `Moving` states and of their frictions, in turn.
+    pub moving: Sparse,
+    pub moving_program: Program,
 }
 
 /// Start values as functions of parameters, inputs at the start and values given from outside.
@@ -81,13 +84,31 @@ impl Model {
     /// there is none).
     pub fn limits_program(&self) -> Program {
         let mut graph = self.graph.clone();
-        let (low, high) = (graph.c(f64::NEG_INFINITY), graph.c(f64::INFINITY));
-        let nodes: Vec<Node> = self
-            .states
-            .iter()
-            .flat_map(|s| [s.min.unwrap_or(low), s.max.unwrap_or(high)])
-            .collect();
+        let nodes = self.limit_nodes(&mut graph);
         Program::lower(&graph, &nodes, &self.layout)
+    }
+
+    fn limit_nodes(&self, graph: &mut Graph) -> Vec<Node> {
+        let (low, high) = (graph.c(f64::NEG_INFINITY), graph.c(f64::INFINITY));
+        self.states.iter().flat_map(|s| [s.min.unwrap_or(low), s.max.unwrap_or(high)]).collect()
+    }
+
+    /// Whether a limit changes along a trajectory.
+    pub fn limits_move(&self) -> bool {
+        let nodes = self.states.iter().flat_map(|s| [s.min, s.max]).flatten();
+        nodes.into_iter().any(|node| self.graph.depends(node) & depends::TRAJECTORY != 0)
+    }
+
+    /// Per `Moving` what its rate would be, and its friction (zero where it has none).
+    pub fn moving_program(&self) -> Program {
+        let mut graph = self.graph.clone();
+        let nodes = self.moving_nodes(&mut graph);
+        Program::lower(&graph, &nodes, &self.layout)
+    }
+
+    fn moving_nodes(&self, graph: &mut Graph) -> Vec<Node> {
+        let nothing = graph.c(0.0);
+        self.moving.iter().flat_map(|m| [m.free, m.friction.unwrap_or(nothing)]).collect()
     }
 
     /// The programs of the sensitivities of the chosen outputs with respect to `free` parameters
@@ -101,20 +122,12 @@ impl Model {
         let outputs_program = Program::lower(&g, &nodes, &self.layout);
         let (delays, nodes) = self.sparse(&mut g, &taus, free, taus.len());
         let delays_program = Program::lower(&g, &[&taus[..], &nodes].concat(), &self.layout);
-        let (mut limits, mut nodes) = (Vec::new(), Vec::new());
-        for (i, s) in self.states.iter().enumerate() {
-            for (is_max, bound) in [(false, s.min), (true, s.max)] {
-                let Some(bound) = bound else { continue };
-                for (column, &p) in free.iter().enumerate() {
-                    let d = g.derivative(bound, Leaf::Parameter(p));
-                    if g.constant(d) != Some(0.0) {
-                        limits.push((i, is_max, column, nodes.len()));
-                        nodes.push(d);
-                    }
-                }
-            }
-        }
+        let bounds = self.limit_nodes(&mut g);
+        let (limits, nodes) = self.sparse(&mut g, &bounds, free, 0);
         let limits_program = Program::lower(&g, &nodes, &self.layout);
+        let pushes = self.moving_nodes(&mut g);
+        let (moving, nodes) = self.sparse(&mut g, &pushes, free, 0);
+        let moving_program = Program::lower(&g, &nodes, &self.layout);
         Linear {
             rates,
             rates_program,
@@ -124,6 +137,8 @@ impl Model {
             delays_program,
             limits,
             limits_program,
+            moving,
+            moving_program,
         }
     }
 

@@ -234,7 +234,7 @@ impl Compiler<'_> {
                     self.model.graph.sub(now, tau)
                 }
                 Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
-                Leaf::Delayed(_) | Leaf::InputRate(_) => {
+                Leaf::Delayed(_) | Leaf::InputRate(_) | Leaf::Held(_) | Leaf::Side(_) => {
                     self.error(
                         at,
                         offset,
@@ -342,7 +342,7 @@ impl Compiler<'_> {
                 Leaf::Input(i) => self.model.graph.leaf(Leaf::InputRate(i)),
                 Leaf::Time => self.model.graph.c(1.0),
                 Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
-                Leaf::Delayed(_) | Leaf::InputRate(_) => {
+                Leaf::Delayed(_) | Leaf::InputRate(_) | Leaf::Held(_) | Leaf::Side(_) => {
                     self.error(
                         at,
                         offset,

@@ -24,6 +24,7 @@ mod instruction;
 mod interpret;
 pub mod linear;
 mod lower;
+mod moving;
 pub mod native;
 mod op;
 pub mod program;
@@ -126,6 +127,20 @@ pub struct State {
     pub hidden: bool,
 }
 
+/// A state that friction holds, or that is the velocity of a state with stops: it is zero while
+/// held. Its rate is `select(held, 0, free - side*friction)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moving {
+    /// The state: a velocity.
+    pub velocity: usize,
+    /// The state with stops whose rate it is.
+    pub position: Option<usize>,
+    /// What its rate would be without friction and stop.
+    pub free: Node,
+    /// Friction, in the unit of the rate; none where only a stop holds it.
+    pub friction: Option<Node>,
+}
+
 /// What a `delay()` or a `smooth()` is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delayed {
@@ -194,6 +209,7 @@ pub struct Model {
     pub states: Vec<State>,
     pub outputs: Vec<Quantity>,
     pub delays: Vec<Delay>,
+    pub moving: Vec<Moving>,
     pub trim: Trim,
     pub tables: Tables,
     pub layout: Layout,

@@ -19,6 +19,8 @@ pub struct Layout {
     pub states: usize,
     pub inputs: usize,
     pub delayed: usize,
+    /// States that friction or a stop may hold.
+    pub moving: usize,
     pub parameters: usize,
 }
 
@@ -32,8 +34,14 @@ impl Layout {
     pub fn delayed(&self) -> usize {
         self.input_rate() + self.inputs
     }
-    pub fn time(&self) -> usize {
+    pub fn held(&self) -> usize {
         self.delayed() + self.delayed
+    }
+    pub fn side(&self) -> usize {
+        self.held() + self.moving
+    }
+    pub fn time(&self) -> usize {
+        self.side() + self.moving
     }
     pub fn parameter(&self) -> usize {
         self.time() + 1
@@ -55,6 +63,8 @@ impl Layout {
             Leaf::Input(i) => self.input() + i,
             Leaf::InputRate(i) => self.input_rate() + i,
             Leaf::Delayed(i) => self.delayed() + i,
+            Leaf::Held(k) => self.held() + k,
+            Leaf::Side(k) => self.side() + k,
             Leaf::Time => self.time(),
             Leaf::Parameter(i) => self.parameter() + i,
             Leaf::StartValue(i) => self.start_value() + i,

@@ -2,7 +2,7 @@
 
 use super::timeline::{Placed, Plan};
 use super::trim::trim;
-use crate::dynamics::{self, Directions, Record};
+use crate::dynamics::{self, Directions, Lost, Record};
 use crate::error::{Error, Result};
 use crate::model::{Model, Quantity};
 use indexmap::IndexMap;
@@ -67,7 +67,8 @@ pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Resu
         dynamics::Plan::new(model, starts)?.run(&steady.parameters, &steady.states, &record, false);
     drop(record);
     if !grid.finite {
-        return Err(diverged(plan, &grid.y, model.outputs.len()));
+        let why = grid.lost.unwrap_or(Lost::Diverges).words(&model.states);
+        return Err(given_up(plan, &grid.y, model.outputs.len(), &why));
     }
     let mut signals = IndexMap::new();
     let mut put = |quantity: &Quantity, values: Vec<f64>| {
@@ -91,13 +92,13 @@ pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Resu
     })
 }
 
-fn diverged(plan: &Plan, outputs: &[f64], ny: usize) -> Error {
+fn given_up(plan: &Plan, outputs: &[f64], ny: usize, why: &str) -> Error {
     let k = outputs.iter().position(|y| !y.is_finite()).map_or(plan.n, |i| i / ny.max(1));
     let t = k as f64 * plan.dt;
     let last = plan.maneuvers.iter().rfind(|m| m.t_start_s <= t);
     let after = last.map_or("before the first maneuver".to_string(), |m| {
         format!("after \"{}\" at {:.1} s", m.maneuver, m.t_start_s)
     });
-    Error::new(format!("the motion diverges at {t:.2} s, {after}"))
+    Error::new(format!("{why} at {t:.2} s, {after}"))
         .help("look at the truth model's stability, its limits, and the amplitude of the input")
 }

@@ -1,0 +1,115 @@
+//! One step of the classic Runge-Kutta method of fourth order, states on their stops where they
+//! would be beyond them: states in, states at its end out.
+
+use super::evaluate::{Programs, Single};
+use super::modes::{Mode, Span};
+use super::tableau::{AHEAD, OFFSET, WEIGHT};
+use super::values::{Chunk, Run};
+
+/// A state on its stop, which it would leave outwards.
+pub(super) const RESTS: u8 = 3;
+
+impl Run<'_> {
+    /// Takes the states `x` through a span, with the modes as they are.
+    pub(super) fn step(
+        &mut self,
+        span: Span,
+        x: &mut [f64],
+        programs: &mut Programs,
+        chunk: &mut Chunk,
+    ) {
+        let nx = x.len();
+        let width = self.plan.layout.time() + 1;
+        let h = self.record.dt / span.m as f64 * (span.to - span.from);
+        let mut stage_x = std::mem::take(&mut self.stage);
+        stage_x.clear();
+        stage_x.extend_from_slice(x);
+        let mut sum = std::mem::take(&mut self.sum);
+        sum.clear();
+        sum.resize(nx, 0.0);
+        for stage in 0..4 {
+            let at = chunk.stages.len();
+            chunk.stages.resize(at + width, 0.0);
+            let point = &mut chunk.stages[at..];
+            self.arguments(span.k, span.at(OFFSET[stage]), &stage_x, point);
+            self.limits_at(point, &mut programs.limits);
+            if stage == 0 {
+                self.remember(point[width - 1], x);
+            } else {
+                self.clip(&mut point[..nx], &mut chunk.clipped);
+            }
+            self.delayed(point, &mut programs.taus, stage > 0, &mut chunk.pasts);
+            programs.rates.at(point);
+            for i in 0..nx {
+                let f = programs.rates.get(i);
+                sum[i] += WEIGHT[stage] * f;
+                stage_x[i] = x[i] + AHEAD[stage] * h * f;
+                if stage == 0 && self.keeps_history() {
+                    let end = self.f_history.len();
+                    self.f_history[end - nx + i] = f;
+                }
+            }
+            if stage == 0 {
+                self.rests(x, &programs.rates, chunk);
+            }
+        }
+        for i in 0..nx {
+            x[i] += h / 6.0 * sum[i];
+        }
+        if self.plan.limits_move {
+            let at = chunk.ends.len();
+            chunk.ends.resize(at + width, 0.0);
+            let end = &mut chunk.ends[at..];
+            self.arguments(span.k, span.at(1.0), x, end);
+            self.limits_at(end, &mut programs.limits);
+        }
+        self.clip(x, &mut chunk.held);
+        chunk.lengths.push(h);
+        (self.stage, self.sum) = (stage_x, sum);
+    }
+
+    /// The limits at a point, where they are not the same everywhere.
+    pub(super) fn limits_at(&mut self, point: &[f64], limits: &mut Single) {
+        if self.plan.limits_move {
+            limits.at(point);
+            for (k, bound) in self.bounds.iter_mut().enumerate() {
+                *bound = limits.get(k);
+            }
+        }
+    }
+
+    /// Puts states that are beyond a stop on it, and says which. A position whose velocity may be
+    /// held is on its stop, or is not, as its mode says.
+    fn clip(&self, x: &mut [f64], how: &mut Vec<u8>) {
+        for &i in &self.plan.limited {
+            let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
+            let mover = self.plan.moving.iter().position(|m| m.position == Some(i));
+            let beyond = match mover.map(|k| self.modes[k]) {
+                Some(Mode::Free(_)) if !self.plan.limits_move => 0,
+                Some(Mode::Free(_)) => {
+                    let v = mover.map_or(0.0, |k| x[self.plan.moving[k].velocity]);
+                    u8::from(x[i] < low && v >= 0.0) + 2 * u8::from(x[i] > high && v <= 0.0)
+                }
+                Some(Mode::AtMin) => 1,
+                Some(Mode::AtMax) => 2,
+                Some(Mode::Rests) | None => u8::from(x[i] < low) + 2 * u8::from(x[i] > high),
+            };
+            how.push(beyond);
+            x[i] = [x[i], low, high][usize::from(beyond.min(2))];
+        }
+    }
+
+    /// Notes which states rest on a stop at the start of a step: their history has no slope there.
+    fn rests(&mut self, x: &[f64], rates: &Single, chunk: &mut Chunk) {
+        let nx = x.len();
+        for &i in &self.plan.limited {
+            let (low, high, f) = (self.bounds[2 * i], self.bounds[2 * i + 1], rates.get(i));
+            let rests = x[i] >= high && f > 0.0 || x[i] <= low && f < 0.0;
+            chunk.clipped.push(if rests { RESTS } else { 0 });
+            if rests && self.keeps_history() {
+                let end = self.f_history.len();
+                self.f_history[end - nx + i] = 0.0;
+            }
+        }
+    }
+}
