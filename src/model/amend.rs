@@ -29,11 +29,12 @@ impl Target {
                 .strip_suffix(')')
                 .map(|s| s.trim().to_string())
         };
-        let of: [(&str, fn(String) -> Target); 3] =
-            [("rate", Target::Rate), ("friction", Target::Friction), ("output", Target::Output)];
-        of.into_iter()
-            .find_map(|(function, target)| inside(function).map(target))
-            .unwrap_or_else(|| Target::Name(text.trim().to_string()))
+        match (inside("rate"), inside("friction"), inside("output")) {
+            (Some(state), _, _) => Target::Rate(state),
+            (_, Some(state), _) => Target::Friction(state),
+            (_, _, Some(output)) => Target::Output(output),
+            _ => Target::Name(text.trim().to_string()),
+        }
     }
 
     fn text(&self) -> String {

@@ -208,8 +208,36 @@ fn mistakes_are_named_with_line_and_column() {
         ),
         ("[states]\nx = { unit = \"m\", rat = \"V\", start = 0.0 }", "m.model.toml:8:19: "),
         (
-            "[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = \"t\" }",
-            "must not change along a trajectory",
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, max = \"delay(V, t)\" }",
+            "max is a number or an expression of inputs, states, constants and parameters: no delays and no rates",
+        ),
+        (
+            "[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = 1.0 }\nz = { unit = \"m\", rate = \"V\", start = 0.0, min = \"x\" }",
+            "the limits of \"z\" depend on \"x\", which has limits itself",
+        ),
+        (
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, friction = -1.0 }",
+            "m.model.toml:8:59: friction is -1, and it cannot be negative",
+        ),
+        (
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, friction = \"V\" }",
+            "friction must be in m/s^2, the expression is in m/s",
+        ),
+        (
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, friction = 1.0, rate_max = 2.0 }",
+            "\"x\" has friction and a rate_max: one of them",
+        ),
+        (
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, friction = 1.0, friction = 2.0 }",
+            "duplicate key",
+        ),
+        (
+            "[states]\nv = { unit = \"m/s\", rate = \"V/t\", start = 0.0 }\nx = { unit = \"m\", rate = \"v\", start = 0.0, max = 1.0 }\nz = { unit = \"m\", rate = \"v\", start = 0.0, max = 1.0 }",
+            "the stops of \"x\" and \"z\" would both hold \"v\"",
+        ),
+        (
+            "[[effect]]\ntitle = \"e\"\n[effect.add]\n\"friction(V)\" = \"1.0\"",
+            "there is no friction(V) to add to",
         ),
         (
             "[parameters]\np = { unit = \"-\", start = 2.0, max = 1.0 }",
