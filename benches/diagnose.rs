@@ -89,7 +89,7 @@ fn maneuver(model: &Model, i: usize) -> Segment {
         dt: DT,
         n: POINTS,
         inputs: inputs(LATE),
-        interpolation: Interpolation::Cubic,
+        interpolation: vec![Interpolation::Cubic; 2],
         channels,
         substeps: 2,
         ..Record::default()

@@ -4,14 +4,12 @@
 use super::verdict;
 use super::words::say;
 use crate::error::Result;
+use crate::math::distribution::INTERVAL_95;
 use crate::pipeline::{Plan, RunResult, Store};
 use crate::stage::{Note, Part, Severity, Unit};
 use crate::table::Table;
 use std::path::Path;
 
-/// Half width of the 95% interval in standard deviations: what stands behind +- wherever the
-/// program writes it.
-const INTERVAL: f64 = 1.96;
 /// Kinds of notes shown before the rest is left to the table.
 const GROUPS_SHOWN: usize = 20;
 
@@ -126,7 +124,7 @@ fn lines(plan: &Plan, store: &Store) -> Result<()> {
         let n = t.i64("n")?;
         for k in 0..t.rows() {
             let value = |(value, sd): (&[f64], &[f64])| {
-                format!("{} +- {}", number(value[k]), number(INTERVAL * sd[k]))
+                format!("{} +- {}", number(value[k]), number(INTERVAL_95 * sd[k]))
             };
             let name = format!("{}: {}", models[k], parameters[k]);
             rows.push(vec![

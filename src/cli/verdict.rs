@@ -3,6 +3,7 @@
 
 use super::words::End;
 use crate::error::Result;
+use crate::math::distribution::INTERVAL_95;
 use crate::pipeline::{Plan, Store};
 use crate::stage::Part;
 use crate::table::Table;
@@ -164,7 +165,7 @@ fn to_use(table: &Table, candidate: &str) -> Result<String> {
                 "{} = {} +- {}{unit}",
                 parameters[i],
                 digits(values[i]),
-                digits(1.96 * sds[i])
+                digits(INTERVAL_95 * sds[i])
             ),
             false => {
                 format!("{} not determined (best at {}{unit})", parameters[i], digits(values[i]))

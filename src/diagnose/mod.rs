@@ -15,7 +15,7 @@
 //!    `H = W dy/db` and `G = W dy/dtheta` of all that is free in the base (shared parameters and
 //!    what belongs to a maneuver), `H~ = (1 - G (G'G)^-1 G') H`, `u = H~'e`, `F = H~'H~`: the gain
 //!    is `u'F^-1 u / 2` (score test), within the candidate's bounds. Where `H~` vanishes, the base
-//!    absorbs the effect and it is no candidate.
+//!    is collinear with the effect, which is no candidate then.
 //! 3. *Chance*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all
 //!    candidates at once. The best candidate of each is noted; the 99% quantile is what a real one
 //!    must exceed (gains less half the 99% quantile of chi-square for its number of parameters).

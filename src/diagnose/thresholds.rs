@@ -238,8 +238,8 @@ thresholds! {
 
     /// Lags of a response to a source, in characteristic times (`timescale`; 0.6 s for a transport
     /// aircraft's short period). *First guess* in seconds, 0.05 to 3.2, doubling, for a transport
-    /// aircraft; the longest came with the trials. Lower: what answers late is not seen. Higher:
-    /// what answers fast is not.
+    /// aircraft; the longest came with the trials. Lower: what responds late is not seen. Higher:
+    /// what responds fast is not.
     lags: [f64; 8] = [0.0, 1.0 / 12.0, 1.0 / 6.0, 1.0 / 3.0, 2.0 / 3.0, 4.0 / 3.0, 8.0 / 3.0, 16.0 / 3.0], "characteristic times";
 
     /// So many times the noise a measured output must move for its characteristic time to count.

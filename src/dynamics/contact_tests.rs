@@ -1,6 +1,6 @@
 //! Friction and stops: against closed forms, and exact sensitivities against differences.
 
-use super::{Directions, Lost, Plan, Record};
+use super::{Directions, Interpolation, Lost, Plan, Record};
 use crate::model::{Constants, Model};
 
 fn model(text: &str) -> Model {
@@ -255,4 +255,34 @@ fn fault_a_motion_that_is_given_up_says_why() {
     let plan = Plan::new(&negative, Directions::default()).expect("a plan");
     let grid = plan.run(&[-1.0, 0.0], &[], &record(10, 0.01, |_| 0.0), false);
     assert_eq!(grid.lost, Some(Lost::Negative { state: 1 }));
+}
+
+#[test]
+fn truth_a_held_command_is_a_step() {
+    let lag = model(
+        r#"title = "lag"
+[inputs]
+u = "rad"
+[parameters]
+T = { unit = "s", start = 0.05 }
+[states]
+x = { unit = "rad", rate = "(u - x)/T", start = 0.0 }
+[outputs]
+x = { unit = "rad", value = "x" }
+"#,
+    );
+    let plan = Plan::new(&lag, Directions { parameters: vec![0], starts: Vec::new() });
+    let plan = plan.expect("a plan");
+    let step = |interpolation| {
+        let step = record(100, 0.01, |t| if t > 0.195 { 1.0 } else { 0.0 });
+        plan.run(&[0.05], &[], &Record { interpolation, ..step }, true)
+    };
+    let (held, linear) = (step(vec![Interpolation::Hold]), step(Vec::new()));
+    // 1 - exp(-(t - 0.2)/T), known to the integration
+    let exact = |k: usize| 1.0 - (-(k as f64 - 20.0) * 0.01 / 0.05).exp();
+    for k in 20..100 {
+        assert!((held.y[k] - exact(k)).abs() < 1e-5, "{k}: {} {}", held.y[k], exact(k));
+    }
+    // A ramp over the sample before is half a sample early.
+    assert!(linear.y[21] - exact(21) > 0.07, "{}", linear.y[21]);
 }

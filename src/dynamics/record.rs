@@ -32,6 +32,9 @@ pub enum Interpolation {
     /// A smooth cubic through the neighbours: better for measured signals that are smooth, wrong
     /// for steps.
     Cubic,
+    /// The last value until the next one: for commands, which are steps. A `delay()` of it still
+    /// reads the smooth cubic, so that the delay has a gradient.
+    Hold,
 }
 
 /// Inputs on a uniform grid and what was measured meanwhile.
@@ -50,8 +53,8 @@ pub struct Record {
     /// The channels scored, in the order of the model's outputs; outputs that are not measured are
     /// absent.
     pub channels: Vec<Channel>,
-    /// How inputs run between grid points.
-    pub interpolation: Interpolation,
+    /// How each input runs between grid points; those that are not listed are linear.
+    pub interpolation: Vec<Interpolation>,
     /// Integration steps per grid step; 0 lets the model's Jacobian decide along the way.
     pub substeps: usize,
 }

@@ -140,8 +140,9 @@ impl Run<'_> {
         let next = (k + 1).min(self.record.n - 1);
         let between = |from: &[f64], j: usize| {
             let (a, b) = (from[k * nu + j], from[next * nu + j]);
-            match self.record.interpolation {
+            match self.record.interpolation.get(j).copied().unwrap_or_default() {
                 _ if c == 0.0 => a,
+                Interpolation::Hold => a,
                 Interpolation::Linear => a + c * (b - a),
                 Interpolation::Cubic => history::input(from, nu, j, self.record.dt, k as f64 + c).0,
             }
@@ -274,7 +275,7 @@ impl Run<'_> {
     fn lay_out(&self, first: usize, m: usize, rows: &mut [f64]) {
         let (l, record) = (&self.plan.layout, self.record);
         let (nu, width) = (l.inputs, l.time() + 1);
-        if record.interpolation == Interpolation::Cubic || m > 1 {
+        if m > 1 || record.interpolation.iter().any(|i| *i != Interpolation::Linear) {
             let nothing = vec![0.0; l.states];
             for (i, row) in rows.chunks_exact_mut(width).enumerate() {
                 let (step, stage) = (i / 4, i % 4);

@@ -127,6 +127,12 @@ impl Case {
         self.plan.run(&parameters, &starts, &self.records[s], false).lost
     }
 
+    /// States that friction holds all along segment `s`.
+    pub fn stuck(&self, s: usize, theta: &[f64]) -> Vec<usize> {
+        let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
+        self.plan.run(&parameters, &starts, &self.records[s], false).stuck
+    }
+
     /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked.
     /// `None` where the model is not finite.
     pub fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {

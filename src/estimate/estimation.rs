@@ -132,6 +132,9 @@ pub struct Estimation {
     /// Measured outputs without a sample that is not masked, or that never change, segment by
     /// segment.
     pub doubtful: Vec<Doubtful>,
+    /// Segments in which friction holds a state from beginning to end at the values of `rows`, and
+    /// the state: nothing that would move it shows there.
+    pub stuck: Vec<(usize, String)>,
 }
 
 impl Estimation {

@@ -3,7 +3,7 @@
 
 use super::Settings;
 use super::segment::Segment;
-use crate::dynamics::Record;
+use crate::dynamics::{Interpolation, Record};
 use crate::error::Errors;
 use crate::math::interpolate::held;
 use crate::model::{Model, Scope};
@@ -64,7 +64,14 @@ fn fed(record: &Record, nu: usize, outputs: &[usize]) -> Record {
         inputs.extend((0..nu).map(|i| record.inputs.get(k * nu + i).copied().unwrap_or(f64::NAN)));
         inputs.extend(columns.iter().map(|column| column[k]));
     }
-    Record { inputs, ..record.clone() }
+    // What is measured is smooth where all inputs count as smooth.
+    let given = &record.interpolation;
+    let cubic = given.len() >= nu && given.iter().all(|i| *i == Interpolation::Cubic);
+    let mut interpolation = given.clone();
+    if cubic && nu > 0 {
+        interpolation.resize(nu + outputs.len(), Interpolation::Cubic);
+    }
+    Record { inputs, interpolation, ..record.clone() }
 }
 
 /// What was measured of an output, at the points of the grid: straight lines between the samples

@@ -113,15 +113,33 @@ fn once(
             let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
             let budget = influences(base, &these, values, &case, &solution, settings)?;
             let profiles = case.profiles(&solution, settings, &origin, here);
+            let stuck = stuck(&case, &solution, &used);
             let further = Further { budget, profiles, regression };
             let named = name(&model, &case, &used, segments.len(), solution, further);
-            return Ok(Estimation { left_out, doubtful: doubtful(&model, segments), ..named });
+            return Ok(Estimation {
+                left_out,
+                doubtful: doubtful(&model, segments),
+                stuck,
+                ..named
+            });
         }
         left_out.extend(
             useless.iter().map(|(at, why)| LeftOut { segment: used[*at], why: why.clone() }),
         );
         used.retain(|s| left_out.iter().all(|left| left.segment != *s));
     }
+}
+
+/// Segments in which friction holds a state all along.
+fn stuck(case: &Case, solution: &Solution, used: &[usize]) -> Vec<(usize, String)> {
+    if case.model.moving.is_empty() {
+        return Vec::new();
+    }
+    let of = |(place, &segment): (usize, &usize)| {
+        let states = case.stuck(place, &solution.fit.theta);
+        states.into_iter().map(move |i| (segment, case.model.states[i].quantity.name.clone()))
+    };
+    used.iter().enumerate().flat_map(of).collect()
 }
 
 /// Measured outputs that say little.

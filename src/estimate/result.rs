@@ -55,6 +55,7 @@ pub fn name(
         decisions: Vec::new(),
         left_out: Vec::new(),
         doubtful: Vec::new(),
+        stuck: Vec::new(),
     }
 }
 

@@ -5,6 +5,10 @@
 //! processors; `statrs` is the second source in the tests. Probabilities outside (0, 1) and degrees
 //! of freedom that are not positive give NaN.
 
+/// Half width of a 95% interval in standard deviations: what stands behind +- wherever the program
+/// writes it.
+pub const INTERVAL_95: f64 = 1.959_963_984_540_054;
+
 /// Probability that a standard normal variable is below `x`.
 pub fn normal_cdf(x: f64) -> f64 {
     0.5 * libm::erfc(-x / std::f64::consts::SQRT_2)

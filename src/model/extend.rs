@@ -117,7 +117,7 @@ impl Model {
         errors.or(model)
     }
 
-    /// With the rates of the named states led back to their measurement:
+    /// With feedback of the measurement to the rates of the named states:
     /// `rate + gain (measured - modelled)`, where both are of the output of the state's name and
     /// `measured` is a new input, appended in order. Also returns the outputs that these inputs
     /// carry.
@@ -143,10 +143,10 @@ impl Model {
             let (Some(state), Some(output)) = (state, output) else { continue };
             if self.moving.iter().any(|m| m.velocity == state) {
                 let error = Error::new(format!(
-                    "\"{name}\" of model {} is held by friction or a stop, and cannot be led back to its measurement",
+                    "\"{name}\" of model {} is held by friction or a stop, and takes no feedback of its measurement",
                     self.name
                 ));
-                errors.push(error.help("lead the position back, or another state"));
+                errors.push(error.help("stabilise the position, or another state"));
             }
             let dim = |unit: &str| Unit::parse(unit).ok().map(|u| u.dim);
             if dim(&self.states[state].quantity.unit) != dim(&self.outputs[output].unit) {

@@ -19,6 +19,7 @@ use super::stretches::{SHORTEST, guess, levels, stretches};
 use super::survey::{LATE, SIGNIFICANT, Survey, UNKNOWN, survey};
 use super::verdicts;
 use crate::error::{Errors, Result};
+use crate::math::distribution::INTERVAL_95;
 use crate::model::{Model, Quantity};
 use crate::signal::resample::Grid;
 
@@ -476,7 +477,7 @@ impl Work<'_> {
                 smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt(),
             );
             let known = sd < UNKNOWN * levels.start_sd[nx + k];
-            let half = verdicts::INTERVAL * sd;
+            let half = INTERVAL_95 * sd;
             let text = format!(
                 "{} {value:.4e} +- {half:.1e} (95%), stretch {stretch}",
                 parameter.quantity.doc
@@ -514,7 +515,7 @@ impl Work<'_> {
                     "{} {:.4e} +- {:.1e} (95%) if it were estimated: held at {}",
                     parameter.quantity.doc,
                     held.value,
-                    verdicts::INTERVAL * held.sd,
+                    INTERVAL_95 * held.sd,
                     parameter.start
                 ),
             });

@@ -4,11 +4,10 @@
 use super::consistency::{Comparison, Row, Which};
 use super::health::Health;
 use super::smoother::Innovation;
+use crate::math::distribution::INTERVAL_95;
 
 /// Below this correlation with what the others say, a channel's sign is reversed.
 const REVERSED: f64 = -0.8;
-/// Half width of the 95% interval in standard deviations.
-pub const INTERVAL: f64 = 1.96;
 /// A delay is told from this size on, s, where it is known; a scale from this deviation on.
 const DELAY: f64 = 0.01;
 const SCALE: f64 = 0.05;
@@ -51,7 +50,7 @@ impl Comparison {
             let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
             let text = format!(
                 "measured change per reconstructed change {k:.4} +- {:.4} (95%)",
-                INTERVAL * sd
+                INTERVAL_95 * sd
             );
             rows.push(row("scale", k, [1.0 - limit, 1.0 + limit], "-", verdict, text));
         }
@@ -67,7 +66,7 @@ impl Comparison {
             };
             let text = format!(
                 "measured behind reconstructed by {tau:.4} +- {:.4} s (95%)",
-                INTERVAL * sd
+                INTERVAL_95 * sd
             );
             rows.push(row("time skew", tau, [-limit, limit], "s", verdict, text));
         }
@@ -77,7 +76,7 @@ impl Comparison {
             let verdict = if jump.abs() > limit { "clock jumps" } else { "good" };
             let text = format!(
                 "{jump:.4} +- {:.4} s (95%) later in the second half of the flight than in the first",
-                INTERVAL * sd
+                INTERVAL_95 * sd
             );
             rows.push(row("clock", jump, [-limit, limit], "s", verdict, text));
         }

@@ -1,9 +1,7 @@
 //! Numbers in, what a person reads out: significant digits, display units, thinning of long traces.
 
+use crate::math::distribution::INTERVAL_95;
 use std::f64::consts::PI;
-
-/// Half width of the 95% interval in standard deviations.
-pub const INTERVAL: f64 = 1.959_963_984_540_054;
 
 /// What `±` and units mean, once for the whole page.
 pub const MEANING: &str = "± is half of the 95% interval, 1.96 standard deviations, everywhere on this page; what is called sd is one standard \
@@ -18,7 +16,7 @@ pub fn times(t: &[f64]) -> Vec<Option<f64>> {
 /// `-0.372 ± 0.008`: an estimate with half of its 95% interval; alone where it has no standard
 /// deviation. No other place writes a `±`.
 pub fn plus_minus(value: f64, sd: f64) -> String {
-    let (text, half) = with_sd(value, INTERVAL * sd);
+    let (text, half) = with_sd(value, INTERVAL_95 * sd);
     half.map_or(text.clone(), |half| format!("{text} ± {half}"))
 }
 

@@ -2,13 +2,12 @@
 //! of fitted lines out.
 
 use super::columns::Columns;
-use super::format::{
-    INTERVAL, bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit,
-};
+use super::format::{bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit};
 use super::grid::{Cell, Grid, Level};
 use super::section::FlightStyle;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
+use crate::math::distribution::INTERVAL_95;
 use serde::Serialize;
 
 pub const PLOTS: Section = Section {
@@ -187,7 +186,7 @@ fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
             segment: rows.iter().map(|&r| table.text("segment", r)).collect(),
             x: shorts(rows.iter().map(|&r| table.number("x", r)), factor),
             value: shorts(rows.iter().map(|&r| table.number("value", r)), 1.0),
-            bar: shorts(rows.iter().map(|&r| table.number("sd", r)), INTERVAL),
+            bar: shorts(rows.iter().map(|&r| table.number("sd", r)), INTERVAL_95),
             flight,
         }
     };

@@ -155,7 +155,9 @@ fn separability(table: Option<&Columns>) -> Grid {
         };
         let level = match verdict.as_str() {
             "significant" | "not significant" | "not observable" => Level::Info,
-            "at a bound" | "hardly separable" | "doubtful output" => Level::Warn,
+            "at a bound" | "hardly separable" | "doubtful output" | "stuck throughout" => {
+                Level::Warn
+            }
             _ => Level::Bad,
         };
         let condition = table.number("condition", row);

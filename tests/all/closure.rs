@@ -4,6 +4,7 @@
 #[path = "../../build/closure.rs"]
 pub mod shared;
 
+use crate::floors::circles::Imports;
 use shared::{FOLDERS, Files, GENERATED, closure, code, hashes, locked, modules, reached, stages};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -220,6 +221,42 @@ fn every_file_that_the_compiler_reads_is_reached() {
     }
     let unread: Vec<&String> = compiled.iter().filter(|path| !files.contains_key(*path)).collect();
     assert!(unread.is_empty(), "the hashes leave out {unread:?}: name their folder in FOLDERS");
+}
+
+/// Two readers of the same sources: the hashes go by module and by text, and take too much rather
+/// than too little; the test of circles goes from file to file by resolved paths. What the second
+/// finds, the first has to have.
+#[test]
+fn whatever_a_stage_imports_is_in_its_hash() {
+    let files = sources();
+    let texts: Vec<(&str, String)> = files
+        .iter()
+        .filter_map(|(path, bytes)| {
+            let inner = path.strip_prefix("src/").filter(|p| p.ends_with(".rs"))?;
+            Some((inner, String::from_utf8_lossy(bytes).into_owned()))
+        })
+        .collect();
+    let imports = Imports::read(texts.iter().map(|(path, text)| (*path, text.as_str())));
+    // The list of stages and the campaign name all stages (see `build/closure.rs`).
+    let hubs = ["stage/mod.rs", "stage/kind.rs", "lib.rs"];
+    let missed = |files: &Files, stage: &str| -> Vec<String> {
+        let (file, folder) = (format!("stage/{stage}.rs"), format!("stage/{stage}/"));
+        let own = |path: &str| path == file || path.starts_with(&folder);
+        let hashed = closure(files, stage);
+        let reached =
+            imports.reached_from(own, &hubs).into_iter().map(|path| format!("src/{path}"));
+        reached.filter(|path| path != "src/lib.rs" && !hashed.contains(path)).collect()
+    };
+    for stage in stages(&files) {
+        let missed = missed(&files, &stage);
+        assert!(missed.is_empty(), "{stage} imports what its hash leaves out: {missed:?}");
+    }
+    // A walk that loses one edge is found out.
+    let without = |bytes: &[u8]| {
+        String::from_utf8_lossy(bytes).replace("crate::math", "crate::lost").into_bytes()
+    };
+    let blind: Files = files.iter().map(|(path, bytes)| (path.clone(), without(bytes))).collect();
+    assert!(missed(&blind, "fit").iter().any(|path| path.starts_with("src/math/")));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Reads the sources as text: modules import only floors below their own, files inside a module do
 //! not import each other in circles, and every file opens with what comes in and goes out.
 
-mod circles;
+pub mod circles;
 
 use crate::closure::shared::{code, imports};
 use std::collections::BTreeMap;

@@ -61,10 +61,10 @@ pub fn locate(
     // Half of what chance is allowed for each of both questions.
     let chance = thresholds.question_share * (1.0 - settings.quantile);
     let sources = |motion: bool| Sources::of(case, &places.training, chance, motion, thresholds);
-    let (answering, foretelling) = (sources(false), sources(true));
-    let answers =
+    let (responding, foretelling) = (sources(false), sources(true));
+    let responses =
         |of: &Sources, s: usize, size| sums(case, noise, of, s, &at[s], &|_| Some(&None), size);
-    let mut found = rows(case, &answering, places, "", &answers, thresholds.ridge);
+    let mut found = rows(case, &responding, places, "", &responses, thresholds.ridge);
     let foretold =
         |of: &Sources, s: usize, size| innovation::sums(case, noise, of, s, &at[s], size);
     found.extend(rows(case, &foretelling, places, innovation::HOW, &foretold, thresholds.ridge));

@@ -54,7 +54,7 @@ impl Standing {
             Standing::Bounds => "against physics",
             Standing::Unidentifiable => "not identifiable",
             Standing::HeldOut => "fails held out",
-            Standing::Untold => "not told held out",
+            Standing::Untold => "nothing predicted held out",
             Standing::Inconsistent => "inconsistent",
             Standing::Faint => "faint",
             Standing::Beaten => "beaten",
@@ -90,7 +90,7 @@ pub struct Judged {
 impl Judged {
     /// Its evidence as a gain, over what chance gives the best of its round: what a threshold that
     /// counts in times of chance is compared with.
-    pub fn over_luck(&self, limit: f64, thresholds: &Thresholds) -> f64 {
+    pub fn over_chance(&self, limit: f64, thresholds: &Thresholds) -> f64 {
         let chance = chance(self.screened.taken.max(1), thresholds.false_alarm);
         (self.evidence + chance) / (limit + chance)
     }

@@ -2,6 +2,7 @@
 
 mod candidates;
 mod coverage;
+mod friction;
 mod groups;
 mod hazards;
 mod hfb320;

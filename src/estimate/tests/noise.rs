@@ -558,7 +558,7 @@ fn recovery_with_shared_noise() {
 #[test]
 fn recovery_with_shared_coloured_noise() {
     let (hits, lengths) = coverage(400, 400, 0.8, 6);
-    assert!((0.92..=0.97).contains(&(0.5 * (hits[1][0] + hits[1][1]))), "{hits:?}");
+    assert!((0.93 - 1e-9..=0.97).contains(&(0.5 * (hits[1][0] + hits[1][1]))), "{hits:?}");
     assert!(hits[1].iter().all(|h| (0.91..=0.98).contains(h)), "{hits:?}");
     assert!(hits[0][0] < 0.9 && lengths[1] < 0.5 * lengths[0], "{hits:?} {lengths:?}");
 }

@@ -84,7 +84,7 @@ use sums::Sums;
 const START_S: f64 = 3.0;
 const STARTS: usize = 4;
 /// The first seconds are linearised about their smoothed means: until then sensor errors and states
-/// are hardly told apart.
+/// are hardly distinguishable.
 const FAR: f64 = 120.0;
 
 /// One flight ready to be smoothed.

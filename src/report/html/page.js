@@ -224,7 +224,7 @@
     const both = (split) => [{ title: split.by + (split.after.columns.length ? ": before" : ""), map: split.before }, { title: "after", map: split.after }];
     heat(byId("gap-maneuvers"), both(g.maneuvers), sizes);
     heat(byId("gap-splits"), [g.bands, g.times].concat(g.regimes[regime] ? [g.regimes[regime]] : []).flatMap(both), sizes);
-    heat(byId("gap-driven"), [{ title: "led state", map: g.driven }], { height: (v) => clip(1 - v), text: (v) => (100 * v).toFixed(0), colours: [[0, t.cold], [1, t.gone]] });
+    heat(byId("gap-driven"), [{ title: "state with feedback", map: g.driven }], { height: (v) => clip(1 - v), text: (v) => (100 * v).toFixed(0), colours: [[0, t.cold], [1, t.gone]] });
     heat(byId("gap-relations"), [{ title: "correlation over its limit", map: g.relations }], { height: (v) => clip((v - 1) / 4), text: (v) => (v > 1 ? brief(v) : ""), colours: colours });
   }
   function fillRegimes() {

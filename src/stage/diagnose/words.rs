@@ -3,6 +3,7 @@
 use super::Told;
 use crate::diagnose::effect::Family;
 use crate::diagnose::{Diagnosis, Finding, Judged, Missed, Standing, Trouble, Value, Verdict};
+use crate::math::distribution::INTERVAL_95;
 
 /// Why there is no verdict.
 pub fn trouble(trouble: &Trouble) -> &str {
@@ -17,7 +18,7 @@ pub fn value(v: &Value) -> String {
     if !v.is_determined {
         return format!("{} not determined (best at {}{unit})", v.name, digits(v.value));
     }
-    let sd = v.sd.map(|sd| format!(" +- {}", digits(1.96 * sd))).unwrap_or_default();
+    let sd = v.sd.map(|sd| format!(" +- {}", digits(INTERVAL_95 * sd))).unwrap_or_default();
     let check = v
         .check
         .as_ref()

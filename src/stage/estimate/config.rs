@@ -73,6 +73,11 @@ impl Config {
         }
         let model = given.model(&format!("{key}.model"), &settings.model)?;
         let inputs = names::inputs(&model, &settings, columns, &given.doc, key, &mut given.errors);
+        let names_of: Vec<&str> = model.inputs.iter().map(|q| q.name.as_str()).collect();
+        for input in settings.interpolation.named().filter(|name| !names_of.contains(name)) {
+            let at = format!("{key}.interpolation.{input}");
+            given.unknown(&at, "input of the model", input, &names_of);
+        }
         let outputs =
             names::outputs(&model, &settings, columns, &given.doc, key, &mut given.errors);
         if let Some(channels) = channels {

@@ -181,6 +181,8 @@ pub(super) fn flight_records(
         .into_iter()
         .chain(config.outputs.iter().map(|s| s.measured.clone()))
         .collect();
+    let inputs_by_name = config.model.inputs.iter().map(|q| q.name.as_str());
+    let interpolation = config.settings.interpolation.of(inputs_by_name);
     let mut ready = Vec::new();
     for Stretch { segment, window, mut labels } in stretches(config, flight, inputs, t)? {
         let held = held(inputs.flight("conditions", flight), &segment)?;
@@ -193,7 +195,7 @@ pub(super) fn flight_records(
             Ok(record) => {
                 let record = Record {
                     substeps: config.settings.substeps,
-                    interpolation: config.settings.interpolation,
+                    interpolation: interpolation.clone(),
                     ..record
                 };
                 let masked: usize = record
@@ -370,6 +372,11 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
     for doubtful in &estimation.doubtful {
         let segment = batch.segments.get(doubtful.segment).cloned().unwrap_or_default();
         let text = format!("output {} of {segment}: {}", doubtful.output, doubtful.why);
+        notes.push(note(config, "", Severity::Warning, segment, 1, text));
+    }
+    for (segment, state) in &estimation.stuck {
+        let segment = batch.segments.get(*segment).cloned().unwrap_or_default();
+        let text = format!("{state} is stuck throughout {segment}: friction holds it all along");
         notes.push(note(config, "", Severity::Warning, segment, 1, text));
     }
     notes.extend(colour_notes(config, batch, estimation));

@@ -52,10 +52,11 @@ pub struct Settings {
     /// Integration steps per step of the grid; 0 lets the model's fastest mode decide.
     #[serde(default)]
     pub substeps: usize,
-    /// How the inputs run between the points of the grid: "linear" (mid-step is the mean), or
-    /// "cubic" for smooth measured signals.
+    /// How the inputs run between the points of the grid: "linear" (mid-step is the mean), "cubic"
+    /// for smooth measured signals, "hold" for commands that are steps; one for all of them, or by
+    /// input: `interpolation = { command_e = "hold" }` (the others are linear).
     #[serde(default)]
-    pub interpolation: Interpolation,
+    pub interpolation: Between,
     /// Columns of the samples table for the model's inputs, where the names differ:
     /// `input of the model = "column"`.
     #[serde(default)]
@@ -80,6 +81,40 @@ pub struct Settings {
     /// How the estimation is run.
     #[serde(default)]
     pub method: estimate::Settings,
+}
+
+/// How inputs run between samples.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Between {
+    /// All of them alike.
+    All(Interpolation),
+    /// By input of the model.
+    Each(IndexMap<String, Interpolation>),
+}
+
+impl Default for Between {
+    fn default() -> Self {
+        Between::All(Interpolation::Linear)
+    }
+}
+
+impl Between {
+    /// The inputs that are named.
+    pub fn named(&self) -> impl Iterator<Item = &str> {
+        let each = if let Between::Each(each) = self { Some(each) } else { None };
+        each.into_iter().flat_map(|each| each.keys().map(String::as_str))
+    }
+
+    /// Per input, in their order.
+    pub fn of<'a>(&self, inputs: impl Iterator<Item = &'a str>) -> Vec<Interpolation> {
+        inputs
+            .map(|name| match self {
+                Between::All(one) => *one,
+                Between::Each(each) => each.get(name).copied().unwrap_or_default(),
+            })
+            .collect()
+    }
 }
 
 /// One name, or several.

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::estimate::regression::{Equation, Regressed, Regression};
 use crate::estimate::repeats::{Repeats, compare};
 use crate::estimate::{Combination, Decision, Estimation, Influence, Point, Profile, Row};
+use crate::math::distribution::INTERVAL_95;
 use crate::table::Table;
 
 /// One line of `separability`.
@@ -25,8 +26,6 @@ struct Finding<'a> {
     text: String,
 }
 
-/// Half width of the 95% interval in standard deviations.
-const INTERVAL: f64 = 1.96;
 /// Below this share of information nothing is left of it but rounding.
 const NOTHING: f64 = 1e-12;
 
@@ -145,7 +144,10 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
         .doubtful
         .iter()
         .map(|d| (d.segment, "doubtful output", format!("{}: {}", d.output, d.why)));
-    for (segment, verdict, text) in left_out.chain(doubtful) {
+    let stuck = e.stuck.iter().map(|(segment, state)| {
+        (*segment, "stuck throughout", format!("{state}: friction holds it all along"))
+    });
+    for (segment, verdict, text) in left_out.chain(doubtful).chain(stuck) {
         let number = all.last().map_or(0, |f| f.number) + 1;
         let (information, condition) = (f64::NAN, f64::NAN);
         let (term, segment, decision) = (None, Some(segment), None);
@@ -168,11 +170,11 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
 fn decided(d: &Decision) -> String {
     let Decision { parameter, value, sd, start, .. } = d;
     if !d.held() {
-        format!("{parameter} {value:.4e} +- {:.1e} (95%): estimated", INTERVAL * sd)
+        format!("{parameter} {value:.4e} +- {:.1e} (95%): estimated", INTERVAL_95 * sd)
     } else if value.is_finite() {
         format!(
             "{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}",
-            INTERVAL * sd
+            INTERVAL_95 * sd
         )
     } else {
         format!("{parameter} is not distinguishable from others by these data: held at {start}")

@@ -78,6 +78,22 @@ impl Imports {
         circles
     }
 
+    /// The files that those for which `start` holds lead to, file by file; what `ends` imports is
+    /// not followed.
+    pub fn reached_from(&self, start: impl Fn(&str) -> bool, ends: &[&str]) -> BTreeSet<String> {
+        let path = |i: usize| self.files[i].path.as_str();
+        let mut todo: Vec<usize> = (0..self.files.len()).filter(|&i| start(path(i))).collect();
+        let mut seen: BTreeSet<usize> = todo.iter().copied().collect();
+        while let Some(from) = todo.pop() {
+            if ends.contains(&path(from)) {
+                continue;
+            }
+            let next = self.edges.range((from, 0)..(from + 1, 0)).map(|((_, to), _)| *to);
+            todo.extend(next.filter(|to| seen.insert(*to)));
+        }
+        seen.into_iter().map(|i| path(i).to_string()).collect()
+    }
+
     /// The imports inside a circle, one a line: who takes what from whom.
     pub fn inside(&self, circle: &[String]) -> Vec<String> {
         let of = |i: usize| &self.files[i].path;

@@ -139,7 +139,7 @@ fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Se
                 inputs: rows,
                 start: START,
                 substeps: 4,
-                interpolation: Interpolation::Cubic,
+                interpolation: vec![Interpolation::Cubic; 5],
                 ..Record::default()
             };
             let alpha = trim(SPEEDS[speed]).0;

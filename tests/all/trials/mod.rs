@@ -1,7 +1,7 @@
 //! Hidden-effect trials: does the diagnosis name what was hidden in a campaign that it knows
 //! nothing about?
 //!
-//! A fixed selection runs with the slow tests (`KOEHLER_SLOW=1`). `KOEHLER_TRIALS=60 cargo test
+//! A fixed selection is among the tests of every `cargo test`. `KOEHLER_TRIALS=60 cargo test
 //! --release --test all -- trials::matrix
 //! --nocapture` runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the whole one, `KOEHLER_TRIALS="flap
 //! lag#3"` one trial in detail, `"flap#1-9"` all whose name has that in it, with these seeds; `"inside#1"`, `"outside#1-3"`
@@ -262,7 +262,7 @@ fn most(diagnosis: &Diagnosis) -> f64 {
         r.judged
             .iter()
             .filter(passes)
-            .map(|j| j.over_luck(r.limit, &thresholds))
+            .map(|j| j.over_chance(r.limit, &thresholds))
             .fold(0.0, f64::max)
     };
     diagnosis.rounds.iter().map(of).fold(0.0, f64::max)
