@@ -26,6 +26,8 @@ const MOST_PARTS: usize = 64;
 /// supposes that the step's end moves with the rates there, which is true to the fourth power of the
 /// step: with a quarter of it, to 1e-6 or so.
 const FINE: f64 = 0.25;
+/// Tries of regula falsi for one instant; more are halvings, so that the search ends.
+const SMOOTH_TRIES: usize = 40;
 /// An instant is known to within this share of a sub-step.
 const INSTANT: f64 = 1e-12;
 
@@ -236,10 +238,11 @@ impl Run<'_> {
         };
         let (mut low, mut high) =
             ((span.from, pace.start[event].gap), (span.to, pace.end[event].gap));
-        let mut last = 0;
+        let (mut last, mut tries) = (0, 0);
         while high.0 - low.0 > INSTANT {
+            tries += 1;
             // A gap that begins at zero opens first: halve until it is open.
-            let guess = match low.1 > 0.0 {
+            let guess = match low.1 > 0.0 && tries <= SMOOTH_TRIES {
                 true => low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1),
                 false => 0.5 * (low.0 + high.0),
             };

@@ -135,6 +135,8 @@ pub struct Estimation {
     /// Segments in which friction holds a state from beginning to end at the values of `rows`, and
     /// the state: nothing that would move it shows there.
     pub stuck: Vec<(usize, String)>,
+    /// Why the model could not be run in the first of its segments, where none could be.
+    pub why: Option<String>,
 }
 
 impl Estimation {

@@ -114,12 +114,15 @@ fn once(
             let budget = influences(base, &these, values, &case, &solution, settings)?;
             let profiles = case.profiles(&solution, settings, &origin, here);
             let stuck = stuck(&case, &solution, &used);
+            let not_run = solution.fit.stop == Stop::NotFinite;
+            let why = useless.into_iter().next().map(|(_, why)| why).filter(|_| not_run);
             let further = Further { budget, profiles, regression };
             let named = name(&model, &case, &used, segments.len(), solution, further);
             return Ok(Estimation {
                 left_out,
                 doubtful: doubtful(&model, segments),
                 stuck,
+                why,
                 ..named
             });
         }

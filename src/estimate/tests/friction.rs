@@ -125,3 +125,13 @@ fn fault_a_level_that_holds_everything_is_said() {
     assert!(e.stop != Stop::Converged);
     assert_eq!(e.stuck, [(0, "delta_dot".to_string())]);
 }
+
+#[test]
+fn fault_negative_friction_is_said() {
+    let text = SURFACE.replace("friction = \"F_c/J\"", "friction = \"-F_c/J\"");
+    let negative = Model::parse("surface", &text, &Constants::default()).unwrap();
+    let e = estimate(&negative, &[flown(&model(), 4, 20.0, 1.0)], &Settings::default()).unwrap();
+    assert_eq!(e.stop, Stop::NotFinite);
+    let why = "the friction of \"delta_dot\" is negative at the start values";
+    assert_eq!(e.why.as_deref(), Some(why));
+}

@@ -355,8 +355,9 @@ fn batches(group: Group, ready: Vec<Ready>) -> Vec<Batch> {
 fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
     let mut notes = Vec::new();
     if estimation.stop != estimate::Stop::Converged {
+        let why = estimation.why.as_ref().map_or(String::new(), |why| format!(": {why}"));
         let text = format!(
-            "{}: the estimate of {} ended with \"{}\"",
+            "{}: the estimate of {} ended with \"{}\"{why}",
             batch.group,
             config.name(),
             estimation.stop
