@@ -6,7 +6,7 @@
 //! Held against: at most 60 s on two cores for one round.
 
 use koehler::diagnose::{self, Subject, effect};
-use koehler::dynamics::{Channel, Directions, Interpolation, Plan, Record};
+use koehler::dynamics::{Channel, Directions, Interpolation, Propagator, Record};
 use koehler::estimate::{self, Segment};
 use koehler::model::{Constants, Model};
 use rand_distr::{Distribution, StandardNormal};
@@ -94,8 +94,8 @@ fn maneuver(model: &Model, i: usize) -> Segment {
         substeps: 2,
         ..Record::default()
     };
-    let plan = Plan::new(model, Directions::default()).expect("a plan");
-    let flown = plan.respond(&model.parameter_starts(), &[], &record, false);
+    let propagator = Propagator::new(model, Directions::default()).expect("a propagator");
+    let flown = propagator.respond(&model.parameter_starts(), &[], &record, false);
     for (channel, y) in record.channels.iter_mut().zip(flown.y) {
         let sd = NOISE[channel.output.min(NOISE.len() - 1)];
         let noise = || -> f64 { StandardNormal.sample(&mut random) };

@@ -8,7 +8,7 @@
 
 mod work;
 
-use koehler::dynamics::{Directions, Plan, Tier};
+use koehler::dynamics::{Directions, Propagator, Tier};
 use koehler::math::simd::{Eight, Width, by_width};
 use std::hint::black_box;
 use std::time::Instant;
@@ -86,9 +86,10 @@ fn setup(name: &str, work: &Work, floors: [[f64; 2]; 2]) {
     let directions = Directions { parameters, starts };
     for ((tier, word), floors) in TIERS.into_iter().zip(floors) {
         let seconds = least(20, || {
-            let mut plan = Plan::new(&work.model, directions.clone()).expect("a plan");
-            plan.compile(tier, work.samples());
-            black_box(&plan);
+            let mut propagator =
+                Propagator::new(&work.model, directions.clone()).expect("a propagator");
+            propagator.compile(tier, work.samples());
+            black_box(&propagator);
         });
         println!("{}", line(name, word, 1e3 * seconds, floors));
     }

@@ -1,6 +1,6 @@
 //! The estimations that are timed: models, records and settings.
 
-use koehler::dynamics::{Channel, Directions, Plan, Record, Tier};
+use koehler::dynamics::{Channel, Directions, Propagator, Record, Tier};
 use koehler::estimate::{Settings, Stop, estimate};
 use koehler::model::{Constants, Model};
 use std::path::{Path, PathBuf};
@@ -102,7 +102,7 @@ pub fn six_dof(segments: usize) -> Work {
             .expect("the model");
     let names: Vec<String> = model.states.iter().map(|s| s.quantity.name.clone()).collect();
     let all = Directions { parameters: Vec::new(), starts: (0..names.len()).collect() };
-    let plan = Plan::new(&model, all).expect("a plan");
+    let propagator = Propagator::new(&model, all).expect("a propagator");
     let dt = 0.02;
     let records = (0..segments).map(|s| {
         let n = 190 + 10 * (s % 3);
@@ -114,8 +114,8 @@ pub fn six_dof(segments: usize) -> Work {
             .enumerate()
             .map(|(i, p)| p.start * (1.0 + 0.02 * hash(i, 7)))
             .collect();
-        let starts = plan.first_values(&model, &truth, &record).expect("starts");
-        let grid = plan.run(&truth, &starts, &record, false);
+        let starts = propagator.first_values(&model, &truth, &record).expect("starts");
+        let grid = propagator.run(&truth, &starts, &record, false);
         assert!(grid.finite);
         let ny = model.outputs.len();
         record.channels = (0..ny)

@@ -6,7 +6,7 @@ use super::effect::{self, Context};
 use super::residual::sources::Sources;
 use super::residual::{innovation, sums};
 use super::*;
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{self, Segment};
 use crate::model::{Constants, Model};
 use crate::simulate::Stream;
@@ -84,7 +84,7 @@ pub fn campaign(truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
 
 /// The same so many times as fast.
 fn campaign_at(pace: f64, truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
-    let plan = Plan::new(truth, Directions::default()).expect("a plan");
+    let propagator = Propagator::new(truth, Directions::default()).expect("a propagator");
     let sd = [1e-3, 2e-3 * pace, 5e-3 * pace];
     let one = |s: usize| {
         let (dt, n, unit) = (0.02 / pace, 500, [0.35, 0.5, 0.7][s % 3]);
@@ -96,7 +96,7 @@ fn campaign_at(pace: f64, truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
         let channels =
             (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
         let mut record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
-        let response = plan.respond(&truth.parameter_starts(), &[], &record, false);
+        let response = propagator.respond(&truth.parameter_starts(), &[], &record, false);
         for (channel, y) in record.channels.iter_mut().zip(response.y) {
             let mut stream = Stream::new(seed, &[&s.to_string(), &channel.output.to_string()]);
             let mut v = stream.normal();

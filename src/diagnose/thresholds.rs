@@ -262,6 +262,15 @@ thresholds! {
     /// variances are no distribution.
     fewest: usize = 3, "maneuvers";
 
+    // ---- The noise model, by which everything is weighted -------------------------------------------------------------------------------
+
+    /// Highest order of the vector model of several outputs. *Convention*: what single filters
+    /// leave in common is short.
+    joint_order: usize = 6, "samples";
+
+    /// Samples that each coefficient of one order of the vector model must have. *Convention*.
+    samples_per_coefficient: usize = 20, "samples";
+
     // ---- Records cut into blocks --------------------------------------------------------------------------------------------------------
 
     /// Blocks into which one record is cut at most. *Convention*: the base is run through the
@@ -334,18 +343,10 @@ pub mod defaults {
     pub const APART: f64 = 4.6;
 }
 
-/// Numbers of the noise model, by which everything is weighted.
-pub mod noise {
-    /// Highest order of the vector model of several outputs. *Convention*: what single filters
-    /// leave in common is short.
-    pub const JOINT_ORDER: usize = 6;
-    /// Samples that each coefficient of one order of the vector model must have. *Convention*.
-    pub const SAMPLES_PER_COEFFICIENT: usize = 20;
-}
-
 /// Sizes of signals that are not in the data, by unit: bounds and starts of an effect count in
 /// them. *First guess*, for aircraft: 0.1 rad of a surface, 10 m/s of airspeed. They are asked for
-/// only where no channel has the signal.
+/// only where no channel has the signal, which is so in no trial: halved or doubled, nothing that
+/// the trials show would change.
 pub const SIZES: [(&str, f64); 6] =
     [("rad", 0.1), ("rad/s", 0.1), ("m/s", 10.0), ("m/s^2", 2.0), ("Pa", 3000.0), ("N", 10000.0)];
 

@@ -1,6 +1,6 @@
 //! Friction and stops: against closed forms, and exact sensitivities against differences.
 
-use super::{Directions, Interpolation, Lost, Plan, Record};
+use super::{Directions, Interpolation, Lost, Propagator, Record};
 use crate::model::{Constants, Model};
 
 fn model(text: &str) -> Model {
@@ -32,8 +32,8 @@ a = { unit = "m/s^2", value = "rate(v)" }
 fn truth_a_sledge_slides_to_its_rest_and_stays() {
     let model = model(SLEDGE);
     let all = Directions { parameters: vec![0, 1], starts: Vec::new() };
-    let plan = Plan::new(&model, all).expect("a plan");
-    let grid = plan.run(&model.parameter_starts(), &[], &record(1000, 0.01, |_| 0.0), true);
+    let propagator = Propagator::new(&model, all).expect("a propagator");
+    let grid = propagator.run(&model.parameter_starts(), &[], &record(1000, 0.01, |_| 0.0), true);
     let at = |k: usize, j: usize| grid.y[k * 3 + j];
     let slope = |k: usize, j: usize, p: usize| grid.dy[(k * 3 + j) * 2 + p];
     // v = v0 - F t until t = v0/F = 1.5 s; x = v0^2/(2 F)
@@ -50,14 +50,14 @@ fn truth_a_sledge_slides_to_its_rest_and_stays() {
 #[test]
 fn truth_a_force_below_friction_moves_nothing() {
     let model = model(&SLEDGE.replace("start = 3.0", "start = 0.0"));
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
     // A surface held to within 95% of its friction, one way and the other, for a minute.
     let pull = |t: f64| 1.9 * (if t.sin() > 0.0 { 1.0 } else { -1.0 });
-    let grid = plan.run(&model.parameter_starts(), &[], &record(6000, 0.01, pull), false);
+    let grid = propagator.run(&model.parameter_starts(), &[], &record(6000, 0.01, pull), false);
     assert!(grid.finite && grid.y.chunks(3).all(|y| y[0] == 0.0 && y[1] == 0.0 && y[2] == 0.0));
     assert_eq!(grid.stuck, [1]);
     let more = |t: f64| if t > 3.0 { 2.1 } else { 1.9 };
-    let grid = plan.run(&model.parameter_starts(), &[], &record(600, 0.01, more), false);
+    let grid = propagator.run(&model.parameter_starts(), &[], &record(600, 0.01, more), false);
     assert!(grid.stuck.is_empty() && grid.finite, "{:?}", grid.lost);
     // The input is a ramp from 1.9 to 2.1 over one sample: it is let go in its middle.
     let (t, from) = (5.99f64, 3.005);
@@ -91,9 +91,9 @@ w = {{ unit = "rad/s", value = "w" }}
 fn worst(model: &Model, record: &Record) -> f64 {
     let n = model.parameters.len();
     let all = Directions { parameters: (0..n).collect(), starts: Vec::new() };
-    let plan = Plan::new(model, all).expect("a plan");
+    let propagator = Propagator::new(model, all).expect("a propagator");
     let (theta, ny) = (model.parameter_starts(), model.outputs.len());
-    let exact = plan.run(&theta, &[], record, true);
+    let exact = propagator.run(&theta, &[], record, true);
     assert!(exact.finite, "{:?}", exact.lost);
     let mut worst = 0.0f64;
     for p in 0..n {
@@ -101,7 +101,7 @@ fn worst(model: &Model, record: &Record) -> f64 {
         let moved = |by: f64| {
             let mut theta = theta.clone();
             theta[p] += by;
-            plan.run(&theta, &[], record, false).y
+            propagator.run(&theta, &[], record, false).y
         };
         let (up, down) = (moved(step), moved(-step));
         for j in 0..ny {
@@ -120,8 +120,8 @@ fn worst(model: &Model, record: &Record) -> f64 {
 
 /// How often an output comes to rest.
 fn stops(model: &Model, record: &Record, output: usize) -> usize {
-    let plan = Plan::new(model, Directions::default()).expect("a plan");
-    let grid = plan.run(&model.parameter_starts(), &[], record, false);
+    let propagator = Propagator::new(model, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&model.parameter_starts(), &[], record, false);
     let ny = model.outputs.len();
     let still: Vec<bool> = grid.y.chunks(ny).map(|y| y[output] == 0.0).collect();
     still.windows(2).filter(|w| !w[0] && w[1]).count()
@@ -140,8 +140,8 @@ fn sensitivities_of_friction_agree_with_differences_over_ten_stops() {
 fn sensitivities_of_friction_and_a_stop_on_one_surface_agree_with_differences() {
     let model = model(&surface(r#", min = "-stop", max = "stop""#));
     let record = record(2000, 0.01, |t| 0.4 * (1.9 * t).sin() + 0.1 * (5.3 * t).sin());
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
-    let grid = plan.run(&model.parameter_starts(), &[], &record, false);
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&model.parameter_starts(), &[], &record, false);
     let on = |side: f64| grid.y.chunks(2).filter(|y| y[0] == 0.2 * side && y[1] == 0.0).count();
     assert!(on(1.0) > 50 && on(-1.0) > 50, "{} {}", on(1.0), on(-1.0));
     assert!(grid.y.chunks(2).all(|y| y[0].abs() <= 0.2));
@@ -152,9 +152,9 @@ fn sensitivities_of_friction_and_a_stop_on_one_surface_agree_with_differences() 
 #[test]
 fn a_surface_leaves_its_stop_at_once_when_the_command_turns() {
     let model = model(&surface(r#", max = "stop""#).replace("start = 40.0", "start = 0.0"));
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
     let record = record(300, 0.01, |t| if t < 2.0 { 0.5 } else { 0.1 });
-    let grid = plan.run(&model.parameter_starts(), &[], &record, false);
+    let grid = propagator.run(&model.parameter_starts(), &[], &record, false);
     assert_eq!((grid.y[199 * 2], grid.y[199 * 2 + 1]), (0.2, 0.0));
     // A system of second order from rest at 0.2, led to 0.1: -90 rad/s^2 at once, after the last
     // quarter of the command's ramp over one sample.
@@ -180,8 +180,8 @@ fn sensitivities_on_a_stop_that_moves_are_those_of_the_stop() {
         .replace("[inputs]", "[constants]\nrate_s = { unit = \"1/s\", value = 0.7 }\n[inputs]");
     let model = model(&text);
     let record = record(2000, 0.01, |t| 0.4 * (1.9 * t).sin() + 0.1 * (5.3 * t).sin());
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
-    let grid = plan.run(&model.parameter_starts(), &[], &record, false);
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&model.parameter_starts(), &[], &record, false);
     let d = model.output("d").expect("an output");
     let s = model.output("s").expect("an output");
     let on = grid.y.chunks(3).filter(|y| (y[d] - (0.2 - 0.05 * y[s])).abs() < 1e-12).count();
@@ -190,8 +190,8 @@ fn sensitivities_on_a_stop_that_moves_are_those_of_the_stop() {
     // no velocity, and a stop that goes on inwards pushes it meanwhile: how long is known to the
     // step, so that what follows is right to a percent.
     let all = Directions { parameters: (0..model.parameters.len()).collect(), starts: Vec::new() };
-    let plan = Plan::new(&model, all).expect("a plan");
-    let exact = plan.run(&model.parameter_starts(), &[], &record, true);
+    let propagator = Propagator::new(&model, all).expect("a propagator");
+    let exact = propagator.run(&model.parameter_starts(), &[], &record, true);
     let (n, slower) = (model.parameters.len(), model.parameter("slower").expect("a parameter"));
     for k in (0..exact.n)
         .filter(|k| (exact.y[k * 3 + d] - (0.2 - 0.05 * exact.y[k * 3 + s])).abs() < 1e-12)
@@ -227,8 +227,8 @@ w = { unit = "rad/s", value = "w" }
 fn coupled_inertias_stick_separately_and_together() {
     let model = model(PAIR);
     let record = record(3000, 0.01, |t| 25.0 * (0.8 * t).sin() * (0.05 * t).cos());
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
-    let grid = plan.run(&model.parameter_starts(), &[], &record, false);
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&model.parameter_starts(), &[], &record, false);
     let count = |is: fn(&[f64]) -> bool| grid.y.chunks(2).filter(|y| is(y)).count();
     let both = count(|y| y[0] == 0.0 && y[1] == 0.0);
     let (first, second) =
@@ -245,15 +245,15 @@ fn fault_a_motion_that_is_given_up_says_why() {
             .replace("rate = \"u\"", "rate = \"u - v*q\"")
             .replace("[parameters]", "[parameters]\nq = { unit = \"1/s\", start = 1e6 }"),
     );
-    let plan = Plan::new(&fast, Directions::default()).expect("a plan");
-    let grid = plan.run(&fast.parameter_starts(), &[], &record(10, 0.01, |_| 0.0), false);
+    let propagator = Propagator::new(&fast, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&fast.parameter_starts(), &[], &record(10, 0.01, |_| 0.0), false);
     let Some(Lost::Stiff { state: 1, time_constant }) = grid.lost else {
         panic!("{:?}", grid.lost)
     };
     assert!((time_constant - 1e-6).abs() < 1e-9);
     let negative = model(SLEDGE);
-    let plan = Plan::new(&negative, Directions::default()).expect("a plan");
-    let grid = plan.run(&[-1.0, 0.0], &[], &record(10, 0.01, |_| 0.0), false);
+    let propagator = Propagator::new(&negative, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&[-1.0, 0.0], &[], &record(10, 0.01, |_| 0.0), false);
     assert_eq!(grid.lost, Some(Lost::Negative { state: 1 }));
 }
 
@@ -271,11 +271,11 @@ x = { unit = "rad", rate = "(u - x)/T", start = 0.0 }
 x = { unit = "rad", value = "x" }
 "#,
     );
-    let plan = Plan::new(&lag, Directions { parameters: vec![0], starts: Vec::new() });
-    let plan = plan.expect("a plan");
+    let propagator = Propagator::new(&lag, Directions { parameters: vec![0], starts: Vec::new() });
+    let propagator = propagator.expect("a propagator");
     let step = |interpolation| {
         let step = record(100, 0.01, |t| if t > 0.195 { 1.0 } else { 0.0 });
-        plan.run(&[0.05], &[], &Record { interpolation, ..step }, true)
+        propagator.run(&[0.05], &[], &Record { interpolation, ..step }, true)
     };
     let (held, linear) = (step(vec![Interpolation::Hold]), step(Vec::new()));
     // 1 - exp(-(t - 0.2)/T), known to the integration

@@ -78,7 +78,7 @@ impl Run<'_> {
         }
         self.remember(0.0, x);
         for k in 0..self.modes.len() {
-            let v = x[self.plan.moving[k].velocity];
+            let v = x[self.propagator.moving[k].velocity];
             self.modes[k] = if v == 0.0 { Mode::Rests } else { self.free(k, v) };
         }
         self.settle((0, 0.0), x, programs)
@@ -86,19 +86,19 @@ impl Run<'_> {
 
     /// The velocities that are held now.
     pub(super) fn held(&self) -> impl Iterator<Item = usize> {
-        let all = self.plan.moving.iter().zip(&self.modes);
+        let all = self.propagator.moving.iter().zip(&self.modes);
         all.filter(|(_, mode)| mode.held() > 0.0).map(|(m, _)| m.velocity)
     }
 
     /// The velocities that were held all along.
     pub(super) fn stuck(&self) -> Vec<usize> {
-        let all = self.plan.moving.iter().zip(&self.moved);
+        let all = self.propagator.moving.iter().zip(&self.moved);
         all.filter(|(_, moved)| !**moved).map(|(m, _)| m.velocity).collect()
     }
 
     /// Mover `k` on its way in the direction of `v`.
     fn free(&self, k: usize, v: f64) -> Mode {
-        let rubs = self.plan.moving[k].friction.is_some();
+        let rubs = self.propagator.moving[k].friction.is_some();
         Mode::Free(if rubs { v.signum() as i8 } else { 0 })
     }
 
@@ -145,7 +145,7 @@ impl Run<'_> {
         }
         let moves = |k: &usize| matches!(self.modes[*k], Mode::Free(_));
         let k = (0..self.modes.len()).find(moves).unwrap_or(0);
-        Err(Lost::Chatters { state: self.plan.moving[k].velocity })
+        Err(Lost::Chatters { state: self.propagator.moving[k].velocity })
     }
 
     /// What may happen to any mover, and how far each of it is, at `offset` of a span.
@@ -158,7 +158,7 @@ impl Run<'_> {
     ) -> Result<Vec<Watch>, Lost> {
         self.forces((span.k, span.at(offset)), x, programs);
         let mut all = Vec::with_capacity(2 * self.modes.len());
-        for (moving, (m, mode)) in self.plan.moving.iter().zip(&self.modes).enumerate() {
+        for (moving, (m, mode)) in self.propagator.moving.iter().zip(&self.modes).enumerate() {
             let (f, friction) = self.force(moving, programs)?;
             let mut watch = |event, gap| all.push(Watch { moving, event, gap });
             match mode {
@@ -168,10 +168,11 @@ impl Run<'_> {
                     }
                     if let Some(i) = m.position {
                         // A stop that comes after what moves away from it pushes it (`step::clip`).
-                        let pushed = |away: bool, gap: f64| match self.plan.limits_move && away {
-                            true => gap.max(0.0),
-                            false => gap,
-                        };
+                        let pushed =
+                            |away: bool, gap: f64| match self.propagator.limits_move && away {
+                                true => gap.max(0.0),
+                                false => gap,
+                            };
                         let v = x[m.velocity];
                         watch(Event::Min, pushed(v >= 0.0, x[i] - self.bounds[2 * i]));
                         watch(Event::Max, pushed(v <= 0.0, self.bounds[2 * i + 1] - x[i]));
@@ -199,7 +200,7 @@ impl Run<'_> {
     fn force(&self, k: usize, programs: &Programs) -> Result<(f64, f64), Lost> {
         let (f, friction) = (programs.moving.get(2 * k), programs.moving.get(2 * k + 1));
         match friction < 0.0 {
-            true => Err(Lost::Negative { state: self.plan.moving[k].velocity }),
+            true => Err(Lost::Negative { state: self.propagator.moving[k].velocity }),
             false => Ok((f, friction)),
         }
     }
@@ -300,7 +301,7 @@ impl Run<'_> {
     ) -> Result<(), Lost> {
         let at = (span.k, span.at(1.0));
         let watch = self.watched(span, 1.0, x, programs)?[event];
-        let (m, mode) = (self.plan.moving[watch.moving], self.modes[watch.moving]);
+        let (m, mode) = (self.propagator.moving[watch.moving], self.modes[watch.moving]);
         // The limit that it is on, or meets.
         let limit = match (watch.event, mode) {
             (Event::Min, _) | (Event::Loose, Mode::AtMin) => m.position.map(|i| 2 * i),
@@ -312,7 +313,7 @@ impl Run<'_> {
             moving: watch.moving,
             event: watch.event,
             limit,
-            drift: limit.filter(|_| self.plan.limits_move).map_or(0.0, |b| bounds[b]),
+            drift: limit.filter(|_| self.propagator.limits_move).map_or(0.0, |b| bounds[b]),
             gap,
             before: self.rates(at, x, programs),
             behind: Vec::new(),
@@ -368,7 +369,7 @@ impl Run<'_> {
 
     /// Mover `k` where friction does not hold it: on a stop if it is pushed there, else on its way.
     fn let_go(&self, k: usize, f: f64, x: &[f64]) -> Mode {
-        match self.plan.moving[k].position {
+        match self.propagator.moving[k].position {
             Some(i) if f > 0.0 && x[i] >= self.bounds[2 * i + 1] => Mode::AtMax,
             Some(i) if f < 0.0 && x[i] <= self.bounds[2 * i] => Mode::AtMin,
             _ => self.free(k, f),

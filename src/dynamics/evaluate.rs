@@ -1,8 +1,8 @@
 //! Programs with their registers: points of a trajectory in; what a model says there, one by one or
 //! side by side, out.
 
-use super::plan::Compiled;
-use super::plan::Plan;
+use super::propagator::Compiled;
+use super::propagator::Propagator;
 use super::rows::LANES;
 use super::tableau::{AHEAD, WEIGHT};
 use crate::math::simd::Aligned;
@@ -19,16 +19,20 @@ pub(super) struct Single<'p> {
 }
 
 impl<'p> Single<'p> {
-    pub(super) fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
+    pub(super) fn new(
+        program: &'p Program,
+        propagator: &'p Propagator,
+        parameters: &[f64],
+    ) -> Self {
         let mut file = program.registers::<1>();
-        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
-            file[plan.layout.parameter() + i] = [*p];
+        for (i, p) in parameters.iter().enumerate().take(propagator.layout.parameters) {
+            file[propagator.layout.parameter() + i] = [*p];
         }
-        program.prepare(&mut file, &plan.tables);
+        program.prepare(&mut file, &propagator.tables);
         Single {
             program,
             native: None,
-            tables: &plan.tables,
+            tables: &propagator.tables,
             file,
             out: vec![0.0; program.outputs()],
         }
@@ -109,13 +113,13 @@ pub(super) struct Programs<'p> {
 }
 
 impl<'p> Programs<'p> {
-    pub(super) fn new(plan: &'p Plan, parameters: &[f64]) -> Self {
-        let single = |program| Single::new(program, plan, parameters);
+    pub(super) fn new(propagator: &'p Propagator, parameters: &[f64]) -> Self {
+        let single = |program| Single::new(program, propagator, parameters);
         Programs {
-            rates: Single { native: plan.native.as_deref(), ..single(&plan.rates) },
-            taus: single(&plan.delay_values),
-            limits: single(&plan.limits),
-            moving: single(&plan.moving_values),
+            rates: Single { native: propagator.native.as_deref(), ..single(&propagator.rates) },
+            taus: single(&propagator.delay_values),
+            limits: single(&propagator.limits),
+            moving: single(&propagator.moving_values),
         }
     }
 }
@@ -132,16 +136,20 @@ pub(super) struct Many<'p> {
 }
 
 impl<'p> Many<'p> {
-    pub(super) fn new(program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
+    pub(super) fn new(
+        program: &'p Program,
+        propagator: &'p Propagator,
+        parameters: &[f64],
+    ) -> Self {
         let mut file = program.registers::<LANES>();
-        for (i, p) in parameters.iter().enumerate().take(plan.layout.parameters) {
-            file[plan.layout.parameter() + i] = [*p; LANES];
+        for (i, p) in parameters.iter().enumerate().take(propagator.layout.parameters) {
+            file[propagator.layout.parameter() + i] = [*p; LANES];
         }
-        program.prepare(&mut file, &plan.tables);
-        let width = plan.layout.time() + 1;
+        program.prepare(&mut file, &propagator.tables);
+        let width = propagator.layout.time() + 1;
         Many {
             program,
-            tables: &plan.tables,
+            tables: &propagator.tables,
             file: Aligned::of_rows(&file),
             width,
             read: program.reads(width),

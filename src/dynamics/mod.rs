@@ -42,8 +42,8 @@ mod contacts;
 mod evaluate;
 mod history;
 mod modes;
-mod plan;
 mod propagate;
+mod propagator;
 mod record;
 mod respond;
 mod rows;
@@ -57,7 +57,7 @@ mod tangent;
 mod values;
 
 pub use modes::Lost;
-pub use plan::{Directions, Plan, Tier};
+pub use propagator::{Directions, Propagator, Tier};
 
 pub use record::{Channel, Interpolation, Record, Sampling};
 pub use sigma_filter::{Smooth, smoothed};
@@ -68,7 +68,7 @@ pub(crate) use tableau::{AHEAD, WEIGHT};
 pub struct Grid {
     /// Number of points.
     pub n: usize,
-    /// Values `[n][outputs of the plan]`.
+    /// Values `[n][outputs of the propagator]`.
     pub y: Vec<f64>,
     /// Sensitivities `[n][outputs][directions]`; empty unless asked for.
     pub dy: Vec<f64>,

@@ -1,9 +1,9 @@
-//! A plan and a record in; values, then Jacobians over lanes, then sensitivities, chunk by chunk
+//! A propagator and a record in; values, then Jacobians over lanes, then sensitivities, chunk by chunk
 //! (see the module's page), out.
 
 use super::evaluate::{Many, Programs};
 use super::modes::Lost;
-use super::plan::Plan;
+use super::propagator::Propagator;
 use super::starts::start_file;
 use super::stiffness::Stiffness;
 use super::tableau::MOST_SUBSTEPS;
@@ -20,32 +20,40 @@ const LOOK: usize = 64;
 /// Runs `record` from its start point to its end. The sensitivities stand apart, per output
 /// `[point][direction]`; empty unless asked for.
 pub fn run(
-    plan: &Plan,
+    propagator: &Propagator,
     parameters: &[f64],
     given: &[f64],
     record: &Record,
     sensitivities: bool,
 ) -> (Grid, Vec<Vec<f64>>) {
-    let (nx, nu, ny) = (plan.layout.states, plan.layout.inputs, plan.outputs.len());
+    let (nx, nu, ny) =
+        (propagator.layout.states, propagator.layout.inputs, propagator.outputs.len());
     let n = record.n.saturating_sub(record.start);
-    let nd = plan.directions.len();
+    let nd = propagator.directions.len();
     let mut grid = Grid { n, y: pool::take(n * ny), finite: true, ..Default::default() };
     if n == 0 || record.inputs.len() < record.n * nu {
         grid.y.fill(f64::NAN);
         grid.finite = n == 0;
         return (grid, vec![Vec::new(); if sensitivities { ny } else { 0 }]);
     }
-    let file = start_file(&plan.starts, plan.layout, &plan.tables, parameters, given, record);
-    let mut x: Vec<f64> = (0..nx).map(|i| plan.starts.program.output(&file, i)[0]).collect();
-    let mut programs = Programs::new(plan, parameters);
-    let mut outputs = Many::new(&plan.output_values, plan, parameters);
-    let mut run = Run::new(plan, record, &mut programs.taus);
-    let mut look = vec![0.0; plan.layout.time() + 1];
+    let file = start_file(
+        &propagator.starts,
+        propagator.layout,
+        &propagator.tables,
+        parameters,
+        given,
+        record,
+    );
+    let mut x: Vec<f64> = (0..nx).map(|i| propagator.starts.program.output(&file, i)[0]).collect();
+    let mut programs = Programs::new(propagator, parameters);
+    let mut outputs = Many::new(&propagator.output_values, propagator, parameters);
+    let mut run = Run::new(propagator, record, &mut programs.taus);
+    let mut look = vec![0.0; propagator.layout.time() + 1];
     run.arguments(0, 0.0, &x, &mut look);
     programs.limits.at(&look);
     run.bounds = (0..2 * nx).map(|k| programs.limits.get(k)).collect();
     let mut lost = run.begin(&x, &mut programs).err().map(|why| (0, why));
-    let mut tangent = sensitivities.then(|| Tangent::new(plan, parameters, &file, n));
+    let mut tangent = sensitivities.then(|| Tangent::new(propagator, parameters, &file, n));
     if let Some(tangent) = &mut tangent {
         run.held().for_each(|state| tangent.hold(state));
     }
@@ -58,7 +66,7 @@ pub fn run(
         if record.substeps == 0 && first % LOOK == 0 {
             run.arguments(first, 0.0, &x, &mut look);
             substeps = stiffness
-                .get_or_insert_with(|| Stiffness::new(plan, parameters))
+                .get_or_insert_with(|| Stiffness::new(propagator, parameters))
                 .substeps(&look, record.dt);
         }
         lost = if lost.is_some() {
@@ -67,14 +75,14 @@ pub fn run(
             let fastest = stiffness.as_mut().map(|stiffness| stiffness.fastest(&look));
             let (state, time_constant) = fastest.unwrap_or((0, 0.0));
             Some((first, Lost::Stiff { state, time_constant }))
-        } else if plan.plain() {
+        } else if propagator.plain() {
             let lost = run.march(first..end, substeps, &mut x, &mut programs.rates, &mut chunk);
             lost.map(|k| (k, Lost::Diverges))
         } else {
             run.walk(first..end, substeps, &mut x, &mut programs, &mut chunk)
         };
         let good = lost.map_or(end, |(k, _)| k);
-        let width = plan.layout.time() + 1;
+        let width = propagator.layout.time() + 1;
         outputs.over(&chunk.points[..(good - first) * width], &mut grid.y[first * ny..good * ny]);
         let bad = match finite(&grid.y[first * ny..good * ny]) {
             true => None,

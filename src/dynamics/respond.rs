@@ -1,8 +1,8 @@
-//! A plan and a record in; start values, trajectories and predictions at the samples of the
+//! A propagator and a record in; start values, trajectories and predictions at the samples of the
 //! record's channels out.
 
-use super::plan::Plan;
 use super::propagate;
+use super::propagator::Propagator;
 use super::record::{Sampling, Weights};
 use super::starts::evaluate_starts;
 use super::substeps;
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::math::pool;
 use crate::model::Model;
 
-impl Plan {
+impl Propagator {
     /// Start values for the `given` states of one record: the first measured value, or what the
     /// model says.
     ///

@@ -19,7 +19,7 @@ impl Run<'_> {
         chunk: &mut Chunk,
     ) {
         let nx = x.len();
-        let width = self.plan.layout.time() + 1;
+        let width = self.propagator.layout.time() + 1;
         let h = self.record.dt / span.m as f64 * (span.to - span.from);
         let mut stage_x = std::mem::take(&mut self.stage);
         stage_x.clear();
@@ -56,7 +56,7 @@ impl Run<'_> {
         for i in 0..nx {
             x[i] += h / 6.0 * sum[i];
         }
-        if self.plan.limits_move {
+        if self.propagator.limits_move {
             let at = chunk.ends.len();
             chunk.ends.resize(at + width, 0.0);
             let end = &mut chunk.ends[at..];
@@ -70,7 +70,7 @@ impl Run<'_> {
 
     /// The limits at a point, where they are not the same everywhere.
     pub(super) fn limits_at(&mut self, point: &[f64], limits: &mut Single) {
-        if self.plan.limits_move {
+        if self.propagator.limits_move {
             limits.at(point);
             for (k, bound) in self.bounds.iter_mut().enumerate() {
                 *bound = limits.get(k);
@@ -81,13 +81,13 @@ impl Run<'_> {
     /// Puts states that are beyond a stop on it, and says which. A position whose velocity may be
     /// held is on its stop, or is not, as its mode says.
     fn clip(&self, x: &mut [f64], how: &mut Vec<u8>) {
-        for &i in &self.plan.limited {
+        for &i in &self.propagator.limited {
             let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
-            let mover = self.plan.moving.iter().position(|m| m.position == Some(i));
+            let mover = self.propagator.moving.iter().position(|m| m.position == Some(i));
             let beyond = match mover.map(|k| self.modes[k]) {
-                Some(Mode::Free(_)) if !self.plan.limits_move => 0,
+                Some(Mode::Free(_)) if !self.propagator.limits_move => 0,
                 Some(Mode::Free(_)) => {
-                    let v = mover.map_or(0.0, |k| x[self.plan.moving[k].velocity]);
+                    let v = mover.map_or(0.0, |k| x[self.propagator.moving[k].velocity]);
                     u8::from(x[i] < low && v >= 0.0) + 2 * u8::from(x[i] > high && v <= 0.0)
                 }
                 Some(Mode::AtMin) => 1,
@@ -102,7 +102,7 @@ impl Run<'_> {
     /// Notes which states rest on a stop at the start of a step: their history has no slope there.
     fn rests(&mut self, x: &[f64], rates: &Single, chunk: &mut Chunk) {
         let nx = x.len();
-        for &i in &self.plan.limited {
+        for &i in &self.propagator.limited {
             let (low, high, f) = (self.bounds[2 * i], self.bounds[2 * i + 1], rates.get(i));
             let rests = x[i] >= high && f > 0.0 || x[i] <= low && f < 0.0;
             chunk.clipped.push(if rests { RESTS } else { 0 });

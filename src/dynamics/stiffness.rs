@@ -2,28 +2,28 @@
 //! sub-steps it asks for.
 
 use super::evaluate::Many;
-use super::plan::Plan;
+use super::propagator::Propagator;
 use super::tableau::{MOST_SUBSTEPS, STIFF};
 
 pub struct Stiffness<'p> {
-    plan: &'p Plan,
+    propagator: &'p Propagator,
     jacobian: Many<'p>,
     entries: Vec<f64>,
 }
 
 impl<'p> Stiffness<'p> {
-    pub fn new(plan: &'p Plan, parameters: &[f64]) -> Self {
-        let program = &plan.linear.rates_program;
+    pub fn new(propagator: &'p Propagator, parameters: &[f64]) -> Self {
+        let program = &propagator.linear.rates_program;
         Stiffness {
-            plan,
-            jacobian: Many::new(program, plan, parameters),
+            propagator,
+            jacobian: Many::new(program, propagator, parameters),
             entries: vec![0.0; program.outputs()],
         }
     }
 
     /// The state that is fastest at a point by itself, and its time constant, s.
     pub fn fastest(&mut self, point: &[f64]) -> (usize, f64) {
-        let (a, nx) = (self.jacobian_at(point), self.plan.layout.states);
+        let (a, nx) = (self.jacobian_at(point), self.propagator.layout.states);
         let by_itself = |i: &usize| a[i * nx + i].abs();
         let state = (0..nx).max_by(|i, j| by_itself(i).total_cmp(&by_itself(j))).unwrap_or(0);
         let rate = by_itself(&state);
@@ -32,10 +32,10 @@ impl<'p> Stiffness<'p> {
     }
 
     fn jacobian_at(&mut self, point: &[f64]) -> Vec<f64> {
-        let nx = self.plan.layout.states;
+        let nx = self.propagator.layout.states;
         self.jacobian.over(point, &mut self.entries);
         let mut a = vec![0.0; nx * nx];
-        for e in &self.plan.linear.rates.states {
+        for e in &self.propagator.linear.rates.states {
             a[e.row * nx + e.column] = self.entries[e.output];
         }
         a
@@ -44,7 +44,7 @@ impl<'p> Stiffness<'p> {
     /// Sub-steps per grid step `dt` so that |lambda| h stays below the limit; more than the most
     /// allowed if it cannot.
     pub fn substeps(&mut self, point: &[f64], dt: f64) -> usize {
-        let (a, nx) = (self.jacobian_at(point), self.plan.layout.states);
+        let (a, nx) = (self.jacobian_at(point), self.propagator.layout.states);
         let needed = spectral_radius(&a, nx) * dt / STIFF;
         if needed.is_nan() { 1 } else { (needed.ceil() as usize).clamp(1, MOST_SUBSTEPS + 1) }
     }

@@ -3,7 +3,7 @@
 use super::evaluate::Many;
 use super::history::Past;
 use super::modes::{Event, Jump};
-use super::plan::Plan;
+use super::propagator::Propagator;
 use super::rows::{Append, Block, LANES, Rows, Steps, append, product, steps};
 use super::step::RESTS;
 use super::tableau::{AHEAD, WEIGHT};
@@ -13,7 +13,7 @@ use crate::math::simd::{Aligned, Width};
 use crate::model::{Delayed, Program};
 
 pub struct Tangent<'p> {
-    plan: &'p Plan,
+    propagator: &'p Propagator,
     width: Width,
     rates: Jacobian<'p>,
     outputs: Jacobian<'p>,
@@ -53,10 +53,15 @@ struct Jacobian<'p> {
 }
 
 impl<'p> Jacobian<'p> {
-    fn new(rows: &'p Rows, program: &'p Program, plan: &'p Plan, parameters: &[f64]) -> Self {
+    fn new(
+        rows: &'p Rows,
+        program: &'p Program,
+        propagator: &'p Propagator,
+        parameters: &[f64],
+    ) -> Self {
         let mut direct = Aligned::default();
         direct.zeros(LANES * rows.size());
-        Jacobian { rows, program: Many::new(program, plan, parameters), block: None, direct }
+        Jacobian { rows, program: Many::new(program, propagator, parameters), block: None, direct }
     }
 
     /// The block that holds point `k` of `points`.
@@ -83,41 +88,47 @@ struct Work {
 
 impl<'p> Tangent<'p> {
     /// `starts`: register file of the evaluated start program.
-    pub fn new(plan: &'p Plan, parameters: &[f64], starts: &[[f64; 1]], points: usize) -> Self {
-        let (nd, ny) = (plan.directions.len(), plan.outputs.len());
-        let lanes = plan.directions.lanes();
-        let free = plan.directions.parameters.len();
+    pub fn new(
+        propagator: &'p Propagator,
+        parameters: &[f64],
+        starts: &[[f64; 1]],
+        points: usize,
+    ) -> Self {
+        let (nd, ny) = (propagator.directions.len(), propagator.outputs.len());
+        let lanes = propagator.directions.lanes();
+        let free = propagator.directions.parameters.len();
         let zeros = |rows: usize| {
             let mut out = Aligned::default();
             out.zeros(rows * lanes);
             out
         };
-        let (nx, both) = (plan.layout.states, plan.layout.states + plan.delays.len());
+        let (nx, both) =
+            (propagator.layout.states, propagator.layout.states + propagator.delays.len());
         let mut s = zeros(both);
-        for e in &plan.starts.entries {
+        for e in &propagator.starts.entries {
             let column = if e.column < free {
                 Some(e.column)
             } else {
-                let state = plan.starts.given[e.column - free];
-                plan.directions.starts.iter().position(|&i| i == state).map(|p| free + p)
+                let state = propagator.starts.given[e.column - free];
+                propagator.directions.starts.iter().position(|&i| i == state).map(|p| free + p)
             };
             if let Some(column) = column {
-                s[e.row * lanes + column] = plan.starts.program.output(starts, e.output)[0];
+                s[e.row * lanes + column] = propagator.starts.program.output(starts, e.output)[0];
             }
         }
-        let jacobian = |rows, program| Jacobian::new(rows, program, plan, parameters);
-        let limits = vec![0.0; if plan.limited.is_empty() { 0 } else { nx * 2 * lanes }];
+        let jacobian = |rows, program| Jacobian::new(rows, program, propagator, parameters);
+        let limits = vec![0.0; if propagator.limited.is_empty() { 0 } else { nx * 2 * lanes }];
         let mut tangent = Tangent {
-            plan,
+            propagator,
             width: Width::detect(),
-            rates: jacobian(&plan.rate_rows, &plan.linear.rates_program),
-            outputs: jacobian(&plan.output_rows, &plan.linear.outputs_program),
-            delays: jacobian(&plan.delay_rows, &plan.linear.delays_program),
-            point_delays: jacobian(&plan.delay_rows, &plan.linear.delays_program),
-            stage_limits: jacobian(&plan.limit_rows, &plan.linear.limits_program),
-            end_limits: jacobian(&plan.limit_rows, &plan.linear.limits_program),
-            pushes: jacobian(&plan.moving_rows, &plan.linear.moving_program),
-            pushed: vec![0.0; 2 * plan.moving.len() * lanes],
+            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program),
+            outputs: jacobian(&propagator.output_rows, &propagator.linear.outputs_program),
+            delays: jacobian(&propagator.delay_rows, &propagator.linear.delays_program),
+            point_delays: jacobian(&propagator.delay_rows, &propagator.linear.delays_program),
+            stage_limits: jacobian(&propagator.limit_rows, &propagator.linear.limits_program),
+            end_limits: jacobian(&propagator.limit_rows, &propagator.linear.limits_program),
+            pushes: jacobian(&propagator.moving_rows, &propagator.linear.moving_program),
+            pushed: vec![0.0; 2 * propagator.moving.len() * lanes],
             lanes,
             s,
             limits,
@@ -133,8 +144,8 @@ impl<'p> Tangent<'p> {
             },
             zeros: [0.0; 8],
         };
-        if !tangent.limits.is_empty() && !plan.limits_move {
-            let point = vec![0.0; plan.layout.time() + 1];
+        if !tangent.limits.is_empty() && !propagator.limits_move {
+            let point = vec![0.0; propagator.layout.time() + 1];
             let block = tangent.end_limits.at(&point, 0);
             // SAFETY: the width is this machine's.
             unsafe { product(tangent.width, block, 0, &tangent.s, &mut tangent.limits) };
@@ -158,7 +169,7 @@ impl<'p> Tangent<'p> {
             [&mut self.outputs, &mut self.point_delays, &mut self.end_limits, &mut self.pushes];
         let stages = [&mut self.rates, &mut self.delays, &mut self.stage_limits];
         points.into_iter().chain(stages).for_each(|jacobian| jacobian.block = None);
-        if self.plan.plain() {
+        if self.propagator.plain() {
             self.march(run, chunk);
         } else {
             self.walk(run, chunk);
@@ -167,9 +178,9 @@ impl<'p> Tangent<'p> {
 
     /// A chunk of a plain model, a block of stages at a time.
     fn march(&mut self, run: &Run, chunk: &Chunk) {
-        let size = self.plan.layout.states * self.lanes;
+        let size = self.propagator.layout.states * self.lanes;
         let (points, whole) =
-            (chunk.points.len() / (self.plan.layout.time() + 1), chunk.substeps.len());
+            (chunk.points.len() / (self.propagator.layout.time() + 1), chunk.substeps.len());
         let m = chunk.substeps.first().copied().unwrap_or(1);
         let Work { between: [a, b], sum, kept, .. } = &mut self.work;
         kept.resize(points * size);
@@ -197,7 +208,7 @@ impl<'p> Tangent<'p> {
             let n = LANES.min(points - first);
             let to = Append {
                 lists: &mut self.rows,
-                directions: self.plan.directions.len(),
+                directions: self.propagator.directions.len(),
                 k: self.done,
                 zeros: &mut self.zeros,
             };
@@ -218,10 +229,10 @@ impl<'p> Tangent<'p> {
 
     /// A chunk of any model, stage by stage.
     fn walk(&mut self, run: &Run, chunk: &Chunk) {
-        let plan = self.plan;
+        let propagator = self.propagator;
         let (delays, limited, history) =
-            (plan.delays.len(), plan.limited.len(), run.keeps_history());
-        let points = chunk.points.len() / (plan.layout.time() + 1);
+            (propagator.delays.len(), propagator.limited.len(), run.keeps_history());
+        let points = chunk.points.len() / (propagator.layout.time() + 1);
         let (mut stage, mut substep) = (0, 0);
         let mut jumps = chunk.jumps.iter().peekable();
         while let Some(jump) = jumps.next_if(|jump| jump.after == 0) {
@@ -235,7 +246,7 @@ impl<'p> Tangent<'p> {
                 let pasts = &chunk.point_pasts[point * delays..(point + 1) * delays];
                 let past = [&self.s_history, &self.k_history];
                 delayed(
-                    plan,
+                    propagator,
                     self.width,
                     run,
                     pasts,
@@ -246,7 +257,7 @@ impl<'p> Tangent<'p> {
             }
             let to = Append {
                 lists: &mut self.rows,
-                directions: plan.directions.len(),
+                directions: propagator.directions.len(),
                 k: self.done,
                 zeros: &mut self.zeros,
             };
@@ -276,14 +287,14 @@ impl<'p> Tangent<'p> {
                     stage += 1;
                 }
                 let held = &chunk.held[substep * limited..(substep + 1) * limited];
-                if plan.limits_move && is_put(held) {
+                if propagator.limits_move && is_put(held) {
                     let block = self.end_limits.at(&chunk.ends, substep);
                     // SAFETY: the width is this machine's.
                     unsafe {
                         product(self.width, block, substep % LANES, &self.s, &mut self.limits)
                     };
                 }
-                put_on_stops(plan, &self.limits, self.lanes, held, &mut self.s);
+                put_on_stops(propagator, &self.limits, self.lanes, held, &mut self.s);
                 substep += 1;
                 while let Some(jump) = jumps.next_if(|jump| jump.after <= substep) {
                     self.jump(jump, chunk, substep);
@@ -304,22 +315,22 @@ impl<'p> Tangent<'p> {
         weights: [[f64; 2]; 4],
     ) {
         let (number, history, size) =
-            (at % 4, !self.s_history.is_empty(), self.plan.layout.states * self.lanes);
+            (at % 4, !self.s_history.is_empty(), self.propagator.layout.states * self.lanes);
         let Work { between: [a, b], sum, k, .. } = &mut self.work;
         if number == 0 {
             b[..size].copy_from_slice(&self.s[..size]);
         }
         let from = if number % 2 == 0 { &mut *b } else { &mut *a };
-        if self.plan.limits_move && is_put(clipped) {
+        if self.propagator.limits_move && is_put(clipped) {
             let block = self.stage_limits.at(stages, at);
             // SAFETY: the width is this machine's.
             unsafe { product(self.width, block, at % LANES, from, &mut self.limits) };
         }
-        put_on_stops(self.plan, &self.limits, self.lanes, clipped, from);
+        put_on_stops(self.propagator, &self.limits, self.lanes, clipped, from);
         if !pasts.is_empty() {
             let lists = [&self.s_history, &self.k_history];
             delayed(
-                self.plan,
+                self.propagator,
                 self.width,
                 run,
                 pasts,
@@ -347,7 +358,9 @@ impl<'p> Tangent<'p> {
         if number == 0 && history {
             let end = self.k_history.len();
             self.k_history[end - size..].copy_from_slice(&self.work.k);
-            for (&i, _) in self.plan.limited.iter().zip(clipped).filter(|(_, how)| **how == RESTS) {
+            for (&i, _) in
+                self.propagator.limited.iter().zip(clipped).filter(|(_, how)| **how == RESTS)
+            {
                 let row = end - size + i * self.lanes;
                 self.k_history[row..row + self.lanes].fill(0.0);
             }
@@ -357,9 +370,9 @@ impl<'p> Tangent<'p> {
     /// The sensitivities behind an instant at which a velocity jumps (see `contacts`); `done`: steps
     /// of the chunk before it.
     fn jump(&mut self, jump: &Jump, chunk: &Chunk, done: usize) {
-        let (lanes, mover) = (self.lanes, self.plan.moving[jump.moving]);
+        let (lanes, mover) = (self.lanes, self.propagator.moving[jump.moving]);
         let leaves = jump.event == Event::Loose;
-        if self.plan.limits_move && jump.limit.is_some() && done > 0 {
+        if self.propagator.limits_move && jump.limit.is_some() && done > 0 {
             let at = (done - 1) % LANES;
             // SAFETY: the width is this machine's.
             unsafe {
@@ -400,7 +413,7 @@ impl<'p> Tangent<'p> {
     }
 
     fn remember(&mut self) {
-        self.s_history.extend_from_slice(&self.s[..self.plan.layout.states * self.lanes]);
+        self.s_history.extend_from_slice(&self.s[..self.propagator.layout.states * self.lanes]);
         self.k_history.resize(self.s_history.len(), 0.0);
     }
 }
@@ -411,8 +424,10 @@ fn is_put(how: &[u8]) -> bool {
 }
 
 /// The sensitivity of a state that was put on a stop is that of the stop.
-fn put_on_stops(plan: &Plan, limits: &[f64], lanes: usize, how: &[u8], s: &mut [f64]) {
-    for (&i, &how) in plan.limited.iter().zip(how).filter(|(_, how)| (1..RESTS).contains(*how)) {
+fn put_on_stops(propagator: &Propagator, limits: &[f64], lanes: usize, how: &[u8], s: &mut [f64]) {
+    for (&i, &how) in
+        propagator.limited.iter().zip(how).filter(|(_, how)| (1..RESTS).contains(*how))
+    {
         let from = (2 * i + usize::from(how) - 1) * lanes;
         s[i * lanes..(i + 1) * lanes].copy_from_slice(&limits[from..from + lanes]);
     }
@@ -427,7 +442,7 @@ fn weights(h: f64) -> [[f64; 2]; 4] {
 /// `dX(t - tau) = S(t - tau) - X'(t - tau) dtau`. `taus`: the Jacobian of the delay times, and the
 /// point; `history`: sensitivities of the states and of their rates at the remembered times.
 fn delayed(
-    plan: &Plan,
+    propagator: &Propagator,
     width: Width,
     run: &Run,
     pasts: &[Past],
@@ -435,12 +450,12 @@ fn delayed(
     s: &mut [f64],
     history: [&Vec<f64>; 2],
 ) {
-    let (nx, lanes) = (plan.layout.states, plan.directions.lanes());
+    let (nx, lanes) = (propagator.layout.states, propagator.directions.lanes());
     let [s_history, k_history] = history;
     let (s, out) = s.split_at_mut(nx * lanes);
     // SAFETY: the width is this machine's; delay times do not depend on delayed values.
     unsafe { product(width, taus, point % LANES, s, out) };
-    for (k, (delay, past)) in plan.delays.iter().zip(pasts).enumerate() {
+    for (k, (delay, past)) in propagator.delays.iter().zip(pasts).enumerate() {
         let (row, next) = out[k * lanes..].split_at_mut(lanes);
         let slope = match delay.of {
             Delayed::Input(_) => past.slope[0],

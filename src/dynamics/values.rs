@@ -4,7 +4,7 @@
 use super::evaluate::{Programs, Single};
 use super::history::{self, Past};
 use super::modes::{Jump, Lost, Mode, Span};
-use super::plan::Plan;
+use super::propagator::Propagator;
 use super::sigma_filter::{Smooth, smoothed};
 use super::tableau::OFFSET;
 use super::{Interpolation, Record};
@@ -12,7 +12,7 @@ use crate::model::Delayed;
 
 /// Everything of one run that the three passes share.
 pub(super) struct Run<'p> {
-    pub(super) plan: &'p Plan,
+    pub(super) propagator: &'p Propagator,
     pub(super) record: &'p Record,
     /// Time derivatives of the inputs on the grid (only where the model uses them).
     slopes: Vec<f64>,
@@ -34,28 +34,28 @@ pub(super) struct Run<'p> {
 }
 
 impl<'p> Run<'p> {
-    pub(super) fn new(plan: &'p Plan, record: &'p Record, taus: &mut Single) -> Self {
-        let smooth = if plan.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
+    pub(super) fn new(propagator: &'p Propagator, record: &'p Record, taus: &mut Single) -> Self {
+        let smooth = if propagator.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
             taus.at(&[]); // their parameters are the same all along a record
             smoothed(
-                &plan.delays,
-                &record.inputs[..record.n * plan.layout.inputs],
-                plan.layout.inputs,
+                &propagator.delays,
+                &record.inputs[..record.n * propagator.layout.inputs],
+                propagator.layout.inputs,
                 record.dt,
                 |k| taus.get(k),
             )
         } else {
             Vec::new()
         };
-        let slopes = if plan.uses_input_rates {
-            input_slopes(record, plan.layout.inputs)
+        let slopes = if propagator.uses_input_rates {
+            input_slopes(record, propagator.layout.inputs)
         } else {
             Vec::new()
         };
         let (times, x_history, f_history, stage, sum) = Default::default();
-        let count = plan.moving.len();
+        let count = propagator.moving.len();
         Run {
-            plan,
+            propagator,
             record,
             slopes,
             smooth,
@@ -67,7 +67,7 @@ impl<'p> Run<'p> {
             f_history,
             stage,
             sum,
-            scratch: vec![0.0; plan.layout.time() + 1],
+            scratch: vec![0.0; propagator.layout.time() + 1],
         }
     }
 }
@@ -134,7 +134,7 @@ impl Run<'_> {
     /// Fills states, inputs, input rates and time of the point at grid step k (from the start
     /// point) and fraction c.
     pub(super) fn arguments(&self, k: usize, c: f64, x: &[f64], point: &mut [f64]) {
-        let (l, nu) = (&self.plan.layout, self.plan.layout.inputs);
+        let (l, nu) = (&self.propagator.layout, self.propagator.layout.inputs);
         point[..l.states].copy_from_slice(x);
         let k = self.record.start + k;
         let next = (k + 1).min(self.record.n - 1);
@@ -168,13 +168,13 @@ impl Run<'_> {
         slope_known: bool,
         pasts: &mut Vec<Past>,
     ) {
-        let (plan, l, record) = (self.plan, &self.plan.layout, self.record);
-        if plan.delays.is_empty() {
+        let (propagator, l, record) = (self.propagator, &self.propagator.layout, self.record);
+        if propagator.delays.is_empty() {
             return;
         }
         taus.at(point);
         let now = point[l.time()];
-        for (k, delay) in plan.delays.iter().enumerate() {
+        for (k, delay) in propagator.delays.iter().enumerate() {
             let t = now - taus.get(k);
             let mut past = Past { i: 0, j: 0, w: [0.0; 4], slope: [0.0; 4] };
             point[l.delayed() + k] = match delay.of {
@@ -249,7 +249,7 @@ impl Run<'_> {
         rates: &mut Single,
         chunk: &mut Chunk,
     ) -> Option<usize> {
-        let width = self.plan.layout.time() + 1;
+        let width = self.propagator.layout.time() + 1;
         let (first, n) = (points.start, self.record.n - self.record.start);
         let steps = points.end.min(n - 1) - first;
         chunk.substeps.resize(steps, m);
@@ -273,7 +273,7 @@ impl Run<'_> {
     /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps
     /// in each.
     fn lay_out(&self, first: usize, m: usize, rows: &mut [f64]) {
-        let (l, record) = (&self.plan.layout, self.record);
+        let (l, record) = (&self.propagator.layout, self.record);
         let (nu, width) = (l.inputs, l.time() + 1);
         if m > 1 || record.interpolation.iter().any(|i| *i != Interpolation::Linear) {
             let nothing = vec![0.0; l.states];
@@ -307,7 +307,7 @@ impl Run<'_> {
     }
 
     pub(super) fn past_value(&self, state: usize, p: &Past, w: &[f64; 4]) -> f64 {
-        let nx = self.plan.layout.states;
+        let nx = self.propagator.layout.states;
         let (i, j) = (p.i * nx + state, p.j * nx + state);
         w[0] * self.x_history[i]
             + w[1] * self.f_history[i]
@@ -316,7 +316,7 @@ impl Run<'_> {
     }
 
     pub(super) fn keeps_history(&self) -> bool {
-        self.plan.delays.iter().any(|d| matches!(d.of, Delayed::State(_)))
+        self.propagator.delays.iter().any(|d| matches!(d.of, Delayed::State(_)))
     }
 
     /// The arguments at grid point `k` where the states have always been `x`.
@@ -329,7 +329,7 @@ impl Run<'_> {
 
     /// The arguments at a grid point.
     fn point(&mut self, k: usize, x: &[f64], taus: &mut Single, chunk: &mut Chunk) {
-        let width = self.plan.layout.time() + 1;
+        let width = self.propagator.layout.time() + 1;
         let at = chunk.points.len();
         chunk.points.resize(at + width, 0.0);
         self.arguments(k, 0.0, x, &mut chunk.points[at..]);

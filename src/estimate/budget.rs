@@ -15,7 +15,7 @@
 //! `G_c` together, and the formula is the solution of the normal equations with the constant's step
 //! prescribed as 1.
 
-use super::case::{Case, plan};
+use super::case::{Case, propagator};
 use super::choice::Chosen;
 use super::extend::extended;
 use super::segment::Segment;
@@ -63,10 +63,10 @@ pub fn influences(
     let constants = reaching(&opened, behind, &case.outputs);
     let wider = widened(case, &opened, &constants);
     let owned: Vec<Segment> = segments.iter().map(|s| (*s).clone()).collect();
-    let plan = plan(&opened, &wider, &owned)?;
-    let (opened, wider, plan) = (Arc::new(opened), Arc::new(wider), Arc::new(plan));
-    let opened_case =
-        Case::new(opened.clone(), wider, plan, segments, given, settings).with_steps(&case.steps());
+    let propagator = propagator(&opened, &wider, &owned)?;
+    let (opened, wider, propagator) = (Arc::new(opened), Arc::new(wider), Arc::new(propagator));
+    let opened_case = Case::new(opened.clone(), wider, propagator, segments, given, settings)
+        .with_steps(&case.steps());
     Ok(slopes(&opened, &constants, &opened_case, case, solution).unwrap_or_default())
 }
 

@@ -4,7 +4,7 @@
 use super::choice::Chosen;
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::{Label, Line, NoiseKind, Settings, Trace};
-use crate::dynamics::{Directions, Lost, Plan, Record, Response, Sampling};
+use crate::dynamics::{Directions, Lost, Propagator, Record, Response, Sampling};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::{Model, Scope};
@@ -30,7 +30,7 @@ pub struct Unknown {
 pub struct Case {
     pub model: Arc<Model>,
     pub(super) chosen: Arc<Chosen>,
-    pub plan: Arc<Plan>,
+    pub propagator: Arc<Propagator>,
     pub records: Vec<Record>,
     /// How the samples of each record lie on its grid.
     sampling: Vec<Vec<Sampling>>,
@@ -48,20 +48,20 @@ pub struct Case {
 }
 
 impl Case {
-    /// `given`: start values of the states that the plan wants from outside, per segment.
+    /// `given`: start values of the states that the propagator wants from outside, per segment.
     pub fn new(
         model: Arc<Model>,
         chosen: Arc<Chosen>,
-        plan: Arc<Plan>,
+        propagator: Arc<Propagator>,
         segments: &[&Segment],
         given: Vec<Vec<f64>>,
         settings: &Settings,
     ) -> Case {
         let records: Vec<Record> = segments.iter().map(|s| s.scored()).collect();
         let automatic = records.iter().map(|r| r.substeps == 0).collect();
-        let outputs = plan.outputs.clone();
+        let outputs = propagator.outputs.clone();
         let (layout, unknowns) =
-            layout(&model, &plan, (segments, &records), settings, &chosen, &given);
+            layout(&model, &propagator, (segments, &records), settings, &chosen, &given);
         let sampling = records.iter().map(Record::sampling).collect();
         let away = |s: &&Segment| {
             let of = |(_, line): &(usize, Line)| {
@@ -73,7 +73,7 @@ impl Case {
         Case {
             model,
             chosen,
-            plan,
+            propagator,
             records,
             sampling,
             automatic,
@@ -118,26 +118,26 @@ impl Case {
     /// Integration steps per step of the grid that the model asks for in segment `s`.
     pub fn substeps(&self, s: usize, theta: &[f64]) -> usize {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
-        self.plan.substeps(&parameters, &starts, &self.records[s])
+        self.propagator.substeps(&parameters, &starts, &self.records[s])
     }
 
     /// Why the trajectory of segment `s` is given up, if it is.
     pub fn lost(&self, s: usize, theta: &[f64]) -> Option<Lost> {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
-        self.plan.run(&parameters, &starts, &self.records[s], false).lost
+        self.propagator.run(&parameters, &starts, &self.records[s], false).lost
     }
 
     /// States that friction holds all along segment `s`.
     pub fn stuck(&self, s: usize, theta: &[f64]) -> Vec<usize> {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
-        self.plan.run(&parameters, &starts, &self.records[s], false).stuck
+        self.propagator.run(&parameters, &starts, &self.records[s], false).stuck
     }
 
     /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked.
     /// `None` where the model is not finite.
     pub fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
         let (parameters, starts) = self.place(s, local);
-        let response = self.plan.respond_at(
+        let response = self.propagator.respond_at(
             &parameters,
             &starts,
             &self.records[s],
@@ -185,7 +185,8 @@ impl Case {
     /// Measured and modelled values of segment `s`.
     pub fn traces(&self, s: usize, theta: &[f64]) -> Vec<Trace> {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
-        let response: Response = self.plan.respond(&parameters, &starts, &self.records[s], false);
+        let response: Response =
+            self.propagator.respond(&parameters, &starts, &self.records[s], false);
         let channels = self.records[s].channels.iter().zip(response.y);
         let trace = |(channel, modelled): (&crate::dynamics::Channel, Vec<f64>)| {
             let quantity = self.model.outputs.get(channel.output)?;
@@ -216,7 +217,7 @@ impl Case {
         for (&p, value) in chosen.own.iter().zip(&mut values) {
             parameters[p] = value;
         }
-        for (state, start) in self.plan.given().iter().zip(&mut starts) {
+        for (state, start) in self.propagator.given().iter().zip(&mut starts) {
             if chosen.initial.contains(state) {
                 *start = values.next().unwrap_or(*start);
             }
@@ -240,11 +241,15 @@ impl Case {
     }
 }
 
-/// The directions of a plan: as `Case` wants them.
-pub fn plan(model: &Model, chosen: &Chosen, segments: &[Segment]) -> Result<Plan> {
+/// The directions of a propagator: as `Case` wants them.
+pub fn propagator(model: &Model, chosen: &Chosen, segments: &[Segment]) -> Result<Propagator> {
     let parameters = chosen.shared.iter().chain(&chosen.own).copied().collect();
     let outputs = scored(model, segments);
-    Plan::of_outputs(model, Directions { parameters, starts: chosen.initial.clone() }, outputs)
+    Propagator::of_outputs(
+        model,
+        Directions { parameters, starts: chosen.initial.clone() },
+        outputs,
+    )
 }
 
 /// Model outputs measured in any record, ascending.
@@ -256,7 +261,7 @@ fn scored(model: &Model, segments: &[Segment]) -> Vec<usize> {
 
 fn layout(
     model: &Model,
-    plan: &Plan,
+    propagator: &Propagator,
     (segments, scored): (&[&Segment], &[Record]),
     settings: &Settings,
     chosen: &Chosen,
@@ -314,8 +319,11 @@ fn layout(
         let from = values.len();
         values.extend(chosen.own.iter().map(|&p| bounds(p)));
         unknowns.extend(chosen.own.iter().map(|&p| unknown(p, place, group.clone())));
-        for (state, value) in
-            plan.given().iter().zip(&given[s]).filter(|(state, _)| chosen.initial.contains(state))
+        for (state, value) in propagator
+            .given()
+            .iter()
+            .zip(&given[s])
+            .filter(|(state, _)| chosen.initial.contains(state))
         {
             let q = &model.states[*state].quantity;
             values.push([*value, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
@@ -363,9 +371,9 @@ fn layout(
             instants,
         });
     }
-    let floor = plan.outputs.iter().map(|&o| floor(model, segments, o, settings)).collect();
+    let floor = propagator.outputs.iter().map(|&o| floor(model, segments, o, settings)).collect();
     let noise = Structure {
-        outputs: plan.outputs.len(),
+        outputs: propagator.outputs.len(),
         groups: noise.values.len().max(1),
         full,
         floor,

@@ -2,7 +2,7 @@
 //! used left out and named, out.
 
 use super::budget::influences;
-use super::case::{Case, plan};
+use super::case::{Case, propagator};
 use super::choice::choose;
 use super::equations::Origin;
 use super::extend::prepare;
@@ -82,10 +82,10 @@ fn once(
     let (model, segments) = prepare(base, all, settings)?;
     let (model, segments) = (Arc::new(model.into_owned()), &*segments);
     let chosen = Arc::new(choose(&model, segments, settings)?);
-    let mut plan = plan(&model, &chosen, segments)?;
-    plan.compile(settings.tier, segments.iter().map(|s| s.record.n).sum());
-    let plan = Arc::new(plan);
-    let given = starts(&model, &plan, segments, &chosen, settings)?;
+    let mut propagator = propagator(&model, &chosen, segments)?;
+    propagator.compile(settings.tier, segments.iter().map(|s| s.record.n).sum());
+    let propagator = Arc::new(propagator);
+    let given = starts(&model, &propagator, segments, &chosen, settings)?;
     let mut left_out: Vec<LeftOut> = Vec::new();
     let mut used: Vec<usize> = Vec::new();
     for s in 0..segments.len() {
@@ -103,7 +103,7 @@ fn once(
         let these: Vec<&Segment> = used.iter().map(|&s| &segments[s]).collect();
         let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
         let mut case =
-            Case::new(model.clone(), chosen.clone(), plan.clone(), &these, values, settings);
+            Case::new(model.clone(), chosen.clone(), propagator.clone(), &these, values, settings);
         let origin = Origin::new(base, all, settings, &used);
         let regression = case.start_by_regression(settings)?;
         let solution = case.solve(settings, &origin, here);

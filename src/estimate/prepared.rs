@@ -1,13 +1,13 @@
 //! A model, segments and settings in; the model as it would be estimated, over the segments that
 //! can be used, out: for those who evaluate it themselves.
 
-use super::case::{Case, plan};
+use super::case::{Case, propagator};
 use super::choice::{Chosen, choose};
 use super::extend::prepare;
 use super::segment::Segment;
 use super::usable::{starts, unusable};
 use super::{LeftOut, Settings};
-use crate::dynamics::Plan;
+use crate::dynamics::Propagator;
 use crate::error::Errors;
 use crate::model::Model;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub struct Prepared {
     /// The others, and why they cannot.
     pub left_out: Vec<LeftOut>,
     chosen: Arc<Chosen>,
-    plan: Arc<Plan>,
+    propagator: Arc<Propagator>,
     /// Of all segments.
     given: Vec<Result<Vec<f64>, String>>,
     settings: Settings,
@@ -42,8 +42,8 @@ impl Prepared {
         let (model, segments) = prepare(model, segments, settings)?;
         let (model, segments) = (model.into_owned(), segments.into_owned());
         let chosen = choose(&model, &segments, settings)?;
-        let plan = plan(&model, &chosen, &segments)?;
-        let given = starts(&model, &plan, &segments, &chosen, settings)?;
+        let propagator = propagator(&model, &chosen, &segments)?;
+        let given = starts(&model, &propagator, &segments, &chosen, settings)?;
         let why: Vec<Option<String>> = (0..segments.len())
             .map(|s| unusable(&model, &chosen, &segments[s], &given[s]))
             .collect();
@@ -59,7 +59,7 @@ impl Prepared {
             used,
             left_out,
             chosen: Arc::new(chosen),
-            plan: Arc::new(plan),
+            propagator: Arc::new(propagator),
             given,
             settings: settings.clone(),
         })
@@ -74,8 +74,9 @@ impl Prepared {
     pub fn case_of(&self, used: &[usize]) -> Case {
         let these: Vec<&Segment> = used.iter().map(|&s| &self.segments[s]).collect();
         let given = used.iter().filter_map(|&s| self.given[s].as_ref().ok().cloned()).collect();
-        let (model, chosen, plan) = (self.model.clone(), self.chosen.clone(), self.plan.clone());
-        Case::new(model, chosen, plan, &these, given, &self.settings)
+        let (model, chosen, propagator) =
+            (self.model.clone(), self.chosen.clone(), self.propagator.clone());
+        Case::new(model, chosen, propagator, &these, given, &self.settings)
     }
 
     /// Whether a segment (index) has start values for all states that need one from outside.
@@ -86,7 +87,7 @@ impl Prepared {
     /// With machine code where the settings say so.
     pub fn compiled(mut self) -> Prepared {
         let points = self.segments.iter().map(|s| s.record.n).sum();
-        Arc::make_mut(&mut self.plan).compile(self.settings.tier, points);
+        Arc::make_mut(&mut self.propagator).compile(self.settings.tier, points);
         self
     }
 

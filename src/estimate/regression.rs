@@ -74,7 +74,7 @@ pub struct Regression {
 
 /// An equation in use: the row of its program, what is on its left side, what it needs.
 struct Side {
-    /// Row among the rates or the outputs of the plan.
+    /// Row among the rates or the outputs of the propagator.
     row: usize,
     is_rate: bool,
     output: usize,
@@ -82,7 +82,7 @@ struct Side {
 }
 
 /// What one segment contributes, independent of the parameters.
-struct Prepared {
+struct Sampled {
     /// Grid points `[n][width]`: states, inputs and their rates, delayed values, time.
     points: Vec<f64>,
     n: usize,
@@ -98,7 +98,7 @@ struct Problem<'a> {
     outputs: Program,
     linear: Linear,
     sides: Vec<Side>,
-    segments: Vec<Prepared>,
+    segments: Vec<Sampled>,
 }
 
 const ORDER: usize = 3;
@@ -257,7 +257,7 @@ fn on_grid(record: &Record, output: usize, first: usize) -> Vec<f64> {
     channel.map_or_else(|| vec![f64::NAN; n], |c| linear(&c.t, &c.z, &grid, f64::INFINITY))
 }
 
-fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result<Prepared> {
+fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result<Sampled> {
     let (model, record) = (&case.model, &case.records[s]);
     let (l, first, dt) = (model.layout, record.start, record.dt);
     let n = record.n.saturating_sub(first);
@@ -325,7 +325,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
         if side.is_rate { filter.apply(&z) } else { z }
     });
     let left = left.collect();
-    Ok(Prepared { points, n, dt, filter, left })
+    Ok(Sampled { points, n, dt, filter, left })
 }
 
 /// Delay times at these parameters.
@@ -388,13 +388,13 @@ impl Problem<'_> {
 
     /// All outputs of a program at all points of a segment, `[n][outputs]`.
     fn over(&self, program: &Program, s: usize, parameters: &[f64]) -> Vec<f64> {
-        let (model, prepared) = (&self.case.model, &self.segments[s]);
+        let (model, sampled) = (&self.case.model, &self.segments[s]);
         let mut file = program.registers::<1>();
         parameters.iter().enumerate().for_each(|(p, v)| file[model.layout.parameter() + p] = [*v]);
         program.prepare(&mut file, &model.tables);
         let width = model.layout.time() + 1;
-        let mut all = Vec::with_capacity(prepared.n * program.outputs());
-        for point in prepared.points.chunks_exact(width) {
+        let mut all = Vec::with_capacity(sampled.n * program.outputs());
+        for point in sampled.points.chunks_exact(width) {
             point.iter().zip(&mut file).for_each(|(v, slot)| *slot = [*v]);
             program.run(&mut file, &model.tables);
             all.extend((0..program.outputs()).map(|k| program.output(&file, k)[0]));
@@ -405,14 +405,14 @@ impl Problem<'_> {
     /// A column of the right side as the left one is seen: through the derivative filter of its
     /// integral.
     fn seen(&self, side: &Side, s: usize, column: Vec<f64>) -> Vec<f64> {
-        let prepared = &self.segments[s];
-        if side.is_rate { prepared.filter.apply(&integral(&column, prepared.dt)) } else { column }
+        let sampled = &self.segments[s];
+        if side.is_rate { sampled.filter.apply(&integral(&column, sampled.dt)) } else { column }
     }
 
     fn blocks(&self, s: usize, local: &[f64], sensitivities: bool) -> Vec<Block> {
         let (parameters, _) = self.case.place(s, local);
         let nd = self.case.layout.parts[s].directions();
-        let prepared = &self.segments[s];
+        let sampled = &self.segments[s];
         let values =
             [self.over(&self.rates, s, &parameters), self.over(&self.outputs, s, &parameters)];
         let slopes = sensitivities.then(|| {
@@ -434,10 +434,10 @@ impl Problem<'_> {
             let (program, derived) = programs[which];
             let right = self.seen(side, s, column(&values[which], program.outputs(), side.row));
             let e: Vec<f64> =
-                prepared.left[equation].iter().zip(&right).map(|(l, r)| l - r).collect();
+                sampled.left[equation].iter().zip(&right).map(|(l, r)| l - r).collect();
             let mut g = Vec::new();
             if let Some(slopes) = &slopes {
-                g = vec![0.0; prepared.n * nd];
+                g = vec![0.0; sampled.n * nd];
                 for entry in self.entries(side) {
                     let seen =
                         self.seen(side, s, column(&slopes[which], derived.outputs(), entry.output));

@@ -4,7 +4,7 @@
 use super::choice::Chosen;
 use super::segment::Segment;
 use super::{InitialFrom, Line, Settings};
-use crate::dynamics::{Channel, Plan};
+use crate::dynamics::{Channel, Propagator};
 use crate::error::{Error, Errors};
 use crate::model::{Model, StartKind};
 
@@ -14,7 +14,7 @@ use crate::model::{Model, StartKind};
 /// A state starts "measured", and its output is measured nowhere.
 pub(super) fn starts(
     model: &Model,
-    plan: &Plan,
+    propagator: &Propagator,
     segments: &[Segment],
     chosen: &Chosen,
     settings: &Settings,
@@ -46,7 +46,8 @@ pub(super) fn starts(
             InitialFrom::Own => s,
             InitialFrom::First => segments.first().unwrap_or(s),
         };
-        plan.first_values_of(model, &chosen.parameters, &s.record, &first.record)
+        propagator
+            .first_values_of(model, &chosen.parameters, &s.record, &first.record)
             .map_err(|e| e.what)
     };
     Ok(segments.iter().map(values).collect())

@@ -8,6 +8,7 @@ use super::layout::Layout;
 use super::method::{Method, StepControl, Undetermined};
 use super::problem::{Evaluate, pass, scatter, weighed};
 use super::sums::Totals;
+use crate::math::products::dot;
 
 /// Where the iteration ended.
 #[derive(Debug, Clone)]
@@ -140,8 +141,7 @@ impl Point {
 
     /// By how much a step lowers the cost if that is a parabola: `d' g - 1/2 d' M d`.
     fn promise(&self, step: &[f64]) -> f64 {
-        step.iter().zip(&self.gradient).map(|(d, g)| d * g).sum::<f64>()
-            - 0.5 * self.matrix.quadratic(step).max(0.0)
+        dot(step, &self.gradient) - 0.5 * self.matrix.quadratic(step).max(0.0)
     }
 
     /// Parameters on a bound that the gradient pushes against it.

@@ -1,5 +1,11 @@
 //! Ascending points and their values in; straight lines between them, held outside, out.
 
+/// On the straight line from `a` (share 0) to `b` (share 1).
+#[inline]
+pub fn between(a: f64, b: f64, share: f64) -> f64 {
+    a + share * (b - a)
+}
+
 /// Interval of `x` in ascending `points`, of which there is at least one: index of its left end,
 /// fraction, and 1/width (0 outside, where the value is held).
 pub fn locate(points: &[f64], x: f64) -> (usize, f64, f64) {
@@ -23,7 +29,7 @@ pub fn held(points: &[f64], values: &[f64], x: f64) -> f64 {
     }
     let (i, share, _) = locate(points, x);
     let (left, right) = (values[i], values[(i + 1).min(values.len() - 1)]);
-    if share == 1.0 { right } else { left + share * (right - left) }
+    if share == 1.0 { right } else { between(left, right, share) }
 }
 
 #[cfg(test)]

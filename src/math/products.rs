@@ -121,14 +121,20 @@ const LANES: usize = 8;
 
 /// Sum of products over the shorter of both.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; LANES];
+    dot_by::<LANES>(a, b)
+}
+
+/// The same in `L` sums side by side, for rows of which `L` is the vector.
+#[inline(always)]
+pub fn dot_by<const L: usize>(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; L];
     let (a, b) = (&a[..a.len().min(b.len())], &b[..a.len().min(b.len())]);
-    for (x, y) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
-        for l in 0..LANES {
+    for (x, y) in a.chunks_exact(L).zip(b.chunks_exact(L)) {
+        for l in 0..L {
             sums[l] += x[l] * y[l];
         }
     }
-    let rest = a.len() - a.len() % LANES;
+    let rest = a.len() - a.len() % L;
     let tail: f64 = a[rest..].iter().zip(&b[rest..]).map(|(x, y)| x * y).sum();
     sums.iter().sum::<f64>() + tail
 }

@@ -14,7 +14,7 @@
 //!
 //! Own parameters of a segment are eliminated first. What the data do not determine counts as held.
 
-use crate::math::products::{Gram, factor};
+use crate::math::products::{Gram, dot, factor};
 
 /// What a column of a segment's sensitivities belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -193,7 +193,7 @@ impl Taken {
             return self;
         }
         let row = |i: usize| &self.root[i * columns..(i + 1) * columns];
-        let product = |k: usize| row(k / nd).iter().zip(row(k % nd)).map(|(a, b)| a * b).sum();
+        let product = |k: usize| dot(row(k / nd), row(k % nd));
         let root = factor(&(0..nd * nd).map(product).collect::<Vec<f64>>(), nd);
         Taken { columns: nd, step: self.step, root }
     }
@@ -205,7 +205,7 @@ impl Taken {
         let mut all = vec![vec![f64::NAN; e.len()]; 1 + self.columns];
         for k in (0..e.len()).filter(|&k| !e[k].is_nan()) {
             let g = &g[k * nd..(k + 1) * nd];
-            all[0][k] = e[k] - g.iter().zip(&self.step).map(|(g, d)| g * d).sum::<f64>();
+            all[0][k] = e[k] - dot(g, &self.step);
             all[1..].iter_mut().for_each(|column| column[k] = 0.0);
             for (g, row) in g
                 .iter()

@@ -155,6 +155,15 @@ pub struct Modelled {
     pub cut: Option<usize>,
 }
 
+impl Modelled {
+    /// What a cut order means.
+    pub fn cut_words(order: usize) -> String {
+        format!(
+            "its noise is modelled to order {order} and no further: what is left is rounding, or no stretch without masked samples is longer"
+        )
+    }
+}
+
 /// Partial autocorrelations of the orders from 1 up.
 pub(super) fn partial(products: &Products) -> Vec<f64> {
     let m = products.order;

@@ -7,6 +7,7 @@
 
 use super::ar::Ar;
 use super::gaps::{Gaps, innovation};
+use crate::math::products::dot;
 
 /// The predictors of a process, of every order.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,8 +94,7 @@ impl Filter {
     /// that of each with itself: 1 for processes of the same colour.
     pub fn likeness(&self, other: &Filter) -> f64 {
         let (a, b) = (self.impulse(), other.impulse());
-        let sum = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
-        sum(&a, &b) / (sum(&a, &a) * sum(&b, &b)).sqrt()
+        dot(&a, &b) / (dot(&a, &a) * dot(&b, &b)).sqrt()
     }
 
     /// The stationary process's response to an impulse, until nothing is left of it.

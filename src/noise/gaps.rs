@@ -12,6 +12,8 @@
 //!
 //! Gains depend on what was measured alone: they are found once for all series of a block.
 
+use crate::math::products::dot;
+
 /// The samples that are no matter of the predictors alone: masked ones, and those within the order
 /// behind them.
 pub(super) struct Gaps(Vec<Step>);
@@ -87,9 +89,8 @@ impl Errors {
     /// `P a` and the variance of the innovation.
     fn of_prediction(&self, a: &[f64], s2: f64) -> (Vec<f64>, f64) {
         let row = |i: usize| &self.p[i * self.n..(i + 1) * self.n];
-        let with: Vec<f64> =
-            (0..self.n).map(|i| row(i).iter().zip(a).map(|(p, a)| p * a).sum()).collect();
-        let more: f64 = with.iter().zip(a).map(|(p, a)| p * a).sum();
+        let with: Vec<f64> = (0..self.n).map(|i| dot(row(i), a)).collect();
+        let more = dot(&with, a);
         (with, more.max(0.0) + s2)
     }
 

@@ -2,7 +2,7 @@
 //! of every stage goes out.
 
 use super::plan::Plan;
-use super::provenance::{Ingredients, PLACE, Record};
+use super::provenance::{Ingredients, PLACE, Provenance};
 use super::store::Store;
 use crate::error::Result;
 use crate::stage::{Part, Stage, Unit};
@@ -44,7 +44,7 @@ pub struct Assessment {
     pub unit: Unit,
     pub state: State,
     pub ingredients: Ingredients,
-    pub record: Option<Record>,
+    pub record: Option<Provenance>,
 }
 
 /// Holds every unit of a stage against the record of its last run, in order of units.
@@ -109,7 +109,7 @@ fn compare(
     stage: &Stage,
     unit: &Unit,
     now: &Ingredients,
-    record: &Record,
+    record: &Provenance,
     waits: Vec<String>,
 ) -> Result<State> {
     let mut why = Vec::new();

@@ -1,13 +1,13 @@
 //! The tables that no stage writes but the pipeline itself: `notes` and `stages`.
 
-use super::provenance::{PROGRAM, Record};
+use super::provenance::{PROGRAM, Provenance};
 use crate::error::{Error, Result};
 use crate::stage::{Note, STAGES_TABLE, Severity, Stage, Unit};
 use crate::table::Table;
 
 /// The tables that the pipeline itself writes: notes, and where the other tables come from.
-pub fn own_tables(notes: &[Note], records: &[Record]) -> Result<[Table; 2]> {
-    let rows: Vec<(&Record, &String, &String)> = records
+pub fn own_tables(notes: &[Note], records: &[Provenance]) -> Result<[Table; 2]> {
+    let rows: Vec<(&Provenance, &String, &String)> = records
         .iter()
         .flat_map(|r| r.ingredients.iter().map(move |(name, hash)| (r, name, hash)))
         .collect();

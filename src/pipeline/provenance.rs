@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// The record of one stage for one unit (a flight, an estimate, the campaign), kept beside the
 /// tables.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct Provenance {
     pub stage: String,
     pub unit: String,
     /// Hash over all ingredients: the cache key.

@@ -4,7 +4,7 @@
 use super::assess::{Assessment, Content, Contents, State, assess};
 use super::own::{failure_note, own_tables};
 use super::plan::Plan;
-use super::provenance::Record;
+use super::provenance::Provenance;
 use super::result::{Event, RunResult, StageResult, Watch};
 use super::status::gone;
 use super::store::Store;
@@ -25,14 +25,14 @@ struct Run<'a> {
     /// Tables of this run: later stages need not read them back.
     kept: Kept,
     /// Records of the units that succeeded.
-    records: Vec<Record>,
+    records: Vec<Provenance>,
     result: RunResult,
 }
 
 /// What became of one unit.
 enum Outcome {
-    Fresh(Record),
-    Ran(Record),
+    Fresh(Provenance),
+    Ran(Provenance),
     Failed(Errors),
     /// Not run; why, where earlier outputs were removed.
     Blocked(Option<String>),
@@ -242,7 +242,7 @@ impl Run<'_> {
         }
     }
 
-    fn keep(&mut self, record: Record) {
+    fn keep(&mut self, record: Provenance) {
         self.contents.extend(
             record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))),
         );
@@ -258,7 +258,7 @@ impl Run<'_> {
         made: std::result::Result<Output, Errors>,
         owners: &Owners,
     ) -> Result<Outcome> {
-        let mut record = Record {
+        let mut record = Provenance {
             stage: stage.name.to_string(),
             unit: a.unit.name.clone(),
             key: a.ingredients.key(stage.name, &a.unit.name),
@@ -284,7 +284,7 @@ impl Run<'_> {
     }
 
     /// Writes a unit's outputs and enters them in its record.
-    fn file(&self, unit: &Unit, output: Output, record: &mut Record) -> Result<()> {
+    fn file(&self, unit: &Unit, output: Output, record: &mut Provenance) -> Result<()> {
         for (name, table) in output.tables {
             let path = unit.part.path(name);
             let hash = self.store.put(&path, &table.to_parquet()?)?;

@@ -147,7 +147,7 @@ impl Settings {
     /// folder: they are kept as long as they are fresh. One whose name the pipeline file gives
     /// away, or whose estimate is gone, is not.
     pub fn keep(&mut self, store: &Store) {
-        let place = |record: &super::provenance::Record| {
+        let place = |record: &super::provenance::Provenance| {
             record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok())
         };
         let mut records: Vec<_> = store

@@ -3,14 +3,14 @@
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::own::own_tables;
 use super::plan::Plan;
-use super::provenance::{Record, hash_bytes};
+use super::provenance::{Provenance, hash_bytes};
 use super::store::Store;
 use crate::error::Result;
 use crate::stage::{NOTES, Part, STAGES_TABLE, Stage};
 use std::collections::BTreeSet;
 
 /// Records of units that are no longer part of the campaign.
-pub fn gone(plan: &Plan, store: &Store) -> Vec<Record> {
+pub fn gone(plan: &Plan, store: &Store) -> Vec<Provenance> {
     let of = |s: &Stage| {
         (s.units)(&plan.campaign)
             .into_iter()

@@ -3,7 +3,7 @@
 
 use super::mapped::cannot;
 use super::memo::Memo;
-use super::provenance::{Record, hash_bytes};
+use super::provenance::{Provenance, hash_bytes};
 use crate::error::{Error, Result};
 use crate::stage::Part;
 use crate::table::{Table, read_part, write_atomic};
@@ -76,13 +76,13 @@ impl Store {
     }
 
     /// The record of the last run of a stage for a unit; an unreadable one counts as absent.
-    pub fn record(&self, stage: &str, unit: &str) -> Option<Record> {
+    pub fn record(&self, stage: &str, unit: &str) -> Option<Provenance> {
         let bytes = std::fs::read(self.record_path(stage, unit)).ok()?;
         serde_json::from_slice(&bytes).ok()
     }
 
     /// Every record in the folder, by stage and unit.
-    pub fn records(&self) -> Vec<Record> {
+    pub fn records(&self) -> Vec<Provenance> {
         let mut all = Vec::new();
         for stage in entries(&self.root.join(HOUSEKEEPING)).into_iter().filter(|p| p.is_dir()) {
             for path in entries(&stage) {
@@ -98,14 +98,14 @@ impl Store {
 
     /// Files a record. It is written after the outputs it names, so that a run that is stopped
     /// leaves nothing half-made that would pass for fresh.
-    pub fn put_record(&self, record: &Record) -> Result<()> {
+    pub fn put_record(&self, record: &Provenance) -> Result<()> {
         let text = serde_json::to_string_pretty(record)
             .map_err(|e| Error::new(format!("cannot write a record: {e}")))?;
         write_atomic(&self.record_path(&record.stage, &record.unit), text.as_bytes())
     }
 
     /// Removes a record and every output it names.
-    pub fn forget(&self, record: &Record) -> Result<()> {
+    pub fn forget(&self, record: &Provenance) -> Result<()> {
         for output in record.outputs.keys() {
             self.remove(output)?;
         }
@@ -113,7 +113,7 @@ impl Store {
     }
 
     /// Removes a record alone.
-    pub fn remove_record(&self, record: &Record) -> Result<()> {
+    pub fn remove_record(&self, record: &Provenance) -> Result<()> {
         remove_file(&self.record_path(&record.stage, &record.unit))
     }
 

@@ -21,7 +21,8 @@ use super::smoother::grid::Outputs;
 use super::smoother::levels::Levels;
 use super::smoother::{Innovation, Smoother};
 use crate::math::dense;
-use crate::noise::{Products, Rule, burg};
+use crate::math::interpolate::between;
+use crate::noise::{Modelled, Products, Rule, burg};
 use crate::signal::resample::Grid;
 use rayon::prelude::*;
 
@@ -75,6 +76,8 @@ pub struct Comparison {
     /// Root mean square of what is left, in the channel's unit, and samples.
     pub left: f64,
     pub samples: usize,
+    /// The order at which the model of its noise was cut off.
+    pub cut: Option<usize>,
 }
 
 /// Times, measured values, what the others say, and its slope; one per part.
@@ -287,8 +290,7 @@ fn pair(
                 let i = at as usize;
                 let w = at - i as f64;
                 let slope = |i: usize| (y[i + 2] - y[i - 2]) / (4.0 * dt);
-                let values =
-                    [t, z, y[i] + w * (y[i + 1] - y[i]), slope(i) + w * (slope(i + 1) - slope(i))];
+                let values = [t, z, between(y[i], y[i + 1], w), between(slope(i), slope(i + 1), w)];
                 all.iter_mut().zip(values).for_each(|(list, value)| list.push(value));
             }
             (all[0].len() > 20).then_some(all)
@@ -356,8 +358,8 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
     let square = |list: &[f64]| list.iter().map(|e| e * e).sum::<f64>();
     let n = left.len();
     let r = square(&left) / (n.checked_sub(size)?.max(1)) as f64;
-    let colour = colour(&left, &pairs.iter().map(|p| p[0].len()).collect::<Vec<_>>());
-    let sd = |i: usize| (inverse[i * size + i] * r * colour).sqrt();
+    let modelled = modelled(&left, &pairs.iter().map(|p| p[0].len()).collect::<Vec<_>>());
+    let sd = |i: usize| (inverse[i * size + i] * r * modelled.model.colour().max(1.0)).sqrt();
     let (only, ..) = fit(&[&[0], &trend[..]].concat())?;
     let share = 1.0 - square(&left) / square(&without).max(1e-300);
     let scale = [x[0], sd(0)];
@@ -371,12 +373,13 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
         jump: [f64::NAN; 2],
         left: (square(&left) / n as f64).sqrt(),
         samples: n,
+        cut: modelled.cut,
     })
 }
 
-/// By how much coloured errors of all `parts` widen the variance of what is slow: their power at
-/// frequency zero over that of white ones of their size; never less than one.
-fn colour(errors: &[f64], parts: &[usize]) -> f64 {
+/// The noise of all `parts`. By its `colour`, power at frequency zero over that of white noise of the
+/// same size, coloured errors widen the variance of what is slow.
+fn modelled(errors: &[f64], parts: &[usize]) -> Modelled {
     let rule = Rule::default();
     let mut products = Products::new(rule.highest);
     let mut from = 0;
@@ -384,5 +387,5 @@ fn colour(errors: &[f64], parts: &[usize]) -> f64 {
         products.take(&errors[from..from + n]);
         from += n;
     }
-    burg::fit(&products, rule.criterion).model.colour().max(1.0)
+    burg::fit(&products, rule.criterion)
 }

@@ -16,7 +16,7 @@ use super::path::{Bias, FlightPath, Note};
 use super::settings::Settings;
 use super::signals::{Logged, Series};
 use super::windows;
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{self, Estimation, Stop};
 use crate::model::Model;
 use crate::model::graph::Leaf;
@@ -115,9 +115,9 @@ fn solve(
             given[k] = row.value;
         }
     }
-    let plan = Plan::new(model, Directions { parameters: Vec::new(), starts })
+    let propagator = Propagator::new(model, Directions { parameters: Vec::new(), starts })
         .map_err(|e| e.to_string())?;
-    let run = plan.run(&parameters, &given, &fine, false);
+    let run = propagator.run(&parameters, &given, &fine, false);
     if !run.finite {
         return Err("the path is not finite".to_string());
     }

@@ -5,6 +5,7 @@ use super::consistency::{Comparison, Row, Which};
 use super::health::Health;
 use super::smoother::Innovation;
 use crate::math::distribution::INTERVAL_95;
+use crate::noise::Modelled;
 
 /// Below this correlation with what the others say, a channel's sign is reversed.
 const REVERSED: f64 = -0.8;
@@ -36,8 +37,9 @@ impl Comparison {
             text,
         };
         let verdict = if self.reversed() { "sign reversed" } else { "good" };
+        let cut = self.cut.map_or(String::new(), |n| format!("; {}", Modelled::cut_words(n)));
         let text = format!(
-            "measured against what the other sensors say of it, trend removed: correlation {:.3}, {:.2e} left",
+            "measured against what the other sensors say of it, trend removed: correlation {:.3}, {:.2e} left{cut}",
             self.correlation, self.left
         );
         let mut rows = vec![row("sign", self.correlation, [REVERSED, 1.0], "-", verdict, text)];

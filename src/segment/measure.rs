@@ -3,6 +3,7 @@
 use super::kind::{Kind, classify};
 use super::scan::{Excursion, Work};
 use super::{Maneuver, Settings, Step};
+use crate::math::interpolate::between;
 use crate::math::{mad_sd, median};
 
 /// How much of the flight around a maneuver its edges are compared with, s.
@@ -136,7 +137,7 @@ impl Shape {
                     && after.rms < 0.15 * size =>
             {
                 let share = ((i - start) / (end - start)).clamp(0.0, 1.0);
-                self.before.level + share * (after.level - self.before.level)
+                between(self.before.level, after.level, share)
             }
             _ => self.before.level,
         }

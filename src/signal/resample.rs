@@ -1,6 +1,8 @@
 //! Samples at any times in, values on a uniform grid out; a gap stays a gap (NaN), nothing is
 //! bridged in silence.
 
+use crate::math::interpolate::between;
+
 /// A uniform grid: point `i` is at `t0 + i*dt`, `0 <= i < n`; times in s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
@@ -47,7 +49,7 @@ pub fn linear(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
             return f64::NAN;
         }
         let share = (time - t[before]) / width;
-        y[before] + share * (y[after] - y[before])
+        between(y[before], y[after], share)
     })
 }
 

@@ -4,7 +4,7 @@ use super::check::{Interface, check};
 use super::input::Shape;
 use super::recorder::{Recording, record};
 use super::settings::{Flight, Settings};
-use super::timeline::Plan;
+use super::timeline::Timeline;
 use super::truth::{Truth, fly};
 use super::write::{write_log, write_truth};
 use crate::config;
@@ -103,8 +103,8 @@ impl Campaign {
     ///
     /// # Errors
     /// There is no such flight.
-    pub fn plan(&self, id: &str) -> Result<Plan> {
-        Ok(Plan::new(&self.settings, &self.shapes, id, self.flight(id)?.1))
+    pub fn timeline(&self, id: &str) -> Result<Timeline> {
+        Ok(Timeline::new(&self.settings, &self.shapes, id, self.flight(id)?.1))
     }
 
     /// Flies a flight: trimmed at its first test point, then through its timeline.
@@ -112,16 +112,16 @@ impl Campaign {
     /// # Errors
     /// There is no such flight, no steady flight at its first test point, or the motion diverges.
     pub fn truth(&self, id: &str) -> Result<Truth> {
-        let plan = self.plan(id)?;
+        let timeline = self.timeline(id)?;
         let (_, flight) = self.flight(id)?;
         let signals = self.model.inputs.iter().map(|input| {
-            let signal = plan.signal(&self.settings, &self.shapes, flight, &input.name);
+            let signal = timeline.signal(&self.settings, &self.shapes, flight, &input.name);
             signal.ok_or_else(|| {
                 Error::new(format!("nothing drives the truth model's input \"{}\"", input.name))
                     .help("name it in [drive]")
             })
         });
-        fly(&self.model, &plan, signals.collect::<Result<Vec<_>>>()?)
+        fly(&self.model, &timeline, signals.collect::<Result<Vec<_>>>()?)
     }
 
     /// Seed of the recorder unless another one is asked for.

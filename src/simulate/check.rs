@@ -2,7 +2,7 @@
 
 use super::input::Shape;
 use super::settings::{Flight, Maneuver, Settings, Timing, Topic};
-use super::timeline::{Placed, Plan};
+use super::timeline::{Placed, Timeline};
 use crate::config::{Doc, list, nearest};
 use crate::error::{Error, Errors};
 use crate::units::Unit;
@@ -254,15 +254,15 @@ impl Checker<'_> {
             );
         }
         self.references(&path, flight);
-        let plan = Plan::new(self.settings, shapes, id, flight);
-        if plan.duration() > LONGEST_S {
+        let timeline = Timeline::new(self.settings, shapes, id, flight);
+        if timeline.duration() > LONGEST_S {
             self.push(
                 &path,
-                format!("the flight would last {:.0} h", plan.duration() / 3600.0),
+                format!("the flight would last {:.0} h", timeline.duration() / 3600.0),
                 "look at its speeds, altitudes, rates and times",
             );
         }
-        self.overlaps(&path, &plan);
+        self.overlaps(&path, &timeline);
     }
 
     /// Names that the flight refers to.
@@ -313,8 +313,8 @@ impl Checker<'_> {
     }
 
     /// Maneuvers whose holds meet, or that begin before the flight.
-    fn overlaps(&mut self, path: &str, plan: &Plan) {
-        for (i, m) in plan.maneuvers.iter().enumerate() {
+    fn overlaps(&mut self, path: &str, timeline: &Timeline) {
+        for (i, m) in timeline.maneuvers.iter().enumerate() {
             if m.hold_s[0] < 0.0 {
                 self.push(
                     path,
@@ -329,7 +329,7 @@ impl Checker<'_> {
             // overlap counts.
             let overlaps =
                 |next: &&Placed| next.hold_s != m.hold_s && next.hold_s[0] < m.hold_s[1] - 1e-6;
-            if let Some(next) = plan.maneuvers.get(i + 1).filter(overlaps) {
+            if let Some(next) = timeline.maneuvers.get(i + 1).filter(overlaps) {
                 let what = format!(
                     "the maneuver \"{}\" at {:.1} s begins before \"{}\" is over at {:.1} s (with `hold_before_s` and `hold_after_s`)",
                     next.maneuver, next.t_start_s, m.maneuver, m.hold_s[1]

@@ -20,6 +20,6 @@ pub use recorder::{FieldLog, Recording, SensorError, TopicLog, record};
 pub use settings::{
     Companion, Drive, Event, Flight, Gap, Maneuver, Point, Sensor, Settings, Timing, Topic,
 };
-pub use timeline::{Placed, Plan};
+pub use timeline::{Placed, Timeline};
 pub use truth::{Signal, Truth};
 pub use write::{write_log, write_truth};

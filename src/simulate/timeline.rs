@@ -63,7 +63,7 @@ impl Profile {
 
 /// The timeline of one flight.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
+pub struct Timeline {
     pub flight: String,
     /// Grid spacing, s, and number of grid points.
     pub dt: f64,
@@ -75,7 +75,7 @@ pub struct Plan {
     altitude: Profile,
 }
 
-impl Plan {
+impl Timeline {
     /// Places the maneuvers of a flight. Names in `flight` that are not in `shapes` are passed over
     /// (the check of the file reports them).
     pub fn new(
@@ -83,11 +83,11 @@ impl Plan {
         shapes: &IndexMap<String, Shape>,
         id: &str,
         flight: &Flight,
-    ) -> Plan {
+    ) -> Timeline {
         let timing = flight.timing.as_ref().unwrap_or(&settings.timing);
         let points = points(flight);
         let (speed, altitude) = points.first().map_or((0.0, flight.altitude_ft), |p| (p.0, p.1));
-        let mut plan = Plan {
+        let mut timeline = Timeline {
             flight: id.to_string(),
             dt: 1.0 / settings.rate_hz,
             n: 0,
@@ -97,7 +97,7 @@ impl Plan {
         };
         let mut t: f64 = 0.0;
         for (speed, altitude, names) in points {
-            t = plan.speed.go(t, speed, timing.speed_rate_kt_s).max(plan.altitude.go(
+            t = timeline.speed.go(t, speed, timing.speed_rate_kt_s).max(timeline.altitude.go(
                 t,
                 altitude,
                 timing.altitude_rate_ft_s,
@@ -105,15 +105,15 @@ impl Plan {
             t += timing.settle_s;
             for (i, name) in names.iter().enumerate() {
                 t += if i == 0 { 0.0 } else { timing.recover_s };
-                t = plan.place(settings, shapes, name, t + timing.hold_before_s, timing);
+                t = timeline.place(settings, shapes, name, t + timing.hold_before_s, timing);
             }
         }
         for event in &flight.events {
-            t = t.max(plan.place(settings, shapes, &event.maneuver, event.at_s, timing));
+            t = t.max(timeline.place(settings, shapes, &event.maneuver, event.at_s, timing));
         }
-        plan.maneuvers.sort_by(|a, b| a.t_start_s.total_cmp(&b.t_start_s));
-        plan.n = (((t + timing.end_s) / plan.dt).ceil() as usize).saturating_add(1);
-        plan
+        timeline.maneuvers.sort_by(|a, b| a.t_start_s.total_cmp(&b.t_start_s));
+        timeline.n = (((t + timing.end_s) / timeline.dt).ceil() as usize).saturating_add(1);
+        timeline
     }
 
     /// Files a maneuver whose first step is at `t`, with all that are flown together with it, and
@@ -300,24 +300,24 @@ turbulence = 1.5
 constant = { wind = 3.0 }
 "#;
 
-    fn plan(id: &str) -> (Settings, IndexMap<String, Shape>, Plan) {
+    fn timeline(id: &str) -> (Settings, IndexMap<String, Shape>, Timeline) {
         let settings: Settings = toml::from_str(TEXT).unwrap();
         let shapes: IndexMap<String, Shape> =
             settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
-        let plan = Plan::new(&settings, &shapes, id, &settings.flights[id]);
-        (settings, shapes, plan)
+        let timeline = Timeline::new(&settings, &shapes, id, &settings.flights[id]);
+        (settings, shapes, timeline)
     }
 
     fn signal(id: &str, name: &str) -> Vec<f64> {
-        let (settings, shapes, plan) = plan(id);
-        plan.signal(&settings, &shapes, &settings.flights[id], name).unwrap()
+        let (settings, shapes, timeline) = timeline(id);
+        timeline.signal(&settings, &shapes, &settings.flights[id], name).unwrap()
     }
 
     #[test]
     fn maneuvers_follow_each_other_at_each_speed() {
-        let plan = plan("one").2;
+        let timeline = timeline("one").2;
         let times: Vec<(f64, f64, f64)> =
-            plan.maneuvers.iter().map(|m| (m.t_start_s, m.t_end_s, m.speed_kt)).collect();
+            timeline.maneuvers.iter().map(|m| (m.t_start_s, m.t_end_s, m.speed_kt)).collect();
         // 30 settle, 2 hold, 7 long, 4 hold, 10 recover, 2 hold, 2 long, 4 hold = 61; then 20 s for
         // 10 kt.
         assert_eq!(
@@ -329,7 +329,7 @@ constant = { wind = 3.0 }
                 (136.0, 138.0, 150.0)
             ]
         );
-        assert!((plan.duration() - 147.0).abs() < 1e-9);
+        assert!((timeline.duration() - 147.0).abs() < 1e-9);
     }
 
     #[test]
@@ -362,8 +362,8 @@ constant = { wind = 3.0 }
 
     #[test]
     fn points_and_events_make_a_flight_of_their_own() {
-        let plan = plan("two").2;
-        let names: Vec<(&str, f64, f64)> = plan
+        let timeline = timeline("two").2;
+        let names: Vec<(&str, f64, f64)> = timeline
             .maneuvers
             .iter()
             .map(|m| (m.maneuver.as_str(), m.t_start_s, m.altitude_ft))
@@ -396,8 +396,8 @@ constant = { wind = 3.0 }
             .push(Companion { maneuver: "longitudinal".into(), after_s: 6.0 });
         let shapes: IndexMap<String, Shape> =
             settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
-        let plan = Plan::new(&settings, &shapes, "one", &settings.flights["one"]);
-        let first: Vec<_> = plan.maneuvers[..2]
+        let timeline = Timeline::new(&settings, &shapes, "one", &settings.flights["one"]);
+        let first: Vec<_> = timeline.maneuvers[..2]
             .iter()
             .map(|m| (m.maneuver.as_str(), m.t_start_s, m.t_end_s, m.hold_s))
             .collect();
@@ -406,12 +406,12 @@ constant = { wind = 3.0 }
             first,
             [("lateral", 32.0, 39.0, [30.0, 44.0]), ("longitudinal", 38.0, 40.0, [30.0, 44.0])]
         );
-        assert_eq!(plan.maneuvers[2].t_start_s, 56.0);
+        assert_eq!(timeline.maneuvers[2].t_start_s, 56.0);
     }
 
     #[test]
     fn what_nothing_drives_has_no_signal() {
-        let (settings, shapes, plan) = plan("one");
-        assert_eq!(plan.signal(&settings, &shapes, &settings.flights["one"], "rudder"), None);
+        let (settings, shapes, timeline) = timeline("one");
+        assert_eq!(timeline.signal(&settings, &shapes, &settings.flights["one"], "rudder"), None);
     }
 }

@@ -1,6 +1,6 @@
 //! A truth model and the timeline of a flight in, every true signal on a uniform grid out.
 
-use super::timeline::{Placed, Plan};
+use super::timeline::{Placed, Timeline};
 use super::trim::trim;
 use crate::dynamics::{self, Directions, Lost, Record};
 use crate::error::{Error, Result};
@@ -51,7 +51,7 @@ impl Truth {
 ///
 /// # Errors
 /// There is no steady condition, or the motion diverges.
-pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Result<Truth> {
+pub(super) fn fly(model: &Model, timeline: &Timeline, mut inputs: Vec<Vec<f64>>) -> Result<Truth> {
     let first: Vec<f64> =
         inputs.iter().map(|signal| signal.first().copied().unwrap_or(0.0)).collect();
     let steady = trim(model, &first)?;
@@ -60,15 +60,20 @@ pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Resu
             signal.iter_mut().for_each(|u| *u += trimmed - first);
         }
     }
-    let rows = (0..plan.n).flat_map(|k| inputs.iter().map(move |signal| signal[k])).collect();
-    let record = Record { t0: 0.0, dt: plan.dt, n: plan.n, inputs: rows, ..Record::default() };
+    let rows = (0..timeline.n).flat_map(|k| inputs.iter().map(move |signal| signal[k])).collect();
+    let record =
+        Record { t0: 0.0, dt: timeline.dt, n: timeline.n, inputs: rows, ..Record::default() };
     let starts = Directions { parameters: Vec::new(), starts: (0..model.states.len()).collect() };
-    let grid =
-        dynamics::Plan::new(model, starts)?.run(&steady.parameters, &steady.states, &record, false);
+    let grid = dynamics::Propagator::new(model, starts)?.run(
+        &steady.parameters,
+        &steady.states,
+        &record,
+        false,
+    );
     drop(record);
     if !grid.finite {
         let why = grid.lost.unwrap_or(Lost::Diverges).words(&model.states);
-        return Err(given_up(plan, &grid.y, model.outputs.len(), &why));
+        return Err(given_up(timeline, &grid.y, model.outputs.len(), &why));
     }
     let mut signals = IndexMap::new();
     let mut put = |quantity: &Quantity, values: Vec<f64>| {
@@ -84,18 +89,18 @@ pub(super) fn fly(model: &Model, plan: &Plan, mut inputs: Vec<Vec<f64>>) -> Resu
         put(input, signal);
     }
     Ok(Truth {
-        flight: plan.flight.clone(),
-        dt: plan.dt,
-        n: plan.n,
+        flight: timeline.flight.clone(),
+        dt: timeline.dt,
+        n: timeline.n,
         signals,
-        maneuvers: plan.maneuvers.clone(),
+        maneuvers: timeline.maneuvers.clone(),
     })
 }
 
-fn given_up(plan: &Plan, outputs: &[f64], ny: usize, why: &str) -> Error {
-    let k = outputs.iter().position(|y| !y.is_finite()).map_or(plan.n, |i| i / ny.max(1));
-    let t = k as f64 * plan.dt;
-    let last = plan.maneuvers.iter().rfind(|m| m.t_start_s <= t);
+fn given_up(timeline: &Timeline, outputs: &[f64], ny: usize, why: &str) -> Error {
+    let k = outputs.iter().position(|y| !y.is_finite()).map_or(timeline.n, |i| i / ny.max(1));
+    let t = k as f64 * timeline.dt;
+    let last = timeline.maneuvers.iter().rfind(|m| m.t_start_s <= t);
     let after = last.map_or("before the first maneuver".to_string(), |m| {
         format!("after \"{}\" at {:.1} s", m.maneuver, m.t_start_s)
     });

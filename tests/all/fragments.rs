@@ -1,18 +1,18 @@
 //! The embedded fragments against numbers and limits known from elsewhere.
 
-use koehler::dynamics::{Directions, Plan, Record};
+use koehler::dynamics::{Directions, Propagator, Record};
 use koehler::model::{Constants, Model};
 
 /// Outputs of a model without states for one set of inputs.
 fn evaluate(text: &str, inputs: &[(&str, f64)], outputs: &[&str]) -> Vec<f64> {
     let model =
         Model::parse("fragments", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
     let value =
         |name: &str| inputs.iter().find(|i| i.0 == name).unwrap_or_else(|| panic!("{name}")).1;
     let row: Vec<f64> = model.inputs.iter().map(|i| value(&i.name)).collect();
     let record = Record { dt: 1.0, n: 1, inputs: row, ..Default::default() };
-    let grid = plan.run(&model.parameter_starts(), &[], &record, false);
+    let grid = propagator.run(&model.parameter_starts(), &[], &record, false);
     outputs.iter().map(|name| grid.y[model.output(name).expect("an output")]).collect()
 }
 
@@ -129,7 +129,7 @@ fn kinematic(text: &str, inputs: &[(&str, f64)], outputs: &[&str]) -> Vec<f64> {
     let constants =
         places.iter().map(|name| given(name, "m")).chain([given("upwash", "-")]).collect();
     let model = Model::parse("path", text, &Constants(constants)).unwrap_or_else(|e| panic!("{e}"));
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
     let value = |name: &str| inputs.iter().find(|i| i.0 == name).map_or(0.0, |i| i.1);
     // two samples, so that inputs have slopes
     let row: Vec<f64> = model.inputs.iter().map(|i| value(&i.name)).collect();
@@ -143,12 +143,13 @@ fn kinematic(text: &str, inputs: &[(&str, f64)], outputs: &[&str]) -> Vec<f64> {
         Record { dt: 0.01, n: 2, inputs: [row, later].concat(), start: 0, ..Default::default() };
     let starts: Vec<f64> = model.states.iter().map(|s| value(&s.quantity.name)).collect();
     let states = (0..model.states.len()).collect();
-    let plan = if starts.is_empty() {
-        plan
+    let propagator = if starts.is_empty() {
+        propagator
     } else {
-        Plan::new(&model, Directions { parameters: Vec::new(), starts: states }).expect("a plan")
+        Propagator::new(&model, Directions { parameters: Vec::new(), starts: states })
+            .expect("a propagator")
     };
-    let run = plan.run(&model.parameter_starts(), &starts, &record, false);
+    let run = propagator.run(&model.parameter_starts(), &starts, &record, false);
     outputs.iter().map(|name| run.y[model.output(name).expect("an output")]).collect()
 }
 

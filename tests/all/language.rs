@@ -1,7 +1,7 @@
 //! The reference page of the model language: every example compiles, has exact sensitivities, and
 //! gives the number it says.
 
-use koehler::dynamics::{Directions, Plan, Record};
+use koehler::dynamics::{Directions, Propagator, Record};
 use koehler::model::{Constants, Model};
 
 /// The complete models of the page, in order.
@@ -60,10 +60,10 @@ fn every_example_gives_the_number_it_says() {
             .unwrap_or_else(|e| panic!("{e}\n{text}"));
         let (inputs, output, time, wanted) = check_line(&text);
         let record = record(&model, &inputs, time);
-        let plan = Plan::new(&model, Directions::default()).unwrap();
+        let propagator = Propagator::new(&model, Directions::default()).unwrap();
         let parameters = model.parameter_starts();
-        let given = plan.first_values(&model, &parameters, &record).unwrap();
-        let grid = plan.run(&parameters, &given, &record, false);
+        let given = propagator.first_values(&model, &parameters, &record).unwrap();
+        let grid = propagator.run(&parameters, &given, &record, false);
         let at = (time / record.dt).round() as usize;
         let got = grid.y[at * model.outputs.len() + model.output(&output).unwrap()];
         // as exact as the number of digits on the page
@@ -87,11 +87,11 @@ fn every_example_has_exact_sensitivities() {
             parameters: (0..model.parameters.len()).collect(),
             starts: (0..model.states.len()).collect(),
         };
-        let plan = Plan::new(&model, directions).unwrap();
+        let propagator = Propagator::new(&model, directions).unwrap();
         // a little off the round numbers, so that no switch falls on a grid point
         let p: Vec<f64> = model.parameter_starts().iter().map(|v| v * 1.0037).collect();
-        let x0: Vec<f64> = plan.first_values(&model, &p, &record).unwrap();
-        let exact = plan.run(&p, &x0, &record, true);
+        let x0: Vec<f64> = propagator.first_values(&model, &p, &record).unwrap();
+        let exact = propagator.run(&p, &x0, &record, true);
         let nd = p.len() + x0.len();
         for d in 0..nd {
             let run = |step: f64| {
@@ -101,7 +101,7 @@ fn every_example_has_exact_sensitivities() {
                 } else {
                     x0[d - p.len()] += step
                 }
-                plan.run(&p, &x0, &record, false).y
+                propagator.run(&p, &x0, &record, false).y
             };
             let h = 1e-5 * if d < p.len() { p[d] } else { x0[d - p.len()] }.abs().max(1e-2);
             let (low, high) = (run(-h), run(h));
@@ -125,9 +125,9 @@ fn a_lag_of_a_past_value_starts_at_rest() {
     let lag = "title = \"t\"\n[inputs]\nu = \"-\"\n[parameters]\ntau = { unit = \"s\", start = 0.1 }\nT = { unit = \"s\", start = 0.5 }\none = { unit = \"-\", start = 1.0 }\n\
                [outputs]\ny = { unit = \"-\", value = \"lag(delay(u, tau) + smooth(u, tau, one), T)\" }";
     let model = Model::parse("lag", lag, &Constants::default()).expect("a model");
-    let plan = Plan::new(&model, Directions::default()).expect("a plan");
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
     let record = record(&model, &[("u".to_string(), "3.0".to_string())], 1.0);
-    let y = plan.run(&model.parameter_starts(), &[], &record, false).y;
+    let y = propagator.run(&model.parameter_starts(), &[], &record, false).y;
     assert!(y.iter().all(|y| (y - 6.0).abs() < 1e-12), "{y:?}");
 }
 
@@ -312,9 +312,9 @@ fn damaged_models_end_in_messages_never_in_a_panic() {
                         parameters: (0..model.parameters.len()).collect(),
                         starts: vec![],
                     };
-                    if let Ok(plan) = Plan::new(&model, directions) {
-                        let given = vec![0.1; plan.given().len()];
-                        plan.run(&model.parameter_starts(), &given, &record, true);
+                    if let Ok(propagator) = Propagator::new(&model, directions) {
+                        let given = vec![0.1; propagator.given().len()];
+                        propagator.run(&model.parameter_starts(), &given, &record, true);
                         runs += 1;
                     }
                 }

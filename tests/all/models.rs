@@ -1,7 +1,7 @@
 //! Every shipped model: it compiles, and every exact derivative agrees with differences.
 
 use koehler::config;
-use koehler::dynamics::{Directions, Plan, Record};
+use koehler::dynamics::{Directions, Propagator, Record};
 use koehler::math::simd::Width;
 use koehler::model::graph::{Leaf, Node};
 use koehler::model::native::{Native, Points};
@@ -249,10 +249,10 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
             parameters: (0..model.parameters.len()).collect(),
             starts: (0..l.states).collect(),
         };
-        let plan = Plan::new(&model, directions).unwrap();
+        let propagator = Propagator::new(&model, directions).unwrap();
         let (p, x0) =
             (at[l.parameter()..l.parameter() + l.parameters].to_vec(), at[..l.states].to_vec());
-        let exact = plan.run(&p, &x0, &record, true);
+        let exact = propagator.run(&p, &x0, &record, true);
         assert!(exact.finite, "{}", path.display());
         let (ny, nd) = (model.outputs.len(), p.len() + x0.len());
         for d in 0..nd {
@@ -263,7 +263,7 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
                 } else {
                     x0[d - p.len()] += step
                 }
-                plan.run(&p, &x0, &record, false).y
+                propagator.run(&p, &x0, &record, false).y
             };
             let h = 1e-4 * if d < p.len() { p[d] } else { x0[d - p.len()] }.abs().max(1e-2);
             let (low, high) = (run(-h), run(h));
@@ -306,7 +306,7 @@ fn swept(
 ) -> koehler::dynamics::Grid {
     let inputs = (0..n).map(|k| (k as f64 * 0.37).sin()).collect();
     let record = Record { dt: 0.1, n, inputs, substeps, ..Default::default() };
-    Plan::new(model, directions).unwrap().run(parameters, &[], &record, true)
+    Propagator::new(model, directions).unwrap().run(parameters, &[], &record, true)
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! 500 simulated campaigns of three short-period maneuvers each: do the 95% intervals hold the
 //! truth 95 times in 100?
 
-use koehler::dynamics::{Channel, Directions, Plan, Record};
+use koehler::dynamics::{Channel, Directions, Propagator, Record};
 use koehler::estimate::{Settings, Stop, estimate};
 use koehler::model::{Constants, Model};
 use rand::SeedableRng;
@@ -75,15 +75,16 @@ fn record(z: &[Vec<f64>]) -> Record {
 /// The undisturbed outputs of one maneuver.
 fn truth(model: &Model) -> Vec<Vec<f64>> {
     let starts = vec![model.state("alpha").expect("alpha"), model.state("q").expect("q")];
-    let plan = Plan::new(model, Directions { parameters: Vec::new(), starts }).expect("a plan");
+    let propagator = Propagator::new(model, Directions { parameters: Vec::new(), starts })
+        .expect("a propagator");
     let value = |name: &str| TRUTH.iter().find(|t| t.0 == name).expect("a true value").1;
     let parameters: Vec<f64> = model.parameters.iter().map(|p| value(&p.quantity.name)).collect();
-    let given: Vec<f64> = plan
+    let given: Vec<f64> = propagator
         .given()
         .iter()
         .map(|&i| value(&format!("{}(0)", model.states[i].quantity.name)))
         .collect();
-    let grid = plan.run(&parameters, &given, &record(&[]), false);
+    let grid = propagator.run(&parameters, &given, &record(&[]), false);
     (0..2).map(|j| (0..N).map(|k| grid.y[2 * k + j]).collect()).collect()
 }
 

@@ -3,7 +3,7 @@
 
 use super::frozen::{Frozen, frozen};
 use super::stand::{Known, Stand, estimation, fitted, placed, seen, settle_steps};
-use super::training::{Fit, Task};
+use super::training::{Task, Trained};
 use crate::diagnose::residual::absorbed::Fitted;
 use crate::diagnose::residual::colour::noise_of;
 use crate::diagnose::residual::responses::Responses;
@@ -23,7 +23,7 @@ pub struct Found {
     pub prepared: Prepared,
     pub places: Places,
     pub noise: Noise,
-    pub fit: Fit,
+    pub fit: Trained,
     pub free: Vec<usize>,
     substeps: Vec<usize>,
     /// The held-out maneuvers at frozen derivatives.
@@ -42,6 +42,16 @@ impl Found {
     /// What the fit to the training maneuvers found.
     pub fn known(&self) -> Known {
         Known::of(&self.prepared.case(), &self.prepared, &self.fit.theta)
+    }
+
+    /// Outputs whose noise is not modelled as far as it asks for, and to which order it is; none
+    /// where there is nothing to model.
+    pub fn unsure_noise(&self) -> Vec<(String, Option<usize>)> {
+        let case = self.prepared.case();
+        let name = |o: usize| case.model.outputs[case.outputs[o]].name.clone();
+        let cut = self.noise.cut().into_iter().map(|(o, order)| (name(o), Some(order)));
+        let unknown = self.noise.unknown().into_iter().map(|o| (name(o), None));
+        cut.chain(unknown).collect()
     }
 
     pub fn case(&self) -> Case {
@@ -116,6 +126,7 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
         Some(noise_of(
             &Fitted::new(&case, &places.training, &free, theta, &responses.values, rule)
                 .weighted(noise)?,
+            thresholds,
         ))
     };
     // What demonstrably responds to something is taken out before, as long as anything does.
@@ -130,14 +141,10 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let noise = match known {
         Some(noise) => noise,
         None => {
-            let plain = noise_of(&Fitted::new(
-                &case,
-                &places.training,
-                &free,
-                &theta,
-                &nothing.values,
-                rule,
-            ));
+            let plain = noise_of(
+                &Fitted::new(&case, &places.training, &free, &theta, &nothing.values, rule),
+                thresholds,
+            );
             // With what the estimation absorbed of it.
             (0..thresholds.noise_passes)
                 .try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?

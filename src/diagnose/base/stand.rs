@@ -1,7 +1,7 @@
 //! A model, segments and which of them are held out, in; the model's best fit to the training
 //! segments, with the noise that it leaves, out.
 
-use super::training::{Fit, Task};
+use super::training::{Task, Trained};
 use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::settings::Base as Kind;
 use crate::diagnose::subject::{Places, Subject};
@@ -150,7 +150,7 @@ pub fn fitted(
     theta: Vec<f64>,
     last: &[String],
     thresholds: &Thresholds,
-) -> (Vec<usize>, Option<Fit>) {
+) -> (Vec<usize>, Option<Trained>) {
     let mut free = seen(case, &places.training);
     free.sort_by_key(|&i| last.contains(&case.unknowns[i].name));
     let fit = Task { case, noise, segments: &places.training, free: &free, thresholds }.fit(theta);

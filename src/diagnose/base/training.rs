@@ -29,7 +29,7 @@ pub struct Task<'a> {
 
 /// Where a fit ended.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fit {
+pub struct Trained {
     pub theta: Vec<f64>,
     /// Half the squares of each segment's white residuals.
     pub costs: Vec<f64>,
@@ -39,7 +39,7 @@ pub struct Fit {
     pub converged: bool,
 }
 
-impl Fit {
+impl Trained {
     pub fn cost(&self) -> f64 {
         self.costs.iter().sum::<f64>() + self.prior
     }
@@ -47,7 +47,7 @@ impl Fit {
 
 impl Task<'_> {
     /// Improves `theta`; `None` where the model is not finite at the start.
-    pub fn fit(&self, theta: Vec<f64>) -> Option<Fit> {
+    pub fn fit(&self, theta: Vec<f64>) -> Option<Trained> {
         let layout = self.layout(&theta);
         let found = minimise(&layout, &self.white(&theta), &self.method());
         if found.stop == Stop::NotFinite {
@@ -59,7 +59,7 @@ impl Task<'_> {
         let theta = self.whole(&layout, &found.theta, theta);
         // Nothing to fit has been fitted.
         let converged = found.stop == Stop::NoData || found.promise < self.promise();
-        Some(Fit { costs: self.costs(&theta)?, prior, theta, converged })
+        Some(Trained { costs: self.costs(&theta)?, prior, theta, converged })
     }
 
     fn method(&self) -> Method {

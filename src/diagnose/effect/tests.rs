@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::config;
-use crate::dynamics::{Directions, Plan, Record};
+use crate::dynamics::{Directions, Propagator, Record};
 use crate::model::{Constants, Model, StartKind};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -70,7 +70,7 @@ fn point(base: &Model) -> (Vec<f64>, Vec<f64>) {
 }
 
 fn outputs(model: &Model, parameters: &[f64], starts: &[f64], record: &Record) -> Vec<f64> {
-    Plan::new(model, Directions::default()).unwrap().run(parameters, starts, record, false).y
+    Propagator::new(model, Directions::default()).unwrap().run(parameters, starts, record, false).y
 }
 
 #[test]
@@ -160,9 +160,9 @@ fn sensitivities_of_every_effect_agree_with_differences() {
                     parameters: (nb..c.model.parameters.len()).collect(),
                     starts: Vec::new(),
                 };
-                let plan = Plan::new(&c.model, directions).unwrap();
+                let propagator = Propagator::new(&c.model, directions).unwrap();
                 let at = [&p[..], &active(c, row)].concat();
-                let exact = plan.run(&at, &x0, &record, true);
+                let exact = propagator.run(&at, &x0, &record, true);
                 assert!(exact.finite, "{name}: {}", c.name);
                 let nd = c.added.len();
                 for d in 0..nd {
@@ -170,7 +170,7 @@ fn sensitivities_of_every_effect_agree_with_differences() {
                     let run = |step: f64| {
                         let mut shifted = at.clone();
                         shifted[nb + d] += step;
-                        plan.run(&shifted, &x0, &record, false).y
+                        propagator.run(&shifted, &x0, &record, false).y
                     };
                     let (low, high) = (run(-h), run(h));
                     let column: Vec<f64> = (0..low.len()).map(|i| exact.dy[i * nd + d]).collect();

@@ -9,6 +9,7 @@ use super::looks::Looks;
 use crate::dynamics::Record;
 use crate::estimate::Trace;
 use crate::math::fourier;
+use crate::math::interpolate::{between, held};
 use crate::math::quantile;
 use crate::signal::robust::noise_sd;
 
@@ -175,8 +176,10 @@ fn thirds(values: &[Vec<f64>]) -> Vec<f64> {
 
 fn input_at(record: &Record, nu: usize, i: usize, t: &[f64]) -> Vec<f64> {
     let at = |t: &f64| {
-        let k = ((t - record.t0) / record.dt).round().max(0.0) as usize;
-        record.inputs.get(k.min(record.n.saturating_sub(1)) * nu + i).copied().unwrap_or(f64::NAN)
+        let place = ((t - record.t0) / record.dt).clamp(0.0, record.n.saturating_sub(1) as f64);
+        let u = |k: usize| record.inputs.get(k * nu + i).copied();
+        let (k, share) = (place as usize, place.fract());
+        u(k).map_or(f64::NAN, |left| between(left, u(k + 1).unwrap_or(left), share))
     };
     t.iter().map(at).collect()
 }
@@ -185,11 +188,7 @@ fn modelled_at(flown: &Flown, name: &str, t: &[f64]) -> Vec<f64> {
     let Some(trace) = flown.traces.iter().find(|t| t.name == *name) else {
         return vec![f64::NAN; t.len()];
     };
-    let at = |t: &f64| {
-        let k = trace.t.partition_point(|x| x < t);
-        trace.modelled.get(k.min(trace.t.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
-    };
-    t.iter().map(at).collect()
+    t.iter().map(|t| held(&trace.t, &trace.modelled, *t)).collect()
 }
 
 /// Time since any input last moved by more than a share of its fastest move in the maneuver.

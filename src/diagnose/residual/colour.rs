@@ -6,34 +6,44 @@ use super::instants::{Set, together};
 use super::joint::{Joint, Lagged};
 use super::partly::runs;
 use super::whitening::Noise;
-use crate::noise::{Filter, Products, burg};
+use crate::diagnose::thresholds::Thresholds;
+use crate::noise::{Filter, Modelled, Products, burg};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Of the residuals of a fit, with what it absorbed (as far as `fitted` knows) put back. An output
 /// of which the fit has nothing in a group has the filter of the first group in which it has, and a
 /// group of which it has nothing the joint models of the first one.
-pub fn noise_of(fitted: &Fitted) -> Noise {
+pub fn noise_of(fitted: &Fitted, thresholds: &Thresholds) -> Noise {
+    let order = thresholds.joint_order;
     let case = fitted.case;
     let groups: Vec<usize> = case.layout.parts.iter().map(|part| part.group).collect();
     let count = groups.iter().copied().max().map_or(1, |g| g + 1);
-    let mut noise =
-        Noise { filters: vec![Vec::new(); count], joint: vec![Vec::new(); count], groups };
+    let mut noise = Noise {
+        filters: vec![Vec::new(); count],
+        joint: vec![Vec::new(); count],
+        groups,
+        cut: Vec::new(),
+    };
     let own: Vec<Vec<(usize, Products)>> =
         (0..fitted.segments.len()).into_par_iter().map(|at| products(fitted, at)).collect();
     for group in 0..count {
-        noise.filters[group] = (0..case.outputs.len())
-            .map(|output| filter_of(fitted, members(&noise, fitted, &own, group), output))
-            .collect();
+        for output in 0..case.outputs.len() {
+            let of = modelled(fitted, members(&noise, fitted, &own, group), output);
+            noise.cut.extend(of.cut.map(|order| (output, order)));
+            let filter = Some(Filter::new(&of.model)).filter(Filter::is_definite);
+            noise.filters[group].push(filter);
+        }
     }
     let sets: Vec<Vec<Set>> = (0..count).map(|group| sets(&noise, fitted, group)).collect();
-    let sums = |at: usize| lagged(&noise, fitted, at, &sets[noise.groups[fitted.segments[at]]]);
+    let sums =
+        |at: usize| lagged(&noise, (fitted, at), &sets[noise.groups[fitted.segments[at]]], order);
     let sums: Vec<Vec<Lagged>> = (0..fitted.segments.len()).into_par_iter().map(sums).collect();
     for group in 0..count {
         for (k, set) in sets[group].iter().enumerate() {
-            let mut all = Lagged::zero(set.outputs.len());
+            let mut all = Lagged::zero(set.outputs.len(), order);
             members(&noise, fitted, &sums, group).for_each(|sums| all.add(&sums[k]));
-            noise.joint[group].extend(Joint::new(set.clone(), all));
+            noise.joint[group].extend(Joint::new(set.clone(), all, thresholds));
         }
     }
     fall_back(&mut noise.filters);
@@ -78,7 +88,12 @@ fn members<'t, T>(
 
 /// Products of one segment's white series, for every set of outputs that are sampled together, over
 /// instants at which all of it were measured.
-fn lagged(noise: &Noise, fitted: &Fitted, at: usize, sets: &[Set]) -> Vec<Lagged> {
+fn lagged(
+    noise: &Noise,
+    (fitted, at): (&Fitted, usize),
+    sets: &[Set],
+    order: usize,
+) -> Vec<Lagged> {
     let s = fitted.segments[at];
     let mut series = fitted.series(at);
     for one in &mut series {
@@ -88,7 +103,7 @@ fn lagged(noise: &Noise, fitted: &Fitted, at: usize, sets: &[Set]) -> Vec<Lagged
         }
     }
     let of = |set: &Set| {
-        let mut sums = Lagged::zero(set.outputs.len());
+        let mut sums = Lagged::zero(set.outputs.len(), order);
         let find =
             |&o: &usize| series.iter().find(|one| one.output == o && !one.columns.is_empty());
         let all: Option<Vec<&Series>> = set.outputs.iter().map(find).collect();
@@ -114,16 +129,16 @@ fn products(fitted: &Fitted, at: usize) -> Vec<(usize, Products)> {
     fitted.series(at).into_iter().map(one).collect()
 }
 
-/// The filter of one output's noise from the products of its segments; none where nothing was
-/// measured.
-fn filter_of<'t>(
+/// The model of one output's noise from the products of its segments; of variance 0 where nothing
+/// was measured.
+fn modelled<'t>(
     fitted: &Fitted,
     segments: impl Iterator<Item = &'t Vec<(usize, Products)>>,
     output: usize,
-) -> Option<Filter> {
+) -> Modelled {
     let mut all = Products::new(fitted.rule.highest);
     segments.flatten().filter(|one| one.0 == output).for_each(|one| all.add(&one.1));
-    Some(Filter::new(&burg::fit(&all, fitted.rule.criterion).model)).filter(Filter::is_definite)
+    burg::fit(&all, fitted.rule.criterion)
 }
 
 #[cfg(test)]
@@ -202,8 +217,10 @@ c = { unit = "rad", value = "x" }
         let case = prepared.case();
         let theta = case.layout.start.clone();
         // The last one is held out.
-        let noise =
-            noise_of(&Fitted::new(&case, &[0, 1, 2, 3], &[0], &theta, &[], Rule::default()));
+        let noise = noise_of(
+            &Fitted::new(&case, &[0, 1, 2, 3], &[0], &theta, &[], Rule::default()),
+            &Thresholds::default(),
+        );
         let told = |group: usize| -> Vec<(&[usize], &[usize])> {
             noise.joint[group]
                 .iter()

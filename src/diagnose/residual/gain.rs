@@ -1,6 +1,7 @@
 //! Slopes and curvatures of a log-likelihood in; the most it gains within bounds, and where, out.
 
 use crate::math::dense;
+use crate::math::products::dot;
 
 /// Largest `b'u - b'Fb/2` within bounds, and where; where zero is within them, it is never less
 /// than nothing.
@@ -16,9 +17,8 @@ pub fn gain(f: &[f64], u: &[f64], bounds: &[(f64, f64)]) -> (f64, Vec<f64>) {
         Some(b) if inside(&b) => b,
         _ => by_coordinates(f, u, bounds),
     };
-    let quadratic: f64 =
-        (0..k).map(|i| b[i] * (0..k).map(|j| f[i * k + j] * b[j]).sum::<f64>()).sum();
-    let value: f64 = b.iter().zip(u).map(|(b, u)| b * u).sum::<f64>() - 0.5 * quadratic;
+    let quadratic: f64 = (0..k).map(|i| b[i] * dot(&f[i * k..(i + 1) * k], &b)).sum();
+    let value: f64 = dot(&b, u) - 0.5 * quadratic;
     match inside(&vec![0.0; k]) {
         true if value > 0.0 => (value, b),
         true => (0.0, vec![0.0; k]),

@@ -13,7 +13,7 @@ use crate::math::products::dot;
 
 use super::instants::Set;
 use super::partly::{Partly, Predictor};
-use crate::diagnose::thresholds::noise::{JOINT_ORDER as ORDER, SAMPLES_PER_COEFFICIENT};
+use crate::diagnose::thresholds::Thresholds;
 use std::ops::Range;
 
 /// A vector autoregressive model of outputs sampled together.
@@ -35,15 +35,15 @@ pub struct Rows {
 impl Joint {
     /// Of the sums of products of white residuals, the order by BIC; `None` where there is nothing
     /// in common to be known of.
-    pub fn new(set: Set, sums: Lagged) -> Option<Joint> {
+    pub fn new(set: Set, sums: Lagged, thresholds: &Thresholds) -> Option<Joint> {
         let m = set.outputs.len();
-        if m < 2 || sums.count < SAMPLES_PER_COEFFICIENT * m * m {
+        if m < 2 || sums.count < thresholds.samples_per_coefficient * m * m {
             return None;
         }
         let n = sums.count as f64;
         let lags: Vec<Vec<f64>> =
             sums.lags.into_iter().map(|lag| lag.into_iter().map(|s| s / n).collect()).collect();
-        let all: Vec<Predictor> = (0..=ORDER).map_while(|q| predictor(&lags, m, q)).collect();
+        let all: Vec<Predictor> = (0..lags.len()).map_while(|q| predictor(&lags, m, q)).collect();
         let bic = |q: usize| n * cholesky_log_det(&all[q].l, m) + (q * m * m) as f64 * libm::log(n);
         let best = (0..all.len()).min_by(|&a, &b| bic(a).total_cmp(&bic(b)))?;
         Some(Joint { set, predictors: all[..=best].to_vec() })
@@ -133,8 +133,8 @@ pub struct Lagged {
 }
 
 impl Lagged {
-    pub fn zero(outputs: usize) -> Lagged {
-        Lagged { outputs, count: 0, lags: vec![vec![0.0; outputs * outputs]; ORDER + 1] }
+    pub fn zero(outputs: usize, order: usize) -> Lagged {
+        Lagged { outputs, count: 0, lags: vec![vec![0.0; outputs * outputs]; order + 1] }
     }
 
     /// Adds the products of one segment's series `[output][sample]`, all of one length, within runs
@@ -205,7 +205,7 @@ mod tests {
     }
 
     fn sums(segments: impl Iterator<Item = Vec<Vec<f64>>>) -> Lagged {
-        let mut all = Lagged::zero(2);
+        let mut all = Lagged::zero(2, 6);
         for w in segments {
             all.count += w[0].len();
             all.take(&[&w[0], &w[1]], std::slice::from_ref(&(0..w[0].len())));
@@ -214,7 +214,8 @@ mod tests {
     }
 
     fn joint(sums: Lagged) -> Joint {
-        Joint::new(Set { outputs: vec![0, 1], segments: vec![0] }, sums).expect("a model")
+        Joint::new(Set { outputs: vec![0, 1], segments: vec![0] }, sums, &Thresholds::default())
+            .expect("a model")
     }
 
     fn rows(masked: [Vec<bool>; 2]) -> Vec<Option<Rows>> {
@@ -277,7 +278,7 @@ mod tests {
             (0..n).map(|k| k / 100 % 2 == 0).collect::<Vec<bool>>(),
         ] {
             let w = alike(n, 1, &masked);
-            let mut sums = Lagged::zero(2);
+            let mut sums = Lagged::zero(2, 6);
             let runs = crate::diagnose::residual::partly::runs(
                 &masked.iter().map(|m| !m).collect::<Vec<_>>(),
             );
@@ -334,13 +335,17 @@ mod tests {
     fn an_output_that_a_segment_does_not_measure_is_masked_there() {
         let three =
             |n: usize, seed: u64| [sample(n, seed), vec![sample(n, seed + 50)[0].clone()]].concat();
-        let mut all = Lagged::zero(3);
+        let mut all = Lagged::zero(3, 6);
         for w in (0..6).map(|s| three(500, s)) {
             all.count += 500;
             all.take(&[&w[0], &w[1], &w[2]], std::slice::from_ref(&(0..500)));
         }
-        let joint =
-            Joint::new(Set { outputs: vec![0, 1, 2], segments: vec![0] }, all).expect("a model");
+        let joint = Joint::new(
+            Set { outputs: vec![0, 1, 2], segments: vec![0] },
+            all,
+            &Thresholds::default(),
+        )
+        .expect("a model");
         let w = sample(5000, 99);
         let mut columns = [w.concat()];
         joint.apply(&mut columns, &rows([vec![false; 5000], vec![false; 5000]]));

@@ -8,6 +8,7 @@
 //! error is left out: single filters have taken most of the past already.
 
 use crate::math::dense::{cholesky, cholesky_solve, forward};
+use crate::math::products::dot;
 use std::ops::Range;
 
 /// The best predictor of some order `q` of `m` outputs.
@@ -84,8 +85,7 @@ impl Partly {
                 .iter()
                 .zip(guess.chunks(present.len().max(1)).chain(std::iter::repeat(&[][..])))
             {
-                series[i][t] =
-                    foretold[i] + guess.iter().zip(&new).map(|(g, v)| g * v).sum::<f64>();
+                series[i][t] = foretold[i] + dot(guess, &new);
                 white[i][t] = 0.0;
             }
             let mut out = new;

@@ -13,6 +13,7 @@
 use crate::diagnose::thresholds::Thresholds;
 use crate::dynamics::{Channel, Record};
 use crate::math::median;
+use crate::math::products::dot;
 use crate::signal::robust::noise_sd;
 
 /// The characteristic time of these records, s; NaN where nothing is measured.
@@ -45,9 +46,7 @@ fn half(z: &[f64], visible: f64) -> Option<f64> {
     let finite = || z.iter().filter(|z| z.is_finite());
     let mean = finite().sum::<f64>() / finite().count() as f64;
     let x: Vec<f64> = z.iter().map(|z| if z.is_finite() { z - mean } else { 0.0 }).collect();
-    let square = |lag: usize| {
-        x[lag..].iter().zip(&x).map(|(a, b)| a * b).sum::<f64>() / finite().count() as f64
-    };
+    let square = |lag: usize| dot(&x[lag..], &x) / finite().count() as f64;
     let noise = noise_sd(z);
     let motion = square(0) - noise * noise;
     if !(motion > visible * visible * noise * noise && motion > 0.0) {

@@ -10,6 +10,7 @@ use super::joint::{Joint, Rows};
 use crate::estimate::Block;
 use crate::math::products::dot;
 use crate::noise::Filter;
+use std::collections::BTreeMap;
 
 /// The noise of a base fit: a filter per group of segments and output.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +21,9 @@ pub struct Noise {
     pub(super) joint: Vec<Vec<Joint>>,
     /// Group of each segment.
     pub(super) groups: Vec<usize>,
+    /// Outputs, by their place among the scored ones, whose model ended below the order that the
+    /// criterion asked for, and that order.
+    pub(super) cut: Vec<(usize, usize)>,
 }
 
 impl Noise {
@@ -55,6 +59,22 @@ impl Noise {
             joint.apply(&mut columns, &rows);
         }
         columns
+    }
+
+    /// Outputs whose noise is modelled no further than to some order, with the least such order.
+    pub fn cut(&self) -> BTreeMap<usize, usize> {
+        let mut least = BTreeMap::new();
+        for &(output, order) in &self.cut {
+            let known = least.entry(output).or_insert(order);
+            *known = order.min(*known);
+        }
+        least
+    }
+
+    /// Outputs that leave nothing to model in any group: they take no part.
+    pub fn unknown(&self) -> Vec<usize> {
+        let outputs = self.filters.first().map_or(0, Vec::len);
+        (0..outputs).filter(|&o| self.filters.iter().all(|of| of[o].is_none())).collect()
     }
 
     pub fn filter(&self, segment: usize, output: usize) -> Option<&Filter> {

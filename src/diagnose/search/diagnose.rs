@@ -87,6 +87,7 @@ pub fn diagnose(
         located: Vec::new(),
         missed: Vec::new(),
         left_out: Vec::new(),
+        unsure_noise: Vec::new(),
         skipped: Vec::new(),
         comparison: Comparison::default(),
     };
@@ -120,6 +121,7 @@ impl Search<'_> {
             Err(trouble) => return Ok(Err(trouble)),
         };
         self.out.left_out = base.prepared.left_out.clone();
+        self.out.unsure_noise = base.unsure_noise();
         if base.places.training.is_empty() || base.places.held_out.is_empty() {
             let what = if base.places.training.is_empty() { "to train on" } else { "held out" };
             return Ok(Err(Trouble::Segments(format!("none of the maneuvers {what} can be used"))));

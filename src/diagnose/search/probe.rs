@@ -3,7 +3,7 @@
 
 use super::ground::Ground;
 use crate::diagnose::effect::Candidate;
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::error::Errors;
 use crate::estimate::{self, Block, Case};
 use crate::model::{Delayed, Model, StartKind};
@@ -16,7 +16,7 @@ fn dynamics(model: &Model) -> usize {
 
 /// A candidate's model, to be run where the base stands.
 pub struct Probe {
-    plan: Plan,
+    propagator: Propagator,
     starts: Vec<f64>,
     /// Per parameter of the candidate's model: its index in the base's.
     base: Vec<Option<usize>>,
@@ -24,7 +24,7 @@ pub struct Probe {
     given: Vec<Option<usize>>,
     /// Index of each added parameter in the candidate's model.
     added: Vec<usize>,
-    /// Directions of the plan: indices into `added`.
+    /// Directions of the propagator: indices into `added`.
     pub sizes: Vec<usize>,
     /// It has more states, or more of them delayed, than the base.
     adds_dynamics: bool,
@@ -44,7 +44,7 @@ impl Probe {
         // Free initial states need no directions here, only a place for their values: those that
         // start measured have one anyway.
         let names =
-            case.plan.directions.starts.iter().map(|&i| &case.model.states[i].quantity.name);
+            case.propagator.directions.starts.iter().map(|&i| &case.model.states[i].quantity.name);
         let free: Vec<usize> = names
             .filter_map(|name| model.state(name))
             .filter(|&i| model.states[i].start != StartKind::Measured)
@@ -53,16 +53,19 @@ impl Probe {
             parameters: sizes.iter().filter_map(|&i| added.get(i).copied()).collect(),
             starts: free,
         };
-        let plan = Plan::of_outputs(&model, directions, case.outputs.clone())?;
+        let propagator = Propagator::of_outputs(&model, directions, case.outputs.clone())?;
         let place = |&state: &usize| {
             let name = &model.states[state].quantity.name;
-            case.plan.given().iter().position(|&b| case.model.states[b].quantity.name == *name)
+            case.propagator
+                .given()
+                .iter()
+                .position(|&b| case.model.states[b].quantity.name == *name)
         };
         Ok(Probe {
-            given: plan.given().iter().map(place).collect(),
+            given: propagator.given().iter().map(place).collect(),
             base: model.parameters.iter().map(|p| index(&p.quantity.name)).collect(),
             starts: model.parameter_starts(),
-            plan,
+            propagator,
             added,
             sizes,
             adds_dynamics: dynamics(&model) > dynamics(&case.model),
@@ -80,7 +83,7 @@ impl Probe {
     ) -> Cow<'r, Record> {
         let base = &case.records[s];
         let steps = if self.adds_dynamics && case.is_automatic(s) {
-            self.plan.substeps(parameters, given, base)
+            self.propagator.substeps(parameters, given, base)
         } else {
             1
         };
@@ -104,7 +107,7 @@ impl Probe {
         self.added.iter().zip(at).for_each(|(&i, value)| parameters[i] = *value);
         let given: Vec<f64> =
             self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
-        let response = self.plan.respond(
+        let response = self.propagator.respond(
             &parameters,
             &given,
             &self.record(case, s, &parameters, &given),
@@ -113,7 +116,7 @@ impl Probe {
         if !response.finite {
             return None;
         }
-        let nd = self.plan.directions.len();
+        let nd = self.propagator.directions.len();
         let mut dy = response.dy.into_iter();
         let block = |(channel, y): (&Channel, Vec<f64>)| {
             let output = case.outputs.iter().position(|&o| o == channel.output)?;

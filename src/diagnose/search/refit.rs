@@ -11,7 +11,7 @@ use super::value::{Gain, Value};
 use crate::diagnose::base::frozen::{Frozen, frozen};
 use crate::diagnose::base::spread::Spread;
 use crate::diagnose::base::stand::{Known, Stand, fitted, settle_steps};
-use crate::diagnose::base::training::{Fit, Task};
+use crate::diagnose::base::training::{Task, Trained};
 use crate::diagnose::effect::{Added, Candidate};
 use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::subject::Places;
@@ -30,7 +30,7 @@ pub struct Ground<'a> {
     pub case: &'a Case,
     pub noise: &'a Noise,
     pub places: &'a Places,
-    pub fit: &'a Fit,
+    pub fit: &'a Trained,
     /// Costs and parameters of the held-out maneuvers with the base frozen.
     pub frozen: &'a [Option<Frozen>],
     pub thresholds: &'a Thresholds,
@@ -206,7 +206,7 @@ fn values(
     case: &Case,
     tried: (&Candidate, &[f64]),
     (free, k): (&[usize], usize),
-    fit: &Fit,
+    fit: &Trained,
     spread: Option<&Spread>,
     thresholds: &Thresholds,
 ) -> Vec<(Value, Option<usize>)> {

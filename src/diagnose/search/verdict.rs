@@ -66,6 +66,9 @@ pub struct Diagnosis {
     pub missed: Vec<Missed>,
     /// Maneuvers that the model cannot use, by index among the segments, and why.
     pub left_out: Vec<LeftOut>,
+    /// Outputs whose noise, as the base leaves it, could not be modelled as far as it asks for, and
+    /// to which order it is; none where nothing was left to model, and the output takes no part.
+    pub unsure_noise: Vec<(String, Option<usize>)>,
     /// Effects of the library that could not be attached to this model, and why.
     pub skipped: Vec<(String, String)>,
     pub comparison: Comparison,

@@ -2,7 +2,7 @@
 //! are, with what is said of each?
 
 use super::{normal, rng};
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{Estimation, Settings, Stop, Support, estimate};
 use crate::model::{Constants, Model};
 
@@ -27,13 +27,13 @@ y = { unit = "-", value = "k*x + b + b2 + c*x^2" }
 /// Estimates with the given candidates from a record with these true values, noise 0.05.
 fn lag(seed: u64, truth: [f64; 5], candidates: &[&str]) -> Estimation {
     let model = Model::parse("lag", LAG, &Constants::default()).unwrap();
-    let plan = Plan::new(&model, Directions::default()).unwrap();
+    let propagator = Propagator::new(&model, Directions::default()).unwrap();
     let n = 400;
     let inputs: Vec<f64> = (0..n).map(|k| [0.0, 1.0, -1.0, 2.0][k / 50 % 4]).collect();
     let channel =
         Channel { output: 0, t: (0..n).map(|k| k as f64 * 0.02).collect(), z: vec![0.0; n] };
     let mut record = Record { dt: 0.02, n, inputs, channels: vec![channel], ..Record::default() };
-    let run = plan.run(&truth, &[], &record, false);
+    let run = propagator.run(&truth, &[], &record, false);
     let mut rng = rng(seed);
     record.channels[0].z = run.y.iter().map(|y| y + 0.05 * normal(&mut rng)).collect();
     let settings = Settings {

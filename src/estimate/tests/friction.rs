@@ -2,7 +2,7 @@
 //! holds everything.
 
 use super::{normal, rng};
-use crate::dynamics::{Channel, Directions, Interpolation, Plan, Record};
+use crate::dynamics::{Channel, Directions, Interpolation, Propagator, Record};
 use crate::estimate::{Estimation, Settings, Stop, estimate};
 use crate::model::{Constants, Model};
 use rayon::prelude::*;
@@ -48,8 +48,8 @@ fn flown(model: &Model, seed: u64, size: f64, more: f64) -> Record {
         interpolation: vec![Interpolation::Hold],
         ..Record::default()
     };
-    let plan = Plan::new(model, Directions::default()).unwrap();
-    let y = plan.run(&[TRUTH[0], TRUTH[1], more * TRUTH[2]], &[], &record, false).y;
+    let propagator = Propagator::new(model, Directions::default()).unwrap();
+    let y = propagator.run(&[TRUTH[0], TRUTH[1], more * TRUTH[2]], &[], &record, false).y;
     let mut rng = rng(seed);
     let z = y.iter().map(|y| y + SD * normal(&mut rng)).collect();
     record.channels = vec![Channel { output: 0, t: (0..n).map(|k| k as f64 * dt).collect(), z }];

@@ -1,7 +1,7 @@
 //! Parameters per group of segments, noise per group, and segments that cannot take part.
 
 use super::{normal, rng};
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{
     Estimation, Label, Line, NoiseKind, Row, Segment, Settings, StepControl, Stop, Stretch,
     estimate_segments,
@@ -46,7 +46,7 @@ pub fn segments(
     sd: impl Fn(usize) -> [f64; 2],
 ) -> Vec<Segment> {
     let mut rng = rng(seed);
-    let plan = Plan::new(model, Directions::default()).unwrap();
+    let propagator = Propagator::new(model, Directions::default()).unwrap();
     (0..n)
         .map(|s| {
             let (flap, flight, gain, shift) = label(s);
@@ -60,7 +60,8 @@ pub fn segments(
             let channels = vec![channel(0, 0.02, samples), channel(1, 0.04, samples / 2)];
             let mut record =
                 Record { dt: 0.02, n: samples, inputs, channels, substeps: 1, ..Record::default() };
-            let response = plan.respond(&[0.3, gain, shift, 0.01 * s as f64], &[], &record, false);
+            let response =
+                propagator.respond(&[0.3, gain, shift, 0.01 * s as f64], &[], &record, false);
             for (k, (channel, y)) in record.channels.iter_mut().zip(response.y).enumerate() {
                 channel.z = y.iter().map(|y| y + sd(s)[k] * normal(&mut rng)).collect();
             }
@@ -141,13 +142,13 @@ fn groups_that_share_nothing_are_separate_estimates() {
 #[test]
 fn recovery_of_a_line_in_a_condition() {
     let model = model();
-    let plan = Plan::new(&model, Directions::default()).unwrap();
+    let propagator = Propagator::new(&model, Directions::default()).unwrap();
     let mut all = segments(&model, 21, 6, |_| [0.01; 2]);
     let mut rng = rng(22);
     for (s, segment) in all.iter_mut().enumerate() {
         let speed = 60.0 + 11.0 * s as f64;
         let shift = label(s).3;
-        let y = plan
+        let y = propagator
             .respond(
                 &[0.3, 0.5 + 0.02 * speed, shift, 0.01 * s as f64],
                 &[],
@@ -238,7 +239,7 @@ fn stretches_of_a_record_are_the_record() {
 #[test]
 fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
     let model = model();
-    let plan = Plan::new(&model, Directions::default()).unwrap();
+    let propagator = Propagator::new(&model, Directions::default()).unwrap();
     let mut all = segments(&model, 13, 4, |_| [0.01; 2]);
     let mut rng = rng(14);
     for (s, dt, n, output) in [(1, 0.05, 90, 0), (2, 0.01, 450, 1)] {
@@ -247,7 +248,7 @@ fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
         let channel = Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![] };
         let mut record =
             Record { dt, n, inputs, channels: vec![channel], substeps: 1, ..Record::default() };
-        let y = plan.respond(&[0.3, gain, shift, 0.0], &[], &record, false).y;
+        let y = propagator.respond(&[0.3, gain, shift, 0.0], &[], &record, false).y;
         record.channels[0].z = y[0].iter().map(|y| y + 0.01 * normal(&mut rng)).collect();
         let labels = [("flap", flap), ("flight", flight)]
             .map(|(a, b)| (a.to_string(), b.to_string()))

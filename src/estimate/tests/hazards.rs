@@ -2,7 +2,7 @@
 //! nothing. Each on estimates.
 
 use super::{normal, rng};
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{Estimation, Settings, Stop, estimate};
 use crate::model::{Constants, Model};
 
@@ -62,8 +62,8 @@ fn empty(n: usize, start: usize, count: usize) -> Record {
 
 /// A record of what the model says at `parameters`, with noise.
 fn flown(model: &Model, parameters: &[f64], mut record: Record, seed: u64, sd: f64) -> Record {
-    let plan = Plan::new(model, Directions::default()).unwrap();
-    let y = plan.respond(parameters, &[], &record, false).y;
+    let propagator = Propagator::new(model, Directions::default()).unwrap();
+    let y = propagator.respond(parameters, &[], &record, false).y;
     let mut rng = rng(seed);
     for (channel, y) in record.channels.iter_mut().zip(y) {
         channel.z = y.iter().map(|y| y + sd * normal(&mut rng)).collect();
@@ -83,12 +83,14 @@ fn within(e: &Estimation, name: &str, truth: f64, most: f64) {
 #[test]
 fn sensitivities_to_a_delay_are_exact_at_any_length() {
     for (which, model) in delayed().into_iter().enumerate() {
-        let plan =
-            Plan::new(&model, Directions { parameters: vec![0, 1, 2], starts: vec![] }).unwrap();
+        let propagator =
+            Propagator::new(&model, Directions { parameters: vec![0, 1, 2], starts: vec![] })
+                .unwrap();
         let record = Record { substeps: 4, ..empty(200, 40, 1) };
         for steps in [0.3, 0.999, 1.0, 1.001, 2.5, 7.0, 7.3, 39.9, 60.2, 500.0] {
-            let at =
-                |h: f64, exact: bool| plan.run(&[1.5, 0.5, steps * DT + h], &[], &record, exact);
+            let at = |h: f64, exact: bool| {
+                propagator.run(&[1.5, 0.5, steps * DT + h], &[], &record, exact)
+            };
             let h = 1e-6;
             let (here, up, down) = (at(0.0, true), at(h, false), at(-h, false));
             let size = here.dy.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -188,17 +190,18 @@ w = { unit = "rad s", value = "w" }
 #[test]
 fn sensitivities_through_contacts_are_exact() {
     let model = model(STOPPED);
-    let plan = Plan::new(&model, Directions { parameters: vec![0, 1, 2], starts: vec![] }).unwrap();
+    let propagator =
+        Propagator::new(&model, Directions { parameters: vec![0, 1, 2], starts: vec![] }).unwrap();
     let record = Record { substeps: 2, ..empty(400, 0, 2) };
     let truth = [1.2, 0.4, 0.8];
-    let here = plan.run(&truth, &[], &record, true);
+    let here = propagator.run(&truth, &[], &record, true);
     let resting = (0..here.n).filter(|k| here.y[2 * k] == 0.8).count();
     assert!(resting > 50 && (0..here.n).all(|k| here.y[2 * k] <= 0.8), "{resting}");
     for which in 0..3 {
         let at = |h: f64| {
             let mut p = truth;
             p[which] += h;
-            plan.run(&p, &[], &record, false)
+            propagator.run(&p, &[], &record, false)
         };
         let (up, down) = (at(1e-7), at(-1e-7));
         for k in 0..here.y.len() {
@@ -230,7 +233,7 @@ fn recovery_of_a_stop_and_of_what_moves_between() {
 #[test]
 fn the_cost_is_continuous_where_contacts_come_and_go() {
     let model = model(STOPPED);
-    let plan = Plan::new(&model, Directions::default()).unwrap();
+    let propagator = Propagator::new(&model, Directions::default()).unwrap();
     for (substeps, most) in [(1, 0.05), (8, 0.05)] {
         let record =
             flown(&model, &[1.2, 0.4, 0.8], Record { substeps, ..empty(400, 0, 2) }, 9, 0.003);
@@ -238,7 +241,7 @@ fn the_cost_is_continuous_where_contacts_come_and_go() {
             let cost = |i: usize| {
                 let mut p = [1.2, 0.4, 0.8];
                 p[which] *= 1.0 + 4e-5 * (i as f64 - 300.0);
-                let y = plan.respond(&p, &[], &record, false).y;
+                let y = propagator.respond(&p, &[], &record, false).y;
                 let one = |(c, y): (&Channel, &Vec<f64>)| {
                     c.z.iter().zip(y).map(|(z, y)| (z - y) * (z - y)).sum::<f64>()
                 };

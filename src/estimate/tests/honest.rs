@@ -2,7 +2,7 @@
 //! promise.
 
 use super::{noise, normal, rng};
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{End, Estimation, Settings, StartFrom, Stop, estimate};
 use crate::model::{Constants, Given, Model};
 use rayon::prelude::*;
@@ -70,7 +70,7 @@ fn record(
     seed: u64,
     inputs: impl Fn(usize) -> Vec<f64>,
 ) -> Record {
-    let plan = Plan::new(truth, Directions::default()).unwrap();
+    let propagator = Propagator::new(truth, Directions::default()).unwrap();
     let (n, dt) = (200, 0.05);
     let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
     let channels =
@@ -88,7 +88,7 @@ fn record(
         c.t.drain(..20);
         c.z.drain(..20);
     });
-    let response = plan.respond(parameters, &[], &record, false);
+    let response = propagator.respond(parameters, &[], &record, false);
     let mut rng = rng(seed);
     for ((channel, y), sd) in record.channels.iter_mut().zip(response.y).zip(sd) {
         channel.z = y.iter().map(|y| y + sd * normal(&mut rng)).collect();

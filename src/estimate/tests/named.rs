@@ -2,7 +2,7 @@
 //! states, messages.
 
 use super::{normal, rng};
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{Estimation, Settings, Stop, estimate};
 use crate::model::{Constants, Model};
 
@@ -34,7 +34,8 @@ fn model() -> Model {
 /// of its own.
 fn records(model: &Model, segments: usize) -> Vec<Record> {
     let mut rng = rng(11);
-    let plan = Plan::new(model, Directions { parameters: vec![], starts: vec![0] }).unwrap();
+    let propagator =
+        Propagator::new(model, Directions { parameters: vec![], starts: vec![0] }).unwrap();
     (0..segments)
         .map(|s| {
             let input = |k: usize| {
@@ -59,7 +60,7 @@ fn records(model: &Model, segments: usize) -> Vec<Record> {
                 channels: vec![channel(0, stamps(0.02, n)), channel(1, stamps(0.047, 160))],
                 ..Record::default()
             };
-            let response = plan.respond(
+            let response = propagator.respond(
                 &[0.3, 1.2, 0.0, 0.1 * (s + 1) as f64],
                 &[0.2 * s as f64],
                 &record,

@@ -2,7 +2,7 @@
 //! without a change of the model file.
 
 use super::{normal, rng};
-use crate::dynamics::{Channel, Directions, Plan, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::estimate::{
     Estimation, InitialFrom, Row, Segment, Settings, Shifts, Stop, estimate, estimate_segments,
 };
@@ -54,7 +54,7 @@ fn channel(output: usize, dt: f64, n: usize) -> Channel {
 /// first half of them, q 0.003 in all.
 fn shifted(count: usize) -> Vec<Segment> {
     let model = model(PLAIN);
-    let plan = Plan::new(&model, Directions::default()).unwrap();
+    let propagator = Propagator::new(&model, Directions::default()).unwrap();
     let mut rng = rng(31);
     (0..count)
         .map(|s| {
@@ -67,7 +67,7 @@ fn shifted(count: usize) -> Vec<Segment> {
                 channels: vec![channel(0, 0.02, n), channel(1, 0.02, n)],
                 ..Record::default()
             };
-            let y = plan.respond(&[-1.0, -4.0, -2.0, -6.0, 0.05], &[], &record, false).y;
+            let y = propagator.respond(&[-1.0, -4.0, -2.0, -6.0, 0.05], &[], &record, false).y;
             let flight = if s < count / 2 { ("f1", 0.02) } else { ("f2", 0.0) };
             for (channel, (y, shift)) in
                 record.channels.iter_mut().zip(y.into_iter().zip([flight.1, 0.003]))
@@ -157,12 +157,13 @@ fn shifts_are_those_of_a_model_written_out() {
 fn sensitivities_of_shifts_are_exact() {
     let model = settings_model();
     let shift = model.parameter("du_delta_e").unwrap();
-    let plan = Plan::new(&model, Directions { parameters: vec![shift], starts: vec![] }).unwrap();
+    let propagator =
+        Propagator::new(&model, Directions { parameters: vec![shift], starts: vec![] }).unwrap();
     let record = &shifted(1)[0].record;
     let at = |h: f64, exact: bool| {
         let mut p = model.parameter_starts();
         p[shift] = 0.01 + h;
-        plan.run(&p, &[], record, exact)
+        propagator.run(&p, &[], record, exact)
     };
     let (exact, up, down) = (at(0.0, true), at(1e-4, false), at(-1e-4, false));
     for k in 0..exact.y.len() {

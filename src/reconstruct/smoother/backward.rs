@@ -15,8 +15,9 @@
 //! a process noise that enters by `g` it is `sum (g'a)^2 - g'A g` over two.
 
 use super::filter::{Filter, Scalar, Tape};
-use super::matrix::{adjoint_step, adjoint_update, dot, multiply, smoothed};
+use super::matrix::{VECTOR, adjoint_step, adjoint_update, multiply, smoothed};
 use super::sums::Sums;
+use crate::math::products::dot_by;
 
 /// The backward pass of one run.
 pub struct Backward {
@@ -130,8 +131,8 @@ impl Backward {
     ) {
         let n = self.n;
         multiply(&self.aa, self.m, gain, &mut self.b[..n]);
-        let u = scalar.nu / scalar.s + dot(gain, &self.a);
-        let d = 1.0 / scalar.s + dot(gain, &self.b);
+        let u = scalar.nu / scalar.s + dot_by::<VECTOR>(gain, &self.a);
+        let d = 1.0 / scalar.s + dot_by::<VECTOR>(gain, &self.b);
         let sum = &mut self.sums.channels[scalar.channel];
         sum[0] += u * u;
         sum[1] += d;

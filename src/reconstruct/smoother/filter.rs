@@ -4,8 +4,9 @@
 use super::flight::{Flight, SAME};
 use super::kinematics::{Derivatives, Evaluator, Kinematics};
 use super::levels::Levels;
-use super::matrix::{dot, joseph, multiply, padded, predict, transition};
+use super::matrix::{VECTOR, joseph, multiply, padded, predict, transition};
 use crate::dynamics::{AHEAD, WEIGHT};
+use crate::math::products::dot_by;
 
 /// Longest step of the integration, s.
 const LONGEST: f64 = 0.05;
@@ -316,8 +317,12 @@ impl<'a> Filter<'a> {
         let away = self.base.iter().any(|d| *d != 0.0);
         for i in 0..nx {
             let from = state.x[i] - self.base[i] + h / 6.0 * self.sum[i];
-            self.points[0][i] =
-                from + if away { dot(&self.s[i * lanes..i * lanes + m], &self.base) } else { 0.0 };
+            self.points[0][i] = from
+                + if away {
+                    dot_by::<VECTOR>(&self.s[i * lanes..i * lanes + m], &self.base)
+                } else {
+                    0.0
+                };
         }
         state.x[..nx].copy_from_slice(&self.points[0]);
         for (i, input) in self.flight.inputs.iter().enumerate() {
@@ -411,7 +416,7 @@ impl<'a> Filter<'a> {
         }
         let mut ph = std::mem::take(&mut self.ph);
         multiply(&state.p, m, &self.row, &mut ph[..n]);
-        let mut s = dot(&ph, &self.row) + r;
+        let mut s = dot_by::<VECTOR>(&ph, &self.row) + r;
         if !(nu.is_finite() && s.is_finite()) {
             self.ph = ph;
             watch.innovation(state.t, &Scalar { channel, nu, s, r }, false);
@@ -437,13 +442,13 @@ impl<'a> Filter<'a> {
                     break;
                 }
                 multiply(&state.p, m, &self.row, &mut ph[..n]);
-                s = dot(&ph, &self.row) + r;
+                s = dot_by::<VECTOR>(&ph, &self.row) + r;
                 nu = left + (0..n).map(|i| self.row[i] * (state.x[i] - self.prior[i])).sum::<f64>();
                 if !(nu.is_finite() && s.is_finite()) {
                     nu = old_nu;
                     self.row = old_row;
                     multiply(&state.p, m, &self.row, &mut ph[..n]);
-                    s = dot(&ph, &self.row) + r;
+                    s = dot_by::<VECTOR>(&ph, &self.row) + r;
                     for i in 0..n {
                         state.x[i] = self.prior[i] + ph[i] / s * nu;
                     }

@@ -7,6 +7,7 @@
 
 use super::kinematics::Kinematics;
 use super::local;
+use crate::math::interpolate::between;
 use crate::reconstruct::signals::Series;
 use crate::signal::robust::noise_sd;
 
@@ -182,9 +183,9 @@ impl Flight {
                 };
             }
             let next = (k + 1).min(input.value.len() - 1);
-            value[i] = input.value[k] + w * (input.value[next] - input.value[k]);
+            value[i] = between(input.value[k], input.value[next], w);
             if let (Some(a), Some(b)) = (input.slope.get(k), input.slope.get(next)) {
-                slope[i] = a + w * (b - a);
+                slope[i] = between(*a, *b, w);
             }
         }
     }

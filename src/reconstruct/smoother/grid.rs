@@ -12,6 +12,7 @@ use super::filter::Tape;
 use super::flight::Flight;
 use super::kinematics::{Evaluator, Kinematics};
 use super::matrix::padded;
+use crate::math::interpolate::between;
 use crate::signal::resample::Grid;
 
 /// Points evaluated together.
@@ -177,7 +178,7 @@ impl<'a> Sampler<'a> {
             for pair in known.windows(2) {
                 for k in pair[0] + 1..pair[1] {
                     let w = (k - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
-                    column[k] = column[pair[0]] + w * (column[pair[1]] - column[pair[0]]);
+                    column[k] = between(column[pair[0]], column[pair[1]], w);
                 }
             }
             if let (Some(&first), Some(&last)) = (known.first(), known.last()) {
@@ -245,7 +246,7 @@ fn hermite(out: &mut [f64], s: f64, h: f64, x0: &[f64], x1: &[f64], f: &[Vec<f64
                     + (3.0 * s2 - 2.0 * s3) * x1[i]
                     + h * (s3 - s2) * f1
             }
-            _ => x0[i] + s * (x1[i] - x0[i]),
+            _ => between(x0[i], x1[i], s),
         };
     }
 }

@@ -6,9 +6,10 @@
 //! fused), so the width of the vectors changes no bit.
 
 use crate::dynamics::{AHEAD, WEIGHT};
+use crate::math::products::dot_by;
 
 /// Rows are whole vectors of this many.
-const VECTOR: usize = 4;
+pub const VECTOR: usize = 4;
 
 /// `n` rounded up to whole vectors.
 pub fn padded(n: usize) -> usize {
@@ -50,18 +51,6 @@ pub fn add(y: &mut [f64], a: f64, x: &[f64]) {
     }
 }
 
-/// Sum of the products, in four partial sums.
-#[inline(always)]
-pub fn dot(x: &[f64], y: &[f64]) -> f64 {
-    let mut sum = [0.0; VECTOR];
-    for (x, y) in x.chunks_exact(VECTOR).zip(y.chunks_exact(VECTOR)) {
-        for l in 0..VECTOR {
-            sum[l] += x[l] * y[l];
-        }
-    }
-    (sum[0] + sum[1]) + (sum[2] + sum[3])
-}
-
 /// Copies the lower triangle of an `n` by `n` matrix to the upper one.
 #[inline(always)]
 fn mirror(a: &mut [f64], n: usize, m: usize) {
@@ -76,7 +65,7 @@ kernel! {
     /// `out = A x` for the first `out.len()` rows of `a`.
     pub fn multiply(a: &[f64], m: usize, x: &[f64], out: &mut [f64]) {
         for (row, out) in a.chunks_exact(m).zip(out.iter_mut()) {
-            *out = dot(row, x);
+            *out = dot_by::<VECTOR>(row, x);
         }
     }
 }
@@ -88,7 +77,7 @@ kernel! {
         for i in 0..n {
             let row = &mut p[i * m..(i + 1) * m];
             add(row, -k[i], g);
-            let s = r * k[i] - dot(row, h);
+            let s = r * k[i] - dot_by::<VECTOR>(row, h);
             let upto = padded(i + 1);
             add(&mut row[..upto], s, &k[..upto]);
         }
@@ -149,7 +138,7 @@ kernel! {
         }
         for i in 0..nx {
             for j in 0..=i {
-                let mut value = dot(&w[i * m..(i + 1) * m], &s[j * lanes..j * lanes + m]);
+                let mut value = dot_by::<VECTOR>(&w[i * m..(i + 1) * m], &s[j * lanes..j * lanes + m]);
                 for (l, q) in q.iter().enumerate() {
                     value += q * s[i * lanes + m + l] * s[j * lanes + m + l];
                 }
@@ -219,7 +208,7 @@ kernel! {
         }
         for i in 0..n {
             for j in 0..=i {
-                let value = p[i * m + j] - dot(&w[i * m..(i + 1) * m], &p[j * m..(j + 1) * m]);
+                let value = p[i * m + j] - dot_by::<VECTOR>(&w[i * m..(i + 1) * m], &p[j * m..(j + 1) * m]);
                 out[i * m + j] = value;
                 out[j * m + i] = value;
             }

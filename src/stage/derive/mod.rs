@@ -4,7 +4,7 @@
 mod config;
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
-use crate::dynamics::{Directions, Plan, Record};
+use crate::dynamics::{Directions, Propagator, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
 use crate::signal::resample::{Grid, linear};
@@ -131,7 +131,7 @@ fn add_model(
     grid: &Grid,
     columns: &mut IndexMap<String, Column>,
 ) -> Result<()> {
-    let plan = Plan::new(model, Directions::default())?;
+    let propagator = Propagator::new(model, Directions::default())?;
     let parameters = model.parameter_starts();
     let (n, nu, ny) = (grid.n, inputs.len(), model.outputs.len());
     let driving: Vec<&[f64]> =
@@ -151,7 +151,7 @@ fn add_model(
                 inputs: values,
                 ..Default::default()
             };
-            let run = plan.run(&parameters, &[], &record, false);
+            let run = propagator.run(&parameters, &[], &record, false);
             for (k, row) in run.y.chunks_exact(ny.max(1)).enumerate() {
                 row.iter().zip(&mut outputs).for_each(|(value, output)| output[begin + k] = *value);
             }

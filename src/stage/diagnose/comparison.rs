@@ -1,21 +1,22 @@
 //! What the additions of a diagnosis did in; its tables out.
 
-use super::Told;
+use super::Outcome;
 use crate::diagnose::{Channel, Driven, Gap, Match, Relation};
 use crate::error::Result;
 use crate::table::Table;
 
-fn name(told: &Told, segment: Option<usize>) -> Option<String> {
-    segment.and_then(|s| told.names.get(s)).cloned()
+fn name(outcome: &Outcome, segment: Option<usize>) -> Option<String> {
+    segment.and_then(|s| outcome.names.get(s)).cloned()
 }
 
 fn finite(v: f64) -> f64 {
     if v.is_finite() { v } else { f64::NAN }
 }
 
-pub fn gaps(told: &Told) -> Result<Table> {
-    let comparison = &told.diagnosis.comparison;
-    let after = if told.diagnosis.added.is_empty() { &[][..] } else { &comparison.gaps_after[..] };
+pub fn gaps(outcome: &Outcome) -> Result<Table> {
+    let comparison = &outcome.diagnosis.comparison;
+    let after =
+        if outcome.diagnosis.added.is_empty() { &[][..] } else { &comparison.gaps_after[..] };
     let rows: Vec<(&str, &Gap)> = comparison
         .gaps_before
         .iter()
@@ -24,9 +25,9 @@ pub fn gaps(told: &Told) -> Result<Table> {
         .collect();
     let number = |of: fn(&Gap) -> f64| rows.iter().map(|r| finite(of(r.1))).collect::<Vec<f64>>();
     Table::build("gaps")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .strings("when", rows.iter().map(|r| r.0))
-        .opt_strings("segment", rows.iter().map(|r| name(told, r.1.segment)))
+        .opt_strings("segment", rows.iter().map(|r| name(outcome, r.1.segment)))
         .strings("output", rows.iter().map(|r| &r.1.output))
         .strings("by", rows.iter().map(|r| &r.1.by))
         .f64("from", number(|g| g.from))
@@ -44,17 +45,17 @@ pub fn gaps(told: &Told) -> Result<Table> {
         .finish()
 }
 
-pub fn closures(told: &Told) -> Result<Table> {
-    let rows: Vec<&Channel> = told.diagnosis.comparison.channels.iter().collect();
+pub fn closures(outcome: &Outcome) -> Result<Table> {
+    let rows: Vec<&Channel> = outcome.diagnosis.comparison.channels.iter().collect();
     let number = |which: fn(&Channel) -> Match, of: fn(Match) -> f64| {
         rows.iter().map(|c| of(which(c))).collect::<Vec<f64>>()
     };
     let before = |c: &Channel| c.before;
     let after = |c: &Channel| c.after;
     Table::build("closures")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .strings("set", rows.iter().map(|c| if c.held_out { "held out" } else { "training" }))
-        .opt_strings("segment", rows.iter().map(|c| name(told, c.segment)))
+        .opt_strings("segment", rows.iter().map(|c| name(outcome, c.segment)))
         .opt_strings("output", rows.iter().map(|c| c.output.clone()))
         .strings("unit", rows.iter().map(|c| &c.unit))
         .i64("n", rows.iter().map(|c| c.n as i64).collect::<Vec<_>>())
@@ -67,11 +68,11 @@ pub fn closures(told: &Told) -> Result<Table> {
         .finish()
 }
 
-pub fn shifts(told: &Told) -> Result<Table> {
-    let rows = &told.diagnosis.comparison.shifts;
+pub fn shifts(outcome: &Outcome) -> Result<Table> {
+    let rows = &outcome.diagnosis.comparison.shifts;
     let column = |of: fn(&crate::diagnose::Shift) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
     Table::build("shifts")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .strings("parameter", rows.iter().map(|r| &r.name))
         .strings("unit", rows.iter().map(|r| &r.unit))
         .f64("before", column(|r| r.before))
@@ -82,15 +83,15 @@ pub fn shifts(told: &Told) -> Result<Table> {
         .finish()
 }
 
-pub fn overlays(told: &Told) -> Result<Table> {
-    let added = !told.diagnosis.added.is_empty();
-    let all = told.diagnosis.comparison.overlays.iter().filter(|_| added);
+pub fn overlays(outcome: &Outcome) -> Result<Table> {
+    let added = !outcome.diagnosis.added.is_empty();
+    let all = outcome.diagnosis.comparison.overlays.iter().filter(|_| added);
     let rows: Vec<_> = all.flat_map(|o| (0..o.before.t.len()).map(move |k| (o, k))).collect();
     Table::build("overlays")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .strings(
             "segment",
-            rows.iter().map(|(o, _)| told.names.get(o.segment).map_or("", String::as_str)),
+            rows.iter().map(|(o, _)| outcome.names.get(o.segment).map_or("", String::as_str)),
         )
         .strings("output", rows.iter().map(|(o, _)| &o.before.name))
         .strings("unit", rows.iter().map(|(o, _)| &o.before.unit))
@@ -104,11 +105,11 @@ pub fn overlays(told: &Told) -> Result<Table> {
         .finish()
 }
 
-pub fn relations(told: &Told) -> Result<Table> {
-    let rows = &told.diagnosis.comparison.relations;
+pub fn relations(outcome: &Outcome) -> Result<Table> {
+    let rows = &outcome.diagnosis.comparison.relations;
     let column = |of: fn(&Relation) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
     Table::build("relations")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .strings("output", rows.iter().map(|r| &r.output))
         .strings("source", rows.iter().map(|r| &r.source))
         .f64("correlation", column(|r| r.correlation))
@@ -121,15 +122,15 @@ pub fn relations(told: &Told) -> Result<Table> {
         .finish()
 }
 
-pub fn driven(told: &Told) -> Result<Table> {
-    let all = &told.diagnosis.comparison.driven;
+pub fn driven(outcome: &Outcome) -> Result<Table> {
+    let all = &outcome.diagnosis.comparison.driven;
     let free = |output: &str| {
         all.iter().find(|d| d.state.is_none() && d.output == output).map_or(f64::NAN, |d| d.rms)
     };
     // A state that cannot have it is left out.
     let rows: Vec<&Driven> = all.iter().filter(|d| d.rms.is_finite()).collect();
     Table::build("driven")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .opt_strings("state", rows.iter().map(|d| d.state.clone()))
         .strings("output", rows.iter().map(|d| &d.output))
         .strings("unit", rows.iter().map(|d| &d.unit))
@@ -139,18 +140,18 @@ pub fn driven(told: &Told) -> Result<Table> {
         .finish()
 }
 
-pub fn equation_errors(told: &Told) -> Result<Table> {
+pub fn equation_errors(outcome: &Outcome) -> Result<Table> {
     let rows: Vec<_> =
-        told.diagnosis.comparison.equations.iter().filter(|e| e.rms.is_finite()).collect();
+        outcome.diagnosis.comparison.equations.iter().filter(|e| e.rms.is_finite()).collect();
     Table::build("equation_errors")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .strings(
             "equation",
             rows.iter()
                 .map(|e| if e.is_rate { format!("rate of {}", e.name) } else { e.name.clone() }),
         )
         .strings("kind", rows.iter().map(|e| if e.is_rate { "rate" } else { "coefficient" }))
-        .opt_strings("segment", rows.iter().map(|e| name(told, e.segment)))
+        .opt_strings("segment", rows.iter().map(|e| name(outcome, e.segment)))
         .strings("unit", rows.iter().map(|e| &e.unit))
         .f64("rms", rows.iter().map(|e| e.rms).collect::<Vec<_>>())
         .f64("noise", rows.iter().map(|e| finite(e.noise)).collect::<Vec<_>>())

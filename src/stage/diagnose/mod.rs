@@ -15,12 +15,13 @@ use crate::diagnose::{self, Base, Claim, Diagnosis, Fitted, Judged, Rule, Subjec
 use crate::error::Errors;
 use crate::estimate::{SEGMENT, Segment};
 use crate::model::Model;
+use crate::noise::Modelled;
 use indexmap::IndexMap;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 pub use config::{Config, Settings};
-use outcome::Told;
+use outcome::Outcome;
 pub use words::digits;
 
 pub const STAGE: Stage = Stage {
@@ -146,18 +147,18 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     };
     let diagnosis = diagnose::diagnose(&subject, &offer, inputs.tell)?;
     notes.extend(lost(config, &names, &rule, &diagnosis));
-    let told = Told { config, model: &base.model.name, names, rule, base: taken, diagnosis };
+    let outcome = Outcome { config, model: &base.model.name, names, rule, base: taken, diagnosis };
     let mut files = Vec::new();
-    let added = added(&told, base);
+    let added = added(&outcome, base);
     if !added.is_empty() {
         let text = base.model.own_text().to_string() + &added;
         files.push((
-            format!("models/{}.model.toml", told.config.settings.next()),
+            format!("models/{}.model.toml", outcome.config.settings.next()),
             text.into_bytes(),
         ));
     }
-    let mut tables = tables::all(&told)?;
-    tables.push(("next_models", tables::next_models(&told, &base.name(), &added)?));
+    let mut tables = tables::all(&outcome)?;
+    tables.push(("next_models", tables::next_models(&outcome, &base.name(), &added)?));
     if !config.settings.rerun
         && let Some((_, additions)) = tables.iter().find(|(name, _)| *name == "additions")
     {
@@ -190,6 +191,17 @@ fn lost(config: &Config, names: &[String], rule: &Rule, diagnosis: &Diagnosis) -
         );
         notes.push(note(Severity::Missing, name, 1, text));
     }
+    for (output, order) in &diagnosis.unsure_noise {
+        let text = match order {
+            Some(order) => format!("{output}: {}", Modelled::cut_words(*order)),
+            None => format!(
+                "{output} takes no part in the diagnosis of {}: the model leaves nothing of it, so its noise is unknown",
+                config.settings.estimate
+            ),
+        };
+        let severity = if order.is_some() { Severity::Info } else { Severity::Warning };
+        notes.push(note(severity, output, 1, text));
+    }
     if !diagnosis.skipped.is_empty() {
         // Most of a library is about something that a model does not have; the list is for whoever
         // misses one.
@@ -210,18 +222,18 @@ fn context(roles: &IndexMap<String, Vec<String>>, model: &Model, segments: &[Seg
 /// Everything that was added, as it stands behind the model's own file: one block per effect; empty
 /// where nothing was. What makes a gap smaller that is only located is no finding, and a model with
 /// it would be wrong in another way.
-fn added(told: &Told, base: &estimate::Config) -> String {
-    if !told.diagnosis.is_named() {
+fn added(outcome: &Outcome, base: &estimate::Config) -> String {
+    if !outcome.diagnosis.is_named() {
         return String::new();
     }
-    let values: BTreeMap<String, f64> = told.diagnosis.values.iter().cloned().collect();
+    let values: BTreeMap<String, f64> = outcome.diagnosis.values.iter().cloned().collect();
     let mut model = &base.model;
     let mut text = String::new();
-    for (candidate, finding) in told.diagnosis.added.iter().zip(&told.diagnosis.findings) {
-        let round = told.diagnosis.rounds.get(finding.round);
+    for (candidate, finding) in outcome.diagnosis.added.iter().zip(&outcome.diagnosis.findings) {
+        let round = outcome.diagnosis.rounds.get(finding.round);
         let judged = round.and_then(|r| Some((r.judged.get(finding.added)?, r.limit)));
         let provenance =
-            judged.map(|(j, limit)| words::provenance(told, j, limit)).unwrap_or_default();
+            judged.map(|(j, limit)| words::provenance(outcome, j, limit)).unwrap_or_default();
         let held = judged.map(|(j, _)| undetermined(j)).unwrap_or_default();
         // Each candidate's base is the model with those before it: its text has their starting
         // values, so blocks are joined by hand.

@@ -4,7 +4,7 @@ use super::config::Config;
 use crate::diagnose::{Diagnosis, Rule};
 
 /// A diagnosis and what its rows are named by.
-pub struct Told<'a> {
+pub struct Outcome<'a> {
     pub config: &'a Config,
     pub model: &'a str,
     /// Segment ids, in the order of the subject's segments.

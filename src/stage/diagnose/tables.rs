@@ -1,34 +1,34 @@
 //! A diagnosis in; its tables out.
 
-use super::{Told, comparison, words};
+use super::{Outcome, comparison, words};
 use crate::diagnose::{Gain, Judged, Round};
 use crate::error::Result;
 use crate::table::Table;
 
-pub fn all(told: &Told) -> Result<Vec<(&'static str, Table)>> {
+pub fn all(outcome: &Outcome) -> Result<Vec<(&'static str, Table)>> {
     Ok(vec![
-        ("findings", findings(told)?),
-        ("candidates", candidates(told)?),
-        ("additions", additions(told)?),
-        ("held_out", held_out(told)?),
-        ("located", located(told)?),
-        ("gaps", comparison::gaps(told)?),
-        ("relations", comparison::relations(told)?),
-        ("driven", comparison::driven(told)?),
-        ("equation_errors", comparison::equation_errors(told)?),
-        ("closures", comparison::closures(told)?),
-        ("shifts", comparison::shifts(told)?),
-        ("overlays", comparison::overlays(told)?),
+        ("findings", findings(outcome)?),
+        ("candidates", candidates(outcome)?),
+        ("additions", additions(outcome)?),
+        ("held_out", held_out(outcome)?),
+        ("located", located(outcome)?),
+        ("gaps", comparison::gaps(outcome)?),
+        ("relations", comparison::relations(outcome)?),
+        ("driven", comparison::driven(outcome)?),
+        ("equation_errors", comparison::equation_errors(outcome)?),
+        ("closures", comparison::closures(outcome)?),
+        ("shifts", comparison::shifts(outcome)?),
+        ("overlays", comparison::overlays(outcome)?),
     ])
 }
 
 /// The lines added to the model; no row where there are none.
-pub fn next_models(told: &Told, estimate: &str, added: &str) -> Result<Table> {
+pub fn next_models(outcome: &Outcome, estimate: &str, added: &str) -> Result<Table> {
     let lines = [added].into_iter().filter(|lines| !lines.is_empty());
     Table::build("next_models")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .repeat("estimate", estimate)
-        .repeat("next", &told.config.settings.next())
+        .repeat("next", &outcome.config.settings.next())
         .strings("added", lines)
         .finish()
 }
@@ -42,8 +42,8 @@ struct Member<'a> {
     added: bool,
 }
 
-fn members<'a>(told: &'a Told) -> Vec<Member<'a>> {
-    let d = &told.diagnosis;
+fn members<'a>(outcome: &'a Outcome) -> Vec<Member<'a>> {
+    let d = &outcome.diagnosis;
     let of = |finding: &crate::diagnose::Finding| -> Vec<Member<'a>> {
         let Some(round) = d.rounds.get(finding.round) else { return Vec::new() };
         let member = |&c: &usize| {
@@ -56,9 +56,9 @@ fn members<'a>(told: &'a Told) -> Vec<Member<'a>> {
 }
 
 /// One row for the verdict, then one per effect named, class by class.
-fn findings(told: &Told) -> Result<Table> {
-    let d = &told.diagnosis;
-    let members = members(told);
+fn findings(outcome: &Outcome) -> Result<Table> {
+    let d = &outcome.diagnosis;
+    let members = members(outcome);
     let n = members.len() + 1;
     let number = |first: f64, of: fn(&Member) -> f64| -> Vec<f64> {
         std::iter::once(first).chain(members.iter().map(of)).collect()
@@ -70,17 +70,17 @@ fn findings(told: &Told) -> Result<Table> {
         let (j, limit) = (m.judged, m.round.limit);
         format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, limit))
     };
-    let sentences = std::iter::once(words::verdict(told)).chain(members.iter().map(sentence));
-    let held: Vec<&str> = told
+    let sentences = std::iter::once(words::verdict(outcome)).chain(members.iter().map(sentence));
+    let held: Vec<&str> = outcome
         .names
         .iter()
-        .zip(&told.rule.held_out)
+        .zip(&outcome.rule.held_out)
         .filter(|(_, h)| **h)
         .map(|(n, _)| n.as_str())
         .collect();
     Table::build("findings")
-        .repeat("diagnosis", &told.config.name())
-        .repeat("model", told.model)
+        .repeat("diagnosis", &outcome.config.name())
+        .repeat("model", outcome.model)
         .i64("number", (0..n as i64).collect::<Vec<_>>())
         .repeat("verdict", d.verdict.as_str())
         .bools("complete", vec![d.complete; n])
@@ -99,7 +99,7 @@ fn findings(told: &Told) -> Result<Table> {
         .f64("held_out_predicted", number(f64::NAN, |m| in_sum(m.judged, |g| g.predicted)))
         .f64("held_out_realised", number(f64::NAN, |m| in_sum(m.judged, |g| g.realised)))
         .strings("text", sentences)
-        .repeat("held_out", &format!("{}: {}", told.rule.words, held.join(" ")))
+        .repeat("held_out", &format!("{}: {}", outcome.rule.words, held.join(" ")))
         .finish()
 }
 
@@ -109,18 +109,18 @@ fn in_sum(judged: &Judged, of: fn(&Gain) -> f64) -> f64 {
 }
 
 /// Every candidate of every round.
-fn rows<'a>(told: &'a Told) -> Vec<(usize, &'a Round, &'a Judged)> {
-    let rounds = told.diagnosis.rounds.iter().enumerate();
+fn rows<'a>(outcome: &'a Outcome) -> Vec<(usize, &'a Round, &'a Judged)> {
+    let rounds = outcome.diagnosis.rounds.iter().enumerate();
     rounds.flat_map(|(i, round)| round.judged.iter().map(move |j| (i + 1, round, j))).collect()
 }
 
-fn candidates(told: &Told) -> Result<Table> {
-    let rows = rows(told);
+fn candidates(outcome: &Outcome) -> Result<Table> {
+    let rows = rows(outcome);
     let number = |of: &dyn Fn(&Round, &Judged) -> f64| {
         rows.iter().map(|(_, round, j)| of(round, j)).collect::<Vec<f64>>()
     };
     Table::build("candidates")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
         .bools("strict", rows.iter().map(|r| r.1.strict).collect::<Vec<_>>())
         .strings("base", rows.iter().map(|r| r.1.base.join(" ")))
@@ -153,8 +153,8 @@ fn candidates(told: &Told) -> Result<Table> {
 
 /// Whether a candidate of a round (from 1) is one that the verdict names, in the round that tested
 /// it with everything else in place.
-fn is_found(told: &Told, round: usize, judged: &Judged) -> bool {
-    let d = &told.diagnosis;
+fn is_found(outcome: &Outcome, round: usize, judged: &Judged) -> bool {
+    let d = &outcome.diagnosis;
     let same = |f: &crate::diagnose::Finding| {
         f.round + 1 == round
             && d.rounds
@@ -165,8 +165,8 @@ fn is_found(told: &Told, round: usize, judged: &Judged) -> bool {
     d.is_named() && d.findings.iter().any(same)
 }
 
-fn additions(told: &Told) -> Result<Table> {
-    let all = rows(told);
+fn additions(outcome: &Outcome) -> Result<Table> {
+    let all = rows(outcome);
     let rows: Vec<_> = all
         .iter()
         .flat_map(|(i, _, j)| {
@@ -174,7 +174,7 @@ fn additions(told: &Told) -> Result<Table> {
         })
         .collect();
     Table::build("additions")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
         .strings("candidate", rows.iter().map(|r| &r.1.name))
         .strings("standing", rows.iter().map(|r| r.1.standing.as_str()))
@@ -185,7 +185,7 @@ fn additions(told: &Told) -> Result<Table> {
         .f64("null", rows.iter().map(|r| r.2.null.unwrap_or(f64::NAN)).collect::<Vec<_>>())
         .bools("held", rows.iter().map(|r| r.2.held).collect::<Vec<_>>())
         .bools("determined", rows.iter().map(|r| r.2.is_determined).collect::<Vec<_>>())
-        .bools("found", rows.iter().map(|r| is_found(told, r.0, r.1)).collect::<Vec<_>>())
+        .bools("found", rows.iter().map(|r| is_found(outcome, r.0, r.1)).collect::<Vec<_>>())
         .bools("at_bound", rows.iter().map(|r| r.2.at_bound).collect::<Vec<_>>())
         .f64(
             "expected",
@@ -195,8 +195,8 @@ fn additions(told: &Told) -> Result<Table> {
         .finish()
 }
 
-fn held_out(told: &Told) -> Result<Table> {
-    let all = rows(told);
+fn held_out(outcome: &Outcome) -> Result<Table> {
+    let all = rows(outcome);
     let gains = |j: &Judged| -> Vec<(&'static str, Gain)> {
         let of =
             |set: &'static str, gains: &[Gain]| gains.iter().map(|g| (set, *g)).collect::<Vec<_>>();
@@ -208,22 +208,22 @@ fn held_out(told: &Told) -> Result<Table> {
     let rows: Vec<_> =
         all.iter().flat_map(|(i, _, j)| gains(j).into_iter().map(move |g| (*i, *j, g))).collect();
     Table::build("held_out")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
         .strings("candidate", rows.iter().map(|r| &r.1.name))
         .strings("standing", rows.iter().map(|r| r.1.standing.as_str()))
         .strings("set", rows.iter().map(|r| r.2.0))
         .strings(
             "segment",
-            rows.iter().map(|r| told.names.get(r.2.1.segment).map_or("", String::as_str)),
+            rows.iter().map(|r| outcome.names.get(r.2.1.segment).map_or("", String::as_str)),
         )
         .f64("predicted", rows.iter().map(|r| r.2.1.predicted).collect::<Vec<_>>())
         .f64("realised", rows.iter().map(|r| r.2.1.realised).collect::<Vec<_>>())
         .finish()
 }
 
-fn located(told: &Told) -> Result<Table> {
-    let d = &told.diagnosis;
+fn located(outcome: &Outcome) -> Result<Table> {
+    let d = &outcome.diagnosis;
     let rounds = d
         .rounds
         .iter()
@@ -234,7 +234,7 @@ fn located(told: &Told) -> Result<Table> {
         rows.iter().map(|r| of(r.1)).collect::<Vec<f64>>()
     };
     Table::build("located")
-        .repeat("diagnosis", &told.config.name())
+        .repeat("diagnosis", &outcome.config.name())
         .i64("round", rows.iter().map(|r| r.0).collect::<Vec<_>>())
         .strings("output", rows.iter().map(|r| &r.1.output))
         .strings("source", rows.iter().map(|r| &r.1.source))

@@ -1,6 +1,6 @@
 //! A diagnosis in; what a person should know of it, in words, out.
 
-use super::Told;
+use super::Outcome;
 use crate::diagnose::effect::Family;
 use crate::diagnose::{Diagnosis, Finding, Judged, Missed, Standing, Trouble, Value, Verdict};
 use crate::math::distribution::INTERVAL_95;
@@ -66,24 +66,24 @@ pub fn evidence(judged: &Judged, limit: f64) -> String {
 }
 
 /// Where an added block comes from, for a comment in the model file.
-pub fn provenance(told: &Told, judged: &Judged, limit: f64) -> String {
+pub fn provenance(outcome: &Outcome, judged: &Judged, limit: f64) -> String {
     format!(
         "{}\nFound by the diagnosis \"{}\": {}; {}.",
         judged.sentence,
-        told.config.name(),
+        outcome.config.name(),
         values(judged),
         evidence(judged, limit)
     )
 }
 
 /// The verdict in a few sentences, and what errors of the data alone would explain.
-pub fn verdict(told: &Told) -> String {
-    let base = if told.base.is_empty() {
+pub fn verdict(outcome: &Outcome) -> String {
+    let base = if outcome.base.is_empty() {
         String::new()
     } else {
-        format!(" Parameters are taken as the pipeline estimates them: {}.", told.base)
+        format!(" Parameters are taken as the pipeline estimates them: {}.", outcome.base)
     };
-    format!("{}{}{base}", missing(told), data_first(&told.diagnosis))
+    format!("{}{}{base}", missing(outcome), data_first(&outcome.diagnosis))
 }
 
 /// The error of a sensor or of the recording that comes furthest in the last round of all
@@ -106,19 +106,19 @@ fn data_first(d: &Diagnosis) -> String {
         |a: &&Judged, b: &&Judged| far(a).0.cmp(&far(b).0).then(far(a).1.total_cmp(&far(b).1));
     let tried = judged.iter().filter(shown).count();
     let furthest = judged.iter().filter(shown).max_by(order);
-    let told = |j: &Judged| {
+    let outcome = |j: &Judged| {
         let (standing, why) = (j.standing.as_str(), &j.why);
         format!(
             " Data first: of {tried} errors of sensors and recording{beside}, {} comes furthest: {standing} ({why}).",
             j.name
         )
     };
-    furthest.map(told).unwrap_or_default()
+    furthest.map(outcome).unwrap_or_default()
 }
 
 /// A held-out maneuver that shows what no other does.
-fn missed(told: &Told, m: &Missed) -> String {
-    let name = told.names.get(m.segment).map_or("", String::as_str);
+fn missed(outcome: &Outcome, m: &Missed) -> String {
+    let name = outcome.names.get(m.segment).map_or("", String::as_str);
     if !m.per_sample.is_finite() {
         return format!("{name} was held out, and the model does not run over it");
     }
@@ -128,10 +128,10 @@ fn missed(told: &Told, m: &Missed) -> String {
     )
 }
 
-fn missing(told: &Told) -> String {
-    let d = &told.diagnosis;
+fn missing(outcome: &Outcome) -> String {
+    let d = &outcome.diagnosis;
     let classes = || counted(d.findings.iter().map(|f| class(d, f)));
-    let left = left(told);
+    let left = left(outcome);
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
@@ -170,13 +170,13 @@ fn counted(texts: impl Iterator<Item = String>) -> String {
 
 /// What is not explained: the first outputs that still response, what explains something and is not
 /// believed, held-out maneuvers that are missed.
-fn left(told: &Told) -> String {
-    let d = &told.diagnosis;
+fn left(outcome: &Outcome) -> String {
+    let d = &outcome.diagnosis;
     let responses =
         d.located.iter().take(3).map(|l| format!("{} responds to {}", l.output, l.source));
     let doubts =
         d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
-    let missed = d.missed.iter().map(|m| missed(told, m));
+    let missed = d.missed.iter().map(|m| missed(outcome, m));
     responses.chain(doubts).chain(missed).collect::<Vec<_>>().join("; ")
 }
 

@@ -15,6 +15,7 @@ use crate::dynamics::Record;
 use crate::engine::Here;
 use crate::error::{Errors, Result};
 use crate::estimate::{self, Estimation, Segment};
+use crate::noise::Modelled;
 use crate::table::Table;
 use batch::Batch;
 use indexmap::IndexMap;
@@ -399,11 +400,8 @@ fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<
     let of = |text: String| note(config, "", Severity::Info, batch.group.clone(), 1, text);
     let cut = |output: &estimate::OutputScatter| {
         let order = output.colour.as_ref()?.cut?;
-        let why = "what is left is rounding, or no stretch without masked samples is longer";
-        Some(of(format!(
-            "{}: the noise of {} is modelled to order {order} and no further: {why}",
-            batch.group, output.name
-        )))
+        let words = Modelled::cut_words(order);
+        Some(of(format!("{}: {}: {words}", batch.group, output.name)))
     };
     let unsettled = (!estimation.settled).then(|| {
         of(format!("{}: the colour of the residuals still changed in the last round: sd may be off by some percent", batch.group))

@@ -1,7 +1,7 @@
 //! A seed in; a small campaign of recorded maneuvers of an aircraft with something hidden in it,
 //! out.
 
-use koehler::dynamics::{Channel, Directions, Interpolation, Plan, Record};
+use koehler::dynamics::{Channel, Directions, Interpolation, Propagator, Record};
 use koehler::estimate::{self, Segment, Settings};
 use koehler::model::{Constants, Model};
 use rand::{RngExt, SeedableRng};
@@ -123,8 +123,9 @@ fn gusts(seed: u64, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]>
 /// Flies all maneuvers: what sensors without noise show.
 fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Segment>> {
     let model = hidden.model();
-    let plan = Plan::new(&model, Directions { parameters: Vec::new(), starts: (0..4).collect() })
-        .expect("a plan");
+    let propagator =
+        Propagator::new(&model, Directions { parameters: Vec::new(), starts: (0..4).collect() })
+            .expect("a propagator");
     let mut segments = Vec::new();
     for kind in 0..KINDS.len() {
         for turn in 0..SPEEDS.len() {
@@ -143,7 +144,8 @@ fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Se
                 ..Record::default()
             };
             let alpha = trim(SPEEDS[speed]).0;
-            let grid = plan.run(&[amount], &[SPEEDS[speed], alpha, alpha, 0.0], &truth, false);
+            let grid =
+                propagator.run(&[amount], &[SPEEDS[speed], alpha, alpha, 0.0], &truth, false);
             if !grid.finite {
                 return None;
             }

@@ -38,8 +38,16 @@ const DESCRIBING: [&str; 10] = [
 ];
 
 /// Settings that users have, changed in the same way.
-const SETTINGS: [&str; 7] =
-    ["1 - quantile", "surrogates", "refits", "effects", "decisive", "apart", "hold_every"];
+const SETTINGS: [&str; 8] = [
+    "1 - quantile",
+    "surrogates",
+    "refits",
+    "effects",
+    "decisive",
+    "apart",
+    "hold_every",
+    "block_s",
+];
 
 /// Settings with one number multiplied; none where it has no such value (every maneuver held out).
 fn scaled(name: &str, by: f64) -> Option<Settings> {
@@ -53,6 +61,7 @@ fn scaled(name: &str, by: f64) -> Option<Settings> {
         "decisive" => settings.decisive *= by,
         "apart" => settings.apart *= by,
         "hold_every" => settings.hold_every = count(settings.hold_every),
+        "block_s" => settings.block_s *= by,
         name => settings.thresholds = settings.thresholds.scaled(name, by)?,
     }
     settings.faults().is_empty().then_some(settings)

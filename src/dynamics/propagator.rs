@@ -62,7 +62,7 @@ pub(super) enum Compiled {
 
 /// Programs and sizes, shared by all records and threads.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct Propagator {
     pub directions: Directions,
     /// The outputs of the model that are computed: the columns of a grid, in this order.
     pub outputs: Vec<usize>,
@@ -94,20 +94,24 @@ pub struct Plan {
     pub(super) begin: Vec<(StartKind, Option<usize>, String)>,
 }
 
-impl Plan {
+impl Propagator {
     /// Lowers a model for the given free directions, with all its outputs.
     ///
     /// # Errors
     /// Start values that depend on each other.
-    pub fn new(model: &Model, directions: Directions) -> Result<Plan> {
-        Plan::of_outputs(model, directions, (0..model.outputs.len()).collect())
+    pub fn new(model: &Model, directions: Directions) -> Result<Propagator> {
+        Propagator::of_outputs(model, directions, (0..model.outputs.len()).collect())
     }
 
     /// The same with the given outputs only (indices): what is not scored need not be computed.
     ///
     /// # Errors
     /// As `new`.
-    pub fn of_outputs(model: &Model, directions: Directions, outputs: Vec<usize>) -> Result<Plan> {
+    pub fn of_outputs(
+        model: &Model,
+        directions: Directions,
+        outputs: Vec<usize>,
+    ) -> Result<Propagator> {
         let starts = model.starts(&directions.starts, &directions.parameters)?;
         let begin = starts.given.iter().map(|&i| {
             let name = &model.states[i].quantity.name;
@@ -117,7 +121,7 @@ impl Plan {
         let leaves = model.graph.leaves(&nodes);
         let linear = model.linearize(&directions.parameters, &outputs);
         let (lanes, nx) = (directions.lanes(), model.states.len());
-        Ok(Plan {
+        Ok(Propagator {
             rate_rows: Rows::new(&linear.rates, &linear.rates_program, nx, nx, lanes),
             output_rows: Rows::new(
                 &linear.outputs,
