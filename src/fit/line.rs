@@ -146,6 +146,39 @@ pub fn carried(fit: &LineFit, x: &[f64], sd: &[f64], change: &[f64]) -> (f64, f6
     (w.slope, w.y_center - w.slope * w.x_center)
 }
 
+/// Correlations of slope and intercept of one line with those of another one through estimates of
+/// the same maneuvers, `[slope, intercept][slope, intercept]`. `pairs`: place of a maneuver among
+/// the points of each, and covariance of its two estimates. Scatter between maneuvers counts as
+/// independent.
+pub fn correlations(
+    one: (&LineFit, &[f64], &[f64]),
+    other: (&LineFit, &[f64], &[f64]),
+    pairs: &[(usize, usize, f64)],
+) -> [[f64; 2]; 2] {
+    let weights = |(fit, x, sd): (&LineFit, &[f64], &[f64]), at: usize| {
+        let mut unit = vec![0.0; x.len()];
+        unit[at] = 1.0;
+        let (slope, intercept) = carried(fit, x, sd, &unit);
+        [slope, intercept]
+    };
+    let mut sums = [[0.0; 2]; 2];
+    for &(i, j, covariance) in pairs {
+        let (a, b) = (weights(one, i), weights(other, j));
+        for (sums, a) in sums.iter_mut().zip(a) {
+            sums.iter_mut().zip(b).for_each(|(sum, b)| *sum += a * b * covariance);
+        }
+    }
+    let factor = (one.0.q * other.0.q).sqrt();
+    let sd = |fit: &LineFit| [fit.slope_sd, fit.intercept_sd];
+    let (a, b) = (sd(one.0), sd(other.0));
+    for i in 0..2 {
+        for j in 0..2 {
+            sums[i][j] = (factor * sums[i][j] / (a[i] * b[j])).clamp(-1.0, 1.0);
+        }
+    }
+    sums
+}
+
 fn check(x: &[f64], y: &[f64], sd: &[f64]) -> Result<(), Unfit> {
     for i in 0..x.len() {
         if !x[i].is_finite() || !y[i].is_finite() {

@@ -3,4 +3,4 @@
 
 mod line;
 
-pub use line::{Band, LineFit, Settings, Unfit, bands, carried, line};
+pub use line::{Band, LineFit, Settings, Unfit, bands, carried, correlations, line};

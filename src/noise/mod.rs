@@ -43,7 +43,7 @@ pub use absorbed::{Absorbed, Direction, Part, Prior, Taken};
 pub use ar::Ar;
 pub use burg::{Modelled, OrderCriterion, Products};
 pub use filter::Filter;
-pub use whiteness::{Whiteness, theil, whiteness};
+pub use whiteness::{Theil, Whiteness, theil, whiteness};
 
 /// How the colour of noise is modelled.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -47,16 +47,42 @@ fn autocovariances(r: &[f64], lags: usize) -> Vec<f64> {
     (0..=lags).map(|lag| products(lag) / valid).collect()
 }
 
-/// Theil's inequality coefficient of two signals, `rms(a - b) / (rms(a) + rms(b))`: 0 where they
-/// are equal, 1 where they have nothing in common. Samples without both values are left out.
-pub fn theil(a: &[f64], b: &[f64]) -> f64 {
-    let (mut d, mut sa, mut sb) = (0.0, 0.0, 0.0);
-    for (x, y) in a.iter().zip(b).filter(|(x, y)| x.is_finite() && y.is_finite()) {
-        d += (x - y) * (x - y);
-        sa += x * x;
-        sb += y * y;
+/// How unequal two signals are, and in what.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Theil {
+    /// Theil's inequality coefficient, `rms(a - b) / (rms(a) + rms(b))`: 0 where they are equal, 1
+    /// where they have nothing in common.
+    pub coefficient: f64,
+    /// Shares of the mean square of `a - b` (they add up to 1; NaN where it is zero): its mean, the
+    /// difference of the standard deviations, and the lack of correlation.
+    pub bias: f64,
+    pub variance: f64,
+    pub covariance: f64,
+}
+
+/// Theil's inequality coefficient of two signals with its three parts (Economic Forecasts and
+/// Policy, 1961). Samples without both values are left out.
+pub fn theil(a: &[f64], b: &[f64]) -> Theil {
+    let pairs: Vec<(f64, f64)> = a
+        .iter()
+        .zip(b)
+        .filter(|(x, y)| x.is_finite() && y.is_finite())
+        .map(|(x, y)| (*x, *y))
+        .collect();
+    let mean = |of: &dyn Fn(f64, f64) -> f64| {
+        pairs.iter().map(|(x, y)| of(*x, *y)).sum::<f64>() / pairs.len() as f64
+    };
+    let (ma, mb) = (mean(&|x, _| x), mean(&|_, y| y));
+    let square = mean(&|x, y| (x - y) * (x - y));
+    let [va, vb] = [mean(&|x, _| (x - ma) * (x - ma)), mean(&|_, y| (y - mb) * (y - mb))];
+    let (sa, sb) = (va.sqrt(), vb.sqrt());
+    let together = mean(&|x, y| (x - ma) * (y - mb));
+    Theil {
+        coefficient: square.sqrt() / (mean(&|x, _| x * x).sqrt() + mean(&|_, y| y * y).sqrt()),
+        bias: (ma - mb) * (ma - mb) / square,
+        variance: (sa - sb) * (sa - sb) / square,
+        covariance: 2.0 * (sa * sb - together) / square,
     }
-    d.sqrt() / (sa.sqrt() + sb.sqrt())
 }
 
 #[cfg(test)]
@@ -97,6 +123,22 @@ mod tests {
     fn theil_is_nought_for_equal_and_one_for_opposite_signals() {
         let a = series(1, 100, 0.5);
         let opposite: Vec<f64> = a.iter().map(|v| -v).collect();
-        assert_eq!((theil(&a, &a), theil(&a, &opposite)), (0.0, 1.0));
+        let of = |a: &[f64], b: &[f64]| theil(a, b).coefficient;
+        assert_eq!((of(&a, &a), of(&a, &opposite)), (0.0, 1.0));
+    }
+
+    #[test]
+    fn the_parts_of_theil_say_in_what_signals_differ() {
+        let a = series(1, 400, 0.5);
+        let mean = a.iter().sum::<f64>() / a.len() as f64;
+        let shifted: Vec<f64> = a.iter().map(|v| v + 0.3).collect();
+        let larger: Vec<f64> = a.iter().map(|v| mean + 1.5 * (v - mean)).collect();
+        let other = series(2, 400, 0.5);
+        assert!((theil(&a, &shifted).bias - 1.0).abs() < 1e-9);
+        assert!((theil(&a, &larger).variance - 1.0).abs() < 1e-9);
+        let all = theil(&a, &other);
+        assert!(
+            all.covariance > 0.9 && (all.bias + all.variance + all.covariance - 1.0).abs() < 1e-9
+        );
     }
 }

@@ -13,7 +13,8 @@ use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::stage::check::{Columns, Given};
 use crate::stage::{
-    Campaign, Channels, Known, STAGES, Told, derive, diagnose, estimate, fit, reconstruct, segment,
+    Campaign, Channels, Known, Named, STAGES, Told, derive, diagnose, estimate, fit, reconstruct,
+    segment,
 };
 use std::path::{Path, PathBuf};
 
@@ -113,12 +114,24 @@ impl Reader {
         let segment = self.settings.fields.segment.clone();
         let segment =
             segment.map(|s| segment::Config::read(s, &mut self.given, &flights, &columns));
-        let estimates = self.estimates(&columns, channels.as_ref());
+        let inputs = self.settings.segment.iter().flat_map(|s| &s.input);
+        let searched: Vec<String> = inputs.map(|i| i.name().to_string()).collect();
+        let estimates = self.estimates(&columns, channels.as_ref(), &searched);
         let names = &self.settings.fields.estimate;
         let names: Vec<String> = names.iter().map(estimate::Settings::name).collect();
         let fits = self.fits((&names, &estimates), &columns);
+        let fit_names: Vec<String> =
+            self.settings.fields.fit.iter().map(fit::Settings::name).collect();
         let diagnoses = self.diagnoses((&names, &estimates));
-        let told = self.told(&flights, &columns);
+        let told = self.told(&mut |given| Known {
+            given,
+            flights: &flights,
+            columns: &columns,
+            channels: channels.as_ref(),
+            searched: &searched,
+            estimates: Named { names: &names, checked: &estimates },
+            fits: Named { names: &fit_names, checked: &fits },
+        });
         let settings = self.settings.fields;
         let simulation = simulation.and_then(|s| s.for_missing(&flights));
         match (self.given.errors.is_empty(), channels, derive) {
@@ -132,7 +145,7 @@ impl Reader {
                     derive,
                     segment,
                     estimates: estimates.into_iter().flatten().collect(),
-                    fits,
+                    fits: fits.into_iter().flatten().collect(),
                     diagnoses,
                     told,
                     stages: STAGES,
@@ -145,7 +158,7 @@ impl Reader {
     }
 
     /// What the file says under the names of stages, each checked by its stage.
-    fn told(&mut self, flights: &[String], columns: &Columns) -> Told {
+    fn told<'a>(&'a mut self, known: &mut dyn FnMut(&'a mut Given) -> Known<'a>) -> Told {
         let mut told = Told::default();
         for (stage, key) in STAGES.iter().filter_map(|stage| Some((stage, stage.key.as_ref()?))) {
             if let Some(value) = self.settings.told.remove(stage.name) {
@@ -154,11 +167,8 @@ impl Reader {
                     .take(told.put(stage.name, key, value, &self.given.doc).map_err(Errors::from));
             }
         }
-        let column = |name: &str| columns.unit(name);
-        let known = Known { doc: &self.given.doc, flights, column: &column };
-        let found =
-            STAGES.iter().flat_map(|stage| (stage.check)(&told, &known).0).collect::<Vec<_>>();
-        self.given.errors.0.extend(found);
+        let mut known = known(&mut self.given);
+        STAGES.iter().for_each(|stage| (stage.check)(&mut told, &mut known));
         told
     }
 
@@ -229,11 +239,10 @@ impl Reader {
         &mut self,
         columns: &Columns,
         channels: Option<&Channels>,
+        searched: &[String],
     ) -> Vec<Option<estimate::Config>> {
-        let inputs = self.settings.segment.iter().flat_map(|s| &s.input);
-        let searched: Vec<String> = inputs.map(|i| i.name().to_string()).collect();
         let read = |given: &mut Given, key: &str, settings| {
-            estimate::Config::read(settings, (given, key), &searched, columns, channels)
+            estimate::Config::read(settings, (given, key), searched, columns, channels)
         };
         self.given.entries(
             "estimate",
@@ -247,12 +256,12 @@ impl Reader {
         &mut self,
         estimates: (&[String], &[Option<estimate::Config>]),
         columns: &Columns,
-    ) -> Vec<fit::Config> {
+    ) -> Vec<Option<fit::Config>> {
         let read = |given: &mut Given, key: &str, settings| {
             fit::Config::read(settings, (given, key), estimates, columns)
         };
         let all = self.settings.fields.fit.clone();
-        self.given.entries("fit", all, fit::Settings::name, read).into_iter().flatten().collect()
+        self.given.entries("fit", all, fit::Settings::name, read)
     }
 
     fn diagnoses(

@@ -34,6 +34,9 @@ const BIN: f64 = 0.2;
 const RATE: f64 = 50.0;
 /// Correlation and scale of a part from which its delay is believed.
 const SOUND: f64 = 0.9;
+/// A channel the wrong way round has a scale below the negative share of its motion that is told,
+/// but for this factor, which allows for noise.
+const WRONG_WAY: f64 = 0.8;
 /// What the others say must vary by more than this many of its standard deviations to be worth a
 /// comparison.
 const SIGNAL: f64 = 4.0;
@@ -364,7 +367,10 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
     let share = 1.0 - square(&left) / square(&without).max(1e-300);
     let scale = [x[0], sd(0)];
     // What is left of the trend may be explained by the delay alone; that says nothing of the sign.
-    let worth = x[0].abs() > SIGNAL * sd(0) || (share > 0.5 && x[0] > 0.0 && only[0] > 0.0);
+    let told = x[0].abs() > SIGNAL * sd(0) || (share > 0.5 && x[0] > 0.0 && only[0] > 0.0);
+    // Where the others say s + d of a channel that does -s, k = -s^2/(s^2 + d^2) and the square of
+    // the correlation is at most -k. A negative k nearer to zero is the drift d alone.
+    let worth = told && !(only[0] < 0.0 && x[0] > -WRONG_WAY * share);
     worth.then(|| Comparison {
         which,
         correlation: only[0].signum() * share.max(0.0).sqrt(),
@@ -388,4 +394,28 @@ fn modelled(errors: &[f64], parts: &[usize]) -> Modelled {
         from += n;
     }
     burg::fit(&products, rule.criterion)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A channel that does `z` while the others say `y`.
+    fn told(z: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> Option<Comparison> {
+        let t: Vec<f64> = (0..400).map(|k| 0.05 * f64::from(k)).collect();
+        let noise = |t: f64| 0.05 * libm::sin(97.0 * t * t);
+        let slope = |t: f64| (y(t + 0.01) - y(t - 0.01)) / 0.02;
+        let of = |f: &dyn Fn(f64) -> f64| t.iter().map(|t| f(*t)).collect::<Vec<f64>>();
+        let pair = [t.clone(), of(&|t| z(t) + noise(t)), of(&y), of(&slope)];
+        regress(Which::Output(0), &[pair])
+    }
+
+    #[test]
+    fn a_drift_of_what_the_others_say_is_no_reversed_sign() {
+        let s = |t: f64| libm::sin(0.9 * t);
+        assert!(told(|t| -s(t), s).expect("a comparison").reversed());
+        assert!(!told(s, s).expect("a comparison").reversed());
+        // What the others say drifts against the motion, by four times of it.
+        assert_eq!(told(s, |t| -3.0 * s(t)), None);
+    }
 }

@@ -26,6 +26,7 @@ mod section;
 mod still;
 mod uncertainty;
 mod used;
+mod validation;
 mod verdict;
 
 use crate::error::Result;
@@ -37,6 +38,7 @@ pub use checks::Check;
 pub use columns::Columns;
 pub use grid::{Cell, Grid, Level};
 pub use section::{Body, Given, ReportInput, Section};
+pub use validation::SECTION as VALIDATION;
 
 use section::{fault, flight_styles, json};
 

@@ -21,12 +21,13 @@ pub mod reconstruct;
 pub mod report;
 pub mod rerun;
 pub mod segment;
+pub mod validate;
 
 pub use channels::Channels;
 pub use inputs::{Inputs, Output, Part};
 pub use kind::{Campaign, Read, Stage, Unit, code};
 pub use notes::{NOTES, Note, STAGES_TABLE, Severity, notes_table};
-pub use told::{Check, Key, Known, Told};
+pub use told::{Check, Key, Known, Named, Told};
 
 use inputs::series;
 use slice::{said, slice_of};
@@ -39,6 +40,7 @@ pub const STAGES: &[Stage] = &[
     segment::STAGE,
     estimate::STAGE,
     fit::STAGE,
+    validate::STAGE,
     diagnose::STAGE,
     rerun::STAGE,
     report::STAGE,

@@ -1,12 +1,15 @@
 //! What the pipeline file says under the key of a stage's name comes in; the stage's settings go
 //! out, as the stage's file declares them.
 
+use super::channels::Channels;
+use super::check::{Columns, Given};
+use super::{estimate, fit};
 use crate::config::{self, Doc};
-use crate::error::{Error, Errors, Result};
+use crate::error::Result;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use std::any::Any;
+use std::any::{Any, TypeId};
 use std::collections::BTreeMap;
 
 type Settings = Box<dyn Any + Send + Sync>;
@@ -31,13 +34,14 @@ impl Key {
     }
 }
 
-/// Settings by the name of the stage.
+/// What stages read from the pipeline file, by the name of the stage and by type: the settings as
+/// they stand there, and what the stage's check made of them.
 #[derive(Default)]
-pub struct Told(BTreeMap<&'static str, Settings>);
+pub struct Told(BTreeMap<(&'static str, TypeId), Settings>);
 
 impl std::fmt::Debug for Told {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.debug_set().entries(self.0.keys()).finish()
+        f.debug_set().entries(self.0.keys().map(|key| key.0)).finish()
     }
 }
 
@@ -48,32 +52,45 @@ impl Told {
     /// The value is none of the key's type.
     pub fn put(&mut self, stage: &'static str, key: &Key, value: Value, doc: &Doc) -> Result<()> {
         let settings = (key.read)(value).map_err(|e| doc.error(stage, e.to_string()))?;
-        self.0.insert(stage, settings);
+        self.0.insert((stage, (*settings).type_id()), settings);
         Ok(())
     }
 
-    /// The settings of a stage; none where the pipeline file does not have its key.
-    pub fn get<T: Any>(&self, stage: &str) -> Option<&T> {
-        self.0.get(stage)?.downcast_ref()
+    /// Files what a stage's check has made of its settings, as its units want it.
+    pub fn keep<T: Any + Send + Sync>(&mut self, stage: &'static str, checked: T) {
+        self.0.insert((stage, TypeId::of::<T>()), Box::new(checked));
     }
+
+    /// The settings of a stage, or what its check made of them; none where the pipeline file does
+    /// not have its key.
+    pub fn get<T: Any>(&self, stage: &'static str) -> Option<&T> {
+        self.0.get(&(stage, TypeId::of::<T>()))?.downcast_ref()
+    }
+}
+
+/// Entries of a list of the pipeline file by name, and what is checked of each: none where it has
+/// mistakes.
+pub struct Named<'a, C> {
+    pub names: &'a [String],
+    pub checked: &'a [Option<C>],
 }
 
 /// What the check of a stage's settings may hold them against.
 pub struct Known<'a> {
-    /// The pipeline file: it says where a key stands.
-    pub doc: &'a Doc,
+    /// The pipeline file, which says where a key stands, what is beside it, and the mistakes found
+    /// so far.
+    pub given: &'a mut Given,
     /// Ids of the flights.
     pub flights: &'a [String],
-    /// SI unit of a column of the samples table; none where there is no such column.
-    pub column: &'a dyn Fn(&str) -> Option<String>,
+    /// Signals and columns of the samples table.
+    pub columns: &'a Columns,
+    /// The channel map; none where it has mistakes.
+    pub channels: Option<&'a Channels>,
+    /// Names of the inputs in which maneuvers are searched.
+    pub searched: &'a [String],
+    pub estimates: Named<'a, estimate::Config>,
+    pub fits: Named<'a, fit::Config>,
 }
 
-impl Known<'_> {
-    /// An error at a key of the pipeline file.
-    pub fn error(&self, key: &str, what: impl Into<String>) -> Error {
-        self.doc.error(key, what)
-    }
-}
-
-/// Finds the mistakes in a stage's settings.
-pub type Check = fn(&Told, &Known) -> Errors;
+/// Finds the mistakes in a stage's settings, and may keep what it makes of them.
+pub type Check = fn(&mut Told, &mut Known);

@@ -138,7 +138,11 @@ fn named(sums: &[Sums], segment: Option<usize>, held_out: bool) -> Vec<Channel> 
             .map(|(z, y)| (z - y) * (z - y))
             .filter(|v| v.is_finite())
             .sum();
-        Match { rms: (squares / s.n).sqrt(), theil: theil(&s.measured, y), chi2: chi2 / s.n }
+        Match {
+            rms: (squares / s.n).sqrt(),
+            theil: theil(&s.measured, y).coefficient,
+            chi2: chi2 / s.n,
+        }
     };
     let mut all: Vec<Channel> = sums
         .iter()

@@ -3,7 +3,7 @@
 (function () {
   const data = JSON.parse(document.getElementById("data").textContent);
   // A section that has no place on the page leaves no numbers.
-  ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths"].forEach((name) => { data[name] = data[name] || []; });
+  ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths", "validations"].forEach((name) => { data[name] = data[name] || []; });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const byId = (id) => document.getElementById(id);
   const colourOf = {}, symbolOf = {};
@@ -138,6 +138,14 @@
     });
     select.addEventListener("change", () => pick(Number(select.value)));
   }
+  // Rows of a section's table that show what they are about.
+  function pickRows(section, show) {
+    document.querySelectorAll("#" + section + " tr[data-pick]").forEach((row) => {
+      const pick = () => show(Number(row.dataset.pick.slice(1)));
+      row.addEventListener("click", pick);
+      row.addEventListener("keydown", (e) => { if (e.key === "Enter") pick(); });
+    });
+  }
   function showManeuver(i) {
     maneuver = (i + data.maneuvers.length) % data.maneuvers.length;
     drawManeuver();
@@ -146,11 +154,24 @@
     fill(byId("maneuver-select"), data.maneuvers.map((m) => m.label), showManeuver);
     byId("maneuver-previous").addEventListener("click", () => showManeuver(maneuver - 1));
     byId("maneuver-next").addEventListener("click", () => showManeuver(maneuver + 1));
-    document.querySelectorAll("#maneuvers tr[data-pick]").forEach((row) => {
-      const pick = () => { showManeuver(Number(row.dataset.pick.slice(1))); byId("maneuver-caption").scrollIntoView({ block: "start" }); };
-      row.addEventListener("click", pick);
-      row.addEventListener("keydown", (e) => { if (e.key === "Enter") pick(); });
-    });
+    pickRows("maneuvers", (i) => { showManeuver(i); byId("maneuver-caption").scrollIntoView({ block: "start" }); });
+  }
+
+  // ---- maneuvers that were not used, with the interval in which the model expects them ----
+  let validation = 0;
+  function drawValidation() {
+    const v = data.validations[validation], element = byId("validation-plot");
+    if (!v || !element) return;
+    const t = theme(), rows = pairs(v.outputs, "modelled, values held");
+    v.outputs.forEach((o, i) => rows[2 * i].traces.unshift(...band(o.t, o.lower, o.upper, "rgba(" + t.band + ",0.18)").map((b) => Object.assign({ showlegend: false }, b))));
+    stack(element, rows, "time in flight [s]", [], []);
+    byId("validation-select").value = String(validation);
+    document.querySelectorAll("#validation tr[data-pick]").forEach((row) => row.classList.toggle("chosen", row.dataset.pick === "v" + validation));
+  }
+  if (byId("validation-select")) {
+    const show = (i) => { validation = i; drawValidation(); };
+    fill(byId("validation-select"), data.validations.map((v) => v.label), show);
+    pickRows("validation", (i) => { show(i); byId("validation-plot").scrollIntoView({ block: "start" }); });
   }
 
   // ---- held-out maneuvers before and after an addition ----
@@ -264,6 +285,7 @@
     drawLines();
     drawProfiles();
     drawManeuver();
+    drawValidation();
     drawOverlay();
     drawVerdicts();
     drawCorrelation();

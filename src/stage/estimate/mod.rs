@@ -87,7 +87,7 @@ pub(super) fn tables_read(config: &Config, campaign: &Campaign) -> Vec<Read> {
 
 /// One maneuver ready for the estimator.
 pub(super) struct Ready {
-    flight: String,
+    pub(super) flight: String,
     pub(super) segment: String,
     pub(super) labelled: Segment,
     trim: Trim,
@@ -292,6 +292,24 @@ fn stretches(config: &Config, flight: &str, inputs: &Inputs, t: &[f64]) -> Resul
     Ok(used.into_iter().map(|(_, stretch)| stretch).collect())
 }
 
+/// What an estimate uses of a flight: the names of its segments, and from when to when each is
+/// flown, without the time before and behind its steps.
+pub(super) fn maneuvers(
+    config: &Config,
+    flight: &str,
+    inputs: &Inputs,
+) -> Result<Vec<(String, [f64; 2])>> {
+    let Some(samples) = inputs.flight("samples", flight) else { return Ok(Vec::new()) };
+    let settings = &config.settings;
+    let [pre, post] = match settings.input {
+        Some(_) => [settings.pre_s, settings.post_s],
+        None => [0.0; 2],
+    };
+    let times = |s: Stretch| (s.segment, [s.window.from + pre, s.window.to - post]);
+    let all = stretches(config, flight, inputs, samples.f64("t_s")?)?;
+    Ok(all.into_iter().map(times).collect())
+}
+
 /// The level nearest to a condition, as a label; none where the condition has no value.
 fn level(name: &str, levels: &[f64], held: &BTreeMap<&str, f64>) -> Option<(String, String)> {
     let value = held.get(name).copied().filter(|v| v.is_finite())?;
@@ -315,7 +333,10 @@ fn pieces(flight: &str, from: f64, to: f64, settings: &Settings) -> Vec<(String,
 }
 
 /// The conditions of one maneuver, by signal.
-fn held<'a>(conditions: Option<&'a Table>, segment: &str) -> Result<BTreeMap<&'a str, f64>> {
+pub(super) fn held<'a>(
+    conditions: Option<&'a Table>,
+    segment: &str,
+) -> Result<BTreeMap<&'a str, f64>> {
     let Some(conditions) = conditions else { return Ok(BTreeMap::new()) };
     let (segments, signals) = (conditions.strings("segment")?, conditions.strings("signal")?);
     let values = conditions.f64("value")?;

@@ -182,7 +182,9 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         .f64("rms", values.iter().map(rms).collect::<Vec<_>>())
         .f64(
             "theil",
-            rows.iter().map(|l| theil(&l.trace.measured, &l.trace.modelled)).collect::<Vec<_>>(),
+            rows.iter()
+                .map(|l| theil(&l.trace.measured, &l.trace.modelled).coefficient)
+                .collect::<Vec<_>>(),
         )
         .f64("white_p", white.iter().map(|w| w.p).collect::<Vec<_>>())
         .f64("outside", white.iter().map(|w| w.outside).collect::<Vec<_>>())

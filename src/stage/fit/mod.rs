@@ -9,6 +9,7 @@ use crate::error::{Errors, Result};
 use crate::fit::{self, Band, LineFit, Unfit};
 use crate::table::{Table, campaign};
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 pub use config::{Config, Settings};
 
@@ -16,7 +17,7 @@ pub const STAGE: Stage = Stage {
     name: "fit",
     about: "fit straight lines",
     units: |campaign| Unit::entries(campaign.fits.iter().map(Config::name)),
-    writes: &["fits", "bands", "points"],
+    writes: &["fits", "bands", "points", "line_correlations"],
     reads,
     slice,
     run,
@@ -30,7 +31,11 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let estimate = campaign.fits.get(unit.index).map_or(0, |f| f.estimate);
     let mut all = vec![Read { table: "estimates", part: Part::Number(estimate), optional: false }];
-    all.push(Read { table: "budget", part: Part::Number(estimate), optional: true });
+    all.extend(["budget", "correlations"].map(|table| Read {
+        table,
+        part: Part::Number(estimate),
+        optional: true,
+    }));
     all.extend(Read::flights(&["segments", "conditions"], campaign));
     all
 }
@@ -73,6 +78,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         ("fits", fits(config, &lines)?),
         ("bands", bands(config, &lines)?),
         ("points", points),
+        ("line_correlations", together(config, &lines, inputs)?),
     ];
     Ok(Output { tables, files: Vec::new(), notes })
 }
@@ -114,6 +120,59 @@ fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Re
         intercept += b * b;
     }
     Ok((slope, intercept))
+}
+
+/// Correlations of the lines of different parameters, whose points are estimated together.
+fn together(config: &Config, lines: &[Line], inputs: &Inputs) -> Result<Table> {
+    let table = inputs.get("correlations", Part::Number(config.estimate));
+    let known = table.map(correlations).transpose()?.unwrap_or_default();
+    let mut rows: Vec<(&str, &str, &str, &str, f64)> = Vec::new();
+    for (i, one) in lines.iter().enumerate() {
+        for other in &lines[i + 1..] {
+            let (Ok(a), Ok(b)) = (&one.fit, &other.fit) else { continue };
+            let sides = [&one.points, &other.points].map(|p| {
+                Ok::<_, crate::error::Error>((p.strings("segment")?, p.f64("x")?, p.f64("sd")?))
+            });
+            let [(names, x, sd), (others, other_x, other_sd)] = match sides {
+                [Ok(a), Ok(b)] => [a, b],
+                [Err(e), _] | [_, Err(e)] => return Err(e),
+            };
+            let pair = |(i, name): (usize, &&str)| {
+                let j = others.iter().position(|other| other == name)?;
+                let key = |a, b| (name.to_string(), String::from(a), String::from(b));
+                let value = known
+                    .get(&key(one.parameter, other.parameter))
+                    .or_else(|| known.get(&key(other.parameter, one.parameter)))?;
+                Some((i, j, value * sd[i] * other_sd[j]))
+            };
+            let pairs: Vec<_> = names.iter().enumerate().filter_map(pair).collect();
+            let found = fit::correlations((a, x, sd), (b, other_x, other_sd), &pairs);
+            for (term, of) in ["slope", "intercept"].into_iter().zip(found) {
+                for (other_term, value) in ["slope", "intercept"].into_iter().zip(of) {
+                    rows.push((one.parameter, term, other.parameter, other_term, value));
+                }
+            }
+        }
+    }
+    rows.sort_by(|a, b| (a.0, a.1, a.2, a.3).cmp(&(b.0, b.1, b.2, b.3)));
+    Table::build("line_correlations")
+        .repeat("model", &config.settings.estimate)
+        .repeat("against", &config.settings.against)
+        .strings("parameter", rows.iter().map(|r| r.0))
+        .strings("term", rows.iter().map(|r| r.1))
+        .strings("other", rows.iter().map(|r| r.2))
+        .strings("other_term", rows.iter().map(|r| r.3))
+        .f64("value", rows.iter().map(|r| r.4).collect::<Vec<_>>())
+        .finish()
+}
+
+/// Correlations of estimates by group and both parameters.
+fn correlations(table: &Table) -> Result<BTreeMap<(String, String, String), f64>> {
+    let (groups, one, other) =
+        (table.strings("group")?, table.strings("parameter")?, table.strings("other")?);
+    let value = table.f64("value")?;
+    let key = |k: usize| (groups[k].to_string(), one[k].to_string(), other[k].to_string());
+    Ok((0..value.len()).map(|k| (key(k), value[k])).collect())
 }
 
 fn range(x: &[f64]) -> (f64, f64) {

@@ -34,12 +34,10 @@ fn settings(told: &Told) -> Option<&Settings> {
     told.get("lengths")
 }
 
-fn check(told: &Told, known: &Known) -> Errors {
-    let mut errors = Errors::default();
+fn check(told: &mut Told, known: &mut Known) {
     if let Some(Settings { longer_than_s: t }) = settings(told).filter(|s| !(s.longer_than_s >= 0.0)) {
-        errors.push(known.error("lengths.longer_than_s", format!("a length is zero or more seconds, not {t}")));
+        known.given.push("lengths.longer_than_s", format!("a length is zero or more seconds, not {t}"), "");
     }
-    errors
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {

@@ -1,0 +1,152 @@
+//! `validation` and `validation_traces` in; how well held values tell maneuvers that they were not
+//! found from, as a table and as time histories with the predicted interval, out.
+
+use super::columns::Columns;
+use super::format::{count, display_unit, number, plain, shorts, thin, times};
+use super::grid::{Cell, Grid, Level, Row};
+use super::section::{Body, Given, Section};
+use crate::error::Result;
+use crate::math::distribution::INTERVAL_95;
+use serde::Serialize;
+
+pub const SECTION: Section = Section {
+    id: "validation",
+    heading: "Validation: maneuvers that were not used",
+    tables: &["validation", "validation_traces"],
+    build,
+};
+
+/// Samples drawn per curve, at most about.
+const LIMIT: usize = 800;
+
+/// One maneuver of one validation (JSON).
+#[derive(Debug, Serialize)]
+struct Maneuver {
+    label: String,
+    outputs: Vec<Output>,
+}
+
+/// `lower` and `upper`: ends of the interval in which the model expects the measurement.
+#[derive(Debug, Serialize)]
+struct Output {
+    name: String,
+    unit: String,
+    t: Vec<Option<f64>>,
+    measured: Vec<Option<f64>>,
+    modelled: Vec<Option<f64>>,
+    lower: Vec<Option<f64>>,
+    upper: Vec<Option<f64>>,
+}
+
+#[derive(Debug, Serialize)]
+struct Shown {
+    missing: bool,
+    table: Grid,
+    summary: String,
+}
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let template = include_str!("html/validation.html");
+    let (rows, traces) = (given.get("validation"), given.get("validation_traces"));
+    let Some(rows) = rows.filter(|rows| rows.rows() > 0) else {
+        let table = Grid::new([] as [&str; 0]);
+        let shown = Shown { missing: true, table, summary: String::new() };
+        return Ok(Some(Body::new(template, shown)));
+    };
+    let (mut table, mut all) = (grid(), Vec::new());
+    let mut good = 0;
+    for ([validation, segment], of) in rows.groups(["validation", "segment"]) {
+        let mut outputs = Vec::new();
+        for row in of {
+            good += usize::from(rows.text("verdict", row) == "good");
+            table.rows.push(line(rows, row, &format!("v{}", all.len())));
+            outputs.extend(traces.map(|traces| output(rows, row, traces)));
+        }
+        all.push(Maneuver { label: format!("{validation} / {segment}"), outputs });
+    }
+    let summary = format!("{good} of {} are good.", count(rows.rows(), "output"));
+    Body::new(template, Shown { missing: false, table, summary })
+        .plot("validations", &all)
+        .map(Some)
+}
+
+fn grid() -> Grid {
+    let mut table = Grid::new([
+        "validation",
+        "maneuver",
+        "output",
+        "#r.m.s.",
+        "#fit|%",
+        "#Theil",
+        "#bias / variance / covariance",
+        "#largest error",
+        "#within|%",
+        "~verdict",
+    ]);
+    table.note = Some(
+        "Click a row to see its time history. Fit is 1 - r.m.s./s with the standard deviation s of what was measured. Theil's coefficient is 0 \
+         for equal signals, 1 for unrelated ones; its three parts say how much of the error is a shift, another size, another form. Within: \
+         share of the samples inside the interval that the model predicts for them."
+            .into(),
+    );
+    table
+}
+
+fn line(rows: &Columns, row: usize, pick: &str) -> Row {
+    let (factor, unit) = display_unit(&rows.unit_in("unit", row));
+    let of = |name: &str| rows.number(name, row);
+    let with_unit = |value: f64| format!("{} {unit}", number(factor * value, 3));
+    let percent = |value: f64| plain(100.0 * value, 0);
+    let verdict = rows.text("verdict", row);
+    let level = if verdict == "good" { Level::Good } else { Level::Warn };
+    let parts = ["theil_bias", "theil_variance", "theil_covariance"].map(|name| percent(of(name)));
+    let noise = format!(
+        "noise {}, carried {}",
+        number(factor * of("noise_sd"), 2),
+        number(factor * of("carried_sd"), 2)
+    );
+    Row {
+        level: None,
+        pick: Some(pick.to_string()),
+        cells: vec![
+            rows.text("validation", row).into(),
+            Cell {
+                text: rows.text("segment", row),
+                sub: (rows.text("beyond", row) == "true")
+                    .then(|| "outside the lines' points".into()),
+                level: None,
+            },
+            rows.text("output", row).into(),
+            Cell { text: with_unit(of("rms")), sub: Some(noise), level: None },
+            percent(of("fit")).into(),
+            plain(of("theil"), 3).into(),
+            parts.join(" / ").into(),
+            with_unit(of("largest")).into(),
+            percent(of("within")).into(),
+            Cell { text: verdict, sub: None, level: Some(level) },
+        ],
+    }
+}
+
+fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
+    let key = ["validation", "segment", "output"];
+    let own = key.map(|name| rows.text(name, row));
+    let of = traces.rows_by(key).remove(&own).unwrap_or_default();
+    let pick = |name: &str| of.iter().map(|&k| traces.number(name, k)).collect::<Vec<f64>>();
+    let [t, measured, modelled, sd, band] =
+        ["t_s", "measured", "modelled", "carried_sd", "band"].map(pick);
+    let noise = rows.number("noise_sd", row);
+    let half = |k: usize| band[k] + INTERVAL_95 * (sd[k] * sd[k] + noise * noise).sqrt();
+    let keep = thin(t.len(), &[&measured, &modelled], LIMIT);
+    let (factor, unit) = display_unit(&rows.unit_in("unit", row));
+    let drawn = |of: &dyn Fn(usize) -> f64| shorts(keep.iter().map(|&k| of(k)), factor);
+    Output {
+        name: own[2].clone(),
+        unit,
+        t: times(&keep.iter().map(|&k| t[k]).collect::<Vec<_>>()),
+        measured: drawn(&|k| measured[k]),
+        modelled: drawn(&|k| modelled[k]),
+        lower: drawn(&|k| modelled[k] - half(k)),
+        upper: drawn(&|k| modelled[k] + half(k)),
+    }
+}

@@ -1,0 +1,142 @@
+//! What was measured and what a held model says come in; how well they agree, and a verdict, go out.
+
+use crate::math::distribution::INTERVAL_95;
+use crate::noise::{Theil, theil};
+use crate::signal::robust::noise_sd;
+
+/// One output of one maneuver.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Output {
+    pub name: String,
+    pub unit: String,
+    /// Times, s, and values at them; NaN where nothing was measured.
+    pub t: Vec<f64>,
+    pub measured: Vec<f64>,
+    pub modelled: Vec<f64>,
+    /// Standard deviation of what is modelled, from that of the values.
+    pub carried_sd: Vec<f64>,
+    /// Half-width of the band within which it is not known besides; 0 without one.
+    pub band: Vec<f64>,
+}
+
+/// How well one output agrees.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Agreement {
+    /// Samples looked at.
+    pub n: usize,
+    pub rms: f64,
+    /// `1 - rms/s`, with the standard deviation `s` of what was measured: 1 is a perfect fit.
+    pub fit: f64,
+    pub theil: Theil,
+    /// Largest absolute error, and when.
+    pub largest: f64,
+    pub largest_at: f64,
+    /// Standard deviation of the sensor's noise, from the measurement alone.
+    pub noise_sd: f64,
+    /// Root mean square of `carried_sd`, and mean of the band.
+    pub carried_sd: f64,
+    pub band: f64,
+    /// Share of the samples within the interval that is predicted for them: the band, and 95% by the
+    /// standard deviations of what is modelled and of the sensor's noise.
+    pub within: f64,
+}
+
+impl Output {
+    /// How well it agrees; none where nothing was measured.
+    pub fn agreement(&self) -> Option<Agreement> {
+        let there = |k: &usize| self.measured[*k].is_finite() && self.modelled[*k].is_finite();
+        let all: Vec<usize> = (0..self.t.len()).filter(there).collect();
+        let n = all.len() as f64;
+        let last = *all.last()?;
+        let mean = |of: &dyn Fn(usize) -> f64| all.iter().map(|&k| of(k)).sum::<f64>() / n;
+        let e = |k: usize| self.measured[k] - self.modelled[k];
+        let rms = mean(&|k| e(k) * e(k)).sqrt();
+        let middle = mean(&|k| self.measured[k]);
+        let spread = mean(&|k| (self.measured[k] - middle) * (self.measured[k] - middle)).sqrt();
+        let largest =
+            all.iter().copied().fold(last, |a, b| if e(b).abs() > e(a).abs() { b } else { a });
+        let noise = noise_sd(&self.measured);
+        let noise = if noise.is_finite() { noise } else { 0.0 };
+        let half = |k: usize| {
+            let sd = self.carried_sd[k];
+            self.band[k] + INTERVAL_95 * (sd * sd + noise * noise).sqrt()
+        };
+        Some(Agreement {
+            n: all.len(),
+            rms,
+            fit: 1.0 - rms / spread,
+            theil: theil(&self.modelled, &self.measured),
+            largest: e(largest).abs(),
+            largest_at: self.t[largest],
+            noise_sd: noise,
+            carried_sd: mean(&|k| self.carried_sd[k] * self.carried_sd[k]).sqrt(),
+            band: mean(&|k| self.band[k]),
+            within: mean(&|k| f64::from(u8::from(e(k).abs() <= half(k)))),
+        })
+    }
+}
+
+impl Agreement {
+    /// `good`, or what it falls short of.
+    pub fn verdict(&self, within: f64, theil: f64) -> String {
+        let mut short = Vec::new();
+        if !(self.theil.coefficient <= theil) {
+            short.push(format!("Theil {:.3} above {theil}", self.theil.coefficient));
+        }
+        if !(self.within >= within) {
+            let percent = |share: f64| format!("{:.0}%", 100.0 * share);
+            short.push(format!(
+                "{} within the predicted interval, {} wanted",
+                percent(self.within),
+                percent(within)
+            ));
+        }
+        if short.is_empty() { "good".into() } else { short.join("; ") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn output(error: impl Fn(f64) -> f64, carried: f64, band: f64) -> Output {
+        let t: Vec<f64> = (0..400).map(|k| 0.02 * f64::from(k)).collect();
+        let modelled: Vec<f64> = t.iter().map(|t| libm::sin(2.0 * t)).collect();
+        let measured = t.iter().zip(&modelled).map(|(t, y)| y + error(*t)).collect();
+        let n = t.len();
+        Output {
+            t,
+            measured,
+            modelled,
+            carried_sd: vec![carried; n],
+            band: vec![band; n],
+            ..Output::default()
+        }
+    }
+
+    #[test]
+    fn a_band_and_the_carried_sd_make_the_interval_wide() {
+        let share = |carried, band| {
+            let agreement = output(|t| 0.1 * libm::sin(0.7 * t), carried, band).agreement();
+            agreement.expect("samples").within
+        };
+        assert!(share(0.0, 0.0) < 0.2 && share(0.06, 0.0) == 1.0 && share(0.0, 0.11) == 1.0);
+    }
+
+    #[test]
+    fn the_verdict_says_what_is_short() {
+        let far = output(|t| 0.5 * libm::sin(0.7 * t), 0.0, 0.0).agreement().expect("samples");
+        let text = far.verdict(0.95, 0.1);
+        assert!(text.contains("Theil") && text.contains("95% wanted"), "{text}");
+        let near = output(|_| 0.01, 0.01, 0.0).agreement().expect("samples");
+        assert_eq!(near.verdict(0.95, 0.1), "good");
+        assert!((near.theil.bias - 1.0).abs() < 1e-9 && near.theil.covariance.abs() < 1e-9);
+    }
+
+    #[test]
+    fn nothing_measured_is_no_agreement() {
+        let mut none = output(|_| 0.0, 0.0, 0.0);
+        none.measured.fill(f64::NAN);
+        assert_eq!(none.agreement(), None);
+    }
+}

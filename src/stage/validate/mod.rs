@@ -1,0 +1,315 @@
+//! Values of estimates and lines, and maneuvers that these have not seen, come in; how well the
+//! model with these values held flies them, goes out.
+//!
+//! Every maneuver is run by itself with the one estimator, nothing of the model free but initial
+//! states and zero shifts. It is run again with the values moved by every column of a root of their
+//! covariance: the standard deviation that they carry into an output is the root of the sum of the
+//! squares of what changes, after initial states and shifts have followed.
+
+mod config;
+mod judge;
+mod source;
+mod tables;
+mod values;
+
+use super::estimate::{self, Ready};
+use super::{
+    Campaign, Inputs, Key, Note, Output, Part, Read, Severity, Stage, Unit, said, slice_of,
+};
+use crate::dynamics::Channel;
+use crate::engine::Here;
+use crate::error::{Errors, Result};
+use crate::estimate::{Estimation, Segment, Stop, estimate_where};
+use crate::math::products::factor;
+use crate::report;
+use serde_json::{Value, json};
+
+pub use config::{Config, Settings};
+use judge::Agreement;
+use values::{Maneuver, Values, values};
+
+pub const STAGE: Stage = Stage {
+    name: "validate",
+    about: "validate models",
+    key: Some(Key::of::<Vec<Settings>>()),
+    check: config::check,
+    units: |campaign| Unit::entries(all(campaign).iter().map(|config| config.settings.name())),
+    writes: &["validation", "validation_traces"],
+    sections: &[report::VALIDATION],
+    reads,
+    slice,
+    run,
+    spreads: true,
+    ..Stage::PLAIN
+};
+
+/// The validations of a campaign.
+fn all(campaign: &Campaign) -> &[Config] {
+    campaign.told.get::<Vec<Config>>(STAGE.name).map(Vec::as_slice).unwrap_or_default()
+}
+
+fn slice(campaign: &Campaign, unit: &Unit) -> Value {
+    let Some(config) = all(campaign).get(unit.index) else { return Value::Null };
+    // Those whose maneuvers are refused, and against what the lines go.
+    let used: Vec<Value> = bases(config, campaign).map(|base| slice_of(&base.settings)).collect();
+    let against: Vec<_> =
+        config.lines.iter().map(|&i| slice_of(&campaign.fits[i].settings.against)).collect();
+    json!({
+        "settings": slice_of(&config.settings),
+        "run": slice_of(&config.run.settings),
+        "model": said(&config.run.model),
+        "sources": format!("{:?}", config.sources),
+        "used": used,
+        "against": against,
+    })
+}
+
+/// The estimates whose maneuvers the values come from.
+fn bases<'a>(
+    config: &'a Config,
+    campaign: &'a Campaign,
+) -> impl Iterator<Item = &'a estimate::Config> {
+    let lines = config.lines.iter().filter_map(|&i| campaign.fits.get(i)).map(|fit| fit.estimate);
+    let mut places: Vec<usize> = lines.chain([config.estimate]).collect();
+    places.sort_unstable();
+    places.dedup();
+    places.into_iter().filter_map(|place| campaign.estimates.get(place))
+}
+
+fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
+    let Some(config) = all(campaign).get(unit.index) else { return Vec::new() };
+    let part = |table, i: usize| Read { table, part: Part::Number(i), optional: true };
+    let mut reads = Read::flights(&["signals", "samples", "segments", "conditions"], campaign);
+    reads.extend(["estimates", "correlations"].map(|table| part(table, config.estimate)));
+    let lines = config.lines.iter();
+    reads.extend(lines.flat_map(|&i| ["fits", "line_correlations"].map(|table| part(table, i))));
+    reads
+}
+
+/// One validated maneuver.
+struct Validated {
+    pub flight: String,
+    pub segment: String,
+    /// Labels of the maneuver: `input` and `kind`.
+    pub input: String,
+    pub kind: String,
+    pub beyond: Vec<String>,
+    pub outputs: Vec<(judge::Output, Option<Agreement>)>,
+}
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+    let Some(config) = all(campaign).get(unit.index) else { return Ok(Output::default()) };
+    let mut notes = Vec::new();
+    let mut ready: Vec<Ready> = Vec::new();
+    for flight in &campaign.flights {
+        let here = estimate::flight_records(&config.run, flight, inputs, &mut notes)?;
+        let used = used(config, campaign, flight, inputs)?;
+        let own = estimate::maneuvers(&config.run, flight, inputs)?;
+        for one in here {
+            let times = own.iter().find(|(name, _)| *name == one.segment).map(|(_, times)| *times);
+            match times.and_then(|t| used.iter().find(|(_, u)| t[0] < u[1] && u[0] < t[1])) {
+                Some((name, _)) => notes.push(refused(config, flight, &one.segment, name)),
+                None => ready.push(one),
+            }
+        }
+    }
+    notes.iter_mut().for_each(|note: &mut Note| note.stage = STAGE.name.to_string());
+    let mut done = Vec::new();
+    for (k, one) in ready.iter().enumerate() {
+        match validated(config, campaign, inputs, one)? {
+            Ok(validated) => {
+                notes.extend(doubts(config, &validated));
+                done.push(validated);
+            }
+            Err(why) => {
+                let text = format!("{} is not validated: {why}", one.segment);
+                notes.push(note(config, &one.flight, Severity::Missing, &one.segment, text));
+            }
+        }
+        (inputs.progress)(k + 1, ready.len());
+    }
+    if done.is_empty() {
+        let name = config.settings.name();
+        let text = format!("{name}: no maneuver to validate the model with");
+        notes.push(note(config, "", Severity::Missing, &name, text));
+    }
+    let tables = tables::all(&config.settings, &config.run.model.name, &done)?;
+    Ok(Output { tables, files: Vec::new(), notes })
+}
+
+/// Maneuvers of a flight that the values come from: what they are called, and from when to when.
+fn used(
+    config: &Config,
+    campaign: &Campaign,
+    flight: &str,
+    inputs: &Inputs,
+) -> Result<Vec<(String, [f64; 2])>> {
+    let mut all = Vec::new();
+    for base in bases(config, campaign) {
+        let of = estimate::maneuvers(base, flight, inputs)?;
+        all.extend(
+            of.into_iter().map(|(name, times)| (format!("{} ({name})", base.name()), times)),
+        );
+    }
+    Ok(all)
+}
+
+fn refused(config: &Config, flight: &str, segment: &str, by: &str) -> Note {
+    let text = format!("{segment} is refused: its data are among those of the estimate {by}");
+    note(config, flight, Severity::Missing, segment, text)
+}
+
+/// What is to be said of one maneuver that was validated.
+fn doubts(config: &Config, one: &Validated) -> Vec<Note> {
+    let mut notes = Vec::new();
+    if !one.beyond.is_empty() {
+        let text = format!(
+            "{}: its condition lies outside the points of the lines of {}",
+            one.segment,
+            one.beyond.join(", ")
+        );
+        notes.push(note(config, &one.flight, Severity::Warning, &one.segment, text));
+    }
+    for (output, agreement) in &one.outputs {
+        let text = match agreement {
+            None => format!("{} of {}: nothing was measured", output.name, one.segment),
+            Some(agreement) => {
+                let Settings { within, theil, .. } = config.settings;
+                let verdict = agreement.verdict(within, theil);
+                if verdict == "good" {
+                    continue;
+                }
+                format!("{} of {}: {verdict}", output.name, one.segment)
+            }
+        };
+        notes.push(note(config, &one.flight, Severity::Warning, &one.segment, text));
+    }
+    notes
+}
+
+fn note(config: &Config, flight: &str, severity: Severity, subject: &str, text: String) -> Note {
+    Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity,
+        subject: subject.to_string(),
+        count: 1,
+        text: format!("{}: {text}", config.settings.name()),
+    }
+}
+
+/// One maneuver with the values held, and how well they tell its outputs.
+fn validated(
+    config: &Config,
+    campaign: &Campaign,
+    inputs: &Inputs,
+    one: &Ready,
+) -> std::result::Result<std::result::Result<Validated, String>, Errors> {
+    let labels = &one.labelled.labels;
+    let conditions = estimate::held(inputs.flight("conditions", &one.flight), &one.segment)?;
+    let maneuver = Maneuver { flight: &one.flight, labels, conditions };
+    let found = match values(config, campaign, inputs, &maneuver)? {
+        Ok(found) => found,
+        Err(why) => return Ok(Err(why)),
+    };
+    let segment = with_bands(config, &one.labelled);
+    let (first, carried) = flown(config, inputs, &segment, &found)?;
+    if first.stop != Stop::Converged {
+        let why = first.why.unwrap_or_else(|| format!("it ended with \"{}\"", first.stop));
+        return Ok(Err(why));
+    }
+    let label = |name: &str| labels.get(name).cloned().unwrap_or_default();
+    Ok(Ok(Validated {
+        flight: one.flight.clone(),
+        segment: one.segment.clone(),
+        input: label("input"),
+        kind: label("kind"),
+        beyond: found.beyond,
+        outputs: outputs(config, &first, &carried),
+    }))
+}
+
+/// The segment with a channel for every output that gives a band, on which nothing was measured.
+fn with_bands(config: &Config, segment: &Segment) -> Segment {
+    let mut segment = segment.clone();
+    let place = |name: &String| config.run.model.output(name);
+    for (output, band) in &config.settings.band {
+        let (Some(output), Some(band)) = (place(output), place(band)) else { continue };
+        let channels = &segment.record.channels;
+        if let Some(of) = channels.iter().find(|c| c.output == output).cloned() {
+            let z = vec![f64::NAN; of.t.len()];
+            segment.record.channels.push(Channel { output: band, t: of.t, z });
+        }
+    }
+    segment
+}
+
+/// The maneuver at the values, and what of it changes with each column of a root of their
+/// covariance, `[column][trace][sample]`.
+type Flown = (Estimation, Vec<Vec<Vec<f64>>>);
+
+fn flown(
+    config: &Config,
+    inputs: &Inputs,
+    segment: &Segment,
+    values: &Values,
+) -> std::result::Result<Flown, Errors> {
+    let model = &config.run.model;
+    let mut method = config.run.settings.method.clone();
+    method.fixed = model.parameters.iter().map(|p| p.quantity.name.clone()).collect();
+    let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
+    let fly = |moved: &dyn Fn(usize) -> f64| {
+        let mut method = method.clone();
+        let at = values.at.iter().enumerate();
+        method.starts.extend(at.map(|(i, (name, value))| (name.clone(), value + moved(i))));
+        estimate_where(&here, model, std::slice::from_ref(segment), &method)
+    };
+    let first = fly(&|_| 0.0)?;
+    let n = values.at.len();
+    let root = factor(&values.covariance, n);
+    let mut carried = Vec::new();
+    for column in (0..n).filter(|c| root[c * n + c] > 0.0) {
+        if first.stop != Stop::Converged {
+            break;
+        }
+        let moved = fly(&|i| root[i * n + column])?;
+        carried.push(change(&first, &moved));
+    }
+    Ok((first, carried))
+}
+
+/// By how much the traces of two runs of one segment differ.
+fn change(first: &Estimation, moved: &Estimation) -> Vec<Vec<f64>> {
+    let pairs = first.responses.iter().flatten().zip(moved.responses.iter().flatten());
+    pairs.map(|(a, b)| a.modelled.iter().zip(&b.modelled).map(|(a, b)| b - a).collect()).collect()
+}
+
+fn outputs(
+    config: &Config,
+    first: &Estimation,
+    carried: &[Vec<Vec<f64>>],
+) -> Vec<(judge::Output, Option<Agreement>)> {
+    let traces: Vec<_> = first.responses.iter().flatten().collect();
+    let mut all = Vec::new();
+    for (place, trace) in traces.iter().enumerate() {
+        if config.settings.band.values().any(|band| *band == trace.name) {
+            continue;
+        }
+        let square = |k: usize| carried.iter().map(|of| of[place][k] * of[place][k]).sum::<f64>();
+        let half = config.settings.band.get(&trace.name);
+        let half = half.and_then(|name| traces.iter().find(|trace| trace.name == *name));
+        let n = trace.t.len();
+        let output = judge::Output {
+            name: trace.name.clone(),
+            unit: trace.unit.clone(),
+            t: trace.t.clone(),
+            measured: trace.measured.clone(),
+            modelled: trace.modelled.clone(),
+            carried_sd: (0..n).map(|k| square(k).sqrt()).collect(),
+            band: half.map_or_else(|| vec![0.0; n], |half| half.modelled.clone()),
+        };
+        let agreement = output.agreement();
+        all.push((output, agreement));
+    }
+    all
+}

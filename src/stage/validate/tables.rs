@@ -1,0 +1,75 @@
+//! Validated maneuvers come in, their tables go out.
+
+use super::Validated;
+use super::config::Settings;
+use super::judge::{Agreement, Output};
+use crate::error::Result;
+use crate::table::Table;
+
+/// The tables of one validation.
+pub fn all(
+    settings: &Settings,
+    model: &str,
+    done: &[Validated],
+) -> Result<Vec<(&'static str, Table)>> {
+    let mut rows: Vec<(&Validated, &Output, Option<&Agreement>)> = done
+        .iter()
+        .flat_map(|one| one.outputs.iter().map(move |(o, a)| (one, o, a.as_ref())))
+        .collect();
+    rows.sort_by_key(|(one, output, _)| (&one.segment, &output.name));
+    let number = |of: &dyn Fn(&Agreement) -> f64| -> Vec<f64> {
+        rows.iter().map(|(.., a)| a.map_or(f64::NAN, of)).collect()
+    };
+    let verdict = |a: Option<&Agreement>| {
+        a.map_or("nothing was measured".into(), |a| a.verdict(settings.within, settings.theil))
+    };
+    let validation = Table::build("validation")
+        .repeat("validation", &settings.name())
+        .repeat("model", model)
+        .strings("flight", rows.iter().map(|(one, ..)| &one.flight))
+        .strings("segment", rows.iter().map(|(one, ..)| &one.segment))
+        .opt_strings(
+            "input",
+            rows.iter().map(|(one, ..)| Some(one.input.as_str()).filter(|s| !s.is_empty())),
+        )
+        .opt_strings(
+            "kind",
+            rows.iter().map(|(one, ..)| Some(one.kind.as_str()).filter(|s| !s.is_empty())),
+        )
+        .strings("output", rows.iter().map(|(_, output, _)| &output.name))
+        .strings("unit", rows.iter().map(|(_, output, _)| &output.unit))
+        .i64("n", rows.iter().map(|(.., a)| a.map_or(0, |a| a.n as i64)).collect::<Vec<_>>())
+        .f64("rms", number(&|a| a.rms))
+        .f64("fit", number(&|a| a.fit))
+        .f64("theil", number(&|a| a.theil.coefficient))
+        .f64("theil_bias", number(&|a| a.theil.bias))
+        .f64("theil_variance", number(&|a| a.theil.variance))
+        .f64("theil_covariance", number(&|a| a.theil.covariance))
+        .f64("largest", number(&|a| a.largest))
+        .f64("largest_at_s", number(&|a| a.largest_at))
+        .f64("noise_sd", number(&|a| a.noise_sd))
+        .f64("carried_sd", number(&|a| a.carried_sd))
+        .f64("band", number(&|a| a.band))
+        .f64("within", number(&|a| a.within))
+        .bools("beyond", rows.iter().map(|(one, ..)| !one.beyond.is_empty()).collect::<Vec<_>>())
+        .strings("verdict", rows.iter().map(|(.., a)| verdict(*a)))
+        .finish()?;
+    let samples: Vec<(&Validated, &Output, usize)> = rows
+        .iter()
+        .flat_map(|(one, output, _)| (0..output.t.len()).map(move |k| (*one, *output, k)))
+        .collect();
+    let sample = |of: fn(&Output) -> &Vec<f64>| -> Vec<f64> {
+        samples.iter().map(|(_, output, k)| of(output)[*k]).collect()
+    };
+    let traces = Table::build("validation_traces")
+        .repeat("validation", &settings.name())
+        .strings("segment", samples.iter().map(|(one, ..)| &one.segment))
+        .strings("output", samples.iter().map(|(_, output, _)| &output.name))
+        .f64("t_s", sample(|o| &o.t))
+        .f64("measured", sample(|o| &o.measured))
+        .f64("modelled", sample(|o| &o.modelled))
+        .f64("carried_sd", sample(|o| &o.carried_sd))
+        .f64("band", sample(|o| &o.band))
+        .finish()?;
+    Ok(vec![("validation", validation), ("validation_traces", traces)])
+}
