@@ -75,13 +75,13 @@ fn grid() -> Grid {
         "validation",
         "maneuver",
         "output",
+        "~verdict",
         "#r.m.s.",
         "#fit|%",
         "#Theil",
         "#bias / variance / covariance",
         "#largest error",
         "#within|%",
-        "~verdict",
     ]);
     table.note = Some(
         "Click a row to see its time history. Fit is 1 - r.m.s./s with the standard deviation s of what was measured. Theil's coefficient is 0 \
@@ -117,13 +117,13 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
                 level: None,
             },
             rows.text("output", row).into(),
+            Cell { text: verdict, sub: None, level: Some(level) },
             Cell { text: with_unit(of("rms")), sub: Some(noise), level: None },
             percent(of("fit")).into(),
             plain(of("theil"), 3).into(),
             parts.join(" / ").into(),
             with_unit(of("largest")).into(),
             percent(of("within")).into(),
-            Cell { text: verdict, sub: None, level: Some(level) },
         ],
     }
 }

@@ -27,3 +27,4 @@ mod simulator;
 mod stages;
 mod structure;
 mod trials;
+mod validation;

@@ -69,7 +69,8 @@ pub struct Settings {
     /// the model that gives it, `band = { delta_e = "friction_band" }`.
     #[serde(default)]
     pub band: IndexMap<String, String>,
-    /// Share of the samples that must lie within the interval that the model predicts for them.
+    /// Share of the samples that must lie within the interval that the model predicts for them, but
+    /// for what chance allows (three standard deviations).
     #[serde(default = "default_within")]
     #[schemars(range(min = 0, max = 1))]
     pub within: f64,

@@ -1,0 +1,114 @@
+//! Held values flown through maneuvers that they were not found from: what is refused, and what the
+//! table says.
+
+use crate::campaign::{Campaign, INTERCEPT, SLOPE};
+use koehler::table::read_dataset;
+
+/// Lines through the maneuvers of two flights, flown through those of the third one.
+fn validated(more: &str) -> Campaign {
+    let c = Campaign::new();
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "except = [\"flight-3\"]");
+    let section =
+        format!("[[validate]]\nestimate = \"lag\"\nlines = [\"lag-V\"]\n{more}\n[report]");
+    c.edit("pipeline.toml", "[report]", &section);
+    c
+}
+
+#[test]
+fn lines_tell_a_flight_that_they_have_not_seen() {
+    let c = validated("except = []\nflights = [\"flight-3\"]\nshifts = { outputs = [] }");
+    c.run().ended(0);
+    let table = read_dataset(&c.path("out"), "validation").expect("a table");
+    assert_eq!(table.strings("flight").expect("column"), ["flight-3"; 4]);
+    assert_eq!(table.strings("verdict").expect("column"), ["good"; 4]);
+    let within = table.f64("within").expect("column");
+    assert!(within.iter().all(|share| *share > 0.9), "{within:?}");
+    let parts = ["theil_bias", "theil_variance", "theil_covariance"]
+        .map(|name| table.f64(name).expect("column"));
+    assert!((0..4).all(|k| (parts.iter().map(|p| p[k]).sum::<f64>() - 1.0).abs() < 1e-9));
+    let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
+    assert!(page.contains("id=\"validation\"") && page.contains("4 of 4 outputs are good"));
+}
+
+#[test]
+fn a_model_that_is_wrong_is_not_good() {
+    let c = validated("except = []\nflights = [\"flight-3\"]\nmodel = \"other.model.toml\"");
+    let other = crate::campaign::MODEL
+        .replace(
+            "K = { unit = \"-\", start = 1.0 }",
+            "K = { unit = \"-\", start = 1.0, fixed = true }",
+        )
+        .replace("(K*u - x)/T", "(0.5*K*u - x)/T");
+    c.write(
+        "other.model.toml",
+        &other.replace("y_0 = { unit = \"rad\", start = 0.0, per = \"segment\" }", ""),
+    );
+    c.edit("other.model.toml", "x + y_0", "x");
+    let run = c.run().ended(0);
+    assert!(run.out.contains("within the predicted interval"), "{}", run.out);
+    let table = read_dataset(&c.path("out"), "validation").expect("a table");
+    assert!(table.strings("verdict").expect("column").iter().all(|v| v.contains("Theil")));
+    // Half the gain is half the motion: an error of another size, not of another form.
+    assert!(table.f64("theil_variance").expect("column").iter().all(|share| *share > 0.5));
+}
+
+#[test]
+fn a_line_gives_its_own_numbers_to_a_model_that_follows_the_condition() {
+    let more = "except = []\nflights = [\"flight-3\"]\nmodel = \"other.model.toml\"\n\
+                take = { K_0 = \"K.intercept\", K_V = \"K.slope\" }";
+    let c = validated(more);
+    let other = crate::campaign::MODEL
+        .replace("u = \"rad\"", "u = \"rad\"\nV = \"m/s\"")
+        .replace(
+            "K = { unit = \"-\", start = 1.0 }",
+            "K_0 = { unit = \"-\", start = 0.0 }\nK_V = { unit = \"s/m\", start = 0.0 }",
+        )
+        .replace("K*u", "(K_0 + K_V*V)*u")
+        .replace("y_0 = { unit = \"rad\", start = 0.0, per = \"segment\" }", "")
+        .replace("x + y_0", "x");
+    c.write("other.model.toml", &other);
+    c.run().ended(0);
+    let table = read_dataset(&c.path("out"), "validation").expect("a table");
+    assert_eq!(table.strings("verdict").expect("column"), ["good"; 4]);
+    let fits = read_dataset(&c.path("out"), "fits").expect("lines");
+    assert!((fits.f64("slope").expect("column")[0] - SLOPE).abs() < 0.002);
+    assert!((fits.f64("intercept").expect("column")[0] - INTERCEPT).abs() < 0.2);
+}
+
+#[test]
+fn fault_a_maneuver_that_was_used_is_refused_by_name() {
+    let c = validated("except = []");
+    let run = c.run().ended(1);
+    assert!(
+        run.out.contains("flight-1.01 is refused: its data are among those of the estimate lag"),
+        "{}",
+        run.out
+    );
+    let table = read_dataset(&c.path("out"), "validation").expect("a table");
+    assert_eq!(table.strings("flight").expect("column"), ["flight-3"; 4]);
+}
+
+#[test]
+fn fault_mistakes_of_a_validation_are_told_at_once() {
+    let c = validated("band = { y = \"z\" }\nwithin = 95.0\ntake = { Q = \"K\", T = \"tau\" }");
+    let run = c.koehler("check", &[]).ended(2);
+    for wanted in ["\"z\"", "between 0 and 1, not 95", "\"Q\"", "\"tau\""] {
+        assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
+    }
+    let c = validated("");
+    c.edit("pipeline.toml", "lines = [\"lag-V\"]", "lines = [\"lag-W\"]");
+    let run = c.koehler("check", &[]).ended(2);
+    assert!(
+        run.err.contains("\"lag-W\"") && run.err.contains("did you mean \"lag-V\""),
+        "{}",
+        run.err
+    );
+    let c = validated("");
+    c.edit("pipeline.toml", "lines = [\"lag-V\"]", "");
+    let run = c.koehler("check", &[]).ended(2);
+    assert!(
+        run.err.contains("no value is found for K, T") && run.err.contains("`[[fit]]`"),
+        "{}",
+        run.err
+    );
+}
