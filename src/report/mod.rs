@@ -13,6 +13,7 @@ mod consistency;
 mod correlations;
 mod diagnosis;
 mod estimates;
+mod figures;
 mod flights;
 mod format;
 mod gap;
@@ -36,6 +37,7 @@ use std::collections::BTreeMap;
 
 pub use checks::Check;
 pub use columns::Columns;
+pub use figures::SECTION as FIGURES;
 pub use grid::{Cell, Grid, Level};
 pub use section::{Body, Given, ReportInput, Section};
 pub use validation::SECTION as VALIDATION;

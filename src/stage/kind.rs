@@ -193,6 +193,13 @@ pub struct Campaign {
 // What these give belongs into the slice of the stage that asks: a stage's code does not count what
 // another stage's settings are made of.
 impl Campaign {
+    /// The parts of a table that this campaign's units write: whatever stage they belong to, all of
+    /// them.
+    pub fn parts(&self, table: &str) -> Vec<Part> {
+        let writers = self.stages.iter().filter(|stage| stage.writes.contains(&table));
+        writers.flat_map(|stage| (stage.units)(self)).map(|unit| unit.part).collect()
+    }
+
     /// Columns of the samples table that drive each model, by the model's name in the tables.
     pub fn inputs_of_models(&self) -> BTreeMap<String, Vec<String>> {
         let again = self

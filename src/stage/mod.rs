@@ -15,6 +15,7 @@ mod told;
 pub mod derive;
 pub mod diagnose;
 pub mod estimate;
+pub mod figure;
 pub mod fit;
 pub mod ingest;
 pub mod reconstruct;
@@ -43,5 +44,6 @@ pub const STAGES: &[Stage] = &[
     validate::STAGE,
     diagnose::STAGE,
     rerun::STAGE,
+    figure::STAGE,
     report::STAGE,
 ];

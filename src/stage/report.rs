@@ -45,15 +45,11 @@ fn slice(campaign: &Campaign, _: &Unit) -> Value {
     json!({ "title": campaign.title, "subtitle": subtitle, "inputs": campaign.inputs_of_models(), "searched": campaign.searched(), "unasked": unasked(campaign) })
 }
 
-/// The parts of a table that this campaign's units write: whatever stage they belong to, all of
-/// them.
+/// The parts of a table of this campaign.
 fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
-    if [NOTES, STAGES_TABLE].contains(&table) {
-        // The pipeline writes these itself.
-        return vec![Part::Number(0)];
-    }
-    let writers = campaign.stages.iter().filter(|stage| stage.writes.contains(&table));
-    writers.flat_map(|stage| (stage.units)(campaign)).map(|unit| unit.part).collect()
+    // The pipeline writes these itself.
+    let own = [NOTES, STAGES_TABLE].contains(&table);
+    if own { vec![Part::Number(0)] } else { campaign.parts(table) }
 }
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.

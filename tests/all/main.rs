@@ -9,6 +9,7 @@ mod diagnosis;
 mod dlc;
 mod engines;
 mod faults;
+mod figures;
 mod flightdata;
 mod floors;
 mod fragments;

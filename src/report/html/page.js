@@ -3,7 +3,7 @@
 (function () {
   const data = JSON.parse(document.getElementById("data").textContent);
   // A section that has no place on the page leaves no numbers.
-  ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths", "validations"].forEach((name) => { data[name] = data[name] || []; });
+  ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths", "validations", "figures"].forEach((name) => { data[name] = data[name] || []; });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const byId = (id) => document.getElementById(id);
   const colourOf = {}, symbolOf = {};
@@ -65,6 +65,26 @@
   }
   const drawLines = () => data.lines.forEach(drawLine);
   ["show-pointwise", "show-simultaneous", "show-prediction"].forEach((id) => { if (byId(id)) byId(id).addEventListener("change", drawLines); });
+
+  // ---- figures that the pipeline file asks for ----
+  const palette = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b8860b", "#4ba3d9"];
+  function drawFigure(figure, index) {
+    const element = byId("figure-" + index);
+    if (!element) return;
+    const t = theme(), traces = [];
+    let next = 0;
+    figure.series.forEach((s) => {
+      const reference = s.kind === "reference", bars = s.lower.some((v) => v !== null);
+      const colour = reference ? t.model : colourOf[s.label] || palette[next++ % palette.length];
+      if (s.kind === "line" && bars) traces.push(...band(s.x, s.lower, s.upper, "rgba(" + t.band + ",0.18)").map((b) => Object.assign({ showlegend: false }, b)));
+      const joined = s.kind === "line" || (reference && s.x.length === 2);
+      const trace = { x: s.x, y: s.y, name: escape(s.label), type: "scatter", mode: joined ? "lines" : "markers", line: { color: colour, width: 1.6, dash: reference ? "5px,2px" : "solid" }, marker: { color: colour, symbol: symbolOf[s.label] || "circle", size: 7 } };
+      if (!joined && bars) trace.error_y = { type: "data", symmetric: false, array: s.upper.map((u, i) => (u === null ? null : u - s.y[i])), arrayminus: s.lower.map((l, i) => (l === null ? null : s.y[i] - l)), color: colour, thickness: 1.2, width: 3 };
+      traces.push(trace);
+    });
+    Plotly.react(element, traces, layout({ showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 } }, margin: { l: 64, r: 14, t: 34, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
+  }
+  const drawFigures = () => data.figures.forEach(drawFigure);
 
   // ---- likelihood profiles ----
   function drawProfile(plot) {
@@ -283,6 +303,7 @@
 
   function drawAll() {
     drawLines();
+    drawFigures();
     drawProfiles();
     drawManeuver();
     drawValidation();

@@ -1,0 +1,163 @@
+//! `figures` in, the figures that the pipeline file asks for, each with a sentence computed from its
+//! numbers, out.
+
+use super::columns::Columns;
+use super::format::{count, display_unit, number, plain, shorts, thin};
+use super::section::{Body, Given, Section};
+use crate::error::Result;
+use crate::math::interpolate::held;
+use serde::Serialize;
+
+pub const SECTION: Section =
+    Section { id: "figures", heading: "Figures", tables: &["figures"], build };
+
+/// Points drawn of one series, at most about.
+const LIMIT: usize = 2000;
+
+/// One figure (JSON).
+#[derive(Debug, Serialize)]
+struct Figure {
+    x: Axis,
+    y: Axis,
+    series: Vec<Drawn>,
+}
+
+#[derive(Debug, Serialize)]
+struct Axis {
+    title: String,
+    unit: String,
+}
+
+#[derive(Debug, Serialize)]
+struct Drawn {
+    label: String,
+    kind: String,
+    x: Vec<Option<f64>>,
+    y: Vec<Option<f64>>,
+    lower: Vec<Option<f64>>,
+    upper: Vec<Option<f64>>,
+}
+
+#[derive(Debug, Serialize)]
+struct Caption {
+    title: String,
+    facts: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct Shown {
+    figures: Vec<Caption>,
+}
+
+/// One series as it stands in the table.
+struct Series {
+    label: String,
+    kind: String,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    ends: [Vec<f64>; 2],
+}
+
+fn build(given: &Given) -> Result<Option<Body>> {
+    let Some(table) = given.get("figures").filter(|table| table.rows() > 0) else {
+        return Ok(None);
+    };
+    let (mut captions, mut figures) = (Vec::new(), Vec::new());
+    for ([_], rows) in table.groups(["figure"]) {
+        let all = series(table, &rows);
+        let text = |name: &str| table.text(name, rows[0]);
+        let (fx, x_unit) = display_unit(&text("x_unit"));
+        let (fy, y_unit) = display_unit(&text("y_unit"));
+        captions.push(Caption {
+            title: text("title"),
+            facts: facts(&all, (fx, &x_unit), (fy, &y_unit)),
+        });
+        figures.push(Figure {
+            x: Axis { title: text("x_title"), unit: x_unit },
+            y: Axis { title: text("y_title"), unit: y_unit },
+            series: all.iter().map(|one| drawn(one, fx, fy)).collect(),
+        });
+    }
+    let template = include_str!("html/figures.html");
+    Body::new(template, Shown { figures: captions }).plot("figures", &figures).map(Some)
+}
+
+fn series(table: &Columns, rows: &[usize]) -> Vec<Series> {
+    let mut all: Vec<Series> = Vec::new();
+    for of in rows.chunk_by(|a, b| table.number("series", *a) == table.number("series", *b)) {
+        let column = |name: &str| of.iter().map(|&row| table.number(name, row)).collect();
+        all.push(Series {
+            label: table.text("label", of[0]),
+            kind: table.text("kind", of[0]),
+            x: column("x"),
+            y: column("y"),
+            ends: [column("lower"), column("upper")],
+        });
+    }
+    all
+}
+
+fn drawn(one: &Series, fx: f64, fy: f64) -> Drawn {
+    let keep = thin(one.x.len(), &[&one.y], LIMIT);
+    let of = |values: &[f64], factor| shorts(keep.iter().map(|&k| values[k]), factor);
+    Drawn {
+        label: one.label.clone(),
+        kind: one.kind.clone(),
+        x: of(&one.x, fx),
+        y: of(&one.y, fy),
+        lower: of(&one.ends[0], fy),
+        upper: of(&one.ends[1], fy),
+    }
+}
+
+/// What the numbers say: how many points and where, and how far they are from each reference.
+fn facts(all: &[Series], (fx, x_unit): (f64, &str), (fy, y_unit): (f64, &str)) -> Vec<String> {
+    let points: Vec<&Series> = all.iter().filter(|s| s.kind == "points").collect();
+    let n: usize = points.iter().map(|s| s.x.len()).sum();
+    let range = |of: &dyn Fn(&Series) -> Vec<f64>, factor: f64, unit: &str| {
+        let values: Vec<f64> = all.iter().filter(|s| s.kind != "reference").flat_map(of).collect();
+        let low = values.iter().copied().fold(f64::NAN, f64::min);
+        let high = values.iter().copied().fold(f64::NAN, f64::max);
+        format!("{} to {} {unit}", number(factor * low, 3), number(factor * high, 3))
+    };
+    let what = if n > 0 { count(n, "point") } else { count(all.len(), "curve") };
+    let mut facts = vec![format!(
+        "{what}, {} over {}.",
+        range(&|s| s.y.clone(), fy, y_unit).trim_end(),
+        range(&|s| s.x.clone(), fx, x_unit).trim_end()
+    )];
+    for reference in all.iter().filter(|s| s.kind == "reference" && s.x.len() > 1) {
+        facts.extend(distance(&points, reference, fy, y_unit));
+    }
+    facts
+}
+
+/// How far points are from a reference, and how many of their bars hold it.
+fn distance(points: &[&Series], reference: &Series, factor: f64, unit: &str) -> Option<String> {
+    let (mut square, mut n, mut bars, mut holding) = (0.0, 0usize, 0usize, 0usize);
+    for one in points {
+        for k in 0..one.x.len() {
+            let there = held(&reference.x, &reference.y, one.x[k]);
+            square += (one.y[k] - there) * (one.y[k] - there);
+            n += 1;
+            let [low, high] = [one.ends[0][k], one.ends[1][k]];
+            bars += usize::from(low.is_finite() && high.is_finite());
+            holding += usize::from(low <= there && there <= high);
+        }
+    }
+    let rms = factor * (square / n as f64).sqrt();
+    let bars = (bars > 0).then(|| {
+        let percent = plain(100.0 * holding as f64 / bars as f64, 0);
+        format!(", which {holding} of {bars} intervals hold ({percent}%)")
+    });
+    (n > 0).then(|| {
+        format!(
+            "r.m.s. distance from {}: {} {unit}{}.",
+            reference.label,
+            number(rms, 2),
+            bars.unwrap_or_default()
+        )
+        .replace(" ,", ",")
+        .replace(" .", ".")
+    })
+}

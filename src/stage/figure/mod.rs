@@ -1,0 +1,207 @@
+//! Tables come in, the points, lines and bands of a figure go out.
+
+mod config;
+
+use super::{Campaign, Inputs, Key, Note, Output, Read, Severity, Stage, Unit, slice_of};
+use crate::error::{Errors, Result};
+use crate::math::distribution::INTERVAL_95;
+use crate::report::{self, Columns};
+use crate::table::Table;
+use serde_json::json;
+
+pub use config::Settings;
+use config::{Reference, Series};
+
+pub const STAGE: Stage = Stage {
+    name: "figure",
+    about: "draw figures",
+    key: Some(Key::of::<Vec<Settings>>()),
+    check: config::check,
+    units: |campaign| Unit::entries(all(campaign).iter().map(|figure| figure.name.clone())),
+    writes: &["figures"],
+    sections: &[report::FIGURES],
+    reads,
+    slice: |campaign, unit| json!({ "figure": all(campaign).get(unit.index).map(slice_of), "reads": format!("{:?}", reads(campaign, unit)) }),
+    run,
+    ..Stage::PLAIN
+};
+
+fn all(campaign: &Campaign) -> &[Settings] {
+    campaign.told.get::<Vec<Settings>>(STAGE.name).map(Vec::as_slice).unwrap_or_default()
+}
+
+/// The names of the tables that a figure is drawn from, each once.
+fn tables(figure: &Settings) -> Vec<&'static str> {
+    let names = super::STAGES.iter().flat_map(|s| s.writes).copied();
+    let mut used: Vec<&str> =
+        names.filter(|name| figure.series.iter().any(|s| s.table == *name)).collect();
+    used.sort_unstable();
+    used.dedup();
+    used
+}
+
+fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
+    let Some(figure) = all(campaign).get(unit.index) else { return Vec::new() };
+    let of = |table: &'static str| {
+        let parts = campaign.parts(table).into_iter();
+        parts.map(move |part| Read { table, part, optional: true })
+    };
+    tables(figure).into_iter().flat_map(of).collect()
+}
+
+/// One curve or cloud of points.
+struct Drawn {
+    label: String,
+    /// `points`, `line` or `reference`.
+    kind: &'static str,
+    /// x, y and both ends.
+    rows: Vec<[f64; 4]>,
+}
+
+/// All of a figure.
+#[derive(Default)]
+struct Figure {
+    drawn: Vec<Drawn>,
+    x_unit: String,
+    y_unit: String,
+}
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+    let Some(settings) = all(campaign).get(unit.index) else { return Ok(Output::default()) };
+    let (mut figure, mut notes) = (Figure::default(), Vec::new());
+    for series in &settings.series {
+        let parts = tables(settings).into_iter().find(|name| *name == series.table);
+        let parts: Vec<Table> =
+            parts.map(|name| inputs.all(name).into_iter().cloned().collect()).unwrap_or_default();
+        let before = figure.drawn.len();
+        if !parts.is_empty() {
+            let table = Columns::of(&Table::concat(&series.table, &parts)?);
+            figure.add(series, &table);
+        }
+        if figure.drawn.len() == before {
+            notes.push(nothing(settings, series));
+        }
+    }
+    let span = figure.span();
+    let reference = |one: &Reference| Drawn {
+        label: one.label.clone(),
+        kind: "reference",
+        rows: match one.line {
+            Some(line) => {
+                span.map(|x| [x, line.slope * x + line.intercept, f64::NAN, f64::NAN]).to_vec()
+            }
+            None => one.points.iter().map(|[x, y]| [*x, *y, f64::NAN, f64::NAN]).collect(),
+        },
+    };
+    figure.drawn.extend(settings.reference.iter().map(reference));
+    let table = figure.table(settings, unit.index)?;
+    Ok(Output { tables: vec![("figures", table)], files: Vec::new(), notes })
+}
+
+fn nothing(settings: &Settings, series: &Series) -> Note {
+    let rows: Vec<String> = series
+        .rows
+        .iter()
+        .map(|(name, used)| format!("{name} = {}", used.names().join(" or ")))
+        .collect();
+    let of = if rows.is_empty() { String::new() } else { format!(" with {}", rows.join(", ")) };
+    Note {
+        flight: String::new(),
+        stage: STAGE.name.to_string(),
+        severity: Severity::Missing,
+        subject: settings.name.clone(),
+        count: 1,
+        text: format!("{}: the table `{}` has no rows{of} to draw", settings.name, series.table),
+    }
+}
+
+impl Figure {
+    fn add(&mut self, series: &Series, table: &Columns) {
+        let wanted = |row: &usize| {
+            series.rows.iter().all(|(name, used)| used.names().contains(&table.text(name, *row)))
+        };
+        let value = |name: &String, row| table.number(name, row);
+        let mut groups: Vec<(String, Vec<[f64; 4]>)> = Vec::new();
+        for row in (0..table.rows()).filter(wanted) {
+            let (x, y) = (value(&series.x, row), value(&series.y, row));
+            if !x.is_finite() || !y.is_finite() {
+                continue;
+            }
+            let ends = match (&series.sd, &series.ends) {
+                (Some(sd), _) => {
+                    let half = INTERVAL_95 * value(sd, row);
+                    [y - half, y + half]
+                }
+                (None, Some([lower, upper])) => [value(lower, row), value(upper, row)],
+                (None, None) => [f64::NAN; 2],
+            };
+            let label = match (&series.label, &series.colour) {
+                (Some(label), None) => label.clone(),
+                (Some(label), Some(colour)) => format!("{label}, {}", table.text(colour, row)),
+                (None, Some(colour)) => table.text(colour, row),
+                (None, None) => series.y.clone(),
+            };
+            self.units(series, table, row);
+            let rows = [x, y, ends[0], ends[1]];
+            match groups.iter_mut().find(|(name, _)| *name == label) {
+                Some((_, of)) => of.push(rows),
+                None => groups.push((label, vec![rows])),
+            }
+        }
+        let kind = if series.joined { "line" } else { "points" };
+        self.drawn.extend(groups.into_iter().map(|(label, rows)| Drawn { label, kind, rows }));
+    }
+
+    /// Takes the axes' units from the first rows that have them: a column is in its own unit, or in
+    /// that of the row.
+    fn units(&mut self, series: &Series, table: &Columns, row: usize) {
+        let of = |name: &String, own: &str| match table.unit(name) {
+            "SI" | "" => table.text(own, row),
+            unit => unit.to_string(),
+        };
+        if self.x_unit.is_empty() {
+            self.x_unit = of(&series.x, "unit_x");
+        }
+        if self.y_unit.is_empty() {
+            self.y_unit = of(&series.y, "unit");
+        }
+    }
+
+    /// Least and largest abscissa.
+    fn span(&self) -> [f64; 2] {
+        let x = || self.drawn.iter().flat_map(|d| &d.rows).map(|row| row[0]);
+        [x().fold(f64::NAN, f64::min), x().fold(f64::NAN, f64::max)]
+    }
+
+    fn table(&self, settings: &Settings, place: usize) -> Result<Table> {
+        let rows: Vec<(usize, &Drawn, &[f64; 4])> = self
+            .drawn
+            .iter()
+            .enumerate()
+            .flat_map(|(i, d)| d.rows.iter().map(move |row| (i, d, row)))
+            .collect();
+        let of = |k: usize| rows.iter().map(|row| row.2[k]).collect::<Vec<f64>>();
+        let first = settings.series.first();
+        let title = |given: &Option<String>, column: Option<&String>| {
+            given.clone().or(column.cloned()).unwrap_or_default()
+        };
+        let x_title = title(&settings.x_title, first.map(|s| &s.x));
+        let y_title = title(&settings.y_title, first.map(|s| &s.y));
+        Table::build("figures")
+            .i64("number", vec![place as i64 + 1; rows.len()])
+            .repeat("figure", &settings.name)
+            .repeat("title", &settings.title)
+            .i64("series", rows.iter().map(|row| row.0 as i64 + 1).collect::<Vec<_>>())
+            .strings("label", rows.iter().map(|row| &row.1.label))
+            .strings("kind", rows.iter().map(|row| row.1.kind))
+            .f64("x", of(0))
+            .f64("y", of(1))
+            .f64("lower", of(2))
+            .f64("upper", of(3))
+            .repeat("x_title", &x_title)
+            .repeat("x_unit", &self.x_unit)
+            .repeat("y_title", &y_title)
+            .repeat("y_unit", &self.y_unit)
+            .finish()
+    }
+}
