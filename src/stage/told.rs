@@ -62,10 +62,12 @@ impl Told {
 pub struct Known<'a> {
     /// The pipeline file: it says where a key stands.
     pub doc: &'a Doc,
-    /// Ids of the flights.
+    /// Ids of the flights; empty where the logs have mistakes of their own.
     pub flights: &'a [String],
     /// SI unit of a column of the samples table; none where there is no such column.
     pub column: &'a dyn Fn(&str) -> Option<String>,
+    /// Names of these columns.
+    pub columns: &'a [&'a str],
 }
 
 impl Known<'_> {

@@ -5,6 +5,7 @@ use super::names::{self, Driver, Scored};
 use super::settings::{Settings, Used};
 use crate::model::Model;
 use crate::segment::Kind;
+use crate::stage::Known;
 use crate::stage::channels::Channels;
 use crate::stage::check::{Columns, Given, placed};
 
@@ -33,12 +34,12 @@ impl Config {
     }
 
     /// Checks the settings of one estimate, which stand at `key`, against its model, the inputs in
-    /// which maneuvers are searched, the columns and the channel map; none where they have mistakes
+    /// which maneuvers are searched, the flights, the columns and the channel map; none where they have mistakes
     /// that leave nothing to hold others against.
     pub fn read(
         settings: Settings,
         (given, key): (&mut Given, &str),
-        searched: &[String],
+        (searched, flights): (&[String], &[String]),
         columns: &Columns,
         channels: Option<&Channels>,
     ) -> Option<Config> {
@@ -50,6 +51,11 @@ impl Config {
         if settings.alone && settings.input.is_none() {
             given.push(&format!("{key}.alone"), "`alone` belongs to `input`, which is missing", "");
         }
+        let column = |name: &str| columns.unit(name);
+        let (doc, names) = (&given.doc, columns.names());
+        let known = Known { doc, flights, column: &column, columns: &names };
+        let found = settings.chosen().check(&known, key, settings.input.is_some());
+        given.errors.0.extend(found.0);
         let kinds = Kind::ALL.map(Kind::name);
         for (i, kind) in
             settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str()))
