@@ -3,6 +3,7 @@
 
 mod logs;
 mod loose;
+mod once;
 
 use super::settings::Settings;
 use super::simulate::Simulation;
@@ -52,11 +53,11 @@ impl Plan {
         let plan = |(mut settings, doc): (Settings, Doc)| {
             change(&mut settings);
             let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
-            let given = Given { doc, folder, aircraft: None, errors: Errors::default() };
+            let given = Given::new(doc, folder);
             Reader { settings, pipeline: pipeline.to_path_buf(), given }.plan()
         };
         let mut errors = match config::load(pipeline) {
-            Ok(read) => return plan(read),
+            Ok(read) => return plan(read).map_err(once::once),
             Err(errors) => errors,
         };
         let more = match config::load_sound(pipeline) {
@@ -64,7 +65,7 @@ impl Plan {
             None => loose::mistakes(pipeline),
         };
         errors.0.extend(more.0);
-        Err(errors)
+        Err(once::once(errors))
     }
 
     /// The log of a flight.
@@ -92,9 +93,13 @@ impl Reader {
     fn plan(mut self) -> std::result::Result<Plan, Errors> {
         let channels = self.channels();
         self.given.aircraft = self.aircraft();
+        let so_far = self.given.errors.0.len();
         let simulation = self.simulation();
-        let logs = self.logs(simulation.as_ref());
-        let flights: Vec<String> = logs.iter().map(|l| l.flight.clone()).collect();
+        // A campaign file with mistakes may have been meant to make any log.
+        let unsure = self.given.errors.0.len() > so_far;
+        let logs = self.logs(simulation.as_ref(), unsure);
+        let known = if unsure { &[] } else { &logs[..] };
+        let flights: Vec<String> = known.iter().map(|l| l.flight.clone()).collect();
         // A name is a mistake only where nothing that has mistakes could have declared it.
         let mut columns = Columns::of_signals(channels.as_ref());
         let kinematics = self.kinematics();
@@ -116,7 +121,7 @@ impl Reader {
             segment.map(|s| segment::Config::read(s, &mut self.given, &flights, &columns));
         let inputs = self.settings.segment.iter().flat_map(|s| &s.input);
         let searched: Vec<String> = inputs.map(|i| i.name().to_string()).collect();
-        let estimates = self.estimates(&columns, channels.as_ref(), &searched);
+        let estimates = self.estimates((&searched, &flights), &columns, channels.as_ref());
         let names = &self.settings.fields.estimate;
         let names: Vec<String> = names.iter().map(estimate::Settings::name).collect();
         let fits = self.fits((&names, &estimates), &columns);
@@ -202,8 +207,10 @@ impl Reader {
         self.given.errors.take(Simulation::read(&path))
     }
 
-    fn logs(&mut self, simulation: Option<&Simulation>) -> Vec<FlightLog> {
-        let found = logs::find(&self.settings, &self.given.doc, &self.given.folder, simulation);
+    fn logs(&mut self, simulation: Option<&Simulation>, unsure: bool) -> Vec<FlightLog> {
+        let (doc, folder) = (&self.given.doc, &self.given.folder);
+        let made = if unsure { logs::Made::Unsure } else { logs::Made::By(simulation) };
+        let found = logs::find(&self.settings, doc, folder, made);
         self.given.errors.take(found).unwrap_or_default()
     }
 
@@ -237,12 +244,12 @@ impl Reader {
     /// One entry per `[[estimate]]`, so that fits find theirs; none where its model has mistakes.
     fn estimates(
         &mut self,
+        known: (&[String], &[String]),
         columns: &Columns,
         channels: Option<&Channels>,
-        searched: &[String],
     ) -> Vec<Option<estimate::Config>> {
         let read = |given: &mut Given, key: &str, settings| {
-            estimate::Config::read(settings, (given, key), searched, columns, channels)
+            estimate::Config::read(settings, (given, key), known, columns, channels)
         };
         self.given.entries(
             "estimate",

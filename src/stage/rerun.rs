@@ -56,7 +56,7 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let Some((_, base)) = parts(campaign, unit) else { return Value::Null };
-    json!({ "name": unit.name, "estimate": slice_of(&base.settings), "model": super::said(&base.model) })
+    json!({ "name": unit.name, "estimate": slice_of(&base.settings), "model": super::said(&base.model), "left_out": estimate::ready::left_out(base, campaign) })
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {

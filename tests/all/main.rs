@@ -3,6 +3,7 @@
 
 mod attas;
 mod campaign;
+mod chosen;
 mod closure;
 mod coverage;
 mod diagnosis;

@@ -16,7 +16,7 @@ fn validated(more: &str) -> Campaign {
 
 #[test]
 fn lines_tell_a_flight_that_they_have_not_seen() {
-    let c = validated("except = []\nflights = [\"flight-3\"]\nshifts = { outputs = [] }");
+    let c = validated("flights = [\"flight-3\"]\nshifts = { outputs = [] }");
     c.run().ended(0);
     let table = read_dataset(&c.path("out"), "validation").expect("a table");
     assert_eq!(table.strings("flight").expect("column"), ["flight-3"; 4]);
@@ -32,7 +32,7 @@ fn lines_tell_a_flight_that_they_have_not_seen() {
 
 #[test]
 fn a_model_that_is_wrong_is_not_good() {
-    let c = validated("except = []\nflights = [\"flight-3\"]\nmodel = \"other.model.toml\"");
+    let c = validated("flights = [\"flight-3\"]\nmodel = \"other.model.toml\"");
     let other = crate::campaign::MODEL
         .replace(
             "K = { unit = \"-\", start = 1.0 }",
@@ -54,7 +54,7 @@ fn a_model_that_is_wrong_is_not_good() {
 
 #[test]
 fn a_line_gives_its_own_numbers_to_a_model_that_follows_the_condition() {
-    let more = "except = []\nflights = [\"flight-3\"]\nmodel = \"other.model.toml\"\n\
+    let more = "flights = [\"flight-3\"]\nmodel = \"other.model.toml\"\n\
                 take = { K_0 = \"K.intercept\", K_V = \"K.slope\" }";
     let c = validated(more);
     let other = crate::campaign::MODEL
@@ -77,7 +77,7 @@ fn a_line_gives_its_own_numbers_to_a_model_that_follows_the_condition() {
 
 #[test]
 fn fault_a_maneuver_that_was_used_is_refused_by_name() {
-    let c = validated("except = []");
+    let c = validated("");
     let run = c.run().ended(1);
     assert!(
         run.out.contains("flight-1.01 is refused: its data are among those of the estimate lag"),

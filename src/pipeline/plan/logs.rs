@@ -16,6 +16,13 @@ pub struct FlightLog {
     pub path: PathBuf,
 }
 
+/// The logs that a simulation would make.
+pub enum Made<'a> {
+    By(Option<&'a Simulation>),
+    /// Its file has mistakes: a log that is not there may be one of them.
+    Unsure,
+}
+
 /// The logs in alphabetical order of the flights.
 ///
 /// # Errors
@@ -25,15 +32,19 @@ pub fn find(
     settings: &Settings,
     doc: &Doc,
     folder: &Path,
-    simulation: Option<&Simulation>,
+    made: Made,
 ) -> Result<Vec<FlightLog>, Errors> {
     let mut errors = Errors::default();
     let mut found: BTreeMap<String, PathBuf> = BTreeMap::new();
-    let to_simulate: Vec<(String, PathBuf)> = simulation.map(Simulation::logs).unwrap_or_default();
+    let to_simulate: Option<Vec<(String, PathBuf)>> = match made {
+        Made::By(simulation) => Some(simulation.map(Simulation::logs).unwrap_or_default()),
+        Made::Unsure => None,
+    };
     for (i, pattern) in settings.logs.iter().enumerate() {
         let key = format!("logs.{i}");
-        for path in
-            errors.take(matches(doc, &key, folder, pattern, &to_simulate)).unwrap_or_default()
+        for path in errors
+            .take(matches(doc, &key, folder, pattern, to_simulate.as_deref()))
+            .unwrap_or_default()
         {
             let flight = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             if let Err(e) = check_flight(&flight) {
@@ -66,13 +77,14 @@ pub fn find(
     errors.or(found.into_iter().map(|(flight, path)| FlightLog { flight, path }).collect())
 }
 
-/// The logs that one pattern stands for, simulated ones included.
+/// The logs that one pattern stands for, simulated ones included; where it is not known which are
+/// simulated, there may be none.
 fn matches(
     doc: &Doc,
     key: &str,
     folder: &Path,
     pattern: &str,
-    to_simulate: &[(String, PathBuf)],
+    to_simulate: Option<&[(String, PathBuf)]>,
 ) -> Result<Vec<PathBuf>, Error> {
     let (folder, pattern) = match pattern.strip_prefix('$').and_then(|rest| rest.split_once('/')) {
         None if Path::new(pattern).is_absolute() => (PathBuf::new(), pattern),
@@ -102,13 +114,14 @@ fn matches(
         Vec::new()
     };
     let simulated = to_simulate
-        .iter()
+        .into_iter()
+        .flatten()
         .map(|(_, path)| path)
         .filter(|p| if is_pattern { compiled.matches_path(p) } else { **p == full });
     paths.extend(simulated.cloned());
     paths.sort();
     paths.dedup();
-    if paths.is_empty() {
+    if paths.is_empty() && to_simulate.is_some() {
         let what = if is_pattern {
             format!("no log matches {text}")
         } else {

@@ -7,6 +7,7 @@ mod unknown;
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::model::{Constants, Model};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub use columns::{Columns, Found};
@@ -23,9 +24,17 @@ pub struct Given {
     /// The constants of the aircraft; none where their file has mistakes.
     pub aircraft: Option<Constants>,
     pub errors: Errors,
+    /// The model files read so far, by path; none for one with mistakes, which are said once.
+    models: BTreeMap<PathBuf, Option<Model>>,
 }
 
 impl Given {
+    /// Nothing is known yet but the pipeline file.
+    pub fn new(doc: Doc, folder: PathBuf) -> Given {
+        let (errors, models) = (Errors::default(), BTreeMap::new());
+        Given { doc, folder, aircraft: None, errors, models }
+    }
+
     /// A path of the pipeline file.
     pub fn path(&self, relative: &str) -> PathBuf {
         self.folder.join(relative)
@@ -73,7 +82,13 @@ impl Given {
             return None;
         }
         let path = self.path(relative);
-        self.errors.take(Model::load(&path, self.aircraft.as_ref()?))
+        let constants = self.aircraft.as_ref()?;
+        if let Some(read) = self.models.get(&path) {
+            return read.clone();
+        }
+        let model = self.errors.take(Model::load(&path, constants));
+        self.models.insert(path, model.clone());
+        model
     }
 
     /// Checks the entries of a list of the pipeline file, each of which has a name of its own.

@@ -8,7 +8,7 @@ pub(super) mod recommended;
 mod tables;
 mod words;
 
-use super::estimate::{self, Group, Ready};
+use super::estimate::{self, Group, ready};
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, said, slice_of};
 use crate::diagnose::effect::{self, Context};
 use crate::diagnose::{self, Base, Claim, Diagnosis, Fitted, Judged, Rule, Subject, Verdict};
@@ -62,6 +62,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     json!({
         "settings": slice_of(&config.settings),
         "estimate": slice_of(&base.settings),
+        "left_out": ready::left_out(base, campaign),
         "model": said(&base.model),
         "effects": effects,
         "lines": slice_of(&lines(campaign, config).map(|l| [l.parameter, l.against, l.unit]).collect::<Vec<_>>()),
@@ -118,10 +119,7 @@ fn claim(campaign: &Campaign, config: &Config, base: &estimate::Config) -> Claim
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
     let Some((config, base)) = parts(campaign, unit) else { return Ok(Output::default()) };
     let mut notes = Vec::new();
-    let mut ready: Vec<Ready> = Vec::new();
-    for flight in &campaign.flights {
-        ready.extend(estimate::flight_records(base, flight, inputs, &mut notes)?);
-    }
+    let ready = ready::of(base, campaign, inputs, &mut notes)?;
     notes.iter_mut().for_each(|note| note.stage = STAGE.name.to_string());
     let names: Vec<String> = ready.iter().map(|r| r.segment.clone()).collect();
     let segments: Vec<Segment> = ready.into_iter().map(|r| r.labelled).collect();

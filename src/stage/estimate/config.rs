@@ -33,12 +33,12 @@ impl Config {
     }
 
     /// Checks the settings of one estimate, which stand at `key`, against its model, the inputs in
-    /// which maneuvers are searched, the columns and the channel map; none where they have mistakes
+    /// which maneuvers are searched, the flights, the columns and the channel map; none where they have mistakes
     /// that leave nothing to hold others against.
     pub fn read(
         settings: Settings,
         (given, key): (&mut Given, &str),
-        searched: &[String],
+        (searched, flights): (&[String], &[String]),
         columns: &Columns,
         channels: Option<&Channels>,
     ) -> Option<Config> {
@@ -50,6 +50,7 @@ impl Config {
         if settings.alone && settings.input.is_none() {
             given.push(&format!("{key}.alone"), "`alone` belongs to `input`, which is missing", "");
         }
+        settings.chosen().check((given, key), flights, columns, settings.input.is_some());
         let kinds = Kind::ALL.map(Kind::name);
         for (i, kind) in
             settings.kinds.iter().enumerate().filter(|(_, kind)| !kinds.contains(&kind.as_str()))

@@ -1,5 +1,6 @@
 //! The `[[estimate]]` sections of the pipeline file.
 
+use super::chosen::{Chosen, Range};
 use crate::dynamics::Interpolation;
 use crate::estimate;
 use indexmap::IndexMap;
@@ -16,13 +17,27 @@ pub struct Settings {
     /// The model file, relative to the pipeline file.
     pub model: String,
     /// Name of the `[[segment.input]]` whose maneuvers are used, or several; left out, each
-    /// flight's whole record is used as one segment. Maneuvers of several inputs that overlap in
+    /// flight's whole record is used, as one segment, or as several where an input of the model has
+    /// a gap. Maneuvers of several inputs that overlap in
     /// time are one segment, named after the first.
     #[serde(default)]
     pub input: Option<Used>,
     /// Leaves out the maneuvers during which another input than these was moved as well.
     #[serde(default)]
     pub alone: bool,
+    /// Flights that are used, by id; `*` stands for any characters: `["flight-01", "calm-*"]`. Empty
+    /// for all.
+    #[serde(default)]
+    pub flights: Vec<String>,
+    /// Flights or maneuvers that are left out, by id; `*` stands for any characters:
+    /// `["flight-03", "flight-04.02"]`. Maneuvers are named in the `segments` table.
+    #[serde(default)]
+    pub except: Vec<String>,
+    /// Maneuvers that are used, by conditions: the mean of a column in the quiet time before the
+    /// maneuver is within a range (SI, both ends included), which may be open at one end:
+    /// `{ alpha = [0.02, 0.06], V = { min = 80.0 } }`.
+    #[serde(default)]
+    pub r#where: IndexMap<String, Range>,
     /// Without `input`: the record is cut into equal segments of at most this length, s (0: one
     /// segment). What disturbs a model, such as noise of the signals that drive it, adds up over a
     /// long segment.
@@ -167,6 +182,11 @@ impl Settings {
         }
         known.extend(self.levels.keys().map(String::as_str));
         known
+    }
+
+    /// Which flights and maneuvers are used.
+    pub fn chosen(&self) -> Chosen<'_> {
+        Chosen { flights: &self.flights, except: &self.except, conditions: &self.r#where }
     }
 
     /// Name in the tables.

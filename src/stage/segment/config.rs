@@ -79,6 +79,17 @@ pub fn check(settings: &Settings, flights: &[String], edits: &Place) -> Errors {
             );
         }
     }
+    // Which flights there are is not known where the logs have mistakes of their own.
+    let named: Vec<String> =
+        if flights.is_empty() { of_edits(&settings.edits) } else { Vec::new() };
+    let flights = if flights.is_empty() { &named } else { flights };
     errors.take(settings.edits.check(flights, &names, edits));
     errors
+}
+
+/// The flights that edits name.
+fn of_edits(edits: &Edits) -> Vec<String> {
+    let included = edits.include.iter().map(|e| &e.flight);
+    let excluded = edits.exclude.iter().map(|e| &e.flight);
+    included.chain(excluded).chain(edits.moves.iter().map(|e| &e.flight)).cloned().collect()
 }

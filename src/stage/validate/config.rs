@@ -4,6 +4,7 @@
 use super::source::{self, Source};
 use crate::estimate::Shifts;
 use crate::stage::check::Given;
+use crate::stage::estimate::chosen::Range;
 use crate::stage::estimate::{self, Group, Used};
 use crate::stage::told::{Known, Told};
 use indexmap::IndexMap;
@@ -38,6 +39,15 @@ pub struct Settings {
     /// records.
     #[serde(default)]
     pub input: Option<Used>,
+    /// Flights used, with `*` for any characters; empty for all.
+    #[serde(default)]
+    pub flights: Vec<String>,
+    /// Flights or maneuvers left out of them, with `*` for any characters.
+    #[serde(default)]
+    pub except: Vec<String>,
+    /// By condition, the range (SI) that its mean in the quiet time before a maneuver must be in.
+    #[serde(default, rename = "where")]
+    pub conditions: IndexMap<String, Range>,
     /// Kinds of maneuvers used; empty for all kinds.
     #[serde(default)]
     pub kinds: Option<Vec<String>>,
@@ -128,6 +138,9 @@ impl Settings {
         run.kinds = self.kinds.clone().unwrap_or(run.kinds);
         run.pre_s = self.pre_s.unwrap_or(run.pre_s);
         run.post_s = self.post_s.unwrap_or(run.post_s);
+        run.flights = self.flights.clone();
+        run.except = self.except.clone();
+        run.r#where = self.conditions.clone();
         run.name = Some(self.name());
         run.group = Group::Segment;
         run
@@ -151,7 +164,7 @@ pub struct Config {
 /// Checks all `[[validate]]` and keeps what can be run.
 pub fn check(told: &mut Told, known: &mut Known) {
     let Some(all) = told.get::<Vec<Settings>>(super::STAGE.name).cloned() else { return };
-    let Known { given, columns, channels, searched, estimates, fits, .. } = known;
+    let Known { given, flights, columns, channels, searched, estimates, fits } = known;
     let checked = given.entries(super::STAGE.name, all, Settings::name, |given, key, s| {
         faults(given, key, &s);
         let Some(index) = estimates.names.iter().position(|name| *name == s.estimate) else {
@@ -173,7 +186,8 @@ pub fn check(told: &mut Told, known: &mut Known) {
             .collect();
         let base = estimates.checked.get(index)?.as_ref()?;
         let run = s.run(&base.settings);
-        let run = estimate::Config::read(run, (given, key), searched, columns, *channels)?;
+        let run =
+            estimate::Config::read(run, (given, key), (searched, flights), columns, *channels)?;
         let fits: Option<Vec<_>> =
             lines.iter().map(|&i| Some((i, fits.checked.get(i)?.as_ref()?))).collect();
         if lines.len() < s.lines.len() {

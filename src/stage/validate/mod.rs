@@ -12,7 +12,8 @@ mod source;
 mod tables;
 mod values;
 
-use super::estimate::{self, Ready};
+use super::estimate;
+use super::estimate::ready::{self, Ready};
 use super::{
     Campaign, Inputs, Key, Note, Output, Part, Read, Severity, Stage, Unit, said, slice_of,
 };
@@ -51,7 +52,9 @@ fn all(campaign: &Campaign) -> &[Config] {
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let Some(config) = all(campaign).get(unit.index) else { return Value::Null };
     // Those whose maneuvers are refused, and against what the lines go.
-    let used: Vec<Value> = bases(config, campaign).map(|base| slice_of(&base.settings)).collect();
+    let used: Vec<Value> = bases(config, campaign)
+        .map(|base| json!([slice_of(&base.settings), ready::left_out(base, campaign)]))
+        .collect();
     let against: Vec<_> =
         config.lines.iter().map(|&i| slice_of(&campaign.fits[i].settings.against)).collect();
     json!({
@@ -60,6 +63,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         "model": said(&config.run.model),
         "sources": format!("{:?}", config.sources),
         "used": used,
+        "left_out": ready::left_out(&config.run, campaign),
         "against": against,
     })
 }
@@ -100,17 +104,16 @@ struct Validated {
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = all(campaign).get(unit.index) else { return Ok(Output::default()) };
     let mut notes = Vec::new();
+    let all = ready::of(&config.run, campaign, inputs, &mut notes)?;
+    let used = used(config, campaign, inputs)?;
     let mut ready: Vec<Ready> = Vec::new();
-    for flight in &campaign.flights {
-        let here = estimate::flight_records(&config.run, flight, inputs, &mut notes)?;
-        let used = used(config, campaign, flight, inputs)?;
-        let own = estimate::maneuvers(&config.run, flight, inputs)?;
-        for one in here {
-            let times = own.iter().find(|(name, _)| *name == one.segment).map(|(_, times)| *times);
-            match times.and_then(|t| used.iter().find(|(_, u)| t[0] < u[1] && u[0] < t[1])) {
-                Some((name, _)) => notes.push(refused(config, flight, &one.segment, name)),
-                None => ready.push(one),
-            }
+    for one in all {
+        let at = one.times;
+        let same =
+            |of: &&Used| of.flight == one.flight && at[0] < of.times[1] && of.times[0] < at[1];
+        match used.iter().find(same) {
+            Some(of) => notes.push(refused(config, &one.flight, &one.segment, &of.name)),
+            None => ready.push(one),
         }
     }
     notes.iter_mut().for_each(|note: &mut Note| note.stage = STAGE.name.to_string());
@@ -137,19 +140,24 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
-/// Maneuvers of a flight that the values come from: what they are called, and from when to when.
-fn used(
-    config: &Config,
-    campaign: &Campaign,
-    flight: &str,
-    inputs: &Inputs,
-) -> Result<Vec<(String, [f64; 2])>> {
+/// A maneuver that the values come from.
+struct Used {
+    flight: String,
+    /// The estimate, and the maneuver's name in it.
+    name: String,
+    times: [f64; 2],
+}
+
+/// All maneuvers that the values come from.
+fn used(config: &Config, campaign: &Campaign, inputs: &Inputs) -> Result<Vec<Used>> {
     let mut all = Vec::new();
     for base in bases(config, campaign) {
-        let of = estimate::maneuvers(base, flight, inputs)?;
-        all.extend(
-            of.into_iter().map(|(name, times)| (format!("{} ({name})", base.name()), times)),
-        );
+        let of = ready::of(base, campaign, inputs, &mut Vec::new())?;
+        all.extend(of.into_iter().map(|one| Used {
+            name: format!("{} ({})", base.name(), one.segment),
+            flight: one.flight,
+            times: one.times,
+        }));
     }
     Ok(all)
 }
@@ -206,7 +214,7 @@ fn validated(
     one: &Ready,
 ) -> std::result::Result<std::result::Result<Validated, String>, Errors> {
     let labels = &one.labelled.labels;
-    let conditions = estimate::held(inputs.flight("conditions", &one.flight), &one.segment)?;
+    let conditions = ready::held(inputs.flight("conditions", &one.flight), &one.segment)?;
     let maneuver = Maneuver { flight: &one.flight, labels, conditions };
     let found = match values(config, campaign, inputs, &maneuver)? {
         Ok(found) => found,

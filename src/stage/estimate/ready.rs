@@ -1,0 +1,218 @@
+//! Maneuvers, samples and signals of the flights that an estimate uses come in; one record per
+//! maneuver, and notes on what was left out, go out.
+
+use super::chosen::Tally;
+use super::config::Config;
+use super::names::Driver;
+use super::records::{Grid, Measured, Source, record};
+use super::stretches::{self, Stretch, Whole};
+use super::trim::Trim;
+use super::{STAGE, note};
+use crate::dynamics::Record;
+use crate::error::Result;
+use crate::estimate::Segment;
+use crate::stage::{Campaign, Inputs, Note, Severity, series};
+use crate::table::Table;
+use std::collections::BTreeMap;
+
+/// One maneuver ready for the estimator.
+pub struct Ready {
+    pub flight: String,
+    pub segment: String,
+    /// From when to when it is flown, without the time before and behind its steps, s.
+    pub times: [f64; 2],
+    pub labelled: Segment,
+    pub trim: Trim,
+}
+
+/// The records of the maneuvers that the settings choose; what cannot be used is noted, and what
+/// is left out by choice is counted.
+pub fn of(
+    config: &Config,
+    campaign: &Campaign,
+    inputs: &Inputs,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Ready>> {
+    let mut tally = Tally::new(config.settings.chosen());
+    let mut ready = Vec::new();
+    for flight in &campaign.flights {
+        if tally.flight(flight) {
+            ready.extend(of_flight(config, flight, inputs, (&mut tally, notes))?);
+        }
+    }
+    notes.extend(tally.notes(STAGE.name, &config.name()));
+    Ok(ready)
+}
+
+/// The flights that the settings leave out: they are told in a note, and so count in the key.
+pub fn left_out<'a>(config: &Config, campaign: &'a Campaign) -> Vec<&'a str> {
+    let chosen = config.settings.chosen();
+    campaign.flights.iter().map(String::as_str).filter(|id| !chosen.flight(id)).collect()
+}
+
+/// The records of one flight.
+fn of_flight<'a>(
+    config: &Config,
+    flight: &'a str,
+    inputs: &Inputs,
+    (tally, notes): (&mut Tally<'a>, &mut Vec<Note>),
+) -> Result<Vec<Ready>> {
+    let (Some(samples), Some(signals)) =
+        (inputs.flight("samples", flight), inputs.flight("signals", flight))
+    else {
+        tally.empty(flight);
+        return Ok(Vec::new());
+    };
+    let t = samples.f64("t_s")?;
+    if t.len() < 2 {
+        tally.empty(flight);
+        return Ok(Vec::new());
+    }
+    let measured = measured(config, samples, signals)?;
+    let telling: Vec<String> = config
+        .columns()
+        .into_iter()
+        .chain(config.outputs.iter().map(|s| s.measured.clone()))
+        .collect();
+    let conditions = inputs.flight("conditions", flight);
+    let mut ready = Vec::new();
+    for stretch in stretches(config, flight, (inputs, samples), (tally, notes))? {
+        let segment = stretch.names.first().cloned().unwrap_or_default();
+        let held = held(conditions, &segment)?;
+        let names: Vec<&str> = stretch.names.iter().map(String::as_str).collect();
+        if !tally.maneuver(&names, |name| held.get(name).copied()) {
+            continue;
+        }
+        match labelled(config, samples, &measured, &stretch, &held)? {
+            Ok(labelled) => {
+                notes.extend(masked(config, flight, &segment, &labelled.record));
+                let trim = Trim::of(conditions, &segment, &telling)?;
+                let (flight, times) = (flight.to_string(), flown(config, &stretch));
+                ready.push(Ready { flight, segment, times, labelled, trim });
+            }
+            Err(why) => {
+                let text = format!("{segment} is not used: {why}");
+                notes.push(note(config, flight, Severity::Missing, segment, 1, text));
+            }
+        }
+    }
+    Ok(ready)
+}
+
+/// When the steps of a maneuver begin and end; all of a record.
+fn flown(config: &Config, stretch: &Stretch) -> [f64; 2] {
+    let (settings, window) = (&config.settings, stretch.window);
+    match settings.input {
+        Some(_) => [window.from + settings.pre_s, window.to - settings.post_s],
+        None => [window.from, window.to],
+    }
+}
+
+/// What measures the outputs that are scored.
+fn measured<'a>(
+    config: &Config,
+    samples: &'a Table,
+    signals: &'a Table,
+) -> Result<Vec<Measured<'a>>> {
+    let (t, signals) = (samples.f64("t_s")?, series(signals)?);
+    let one = |scored: &super::Scored| {
+        let (t, z) = match signals.get(scored.measured.as_str()).filter(|_| scored.is_signal) {
+            Some(series) => *series,
+            None => (t, samples.f64(&scored.measured)?),
+        };
+        Ok(Measured { output: scored.output, t, z })
+    };
+    config.outputs.iter().map(one).collect()
+}
+
+/// The record of one stretch with what is known of it, or why there is none.
+fn labelled(
+    config: &Config,
+    samples: &Table,
+    measured: &[Measured],
+    stretch: &Stretch,
+    held: &BTreeMap<&str, f64>,
+) -> Result<std::result::Result<Segment, super::records::Unusable>> {
+    let settings = &config.settings;
+    let (t, rows) = (samples.f64("t_s")?, &stretch.rows);
+    let (t0, dt) = (t.first().copied().unwrap_or(0.0), t[1] - t[0]);
+    let column = |name: &str| samples.f64(name).ok().and_then(|c| c.get(rows.clone()));
+    let grid = Grid { t0: t0 + rows.start as f64 * dt, dt, n: rows.len(), column: &column };
+    let sources: Vec<Source> = config.inputs.iter().map(|driver| source(driver, held)).collect();
+    let inputs_by_name = config.model.inputs.iter().map(|q| q.name.as_str());
+    let interpolation = settings.interpolation.of(inputs_by_name);
+    let mut labels = stretch.labels.clone();
+    labels.extend(settings.levels.iter().filter_map(|(name, levels)| level(name, levels, held)));
+    Ok(record(&grid, &sources, measured, stretch.window).map(|record| Segment {
+        record: Record { substeps: settings.substeps, interpolation, ..record },
+        labels,
+        conditions: held.iter().map(|(name, value)| (name.to_string(), *value)).collect(),
+        stretch: None,
+    }))
+}
+
+/// What to say about samples of the outputs that are not there.
+fn masked(config: &Config, flight: &str, segment: &str, record: &Record) -> Option<Note> {
+    let masked: usize =
+        record.channels.iter().map(|c| c.z.iter().filter(|z| !z.is_finite()).count()).sum();
+    let text =
+        format!("{masked} masked or lost samples of the outputs are not scored in {segment}");
+    let note = |text| note(config, flight, Severity::Warning, segment.to_string(), masked, text);
+    (masked > 0).then(|| note(text))
+}
+
+fn source(driver: &Driver, held: &BTreeMap<&str, f64>) -> Source {
+    match driver {
+        Driver::Column(name) => Source::Column(name.clone()),
+        Driver::Held(name) => Source::Held(held.get(name.as_str()).copied().unwrap_or(f64::NAN)),
+    }
+}
+
+/// The stretches of a flight that there are to choose from: the included maneuvers of the input, or
+/// the whole record.
+fn stretches(
+    config: &Config,
+    flight: &str,
+    (inputs, samples): (&Inputs, &Table),
+    (tally, notes): (&mut Tally, &mut Vec<Note>),
+) -> Result<Vec<Stretch>> {
+    let (settings, t) = (&config.settings, samples.f64("t_s")?);
+    if let Some(input) = &settings.input {
+        let Some(segments) = inputs.flight("segments", flight) else { return Ok(Vec::new()) };
+        segments.strings("segment")?.iter().for_each(|name| tally.meet(name));
+        return stretches::maneuvers(settings, input, (flight, t.len()), segments);
+    }
+    // A column that is not there is said where a record is made.
+    let columns = config.columns();
+    let driving: Vec<(&str, &[f64])> =
+        columns.iter().filter_map(|name| Some((name.as_str(), samples.f64(name).ok()?))).collect();
+    let Whole { stretches, lost } = stretches::whole(settings, flight, t, &driving);
+    if let Some(lost) = lost {
+        let severity = match (stretches.is_empty(), lost.matters) {
+            (true, _) => Severity::Missing,
+            (false, true) => Severity::Warning,
+            (false, false) => Severity::Info,
+        };
+        let text = format!("{flight}: {}", lost.text);
+        notes.push(note(config, flight, severity, flight.to_string(), lost.samples, text));
+    }
+    Ok(stretches)
+}
+
+/// The level nearest to a condition, as a label; none where the condition has no value.
+fn level(name: &str, levels: &[f64], held: &BTreeMap<&str, f64>) -> Option<(String, String)> {
+    let value = held.get(name).copied().filter(|v| v.is_finite())?;
+    let nearest = levels.iter().min_by(|a, b| (*a - value).abs().total_cmp(&(*b - value).abs()))?;
+    Some((name.to_string(), nearest.to_string()))
+}
+
+/// The conditions of one maneuver, by signal.
+pub fn held<'a>(conditions: Option<&'a Table>, segment: &str) -> Result<BTreeMap<&'a str, f64>> {
+    let Some(conditions) = conditions else { return Ok(BTreeMap::new()) };
+    let (segments, signals) = (conditions.strings("segment")?, conditions.strings("signal")?);
+    let values = conditions.f64("value")?;
+    Ok((0..values.len())
+        .filter(|i| segments[*i] == segment)
+        .map(|i| (signals[i], values[i]))
+        .collect())
+}
