@@ -170,15 +170,22 @@ pub struct Maneuver {
     /// Input of the truth model; it is 0 between maneuvers.
     pub input: String,
     /// A multistep by its digits (`"3211"`, `"2211"`, `"211"`: steps of so many time units with
-    /// alternating sign), `"doublet"` (`"11"`), `"step"` (`"1"`: out and back), or `"multisine"`.
+    /// alternating sign), `"doublet"` (`"11"`), `"step"` (`"1"`: out and back), `"multisine"`,
+    /// `"profile"` (straight lines between points), or `"sweep"` (a slow triangle from 0 to the
+    /// amplitude, to the other side, and back to 0).
     pub kind: String,
     /// Time unit of a multistep, s.
     #[serde(default)]
     pub unit_time_s: Option<f64>,
-    /// Amplitude in the input's (SI) unit: height of the steps, or largest absolute value of the
-    /// multisine.
-    pub amplitude: f64,
-    /// Sign of the first step: 1 or -1.
+    /// Amplitude in the input's (SI) unit: height of the steps, largest absolute value of the
+    /// multisine or the sweep. A profile has none.
+    #[serde(default)]
+    pub amplitude: Option<f64>,
+    /// Height of each step of a multistep in the input's (SI) unit, one for each digit, instead of
+    /// `amplitude`; signs alternate by themselves.
+    #[serde(default)]
+    pub amplitudes: Option<Vec<f64>>,
+    /// Sign of the first step: 1 or -1. A profile is multiplied by it.
     #[serde(default = "default_polarity")]
     pub polarity: i8,
     /// Duration of one edge of a multistep, s (a ramp that begins at the nominal time); 0 is one
@@ -192,6 +199,19 @@ pub struct Maneuver {
     /// Lowest and highest frequency of a multisine, Hz.
     #[serde(default)]
     pub band_hz: Option<[f64; 2]>,
+    /// Time of one cycle of a sweep, s.
+    #[serde(default)]
+    pub period_s: Option<f64>,
+    /// Cycles of a sweep; 1 unless given.
+    #[serde(default)]
+    pub cycles: Option<u32>,
+    /// Times of the points of a profile since its first one, s: they begin at 0 and ascend.
+    #[serde(default)]
+    pub times_s: Option<Vec<f64>>,
+    /// Values of a profile at these times, in the input's (SI) unit; before the first and from the
+    /// last on the input is 0.
+    #[serde(default)]
+    pub values: Option<Vec<f64>>,
     /// Other maneuvers flown at the same time, inside one hold: several inputs at once, or one
     /// input again.
     #[serde(default)]

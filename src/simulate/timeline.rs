@@ -2,7 +2,7 @@
 //! of the truth model over time.
 
 use super::atmosphere::{FOOT, KNOT, true_airspeed};
-use super::input::Shape;
+use super::input::{Shape, amplitude};
 use super::random::Stream;
 use super::settings::{Flight, Settings, Timing};
 use crate::math::interpolate::held;
@@ -21,7 +21,9 @@ pub struct Placed {
     pub t_end_s: f64,
     /// Time unit of a multistep.
     pub unit_time_s: Option<f64>,
+    /// Largest absolute value of its signal, in the input's unit.
     pub amplitude: f64,
+    /// Sign of its signal where it first leaves 0.
     pub polarity: i8,
     /// Commanded condition.
     pub speed_kt: f64,
@@ -133,12 +135,12 @@ impl Timeline {
         let known = |(name, after): (&str, f64)| {
             let (m, shape) = (settings.maneuvers.get(name)?, shapes.get(name)?);
             let start = on_grid(t + after);
-            Some((name.to_string(), m, start, start + shape.duration()))
+            Some((name.to_string(), m, start, start + shape.duration(), shape.polarity()))
         };
         let known: Vec<_> = together.filter_map(known).collect();
         let Some(end) = known.iter().map(|k| k.3).reduce(f64::max) else { return t };
         let hold = [on_grid(t) - timing.hold_before_s, end + timing.hold_after_s];
-        for (maneuver, m, start, end) in known {
+        for (maneuver, m, start, end, polarity) in known {
             self.maneuvers.push(Placed {
                 maneuver,
                 input: m.input.clone(),
@@ -146,8 +148,8 @@ impl Timeline {
                 t_start_s: start,
                 t_end_s: end,
                 unit_time_s: m.unit_time_s,
-                amplitude: m.amplitude,
-                polarity: m.polarity,
+                amplitude: amplitude(m),
+                polarity,
                 speed_kt: self.speed.at(start),
                 altitude_ft: self.altitude.at(start),
                 hold_s: hold,
