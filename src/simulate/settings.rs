@@ -74,7 +74,7 @@ fn default_rate() -> f64 {
 #[serde(deny_unknown_fields)]
 pub struct Drive {
     /// Input that receives the commanded true airspeed, m/s (from the calibrated airspeed of the
-    /// test points, ISA).
+    /// test points, ISA; 0 in a flight without test points).
     #[serde(default)]
     pub speed: Option<String>,
     /// Input that receives the commanded altitude, m.
@@ -234,12 +234,16 @@ fn default_polarity() -> i8 {
     1
 }
 
-/// One flight: starts trimmed at its first test point and goes through the test points in order.
+/// One flight: starts trimmed at its first test point and goes through the test points in order. A
+/// flight without test points (a test on the ground) has `events`, or `duration_s`, alone: its
+/// commanded airspeed is 0, and it starts in the steady condition of the truth model for that.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Flight {
-    /// Pressure altitude of the test points, ft.
-    pub altitude_ft: f64,
+    /// Pressure altitude of the test points that have none of their own, ft. A flight without test
+    /// points needs it where `altitude` of `[drive]` names an input.
+    #[serde(default)]
+    pub altitude_ft: Option<f64>,
     /// Calibrated airspeeds of the test points in the order flown, kt. Either this with `at_each`,
     /// or `points`.
     #[serde(default)]
@@ -254,6 +258,10 @@ pub struct Flight {
     /// Maneuvers at given times of the flight, beside those of the test points.
     #[serde(default)]
     pub events: Vec<Event>,
+    /// Length of a flight without test points, s; unless given, it ends `end_s` of its timing after
+    /// the last hold.
+    #[serde(default)]
+    pub duration_s: Option<f64>,
     /// Intensity of the turbulence, m/s; 0 is calm air.
     #[serde(default)]
     #[schemars(range(min = 0))]

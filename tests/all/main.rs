@@ -12,6 +12,7 @@ mod faults;
 mod flightdata;
 mod floors;
 mod fragments;
+mod ground;
 mod hfb320;
 mod language;
 mod models;
