@@ -2,6 +2,7 @@
 //! out.
 
 use super::scan::Work;
+use crate::signal::robust::noise_sd;
 use std::ops::Range;
 
 /// The signal as means over cells of equal length.
@@ -11,6 +12,8 @@ pub struct Cells {
     /// Length of a cell, s.
     pub h: f64,
     pub v: Vec<f64>,
+    /// Sd of their noise.
+    pub noise: f64,
 }
 
 /// A straight line.
@@ -19,6 +22,8 @@ pub struct Line {
     pub t: f64,
     pub value: f64,
     pub rate: f64,
+    /// Sd of the rate from the noise of the cells.
+    pub rate_sd: f64,
 }
 
 impl Cells {
@@ -29,8 +34,9 @@ impl Cells {
             let finite = cell.iter().filter(|v| v.is_finite());
             finite.clone().sum::<f64>() / finite.count() as f64
         };
-        let v = work.v.chunks_exact(count).map(mean).collect();
-        Cells { t0: work.time(0.5 * (count - 1) as f64), h: count as f64 * work.h, v }
+        let v: Vec<f64> = work.v.chunks_exact(count).map(mean).collect();
+        let noise = noise_sd(&v);
+        Cells { t0: work.time(0.5 * (count - 1) as f64), h: count as f64 * work.h, v, noise }
     }
 
     pub fn time(&self, i: usize) -> f64 {
@@ -49,6 +55,13 @@ impl Cells {
         range.map(|i| (self.time(i), self.v[i])).filter(|p| p.1.is_finite()).unzip()
     }
 
+    /// Rms distance of the cells from `wanted` of time, without their noise.
+    pub fn rms(&self, range: Range<usize>, wanted: impl Fn(f64) -> f64) -> f64 {
+        let (t, v) = self.values(range);
+        let square: f64 = t.iter().zip(&v).map(|(t, v)| (v - wanted(*t)) * (v - wanted(*t))).sum();
+        (square / t.len() as f64 - self.noise * self.noise).max(0.0).sqrt()
+    }
+
     /// The least-squares line through the cells within `from..to`; `None` where there are fewer
     /// than two.
     pub fn line(&self, from: f64, to: f64) -> Option<Line> {
@@ -57,7 +70,8 @@ impl Cells {
         let (t_mean, v_mean) = (t.iter().sum::<f64>() / n, v.iter().sum::<f64>() / n);
         let square: f64 = t.iter().map(|t| (t - t_mean) * (t - t_mean)).sum();
         let product: f64 = t.iter().zip(&v).map(|(t, v)| (t - t_mean) * (v - v_mean)).sum();
-        (square > 0.0).then(|| Line { t: t_mean, value: v_mean, rate: product / square })
+        let rate_sd = self.noise / square.sqrt();
+        (square > 0.0).then(|| Line { t: t_mean, value: v_mean, rate: product / square, rate_sd })
     }
 }
 

@@ -74,10 +74,12 @@ fn candidates(work: &scan::Work, settings: &Settings) -> Vec<Maneuver> {
 }
 
 /// Of overlapping candidates the one that explains most; more steps weigh more, since chance seldom
-/// makes them.
+/// makes them. A part of a sweep has no rest around it, so that its score is enough.
 fn best_without_overlap(mut candidates: Vec<Maneuver>) -> Vec<Maneuver> {
-    let rank = |m: &Maneuver| {
-        m.score * m.steps.len() as f64 * if m.kind == Kind::Multistep { 0.7 } else { 1.0 }
+    let rank = |m: &Maneuver| match m.kind {
+        Kind::Sweep => m.score,
+        Kind::Multistep => 0.7 * m.score * m.steps.len() as f64,
+        _ => m.score * m.steps.len() as f64,
     };
     candidates.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then(a.t_start.total_cmp(&b.t_start)));
     let mut kept: Vec<Maneuver> = vec![];

@@ -15,19 +15,20 @@ use super::scan::Work;
 use super::{Maneuver, Settings, Step};
 use crate::math::interpolate::{between, held};
 use crate::math::median;
-use crate::signal::robust::noise_sd;
 
 /// Cells of the signal in the shortest period.
 const CELLS: f64 = 40.0;
 /// Distances and heights of turning points differ from their mean by at most this share.
 const REGULAR: f64 = 0.35;
-/// Largest rms distance of the signal from the lines, as a share of the amplitude: a sine has 0.1,
-/// a square wave 0.4.
+/// The level of rest is this near to the mean of the turning points, as a share of the amplitude.
+const AWAY: f64 = 0.3;
+/// Largest rms distance of the signal from the lines, as a share of the amplitude: a square wave is
+/// beyond it.
 const MISFIT: f64 = 0.2;
 /// How often the least reversal that makes a turning point is halved from the whole range on.
 const HALVINGS: i32 = 14;
 
-/// A stretch of rest: the level and the rms distance from it.
+/// A stretch of rest: the level, and the rms distance from it over twice the time.
 #[derive(Clone, Copy)]
 struct Rest {
     level: f64,
@@ -50,7 +51,7 @@ pub(super) fn candidates(work: &Work, settings: &Settings) -> Vec<Maneuver> {
     let finite = cells.v.iter().copied().filter(|v| v.is_finite());
     let (low, high) =
         finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-    let least = (settings.threshold * noise_sd(&cells.v)).max(0.5 * settings.min_amplitude);
+    let least = (settings.threshold * cells.noise).max(0.5 * settings.min_amplitude);
     let reversals = (1..=HALVINGS).map(|k| (high - low) / f64::from(1 << k));
     let mut found = Vec::new();
     for reversal in reversals.filter(|r| r.is_finite() && *r > least && *r > 0.0) {
@@ -68,10 +69,11 @@ fn beginning_at(cells: &Cells, turns: &[usize], settings: &Settings) -> Vec<Mane
     for count in (2..=turns.len()).step_by(2) {
         let Some(turns) = Turns::of(cells, &turns[..count], settings) else { break };
         // Nothing that begins in motion becomes a sweep by going on.
-        let Some(before) = turns.rest(cells, turns.ends(cells).0, -1.0, settings) else { break };
-        if let Some(after) = turns.rest(cells, turns.ends(cells).1, 1.0, settings) {
-            found.extend(measure(cells, &turns, before, after, settings));
+        let start = turns.end(cells, -1.0);
+        if start.and_then(|t| turns.rest(cells, t, -1.0, settings)).is_none() {
+            break;
         }
+        found.extend(corners(cells, &turns, settings).and_then(|c| measure(cells, &turns, &c)));
     }
     found
 }
@@ -96,41 +98,54 @@ impl<'a> Turns<'a> {
         })
     }
 
-    /// When the sweep begins and ends if its first and last ramps are as fast as the others, s; a
-    /// little outside, so that it is surely at rest there.
-    fn ends(&self, cells: &Cells) -> (f64, f64) {
-        let turn = |i: usize| cells.time(self.at[i]);
-        (turn(0) - 0.55 * self.half, turn(self.at.len() - 1) + 0.55 * self.half)
+    /// When the line through a ramp at an end (`side` -1: the first, 1: the last) is at trim, s.
+    fn end(&self, cells: &Cells, side: f64) -> Option<f64> {
+        let turn = if side < 0.0 { self.at.first() } else { self.at.last() };
+        let turn = cells.time(*turn?);
+        let (near, far) = (turn + 0.1 * side * self.half, turn + 0.4 * side * self.half);
+        Some(cells.line(near.min(far), near.max(far))?.when(self.trim))
     }
 
     /// The rest before (`side` -1) or after (1) the time `t`, s: a sixteenth of a period, and at
-    /// least the quiet time; `None` where the signal is away from trim, moves on at half the rate
-    /// of a ramp or more, or half of the time is not there.
+    /// least the quiet time; less where the record ends. `None` where not even the quiet time is
+    /// there, or the signal is away from trim or moves on at half the rate of a ramp or more.
     fn rest(&self, cells: &Cells, t: f64, side: f64, settings: &Settings) -> Option<Rest> {
         let length = (self.half / 8.0).max(settings.quiet_s);
-        let (from, to) = if side < 0.0 { (t - length, t) } else { (t, t + length) };
-        let (times, values) = cells.values(cells.range(from, to));
-        let there = 2.0 * times.len() as f64 * cells.h >= length;
-        let rate = cells.line(from, to)?.rate;
+        let span = |length: f64| if side < 0.0 { (t - length, t) } else { (t, t + length) };
+        let (from, to) = span(length);
+        let values = cells.values(cells.range(from, to)).1;
+        let there = (values.len() + 1) as f64 * cells.h >= settings.quiet_s;
+        let line = cells.line(from, to)?;
+        let still = line.rate.abs() - 2.0 * line.rate_sd <= 0.5 * self.rate();
         let level = median(&values);
-        let square = values.iter().map(|v| (v - level) * (v - level)).sum::<f64>();
-        let rest = Rest { level, rms: (square / values.len() as f64).sqrt() };
-        let still = rate.abs() <= 0.5 * 2.0 * self.size / self.half;
-        (there && still && (level - self.trim).abs() <= 0.3 * self.size).then_some(rest)
+        let (from, to) = span(2.0 * length);
+        let rms = cells.rms(cells.range(from, to), |_| level);
+        (there && still && (level - self.trim).abs() <= AWAY * self.size)
+            .then_some(Rest { level, rms })
+    }
+
+    /// The rate of a ramp.
+    fn rate(&self) -> f64 {
+        2.0 * self.size / self.half
     }
 }
 
-/// The sweep with these turning points: its lines, its times and how sure it is.
-fn measure(
-    cells: &Cells,
-    turns: &Turns,
-    mut before: Rest,
-    mut after: Rest,
-    settings: &Settings,
-) -> Option<Maneuver> {
-    let (mut start, mut end) = turns.ends(cells);
+/// The lines of a sweep and the corners between them, from rest to rest.
+struct Corners {
+    lines: Vec<Line>,
+    /// Two more than turning points, s.
+    t: Vec<f64>,
+    value: Vec<f64>,
+    before: Rest,
+    after: Rest,
+}
+
+/// Lines and rest of a sweep: each needs the other, and three times is enough.
+fn corners(cells: &Cells, turns: &Turns, settings: &Settings) -> Option<Corners> {
+    let (mut start, mut end) = (turns.end(cells, -1.0)?, turns.end(cells, 1.0)?);
+    let mut before = turns.rest(cells, start, -1.0, settings)?;
+    let mut after = turns.rest(cells, end, 1.0, settings)?;
     let mut lines = Vec::new();
-    // Ends and levels of rest need each other: three times is enough.
     for _pass in 0..3 {
         lines = ramps(cells, turns, start, end)?;
         start = lines.first()?.when(before.level);
@@ -138,44 +153,47 @@ fn measure(
         before = turns.rest(cells, start, -1.0, settings)?;
         after = turns.rest(cells, end, 1.0, settings)?;
     }
-    let (mut t, mut value) = (vec![start], vec![before.level]);
-    for pair in lines.windows(2) {
-        let (when, level) = pair[0].meet(&pair[1]);
-        t.push(when);
-        value.push(level);
+    let between = lines.windows(2).map(|pair| pair[0].meet(&pair[1]));
+    let ends = [(start, before.level), (end, after.level)];
+    let all = ends[..1].iter().copied().chain(between).chain(ends[1..].iter().copied());
+    let (t, value): (Vec<f64>, Vec<f64>) = all.unzip();
+    let ascend = t.windows(2).all(|w| w[0] < w[1]);
+    ascend.then_some(Corners { lines, t, value, before, after })
+}
+
+impl Corners {
+    /// The level of rest at `t`, on the straight line from that before to that after.
+    fn trim(&self, t: f64) -> f64 {
+        let (start, end) = (self.t[0], self.t[self.t.len() - 1]);
+        between(self.before.level, self.after.level, (t - start) / (end - start))
     }
-    t.push(end);
-    value.push(after.level);
-    if t.windows(2).any(|w| !(w[0] < w[1])) {
-        return None;
+
+    /// When the lines cross the level of rest: the begin, once in every ramp between two turning
+    /// points, the end; s.
+    fn crossings(&self) -> Vec<f64> {
+        let inner = &self.lines[1..self.lines.len() - 1];
+        let crossings = inner.iter().map(|l| l.when(self.trim(l.t)));
+        let ends = [self.t[0], self.t[self.t.len() - 1]];
+        ends[..1].iter().copied().chain(crossings).chain(ends[1..].iter().copied()).collect()
     }
-    let trim = |t: f64| between(before.level, after.level, (t - start) / (end - start));
-    let levels: Vec<f64> = turns.at.iter().map(|i| cells.v[*i] - trim(cells.time(*i))).collect();
-    let amplitude = levels.iter().map(|l| l.abs()).sum::<f64>() / levels.len() as f64;
-    let misfit = misfit(cells, &t, &value) / amplitude;
+}
+
+/// The sweep with these corners, and how sure it is; `None` where the signal is not on its lines.
+fn measure(cells: &Cells, turns: &Turns, corners: &Corners) -> Option<Maneuver> {
+    let level = |i: &usize| cells.v[*i] - corners.trim(cells.time(*i));
+    let levels: Vec<f64> = turns.at.iter().map(level).collect();
+    let sizes: Vec<f64> = levels.iter().map(|l| l.abs()).collect();
+    let amplitude = sizes.iter().sum::<f64>() / sizes.len() as f64;
+    let edges = corners.crossings();
+    let (start, end) = (edges[0], edges[edges.len() - 1]);
+    let on_lines = |t: f64| held(&corners.t, &corners.value, t);
+    let misfit = cells.rms(cells.range(start, end), on_lines) / amplitude;
     if !(misfit <= MISFIT) {
         return None;
     }
-    let spread = |x: &[f64]| {
-        let mean = x.iter().sum::<f64>() / x.len() as f64;
-        (x.iter().map(|x| (x / mean - 1.0) * (x / mean - 1.0)).sum::<f64>() / x.len() as f64).sqrt()
-    };
-    let size = |x: &f64| x.abs();
-    let score = score(&[
-        (misfit, 0.15),
-        (spread(&lines.iter().map(|l| l.rate.abs()).collect::<Vec<f64>>()), 0.25),
-        (spread(&levels.iter().map(size).collect::<Vec<f64>>()), 0.25),
-        (before.rms / amplitude, 0.2),
-        (after.rms / amplitude, 0.4),
-        ((after.level - before.level) / amplitude, 0.5),
-    ]);
-    let middles = lines[1..lines.len() - 1].iter().map(|l| l.when(trim(l.t)));
-    let edges: Vec<f64> = [start].into_iter().chain(middles).chain([end]).collect();
-    let steps: Vec<Step> = edges
-        .windows(2)
-        .zip(&levels)
-        .map(|(w, level)| Step { start: w[0], end: w[1], level: *level })
-        .collect();
+    let rates: Vec<f64> = corners.lines.iter().map(|l| l.rate.abs()).collect();
+    let (before, after) = (corners.before, corners.after);
+    let step = |(w, level): (&[f64], &f64)| Step { start: w[0], end: w[1], level: *level };
     Some(Maneuver {
         kind: Kind::Sweep,
         t_start: start,
@@ -185,11 +203,24 @@ fn measure(
         amplitude,
         polarity: levels[0].signum(),
         trim: before.level,
-        steps,
-        score,
+        steps: edges.windows(2).zip(&levels).map(step).collect(),
+        score: score(&[
+            (misfit, 0.08),
+            (spread(&rates), 0.25),
+            (spread(&sizes), 0.25),
+            (before.rms / amplitude, 0.15),
+            (after.rms / amplitude, 0.15),
+            ((after.level - before.level) / amplitude, 0.5),
+        ]),
         included: true,
         reason: String::new(),
     })
+}
+
+/// Rms deviation from the mean, as a share of it.
+fn spread(x: &[f64]) -> f64 {
+    let mean = x.iter().sum::<f64>() / x.len() as f64;
+    (x.iter().map(|x| (x / mean - 1.0) * (x / mean - 1.0)).sum::<f64>() / x.len() as f64).sqrt()
 }
 
 /// The line of every ramp, through its middle part: the turning points themselves may be round or
@@ -208,16 +239,7 @@ fn ramps(cells: &Cells, turns: &Turns, start: f64, end: f64) -> Option<Vec<Line>
     lines.windows(2).all(|w| w[0].rate * w[1].rate < 0.0).then_some(lines)
 }
 
-/// Rms distance of the signal from the lines between corners `t`, `value`.
-fn misfit(cells: &Cells, t: &[f64], value: &[f64]) -> f64 {
-    let (Some(from), Some(to)) = (t.first(), t.last()) else { return f64::NAN };
-    let (times, values) = cells.values(cells.range(*from, *to));
-    let distance = |(t_k, v): (&f64, &f64)| (v - held(t, value, *t_k)) * (v - held(t, value, *t_k));
-    (times.iter().zip(&values).map(distance).sum::<f64>() / times.len() as f64).sqrt()
-}
-
-/// 0 to 1: the root of a product of factors, each falling from 1 with one defect; its second number
-/// halves it.
+/// 0 to 1: a product of factors, each falling from 1 with one defect; its second number halves it.
 fn score(defects: &[(f64, f64)]) -> f64 {
-    defects.iter().map(|(x, half)| 1.0 / (1.0 + (x / half) * (x / half))).product::<f64>().sqrt()
+    defects.iter().map(|(x, half)| 1.0 / (1.0 + (x / half) * (x / half))).product()
 }
