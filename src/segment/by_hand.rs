@@ -2,9 +2,19 @@
 //! levels out.
 
 use super::cells::turning_points;
-use super::{Kind, Maneuver, Settings, Source, Step};
+use super::{Kind, Maneuver, Settings, Step};
 use crate::error::{Error, Place};
 use crate::math::{median, quantile};
+
+/// What the maneuvers are found in.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    pub flight: &'a str,
+    pub input: &'a str,
+    /// Times, s, and values, SI, of the input channel.
+    pub t: &'a [f64],
+    pub u: &'a [f64],
+}
 
 /// A maneuver of the given kind and interval, with levels measured in the signal.
 pub(super) fn by_hand(
@@ -93,7 +103,7 @@ fn sweep(source: &Source, (start, end): (f64, f64), trim: f64, reason: &str) -> 
     let step = |k: usize| Step {
         start: start + k as f64 * length,
         end: start + (k + 1) as f64 * length,
-        level: if k % 2 == 0 { polarity * amplitude } else { -polarity * amplitude },
+        level: if k.is_multiple_of(2) { polarity * amplitude } else { -polarity * amplitude },
     };
     Some(Maneuver {
         kind: Kind::Sweep,

@@ -1,6 +1,6 @@
 //! Found maneuvers and a person's edits in, maneuvers with inclusion and reason out.
 
-use super::by_hand::by_hand;
+use super::by_hand::{Source, by_hand};
 use super::{Kind, Maneuver, Settings};
 use crate::error::{Error, Errors, Place};
 
@@ -133,16 +133,6 @@ impl Edits {
         }
         errors.or(())
     }
-}
-
-/// What the maneuvers are found in.
-#[derive(Debug, Clone, Copy)]
-pub struct Source<'a> {
-    pub flight: &'a str,
-    pub input: &'a str,
-    /// Times, s, and values, SI, of the input channel.
-    pub t: &'a [f64],
-    pub u: &'a [f64],
 }
 
 /// The maneuvers `found` on one input of one flight with the edits that concern them, in order of

@@ -18,7 +18,8 @@ mod scan;
 mod settings;
 mod sweep;
 
-pub use edits::{Edits, Source, apply};
+pub use by_hand::Source;
+pub use edits::{Edits, apply};
 pub use kind::Kind;
 pub use maneuver::{Maneuver, Step};
 pub use settings::{Seek, Settings};

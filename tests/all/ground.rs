@@ -85,9 +85,6 @@ events = [
   { at_s = 120.0, maneuver = "slowly_there" },
 ]
 
-[flights.parked]
-duration_s = 30.0
-
 [topics."/rig"]
 rate_hz = 50
 [topics."/rig".fields]

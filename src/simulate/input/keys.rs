@@ -1,7 +1,7 @@
 //! A maneuver and the keys its kind has in; the keys that are missing, that are out of range or
 //! that belong to another kind out.
 
-use super::Mistake;
+use super::shape::Mistake;
 use crate::simulate::settings::Maneuver;
 
 /// Keys that not every kind has, and what has them.

@@ -1,6 +1,7 @@
 //! Times and values of a profile, or size and period of a sweep, in; straight lines out.
 
-use super::{Mistake, Shape, keys};
+use super::keys;
+use super::shape::{Mistake, Shape};
 use crate::simulate::settings::Maneuver;
 
 /// Most cycles of a sweep; more is a mistake in a number.

@@ -1,6 +1,7 @@
 //! Length, band and amplitude in, the terms of a multisine out.
 
-use super::{Mistake, Shape, keys};
+use super::keys;
+use super::shape::{Mistake, Shape};
 use crate::simulate::settings::Maneuver;
 use std::f64::consts::{PI, TAU};
 

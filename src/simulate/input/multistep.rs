@@ -1,6 +1,7 @@
 //! Digits, a time unit and amplitudes in, the levels of a multistep out.
 
-use super::{Mistake, Shape, keys};
+use super::keys;
+use super::shape::{Mistake, Shape};
 use crate::simulate::settings::Maneuver;
 
 /// The digits of a multistep kind.
