@@ -164,7 +164,9 @@ fn recovery_of_friction_and_stops_from_a_sweep_on_the_ground() {
     let kinds: Vec<&str> = found.iter().map(|s| s.0.as_str()).collect();
     assert_eq!(kinds, ["sweep", "3211"]);
     let (_, from, to, size) = &found[0];
-    assert!((from - 10.0).abs() < 0.1 && (to - 70.0).abs() < 0.1 && (size - 75.0).abs() < 0.5);
+    assert!(
+        (from - 10.0).abs() < 0.1 && (to - 70.0).abs() < 0.1 && (size - 75.0).abs() < 0.01 * 75.0
+    );
 
     let estimates = read_dataset(&out, "estimates").expect("estimates");
     let (value, sd) = (estimates.f64("value").expect("value"), estimates.f64("sd").expect("sd"));
