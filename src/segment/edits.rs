@@ -1,8 +1,8 @@
 //! Found maneuvers and a person's edits in, maneuvers with inclusion and reason out.
 
-use super::{Kind, Maneuver, Settings, Step};
+use super::by_hand::{Source, by_hand};
+use super::{Kind, Maneuver, Settings};
 use crate::error::{Error, Errors, Place};
-use crate::math::median;
 
 /// Edits by hand, each with a reason that stays in the table.
 #[derive(
@@ -135,16 +135,6 @@ impl Edits {
     }
 }
 
-/// What the maneuvers are found in.
-#[derive(Debug, Clone, Copy)]
-pub struct Source<'a> {
-    pub flight: &'a str,
-    pub input: &'a str,
-    /// Times, s, and values, SI, of the input channel.
-    pub t: &'a [f64],
-    pub u: &'a [f64],
-}
-
 /// The maneuvers `found` on one input of one flight with the edits that concern them, in order of
 /// time.
 ///
@@ -227,68 +217,4 @@ fn nearest<'a>(
         )
         .help("give a time inside the maneuver meant")),
     }
-}
-
-/// A maneuver of the given kind and interval, with levels measured in the signal.
-fn by_hand(
-    source: &Source,
-    kind: Kind,
-    (start, end): (f64, f64),
-    reason: &str,
-    settings: &Settings,
-    place: &Place,
-) -> Result<Maneuver, Error> {
-    let missing = |what: &str| {
-        Error::at(
-            place.clone(),
-            format!(
-                "{kind} at {start} to {end} s: flight {:?} has no samples of {:?} {what}",
-                source.flight, source.input
-            ),
-        )
-        .help("give an interval inside the flight")
-    };
-    let within = |from: f64, to: f64| {
-        let pairs = source.t.iter().zip(source.u);
-        let values: Vec<f64> = pairs
-            .filter(|(t, u)| **t >= from && **t < to && u.is_finite())
-            .map(|(_, u)| *u)
-            .collect();
-        median(&values)
-    };
-    let pattern: &[f64] = if kind == Kind::Multistep { &[1.0] } else { kind.pattern() };
-    let unit_time = (end - start) / pattern.iter().sum::<f64>();
-    let trim = within(start - settings.quiet_s, start);
-    if trim.is_nan() {
-        return Err(missing("in the quiet window before it"));
-    }
-    let mut steps: Vec<Step> = vec![];
-    let mut from = start;
-    for k in pattern {
-        let to = from + k * unit_time;
-        // The last two thirds of a step: the level has been reached.
-        let level = within(from + (to - from) / 3.0, to) - trim;
-        if level.is_nan() {
-            return Err(missing("inside it"));
-        }
-        steps.push(Step { start: from, end: to, level });
-        from = to;
-    }
-    let amplitude = steps.iter().map(|s| s.level.abs()).sum::<f64>() / steps.len() as f64;
-    let polarity = if steps[0].level < 0.0 { -1.0 } else { 1.0 };
-    let reason = reason.to_string();
-    Ok(Maneuver {
-        kind,
-        t_start: start,
-        t_end: end,
-        onset: start,
-        unit_time,
-        amplitude,
-        polarity,
-        trim,
-        steps,
-        score: 0.0,
-        included: true,
-        reason,
-    })
 }

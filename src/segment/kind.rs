@@ -1,7 +1,7 @@
 //! Durations of alternating steps in, the name of their pattern, its unit time and how regular they
 //! are out.
 
-/// The pattern of a multistep input.
+/// The pattern of a multistep input, or a sweep.
 #[derive(
     Debug,
     Clone,
@@ -28,11 +28,21 @@ pub enum Kind {
     /// Alternating steps of no listed pattern.
     #[serde(rename = "multistep")]
     Multistep,
+    /// A slow triangle: from trim to one side, to the other, and back, once or more.
+    #[serde(rename = "sweep")]
+    Sweep,
 }
 
 impl Kind {
-    pub const ALL: [Kind; 6] =
-        [Kind::K3211, Kind::K2211, Kind::K211, Kind::Doublet, Kind::Step, Kind::Multistep];
+    pub const ALL: [Kind; 7] = [
+        Kind::K3211,
+        Kind::K2211,
+        Kind::K211,
+        Kind::Doublet,
+        Kind::Step,
+        Kind::Multistep,
+        Kind::Sweep,
+    ];
 
     /// The word for tables and configuration files.
     pub fn name(self) -> &'static str {
@@ -43,10 +53,11 @@ impl Kind {
             Kind::Doublet => "doublet",
             Kind::Step => "step",
             Kind::Multistep => "multistep",
+            Kind::Sweep => "sweep",
         }
     }
 
-    /// Durations of the steps in unit times; empty for a multistep.
+    /// Durations of the steps in unit times; empty for a multistep of no pattern and for a sweep.
     pub fn pattern(self) -> &'static [f64] {
         match self {
             Kind::K3211 => &[3.0, 2.0, 1.0, 1.0],
@@ -54,7 +65,7 @@ impl Kind {
             Kind::K211 => &[2.0, 1.0, 1.0],
             Kind::Doublet => &[1.0, 1.0],
             Kind::Step => &[1.0],
-            Kind::Multistep => &[],
+            Kind::Multistep | Kind::Sweep => &[],
         }
     }
 }
@@ -81,7 +92,7 @@ pub(super) struct Match {
 pub(super) fn classify(durations: &[f64], tolerance: f64) -> Match {
     let of_length = Kind::ALL
         .into_iter()
-        .filter(|k| *k != Kind::Multistep && k.pattern().len() == durations.len());
+        .filter(|k| !k.pattern().is_empty() && k.pattern().len() == durations.len());
     let best = of_length
         .map(|k| compare(durations, k))
         .min_by(|a, b| a.deviation.unwrap_or(0.0).total_cmp(&b.deviation.unwrap_or(0.0)));
@@ -113,7 +124,7 @@ mod tests {
 
     #[test]
     fn exact_patterns_are_named_at_any_unit_time() {
-        for kind in Kind::ALL.into_iter().filter(|k| *k != Kind::Multistep) {
+        for kind in Kind::ALL.into_iter().filter(|k| !k.pattern().is_empty()) {
             for unit in [0.25, 1.0, 3.0] {
                 let durations: Vec<f64> = kind.pattern().iter().map(|k| k * unit).collect();
                 let m = classify(&durations, 0.3);

@@ -3,7 +3,7 @@
 use super::kind::Kind;
 
 /// One level of a maneuver. Times are those where the signal is half way between neighbouring
-/// levels, s.
+/// levels, s. Of a sweep: what lies on one side of trim, with the level of its turning point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
     pub start: f64,
@@ -16,14 +16,15 @@ pub struct Step {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maneuver {
     pub kind: Kind,
-    /// Half-way time of the first edge, s.
+    /// Half-way time of the first edge, s; of a sweep, when it leaves trim.
     pub t_start: f64,
-    /// Half-way time of the last edge, s.
+    /// Half-way time of the last edge, s; of a sweep, when it is back.
     pub t_end: f64,
     /// When the signal leaves the trim, s: at or before `t_start`.
     pub onset: f64,
     /// Duration of the pattern's unit, s, by least squares over the steps; of a multistep the
-    /// shortest step.
+    /// shortest step; of a sweep a quarter of its period, which is the time from trim to the first
+    /// turning point.
     pub unit_time: f64,
     /// Mean absolute deviation of the levels from trim, in the channel's SI unit.
     pub amplitude: f64,

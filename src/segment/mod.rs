@@ -1,24 +1,28 @@
-//! An input channel in, the multistep maneuvers flown on it out (3211, 2211, 211, doublet, step),
-//! with hand edits applied.
+//! An input channel in, the multistep maneuvers flown on it out (3211, 2211, 211, doublet, step) and
+//! the sweeps, with hand edits applied.
 //!
 //! A maneuver is a sequence of levels on alternating sides of the local trim, reached by quick
 //! changes, with quiet before it. Nothing but the signal itself is used: no labels, no unit time,
 //! no polarity. Working principle: wherever the signal leaves the spread of the second before
 //! (`scan`), the following alternating excursions are collected, their edges and levels measured
 //! (`measure`) and their pattern of durations named and scored (`kind`); of overlapping candidates
-//! the best stays.
+//! the best stays. Sweeps are sought by their turning points (`sweep`) where they are asked for.
 
+mod by_hand;
+mod cells;
 mod edits;
 mod kind;
 mod maneuver;
 mod measure;
 mod scan;
 mod settings;
+mod sweep;
 
-pub use edits::{Edits, Source, apply};
+pub use by_hand::Source;
+pub use edits::{Edits, apply};
 pub use kind::Kind;
 pub use maneuver::{Maneuver, Step};
-pub use settings::Settings;
+pub use settings::{Seek, Settings};
 
 /// The maneuvers in the samples `u` (SI) at ascending times `t` (s; equal lengths), in order of
 /// time and not overlapping.
@@ -26,10 +30,23 @@ pub use settings::Settings;
 /// NaN samples are skipped; times that do not ascend are skipped as well.
 pub fn find(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Maneuver> {
     let pieces = scan::Work::pieces(t, u, settings);
-    let mut candidates: Vec<Maneuver> =
-        pieces.iter().flat_map(|work| candidates(work, settings)).collect();
-    candidates.retain(|m| m.score >= settings.min_score && m.amplitude >= settings.min_amplitude);
-    let kept = best_without_overlap(candidates);
+    let best = |what: Seek, candidates: fn(&scan::Work, &Settings) -> Vec<Maneuver>| {
+        let pieces = pieces.iter().filter(|_| settings.seek.contains(&what));
+        let mut all: Vec<Maneuver> = pieces.flat_map(|work| candidates(work, settings)).collect();
+        all.retain(|m| m.score >= settings.min_score && m.amplitude >= settings.min_amplitude);
+        best_without_overlap(all)
+    };
+    let sweeps = best(Seek::Sweep, sweep::candidates);
+    // What fits a sweep's lines is no sequence of steps.
+    let mut steps = large(best(Seek::Multistep, candidates), settings);
+    steps.retain(|m| sweeps.iter().all(|s| m.t_end <= s.t_start || m.onset >= s.t_end));
+    let mut all = [sweeps, steps].concat();
+    all.sort_by(|a, b| a.t_start.total_cmp(&b.t_start));
+    all
+}
+
+/// The multisteps that are not much smaller than what is usual in the record.
+fn large(kept: Vec<Maneuver>, settings: &Settings) -> Vec<Maneuver> {
     let several: Vec<f64> =
         kept.iter().filter(|m| m.steps.len() > 1).map(|m| m.amplitude).collect();
     let largest = kept.iter().map(|m| m.amplitude).fold(0.0, f64::max);
@@ -58,10 +75,12 @@ fn candidates(work: &scan::Work, settings: &Settings) -> Vec<Maneuver> {
 }
 
 /// Of overlapping candidates the one that explains most; more steps weigh more, since chance seldom
-/// makes them.
+/// makes them. A part of a sweep has no rest around it, so that its score is enough.
 fn best_without_overlap(mut candidates: Vec<Maneuver>) -> Vec<Maneuver> {
-    let rank = |m: &Maneuver| {
-        m.score * m.steps.len() as f64 * if m.kind == Kind::Multistep { 0.7 } else { 1.0 }
+    let rank = |m: &Maneuver| match m.kind {
+        Kind::Sweep => m.score,
+        Kind::Multistep => 0.7 * m.score * m.steps.len() as f64,
+        _ => m.score * m.steps.len() as f64,
     };
     candidates.sort_by(|a, b| rank(b).total_cmp(&rank(a)).then(a.t_start.total_cmp(&b.t_start)));
     let mut kept: Vec<Maneuver> = vec![];

@@ -200,3 +200,7 @@ mod tests;
 #[cfg(test)]
 #[path = "citation_tests.rs"]
 mod citation_tests;
+
+#[cfg(test)]
+#[path = "ground_tests.rs"]
+mod ground_tests;

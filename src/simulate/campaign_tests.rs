@@ -24,7 +24,7 @@ free = ["V"]
 zero = ["rate(V)"]
 "#;
 
-const CAMPAIGN: &str = r#"
+pub const CAMPAIGN: &str = r#"
 title = "toy"
 seed = 3
 truth = "toy.model.toml"
@@ -64,7 +64,7 @@ rate_hz = 10
 fields = { tas = { truth = "V", unit = "kt" } }
 "#;
 
-fn folder() -> tempfile::TempDir {
+pub fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let constants = "T = { value = 0.5, unit = \"s\", sd = 0.0, source = \"test\" }\n";
     for (name, text) in
@@ -75,7 +75,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn load(folder: &tempfile::TempDir) -> Campaign {
+pub fn load(folder: &tempfile::TempDir) -> Campaign {
     Campaign::load(&folder.path().join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"))
 }
 

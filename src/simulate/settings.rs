@@ -74,7 +74,7 @@ fn default_rate() -> f64 {
 #[serde(deny_unknown_fields)]
 pub struct Drive {
     /// Input that receives the commanded true airspeed, m/s (from the calibrated airspeed of the
-    /// test points, ISA).
+    /// test points, ISA; 0 in a flight without test points).
     #[serde(default)]
     pub speed: Option<String>,
     /// Input that receives the commanded altitude, m.
@@ -170,15 +170,22 @@ pub struct Maneuver {
     /// Input of the truth model; it is 0 between maneuvers.
     pub input: String,
     /// A multistep by its digits (`"3211"`, `"2211"`, `"211"`: steps of so many time units with
-    /// alternating sign), `"doublet"` (`"11"`), `"step"` (`"1"`: out and back), or `"multisine"`.
+    /// alternating sign), `"doublet"` (`"11"`), `"step"` (`"1"`: out and back), `"multisine"`,
+    /// `"profile"` (straight lines between points), or `"sweep"` (a slow triangle from 0 to the
+    /// amplitude, to the other side, and back to 0).
     pub kind: String,
     /// Time unit of a multistep, s.
     #[serde(default)]
     pub unit_time_s: Option<f64>,
-    /// Amplitude in the input's (SI) unit: height of the steps, or largest absolute value of the
-    /// multisine.
-    pub amplitude: f64,
-    /// Sign of the first step: 1 or -1.
+    /// Amplitude in the input's (SI) unit: height of the steps, largest absolute value of the
+    /// multisine or the sweep. A profile has none.
+    #[serde(default)]
+    pub amplitude: Option<f64>,
+    /// Height of each step of a multistep in the input's (SI) unit, one for each digit, instead of
+    /// `amplitude`; signs alternate by themselves.
+    #[serde(default)]
+    pub amplitudes: Option<Vec<f64>>,
+    /// Sign of the first step: 1 or -1. A profile is multiplied by it.
     #[serde(default = "default_polarity")]
     pub polarity: i8,
     /// Duration of one edge of a multistep, s (a ramp that begins at the nominal time); 0 is one
@@ -192,6 +199,19 @@ pub struct Maneuver {
     /// Lowest and highest frequency of a multisine, Hz.
     #[serde(default)]
     pub band_hz: Option<[f64; 2]>,
+    /// Time of one cycle of a sweep, s.
+    #[serde(default)]
+    pub period_s: Option<f64>,
+    /// Cycles of a sweep; 1 unless given.
+    #[serde(default)]
+    pub cycles: Option<u32>,
+    /// Times of the points of a profile since its first one, s: they begin at 0 and ascend.
+    #[serde(default)]
+    pub times_s: Option<Vec<f64>>,
+    /// Values of a profile at these times, in the input's (SI) unit; before the first and from the
+    /// last on the input is 0.
+    #[serde(default)]
+    pub values: Option<Vec<f64>>,
     /// Other maneuvers flown at the same time, inside one hold: several inputs at once, or one
     /// input again.
     #[serde(default)]
@@ -214,12 +234,16 @@ fn default_polarity() -> i8 {
     1
 }
 
-/// One flight: starts trimmed at its first test point and goes through the test points in order.
+/// One flight: starts trimmed at its first test point and goes through the test points in order. A
+/// flight without test points (a test on the ground) has `events`, or `duration_s`, alone: its
+/// commanded airspeed is 0, and it starts in the steady condition of the truth model for that.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Flight {
-    /// Pressure altitude of the test points, ft.
-    pub altitude_ft: f64,
+    /// Pressure altitude of the test points that have none of their own, ft. A flight without test
+    /// points needs it where `altitude` of `[drive]` names an input.
+    #[serde(default)]
+    pub altitude_ft: Option<f64>,
     /// Calibrated airspeeds of the test points in the order flown, kt. Either this with `at_each`,
     /// or `points`.
     #[serde(default)]
@@ -234,6 +258,10 @@ pub struct Flight {
     /// Maneuvers at given times of the flight, beside those of the test points.
     #[serde(default)]
     pub events: Vec<Event>,
+    /// Length of a flight without test points, s; unless given, it ends `end_s` of its timing after
+    /// the last hold.
+    #[serde(default)]
+    pub duration_s: Option<f64>,
     /// Intensity of the turbulence, m/s; 0 is calm air.
     #[serde(default)]
     #[schemars(range(min = 0))]

@@ -2,7 +2,7 @@
 //! of the truth model over time.
 
 use super::atmosphere::{FOOT, KNOT, true_airspeed};
-use super::input::Shape;
+use super::input::{Shape, amplitude};
 use super::random::Stream;
 use super::settings::{Flight, Settings, Timing};
 use crate::math::interpolate::held;
@@ -21,17 +21,20 @@ pub struct Placed {
     pub t_end_s: f64,
     /// Time unit of a multistep.
     pub unit_time_s: Option<f64>,
+    /// Largest absolute value of its signal, in the input's unit.
     pub amplitude: f64,
+    /// Sign of its signal where it first leaves 0.
     pub polarity: i8,
-    /// Commanded condition.
+    /// Commanded calibrated airspeed; 0 in a flight without test points.
     pub speed_kt: f64,
-    pub altitude_ft: f64,
+    /// Commanded pressure altitude; nothing where the flight has none.
+    pub altitude_ft: Option<f64>,
     /// While this lasts, the loops that fly between test points let go. Maneuvers flown together
     /// have the same one.
     pub hold_s: [f64; 2],
 }
 
-/// A piecewise linear command.
+/// A piecewise linear command; NaN where it has no point.
 #[derive(Debug, Clone, PartialEq)]
 struct Profile {
     t: Vec<f64>,
@@ -86,22 +89,22 @@ impl Timeline {
     ) -> Timeline {
         let timing = flight.timing.as_ref().unwrap_or(&settings.timing);
         let points = points(flight);
+        let airborne = !points.is_empty();
         let (speed, altitude) = points.first().map_or((0.0, flight.altitude_ft), |p| (p.0, p.1));
+        let altitude: Vec<f64> = altitude.into_iter().collect();
         let mut timeline = Timeline {
             flight: id.to_string(),
             dt: 1.0 / settings.rate_hz,
             n: 0,
             maneuvers: Vec::new(),
             speed: Profile { t: vec![0.0], value: vec![speed] },
-            altitude: Profile { t: vec![0.0], value: vec![altitude] },
+            altitude: Profile { t: vec![0.0; altitude.len()], value: altitude },
         };
         let mut t: f64 = 0.0;
         for (speed, altitude, names) in points {
-            t = timeline.speed.go(t, speed, timing.speed_rate_kt_s).max(timeline.altitude.go(
-                t,
-                altitude,
-                timing.altitude_rate_ft_s,
-            ));
+            let there = timeline.speed.go(t, speed, timing.speed_rate_kt_s);
+            let altitude = altitude.unwrap_or(timeline.altitude.last());
+            t = there.max(timeline.altitude.go(t, altitude, timing.altitude_rate_ft_s));
             t += timing.settle_s;
             for (i, name) in names.iter().enumerate() {
                 t += if i == 0 { 0.0 } else { timing.recover_s };
@@ -112,7 +115,8 @@ impl Timeline {
             t = t.max(timeline.place(settings, shapes, &event.maneuver, event.at_s, timing));
         }
         timeline.maneuvers.sort_by(|a, b| a.t_start_s.total_cmp(&b.t_start_s));
-        timeline.n = (((t + timing.end_s) / timeline.dt).ceil() as usize).saturating_add(1);
+        let end = flight.duration_s.filter(|_| !airborne).unwrap_or(t + timing.end_s);
+        timeline.n = ((end / timeline.dt).ceil() as usize).saturating_add(1);
         timeline
     }
 
@@ -133,12 +137,12 @@ impl Timeline {
         let known = |(name, after): (&str, f64)| {
             let (m, shape) = (settings.maneuvers.get(name)?, shapes.get(name)?);
             let start = on_grid(t + after);
-            Some((name.to_string(), m, start, start + shape.duration()))
+            Some((name.to_string(), m, start, start + shape.duration(), shape.polarity()))
         };
         let known: Vec<_> = together.filter_map(known).collect();
         let Some(end) = known.iter().map(|k| k.3).reduce(f64::max) else { return t };
         let hold = [on_grid(t) - timing.hold_before_s, end + timing.hold_after_s];
-        for (maneuver, m, start, end) in known {
+        for (maneuver, m, start, end, polarity) in known {
             self.maneuvers.push(Placed {
                 maneuver,
                 input: m.input.clone(),
@@ -146,10 +150,10 @@ impl Timeline {
                 t_start_s: start,
                 t_end_s: end,
                 unit_time_s: m.unit_time_s,
-                amplitude: m.amplitude,
-                polarity: m.polarity,
+                amplitude: amplitude(m),
+                polarity,
                 speed_kt: self.speed.at(start),
-                altitude_ft: self.altitude.at(start),
+                altitude_ft: Some(self.altitude.at(start)).filter(|h| h.is_finite()),
                 hold_s: hold,
             });
         }
@@ -200,7 +204,8 @@ impl Timeline {
         let mut at = |t: f64| {
             let (cas, h) = (self.speed.at(t) * KNOT, self.altitude.at(t) * FOOT);
             if (cas, h) != (last.0, last.1) {
-                last = (cas, h, true_airspeed(cas, h));
+                // Who stands still does so at any altitude, and where none is given.
+                last = (cas, h, if cas == 0.0 { 0.0 } else { true_airspeed(cas, h) });
             }
             last.2
         };
@@ -235,183 +240,15 @@ impl Timeline {
 }
 
 /// Speed, altitude and maneuvers of the test points, in order.
-fn points(flight: &Flight) -> Vec<(f64, f64, &[String])> {
+fn points(flight: &Flight) -> Vec<(f64, Option<f64>, &[String])> {
     let each = flight.speeds_kt.iter().map(|v| (*v, flight.altitude_ft, flight.at_each.as_slice()));
     let single = flight
         .points
         .iter()
-        .map(|p| (p.speed_kt, p.altitude_ft.unwrap_or(flight.altitude_ft), p.maneuvers.as_slice()));
+        .map(|p| (p.speed_kt, p.altitude_ft.or(flight.altitude_ft), p.maneuvers.as_slice()));
     each.chain(single).collect()
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::settings::Companion;
-    use super::*;
-    use crate::simulate::atmosphere::true_airspeed;
-
-    const TEXT: &str = r#"
-title = "t"
-seed = 1
-truth = "x"
-rate_hz = 100
-start_unix_s = 0
-topics = {}
-
-[drive]
-speed = "V_cmd"
-altitude = "h_cmd"
-hold = "hold"
-noise = ["n_u", "n_w"]
-turbulence = "sigma"
-constant = { wind = 0.0 }
-
-[timing]
-speed_rate_kt_s = 0.5
-settle_s = 30
-hold_before_s = 2
-hold_after_s = 4
-recover_s = 10
-end_s = 5
-
-[maneuvers.lateral]
-input = "aileron"
-kind = "3211"
-unit_time_s = 1.0
-amplitude = 2.5
-
-[maneuvers.longitudinal]
-input = "elevator"
-kind = "211"
-unit_time_s = 0.5
-amplitude = 1.5
-polarity = -1
-
-[flights.one]
-altitude_ft = 17000
-speeds_kt = [160, 150]
-at_each = ["lateral", "longitudinal"]
-
-[flights.two]
-altitude_ft = 17000
-points = [{ speed_kt = 160 }, { speed_kt = 160, altitude_ft = 17150, maneuvers = ["lateral"] }]
-events = [{ at_s = 10.0, maneuver = "longitudinal" }]
-turbulence = 1.5
-constant = { wind = 3.0 }
-"#;
-
-    fn timeline(id: &str) -> (Settings, IndexMap<String, Shape>, Timeline) {
-        let settings: Settings = toml::from_str(TEXT).unwrap();
-        let shapes: IndexMap<String, Shape> =
-            settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
-        let timeline = Timeline::new(&settings, &shapes, id, &settings.flights[id]);
-        (settings, shapes, timeline)
-    }
-
-    fn signal(id: &str, name: &str) -> Vec<f64> {
-        let (settings, shapes, timeline) = timeline(id);
-        timeline.signal(&settings, &shapes, &settings.flights[id], name).unwrap()
-    }
-
-    #[test]
-    fn maneuvers_follow_each_other_at_each_speed() {
-        let timeline = timeline("one").2;
-        let times: Vec<(f64, f64, f64)> =
-            timeline.maneuvers.iter().map(|m| (m.t_start_s, m.t_end_s, m.speed_kt)).collect();
-        // 30 settle, 2 hold, 7 long, 4 hold, 10 recover, 2 hold, 2 long, 4 hold = 61; then 20 s for
-        // 10 kt.
-        assert_eq!(
-            times,
-            [
-                (32.0, 39.0, 160.0),
-                (55.0, 57.0, 160.0),
-                (113.0, 120.0, 150.0),
-                (136.0, 138.0, 150.0)
-            ]
-        );
-        assert!((timeline.duration() - 147.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn inputs_are_what_the_timeline_says() {
-        let at = |name: &str, t: f64| signal("one", name)[(t * 100.0).round() as usize];
-        assert_eq!(
-            [at("hold", 29.99), at("hold", 30.0), at("hold", 42.99), at("hold", 43.0)],
-            [0.0, 1.0, 1.0, 0.0]
-        );
-        assert_eq!(
-            [at("aileron", 31.99), at("aileron", 32.0), at("aileron", 35.0), at("aileron", 39.0)],
-            [0.0, 2.5, -2.5, 0.0]
-        );
-        assert_eq!(
-            [
-                at("elevator", 54.99),
-                at("elevator", 55.0),
-                at("elevator", 56.0),
-                at("elevator", 57.0)
-            ],
-            [0.0, -1.5, 1.5, 0.0]
-        );
-        let h = 17_000.0 * FOOT;
-        assert_eq!(at("h_cmd", 100.0), h);
-        for (t, kt) in [(0.0, 160.0), (61.0, 160.0), (71.0, 155.0), (81.0, 150.0), (140.0, 150.0)] {
-            assert!((at("V_cmd", t) - true_airspeed(kt * KNOT, h)).abs() < 1e-9, "{t}");
-        }
-        assert_eq!(at("sigma", 50.0) + at("n_w", 50.0) + at("wind", 50.0), 0.0);
-    }
-
-    #[test]
-    fn points_and_events_make_a_flight_of_their_own() {
-        let timeline = timeline("two").2;
-        let names: Vec<(&str, f64, f64)> = timeline
-            .maneuvers
-            .iter()
-            .map(|m| (m.maneuver.as_str(), m.t_start_s, m.altitude_ft))
-            .collect();
-        // 30 settle, 10 s for 150 ft at 15 ft/s, 30 settle, 2 hold.
-        assert_eq!(names, [("longitudinal", 10.0, 17_000.0), ("lateral", 72.0, 17_150.0)]);
-        assert_eq!((signal("two", "wind")[100], signal("two", "sigma")[100]), (3.0, 1.5));
-    }
-
-    #[test]
-    fn noise_has_unit_spectral_density_and_each_input_its_own() {
-        let (u, w) = (signal("two", "n_u"), signal("two", "n_w"));
-        let n = u.len() as f64;
-        // Variance 1/dt = 100, standard error 100 sqrt(2/n) = 1.5.
-        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / n;
-        assert!(
-            (product(&u, &u) - 100.0).abs() < 6.0 && product(&u, &w).abs() < 4.5,
-            "{} {}",
-            product(&u, &u),
-            product(&u, &w)
-        );
-        assert_eq!(u[0], 0.0);
-    }
-
-    #[test]
-    fn maneuvers_flown_together_share_a_hold() {
-        let mut settings: Settings = toml::from_str(TEXT).unwrap();
-        settings.maneuvers["lateral"]
-            .with
-            .push(Companion { maneuver: "longitudinal".into(), after_s: 6.0 });
-        let shapes: IndexMap<String, Shape> =
-            settings.maneuvers.iter().map(|(n, m)| (n.clone(), Shape::of(m).unwrap())).collect();
-        let timeline = Timeline::new(&settings, &shapes, "one", &settings.flights["one"]);
-        let first: Vec<_> = timeline.maneuvers[..2]
-            .iter()
-            .map(|m| (m.maneuver.as_str(), m.t_start_s, m.t_end_s, m.hold_s))
-            .collect();
-        // The elevator's doublet outlasts the aileron's 3211 by a second, and so does the hold.
-        assert_eq!(
-            first,
-            [("lateral", 32.0, 39.0, [30.0, 44.0]), ("longitudinal", 38.0, 40.0, [30.0, 44.0])]
-        );
-        assert_eq!(timeline.maneuvers[2].t_start_s, 56.0);
-    }
-
-    #[test]
-    fn what_nothing_drives_has_no_signal() {
-        let (settings, shapes, timeline) = timeline("one");
-        assert_eq!(timeline.signal(&settings, &shapes, &settings.flights["one"], "rudder"), None);
-    }
-}
+#[path = "timeline_tests.rs"]
+mod tests;

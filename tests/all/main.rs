@@ -14,6 +14,7 @@ mod figures;
 mod flightdata;
 mod floors;
 mod fragments;
+mod ground;
 mod hfb320;
 mod language;
 mod models;

@@ -168,11 +168,10 @@ fn the_modes_in_the_readme_of_the_attas_are_those_of_the_simulated_aircraft() {
     const END: &str = "<!-- until here -->\n";
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/attas");
     let campaign = Campaign::load(&folder.join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let points = campaign
-        .settings
-        .flights
-        .values()
-        .flat_map(|f| f.points.iter().map(|p| (f.altitude_ft, p.speed_kt)));
+    let points =
+        campaign.settings.flights.values().flat_map(|f| {
+            f.points.iter().map(|p| (f.altitude_ft.expect("an altitude"), p.speed_kt))
+        });
     let mut points: Vec<(f64, f64)> = points.collect();
     points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     points.dedup();

@@ -1,7 +1,7 @@
 //! The examples of the documentation are what they say: configuration files that are read without a
 //! complaint.
 
-use koehler::{config, pipeline};
+use koehler::{config, pipeline, simulate};
 
 #[test]
 fn the_pipeline_files_of_the_pages_are_read() {
@@ -16,6 +16,21 @@ fn the_pipeline_files_of_the_pages_are_read() {
         let (settings, _) = config::parse::<pipeline::Settings>("pipeline.md", text)
             .unwrap_or_else(|e| panic!("{e}\n{text}"));
         assert!(!settings.title.is_empty());
+    }
+}
+
+#[test]
+fn the_campaign_files_of_the_page_are_read() {
+    let page = include_str!("../../docs/campaign.md");
+    let examples: Vec<&str> =
+        page.split("```toml\n").skip(1).filter_map(|b| b.split("```").next()).collect();
+    assert_eq!(examples.len(), 2);
+    for text in examples {
+        let (settings, doc) = config::parse::<simulate::Settings>("campaign.md", text)
+            .unwrap_or_else(|e| panic!("{e}\n{text}"));
+        // Complete but for the recorder.
+        let found = simulate::check(&settings, &doc, None);
+        assert!(found.0.len() == 1 && found.to_string().contains("has no topic"), "{found}");
     }
 }
 

@@ -5,3 +5,4 @@ mod data;
 mod edits;
 mod flown;
 mod simulated;
+mod sweeps;

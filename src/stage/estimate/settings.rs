@@ -43,8 +43,8 @@ pub struct Settings {
     /// long segment.
     #[serde(default)]
     pub window_s: f64,
-    /// Kinds of maneuvers used ("3211", "2211", "211", "doublet", "step", "multistep"); empty for
-    /// all kinds.
+    /// Kinds of maneuvers used ("3211", "2211", "211", "doublet", "step", "multistep", "sweep");
+    /// empty for all kinds.
     #[serde(default)]
     pub kinds: Vec<String>,
     /// What is estimated together.

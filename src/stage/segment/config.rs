@@ -10,14 +10,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The inputs in which multisteps are searched.
+    /// The inputs in which maneuvers are searched.
     pub input: Vec<InputSettings>,
     /// Maneuvers included, excluded or moved by hand, each with a reason that stays in the table.
     #[serde(default)]
     pub edits: Edits,
 }
 
-/// One input in which multisteps (3211, 2211, 211, doublet, step) are searched.
+/// One input in which multisteps (3211, 2211, 211, doublet, step) or sweeps are searched.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InputSettings {
