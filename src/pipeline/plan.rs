@@ -136,6 +136,7 @@ impl Reader {
             searched: &searched,
             estimates: Named { names: &names, checked: &estimates },
             fits: Named { names: &fit_names, checked: &fits },
+            tables: tables(),
         });
         let settings = self.settings.fields;
         let simulation = simulation.and_then(|s| s.for_missing(&flights));
@@ -282,4 +283,12 @@ impl Reader {
         let checked = self.given.entries("diagnose", all, diagnose::Settings::name, read);
         checked.into_iter().flatten().collect()
     }
+}
+
+/// Names of the tables that stages write, each once.
+fn tables() -> Vec<&'static str> {
+    let mut all: Vec<&str> = STAGES.iter().flat_map(|stage| stage.writes).copied().collect();
+    all.sort_unstable();
+    all.dedup();
+    all
 }

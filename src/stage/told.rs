@@ -90,6 +90,8 @@ pub struct Known<'a> {
     pub searched: &'a [String],
     pub estimates: Named<'a, estimate::Config>,
     pub fits: Named<'a, fit::Config>,
+    /// Names of the tables that stages write.
+    pub tables: Vec<&'static str>,
 }
 
 /// Finds the mistakes in a stage's settings, and may keep what it makes of them.

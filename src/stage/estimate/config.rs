@@ -7,6 +7,10 @@ use crate::model::Model;
 use crate::segment::Kind;
 use crate::stage::channels::Channels;
 use crate::stage::check::{Columns, Given, placed};
+use crate::stage::notes::{Note, Severity};
+
+/// The stage's name, and its key in the pipeline file.
+pub const NAME: &str = "estimate";
 
 /// The checked settings of one estimate.
 #[derive(Debug)]
@@ -22,6 +26,27 @@ pub struct Config {
 impl Config {
     pub fn name(&self) -> String {
         self.settings.name()
+    }
+
+    /// A note of this estimate, which it names.
+    pub fn note(
+        &self,
+        flight: &str,
+        severity: Severity,
+        subject: String,
+        count: usize,
+        text: String,
+    ) -> Note {
+        let text =
+            if text.contains(&self.name()) { text } else { format!("{}: {text}", self.name()) };
+        Note {
+            flight: flight.to_string(),
+            stage: NAME.to_string(),
+            severity,
+            subject,
+            count: count as u64,
+            text,
+        }
     }
 
     /// Columns of the samples table that drive the model.

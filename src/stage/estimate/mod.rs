@@ -24,12 +24,12 @@ use ready::Ready;
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-pub use config::Config;
+pub use config::{Config, NAME};
 pub use names::{Driver, Scored};
 pub use settings::{Group, Settings, Used};
 
 pub const STAGE: Stage = Stage {
-    name: "estimate",
+    name: NAME,
     about: "estimate models",
     units: |campaign| Unit::entries(campaign.estimates.iter().map(Config::name)),
     writes: &[
@@ -104,7 +104,7 @@ pub(super) fn estimated(
     let ready = ready::of(config, campaign, inputs, &mut notes)?;
     if ready.is_empty() {
         let text = format!("no maneuver to estimate {} from", config.name());
-        notes.push(note(config, "", Severity::Missing, config.name(), 1, text));
+        notes.push(config.note("", Severity::Missing, config.name(), 1, text));
     }
     let batches = batches(config.settings.group, ready);
     let done = AtomicUsize::new(0);
@@ -130,7 +130,7 @@ pub(super) fn estimated(
         stops.sort_unstable();
         stops.dedup();
         let text = format!("no estimate of {} converged: {}", config.name(), stops.join(", "));
-        notes.push(note(config, "", Severity::Missing, config.name(), estimations.len(), text));
+        notes.push(config.note("", Severity::Missing, config.name(), estimations.len(), text));
     }
     let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();
     Ok(Output { tables: tables::all(&config.name(), &results)?, files: Vec::new(), notes })
@@ -174,28 +174,27 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
             config.name(),
             estimation.stop
         );
-        notes.push(note(config, "", Severity::Warning, batch.group.clone(), 1, text));
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
     for left in &estimation.left_out {
         let segment = batch.segments.get(left.segment).cloned().unwrap_or_default();
         let text =
             format!("{segment} is left out of the estimate of {}: {}", config.name(), left.why);
-        notes.push(note(config, "", Severity::Missing, segment, 1, text));
+        notes.push(config.note("", Severity::Missing, segment, 1, text));
     }
     for doubtful in &estimation.doubtful {
         let segment = batch.segments.get(doubtful.segment).cloned().unwrap_or_default();
         let text = format!("output {} of {segment}: {}", doubtful.output, doubtful.why);
-        notes.push(note(config, "", Severity::Warning, segment, 1, text));
+        notes.push(config.note("", Severity::Warning, segment, 1, text));
     }
     for (segment, state) in &estimation.stuck {
         let segment = batch.segments.get(*segment).cloned().unwrap_or_default();
         let text = format!("{state} is stuck throughout {segment}: friction holds it all along");
-        notes.push(note(config, "", Severity::Warning, segment, 1, text));
+        notes.push(config.note("", Severity::Warning, segment, 1, text));
     }
     notes.extend(colour_notes(config, batch, estimation));
     for combination in &estimation.verdict.combinations {
-        notes.push(note(
-            config,
+        notes.push(config.note(
             "",
             Severity::Warning,
             batch.group.clone(),
@@ -208,7 +207,7 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
 
 /// What was cut off where the colour of the residuals was found.
 fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
-    let of = |text: String| note(config, "", Severity::Info, batch.group.clone(), 1, text);
+    let of = |text: String| config.note("", Severity::Info, batch.group.clone(), 1, text);
     let cut = |output: &estimate::OutputScatter| {
         let order = output.colour.as_ref()?.cut?;
         let words = Modelled::cut_words(order);
@@ -218,24 +217,4 @@ fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<
         of(format!("{}: the colour of the residuals still changed in the last round: sd may be off by some percent", batch.group))
     });
     estimation.outputs.iter().filter_map(cut).chain(unsettled).collect()
-}
-
-fn note(
-    config: &Config,
-    flight: &str,
-    severity: Severity,
-    subject: String,
-    count: usize,
-    text: String,
-) -> Note {
-    let text =
-        if text.contains(&config.name()) { text } else { format!("{}: {text}", config.name()) };
-    Note {
-        flight: flight.to_string(),
-        stage: STAGE.name.to_string(),
-        severity,
-        subject,
-        count: count as u64,
-        text,
-    }
 }

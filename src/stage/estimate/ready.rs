@@ -2,12 +2,11 @@
 //! maneuver, and notes on what was left out, go out.
 
 use super::chosen::Tally;
-use super::config::Config;
+use super::config::{Config, NAME};
 use super::names::Driver;
 use super::records::{Grid, Measured, Source, record};
 use super::stretches::{self, Stretch, Whole};
 use super::trim::Trim;
-use super::{STAGE, note};
 use crate::dynamics::Record;
 use crate::error::Result;
 use crate::estimate::Segment;
@@ -40,7 +39,7 @@ pub fn of(
             ready.extend(of_flight(config, flight, inputs, (&mut tally, notes))?);
         }
     }
-    notes.extend(tally.notes(STAGE.name, &config.name()));
+    notes.extend(tally.notes(NAME, &config.name()));
     Ok(ready)
 }
 
@@ -92,7 +91,7 @@ fn of_flight<'a>(
             }
             Err(why) => {
                 let text = format!("{segment} is not used: {why}");
-                notes.push(note(config, flight, Severity::Missing, segment, 1, text));
+                notes.push(config.note(flight, Severity::Missing, segment, 1, text));
             }
         }
     }
@@ -157,7 +156,7 @@ fn masked(config: &Config, flight: &str, segment: &str, record: &Record) -> Opti
         record.channels.iter().map(|c| c.z.iter().filter(|z| !z.is_finite()).count()).sum();
     let text =
         format!("{masked} masked or lost samples of the outputs are not scored in {segment}");
-    let note = |text| note(config, flight, Severity::Warning, segment.to_string(), masked, text);
+    let note = |text| config.note(flight, Severity::Warning, segment.to_string(), masked, text);
     (masked > 0).then(|| note(text))
 }
 
@@ -194,7 +193,7 @@ fn stretches(
             (false, false) => Severity::Info,
         };
         let text = format!("{flight}: {}", lost.text);
-        notes.push(note(config, flight, severity, flight.to_string(), lost.samples, text));
+        notes.push(config.note(flight, severity, flight.to_string(), lost.samples, text));
     }
     Ok(stretches)
 }

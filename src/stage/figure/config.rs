@@ -1,13 +1,15 @@
 //! `[[figure]]` of the pipeline file comes in; its checked settings, or the mistakes, go out.
 
-use crate::stage::STAGES;
 use crate::stage::check::Given;
 use crate::stage::estimate::Used;
 use crate::stage::told::{Known, Told};
-use crate::table::{Column, Kind, Schema, schema, schemas};
+use crate::table::{Column, Kind, Schema, schema};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// The stage's name, and its key in the pipeline file.
+pub const NAME: &str = "figure";
 
 /// A figure of the report, drawn from columns of tables; its numbers are rows of the table
 /// `figures`.
@@ -87,14 +89,15 @@ pub struct Line {
 
 /// Checks all `[[figure]]`.
 pub fn check(told: &mut Told, known: &mut Known) {
-    let Some(all) = told.get::<Vec<Settings>>(super::STAGE.name).cloned() else { return };
+    let Some(all) = told.get::<Vec<Settings>>(NAME).cloned() else { return };
     let name = |s: &Settings| s.name.clone();
-    known.given.entries(super::STAGE.name, all, name, |given, key, settings| {
+    let known_tables = &known.tables[..];
+    known.given.entries(NAME, all, name, |given, key, settings| {
         if settings.series.is_empty() {
             given.push(&format!("{key}.series"), "a figure without a series shows nothing", "");
         }
         for (i, one) in settings.series.iter().enumerate() {
-            series(given, &format!("{key}.series.{i}"), one);
+            series(given, &format!("{key}.series.{i}"), one, known_tables);
         }
         for (i, one) in settings.reference.iter().enumerate() {
             if one.line.is_some() != one.points.is_empty() {
@@ -106,22 +109,11 @@ pub fn check(told: &mut Told, known: &mut Known) {
     });
 }
 
-/// Tables that a figure may be drawn from.
-fn tables() -> Vec<&'static str> {
-    let written = STAGES.iter().filter(|s| s.name != super::STAGE.name).flat_map(|s| s.writes);
-    let mut all: Vec<&str> = written.copied().collect();
-    all.sort_unstable();
-    all.dedup();
-    all
-}
-
-fn series(given: &mut Given, key: &str, series: &Series) {
-    let known = tables();
+fn series(given: &mut Given, key: &str, series: &Series, known: &[&'static str]) {
     let Some(table) = known.iter().find(|t| **t == series.table).and_then(|t| schema(t).ok())
     else {
         let at = format!("{key}.table");
-        debug_assert!(known.iter().all(|t| schemas().iter().any(|s| s.name == *t)));
-        return given.unknown(&at, "table", &series.table, &known);
+        return given.unknown(&at, "table", &series.table, known);
     };
     let ends = series.ends.iter().flatten().map(|name| ("ends", name));
     let numbers = [("x", &series.x), ("y", &series.y)].into_iter();

@@ -10,10 +10,10 @@ use crate::table::Table;
 use serde_json::json;
 
 pub use config::Settings;
-use config::{Reference, Series};
+use config::{NAME, Reference, Series};
 
 pub const STAGE: Stage = Stage {
-    name: "figure",
+    name: NAME,
     about: "draw figures",
     key: Some(Key::of::<Vec<Settings>>()),
     check: config::check,
@@ -27,12 +27,12 @@ pub const STAGE: Stage = Stage {
 };
 
 fn all(campaign: &Campaign) -> &[Settings] {
-    campaign.told.get::<Vec<Settings>>(STAGE.name).map(Vec::as_slice).unwrap_or_default()
+    campaign.told.get::<Vec<Settings>>(NAME).map(Vec::as_slice).unwrap_or_default()
 }
 
 /// The names of the tables that a figure is drawn from, each once.
-fn tables(figure: &Settings) -> Vec<&'static str> {
-    let names = super::STAGES.iter().flat_map(|s| s.writes).copied();
+fn tables(campaign: &Campaign, figure: &Settings) -> Vec<&'static str> {
+    let names = campaign.stages.iter().flat_map(|s| s.writes).copied();
     let mut used: Vec<&str> =
         names.filter(|name| figure.series.iter().any(|s| s.table == *name)).collect();
     used.sort_unstable();
@@ -46,7 +46,7 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
         let parts = campaign.parts(table).into_iter();
         parts.map(move |part| Read { table, part, optional: true })
     };
-    tables(figure).into_iter().flat_map(of).collect()
+    tables(campaign, figure).into_iter().flat_map(of).collect()
 }
 
 /// One curve or cloud of points.
@@ -70,7 +70,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let Some(settings) = all(campaign).get(unit.index) else { return Ok(Output::default()) };
     let (mut figure, mut notes) = (Figure::default(), Vec::new());
     for series in &settings.series {
-        let parts = tables(settings).into_iter().find(|name| *name == series.table);
+        let parts = tables(campaign, settings).into_iter().find(|name| *name == series.table);
         let parts: Vec<Table> =
             parts.map(|name| inputs.all(name).into_iter().cloned().collect()).unwrap_or_default();
         let before = figure.drawn.len();
@@ -107,7 +107,7 @@ fn nothing(settings: &Settings, series: &Series) -> Note {
     let of = if rows.is_empty() { String::new() } else { format!(" with {}", rows.join(", ")) };
     Note {
         flight: String::new(),
-        stage: STAGE.name.to_string(),
+        stage: NAME.to_string(),
         severity: Severity::Missing,
         subject: settings.name.clone(),
         count: 1,

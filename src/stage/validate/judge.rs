@@ -4,6 +4,19 @@ use crate::math::distribution::INTERVAL_95;
 use crate::noise::{Theil, theil};
 use crate::signal::robust::noise_sd;
 
+/// One validated maneuver.
+#[derive(Debug)]
+pub struct Validated {
+    pub flight: String,
+    pub segment: String,
+    /// Labels of the maneuver; empty for a whole record.
+    pub input: String,
+    pub kind: String,
+    /// Lines whose condition lies outside their points.
+    pub beyond: Vec<String>,
+    pub outputs: Vec<(Output, Option<Agreement>)>,
+}
+
 /// One output of one maneuver.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Output {

@@ -8,6 +8,7 @@
 
 mod config;
 mod judge;
+mod settings;
 mod source;
 mod tables;
 mod values;
@@ -25,12 +26,14 @@ use crate::math::products::factor;
 use crate::report;
 use serde_json::{Value, json};
 
-pub use config::{Config, Settings};
-use judge::Agreement;
+pub use config::Config;
+use judge::{Agreement, Validated};
+use settings::NAME;
+pub use settings::Settings;
 use values::{Maneuver, Values, values};
 
 pub const STAGE: Stage = Stage {
-    name: "validate",
+    name: NAME,
     about: "validate models",
     key: Some(Key::of::<Vec<Settings>>()),
     check: config::check,
@@ -88,17 +91,6 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let lines = config.lines.iter();
     reads.extend(lines.flat_map(|&i| ["fits", "line_correlations"].map(|table| part(table, i))));
     reads
-}
-
-/// One validated maneuver.
-struct Validated {
-    pub flight: String,
-    pub segment: String,
-    /// Labels of the maneuver: `input` and `kind`.
-    pub input: String,
-    pub kind: String,
-    pub beyond: Vec<String>,
-    pub outputs: Vec<(judge::Output, Option<Agreement>)>,
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
@@ -264,7 +256,8 @@ fn flown(
 ) -> std::result::Result<Flown, Errors> {
     let model = &config.run.model;
     let mut method = config.run.settings.method.clone();
-    method.fixed = model.parameters.iter().map(|p| p.quantity.name.clone()).collect();
+    let names = model.parameters.iter().map(|p| p.quantity.name.clone());
+    method.fixed = names.filter(|name| !config.settings.free.contains(name)).collect();
     let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
     let fly = |moved: &dyn Fn(usize) -> f64| {
         let mut method = method.clone();

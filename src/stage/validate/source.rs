@@ -1,7 +1,7 @@
 //! Where the values of a validated model come from: settings come in, a source for every parameter,
 //! or the mistakes, go out.
 
-use super::config::Settings;
+use super::settings::Settings;
 use crate::estimate::Line;
 use crate::model::Model;
 use crate::stage::check::{Given, agree};
@@ -41,9 +41,15 @@ pub fn find(
     for name in settings.take.keys().filter(|name| !names.contains(&name.as_str())) {
         given.unknown(&format!("{key}.take.{name}"), "parameter of the model", name, &names);
     }
+    for (i, name) in settings.free.iter().enumerate() {
+        if !names.contains(&name.as_str()) {
+            given.unknown(&format!("{key}.free.{i}"), "parameter of the model", name, &names);
+        }
+    }
     let before = given.errors.0.len();
     let (mut sources, mut without) = (Vec::new(), Vec::new());
-    for parameter in &model.parameters {
+    let held = |name: &String| !settings.free.contains(name);
+    for parameter in model.parameters.iter().filter(|p| held(&p.quantity.name)) {
         let name = &parameter.quantity.name;
         let told = settings.take.get(name);
         let from = told.unwrap_or(name);
@@ -75,9 +81,11 @@ pub fn find(
         let apart = base.settings.group == Group::Segment;
         let help = match apart {
             true => {
-                "the estimate gives one value per maneuver: name the `[[fit]]` through them in `lines`, name a source in `take`, or say `fixed = true` in the model file"
+                "the estimate gives one value per maneuver: name the `[[fit]]` through them in `lines`, name a source in `take`, or say `fixed = true` in the model file; what is another number in every maneuver is `free`"
             }
-            false => "name a source in `take`, or say `fixed = true` in the model file",
+            false => {
+                "name a source in `take`, or say `fixed = true` in the model file; what is another number in every maneuver is `free`"
+            }
         };
         let what = format!("no value is found for {}", crate::config::list(&without));
         given.push(&format!("{key}.estimate"), what, help);

@@ -1,8 +1,7 @@
 //! Validated maneuvers come in, their tables go out.
 
-use super::Validated;
-use super::config::Settings;
-use super::judge::{Agreement, Output};
+use super::judge::{Agreement, Output, Validated};
+use super::settings::Settings;
 use crate::error::Result;
 use crate::table::Table;
 
