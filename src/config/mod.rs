@@ -122,6 +122,11 @@ fn syntax<'a>(file: &str, text: &'a str) -> Result<Spanned<DeTable<'a>>, Errors>
         .collect();
     errors.sort_by(|a, b| a.place.cmp(&b.place));
     errors.dedup_by_key(|e| e.place.as_ref().map(|p| p.line));
+    // The keys below a header that cannot be read count as keys of the table above it.
+    if let Some(header) = errors.iter().position(|e| e.what.contains("unclosed table")) {
+        let behind = errors.split_off(header + 1);
+        errors.extend(behind.into_iter().filter(|e| !e.what.contains("duplicate key")));
+    }
     Errors(errors).or(tree)
 }
 

@@ -5,6 +5,7 @@ mod batch;
 pub mod chosen;
 mod config;
 mod names;
+mod note;
 pub(super) mod ready;
 mod records;
 mod settings;
@@ -19,6 +20,7 @@ use crate::error::Errors;
 use crate::estimate::{self, Estimation};
 use crate::noise::Modelled;
 use batch::Batch;
+use note::note;
 use rayon::prelude::*;
 use ready::Ready;
 use serde_json::{Value, json};
@@ -29,7 +31,7 @@ pub use names::{Driver, Scored};
 pub use settings::{Group, Settings, Used};
 
 pub const STAGE: Stage = Stage {
-    name: "estimate",
+    name: note::STAGE,
     about: "estimate models",
     units: |campaign| Unit::entries(campaign.estimates.iter().map(Config::name)),
     writes: &[
@@ -218,24 +220,4 @@ fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<
         of(format!("{}: the colour of the residuals still changed in the last round: sd may be off by some percent", batch.group))
     });
     estimation.outputs.iter().filter_map(cut).chain(unsettled).collect()
-}
-
-fn note(
-    config: &Config,
-    flight: &str,
-    severity: Severity,
-    subject: String,
-    count: usize,
-    text: String,
-) -> Note {
-    let text =
-        if text.contains(&config.name()) { text } else { format!("{}: {text}", config.name()) };
-    Note {
-        flight: flight.to_string(),
-        stage: STAGE.name.to_string(),
-        severity,
-        subject,
-        count: count as u64,
-        text,
-    }
 }

@@ -3,11 +3,11 @@
 
 use super::chosen::Tally;
 use super::config::Config;
-use super::names::Driver;
-use super::records::{Grid, Measured, Source, record};
+use super::names::{Driver, Scored};
+use super::note::{STAGE, note};
+use super::records::{Grid, Measured, Source, Unusable, record};
 use super::stretches::{self, Stretch, Whole};
 use super::trim::Trim;
-use super::{STAGE, note};
 use crate::dynamics::Record;
 use crate::error::Result;
 use crate::estimate::Segment;
@@ -38,7 +38,7 @@ pub fn of(
             ready.extend(of_flight(config, flight, inputs, (&mut tally, notes))?);
         }
     }
-    notes.extend(tally.notes(STAGE.name, &config.name()));
+    notes.extend(tally.notes(STAGE, &config.name()));
     Ok(ready)
 }
 
@@ -103,7 +103,7 @@ fn measured<'a>(
     signals: &'a Table,
 ) -> Result<Vec<Measured<'a>>> {
     let (t, signals) = (samples.f64("t_s")?, series(signals)?);
-    let one = |scored: &super::Scored| {
+    let one = |scored: &Scored| {
         let (t, z) = match signals.get(scored.measured.as_str()).filter(|_| scored.is_signal) {
             Some(series) => *series,
             None => (t, samples.f64(&scored.measured)?),
@@ -120,7 +120,7 @@ fn labelled(
     measured: &[Measured],
     stretch: &Stretch,
     held: &BTreeMap<&str, f64>,
-) -> Result<std::result::Result<Segment, super::records::Unusable>> {
+) -> Result<std::result::Result<Segment, Unusable>> {
     let settings = &config.settings;
     let (t, rows) = (samples.f64("t_s")?, &stretch.rows);
     let (t0, dt) = (t.first().copied().unwrap_or(0.0), t[1] - t[0]);
@@ -145,8 +145,8 @@ fn masked(config: &Config, flight: &str, segment: &str, record: &Record) -> Opti
         record.channels.iter().map(|c| c.z.iter().filter(|z| !z.is_finite()).count()).sum();
     let text =
         format!("{masked} masked or lost samples of the outputs are not scored in {segment}");
-    let note = |text| note(config, flight, Severity::Warning, segment.to_string(), masked, text);
-    (masked > 0).then(|| note(text))
+    let subject = segment.to_string();
+    (masked > 0).then(|| note(config, flight, Severity::Warning, subject, masked, text))
 }
 
 fn source(driver: &Driver, held: &BTreeMap<&str, f64>) -> Source {
