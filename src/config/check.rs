@@ -4,6 +4,8 @@
 //! `properties`, `required`, `additionalProperties`, `unevaluatedProperties`, `items`,
 //! `prefixItems`, `minItems`, `maxItems`, `allOf`, `oneOf`, `anyOf`.
 
+use std::ops::Range;
+
 use serde_json::{Map, Value as Json};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -27,8 +29,8 @@ pub(super) struct Found {
 pub(super) enum Key {
     /// It is not there.
     Lacking(String),
-    /// An unknown one is most likely a misspelling of it.
-    Meant(String),
+    /// An unknown one, which stands there in the text, is most likely a misspelling of it.
+    Meant(String, Range<usize>),
 }
 
 impl Found {
@@ -39,7 +41,7 @@ impl Found {
     /// Whether it only follows from another mistake: the key that is lacking is there, misspelt.
     fn follows_from(&self, all: &[Found]) -> bool {
         let Some(Key::Lacking(path)) = &self.key else { return false };
-        all.iter().any(|other| matches!(&other.key, Some(Key::Meant(meant)) if meant == path))
+        all.iter().any(|other| matches!(&other.key, Some(Key::Meant(meant, _)) if meant == path))
     }
 }
 
@@ -57,12 +59,8 @@ pub(super) fn check(schema: &Json, root: &Spanned<DeValue>, doc: &Doc) -> Result
     Errors(errors.collect()).or(())
 }
 
-/// Where the mistakes are, as bytes of the text.
-pub(super) fn places(schema: &Json, root: &Spanned<DeValue>) -> Vec<usize> {
-    find(schema, root).into_iter().map(|found| found.at).collect()
-}
-
-fn find(schema: &Json, root: &Spanned<DeValue>) -> Vec<Found> {
+/// All mistakes, in no order.
+pub(super) fn find(schema: &Json, root: &Spanned<DeValue>) -> Vec<Found> {
     let mut found = Vec::new();
     Checker { root: schema }.value(schema, root, "", &mut found);
     found
@@ -174,7 +172,7 @@ impl<'s> Checker<'s> {
                 what: format!("unknown key \"{}\"{inside}", key.get_ref()),
                 help: Some(suggestion(key.get_ref(), &known, "the keys here are")),
                 key: nearest(key.get_ref(), known.iter().copied())
-                    .map(|meant| Key::Meant(join(path, meant))),
+                    .map(|meant| Key::Meant(join(path, meant), key.span())),
             });
         }
     }

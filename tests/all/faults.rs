@@ -273,6 +273,44 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\n[derive",
             &["pipeline.toml:9:8: this is not TOML: unclosed table, expected `]`"],
         ),
+        (
+            "pipeline.toml",
+            "\nsimulate = ",
+            "\nsimlate = ",
+            &["pipeline.toml:5:1: unknown key \"simlate\""],
+        ),
+        (
+            "pipeline.toml",
+            "\naircraft = ",
+            "\naircrafft = ",
+            &["pipeline.toml:2:1: unknown key \"aircrafft\""],
+        ),
+        (
+            "pipeline.toml",
+            "name   = \"elevator\"\nsignal",
+            "nam    = \"elevator\"\nsignal",
+            &["pipeline.toml:15:1: unknown key \"nam\" in \"segment.input.0\""],
+        ),
+        (
+            "pipeline.toml",
+            "name = \"joint\"",
+            "nmae = \"joint\"",
+            &["pipeline.toml:46:1: unknown key \"nmae\" in \"estimate.1\""],
+        ),
+        (
+            "channels.toml",
+            "\ntemperature",
+            "\ntemperatur_",
+            &[
+                "pipeline.toml:7:1: the kinematic model needs the signal \"temperature\" (static air temperature)",
+            ],
+        ),
+        (
+            "pipeline.toml",
+            "\npre_s  = 1.0",
+            "\npre_s  = 1.0\noutputs = { delta_f = \"delta_e\" }",
+            &["pipeline.toml:29:23: there is no output of the model \"delta_f\""],
+        ),
     ] {
         let c = shared();
         c.edit(file, old, new);
