@@ -4,12 +4,14 @@
 //! `properties`, `required`, `additionalProperties`, `unevaluatedProperties`, `items`,
 //! `prefixItems`, `minItems`, `maxItems`, `allOf`, `oneOf`, `anyOf`.
 
+use std::ops::Range;
+
 use serde_json::{Map, Value as Json};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::doc::{Doc, join};
-use super::words::{quoted, suggestion};
+use super::words::{nearest, quoted, suggestion};
 use crate::error::{Error, Errors};
 
 /// A mistake at a byte of the file.
@@ -18,11 +20,28 @@ pub(super) struct Found {
     pub at: usize,
     pub what: String,
     pub help: Option<String>,
+    /// The key that it is about, where it is about one.
+    pub key: Option<Key>,
+}
+
+/// A key by its path.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Key {
+    /// It is not there.
+    Lacking(String),
+    /// An unknown one, which stands there in the text, is most likely a misspelling of it.
+    Meant(String, Range<usize>),
 }
 
 impl Found {
     pub fn new(at: usize, what: String) -> Self {
-        Found { at, what, help: None }
+        Found { at, what, help: None, key: None }
+    }
+
+    /// Whether it only follows from another mistake: the key that is lacking is there, misspelt.
+    fn follows_from(&self, all: &[Found]) -> bool {
+        let Some(Key::Lacking(path)) = &self.key else { return false };
+        all.iter().any(|other| matches!(&other.key, Some(Key::Meant(meant, _)) if meant == path))
     }
 }
 
@@ -35,17 +54,13 @@ pub(super) fn check(schema: &Json, root: &Spanned<DeValue>, doc: &Doc) -> Result
     // Stable: mistakes at one place stay in the order of the schema.
     found.sort_by_key(|f| f.at);
     found.dedup_by(|a, b| a.at == b.at && a.what == b.what);
-    let errors =
-        found.into_iter().map(|f| Error { place: Some(doc.at(f.at)), what: f.what, help: f.help });
+    let own = found.iter().filter(|f| !f.follows_from(&found)).cloned();
+    let errors = own.map(|f| Error { place: Some(doc.at(f.at)), what: f.what, help: f.help });
     Errors(errors.collect()).or(())
 }
 
-/// Where the mistakes are, as bytes of the text.
-pub(super) fn places(schema: &Json, root: &Spanned<DeValue>) -> Vec<usize> {
-    find(schema, root).into_iter().map(|found| found.at).collect()
-}
-
-fn find(schema: &Json, root: &Spanned<DeValue>) -> Vec<Found> {
+/// All mistakes, in no order.
+pub(super) fn find(schema: &Json, root: &Spanned<DeValue>) -> Vec<Found> {
     let mut found = Vec::new();
     Checker { root: schema }.value(schema, root, "", &mut found);
     found
@@ -156,6 +171,8 @@ impl<'s> Checker<'s> {
                 at: key.span().start,
                 what: format!("unknown key \"{}\"{inside}", key.get_ref()),
                 help: Some(suggestion(key.get_ref(), &known, "the keys here are")),
+                key: nearest(key.get_ref(), known.iter().copied())
+                    .map(|meant| Key::Meant(join(path, meant), key.span())),
             });
         }
     }
@@ -181,6 +198,7 @@ impl<'s> Checker<'s> {
     pub fn missing(&self, name: &str, schema: Option<&'s Json>, at: usize, path: &str) -> Found {
         let owner = if path.is_empty() { "the file".to_string() } else { format!("\"{path}\"") };
         let mut found = Found::new(at, format!("{owner} lacks the key \"{name}\""));
+        found.key = Some(Key::Lacking(join(path, name)));
         if let Some(schema) = schema {
             let doc = [schema, self.resolve(schema)]
                 .into_iter()

@@ -11,6 +11,7 @@ mod doc;
 mod union;
 mod words;
 
+use std::ops::Range;
 use std::path::Path;
 
 use schemars::JsonSchema;
@@ -19,6 +20,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{Error, Errors, Place};
+use check::Key;
 pub use doc::Doc;
 pub use words::{list, nearest, quoted};
 
@@ -76,17 +78,19 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(
     Ok((value, doc))
 }
 
-/// What is sound of a file with mistakes: every key that does not fit `T` taken away, as if it had
-/// not been written. So that what only the rest can tell is told in one go with the mistakes that
-/// `load` found. `None` where too little is left.
+/// What is sound of a file with mistakes: every misspelt key read as it was meant, and every one
+/// that does not fit `T` taken away, as if it had not been written. So that what only the rest can
+/// tell is told in one go with the mistakes that `load` found, and nothing that follows from them.
+/// `None` where too little is left.
 pub fn load_sound<T: DeserializeOwned + JsonSchema>(path: &Path) -> Option<(T, Doc)> {
     let (name, text) = (path.to_string_lossy(), read_text(path).ok()?);
+    let text = as_meant(&schema::<T>(), &name, text)?;
     let tree = syntax(&name, &text).ok()?;
     let doc = Doc::new(&name, &text, tree.get_ref());
     let root = Spanned::new(tree.span(), DeValue::Table(tree.into_inner()));
     let mut rest = text.clone().into_bytes();
-    for at in check::places(&schema::<T>(), &root) {
-        let key = innermost(root.get_ref(), at)?;
+    for found in check::find(&schema::<T>(), &root) {
+        let key = innermost(root.get_ref(), found.at)?;
         // what is left keeps its place
         rest.get_mut(key)?.iter_mut().filter(|b| **b != b'\n').for_each(|b| *b = b' ');
     }
@@ -94,8 +98,33 @@ pub fn load_sound<T: DeserializeOwned + JsonSchema>(path: &Path) -> Option<(T, D
     Some((value, doc))
 }
 
+/// The text with misspelt keys written as they were meant, where the key that was meant is not
+/// there as well; what stands behind them in their lines moves.
+fn as_meant(schema: &serde_json::Value, name: &str, text: String) -> Option<String> {
+    let tree = syntax(name, &text).ok()?;
+    let doc = Doc::new(name, &text, tree.get_ref());
+    let root = Spanned::new(tree.span(), DeValue::Table(tree.into_inner()));
+    let mut meant: Vec<(Range<usize>, String)> = Vec::new();
+    for found in check::find(schema, &root) {
+        if let Some(Key::Meant(path, span)) = found.key
+            && !doc.has(&path)
+            && !meant.iter().any(|(other, _)| *other == span)
+        {
+            meant.push((span, path.rsplit('.').next().unwrap_or_default().to_string()));
+        }
+    }
+    let mut rest = text.clone();
+    meant.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+    for (span, key) in meant {
+        rest.get(span.clone())?;
+        rest.replace_range(span, &key);
+    }
+    // Two keys may have been meant for one.
+    Some(if syntax(name, &rest).is_ok() { rest } else { text })
+}
+
 /// From the innermost key at or around byte `at` to the end of its value.
-fn innermost(value: &DeValue, at: usize) -> Option<std::ops::Range<usize>> {
+fn innermost(value: &DeValue, at: usize) -> Option<Range<usize>> {
     match value {
         DeValue::Table(table) => table.iter().find_map(|(key, value)| {
             let all = key.span().start..value.span().end.max(key.span().end);
@@ -122,6 +151,11 @@ fn syntax<'a>(file: &str, text: &'a str) -> Result<Spanned<DeTable<'a>>, Errors>
         .collect();
     errors.sort_by(|a, b| a.place.cmp(&b.place));
     errors.dedup_by_key(|e| e.place.as_ref().map(|p| p.line));
+    // The keys below a header that cannot be read count as keys of the table above it.
+    if let Some(header) = errors.iter().position(|e| e.what.contains("unclosed table")) {
+        let behind = errors.split_off(header + 1);
+        errors.extend(behind.into_iter().filter(|e| !e.what.contains("duplicate key")));
+    }
     Errors(errors).or(tree)
 }
 

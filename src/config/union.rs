@@ -163,6 +163,7 @@ impl<'s> Checker<'s> {
                 at: key.span().start,
                 what: format!("unknown key \"{}\" in \"{path}\"", key.get_ref()),
                 help: Some(suggestion(key.get_ref(), names, "one key of these is wanted")),
+                key: None,
             }),
         }
     }

@@ -106,6 +106,8 @@ impl Reader {
         if self.settings.reconstruct.is_some() {
             columns = columns.with_flight_path(kinematics.as_ref());
         }
+        let columns =
+            columns.with_unsure(Some(self.lacking(kinematics.as_ref(), channels.as_ref())));
         let reconstruct = self.reconstruct(kinematics, channels.as_ref());
         let derive = self.settings.fields.derive.clone();
         let derive = derive::Config::read(derive, &mut self.given, &columns);
@@ -225,6 +227,19 @@ impl Reader {
                 self.given.errors.take(model)
             }
         }
+    }
+
+    /// The signals that the kinematic model is driven by and that there are not: where they are
+    /// missed as well, it is the same mistake.
+    fn lacking(&self, kinematics: Option<&Model>, channels: Option<&Channels>) -> Vec<String> {
+        let (Some(settings), Some(model), Some(channels)) =
+            (&self.settings.reconstruct, kinematics, channels)
+        else {
+            return Vec::new();
+        };
+        let signals = &settings.method.signals;
+        let names = model.inputs.iter().map(|i| signals.get(&i.name).unwrap_or(&i.name));
+        names.filter(|name| !channels.map.signal.contains_key(*name)).cloned().collect()
     }
 
     fn reconstruct(

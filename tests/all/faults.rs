@@ -92,6 +92,232 @@ fn a_mistake_is_told_without_those_that_only_follow_from_it() {
     }
 }
 
+/// The same with several sections for each file, model and signal.
+fn shared() -> Campaign {
+    let c = chained();
+    let more = r#"
+[[estimate]]
+name = "joint"
+model = "elevator.model.toml"
+input = "elevator"
+group = "all"
+
+[[estimate]]
+name = "both"
+model = "elevator.model.toml"
+input = ["elevator", "aileron"]
+levels = { V = [80.0, 120.0] }
+
+[[fit]]
+name = "gain"
+estimate = "elevator"
+parameters = ["C_h_delta"]
+against = "alpha"
+
+[[diagnose]]
+estimate = "joint"
+
+[[diagnose]]
+estimate = "both"
+"#;
+    let text = std::fs::read_to_string(c.path("pipeline.toml")).expect("readable");
+    c.write("pipeline.toml", &(text + more));
+    c
+}
+
+/// The first lines of the mistakes that a check finds, with the other places of each.
+fn told(c: &Campaign) -> Vec<String> {
+    let run = c.koehler("check", &[]).ended(2);
+    let mut all: Vec<String> = Vec::new();
+    for line in run.err.lines() {
+        match (line.strip_prefix("error: "), all.last_mut()) {
+            (Some(error), _) => all.push(error.to_string()),
+            (None, Some(last)) if line.trim_start().starts_with("the same at") => {
+                *last += &format!("; {}", line.trim_start());
+            }
+            _ => (),
+        }
+    }
+    all
+}
+
+#[test]
+fn a_mistake_in_what_many_sections_use_is_told_once() {
+    for (file, old, new, wanted) in [
+        (
+            "aircraft.toml",
+            "\nS_e  ",
+            "\nS_ee ",
+            &[
+                "controls.model.toml:19:1: constant \"S_e\" has no value; the same at elevator.model.toml:16:1",
+            ][..],
+        ),
+        (
+            "aircraft.toml",
+            "\nI_xz ",
+            "\nI_zx ",
+            &["<rigid_body_6dof>:19:1: constant \"I_xz\" has no value"],
+        ),
+        (
+            "aircraft.toml",
+            "\nS        = { value = 30.0",
+            "\nS        = { valu = 30.0",
+            &["aircraft.toml:11:14: unknown key \"valu\" in \"S\""],
+        ),
+        (
+            "aircraft.toml",
+            "\nS        = { value",
+            "\nS        = value",
+            &[
+                "aircraft.toml:11:12: this is not TOML: string values must be quoted, expected literal string",
+            ],
+        ),
+        (
+            "aircraft.toml",
+            "value = 30.0, unit = \"m^2\"",
+            "value = 30.0, unit = \"kg\"",
+            &["aerodynamics.model.toml:14:5: \"S\" is in m^2 here, and in kg in the aircraft file"],
+        ),
+        (
+            "elevator.model.toml",
+            "\nC_h_alpha ",
+            "\nC_h_alfa ",
+            &["elevator.model.toml:35:60: unknown name \"C_h_alpha\""],
+        ),
+        (
+            "elevator.model.toml",
+            "\nC_h_delta ",
+            "\nC_h_dleta ",
+            &["elevator.model.toml:35:13: unknown name \"C_h_delta\""],
+        ),
+        (
+            "controls.model.toml",
+            "\nS_e ",
+            "\nS_f ",
+            &[
+                "controls.model.toml:84:14: unknown name \"S_e\"; the same at leveller.model.toml:46:35",
+            ],
+        ),
+        (
+            "derived.model.toml",
+            "\"alphadot_w\"",
+            "\"alphadot_ww\"",
+            &["derived.model.toml:37:43: unknown name \"alphadot_ww\""],
+        ),
+        (
+            "channels.toml",
+            "\ndelta_e  =",
+            "\ndelta_ee =",
+            &[
+                "pipeline.toml:23:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:45:1, pipeline.toml:51:1",
+            ],
+        ),
+        (
+            "channels.toml",
+            "\nservo_current_e",
+            "\nservo_current_f",
+            &[
+                "pipeline.toml:23:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:45:1, pipeline.toml:51:1",
+            ],
+        ),
+        (
+            "channels.toml",
+            "\nq_imu",
+            "\nq_imuu",
+            &["pipeline.toml:7:1: the kinematic model needs the signal \"q_imu\" (pitch rate)"],
+        ),
+        ("campaign.toml", "truth.model", "trth.model", &["trth.model.toml: there is no such file"]),
+        (
+            "pipeline.toml",
+            "\"campaign.toml\"",
+            "\"campain.toml\"",
+            &["pipeline.toml:5:12: there is no file campain.toml"],
+        ),
+        (
+            "pipeline.toml",
+            "\"aircraft.toml\"",
+            "\"aircrft.toml\"",
+            &["pipeline.toml:2:12: there is no file aircrft.toml"],
+        ),
+        (
+            "pipeline.toml",
+            "name   = \"elevator\"\nsignal",
+            "name   = \"elevatr\"\nsignal",
+            &[
+                "pipeline.toml:26:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:48:9, pipeline.toml:54:9",
+            ],
+        ),
+        (
+            "pipeline.toml",
+            "name   = \"elevator\"\nmodel",
+            "name   = \"elevatr\"\nmodel",
+            &[
+                "pipeline.toml:38:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:59:12",
+            ],
+        ),
+        (
+            "pipeline.toml",
+            "name   = \"elevator\"\nmodel",
+            "name   = 3\nmodel",
+            &["pipeline.toml:24:10: \"estimate.0.name\" must be a text, not 3"],
+        ),
+        (
+            "pipeline.toml",
+            "\nmodel  = \"elevator.model.toml\"",
+            "\nmodel  = 3",
+            &["pipeline.toml:25:10: \"estimate.0.model\" must be a text, not 3"],
+        ),
+        (
+            "pipeline.toml",
+            "\n[derive]",
+            "\n[derive",
+            &["pipeline.toml:9:8: this is not TOML: unclosed table, expected `]`"],
+        ),
+        (
+            "pipeline.toml",
+            "\nsimulate = ",
+            "\nsimlate = ",
+            &["pipeline.toml:5:1: unknown key \"simlate\""],
+        ),
+        (
+            "pipeline.toml",
+            "\naircraft = ",
+            "\naircrafft = ",
+            &["pipeline.toml:2:1: unknown key \"aircrafft\""],
+        ),
+        (
+            "pipeline.toml",
+            "name   = \"elevator\"\nsignal",
+            "nam    = \"elevator\"\nsignal",
+            &["pipeline.toml:15:1: unknown key \"nam\" in \"segment.input.0\""],
+        ),
+        (
+            "pipeline.toml",
+            "name = \"joint\"",
+            "nmae = \"joint\"",
+            &["pipeline.toml:46:1: unknown key \"nmae\" in \"estimate.1\""],
+        ),
+        (
+            "channels.toml",
+            "\ntemperature",
+            "\ntemperatur_",
+            &[
+                "pipeline.toml:7:1: the kinematic model needs the signal \"temperature\" (static air temperature)",
+            ],
+        ),
+        (
+            "pipeline.toml",
+            "\npre_s  = 1.0",
+            "\npre_s  = 1.0\noutputs = { delta_f = \"delta_e\" }",
+            &["pipeline.toml:29:23: there is no output of the model \"delta_f\""],
+        ),
+    ] {
+        let c = shared();
+        c.edit(file, old, new);
+        assert_eq!(told(&c), wanted, "{file}: {new}");
+    }
+}
+
 #[test]
 fn a_mistake_at_the_beginning_hides_none_behind_it() {
     let wrong = ["\"comand_a\"", "\"alfa\"", "\"C_h_O\"", "\"3212\""];

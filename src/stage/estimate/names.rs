@@ -2,12 +2,13 @@
 //! the mistakes, go out.
 
 use super::settings::Settings;
-use crate::config::Doc;
+use crate::config::{Doc, nearest};
 use crate::error::Errors;
 use crate::model::graph::Leaf;
 use crate::model::{Model, Quantity};
 use crate::stage::channels::Channels;
 use crate::stage::check::{Columns, Found, agree, driver, keys_are_known, unknown};
+use indexmap::IndexMap;
 
 /// What drives one input of the model.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,7 +54,13 @@ pub fn inputs(
                 .help("give the estimate an `input`, so that it uses maneuvers"),
         );
     }
+    let names: Vec<&str> = model.inputs.iter().map(|q| q.name.as_str()).collect();
+    let meant = |name: &str| {
+        columns.unit(name).is_none()
+            && [&settings.inputs, &settings.held].into_iter().any(|map| misspelt(map, &names, name))
+    };
     let one = |input: &Quantity| match settings.held.contains_key(&input.name) {
+        _ if meant(&input.name) => None,
         true => driver(input, &settings.held, columns, doc, &of_held, errors).map(Driver::Held),
         false => {
             driver(input, &settings.inputs, columns, doc, &of_inputs, errors).map(Driver::Column)
@@ -126,6 +133,10 @@ pub fn outputs(
             (Some(unit), _) => (unit, true),
             (None, Found::Known(column)) => (column.unit.as_str(), false),
             (None, Found::Unsure) => continue,
+            // It is mapped under a name that is said to be unknown, with this one as the nearest.
+            (None, Found::Missing) if misspelt(&settings.outputs, &names, &quantity.name) => {
+                continue;
+            }
             (None, Found::Missing) => {
                 let mut error = unknown(doc, &at, "signal or column", &measured, &columns.names());
                 if mapped.is_none() {
@@ -155,6 +166,12 @@ pub fn outputs(
         errors.push(doc.error(key, "no output of the model is scored"));
     }
     all
+}
+
+/// Whether a mapping has a misspelling of this name among all names.
+fn misspelt(map: &IndexMap<String, String>, names: &[&str], name: &str) -> bool {
+    let unknown = map.keys().filter(|key| !names.contains(&key.as_str()));
+    unknown.into_iter().any(|key| nearest(key, names.iter().copied()) == Some(name))
 }
 
 /// Files an error for every output that is compared with the measurement that is its own input: a

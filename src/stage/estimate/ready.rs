@@ -3,8 +3,8 @@
 
 use super::chosen::Tally;
 use super::config::{Config, NAME};
-use super::names::Driver;
-use super::records::{Grid, Measured, Source, record};
+use super::names::{Driver, Scored};
+use super::records::{Grid, Measured, Source, Unusable, record};
 use super::stretches::{self, Stretch, Whole};
 use super::trim::Trim;
 use crate::dynamics::Record;
@@ -114,7 +114,7 @@ fn measured<'a>(
     signals: &'a Table,
 ) -> Result<Vec<Measured<'a>>> {
     let (t, signals) = (samples.f64("t_s")?, series(signals)?);
-    let one = |scored: &super::Scored| {
+    let one = |scored: &Scored| {
         let (t, z) = match signals.get(scored.measured.as_str()).filter(|_| scored.is_signal) {
             Some(series) => *series,
             None => (t, samples.f64(&scored.measured)?),
@@ -131,7 +131,7 @@ fn labelled(
     measured: &[Measured],
     stretch: &Stretch,
     held: &BTreeMap<&str, f64>,
-) -> Result<std::result::Result<Segment, super::records::Unusable>> {
+) -> Result<std::result::Result<Segment, Unusable>> {
     let settings = &config.settings;
     let (t, rows) = (samples.f64("t_s")?, &stretch.rows);
     let (t0, dt) = (t.first().copied().unwrap_or(0.0), t[1] - t[0]);
