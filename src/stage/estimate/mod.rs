@@ -26,7 +26,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 pub use config::{Config, NAME};
 pub use names::{Driver, Scored};
-pub use settings::{Group, Settings, Used};
+pub use settings::{Between, Group, Settings, Used};
 
 pub const STAGE: Stage = Stage {
     name: NAME,

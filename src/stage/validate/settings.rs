@@ -2,7 +2,7 @@
 
 use crate::estimate::{SEGMENT, Shifts};
 use crate::stage::estimate::chosen::Range;
-use crate::stage::estimate::{self, Group, Used};
+use crate::stage::estimate::{self, Between, Group, Used};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,9 @@ pub struct Settings {
     /// Time after the last step that belongs to the segment, s.
     #[serde(default)]
     pub post_s: Option<f64>,
+    /// How the inputs run between the points of the grid, as in an estimate.
+    #[serde(default)]
+    pub interpolation: Option<Between>,
     /// Columns of the samples table for the model's inputs, where the names differ.
     #[serde(default)]
     pub inputs: IndexMap<String, String>,
@@ -124,8 +127,12 @@ impl Settings {
                 .for_each(IndexMap::clear);
             (method.initial, method.shifts) = (Vec::new(), Shifts::default());
             (method.starts, method.floor, method.stabilise) = Default::default();
-            run.interpolation = Default::default();
+            // One kind for all inputs speaks of no name.
+            if matches!(run.interpolation, Between::Each(_)) {
+                run.interpolation = Between::default();
+            }
         }
+        run.interpolation = self.interpolation.clone().unwrap_or(run.interpolation);
         run.inputs.extend(self.inputs.clone());
         run.held.extend(self.held.clone());
         run.outputs.extend(self.outputs.clone());
