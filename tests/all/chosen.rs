@@ -49,6 +49,7 @@ fn an_estimate_its_diagnosis_and_what_is_run_again_use_the_chosen_maneuvers() {
         .map(String::from);
     assert_eq!(column(&table(&c, "responses"), "model", "lag", "segment"), used);
     assert_eq!(column(&table(&c, "gaps"), "diagnosis", "lag", "segment"), used);
+    assert_eq!(column(&table(&c, "responses"), "model", "lag.next", "segment"), used);
     let left_out = [
         "info 1 lag: 1 of 3 flights left out by choice: flight-2",
         "info 3 lag: 3 of 8 segments left out by choice: 1 by `except`, 2 by `where`",
