@@ -8,6 +8,7 @@ use crate::config;
 use crate::engine::Engine;
 use crate::error::Errors;
 use crate::pipeline::{self, Assessment, Plan, State, Store, Summaries};
+use crate::stage::Unit;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -20,13 +21,20 @@ pub fn check(pipeline: &Path) -> Result<End, Errors> {
     errors.0.extend(seen.unreadable.0);
     errors.or(())?;
     let campaign = &plan.campaign;
-    say(&format!(
-        "{}: no mistakes found; {}, {}, {}",
-        pipeline.display(),
+    let mut there = vec![
         summary::count(campaign.flights.len(), "flight"),
         summary::count(campaign.estimates.len(), "estimate"),
         summary::count(campaign.fits.len(), "fit"),
-    ));
+    ];
+    // The lists of stages that have a key of their own.
+    for stage in campaign.stages.iter().filter(|stage| stage.key.is_some()) {
+        let units = (stage.units)(campaign);
+        let listed = units.first().is_some_and(|unit| *unit != Unit::campaign()[0]);
+        if listed {
+            there.push(format!("{} [[{}]]", units.len(), stage.name));
+        }
+    }
+    say(&format!("{}: no mistakes found; {}", pipeline.display(), there.join(", ")));
     let later = plan.logs.len() - seen.looked_at - seen.without.len();
     let later =
         if later > 0 { format!("; {later} more to be simulated first") } else { String::new() };

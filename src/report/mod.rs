@@ -37,10 +37,8 @@ use std::collections::BTreeMap;
 
 pub use checks::Check;
 pub use columns::Columns;
-pub use figures::SECTION as FIGURES;
 pub use grid::{Cell, Grid, Level};
 pub use section::{Body, Given, ReportInput, Section};
-pub use validation::SECTION as VALIDATION;
 
 use section::{fault, flight_styles, json};
 
@@ -50,6 +48,8 @@ pub const SECTIONS: &[Section] = &[
     verdict::SECTION,
     lines::PLOTS,
     lines::TABLE,
+    figures::SECTION,
+    validation::SECTION,
     maneuvers::SECTION,
     estimates::SECTION,
     correlations::SECTION,

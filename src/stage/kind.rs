@@ -1,8 +1,9 @@
 //! What a stage is: a campaign and one of its units come in, tables go out.
 
 use super::channels::Channels;
+use super::check::{Columns, Given};
 use super::inputs::{Inputs, Output, Part};
-use super::told::{Check, Key, Told};
+use super::told::{Key, Told};
 use super::{derive, diagnose, estimate, fit, reconstruct, segment};
 use crate::error::Errors;
 use crate::report::Section;
@@ -170,6 +171,35 @@ impl Read {
         tables.iter().flat_map(of).collect()
     }
 }
+
+/// Entries of a list of the pipeline file by name, and what is checked of each: none where it has
+/// mistakes.
+pub struct Named<'a, C> {
+    pub names: &'a [String],
+    pub checked: &'a [Option<C>],
+}
+
+/// What the check of a stage's settings may hold them against.
+pub struct Known<'a> {
+    /// The pipeline file, which says where a key stands, what is beside it, and the mistakes found
+    /// so far.
+    pub given: &'a mut Given,
+    /// Ids of the flights.
+    pub flights: &'a [String],
+    /// Signals and columns of the samples table.
+    pub columns: &'a Columns,
+    /// The channel map; none where it has mistakes.
+    pub channels: Option<&'a Channels>,
+    /// Names of the inputs in which maneuvers are searched.
+    pub searched: &'a [String],
+    pub estimates: Named<'a, estimate::Config>,
+    pub fits: Named<'a, fit::Config>,
+    /// Names of the tables that stages write.
+    pub tables: Vec<&'static str>,
+}
+
+/// Finds the mistakes in a stage's settings, and may keep what it makes of them.
+pub type Check = fn(&mut Told, &mut Known);
 
 /// The checked configuration of a campaign: names resolved, models compiled, units agreed.
 #[derive(Debug)]

@@ -26,9 +26,9 @@ pub mod validate;
 
 pub use channels::Channels;
 pub use inputs::{Inputs, Output, Part};
-pub use kind::{Campaign, Read, Stage, Unit, code};
+pub use kind::{Campaign, Check, Known, Named, Read, Stage, Unit, code};
 pub use notes::{NOTES, Note, STAGES_TABLE, Severity, notes_table};
-pub use told::{Check, Key, Known, Named, Told};
+pub use told::{Key, Told};
 
 use inputs::series;
 use slice::{said, slice_of};

@@ -1,9 +1,6 @@
 //! What the pipeline file says under the key of a stage's name comes in; the stage's settings go
 //! out, as the stage's file declares them.
 
-use super::channels::Channels;
-use super::check::{Columns, Given};
-use super::{estimate, fit};
 use crate::config::{self, Doc};
 use crate::error::Result;
 use schemars::JsonSchema;
@@ -67,32 +64,3 @@ impl Told {
         self.0.get(&(stage, TypeId::of::<T>()))?.downcast_ref()
     }
 }
-
-/// Entries of a list of the pipeline file by name, and what is checked of each: none where it has
-/// mistakes.
-pub struct Named<'a, C> {
-    pub names: &'a [String],
-    pub checked: &'a [Option<C>],
-}
-
-/// What the check of a stage's settings may hold them against.
-pub struct Known<'a> {
-    /// The pipeline file, which says where a key stands, what is beside it, and the mistakes found
-    /// so far.
-    pub given: &'a mut Given,
-    /// Ids of the flights.
-    pub flights: &'a [String],
-    /// Signals and columns of the samples table.
-    pub columns: &'a Columns,
-    /// The channel map; none where it has mistakes.
-    pub channels: Option<&'a Channels>,
-    /// Names of the inputs in which maneuvers are searched.
-    pub searched: &'a [String],
-    pub estimates: Named<'a, estimate::Config>,
-    pub fits: Named<'a, fit::Config>,
-    /// Names of the tables that stages write.
-    pub tables: Vec<&'static str>,
-}
-
-/// Finds the mistakes in a stage's settings, and may keep what it makes of them.
-pub type Check = fn(&mut Told, &mut Known);

@@ -243,7 +243,10 @@ fn files_carry_units_meanings_and_the_encodings_meant() {
     let value = |key: &str| pairs.iter().find(|p| p.key == key).and_then(|p| p.value.clone());
     assert_eq!(value("table"), Some("segments".into()));
     assert_eq!(value("unit.t_start_s"), Some("s".into()));
-    assert_eq!(value("doc.t_start_s"), Some("Start of the first step.".into()));
+    assert_eq!(
+        value("doc.t_start_s"),
+        Some("Start of the first step; of a sweep, when it leaves trim.".into())
+    );
     let group = reader.metadata().row_group(0);
     assert!(
         group.columns().iter().all(|c| c.column_path().string() != "flight"),

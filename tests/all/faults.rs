@@ -209,7 +209,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\ndelta_e  =",
             "\ndelta_ee =",
             &[
-                "pipeline.toml:23:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:45:1, pipeline.toml:51:1",
+                "pipeline.toml:23:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:101:1, pipeline.toml:107:1",
             ],
         ),
         (
@@ -217,7 +217,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nservo_current_e",
             "\nservo_current_f",
             &[
-                "pipeline.toml:23:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:45:1, pipeline.toml:51:1",
+                "pipeline.toml:23:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:101:1, pipeline.toml:107:1",
             ],
         ),
         (
@@ -244,7 +244,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nsignal",
             "name   = \"elevatr\"\nsignal",
             &[
-                "pipeline.toml:26:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:48:9, pipeline.toml:54:9",
+                "pipeline.toml:26:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:104:9, pipeline.toml:110:9",
             ],
         ),
         (
@@ -252,7 +252,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nmodel",
             "name   = \"elevatr\"\nmodel",
             &[
-                "pipeline.toml:38:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:59:12",
+                "pipeline.toml:38:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:115:12",
             ],
         ),
         (
@@ -295,7 +295,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "pipeline.toml",
             "name = \"joint\"",
             "nmae = \"joint\"",
-            &["pipeline.toml:46:1: unknown key \"nmae\" in \"estimate.1\""],
+            &["pipeline.toml:102:1: unknown key \"nmae\" in \"estimate.1\""],
         ),
         (
             "channels.toml",

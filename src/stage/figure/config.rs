@@ -2,7 +2,8 @@
 
 use crate::stage::check::Given;
 use crate::stage::estimate::Used;
-use crate::stage::told::{Known, Told};
+use crate::stage::kind::Known;
+use crate::stage::told::Told;
 use crate::table::{Column, Kind, Schema, schema};
 use indexmap::IndexMap;
 use schemars::JsonSchema;

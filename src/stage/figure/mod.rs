@@ -5,9 +5,9 @@ mod config;
 use super::{Campaign, Inputs, Key, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::error::{Errors, Result};
 use crate::math::distribution::INTERVAL_95;
-use crate::report::{self, Columns};
-use crate::table::Table;
+use crate::table::{Kind, Table};
 use serde_json::json;
+use std::collections::BTreeMap;
 
 pub use config::Settings;
 use config::{NAME, Reference, Series};
@@ -19,7 +19,6 @@ pub const STAGE: Stage = Stage {
     check: config::check,
     units: |campaign| Unit::entries(all(campaign).iter().map(|figure| figure.name.clone())),
     writes: &["figures"],
-    sections: &[report::FIGURES],
     reads,
     slice: |campaign, unit| json!({ "figure": all(campaign).get(unit.index).map(slice_of), "reads": format!("{:?}", reads(campaign, unit)) }),
     run,
@@ -75,8 +74,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             parts.map(|name| inputs.all(name).into_iter().cloned().collect()).unwrap_or_default();
         let before = figure.drawn.len();
         if !parts.is_empty() {
-            let table = Columns::of(&Table::concat(&series.table, &parts)?);
-            figure.add(series, &table);
+            figure.add(series, &Rows::of(series, &Table::concat(&series.table, &parts)?)?);
         }
         if figure.drawn.len() == before {
             notes.push(nothing(settings, series));
@@ -115,14 +113,73 @@ fn nothing(settings: &Settings, series: &Series) -> Note {
     }
 }
 
+/// The columns of a table that a series is about.
+struct Rows {
+    n: usize,
+    numbers: BTreeMap<String, Vec<f64>>,
+    texts: BTreeMap<String, Vec<String>>,
+    units: BTreeMap<String, String>,
+}
+
+impl Rows {
+    fn of(series: &Series, table: &Table) -> Result<Rows> {
+        let mut rows = Rows {
+            n: table.rows(),
+            numbers: BTreeMap::new(),
+            texts: BTreeMap::new(),
+            units: BTreeMap::new(),
+        };
+        let wanted = [&series.x, &series.y]
+            .into_iter()
+            .chain(&series.sd)
+            .chain(series.ends.iter().flatten());
+        let more = series.rows.keys().chain(&series.colour).cloned();
+        let units = ["unit", "unit_x"].map(String::from).into_iter().filter(|name| table.has(name));
+        for name in wanted.cloned().chain(more).chain(units) {
+            let column = table.column(&name)?;
+            rows.units.insert(name.clone(), column.unit.clone());
+            match column.kind {
+                Kind::F64 => drop(rows.numbers.insert(name.clone(), table.f64(&name)?.to_vec())),
+                Kind::I64 => {
+                    let values = table.opt_i64(&name)?.into_iter();
+                    let values = values.map(|v| v.map_or(f64::NAN, |v| v as f64)).collect();
+                    rows.numbers.insert(name.clone(), values);
+                }
+                Kind::String => {
+                    let values = table.opt_strings(&name)?.into_iter();
+                    let values = values.map(|v| v.unwrap_or_default().to_string()).collect();
+                    rows.texts.insert(name.clone(), values);
+                }
+                Kind::Bool => {
+                    let values = table.bools(&name)?.into_iter().map(|v| f64::from(u8::from(v)));
+                    rows.numbers.insert(name.clone(), values.collect());
+                }
+            }
+        }
+        Ok(rows)
+    }
+
+    fn number(&self, name: &str, row: usize) -> f64 {
+        self.numbers.get(name).and_then(|values| values.get(row)).copied().unwrap_or(f64::NAN)
+    }
+
+    fn text(&self, name: &str, row: usize) -> String {
+        self.texts.get(name).and_then(|values| values.get(row)).cloned().unwrap_or_default()
+    }
+
+    fn unit(&self, name: &str) -> &str {
+        self.units.get(name).map_or("", String::as_str)
+    }
+}
+
 impl Figure {
-    fn add(&mut self, series: &Series, table: &Columns) {
+    fn add(&mut self, series: &Series, table: &Rows) {
         let wanted = |row: &usize| {
             series.rows.iter().all(|(name, used)| used.names().contains(&table.text(name, *row)))
         };
         let value = |name: &String, row| table.number(name, row);
         let mut groups: Vec<(String, Vec<[f64; 4]>)> = Vec::new();
-        for row in (0..table.rows()).filter(wanted) {
+        for row in (0..table.n).filter(wanted) {
             let (x, y) = (value(&series.x, row), value(&series.y, row));
             if !x.is_finite() || !y.is_finite() {
                 continue;
@@ -154,9 +211,10 @@ impl Figure {
 
     /// Takes the axes' units from the first rows that have them: a column is in its own unit, or in
     /// that of the row.
-    fn units(&mut self, series: &Series, table: &Columns, row: usize) {
+    fn units(&mut self, series: &Series, table: &Rows, row: usize) {
         let of = |name: &String, own: &str| match table.unit(name) {
             "SI" | "" => table.text(own, row),
+            "-" => String::new(),
             unit => unit.to_string(),
         };
         if self.x_unit.is_empty() {

@@ -5,7 +5,8 @@ use super::settings::{NAME, Settings};
 use super::source::{self, Source};
 use crate::stage::check::Given;
 use crate::stage::estimate;
-use crate::stage::told::{Known, Told};
+use crate::stage::kind::Known;
+use crate::stage::told::Told;
 
 /// The checked settings of one validation.
 #[derive(Debug)]

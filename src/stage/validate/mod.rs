@@ -23,7 +23,6 @@ use crate::engine::Here;
 use crate::error::{Errors, Result};
 use crate::estimate::{Estimation, Segment, Stop, estimate_where};
 use crate::math::products::factor;
-use crate::report;
 use serde_json::{Value, json};
 
 pub use config::Config;
@@ -39,7 +38,6 @@ pub const STAGE: Stage = Stage {
     check: config::check,
     units: |campaign| Unit::entries(all(campaign).iter().map(|config| config.settings.name())),
     writes: &["validation", "validation_traces"],
-    sections: &[report::VALIDATION],
     reads,
     slice,
     run,
