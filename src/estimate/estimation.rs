@@ -8,6 +8,7 @@ use super::rank::Verdict;
 use super::regression;
 use super::segment::Label;
 use super::trace::Trace;
+use super::tries::Tried;
 use crate::least_squares::{Iteration, Stop};
 use crate::noise::Modelled;
 
@@ -135,6 +136,8 @@ pub struct Estimation {
     /// Segments in which friction holds a state from beginning to end at the values of `rows`, and
     /// the state: nothing that would move it shows there.
     pub stuck: Vec<(usize, String)>,
+    /// What became of the starts that were tried; empty where there was one.
+    pub tried: Vec<Tried>,
     /// Why the model could not be run in the first of its segments, where none could be.
     pub why: Option<String>,
 }

@@ -30,6 +30,7 @@
 //! | `output_error` | a compiled model over segments, as such a problem; segments that cannot be used left out |
 //! | `case` | that problem for the segments used |
 //! | `trace` | measured and modelled values of an output |
+//! | `tries` | several starts, of which the best is kept |
 //! | `estimation` | the result |
 //! | `result` | names put to the solution |
 
@@ -57,6 +58,7 @@ mod start;
 #[cfg(test)]
 mod tests;
 mod trace;
+mod tries;
 mod usable;
 
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
@@ -73,3 +75,4 @@ pub use rank::{Combination, Term, Verdict};
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
 pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom};
 pub use trace::Trace;
+pub use tries::Tried;

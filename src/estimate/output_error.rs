@@ -11,6 +11,7 @@ use super::result::{Further, name};
 use super::segment::Segment;
 use super::selection::select;
 use super::solution::Solution;
+use super::tries::best_of;
 use super::usable::{starts, unusable};
 use super::{Doubtful, Estimation, LeftOut, Settings, Stop};
 use crate::dynamics::{Lost, Record};
@@ -69,7 +70,9 @@ pub fn estimate_where(
     segments: &[Segment],
     settings: &Settings,
 ) -> Result<Estimation, Errors> {
-    select(settings, |settings| once(here, model, segments, settings))
+    best_of(settings, &|settings| {
+        select(settings, |settings| once(here, model, segments, settings))
+    })
 }
 
 /// Estimates all that is free, candidates included.

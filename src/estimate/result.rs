@@ -56,6 +56,7 @@ pub fn name(
         left_out: Vec::new(),
         doubtful: Vec::new(),
         stuck: Vec::new(),
+        tried: Vec::new(),
         why: None,
     }
 }

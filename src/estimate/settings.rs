@@ -23,6 +23,10 @@ pub struct Settings {
     /// Start values that replace those of the model (the value itself for a parameter that is
     /// held).
     pub starts: IndexMap<String, f64>,
+    /// Further starts of parameters for which the cost may have several minima (friction,
+    /// thresholds, limits): the estimation is run from every combination and from the usual start,
+    /// and the best is kept, `tries = { F_c = [0.0, 10.0, 30.0] }`.
+    pub tries: IndexMap<String, Vec<f64>>,
     /// Where parameters start that no entry of `starts` speaks of.
     pub start: StartFrom,
     /// Window of the smoothing for `start = "equation error"`, s (at least five points of the
@@ -209,6 +213,7 @@ impl Default for Settings {
             fixed: Vec::new(),
             candidates: Vec::new(),
             starts: IndexMap::new(),
+            tries: IndexMap::new(),
             start: StartFrom::default(),
             smoothing_s: 0.5,
             initial: Vec::new(),

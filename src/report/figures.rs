@@ -59,8 +59,9 @@ struct Series {
 }
 
 fn build(given: &Given) -> Result<Option<Body>> {
+    let template = include_str!("html/figures.html");
     let Some(table) = given.get("figures").filter(|table| table.rows() > 0) else {
-        return Ok(None);
+        return Ok(Some(Body::new(template, Shown { figures: Vec::new() })));
     };
     let (mut captions, mut figures) = (Vec::new(), Vec::new());
     for ([_], rows) in table.groups(["figure"]) {
@@ -78,7 +79,6 @@ fn build(given: &Given) -> Result<Option<Body>> {
             series: all.iter().map(|one| drawn(one, fx, fy)).collect(),
         });
     }
-    let template = include_str!("html/figures.html");
     Body::new(template, Shown { figures: captions }).plot("figures", &figures).map(Some)
 }
 

@@ -149,7 +149,8 @@ mod tests {
                 }
             }
             let diagnosed = campaign.estimates.len() + campaign.diagnoses.len();
-            assert_eq!(most + 1, diagnosed.max(campaign.fits.len()).max(1));
+            let figures = campaign.parts("figures").len();
+            assert_eq!(most + 1, diagnosed.max(campaign.fits.len()).max(figures).max(1));
         }
     }
 

@@ -192,6 +192,7 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         let text = format!("{state} is stuck throughout {segment}: friction holds it all along");
         notes.push(config.note("", Severity::Warning, segment, 1, text));
     }
+    notes.extend(tried_notes(config, batch, estimation));
     notes.extend(colour_notes(config, batch, estimation));
     for combination in &estimation.verdict.combinations {
         notes.push(config.note(
@@ -201,6 +202,36 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
             1,
             format!("{}: {combination}", batch.group),
         ));
+    }
+    notes
+}
+
+/// What became of several starts.
+fn tried_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let tried = &estimation.tried;
+    let Some(best) = tried.iter().filter(|t| t.there).map(|t| t.cost).reduce(f64::min) else {
+        return Vec::new();
+    };
+    let of = |severity, text: String| {
+        config.note("", severity, batch.group.clone(), 1, format!("{}: {text}", batch.group))
+    };
+    let there = tried.iter().filter(|t| t.there).count();
+    let text = format!("the best of {} starts, and {there} of them end there", tried.len());
+    let mut notes = vec![of(Severity::Info, text)];
+    let names: Vec<&String> = config.settings.method.tries.keys().collect();
+    let mut said: Vec<String> = Vec::new();
+    for rival in tried.iter().filter(|t| t.rivals(best)) {
+        let ends = names.iter().zip(&rival.ends);
+        let at: Vec<String> = ends.map(|(name, end)| format!("{name} = {end:.3e}")).collect();
+        let at = at.join(", ");
+        if !said.contains(&at) {
+            let more = rival.cost - best;
+            notes.push(of(
+                Severity::Warning,
+                format!("another minimum, at {at}, is hardly worse (cost + {more:.2}): these data do not tell which"),
+            ));
+            said.push(at);
+        }
     }
     notes
 }

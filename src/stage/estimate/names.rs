@@ -239,6 +239,7 @@ pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: 
         }
     };
     check("starts", method.starts.keys().collect(), &parameters, "parameter of the model");
+    check("tries", method.tries.keys().collect(), &parameters, "parameter of the model");
     check("per", method.per.keys().collect(), &parameters, "parameter of the model");
     check("floor", method.floor.keys().collect(), &outputs, "output of the model");
     columns_are_known(model, settings, doc, key, errors);
