@@ -23,6 +23,7 @@
 //! | `diagnose` | what a model lacks: candidate effects, and which of them the data ask for |
 //! | `report` | tables to pages |
 //! | `stage` | one file or folder per stage: tables <-> algorithms |
+//! | `design` | input designs flown, recorded, estimated and ranked |
 //! | `pipeline` | the pipeline file -> plan -> run; cache keys, provenance |
 //! | `cli` | verbs, progress, the one place that prints errors |
 //!
@@ -53,6 +54,8 @@ pub mod table;
 // Seen by the tests and benchmarks of the project only; nothing is promised of them.
 #[doc(hidden)]
 pub mod config;
+#[doc(hidden)]
+pub mod design;
 #[doc(hidden)]
 pub mod diagnose;
 #[doc(hidden)]

@@ -67,10 +67,23 @@ pub enum Verb {
         #[arg(long, value_name = "N")]
         jobs: Option<usize>,
     },
+    /// Rank input designs: fly each with a campaign's truth, record it with its sensors, estimate,
+    /// and compare what was learnt
+    #[command(after_help = text::DESIGN)]
+    Design {
+        /// The study file
+        study: PathBuf,
+        /// Output folder [default: out/NAME/ beside NAME.toml]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Number of threads; the table is the same bytes for any number [default: one per core]
+        #[arg(long, value_name = "N")]
+        jobs: Option<usize>,
+    },
     /// Print the JSON Schema of a configuration file, or write all of them, for editors
     #[command(after_help = text::SCHEMA)]
     Schema {
-        /// Which file: pipeline, channels, aircraft, campaign, model, import
+        /// Which file: pipeline, channels, aircraft, campaign, design, model, import
         file: Option<String>,
         /// Folder to write all schemas to
         #[arg(long, value_name = "DIR")]

@@ -1,6 +1,7 @@
 //! The command line: arguments come in; verbs do the work; the exit code goes out.
 
 mod args;
+mod design;
 mod diagnose;
 mod progress;
 mod run;
@@ -67,6 +68,7 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
             shown(&done.join("\n"))
         }
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),
+        Verb::Design { study, out, jobs } => design::design(&study, out, jobs),
         Verb::Schema { file, out } => schema::schema(file.as_deref(), out.as_deref()),
     }
 }

@@ -4,7 +4,7 @@
 use super::words::{End, say};
 use crate::config::schema_text;
 use crate::error::{Error, Errors};
-use crate::{diagnose, log, model, pipeline, simulate, table};
+use crate::{design, diagnose, log, model, pipeline, simulate, table};
 use std::path::Path;
 
 /// The configuration files and their schemas.
@@ -13,6 +13,7 @@ fn schemas() -> Vec<(&'static str, String)> {
         ("pipeline", schema_text::<pipeline::Settings>("Pipeline file")),
         ("channels", schema_text::<log::ChannelMap>("Channel map")),
         ("campaign", schema_text::<simulate::Settings>("Simulated campaign")),
+        ("design", schema_text::<design::Settings>("Study of input designs")),
         ("model", schema_text::<model::file::ModelFile>("Model file")),
         ("aircraft", schema_text::<model::Constants>("Constants of the aircraft")),
         ("effect", schema_text::<diagnose::effect::file::EffectFile>("Candidate effect")),

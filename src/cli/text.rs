@@ -14,6 +14,7 @@ The files of a campaign:
   aircraft.toml     constants with unit, sd and source
   *.model.toml      models: equations, parameters, outputs
   campaign.toml     optional: a simulated campaign that makes the logs
+  design.toml       optional: a study of inputs that could be flown
 
 A first contact with your own logs:
   koehler inspect logs/flight-01.mcap     see topics, fields and rates
@@ -83,6 +84,23 @@ Logs that are there already are left alone unless --force is given. `koehler run
 
 Example:
   koehler simulate pipelines/citation/campaign.toml";
+
+pub const DESIGN: &str = "\
+A study file names a simulated campaign (its truth model flies, its sensors record), the models that are estimated, and designs: kind, unit
+times, amplitudes, polarities, repeats; a list stands for one design each. Every design is flown once and recorded `seeds` times, each time
+with new noise, and every recording is estimated. The designs are ranked by the trace of the Cramer-Rao bound, smallest first; one that
+leaves a parameter undetermined comes last. OUT/designs/ has, per estimate and design: estimates, errors, scatter between recordings,
+standard deviations, trace, determinant, and how far airspeed, attitude, load factor, angle of attack and servo current went.
+
+With `optimise = true` and a [search] section, durations of alternating steps are searched within limits of these excursions.
+
+Examples:
+  koehler design pipelines/citation/design.toml
+  koehler design pipelines/citation/design.toml --out trial --jobs 2
+docs/design.md says what stands in a study file, and how to read the ranks.
+
+Exit codes: 0 every design was flown, 1 some could not be flown (each is named with its line; the others are ranked), 2 configuration or
+usage error.";
 
 pub const SCHEMA: &str = "\
 Examples:

@@ -11,6 +11,7 @@ pub mod flight;
 mod guess;
 pub mod import;
 pub mod inspect;
+mod recorded;
 mod series;
 mod signal;
 pub mod starter;
@@ -24,6 +25,7 @@ pub use agree::{Look, Mistake, look};
 pub use channel_map::{ChannelMap, SignalMap, TimeZero};
 pub use file::LogFile;
 pub use flight::{FlightLog, SignalLog, read_flight};
+pub use recorded::Recorded;
 pub use series::{Account, Series};
 pub use write::{FieldSpec, LogWriter, Stream, TopicId};
 

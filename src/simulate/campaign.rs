@@ -41,6 +41,14 @@ impl Campaign {
     /// # Errors
     /// Every mistake in these files.
     pub fn load(path: &Path) -> std::result::Result<Campaign, Errors> {
+        Campaign::load_with(path, &Constants::default())
+    }
+
+    /// The same, with other values of constants of the truth model than its files have.
+    ///
+    /// # Errors
+    /// As `load`.
+    pub fn load_with(path: &Path, other: &Constants) -> std::result::Result<Campaign, Errors> {
         let (settings, doc) = config::load::<Settings>(path)?;
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
         let mut errors = Errors::default();
@@ -50,6 +58,7 @@ impl Campaign {
                 constants.0.extend(more.0);
             }
         }
+        constants.0.extend(other.0.clone());
         // A model without all of its constants would only repeat what is wrong with their files.
         let model = if errors.is_empty() {
             errors.take(Model::load(&folder.join(&settings.truth), &constants))

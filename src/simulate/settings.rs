@@ -237,7 +237,7 @@ fn default_polarity() -> i8 {
 /// One flight: starts trimmed at its first test point and goes through the test points in order. A
 /// flight without test points (a test on the ground) has `events`, or `duration_s`, alone: its
 /// commanded airspeed is 0, and it starts in the steady condition of the truth model for that.
-#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Flight {
     /// Pressure altitude of the test points that have none of their own, ft. A flight without test

@@ -121,7 +121,7 @@ impl Columns {
     }
 
     /// With one more column.
-    pub(in crate::stage) fn put(&mut self, name: &str, unit: &str) {
+    pub fn put(&mut self, name: &str, unit: &str) {
         let signal = self.all.get(name).and_then(|c| c.signal.clone());
         self.all.insert(name.to_string(), Column { unit: unit.to_string(), signal, made: true });
     }

@@ -44,10 +44,12 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 }
 
 /// A column of the samples table.
-struct Column {
-    unit: String,
-    doc: String,
-    values: Vec<f64>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    pub unit: String,
+    pub doc: String,
+    /// SI, one per point of the grid; NaN where it is not known.
+    pub values: Vec<f64>,
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
@@ -125,7 +127,10 @@ fn add_flight_path(
 }
 
 /// Adds the outputs of the model, wherever all its inputs have values.
-fn add_model(
+///
+/// # Errors
+/// The model has states.
+pub fn add_model(
     model: &Model,
     inputs: &[String],
     grid: &Grid,
@@ -168,12 +173,12 @@ fn add_model(
 }
 
 /// Points of the grid in a window of so many seconds: an odd number, enough for a cubic.
-fn points(window: f64, dt: f64) -> usize {
+pub fn points(window: f64, dt: f64) -> usize {
     (2 * libm::round(window / dt / 2.0) as usize + 1).max(5)
 }
 
 /// The usual spacing of ascending times, s: the median.
-fn spacing(t: &[f64]) -> f64 {
+pub fn spacing(t: &[f64]) -> f64 {
     let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)

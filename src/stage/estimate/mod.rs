@@ -6,7 +6,7 @@ pub mod chosen;
 mod config;
 mod names;
 pub(super) mod ready;
-mod records;
+pub mod records;
 mod settings;
 mod stretches;
 mod tables;

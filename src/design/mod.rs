@@ -1,0 +1,39 @@
+//! A study of input designs in; every design flown by a campaign's truth model, recorded by its
+//! sensors, estimated, and ranked by the Cramer-Rao bound of what was estimated, out.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `settings` | the study file |
+//! | `rows` | designs that a list of the study file stands for |
+//! | `study` | the study file with everything it names, checked |
+//! | `check` | the mistakes that the schema cannot find |
+//! | `columns` | a recording as columns of one grid, as a model asks for them |
+//! | `flown` | a design flown: its true signals, how far they went |
+//! | `estimated` | one recording of a design, estimated |
+//! | `judged` | the estimates of all recordings of a design together; ranks |
+//! | `work` | all designs, all recordings, on the threads there are |
+//! | `search` | durations of steps that are better than the designs given |
+//! | `tables` | the table `designs` |
+
+mod check;
+mod columns;
+mod estimated;
+mod flown;
+mod judged;
+mod rows;
+mod search;
+mod settings;
+mod study;
+mod tables;
+#[cfg(test)]
+mod tests;
+mod work;
+
+pub use flown::Excursions;
+pub use judged::{Judged, Outcome, Summary};
+pub use rows::Design;
+pub use search::Found;
+pub use settings::Settings;
+pub use study::Study;
+pub use tables::designs;
+pub use work::{Results, run};
