@@ -35,7 +35,9 @@ pub fn design(study: &Path, out: Option<PathBuf>, jobs: Option<usize>) -> Result
 
 fn bar() -> ProgressBar {
     let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{prefix:<12} {bar:30} {pos:>5}/{len} {elapsed:>4}") {
+    if let Ok(style) =
+        ProgressStyle::with_template("{prefix:<12} {bar:30} {pos:>5}/{len} {elapsed:>4}")
+    {
         bar.set_style(style);
     }
     bar.set_prefix("design");
@@ -92,7 +94,9 @@ fn line(judged: &Judged, largest: f64) -> String {
         shown(x[5], 2)
     );
     let bar = match judged.outcome {
-        Outcome::Determined => "#".repeat((WIDTH * judged.trace / largest).round().max(1.0) as usize),
+        Outcome::Determined => {
+            "#".repeat((WIDTH * judged.trace / largest).round().max(1.0) as usize)
+        }
         other if judged.why.is_empty() => other.word().to_string(),
         other => format!("{}: {}", other.word(), judged.why),
     };
@@ -105,9 +109,8 @@ fn moved(results: &Results) -> Vec<String> {
     let of = |other: &Vec<Judged>| {
         let pairs = first.iter().zip(other).filter(|(a, b)| a.rank != b.rank);
         let rank = |j: &Judged| j.rank.map_or("-".to_string(), |r| r.to_string());
-        let moved: Vec<String> = pairs
-            .map(|(a, b)| format!("{} {} -> {}", a.design.name, rank(a), rank(b)))
-            .collect();
+        let moved: Vec<String> =
+            pairs.map(|(a, b)| format!("{} {} -> {}", a.design.name, rank(a), rank(b))).collect();
         let [a, b] = [first, other].map(|all| all.first().map_or("", |j| j.estimate.as_str()));
         if moved.is_empty() {
             format!("\nno design has another rank under {b} than under {a}")

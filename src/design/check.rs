@@ -20,7 +20,8 @@ pub fn designs(settings: &Settings, designs: &[Design], doc: &Doc) -> Errors {
     for (i, row) in settings.row.iter().enumerate() {
         let key = format!("row.{i}");
         if !designs.iter().any(|d| d.key == key) {
-            errors.push(doc.error(&key, format!("an empty list stands for no design: {}", row.kind)));
+            errors
+                .push(doc.error(&key, format!("an empty list stands for no design: {}", row.kind)));
         }
     }
     if settings.row.is_empty() {

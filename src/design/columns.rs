@@ -26,7 +26,12 @@ impl Samples {
     /// # Errors
     /// A signal of the channel map is not recorded (the check of the study says so before), or a
     /// filter cannot be made.
-    pub fn of(study: &Study, recording: &Recording, start_ns: u64, duration: f64) -> Result<Samples> {
+    pub fn of(
+        study: &Study,
+        recording: &Recording,
+        start_ns: u64,
+        duration: f64,
+    ) -> Result<Samples> {
         let settings = &study.settings.grid;
         let grid = Grid::covering(0.0, duration, 1.0 / settings.rate_hz);
         let map = &study.channels.map;

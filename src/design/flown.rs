@@ -45,7 +45,8 @@ pub fn fly(study: &Study, campaign: &Campaign, design: &Design) -> Result<Flown>
     let first = truth.maneuvers.first().map_or(0.0, |m| m.t_start_s);
     let before = truth.at(first - truth.dt);
     let value = |output: &String| before.get(output.as_str()).copied().unwrap_or(f64::NAN);
-    let values = settings.true_values.iter().map(|(p, output)| (p.clone(), value(output))).collect();
+    let values =
+        settings.true_values.iter().map(|(p, output)| (p.clone(), value(output))).collect();
     let facts = Facts {
         duration: truth.maneuvers.first().map_or(0.0, |m| m.t_end_s - m.t_start_s),
         excursions: excursions(settings, &truth),

@@ -92,8 +92,9 @@ pub fn judge(
         _ if good.len() < runs.len() => Outcome::Partly,
         _ => Outcome::Determined,
     };
-    let parameters: Vec<Summary> =
-        (0..good.first().map_or(0, |run| run.parameters.len())).map(|p| summary(&good, p, facts.as_ref())).collect();
+    let parameters: Vec<Summary> = (0..good.first().map_or(0, |run| run.parameters.len()))
+        .map(|p| summary(&good, p, facts.as_ref()))
+        .collect();
     let mut reasons: Vec<&str> = Vec::new();
     for run in runs.iter().filter(|run| run.trace.is_none()) {
         let reason = if run.why.is_empty() { run.stop.as_str() } else { run.why.as_str() };
@@ -116,7 +117,11 @@ pub fn judge(
         determined: good.len(),
         trace: mean(good.iter().filter_map(|run| run.trace)),
         determinant: mean(good.iter().filter_map(|run| run.determinant)),
-        squared_error: if good.is_empty() { f64::NAN } else { (0..parameters.len()).map(mean_square).sum() },
+        squared_error: if good.is_empty() {
+            f64::NAN
+        } else {
+            (0..parameters.len()).map(mean_square).sum()
+        },
         parameters,
         why: reasons.join("; "),
         facts,
@@ -137,7 +142,11 @@ fn summary(good: &[&Run], p: usize, facts: Option<&Facts>) -> Summary {
         unit: first.unit.clone(),
         mean: middle,
         error: middle - truth,
-        scatter: if values.len() < 2 { f64::NAN } else { (squares / (values.len() - 1) as f64).sqrt() },
+        scatter: if values.len() < 2 {
+            f64::NAN
+        } else {
+            (squares / (values.len() - 1) as f64).sqrt()
+        },
         crlb: rms(|p| p.crlb),
         sd: rms(|p| p.sd),
     }

@@ -48,7 +48,7 @@ pub fn expand(rows: &[Row], input: &str) -> Vec<Design> {
         let mut of_row = combinations(row, input, &format!("row.{i}"));
         let several = of_row.len() > 1;
         for (k, design) in of_row.iter_mut().enumerate() {
-            let number = format!("{:02}", designs.len() + k + 1);
+            let number = format!("d{:02}", designs.len() + k + 1);
             design.name = match &row.name {
                 Some(name) if several => format!("{name}-{}", k + 1),
                 Some(name) => name.clone(),

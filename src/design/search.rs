@@ -17,6 +17,9 @@ const WORTH: f64 = 0.1;
 /// Name of the design that is recorded again.
 const NAME: &str = "searched";
 
+/// Durations of steps, s, and the sign of the first one.
+type Steps = (Vec<f64>, i8);
+
 /// What a search found.
 #[derive(Debug)]
 pub struct Found {
@@ -25,8 +28,10 @@ pub struct Found {
     pub allowed: usize,
     /// Name and trace of the best 3211 of the study that keeps the limits.
     pub reference: Option<(String, f64)>,
-    /// The durations of the best try, s, and its trace in recordings of its own.
+    /// The durations of the best try, s, the sign of its first step, and its trace in recordings of
+    /// its own.
     pub durations: Vec<f64>,
+    pub polarity: i8,
     pub trace: f64,
     /// The best try, recorded again.
     pub best: Option<(Design, Tried)>,
@@ -41,17 +46,27 @@ impl Found {
     /// What was found, in one sentence.
     pub fn words(&self) -> String {
         let tries = format!("{} tries, {} of them within the limits", self.tries, self.allowed);
+        let sign = if self.polarity < 0 { "negative first" } else { "positive first" };
         let steps: Vec<String> = self.durations.iter().map(|d| format!("{d:.2}")).collect();
         let steps = steps.join(", ");
         match &self.reference {
             None => format!("search: no 3211 of the study keeps the limits ({tries})"),
             Some((name, _)) if self.best.is_none() => {
-                format!("search: none was found that keeps the limits and is determined, to hold against {name} ({tries})")
+                format!(
+                    "search: none was found that keeps the limits and is determined, to hold against {name} ({tries})"
+                )
             }
             Some((name, trace)) => {
                 let share = 100.0 * (self.trace / trace - 1.0);
-                let said = if self.is_better() { "found" } else { "none was found 10 % below the best 3211" };
-                format!("search: {said}: steps of {steps} s have a trace of {:.3e}, {share:+.0} % against {name} ({tries})", self.trace)
+                let said = if self.is_better() {
+                    "found"
+                } else {
+                    "none was found 10 % below the best 3211"
+                };
+                format!(
+                    "search: {said}: steps of {steps} s, {sign}, have a trace of {:.3e}, {share:+.0} % against {name} ({tries})",
+                    self.trace
+                )
             }
         }
     }
@@ -70,7 +85,7 @@ pub fn search(
     let at = study.estimates.iter().position(|e| e.name == settings.estimate).unwrap_or(0);
     let reference = best_3211(study, settings, &judged[at]);
     let mut stream = Stream::new(study.settings.seed, &["design", "search"]);
-    let (mut best, mut allowed, mut tries) = (None::<(f64, Vec<f64>)>, 0, 0);
+    let (mut best, mut allowed, mut tries) = (None::<(f64, Steps)>, 0, 0);
     let most = settings.tries as usize;
     while tries < most {
         let n = TOGETHER.min(most - tries);
@@ -79,34 +94,34 @@ pub fn search(
         let spread = 0.5 * libm::pow(0.1, (2.0 * tries as f64 / most as f64 - 1.0).max(0.0));
         let mut designs = Vec::new();
         for k in 0..n {
-            let near = best.as_ref().filter(|_| !wide).map(|(_, d)| d.as_slice());
-            let durations = candidate(settings, near, spread, study, &mut stream);
-            designs.push((design(study, settings, &durations, &format!("try-{}", tries + k)), durations));
+            let near = best.as_ref().filter(|_| !wide).map(|(_, steps)| steps);
+            let steps = candidate(settings, near, spread, study, &mut stream);
+            designs.push((design(study, settings, &steps, &format!("try-{}", tries + k)), steps));
         }
         let flown: Vec<Design> = designs.iter().map(|d| d.0.clone()).collect();
         let tried = fly_all(study, &flown, settings.seeds, &|_, _| {})?;
         let results = &judge_all(study, &flown, &tried)[at];
-        for (result, (_, durations)) in results.iter().zip(designs) {
+        for (result, (_, steps)) in results.iter().zip(designs) {
             if !keeps(study, settings, result) {
                 continue;
             }
             allowed += 1;
             if best.as_ref().is_none_or(|(trace, _)| result.trace < *trace) {
-                best = Some((result.trace, durations));
+                best = Some((result.trace, steps));
             }
         }
         tries += n;
         watch(tries, most);
     }
-    let mut found =
-        Found { tries, allowed, reference, durations: Vec::new(), trace: f64::NAN, best: None };
-    if let Some((_, durations)) = best {
+    let (durations, polarity, trace) = (Vec::new(), 1, f64::NAN);
+    let mut found = Found { tries, allowed, reference, durations, polarity, trace, best: None };
+    if let Some((_, steps)) = best {
         // The best of many noisy traces is too good: it is recorded again.
-        let design = design(study, settings, &durations, NAME);
+        let design = design(study, settings, &steps, NAME);
         let mut tried = fly_all(study, std::slice::from_ref(&design), study.settings.seeds, watch)?;
         found.trace = judge_all(study, std::slice::from_ref(&design), &tried)[at][0].trace;
         found.best = tried.pop().map(|tried| (design, tried));
-        found.durations = durations;
+        (found.durations, found.polarity) = steps;
     }
     Ok(found)
 }
@@ -127,18 +142,19 @@ fn best_3211(study: &Study, settings: &Search, judged: &[Judged]) -> Option<(Str
         .map(|j| (j.design.name.clone(), j.trace))
 }
 
-/// Durations anywhere between the ends (evenly in their logarithm), or around others; too long ones
-/// are shortened alike. On the grid of the truth.
+/// Durations anywhere between the ends (evenly in their logarithm) and a sign, or durations around
+/// others; too long ones are shortened alike. On the grid of the truth.
 fn candidate(
     settings: &Search,
-    near: Option<&[f64]>,
+    near: Option<&Steps>,
     spread: f64,
     study: &Study,
     stream: &mut Stream,
-) -> Vec<f64> {
+) -> Steps {
     let [low, high] = settings.step_s;
+    let drawn = if stream.uniform() < 0.5 { -1 } else { 1 };
     let one = |k: usize, stream: &mut Stream| match near {
-        Some(near) => near[k] * libm::exp(spread * stream.normal()),
+        Some((near, _)) => near[k] * libm::exp(spread * stream.normal()),
         None => low * libm::pow(high / low, stream.uniform()),
     };
     let mut durations: Vec<f64> =
@@ -148,12 +164,12 @@ fn candidate(
     for d in &mut durations {
         *d = ((*d / long.max(1.0)).max(low) * rate).floor().max(1.0) / rate;
     }
-    durations
+    (durations, near.map_or(drawn, |(_, polarity)| *polarity))
 }
 
 /// Steps of these durations with alternating signs, as a profile: the level changes just before a
 /// grid point of the truth, which then has the new one.
-fn design(study: &Study, settings: &Search, durations: &[f64], name: &str) -> Design {
+fn design(study: &Study, settings: &Search, (durations, polarity): &Steps, name: &str) -> Design {
     const BEFORE: [f64; 2] = [2e-6, 1e-6];
     let (mut times, mut values) = (vec![0.0], vec![settings.amplitude]);
     let (mut end, mut level) = (0.0, settings.amplitude);
@@ -174,7 +190,7 @@ fn design(study: &Study, settings: &Search, durations: &[f64], name: &str) -> De
         unit_time_s: None,
         amplitude: None,
         amplitudes: None,
-        polarity: 1,
+        polarity: *polarity,
         edge_s: 0.0,
         duration_s: None,
         band_hz: None,

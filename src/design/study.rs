@@ -20,7 +20,7 @@ pub struct Study {
     pub settings: Settings,
     /// Where its keys stand.
     pub doc: Doc,
-    /// The truth, with one flight per design.
+    /// The truth and its sensors; the flights are those of `flying`.
     pub campaign: Campaign,
     /// Which topic and field is which signal.
     pub channels: Channels,
@@ -52,7 +52,8 @@ impl Study {
     pub fn load(path: &Path) -> Result<Study, Errors> {
         let (settings, doc) = config::load::<Settings>(path)?;
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
-        let mut reader = Reader { settings: &settings, doc: &doc, folder, errors: Errors::default() };
+        let mut reader =
+            Reader { settings: &settings, doc: &doc, folder, errors: Errors::default() };
         let campaign = reader.campaign();
         let channels = reader.channels();
         let constants = reader.constants();
@@ -67,40 +68,34 @@ impl Study {
         let columns = reader.columns(channels.as_ref());
         let estimates = reader.estimates(constants.as_ref(), channels.as_ref(), &columns);
         reader.errors.0.extend(check::search(&settings, &doc).0);
-        let (errors, none) = (reader.errors, Errors::default);
+        let errors = reader.errors;
         let (Some(campaign), Some(channels)) = (campaign, channels) else { return Err(errors) };
-        let designs = errors.or(designs)?;
-        let campaign = flying(&campaign, &settings, &designs);
-        none().or(Study { settings, doc, campaign, channels, designs, estimates })
+        errors.or(())?;
+        Ok(Study { settings, doc, campaign, channels, designs, estimates })
     }
 
-    /// With other designs in place of its own.
-    pub fn with_designs(&self, designs: &[Design]) -> Campaign {
-        flying(&self.campaign, &self.settings, designs)
+    /// The campaign with one flight per design, of the design's name, at the study's test point.
+    pub fn flying(&self, designs: &[Design]) -> Campaign {
+        let (settings, mut own) = (&self.settings, self.campaign.settings.clone());
+        own.flights.clear();
+        for design in designs {
+            own.maneuvers.insert(design.name.clone(), design.maneuver.clone());
+            let flight = Flight {
+                altitude_ft: Some(settings.altitude_ft),
+                speeds_kt: vec![settings.speed_kt],
+                at_each: vec![design.name.clone(); design.repeats as usize],
+                turbulence: settings.turbulence,
+                ..Flight::default()
+            };
+            own.flights.insert(design.name.clone(), flight);
+        }
+        Campaign::new(own, self.campaign.folder.clone(), self.campaign.model.clone())
     }
 
     /// Where a design stands in the study file.
     pub fn place(&self, design: &Design) -> Place {
         self.doc.place(&design.key)
     }
-}
-
-/// The campaign with one flight per design, of the design's name, at the study's test point.
-fn flying(campaign: &Campaign, settings: &Settings, designs: &[Design]) -> Campaign {
-    let mut own = campaign.settings.clone();
-    own.flights.clear();
-    for design in designs {
-        own.maneuvers.insert(design.name.clone(), design.maneuver.clone());
-        let flight = Flight {
-            altitude_ft: Some(settings.altitude_ft),
-            speeds_kt: vec![settings.speed_kt],
-            at_each: vec![design.name.clone(); design.repeats as usize],
-            turbulence: settings.turbulence,
-            ..Flight::default()
-        };
-        own.flights.insert(design.name.clone(), flight);
-    }
-    Campaign::new(own, campaign.folder.clone(), campaign.model.clone())
 }
 
 /// Reads what the study file names and files the mistakes.

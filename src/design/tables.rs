@@ -36,7 +36,10 @@ pub fn designs(results: &Results) -> Result<Table> {
         .strings("kind", all.iter().map(|j| &j.design.maneuver.kind))
         .f64("unit_time_s", number(&|j| j.design.maneuver.unit_time_s.unwrap_or(f64::NAN)))
         .f64("amplitude", number(&amplitude))
-        .i64("polarity", all.iter().map(|j| i64::from(j.design.maneuver.polarity)).collect::<Vec<_>>())
+        .i64(
+            "polarity",
+            all.iter().map(|j| i64::from(j.design.maneuver.polarity)).collect::<Vec<_>>(),
+        )
         .i64("repeats", all.iter().map(|j| i64::from(j.design.repeats)).collect::<Vec<_>>())
         .f64("duration_s", number(&|j| j.facts.as_ref().map_or(f64::NAN, |f| f.duration)))
         .opt_i64("rank", all.iter().map(|j| j.rank.map(|r| r as i64)).collect::<Vec<_>>())
@@ -57,7 +60,8 @@ pub fn designs(results: &Results) -> Result<Table> {
         let of = |j: &Judged| j.parameters.iter().find(|p| p.name == name).cloned();
         for (ending, doc, value) in TOLD {
             let column = number(&|j| of(j).map_or(f64::NAN, |p| value(&p)));
-            table = table.dynamic(&format!("{name}{ending}"), &unit, &format!("{name}: {doc}"), column);
+            table =
+                table.dynamic(&format!("{name}{ending}"), &unit, &format!("{name}: {doc}"), column);
         }
     }
     table.finish()?.sorted(&["estimate", "design"])

@@ -67,7 +67,7 @@ pub fn fly_all(
     seeds: u32,
     watch: Watch,
 ) -> Result<Vec<Tried>, Errors> {
-    let campaign = study.with_designs(designs);
+    let campaign = study.flying(designs);
     let all = designs.len() * seeds as usize;
     let done = AtomicUsize::new(0);
     let step = |n: usize| watch(done.fetch_add(n, Ordering::Relaxed) + n, all);

@@ -162,8 +162,10 @@ const THREADS: [(&str, &str); 24] = [
 ];
 
 /// Whole flights that are not handed to the engine.
-const FLIGHTS: [(&str, &str); 1] =
-    [("simulate/campaign.rs", "a simulated campaign is written where its file is")];
+const FLIGHTS: [(&str, &str); 2] = [
+    ("simulate/campaign.rs", "a simulated campaign is written where its file is"),
+    ("design/work.rs", "designs and recordings of a study, which are simulated where its file is"),
+];
 
 #[test]
 fn threads_are_called_where_the_list_says() {

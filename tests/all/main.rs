@@ -6,6 +6,7 @@ mod campaign;
 mod chosen;
 mod closure;
 mod coverage;
+mod design;
 mod diagnosis;
 mod dlc;
 mod engines;
