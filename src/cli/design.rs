@@ -6,7 +6,7 @@ use super::summary::count;
 use super::words::{End, on_threads, print_errors, say};
 use crate::design::{self, Judged, Outcome, Results, Study};
 use crate::error::Errors;
-use crate::table::write_part;
+use crate::table::{write_atomic, write_part};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -27,9 +27,12 @@ pub fn design(study: &Path, out: Option<PathBuf>, jobs: Option<usize>) -> Result
         bar.finish_and_clear();
     }
     let path = write_part(&out, &design::designs(&results)?, None, 0)?;
+    let page = out.join("figures.html");
+    write_atomic(&page, design::page(&study, &results)?.as_bytes())?;
     print_errors(&results.errors);
     print(&study, &results);
-    say(&format!("\ntable: {}", path.display()));
+    say(&format!("\nfigures: {}", page.display()));
+    say(&format!("table: {}", path.display()));
     Ok(if results.errors.is_empty() { End::Complete } else { End::Partial })
 }
 

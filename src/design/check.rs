@@ -27,7 +27,9 @@ pub fn designs(settings: &Settings, designs: &[Design], doc: &Doc) -> Errors {
     if settings.row.is_empty() {
         errors.push(doc.error("row", "the study has no design").help("add one: [[row]]"));
     }
-    let mut names: Vec<&str> = Vec::new();
+    // what a search finds has its name in the table
+    let mut names: Vec<&str> =
+        if settings.optimise { vec![super::search::NAME] } else { Vec::new() };
     for design in designs {
         let mistakes = Shape::of(&design.maneuver).err().unwrap_or_default();
         for (key, what) in mistakes {
@@ -109,6 +111,22 @@ pub fn recorded(
             settings.channels, signal.field, signal.topic, settings.campaign
         );
         errors.push(doc.error("channels", what));
+    }
+    errors
+}
+
+/// Parameters whose true values are told: some model has them. Nothing is said while a model has
+/// mistakes of its own.
+pub fn true_values(settings: &Settings, estimates: &[Prepared], doc: &Doc) -> Errors {
+    let mut errors = Errors::default();
+    if estimates.len() < settings.estimate.len() {
+        return errors;
+    }
+    let names = estimates.iter().flat_map(|e| &e.model.parameters);
+    let names: Vec<&str> = names.map(|p| p.quantity.name.as_str()).collect();
+    for name in settings.true_values.keys().filter(|name| !names.contains(&name.as_str())) {
+        let key = format!("true_values.{name}");
+        errors.push(unknown(doc, &key, "parameter of an estimated model", name, &names));
     }
     errors
 }

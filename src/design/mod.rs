@@ -14,10 +14,12 @@
 //! | `work` | all designs, all recordings, on the threads there are |
 //! | `search` | durations of steps that are better than the designs given |
 //! | `tables` | the table `designs` |
+//! | `figures` | the page with its figures |
 
 mod check;
 mod columns;
 mod estimated;
+mod figures;
 mod flown;
 mod judged;
 mod rows;
@@ -29,6 +31,7 @@ mod tables;
 mod tests;
 mod work;
 
+pub use figures::page;
 pub use flown::Excursions;
 pub use judged::{Judged, Outcome, Summary};
 pub use rows::Design;

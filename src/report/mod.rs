@@ -121,6 +121,14 @@ pub fn page(input: &ReportInput) -> Result<String> {
     page_with(SECTIONS.iter().chain(input.more.iter().copied()), input)
 }
 
+/// A page with figures alone: those of the table `figures`.
+///
+/// # Errors
+/// As `page`.
+pub fn of_figures(input: &ReportInput) -> Result<String> {
+    page_of([&figures::SECTION], input, false)
+}
+
 /// The answers to "can these results be trusted?", in the order of the processing: tables by name
 /// in, as the page shows them out.
 pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
@@ -144,6 +152,15 @@ fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String
 fn page_with(
     sections: impl IntoIterator<Item = &'static Section>,
     input: &ReportInput,
+) -> Result<String> {
+    page_of(sections, input, true)
+}
+
+/// With the counts of a campaign and what its numbers mean at the top, or without.
+fn page_of(
+    sections: impl IntoIterator<Item = &'static Section>,
+    input: &ReportInput,
+    of_campaign: bool,
 ) -> Result<String> {
     let sections: Vec<&'static Section> = sections.into_iter().collect();
     let named: Vec<&str> = sections.iter().flat_map(|s| s.tables).copied().collect();
@@ -172,8 +189,8 @@ fn page_with(
     let page = Page {
         title: &input.title,
         subtitle: &input.subtitle,
-        tiles: checks::tiles(&given(&checks::SECTION)),
-        meaning: format::MEANING,
+        tiles: if of_campaign { checks::tiles(&given(&checks::SECTION)) } else { Vec::new() },
+        meaning: if of_campaign { format::MEANING } else { "" },
         sections: built,
         data: object(&plots),
         style: include_str!("html/page.css"),
