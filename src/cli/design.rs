@@ -61,8 +61,12 @@ fn print(study: &Study, results: &Results) {
             count(study.settings.seeds as usize, "recording"),
         ));
         say(&format!(
-            "{:>4}  {:<10} {:<34} {:>9}  {:>8} {:>6} {:>6} {:>6} {:>6}",
-            "rank", "design", "", "trace", "airspeed", "pitch", "alpha", "load", "amp"
+            "{:>4}  {:<10} {:<42} {:>9} {:>9} {:>8} {:>6} {:>6} {:>6} {:>6}",
+            "", "", "", "", "squared", "airspeed", "pitch", "alpha", "load", "servo"
+        ));
+        say(&format!(
+            "{:>4}  {:<10} {:<42} {:>9} {:>9} {:>8} {:>6} {:>6} {:>6} {:>6}",
+            "rank", "design", "", "trace", "error", "m/s", "deg", "deg", "factor", "A"
         ));
         let largest = judged.iter().map(|j| j.trace).filter(|t| t.is_finite()).fold(0.0, f64::max);
         order.iter().for_each(|j| say(&line(j, largest)));
@@ -82,14 +86,16 @@ fn print(study: &Study, results: &Results) {
 fn line(judged: &Judged, largest: f64) -> String {
     const WIDTH: f64 = 30.0;
     let rank = judged.rank.map_or("-".to_string(), |r| r.to_string());
-    let head = format!("{rank:>4}  {:<10} {:<34}", judged.design.name, judged.design.words());
+    let head = format!("{rank:>4}  {:<10} {:<42}", judged.design.name, judged.design.words());
     let x = judged.facts.as_ref().map_or([f64::NAN; 6], |f| f.excursions.0);
     let shown = |value: f64, digits: usize| {
         if value.is_finite() { format!("{value:.digits$}") } else { "-".to_string() }
     };
-    let trace = if judged.trace.is_finite() { format!("{:.3e}", judged.trace) } else { "-".into() };
+    let small =
+        |value: f64| if value.is_finite() { format!("{value:.3e}") } else { "-".to_string() };
+    let (trace, error) = (small(judged.trace), small(judged.squared_error));
     let numbers = format!(
-        "{trace:>9}  {:>8} {:>6} {:>6} {:>6} {:>6}",
+        "{trace:>9} {error:>9} {:>8} {:>6} {:>6} {:>6} {:>6}",
         shown(x[0], 2),
         shown(x[1].to_degrees(), 1),
         shown(x[4].to_degrees(), 1),

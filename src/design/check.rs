@@ -1,8 +1,9 @@
 //! A study file and what it names in; the mistakes that its schema cannot find, at their places, out.
 
-use super::rows::Design;
-use super::settings::{Estimate, Limits, Settings, Watch};
-use super::study::Prepared;
+use super::prepared::Prepared;
+use super::rows::{Design, SEARCHED};
+use super::settings::{Estimate, Settings};
+use super::watch::{Limits, watched};
 use crate::config::Doc;
 use crate::error::Errors;
 use crate::estimate;
@@ -11,7 +12,6 @@ use crate::simulate::{Campaign, Shape};
 use crate::stage::Channels;
 use crate::stage::check::{Columns, agree, drivers, unknown};
 use crate::table::check_flight;
-use crate::units::{Dim, Unit};
 use indexmap::IndexMap;
 
 /// Signals, names and numbers of the designs.
@@ -28,8 +28,7 @@ pub fn designs(settings: &Settings, designs: &[Design], doc: &Doc) -> Errors {
         errors.push(doc.error("row", "the study has no design").help("add one: [[row]]"));
     }
     // what a search finds has its name in the table
-    let mut names: Vec<&str> =
-        if settings.optimise { vec![super::search::NAME] } else { Vec::new() };
+    let mut names: Vec<&str> = if settings.optimise { vec![SEARCHED] } else { Vec::new() };
     for design in designs {
         let mistakes = Shape::of(&design.maneuver).err().unwrap_or_default();
         for (key, what) in mistakes {
@@ -169,27 +168,6 @@ pub fn search(settings: &Settings, doc: &Doc) -> Errors {
         }
     }
     errors
-}
-
-/// Excursions by name: the signal, and the limit.
-pub fn watched<'a>(
-    watch: &'a Watch,
-    limits: &Limits,
-) -> [(&'static str, Option<&'a str>, Option<f64>); 6] {
-    [
-        ("airspeed", watch.airspeed.as_deref(), limits.airspeed),
-        ("pitch", watch.pitch.as_deref(), limits.pitch),
-        ("bank", watch.bank.as_deref(), limits.bank),
-        ("load_factor", watch.load_factor.as_deref(), limits.load_factor),
-        ("alpha", watch.alpha.as_deref(), limits.alpha),
-        ("current", watch.current.as_deref(), limits.current),
-    ]
-}
-
-/// The unit of the rate of something in `unit`.
-pub fn per_second(unit: &str) -> String {
-    let second = Unit::parse("s").map_or(Dim::NONE, |u| u.dim);
-    Unit::parse(unit).map_or(Dim::NONE, |u| u.dim.over(second)).to_string()
 }
 
 /// An estimate with the columns and signals that its models ask for.

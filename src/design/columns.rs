@@ -1,8 +1,9 @@
 //! A recording of a flight in; its signals, and what an estimate derives from them around one
 //! maneuver, on one grid out.
 
-use super::settings::Grid as GridSettings;
-use super::study::{Prepared, Study};
+use super::prepared::Prepared;
+use super::settings::{Grid as GridSettings, Rate};
+use super::study::Study;
 use crate::error::{Error, Result};
 use crate::log::{Recorded, Series};
 use crate::signal::resample::{Grid, linear};
@@ -98,7 +99,7 @@ fn add_rates(
     for (name, rate) in &settings.rates {
         let filter = SavitzkyGolay::new(points(rate.window_s, grid.dt), 3, 1, grid.dt)?;
         let Some(column) = columns.get(&rate.of) else { continue };
-        let (unit, values) = (super::check::per_second(&column.unit), filter.apply(&column.values));
+        let (unit, values) = (Rate::unit(&column.unit), filter.apply(&column.values));
         columns.insert(name.clone(), Column { unit, doc: String::new(), values });
     }
     Ok(())

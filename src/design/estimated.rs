@@ -2,7 +2,8 @@
 //! estimator gives, out.
 
 use super::columns::Samples;
-use super::study::{Prepared, Study};
+use super::prepared::Prepared;
+use super::study::Study;
 use crate::error::Result;
 use crate::estimate::{Estimation, Row, Segment, Stop, estimate_segments};
 use crate::math::dense::{cholesky, cholesky_log_det};

@@ -1,8 +1,8 @@
 //! The results of a study in; the numbers of its figures, and the page that draws them, out.
 
 use super::judged::Judged;
+use super::results::Results;
 use super::study::Study;
-use super::work::Results;
 use crate::error::Result;
 use crate::report::{self, ReportInput};
 use crate::table::Table;

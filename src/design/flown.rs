@@ -1,11 +1,11 @@
 //! A design in; its flight by the truth model, the true values of the parameters, and how far the
 //! watched signals went, out.
 
-use super::check::watched;
 use super::rows::Design;
-use super::settings::{Limits, Settings};
+use super::settings::Settings;
 use super::study::Study;
-use crate::error::{Error, Result};
+use super::watch::{Limits, watched};
+use crate::error::Result;
 use crate::simulate::{Campaign, Truth};
 use indexmap::IndexMap;
 
@@ -33,14 +33,9 @@ pub struct Facts {
 /// Flies a design.
 ///
 /// # Errors
-/// There is no steady flight at the test point, or the motion diverges: at the place of the design.
+/// There is no steady flight at the test point, or the motion diverges.
 pub fn fly(study: &Study, campaign: &Campaign, design: &Design) -> Result<Flown> {
-    let about = |e: Error| Error {
-        place: Some(study.place(design)),
-        what: format!("design {} ({}): {}", design.name, design.words(), e.what),
-        ..e
-    };
-    let truth = campaign.truth(&design.name).map_err(about)?;
+    let truth = campaign.truth(&design.name)?;
     let settings = &study.settings;
     let first = truth.maneuvers.first().map_or(0.0, |m| m.t_start_s);
     let before = truth.at(first - truth.dt);

@@ -11,7 +11,10 @@
 //! | `flown` | a design flown: its true signals, how far they went |
 //! | `estimated` | one recording of a design, estimated |
 //! | `judged` | the estimates of all recordings of a design together; ranks |
-//! | `work` | all designs, all recordings, on the threads there are |
+//! | `prepared` | an estimate with its models |
+//! | `watch` | true signals that are watched, and their limits |
+//! | `work` | designs and their recordings, on the threads there are |
+//! | `results` | the whole study |
 //! | `search` | durations of steps that are better than the designs given |
 //! | `tables` | the table `designs` |
 //! | `figures` | the page with its figures |
@@ -22,6 +25,8 @@ mod estimated;
 mod figures;
 mod flown;
 mod judged;
+mod prepared;
+mod results;
 mod rows;
 mod search;
 mod settings;
@@ -29,14 +34,15 @@ mod study;
 mod tables;
 #[cfg(test)]
 mod tests;
+mod watch;
 mod work;
 
 pub use figures::page;
 pub use flown::Excursions;
 pub use judged::{Judged, Outcome, Summary};
+pub use results::{Results, run};
 pub use rows::Design;
 pub use search::Found;
 pub use settings::Settings;
 pub use study::Study;
 pub use tables::designs;
-pub use work::{Results, run};

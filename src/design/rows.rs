@@ -3,6 +3,9 @@
 use super::settings::{Each, Row};
 use crate::simulate::Maneuver;
 
+/// Name of the design that a search found.
+pub const SEARCHED: &str = "searched";
+
 /// One input design.
 #[derive(Debug, Clone)]
 pub struct Design {

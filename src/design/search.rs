@@ -2,7 +2,7 @@
 //! trace within the limits, or the number of tries that found none, out.
 
 use super::judged::{Judged, Outcome};
-use super::rows::Design;
+use super::rows::{Design, SEARCHED};
 use super::settings::Search;
 use super::study::Study;
 use super::work::{Tried, Watch, fly_all, judge_all};
@@ -14,8 +14,6 @@ use crate::simulate::{Maneuver, Stream};
 const TOGETHER: usize = 8;
 /// A search is worth a word where the trace is smaller by this share.
 const WORTH: f64 = 0.1;
-/// Name of the design that is recorded again.
-pub const NAME: &str = "searched";
 
 /// Durations of steps, s, and the sign of the first one.
 type Steps = (Vec<f64>, i8);
@@ -75,7 +73,7 @@ impl Found {
 /// Searches: a first half of tries anywhere, a second around the best so far.
 ///
 /// # Errors
-/// As `work::run`.
+/// As `fly_all`.
 pub fn search(
     study: &Study,
     settings: &Search,
@@ -117,7 +115,7 @@ pub fn search(
     let mut found = Found { tries, allowed, reference, durations, polarity, trace, best: None };
     if let Some((_, steps)) = best {
         // The best of many noisy traces is too good: it is recorded again.
-        let design = design(study, settings, &steps, NAME);
+        let design = design(study, settings, &steps, SEARCHED);
         let mut tried = fly_all(study, std::slice::from_ref(&design), study.settings.seeds, watch)?;
         found.trace = judge_all(study, std::slice::from_ref(&design), &tried)[at][0].trace;
         found.best = tried.pop().map(|tried| (design, tried));

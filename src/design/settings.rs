@@ -1,9 +1,11 @@
 //! The study file `design.toml`: which designs are flown, with which truth and sensors, and how they
 //! are estimated.
 
+use super::watch::{Limits, Watch};
 use crate::dynamics::Interpolation;
 use crate::estimate;
 use crate::model::Constants;
+use crate::units::{Dim, Unit};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -134,23 +136,12 @@ pub struct Rate {
     pub window_s: f64,
 }
 
-/// Outputs or inputs of the truth model whose largest departure from their value before the first
-/// step, until the end of what is estimated from, is told.
-#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Watch {
-    /// Airspeed, m/s.
-    pub airspeed: Option<String>,
-    /// Pitch attitude, rad.
-    pub pitch: Option<String>,
-    /// Bank angle, rad.
-    pub bank: Option<String>,
-    /// Load factor.
-    pub load_factor: Option<String>,
-    /// Angle of attack, rad.
-    pub alpha: Option<String>,
-    /// Current of the servo, A.
-    pub current: Option<String>,
+impl Rate {
+    /// Its unit, where the signal is in `unit`.
+    pub fn unit(unit: &str) -> String {
+        let second = Unit::parse("s").map_or(Dim::NONE, |u| u.dim);
+        Unit::parse(unit).map_or(Dim::NONE, |u| u.dim.over(second)).to_string()
+    }
 }
 
 /// A model that is estimated from every design.
@@ -286,22 +277,4 @@ fn default_tries() -> u32 {
 
 fn default_search_seeds() -> u32 {
     4
-}
-
-/// Largest excursions, SI, of the signals of `[watch]`.
-#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Limits {
-    /// Airspeed, m/s.
-    pub airspeed: Option<f64>,
-    /// Pitch attitude, rad.
-    pub pitch: Option<f64>,
-    /// Bank angle, rad.
-    pub bank: Option<f64>,
-    /// Load factor.
-    pub load_factor: Option<f64>,
-    /// Angle of attack, rad.
-    pub alpha: Option<f64>,
-    /// Current of the servo, A.
-    pub current: Option<f64>,
 }

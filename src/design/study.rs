@@ -2,10 +2,11 @@
 //! mistake in any of them, out.
 
 use super::check;
+use super::prepared::Prepared;
 use super::rows::{Design, expand};
-use super::settings::{Estimate, Settings};
+use super::settings::{Rate, Settings};
 use crate::config::{self, Doc};
-use crate::error::{Errors, Place};
+use crate::error::{Error, Errors};
 use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::simulate::{Campaign, Flight};
@@ -28,20 +29,6 @@ pub struct Study {
     pub designs: Vec<Design>,
     /// The estimates, in the order of the file.
     pub estimates: Vec<Prepared>,
-}
-
-/// An estimate with its models.
-#[derive(Debug)]
-pub struct Prepared {
-    pub name: String,
-    pub settings: Estimate,
-    pub model: Model,
-    pub derive: Option<Model>,
-    /// Columns that drive the models, in the order of their inputs.
-    pub inputs: Vec<String>,
-    pub derived_from: Vec<String>,
-    /// Outputs that are scored (index into the model's) and the signals that measure them.
-    pub scored: Vec<(usize, String)>,
 }
 
 impl Study {
@@ -93,9 +80,13 @@ impl Study {
         Campaign::new(own, self.campaign.folder.clone(), self.campaign.model.clone())
     }
 
-    /// Where a design stands in the study file.
-    pub fn place(&self, design: &Design) -> Place {
-        self.doc.place(&design.key)
+    /// What went wrong with a design, at the place of the entry that it comes from.
+    pub fn about(&self, design: &Design, error: Error) -> Error {
+        Error {
+            place: Some(self.doc.place(&design.key)),
+            what: format!("design {} ({}): {}", design.name, design.words(), error.what),
+            ..error
+        }
     }
 }
 
@@ -162,7 +153,7 @@ impl Reader<'_> {
         for (name, rate) in &grid.rates {
             let key = format!("grid.rates.{name}.of");
             let unit = columns.look_up(&rate.of, "signal", self.doc, &key, &mut self.errors);
-            rates.push((name, check::per_second(&unit.unwrap_or_default())));
+            rates.push((name, Rate::unit(&unit.unwrap_or_default())));
         }
         rates.into_iter().for_each(|(name, unit)| columns.put(name, &unit));
         columns

@@ -1,7 +1,7 @@
 //! The results of a study in, the table `designs` out.
 
 use super::judged::{Judged, Summary};
-use super::work::Results;
+use super::results::Results;
 use crate::error::Result;
 use crate::table::Table;
 use indexmap::IndexMap;

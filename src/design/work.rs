@@ -1,29 +1,16 @@
-//! A checked study in; every design flown and every recording of it estimated, in parallel, the
-//! designs ranked, and what could not be flown, out. The results are in the order of the designs,
-//! whatever the number of threads.
+//! Designs in; each flown and every recording of it estimated, in parallel, out. The results are in
+//! the order of the designs, whatever the number of threads.
 
 use super::columns::Samples;
 use super::estimated::{Run, estimated};
 use super::flown::{Facts, fly};
-use super::judged::{Judged, judge, rank};
+use super::judged::{Judged, judge};
 use super::rows::Design;
-use super::search::{Found, search};
 use super::study::Study;
 use crate::error::{Error, Errors};
 use crate::simulate::Campaign;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// What came of a study.
-#[derive(Debug)]
-pub struct Results {
-    /// Per estimate, in the order of the file, the designs in theirs; one that a search found
-    /// stands behind them.
-    pub estimates: Vec<Vec<Judged>>,
-    /// Designs that could not be flown, at their places in the study file.
-    pub errors: Errors,
-    pub found: Option<Found>,
-}
 
 /// A design that was flown, with the estimates of its recordings, per estimate.
 pub type Tried = Result<(Facts, Vec<Vec<Run>>), Error>;
@@ -31,36 +18,11 @@ pub type Tried = Result<(Facts, Vec<Vec<Run>>), Error>;
 /// Hears how many flights and recordings are done, of how many.
 pub type Watch<'a> = &'a (dyn Fn(usize, usize) + Sync);
 
-/// Flies, records, estimates and ranks all designs.
-///
-/// # Errors
-/// Settings of an estimate that do not fit its model, which the check of the study tells before.
-pub fn run(study: &Study, watch: Watch) -> Result<Results, Errors> {
-    let tried = fly_all(study, &study.designs, study.settings.seeds, watch)?;
-    let mut errors = Errors::default();
-    let failed = tried.iter().filter_map(|t| t.as_ref().err().cloned());
-    failed.for_each(|e| errors.push(e));
-    let mut estimates = judge_all(study, &study.designs, &tried);
-    let mut found = None;
-    if study.settings.optimise
-        && let Some(settings) = &study.settings.search
-    {
-        let result = search(study, settings, &estimates, watch)?;
-        if let Some((design, tried)) = &result.best {
-            let more = judge_all(study, std::slice::from_ref(design), std::slice::from_ref(tried));
-            estimates.iter_mut().zip(more).for_each(|(all, more)| all.extend(more));
-        }
-        found = Some(result);
-    }
-    estimates.iter_mut().for_each(|judged| rank(judged));
-    Ok(Results { estimates, errors, found })
-}
-
 /// Flies designs and estimates `seeds` recordings of each; one that cannot be flown leaves the
 /// others.
 ///
 /// # Errors
-/// As `run`.
+/// Settings of an estimate that do not fit its model, which the check of the study tells before.
 pub fn fly_all(
     study: &Study,
     designs: &[Design],

@@ -51,13 +51,21 @@ fn a_small_study_is_ranked_and_the_same_with_any_number_of_threads() {
 #[test]
 fn fault_a_design_that_cannot_be_flown_leaves_the_others_and_shows_in_the_exit_code() {
     let folder = copy("citation");
-    // hundreds of seconds of full elevator: nobody flies that
-    study(folder.path(), "[[row]]\nkind = \"step\"\nunit_time_s = [1.0, 300.0]\namplitude = 2.5\n");
+    study(folder.path(), "[[row]]\nkind = \"3211\"\nunit_time_s = 1.0\namplitude = [2.5, 1e5]\n");
+    let file = folder.path().join("small.toml");
+    let text = std::fs::read_to_string(&file).expect("the study");
+    // a servo without limits
+    let servo = "[truth]\nI_max_e = { value = 1e9, unit = \"A\", sd = 0.0, source = \"none\" }\n";
+    std::fs::write(&file, text.replace("[truth]\n", servo)).expect("written");
     let output = koehler(folder.path(), &["design", "small.toml"]);
     let (said, wrong) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert_eq!(output.status.code(), Some(1), "{said}{wrong}");
-    assert!(wrong.contains("small.toml:") && wrong.contains("design d02 (step, 300 s"), "{wrong}");
+    assert!(
+        wrong.contains("small.toml:")
+            && wrong.contains("design d02 (3211, 1 s, amplitude 100000): the motion diverges"),
+        "{wrong}"
+    );
     assert!(said.contains("1 design could not be flown"), "{said}");
     let table = read_dataset(&folder.path().join("out/small"), "designs").expect("designs");
     assert_eq!(table.strings("outcome").expect("column")[1], "not flown");
