@@ -52,7 +52,7 @@ fn table(results: &Results) -> Result<Table> {
     }
     let number =
         |of: &dyn Fn(&Point) -> usize| points.iter().map(|p| of(p) as i64).collect::<Vec<_>>();
-    let value = |of: &dyn Fn(&Point) -> f64| points.iter().map(|p| of(p)).collect::<Vec<f64>>();
+    let value = |of: &dyn Fn(&Point) -> f64| points.iter().map(of).collect::<Vec<f64>>();
     Table::build("figures")
         .i64("number", number(&|p| p.figure.0))
         .strings("figure", points.iter().map(|p| &p.figure.1))
