@@ -14,9 +14,10 @@ use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::stage::check::{Columns, Given};
 use crate::stage::{
-    Campaign, Channels, Known, Named, STAGES, Told, derive, diagnose, estimate, fit, reconstruct,
-    segment,
+    Campaign, Channels, Known, Named, STAGES, Told, derive, estimate, fit, reconstruct, segment,
 };
+use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub use logs::FlightLog;
@@ -31,6 +32,8 @@ pub struct Plan {
     pub logs: Vec<FlightLog>,
     /// The simulation that makes logs which are not there yet; none where all are there.
     pub simulation: Option<Simulation>,
+    /// What is said under the names of stages, as the command that runs the plan has changed it.
+    pub told: BTreeMap<String, Value>,
 }
 
 impl Plan {
@@ -129,7 +132,7 @@ impl Reader {
         let fits = self.fits((&names, &estimates), &columns);
         let fit_names: Vec<String> =
             self.settings.fields.fit.iter().map(fit::Settings::name).collect();
-        let diagnoses = self.diagnoses((&names, &estimates));
+        let said = self.settings.told.clone();
         let told = self.told(&mut |given| Known {
             given,
             flights: &flights,
@@ -154,10 +157,10 @@ impl Reader {
                     segment,
                     estimates: estimates.into_iter().flatten().collect(),
                     fits: fits.into_iter().flatten().collect(),
-                    diagnoses,
                     told,
                     stages: STAGES,
                 },
+                told: said,
                 simulation,
                 logs,
             }),
@@ -285,18 +288,6 @@ impl Reader {
         };
         let all = self.settings.fields.fit.clone();
         self.given.entries("fit", all, fit::Settings::name, read)
-    }
-
-    fn diagnoses(
-        &mut self,
-        estimates: (&[String], &[Option<estimate::Config>]),
-    ) -> Vec<diagnose::Config> {
-        let read = |given: &mut Given, key: &str, settings| {
-            diagnose::Config::read(settings, (given, key), estimates)
-        };
-        let all = self.settings.fields.diagnose.clone();
-        let checked = self.given.entries("diagnose", all, diagnose::Settings::name, read);
-        checked.into_iter().flatten().collect()
     }
 }
 

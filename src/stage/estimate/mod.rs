@@ -32,6 +32,7 @@ pub const STAGE: Stage = Stage {
     name: NAME,
     about: "estimate models",
     units: |campaign| Unit::entries(campaign.estimates.iter().map(Config::name)),
+    models: |campaign| campaign.estimates.iter().map(|e| (e.name(), e.columns())).collect(),
     writes: &[
         "estimates",
         "correlations",
