@@ -3,7 +3,7 @@
 
 use super::args::DiagnoseArgs;
 use super::progress::Bars;
-use super::run::{look_at_logs, out_folder};
+use super::run::{look_at_logs, out_folder, planned};
 use super::words::{End, on_threads, print_errors, say};
 use super::{summary, verdict};
 use crate::diagnose::Base;
@@ -17,7 +17,8 @@ use crate::table::Table;
 pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result<End, Errors> {
     let out = out_folder(&args.files);
     let store = Store::open(&out);
-    let plan = Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store))?;
+    let read = || Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store));
+    let (plan, mut end) = planned(read, args.jobs, engine)?;
     if diagnose::all(&plan.campaign).is_empty() {
         return Err(Error::new(
             "the pipeline file has no [[estimate]], so there is no model to diagnose",
@@ -37,7 +38,7 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
     result.removed.iter().for_each(|unit| say(&format!("removed: {unit}")));
     // What makes the exit code 1 is named.
     summary::failing(&result.notes);
-    let mut end = if result.complete() { End::Complete } else { End::Partial };
+    end = if result.complete() { end } else { End::Partial.max(end) };
     for (i, diagnosis) in
         diagnose::all(&plan.campaign).iter().enumerate().filter(|(_, d)| !d.settings.idle)
     {

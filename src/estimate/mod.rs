@@ -62,7 +62,7 @@ mod tries;
 mod usable;
 
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
-pub use budget::Influence;
+pub use budget::{Influence, covariance};
 pub use case::{Case, Unknown};
 pub use decision::{Decision, Support};
 pub use equations::NormalEquations;

@@ -19,9 +19,11 @@ use std::ops::{Deref, DerefMut};
 pub struct Fields {
     /// One line that says what the campaign is about; the title of the report.
     pub title: String,
-    /// Constants of the aircraft (areas, arms, inertias), for the models that declare them.
+    /// Constants of the aircraft (areas, arms, inertias), for the models that declare them: a file, or
+    /// a list of files and of values that other pipelines estimate,
+    /// `["aircraft.toml", { from = "ground.toml", take = ["k_cable"] }]`.
     #[serde(default)]
-    pub aircraft: Option<String>,
+    pub aircraft: Option<Aircraft>,
     /// The channel map: which topic and field of a log is which signal.
     pub channels: String,
     /// The logs: paths or patterns such as "logs/*.mcap", absolute ones as well; one that begins
@@ -46,6 +48,45 @@ pub struct Fields {
     /// Straight lines through the estimates.
     #[serde(default)]
     pub fit: Vec<stage::fit::Settings>,
+}
+
+/// Where the constants come from.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Aircraft {
+    One(String),
+    Several(Vec<Entry>),
+}
+
+/// A file of constants, or values of another pipeline.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Entry {
+    File(String),
+    Taken(Taken),
+}
+
+/// Values that another pipeline estimates, with their standard deviations and covariances.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Taken {
+    /// The other pipeline file, relative to this one. A run makes it first.
+    pub from: String,
+    /// Names of its parameters: the constants of the models here that have these names.
+    pub take: Vec<String>,
+    /// Name of its `[[estimate]]`, where several estimate a parameter of the same name.
+    #[serde(default)]
+    pub estimate: Option<String>,
+}
+
+impl Aircraft {
+    /// All of them, in the order of the file.
+    pub fn entries(&self) -> Vec<Entry> {
+        match self {
+            Aircraft::One(name) => vec![Entry::File(name.clone())],
+            Aircraft::Several(all) => all.clone(),
+        }
+    }
 }
 
 /// A pipeline file: the fields that several stages share, and the keys of stages that have one of

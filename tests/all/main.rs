@@ -29,5 +29,6 @@ mod reruns;
 mod simulator;
 mod stages;
 mod structure;
+mod taken;
 mod trials;
 mod validation;

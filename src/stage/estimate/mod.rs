@@ -62,6 +62,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         entries.insert("name".into(), json!(config.name()));
         entries.insert("left_out".into(), json!(ready::left_out(config, campaign)));
         entries.insert("model".into(), super::said(&config.model));
+        entries.extend(super::taken(&config.model));
     }
     slice
 }
