@@ -52,7 +52,13 @@ fn kinematics() -> Model {
     let zero = |(name, unit): (&str, &str)| {
         (
             name.to_string(),
-            Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "made up".into() },
+            Given {
+                value: 0.0,
+                unit: unit.into(),
+                sd: 0.0,
+                source: "made up".into(),
+                origin: None,
+            },
         )
     };
     let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"]

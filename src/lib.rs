@@ -28,8 +28,7 @@
 //! | `cli` | verbs, progress, the one place that prints errors |
 //!
 //! Other programs may use `cli` (the command), `engine` with [`FUNCTIONS`] (to run its work elsewhere),
-//! `table` (its tables) and `error`. What is public
-//! besides is so for the tests and benchmarks of the project; nothing is promised of it.
+//! `table` (its tables) and `error`: nothing else is public.
 
 // A user's file is never a reason to panic: what can be wrong with it is an error with a place.
 #![cfg_attr(
@@ -43,6 +42,9 @@
     )
 )]
 #![deny(missing_docs)]
+// What a folder hands on is used by the tests, or is a length that nobody asks whether it is 0.
+#![cfg_attr(not(feature = "internals"), allow(unused_imports))]
+#![cfg_attr(feature = "internals", allow(clippy::len_without_is_empty))]
 
 // The interface to other programs.
 pub mod cli;
@@ -51,35 +53,76 @@ pub mod error;
 pub use pipeline::FUNCTIONS;
 pub mod table;
 
-// Seen by the tests and benchmarks of the project only; nothing is promised of them.
+// Everything else is private. The tests and benchmarks of the project see some of it through the
+// feature `internals`, which no other program should ask for: nothing is promised of it.
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod config;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod design;
 #[doc(hidden)]
 pub mod diagnose;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod dynamics;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod estimate;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod log;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod math;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod model;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod pipeline;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod reconstruct;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod report;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod simulate;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod stage;
+#[cfg(feature = "internals")]
 #[doc(hidden)]
 pub mod units;
+
+#[cfg(not(feature = "internals"))]
+mod config;
+#[cfg(not(feature = "internals"))]
+mod diagnose;
+#[cfg(not(feature = "internals"))]
+mod dynamics;
+#[cfg(not(feature = "internals"))]
+mod estimate;
+#[cfg(not(feature = "internals"))]
+mod log;
+#[cfg(not(feature = "internals"))]
+mod math;
+#[cfg(not(feature = "internals"))]
+mod model;
+#[cfg(not(feature = "internals"))]
+mod pipeline;
+#[cfg(not(feature = "internals"))]
+mod reconstruct;
+#[cfg(not(feature = "internals"))]
+mod report;
+#[cfg(not(feature = "internals"))]
+mod simulate;
+#[cfg(not(feature = "internals"))]
+mod stage;
+#[cfg(not(feature = "internals"))]
+mod units;
 
 mod fit;
 mod least_squares;

@@ -114,7 +114,7 @@ pub fn six_dof(segments: usize) -> Work {
             .enumerate()
             .map(|(i, p)| p.start * (1.0 + 0.02 * hash(i, 7)))
             .collect();
-        let starts = propagator.first_values(&model, &truth, &record).expect("starts");
+        let starts = propagator.first_values(&model, &truth, &record, &record).expect("starts");
         let grid = propagator.run(&truth, &starts, &record, false);
         assert!(grid.finite);
         let ny = model.outputs.len();

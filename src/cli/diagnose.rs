@@ -3,7 +3,7 @@
 
 use super::args::DiagnoseArgs;
 use super::progress::Bars;
-use super::run::{look_at_logs, out_folder};
+use super::run::{look_at_logs, out_folder, planned};
 use super::words::{End, on_threads, print_errors, say};
 use super::{summary, verdict};
 use crate::diagnose::Base;
@@ -17,8 +17,9 @@ use crate::table::Table;
 pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result<End, Errors> {
     let out = out_folder(&args.files);
     let store = Store::open(&out);
-    let plan = Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store))?;
-    if plan.campaign.diagnoses.is_empty() {
+    let read = || Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store));
+    let (plan, mut end) = planned(read, args.jobs, engine)?;
+    if diagnose::all(&plan.campaign).is_empty() {
         return Err(Error::new(
             "the pipeline file has no [[estimate]], so there is no model to diagnose",
         )
@@ -37,9 +38,9 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
     result.removed.iter().for_each(|unit| say(&format!("removed: {unit}")));
     // What makes the exit code 1 is named.
     summary::failing(&result.notes);
-    let mut end = if result.complete() { End::Complete } else { End::Partial };
+    end = if result.complete() { end } else { End::Partial.max(end) };
     for (i, diagnosis) in
-        plan.campaign.diagnoses.iter().enumerate().filter(|(_, d)| !d.settings.idle)
+        diagnose::all(&plan.campaign).iter().enumerate().filter(|(_, d)| !d.settings.idle)
     {
         let Some(findings) = verdict::part(&store, "findings", i)? else {
             end = End::Partial;
@@ -70,29 +71,33 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
 /// file, else one per estimate. All others that there are, in the pipeline file or from an earlier
 /// command, are left as they are.
 fn ask(settings: &mut Settings, args: &DiagnoseArgs, store: &Store) {
-    let wanted: Vec<String> = match (args.estimate.is_empty(), settings.diagnose.is_empty()) {
+    let name = diagnose::STAGE.name;
+    let Some(said) = settings.read::<Vec<diagnose::Settings>>(name) else { return };
+    let wanted: Vec<String> = match (args.estimate.is_empty(), said.is_empty()) {
         (false, _) => args.estimate.clone(),
         (true, true) => {
             settings.estimate.iter().map(crate::stage::estimate::Settings::name).collect()
         }
-        (true, false) => settings.diagnose.iter().map(|d| d.estimate.clone()).collect(),
+        (true, false) => said.iter().map(|d| d.estimate.clone()).collect(),
     };
     settings.keep(store);
+    let Some(mut all) = settings.read::<Vec<diagnose::Settings>>(name) else { return };
     for name in &wanted {
         let fresh = diagnose::Settings::of(name);
-        match settings.diagnose.iter_mut().find(|d| d.estimate == *name) {
+        match all.iter_mut().find(|d| d.estimate == *name) {
             Some(earlier) if earlier.asked => *earlier = fresh,
             Some(_) => {}
-            None => settings.diagnose.push(fresh),
+            None => all.push(fresh),
         }
     }
-    for d in &mut settings.diagnose {
+    for d in &mut all {
         d.idle = !wanted.contains(&d.estimate);
         if !d.idle {
             d.effects.extend(args.effects.iter().cloned());
             d.method.base = if args.predicted { Base::Predicted } else { d.method.base };
         }
     }
+    settings.write(name, &all);
 }
 
 /// Prints the findings of one diagnosis.

@@ -39,7 +39,7 @@ impl Bars {
         }
         let mut state = self.state.lock().unwrap_or_else(|p| p.into_inner());
         match event {
-            Event::Stage { stage, to_run, .. } => {
+            Event::Stage { stage, to_run } => {
                 state.steps.clear();
                 state.units = to_run;
                 state.bar = (to_run > 0).then(|| bar(stage.name, stage.about, to_run));
@@ -56,11 +56,11 @@ impl Bars {
                     bar.println(format!("{}: {text}", unit.name));
                 }
             }
-            Event::Unit { unit, .. } => {
+            Event::Unit { unit } => {
                 state.steps.insert(unit.name.clone(), (1, 1));
                 state.show();
             }
-            Event::End { .. } => {
+            Event::End => {
                 if let Some(bar) = state.bar.take() {
                     bar.finish_and_clear();
                 }

@@ -7,7 +7,7 @@ use super::words::{End, on_threads, print_errors, say};
 use crate::config;
 use crate::engine::Engine;
 use crate::error::Errors;
-use crate::pipeline::{self, Assessment, Plan, State, Store, Summaries};
+use crate::pipeline::{self, Assessment, Plan, Source, State, Store, Summaries};
 use crate::stage::Unit;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -17,6 +17,9 @@ pub fn check(pipeline: &Path) -> Result<End, Errors> {
     let plan = Plan::read(pipeline)?;
     let seen = pipeline::summaries(&plan);
     said(&seen);
+    for source in &plan.sources {
+        source.lacking.0.iter().for_each(|e| eprintln!("note: {}; a run makes it first", e.what));
+    }
     let mut errors = seen.mistakes;
     errors.0.extend(seen.unreadable.0);
     errors.or(())?;
@@ -82,7 +85,8 @@ pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
     let begin = Instant::now();
     let out = out_folder(&args.files);
     let store = Store::open(&out);
-    let plan = Plan::read_with(&args.files.pipeline, |settings| settings.keep(&store))?;
+    let read = || Plan::read_with(&args.files.pipeline, |settings| settings.keep(&store));
+    let (plan, end) = planned(read, args.jobs, engine)?;
     let _lock = store.lock()?;
     let bars = Bars::new();
     let result = on_threads(args.jobs, || -> Result<_, Errors> {
@@ -98,7 +102,7 @@ pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
         say(&format!("nothing to do: every stage is fresh ({seconds:.2} s)"));
     }
     summary::print(&plan, &store, &out, &result)?;
-    Ok(if result.complete() { End::Complete } else { End::Partial })
+    Ok(if result.complete() { end } else { End::Partial.max(end) })
 }
 
 /// `koehler status` and `koehler run --dry-run`
@@ -111,6 +115,9 @@ pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
         }
     }
     let mut to_run = 0;
+    for source in &plan.sources {
+        to_run += usize::from(tell_source(source)?);
+    }
     for (stage, assessments) in pipeline::status(&plan, &store)? {
         for a in &assessments {
             to_run += usize::from(!matches!(a.state, State::Fresh | State::Blocked(_)));
@@ -134,6 +141,29 @@ pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
     Ok(End::Complete)
 }
 
+/// Says of a pipeline whose results are taken whether a run would make it first, and why.
+fn tell_source(source: &Source) -> Result<bool, Errors> {
+    let store = Store::open(&pipeline::out_folder(&source.pipeline));
+    let plan = Plan::read_with(&source.pipeline, |settings| settings.keep(&store))?;
+    let mut to_run = 0;
+    for (_, assessments) in pipeline::status(&plan, &store)? {
+        let fresh = |a: &&Assessment| matches!(a.state, State::Fresh | State::Blocked(_));
+        to_run += assessments.len() - assessments.iter().filter(fresh).count();
+    }
+    let name = source.pipeline.display();
+    source.lacking.0.iter().for_each(|e| say(&format!("{:<12} {}", "aircraft", e.what)));
+    if to_run > 0 {
+        let units = summary::count(to_run, "unit");
+        say(&format!(
+            "{:<12} {name}: stale: a run would make it first, {units} of work, and what its values change after it",
+            "aircraft"
+        ));
+    } else if source.lacking.is_empty() {
+        say(&format!("{:<12} {name}: fresh", "aircraft"));
+    }
+    Ok(to_run > 0)
+}
+
 /// One line per reason.
 fn lines(stage: &str, a: &Assessment) -> Vec<String> {
     let line = |word: &str, why: &str| format!("{stage:<12} {:<20} {word}{why}", a.unit.name);
@@ -149,10 +179,33 @@ fn lines(stage: &str, a: &Assessment) -> Vec<String> {
     }
 }
 
-/// `out/` beside `pipeline.toml`; pipelines of other names beside it keep their results apart, in
-/// `out/<name>/`.
+/// Where the results go.
 pub(super) fn out_folder(args: &PipelineArgs) -> PathBuf {
-    let out = args.pipeline.parent().unwrap_or_else(|| Path::new("")).join("out");
-    let name = args.pipeline.file_stem().filter(|name| *name != "pipeline");
-    args.out.clone().unwrap_or_else(|| name.map_or_else(|| out.clone(), |name| out.join(name)))
+    args.out.clone().unwrap_or_else(|| pipeline::out_folder(&args.pipeline))
+}
+
+/// Reads a plan; where it takes results of other pipelines, these are run first and it is read again
+/// with what they have found. How they ended is handed on.
+///
+/// # Errors
+/// Mistakes in any file; a value that the other pipelines do not have although they were run.
+pub(super) fn planned(
+    read: impl Fn() -> Result<Plan, Errors>,
+    jobs: Option<usize>,
+    engine: &dyn Engine,
+) -> Result<(Plan, End), Errors> {
+    let plan = read()?;
+    let mut end = End::Complete;
+    if plan.sources.is_empty() {
+        return Ok((plan, end));
+    }
+    for source in &plan.sources {
+        say(&format!("{}: its results are taken", source.pipeline.display()));
+        let files = PipelineArgs { pipeline: source.pipeline.clone(), out: None };
+        end = end.max(run(&RunArgs { files, jobs, engine: None, dry_run: false }, engine)?);
+        say("");
+    }
+    let plan = read()?;
+    pipeline::lacking(&plan.sources).or(())?;
+    Ok((plan, end))
 }

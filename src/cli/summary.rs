@@ -23,7 +23,7 @@ pub fn print(plan: &Plan, store: &Store, out: &Path, result: &RunResult) -> Resu
     estimates(plan, store)?;
     lines(plan, store)?;
     notes(&result.notes);
-    for i in 0..plan.campaign.diagnoses.len() {
+    for i in 0..crate::stage::diagnose::all(&plan.campaign).len() {
         verdict::of(store, plan, i)?.into_iter().flatten().for_each(|line| say(&line));
     }
     let report = "report/index.html";

@@ -36,7 +36,8 @@ pub fn of(store: &Store, plan: &Plan, i: usize) -> Result<Option<Vec<String>>> {
         .into_iter()
         .find_map(|n| part(store, "recommended", n).transpose())
         .transpose()?;
-    lines(&plan.campaign.diagnoses[i].name(), &findings, recommended.as_ref()).map(Some)
+    lines(&crate::stage::diagnose::all(&plan.campaign)[i].name(), &findings, recommended.as_ref())
+        .map(Some)
 }
 
 /// How a diagnosis with these findings ends.

@@ -107,6 +107,7 @@ pub use search::diagnose::diagnose;
 pub use search::judged::{Judged, Round, Standing};
 pub use search::refit::{Heterogeneity, Refit};
 pub use search::screen::Screened;
+pub use search::surrogate::chance;
 pub use search::unseen::Missed;
 pub use search::value::{Gain, Value};
 pub use search::verdict::{Diagnosis, Finding, Verdict};

@@ -21,11 +21,13 @@
 //! physics expects), which stand in its file.
 
 /// A value that can be made smaller or larger as a whole.
+#[cfg(feature = "internals")]
 trait Scale {
     fn times(&self, by: f64) -> Self;
     fn told(&self) -> String;
 }
 
+#[cfg(feature = "internals")]
 impl Scale for f64 {
     fn times(&self, by: f64) -> f64 {
         self * by
@@ -37,6 +39,7 @@ impl Scale for f64 {
 }
 
 /// A count: to the nearest one, and at least 1.
+#[cfg(feature = "internals")]
 impl Scale for usize {
     fn times(&self, by: f64) -> usize {
         ((*self as f64 * by).round() as usize).max(1)
@@ -46,6 +49,7 @@ impl Scale for usize {
     }
 }
 
+#[cfg(feature = "internals")]
 impl<const N: usize> Scale for [f64; N] {
     fn times(&self, by: f64) -> [f64; N] {
         self.map(|v| v * by)
@@ -69,6 +73,8 @@ macro_rules! thresholds {
             }
         }
 
+        // For the trials that halve and double each.
+        #[cfg(feature = "internals")]
         impl Thresholds {
             /// With one of them multiplied by `by` (a count to the nearest one, a list as a whole);
             /// none where nothing has this name.

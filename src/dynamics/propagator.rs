@@ -22,10 +22,6 @@ impl Directions {
         self.parameters.len() + self.starts.len()
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Their number, padded to whole vectors of eight.
     pub(super) fn lanes(&self) -> usize {
         self.len().div_ceil(8) * 8

@@ -12,25 +12,12 @@ use crate::math::pool;
 use crate::model::Model;
 
 impl Propagator {
-    /// Start values for the `given` states of one record: the first measured value, or what the
-    /// model says.
+    /// Start values for the `given` states of one record: the first measured value of the record
+    /// `first`, or what the model says.
     ///
     /// # Errors
-    /// A state starts "measured" and the record has no finite sample of its output.
+    /// A state starts "measured" and `first` has no finite sample of its output.
     pub fn first_values(
-        &self,
-        model: &Model,
-        parameters: &[f64],
-        record: &Record,
-    ) -> Result<Vec<f64>> {
-        self.first_values_of(model, parameters, record, record)
-    }
-
-    /// The same with the first measured values of another record.
-    ///
-    /// # Errors
-    /// As `first_values`.
-    pub fn first_values_of(
         &self,
         model: &Model,
         parameters: &[f64],

@@ -35,6 +35,23 @@ pub struct Influence {
     pub slopes: Vec<f64>,
 }
 
+/// The variance that two constants' errors add to the estimate `row` by being correlated: `2 s_a s_b
+/// r sd_a sd_b`; none where they are not.
+pub fn covariance(a: &Influence, b: &Influence, row: usize) -> Option<f64> {
+    let with = &a.constant.origin.as_ref()?.with;
+    let r = with.get(&b.constant.quantity.name)?;
+    let share = |i: &Influence| i.slopes.get(row).map(|slope| slope * i.constant.sd);
+    Some(2.0 * r * share(a)? * share(b)?)
+}
+
+/// The variance that all constants add to the estimate `row`.
+pub fn added(all: &[Influence], row: usize) -> f64 {
+    let own = all.iter().map(|i| (i.slopes[row] * i.constant.sd).powi(2)).sum::<f64>();
+    let pairs = (0..all.len()).flat_map(|a| (a + 1..all.len()).map(move |b| (a, b)));
+    let joint: f64 = pairs.filter_map(|(a, b)| covariance(&all[a], &all[b], row)).sum();
+    (own + joint).max(0.0)
+}
+
 /// The influences of all constants with an sd that reach an output; empty unless the estimation
 /// converged. `base` is the model as it was read, `case` that with the settings' extensions;
 /// `given` as for the case.

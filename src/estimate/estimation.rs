@@ -8,7 +8,6 @@ use super::rank::Verdict;
 use super::regression;
 use super::segment::Label;
 use super::trace::Trace;
-use super::tries::Tried;
 use crate::least_squares::{Iteration, Stop};
 use crate::noise::Modelled;
 
@@ -152,5 +151,30 @@ impl Estimation {
     pub fn scatter(&self, segment: usize, output: &str) -> Option<&OutputScatter> {
         let group = self.noise_groups.get(segment).copied().flatten()?;
         self.outputs.iter().find(|o| o.group == group && o.name == output)
+    }
+}
+
+/// Two minima whose costs differ by less are hardly to be told apart by the data: a likelihood ratio
+/// of 20.
+const CLOSE: f64 = 3.0;
+
+/// What became of one start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tried {
+    /// The parameters tried and where they started.
+    pub starts: Vec<(String, f64)>,
+    pub stop: Stop,
+    /// Negative log-likelihood at its end; NaN without one.
+    pub cost: f64,
+    /// Where the parameters tried ended.
+    pub ends: Vec<f64>,
+    /// Whether that is the estimate.
+    pub there: bool,
+}
+
+impl Tried {
+    /// Whether it is another minimum that is hardly worse than the best.
+    pub fn rivals(&self, best: f64) -> bool {
+        !self.there && self.stop == Stop::Converged && self.cost - best < CLOSE
     }
 }

@@ -62,11 +62,11 @@ mod tries;
 mod usable;
 
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
-pub use budget::Influence;
+pub use budget::{Influence, covariance};
 pub use case::{Case, Unknown};
 pub use decision::{Decision, Support};
 pub use equations::NormalEquations;
-pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row};
+pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row, Tried};
 pub use extend::extended;
 pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use prepared::Prepared;
@@ -75,4 +75,3 @@ pub use rank::{Combination, Term, Verdict};
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
 pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom};
 pub use trace::Trace;
-pub use tries::Tried;

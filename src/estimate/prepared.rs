@@ -90,9 +90,4 @@ impl Prepared {
         Arc::make_mut(&mut self.propagator).compile(self.settings.tier, points);
         self
     }
-
-    /// States whose start value is free in every segment.
-    pub fn initial(&self) -> &[usize] {
-        &self.chosen.initial
-    }
 }

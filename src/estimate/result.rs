@@ -1,6 +1,6 @@
 //! A solution by parameter index in; the estimation with names, units and correlations out.
 
-use super::budget::Influence;
+use super::budget::{Influence, added};
 use super::case::Case;
 use super::profile::Profile;
 use super::rank::{Combination, Term, Verdict, Weak};
@@ -64,8 +64,7 @@ pub fn name(
 fn rows(case: &Case, used: &[usize], solution: &Solution, further: &Further) -> Vec<Row> {
     let row = |i: usize| {
         let (sd, sd_crlb) = solution.deviation(i).unzip();
-        let assumed: f64 =
-            further.budget.iter().map(|b| b.slopes[i] * b.constant.sd).map(|d| d * d).sum();
+        let assumed = added(&further.budget, i);
         let profile = further.profiles.iter().find(|p| p.row == i);
         let unknown = &case.unknowns[i];
         Row {

@@ -4,6 +4,7 @@
 //! friction (a stop of the surface comes or goes), thresholds, limits, delays. The one with the
 //! lowest cost is the estimate; that others were there is said.
 
+use super::estimation::Tried;
 use super::{Estimation, Settings, Stop};
 use crate::error::{Error, Errors};
 
@@ -11,30 +12,6 @@ use crate::error::{Error, Errors};
 const MOST: usize = 64;
 /// Ends whose tried parameters differ by less than this many standard deviations are the same.
 const SAME: f64 = 0.1;
-/// Two minima whose costs differ by less are hardly to be told apart by the data: a likelihood ratio
-/// of 20.
-const CLOSE: f64 = 3.0;
-
-/// What became of one start.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Tried {
-    /// The parameters tried and where they started.
-    pub starts: Vec<(String, f64)>,
-    pub stop: Stop,
-    /// Negative log-likelihood at its end; NaN without one.
-    pub cost: f64,
-    /// Where the parameters tried ended.
-    pub ends: Vec<f64>,
-    /// Whether that is the estimate.
-    pub there: bool,
-}
-
-impl Tried {
-    /// Whether it is another minimum that is hardly worse than the best.
-    pub fn rivals(&self, best: f64) -> bool {
-        !self.there && self.stop == Stop::Converged && self.cost - best < CLOSE
-    }
-}
 
 /// Estimates from every start that the settings ask for, and keeps the best.
 ///

@@ -47,7 +47,7 @@ pub(super) fn starts(
             InitialFrom::First => segments.first().unwrap_or(s),
         };
         propagator
-            .first_values_of(model, &chosen.parameters, &s.record, &first.record)
+            .first_values(model, &chosen.parameters, &s.record, &first.record)
             .map_err(|e| e.what)
     };
     Ok(segments.iter().map(values).collect())

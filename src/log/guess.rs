@@ -153,7 +153,13 @@ mod tests {
         let place = |name: &str, unit: &str| {
             (
                 name.to_string(),
-                Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "nowhere".into() },
+                Given {
+                    value: 0.0,
+                    unit: unit.into(),
+                    sd: 0.0,
+                    source: "nowhere".into(),
+                    origin: None,
+                },
             )
         };
         let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"]

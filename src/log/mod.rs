@@ -38,16 +38,6 @@ pub enum Severity {
     Warning,
 }
 
-impl Severity {
-    /// The word in the `notes` table.
-    pub fn word(self) -> &'static str {
-        match self {
-            Severity::Info => "info",
-            Severity::Warning => "warning",
-        }
-    }
-}
-
 /// Something lost or noticed while reading a log: what (a topic, a signal, `file`), how often, and
 /// in words.
 #[derive(Debug, Clone, PartialEq, Eq)]

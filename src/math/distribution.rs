@@ -15,6 +15,7 @@ pub fn normal_cdf(x: f64) -> f64 {
 }
 
 /// Probability that a t variable with `dof` degrees of freedom is below `t`.
+#[cfg(test)]
 pub fn t_cdf(t: f64, dof: f64) -> f64 {
     // Abramowitz & Stegun 26.7.1
     let tail = 0.5 * beta_regularised(0.5 * dof, 0.5, dof / (dof + t * t));

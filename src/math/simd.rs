@@ -34,6 +34,7 @@ impl Width {
     }
 
     /// All widths this machine can run, narrowest first.
+    #[cfg(any(test, feature = "internals"))]
     pub fn available() -> &'static [Width] {
         match Width::detect() {
             Width::Plain => &[Width::Plain],

@@ -139,6 +139,9 @@ impl Compiler<'_> {
         };
         let dim = self.unit(&at, unit);
         let aircraft = given.0.get(name);
+        let origin = aircraft.and_then(|a| a.origin.clone());
+        let from = origin.as_ref().map_or("the aircraft file", |o| o.from.as_str());
+        let source = aircraft.map(|a| a.source.clone()).unwrap_or_default();
         let (value, sd) = match aircraft {
             Some(a) => {
                 match Unit::parse(&a.unit) {
@@ -146,20 +149,15 @@ impl Compiler<'_> {
                     Ok(u) if u.dim == dim => self.error_help(
                         &at,
                         0,
-                        format!("the aircraft file gives \"{name}\" in {}", a.unit),
+                        format!("{from} gives \"{name}\" in {}", a.unit),
                         format!("constants are in SI: use {unit}"),
                     ),
                     Ok(u) => self.error(
                         &at,
                         0,
-                        format!(
-                            "\"{name}\" is in {dim} here, and in {} in the aircraft file",
-                            u.dim
-                        ),
+                        format!("\"{name}\" is in {dim} here, and in {} in {from}", u.dim),
                     ),
-                    Err(what) => {
-                        self.error(&at, 0, format!("\"{name}\" in the aircraft file: {what}"))
-                    }
+                    Err(what) => self.error(&at, 0, format!("\"{name}\" in {from}: {what}")),
                 }
                 (Some(a.value), a.sd)
             }
@@ -177,14 +175,15 @@ impl Compiler<'_> {
         if self.add_symbol(name, Symbol::Constant(self.model.constants.len()), at) {
             self.dims.insert(name.to_string(), dim);
             let quantity = Quantity { name: name.to_string(), unit: unit.clone(), doc };
-            self.model.constants.push(Assumed { quantity, value: value.unwrap_or(f64::NAN), sd });
+            let value = value.unwrap_or(f64::NAN);
+            self.model.constants.push(Assumed { quantity, value, sd, source, origin });
         }
     }
 
     /// Makes fixed parameters of the constants that have an sd.
     pub(super) fn open_constants(&mut self) {
         for i in 0..self.model.constants.len() {
-            let Assumed { quantity, value, sd } = self.model.constants[i].clone();
+            let Assumed { quantity, value, sd, .. } = self.model.constants[i].clone();
             if !(sd > 0.0 && value.is_finite()) {
                 continue;
             }

@@ -67,10 +67,6 @@ impl Graph {
         self.keys.len()
     }
 
-    pub fn is_empty(&self) -> bool {
-        self.keys.is_empty()
-    }
-
     pub fn view(&self, n: Node) -> View {
         match self.keys[n as usize] {
             Key::Const(bits) => View::Const(f64::from_bits(bits)),

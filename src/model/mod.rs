@@ -106,6 +106,10 @@ pub struct Assumed {
     pub quantity: Quantity,
     pub value: f64,
     pub sd: f64,
+    /// Where the value comes from; empty for one that stands in the model's file.
+    pub source: String,
+    /// The pipeline that estimated it, if one did.
+    pub origin: Option<Origin>,
 }
 
 /// How a state begins.
@@ -190,6 +194,19 @@ pub struct Given {
     pub sd: f64,
     /// Where the value comes from.
     pub source: String,
+    /// The pipeline that estimated it; none for a value that a person wrote, who cannot say this.
+    #[serde(default)]
+    #[schemars(skip)]
+    pub origin: Option<Origin>,
+}
+
+/// Where a value was estimated.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+pub struct Origin {
+    /// The other pipeline file, as the pipeline file names it.
+    pub from: String,
+    /// Correlation of its error with those of other values that were estimated with it.
+    pub with: IndexMap<String, f64>,
 }
 
 /// An aircraft file (`aircraft.toml`): constants by name, which override those of the models.

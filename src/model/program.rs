@@ -53,9 +53,6 @@ impl Layout {
     pub fn len(&self) -> usize {
         self.start_value() + self.states
     }
-    pub fn is_empty(&self) -> bool {
-        false
-    }
 
     pub fn slot(&self, leaf: Leaf) -> usize {
         match leaf {
@@ -82,8 +79,6 @@ pub struct Program {
     prologue: Vec<Instruction>,
     body: Vec<Instruction>,
     outputs: Vec<u32>,
-    /// Whether an output changes along a trajectory.
-    moving: Vec<bool>,
     /// Vectors the interpreter uses.
     width: Width,
 }
@@ -113,7 +108,6 @@ impl Program {
             prologue: Vec::new(),
             body: Vec::new(),
             outputs: Vec::new(),
-            moving: outputs.iter().map(|&n| in_body(n)).collect(),
             width: Width::detect(),
         };
         const NONE: u32 = u32::MAX;
@@ -204,11 +198,6 @@ impl Program {
         self.outputs[k] as usize
     }
 
-    /// Whether output k changes along a trajectory; if not, it is there after `prepare`.
-    pub fn moves(&self, k: usize) -> bool {
-        self.moving[k]
-    }
-
     /// Operations per evaluation (without the prologue).
     pub fn operations(&self) -> usize {
         self.body.len()
@@ -231,6 +220,7 @@ impl Program {
     }
 
     /// The same program run with other vectors than the widest (which changes no bit).
+    #[cfg(feature = "internals")]
     pub fn with_width(mut self, width: Width) -> Program {
         if Width::available().contains(&width) {
             self.width = width;

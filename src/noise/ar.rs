@@ -23,6 +23,7 @@ impl Ar {
     }
 
     /// With coefficients `a_1 ... a_p`; `None` where the process is not stationary.
+    #[cfg(test)]
     pub fn with_coefficients(coefficients: &[f64], variance: f64) -> Option<Ar> {
         let mut partial = vec![];
         let mut a = coefficients.to_vec();
@@ -76,6 +77,7 @@ impl Ar {
     }
 
     /// The exact autocovariance of the process at lags `0..=lags`, from the Yule-Walker equations.
+    #[cfg(test)]
     pub fn autocovariance(&self, lags: usize) -> Vec<f64> {
         let (predictors, errors) = (self.predictors(), self.errors());
         let last = self.order();

@@ -19,13 +19,13 @@ mod unit;
 use crate::engine::Served;
 
 pub use assess::{Assessment, State};
-pub use plan::{FlightLog, Plan};
+pub use plan::{FlightLog, Plan, Source, lacking};
 pub use result::{Event, RunResult, StageResult, Watch};
 pub use run::run;
 pub use settings::Settings;
 pub use simulate::Simulation;
 pub use status::{gone, status};
-pub use store::{Lock, Store};
+pub use store::{Lock, Store, out_folder};
 pub use summaries::{Summaries, summaries};
 use unit::UnitOfStage;
 

@@ -1,6 +1,7 @@
 //! A pipeline file and all files it names come in; a checked campaign, or every mistake in any of
 //! them at once, goes out.
 
+mod aircraft;
 mod logs;
 mod loose;
 mod once;
@@ -14,11 +15,13 @@ use crate::log::ChannelMap;
 use crate::model::{Constants, Model};
 use crate::stage::check::{Columns, Given};
 use crate::stage::{
-    Campaign, Channels, Known, Named, STAGES, Told, derive, diagnose, estimate, fit, reconstruct,
-    segment,
+    Campaign, Channels, Known, Named, STAGES, Told, derive, estimate, fit, reconstruct, segment,
 };
+use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+pub use aircraft::{Source, lacking};
 pub use logs::FlightLog;
 
 /// A checked campaign, ready to run.
@@ -31,6 +34,10 @@ pub struct Plan {
     pub logs: Vec<FlightLog>,
     /// The simulation that makes logs which are not there yet; none where all are there.
     pub simulation: Option<Simulation>,
+    /// What is said under the names of stages, as the command that runs the plan has changed it.
+    pub told: BTreeMap<String, Value>,
+    /// The pipelines whose results it takes, in the order of the file.
+    pub sources: Vec<Source>,
 }
 
 impl Plan {
@@ -50,11 +57,21 @@ impl Plan {
         pipeline: &Path,
         change: impl FnOnce(&mut Settings),
     ) -> std::result::Result<Plan, Errors> {
+        Plan::read_in(pipeline, &[], change)
+    }
+
+    /// The same for the pipelines in `chain`, which take its results.
+    fn read_in(
+        pipeline: &Path,
+        chain: &[PathBuf],
+        change: impl FnOnce(&mut Settings),
+    ) -> std::result::Result<Plan, Errors> {
         let plan = |(mut settings, doc): (Settings, Doc)| {
             change(&mut settings);
             let folder = pipeline.parent().unwrap_or_else(|| Path::new("")).to_path_buf();
             let given = Given::new(doc, folder);
-            Reader { settings, pipeline: pipeline.to_path_buf(), given }.plan()
+            let chain = [chain, &[aircraft::canonical(pipeline)]].concat();
+            Reader { settings, pipeline: pipeline.to_path_buf(), given, chain }.plan()
         };
         let mut errors = match config::load(pipeline) {
             Ok(read) => return plan(read).map_err(once::once),
@@ -87,12 +104,14 @@ struct Reader {
     settings: Settings,
     pipeline: PathBuf,
     given: Given,
+    /// This file behind those that take its results.
+    chain: Vec<PathBuf>,
 }
 
 impl Reader {
     fn plan(mut self) -> std::result::Result<Plan, Errors> {
         let channels = self.channels();
-        self.given.aircraft = self.aircraft();
+        let sources = self.aircraft();
         let so_far = self.given.errors.0.len();
         let simulation = self.simulation();
         // A campaign file with mistakes may have been meant to make any log.
@@ -129,7 +148,7 @@ impl Reader {
         let fits = self.fits((&names, &estimates), &columns);
         let fit_names: Vec<String> =
             self.settings.fields.fit.iter().map(fit::Settings::name).collect();
-        let diagnoses = self.diagnoses((&names, &estimates));
+        let said = self.settings.told.clone();
         let told = self.told(&mut |given| Known {
             given,
             flights: &flights,
@@ -154,10 +173,11 @@ impl Reader {
                     segment,
                     estimates: estimates.into_iter().flatten().collect(),
                     fits: fits.into_iter().flatten().collect(),
-                    diagnoses,
                     told,
                     stages: STAGES,
                 },
+                told: said,
+                sources,
                 simulation,
                 logs,
             }),
@@ -191,14 +211,17 @@ impl Reader {
         Some(Channels { map, doc })
     }
 
-    /// The constants; none where the file has mistakes, empty where the pipeline file names none.
-    fn aircraft(&mut self) -> Option<Constants> {
-        let Some(name) = self.settings.aircraft.clone() else { return Some(Constants::default()) };
-        if !self.given.names_a_file("aircraft", &name) {
-            return None;
-        }
-        let path = self.given.path(&name);
-        self.given.errors.take(config::load::<Constants>(&path)).map(|(constants, _)| constants)
+    /// Reads the constants, and says which other pipelines they come from.
+    fn aircraft(&mut self) -> Vec<Source> {
+        let Some(said) = self.settings.aircraft.clone() else {
+            self.given.aircraft = Some(Constants::default());
+            return Vec::new();
+        };
+        let estimates =
+            |path: &Path| Plan::read_in(path, &self.chain, |_| {}).map(|p| p.campaign.estimates);
+        let (constants, sources) = aircraft::read(&mut self.given, &said, &self.chain, &estimates);
+        self.given.aircraft = constants;
+        sources
     }
 
     fn simulation(&mut self) -> Option<Simulation> {
@@ -285,18 +308,6 @@ impl Reader {
         };
         let all = self.settings.fields.fit.clone();
         self.given.entries("fit", all, fit::Settings::name, read)
-    }
-
-    fn diagnoses(
-        &mut self,
-        estimates: (&[String], &[Option<estimate::Config>]),
-    ) -> Vec<diagnose::Config> {
-        let read = |given: &mut Given, key: &str, settings| {
-            diagnose::Config::read(settings, (given, key), estimates)
-        };
-        let all = self.settings.fields.diagnose.clone();
-        let checked = self.given.entries("diagnose", all, diagnose::Settings::name, read);
-        checked.into_iter().flatten().collect()
     }
 }
 

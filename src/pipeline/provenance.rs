@@ -23,8 +23,7 @@ pub struct Provenance {
     pub notes: Vec<Note>,
     /// Why there are no outputs, where the stage failed.
     pub error: Option<String>,
-    /// Settings of a diagnosis that a command asked for, not the pipeline file: it is kept as long
-    /// as it is fresh.
+    /// Settings that a command asked for, not the pipeline file: see [`crate::stage::Stage::asked`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub asked: Option<Value>,
 }

@@ -5,16 +5,16 @@ use crate::stage::{Note, Severity, Stage, Unit};
 
 /// What a watcher of a run hears. Flights run in parallel, so units of one stage interleave.
 pub enum Event<'a> {
-    /// A stage begins with so many units to run; so many more are fresh.
-    Stage { stage: &'a Stage, to_run: usize, fresh: usize },
+    /// A stage begins with so many units to run.
+    Stage { stage: &'a Stage, to_run: usize },
     /// So many steps of so many inside a unit are done.
     Step { unit: &'a Unit, done: usize, of: usize },
     /// What a unit is doing, in words.
     Told { unit: &'a Unit, text: &'a str },
     /// A unit is done, well or not.
-    Unit { unit: &'a Unit, ok: bool },
+    Unit { unit: &'a Unit },
     /// A stage ends.
-    End { stage: &'a Stage },
+    End,
 }
 
 /// Called with every event, from any thread.

@@ -110,8 +110,7 @@ impl Run<'_> {
             return Ok(());
         }
         let to_run: Vec<&Assessment> = assessments.iter().filter(|a| self.is_run(a)).collect();
-        let fresh = assessments.iter().filter(|a| a.state == State::Fresh).count();
-        (self.watch)(Event::Stage { stage, to_run: to_run.len(), fresh });
+        (self.watch)(Event::Stage { stage, to_run: to_run.len() });
         let owners = Owners::of(stage, &assessments);
         // What is taken away goes first: its place may be another unit's now.
         let mut outcomes: Vec<Option<Outcome>> = assessments
@@ -121,7 +120,7 @@ impl Run<'_> {
         let ran = self.ran(stage, &to_run, &owners)?;
         let left = outcomes.iter_mut().filter(|outcome| outcome.is_none());
         left.zip(ran).for_each(|(outcome, ran)| *outcome = Some(ran));
-        (self.watch)(Event::End { stage });
+        (self.watch)(Event::End);
         let mut counts = StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
         for (a, outcome) in assessments.iter().zip(outcomes) {
             if let Some(outcome) = outcome {
@@ -183,7 +182,7 @@ impl Run<'_> {
         let work = Work { plan: self.plan, folder: self.store.root(), elsewhere: false };
         let take = |i: usize, made: Result<Made>| {
             let made = made.map_or_else(|e| Err(e.into()), |made| made.0);
-            (self.watch)(Event::Unit { unit: &units[i].unit, ok: made.is_ok() });
+            (self.watch)(Event::Unit { unit: &units[i].unit });
             drop(outcomes[i].set(self.filed(stage, units[i], made, owners)));
         };
         match stage.spreads {

@@ -1,13 +1,14 @@
 //! The pipeline file `pipeline.toml`: what is done with a campaign's logs, stage by stage.
 
-use super::provenance::PLACE;
+use super::provenance::{PLACE, Provenance};
 use super::store::Store;
 use crate::stage;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{DeserializeSeed, Deserializer, IntoDeserializer, MapAccess, Visitor};
-use serde_json::Value;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
@@ -18,9 +19,11 @@ use std::ops::{Deref, DerefMut};
 pub struct Fields {
     /// One line that says what the campaign is about; the title of the report.
     pub title: String,
-    /// Constants of the aircraft (areas, arms, inertias), for the models that declare them.
+    /// Constants of the aircraft (areas, arms, inertias), for the models that declare them: a file, or
+    /// a list of files and of values that other pipelines estimate,
+    /// `["aircraft.toml", { from = "ground.toml", take = ["k_cable"] }]`.
     #[serde(default)]
-    pub aircraft: Option<String>,
+    pub aircraft: Option<Aircraft>,
     /// The channel map: which topic and field of a log is which signal.
     pub channels: String,
     /// The logs: paths or patterns such as "logs/*.mcap", absolute ones as well; one that begins
@@ -45,9 +48,45 @@ pub struct Fields {
     /// Straight lines through the estimates.
     #[serde(default)]
     pub fit: Vec<stage::fit::Settings>,
-    /// Models held against the flights: where are they wrong, what is missing?
+}
+
+/// Where the constants come from.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Aircraft {
+    One(String),
+    Several(Vec<Entry>),
+}
+
+/// A file of constants, or values of another pipeline.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Entry {
+    File(String),
+    Taken(Taken),
+}
+
+/// Values that another pipeline estimates, with their standard deviations and covariances.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Taken {
+    /// The other pipeline file, relative to this one. A run makes it first.
+    pub from: String,
+    /// Names of its parameters: the constants of the models here that have these names.
+    pub take: Vec<String>,
+    /// Name of its `[[estimate]]`, where several estimate a parameter of the same name.
     #[serde(default)]
-    pub diagnose: Vec<stage::diagnose::Settings>,
+    pub estimate: Option<String>,
+}
+
+impl Aircraft {
+    /// All of them, in the order of the file.
+    pub fn entries(&self) -> Vec<Entry> {
+        match self {
+            Aircraft::One(name) => vec![Entry::File(name.clone())],
+            Aircraft::Several(all) => all.clone(),
+        }
+    }
 }
 
 /// A pipeline file: the fields that several stages share, and the keys of stages that have one of
@@ -143,28 +182,36 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Apart<'_, A> {
 }
 
 impl Settings {
-    /// Adds the diagnoses that a command asked for earlier and whose results are in the output
-    /// folder: they are kept as long as they are fresh. One whose name the pipeline file gives
-    /// away, or whose estimate is gone, is not.
+    /// What is said under the name of a stage, as its type; none where that has mistakes, which the
+    /// plan says.
+    pub fn read<T: DeserializeOwned + Default>(&self, stage: &str) -> Option<T> {
+        match self.told.get(stage) {
+            Some(value) => serde_json::from_value(value.clone()).ok(),
+            None => Some(T::default()),
+        }
+    }
+
+    /// Puts other settings under the name of a stage, as a command wants them.
+    pub fn write<T: Serialize>(&mut self, stage: &str, settings: &T) {
+        if let Ok(value) = serde_json::to_value(settings) {
+            self.told.insert(stage.to_string(), value);
+        }
+    }
+
+    /// Adds what commands asked for earlier and whose results are in the output folder.
     pub fn keep(&mut self, store: &Store) {
-        let place = |record: &super::provenance::Provenance| {
+        let place = |record: &Provenance| {
             record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok())
         };
-        let mut records: Vec<_> = store
-            .records()
-            .into_iter()
-            .filter(|r| r.stage == stage::diagnose::STAGE.name)
-            .collect();
+        let estimates: Vec<String> = self.estimate.iter().map(|e| e.name()).collect();
+        let mut records = store.records();
         records.sort_by_key(place);
-        let earlier = records.into_iter().filter_map(|r| serde_json::from_value(r.asked?).ok());
-        for kept in earlier.map(|settings| stage::diagnose::Settings {
-            asked: true,
-            idle: true,
-            ..settings
-        }) {
-            let known = self.estimate.iter().any(|e| e.name() == kept.estimate);
-            if known && self.diagnose.iter().all(|d| d.name() != kept.name()) {
-                self.diagnose.push(kept);
+        for stage in stage::STAGES {
+            let of_stage = records.iter().filter(|r| r.stage == stage.name);
+            let earlier: Vec<Value> = of_stage.filter_map(|r| r.asked.clone()).collect();
+            if !earlier.is_empty() {
+                let told = self.told.entry(stage.name.to_string());
+                (stage.again)(told.or_insert_with(|| json!([])), earlier, &estimates);
             }
         }
     }

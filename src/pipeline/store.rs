@@ -17,6 +17,14 @@ const HOUSEKEEPING: &str = ".koehler";
 /// How the names of files begin that are being written (`table::write_atomic`).
 const UNFINISHED: &str = ".unfinished-";
 
+/// Where a pipeline's results go unless a command says otherwise: `out/` beside `pipeline.toml`;
+/// pipelines of other names beside it keep theirs apart, in `out/<name>/`.
+pub fn out_folder(pipeline: &Path) -> PathBuf {
+    let out = pipeline.parent().unwrap_or_else(|| Path::new("")).join("out");
+    let name = pipeline.file_stem().filter(|name| *name != "pipeline");
+    name.map_or_else(|| out.clone(), |name| out.join(name))
+}
+
 /// An output folder.
 #[derive(Debug)]
 pub struct Store {

@@ -139,7 +139,7 @@ impl Function for UnitOfStage {
             pipeline: absolute(&work.plan.pipeline)?,
             folder: absolute(work.folder)?,
             fingerprint: fingerprint(work.plan),
-            diagnoses: work.plan.campaign.diagnoses.iter().map(|d| d.settings.clone()).collect(),
+            told: serde_json::to_string(&work.plan.told).map_err(|e| Error::new(e.to_string()))?,
         })
     }
 
@@ -157,12 +157,14 @@ struct Packed {
     folder: PathBuf,
     /// Of the plan: files may have changed meanwhile, or be others.
     fingerprint: Key,
-    diagnoses: Vec<stage::diagnose::Settings>,
+    /// What is said under the names of stages, as JSON: a command may have changed it.
+    told: String,
 }
 
 impl Packed {
     fn plan(&self) -> Result<Plan> {
-        let changed = |settings: &mut super::Settings| settings.diagnose = self.diagnoses.clone();
+        let told = serde_json::from_str(&self.told).map_err(|e| Error::new(e.to_string()))?;
+        let changed = |settings: &mut super::Settings| settings.told = told;
         let plan =
             Plan::read_with(&self.pipeline, changed).map_err(|e| Error::new(e.to_string()))?;
         match fingerprint(&plan) == self.fingerprint {

@@ -407,6 +407,7 @@ fn uncertainties() -> [Table; 4] {
         .opt_strings("constant", [Some("K_te"), None])
         .opt_strings("constant_unit", [Some("N m/A"), None]);
     let budget = budget
+        .opt_strings("constant_source", [Some("course data of the aircraft"), None])
         .f64("constant_value", [5.0, f64::NAN])
         .f64("constant_sd", [0.05, f64::NAN])
         .f64("sensitivity", [-0.06, f64::NAN]);

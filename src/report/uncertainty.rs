@@ -3,7 +3,7 @@
 
 use super::columns::Columns;
 use super::estimates::few;
-use super::format::{bracketed, count, number, shorts};
+use super::format::{bracketed, count, number, plus_minus, shorts};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
 use super::section::{Body, Given, Section};
@@ -27,6 +27,7 @@ fn build(given: &Given) -> Result<Option<Body>> {
 #[derive(Debug, Serialize)]
 pub struct Uncertainty {
     pub budget: Grid,
+    pub assumed: Grid,
     pub separability: Grid,
     pub repeats: Grid,
     pub profiles: Vec<Caption>,
@@ -68,6 +69,7 @@ fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, V
     (
         Uncertainty {
             budget: budget(get("budget")),
+            assumed: assumed(get("budget")),
             separability: separability(get("separability")),
             repeats: repeats(get("repeats")),
             profiles,
@@ -121,6 +123,30 @@ fn budget(table: Option<&Columns>) -> Grid {
             .into(),
     );
     grid.or_missing(none)
+}
+
+/// The assumed constants, each once per value, and where they come from.
+fn assumed(table: Option<&Columns>) -> Grid {
+    let mut grid = Grid::new(["constant", "#value", "unit", "~where it comes from"]);
+    let Some(table) = table else { return grid };
+    let mut seen: Vec<[String; 2]> = Vec::new();
+    let mut order: Vec<usize> = (0..table.rows()).collect();
+    order.sort_by_key(|&row| table.text("constant", row));
+    for row in order {
+        let (name, source) = (table.text("constant", row), table.text("constant_source", row));
+        let (value, sd) = (table.number("constant_value", row), table.number("constant_sd", row));
+        if !value.is_finite() || seen.contains(&[name.clone(), source.clone()]) {
+            continue;
+        }
+        grid.push(vec![
+            name.as_str().into(),
+            Cell::new(plus_minus(value, sd)),
+            table.text("constant_unit", row).into(),
+            if source.is_empty() { "the model's file".into() } else { source.as_str().into() },
+        ]);
+        seen.push([name, source]);
+    }
+    grid
 }
 
 /// A share as a bar of up to ten blocks.

@@ -4,12 +4,14 @@ use super::channels::Channels;
 use super::check::{Columns, Given};
 use super::inputs::{Inputs, Output, Part};
 use super::told::{Key, Told};
-use super::{derive, diagnose, estimate, fit, reconstruct, segment};
+use super::{derive, estimate, fit, reconstruct, segment};
 use crate::error::Errors;
 use crate::report::Section;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use std::collections::BTreeMap;
+
+/// A model by its name in the tables, and the columns of the samples table that drive it.
+pub type Columned = (String, Vec<String>);
 
 /// One stage of the main job.
 #[derive(Debug)]
@@ -44,6 +46,12 @@ pub struct Stage {
     /// The settings of a unit that a command asked for, not the pipeline file: later runs keep its
     /// results as long as they are fresh.
     pub asked: fn(&Campaign, &Unit) -> Option<Value>,
+    /// The models that it runs, by their names in the tables, and the columns of the samples table
+    /// that drive each.
+    pub models: fn(&Campaign) -> Vec<Columned>,
+    /// Adds to what the pipeline file says under the stage's key what a command asked for earlier,
+    /// as [`Stage::asked`] gave it; the names are those of the estimates.
+    pub again: fn(&mut Value, Vec<Value>, &[String]),
     /// Whether its units hand their own work to the engine and are run where the run is, instead
     /// of being handed to it whole.
     pub spreads: bool,
@@ -68,6 +76,8 @@ impl Stage {
         run: |_, _, _| Ok(Output::default()),
         reads_records: false,
         asked: |_, _| None,
+        models: |_| Vec::new(),
+        again: |_, _, _| {},
         spreads: false,
         idle: |_, _| None,
     };
@@ -162,14 +172,6 @@ impl Read {
         };
         tables.iter().flat_map(of).collect()
     }
-
-    /// Numbered parts `0..n` of these tables, without those that failed.
-    pub fn parts(tables: &[&'static str], n: usize) -> Vec<Read> {
-        let of = |table: &&'static str| -> Vec<Read> {
-            (0..n).map(|i| Read { table, part: Part::Number(i), optional: true }).collect()
-        };
-        tables.iter().flat_map(of).collect()
-    }
 }
 
 /// Entries of a list of the pipeline file by name, and what is checked of each: none where it has
@@ -213,7 +215,6 @@ pub struct Campaign {
     pub segment: Option<segment::Config>,
     pub estimates: Vec<estimate::Config>,
     pub fits: Vec<fit::Config>,
-    pub diagnoses: Vec<diagnose::Config>,
     /// What the pipeline file says under the names of stages.
     pub told: Told,
     /// The stages that are run, in this order: [`super::STAGES`].
@@ -228,25 +229,5 @@ impl Campaign {
     pub fn parts(&self, table: &str) -> Vec<Part> {
         let writers = self.stages.iter().filter(|stage| stage.writes.contains(&table));
         writers.flat_map(|stage| (stage.units)(self)).map(|unit| unit.part).collect()
-    }
-
-    /// Columns of the samples table that drive each model, by the model's name in the tables.
-    pub fn inputs_of_models(&self) -> BTreeMap<String, Vec<String>> {
-        let again = self
-            .diagnoses
-            .iter()
-            .filter_map(|d| Some((d.settings.next(), self.estimates.get(d.estimate)?)));
-        self.estimates
-            .iter()
-            .map(|e| (e.name(), e))
-            .chain(again)
-            .map(|(name, e)| (name, e.columns()))
-            .collect()
-    }
-
-    /// The signal in which each input of the segments is searched.
-    pub fn searched(&self) -> BTreeMap<String, String> {
-        let inputs = self.segment.iter().flat_map(|s| &s.settings.input);
-        inputs.map(|i| (i.name().to_string(), i.signal.clone())).collect()
     }
 }

@@ -31,7 +31,7 @@ pub use notes::{NOTES, Note, STAGES_TABLE, Severity, notes_table};
 pub use told::{Key, Told};
 
 use inputs::series;
-use slice::{said, slice_of};
+use slice::{said, slice_of, taken};
 
 /// The stages in the order in which they run.
 pub const STAGES: &[Stage] = &[

@@ -42,7 +42,18 @@ fn sections(campaign: &Campaign) -> Vec<&'static Section> {
 
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
     let subtitle = settings(campaign).map(|r| r.subtitle.clone()).unwrap_or_default();
-    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": campaign.inputs_of_models(), "searched": campaign.searched(), "unasked": unasked(campaign) })
+    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign), "searched": searched(campaign), "unasked": unasked(campaign) })
+}
+
+/// Columns of the samples table that drive each model, by the model's name in the tables.
+fn inputs_of_models(campaign: &Campaign) -> BTreeMap<String, Vec<String>> {
+    campaign.stages.iter().flat_map(|stage| (stage.models)(campaign)).collect()
+}
+
+/// The signal in which each input of the segments is searched.
+fn searched(campaign: &Campaign) -> BTreeMap<String, String> {
+    let inputs = campaign.segment.iter().flat_map(|s| &s.settings.input);
+    inputs.map(|i| (i.name().to_string(), i.signal.clone())).collect()
 }
 
 /// The parts of a table of this campaign.
@@ -79,8 +90,8 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
         title: campaign.title.clone(),
         subtitle: settings(campaign).map(|r| r.subtitle.clone()).unwrap_or_default(),
         tables,
-        inputs: campaign.inputs_of_models(),
-        searched: campaign.searched(),
+        inputs: inputs_of_models(campaign),
+        searched: searched(campaign),
         more: sections(campaign),
         unasked: unasked(campaign),
         provenance: vec![
@@ -148,7 +159,7 @@ mod tests {
                     }
                 }
             }
-            let diagnosed = campaign.estimates.len() + campaign.diagnoses.len();
+            let diagnosed = campaign.estimates.len() + crate::stage::diagnose::all(&campaign).len();
             let figures = campaign.parts("figures").len();
             assert_eq!(most + 1, diagnosed.max(campaign.fits.len()).max(figures).max(1));
         }

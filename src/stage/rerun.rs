@@ -1,7 +1,7 @@
 //! What a diagnosis adds to its model, and the maneuvers, come in; the same estimate with the
 //! amended model goes out.
 
-use super::diagnose::recommended;
+use super::diagnose::{self, recommended};
 use super::estimate::{self, Config};
 use super::{Campaign, Inputs, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::error::{Error, Errors};
@@ -11,6 +11,7 @@ pub const STAGE: Stage = Stage {
     name: "rerun",
     about: "estimate amended models",
     units,
+    models,
     writes: &WRITES,
     reads,
     slice,
@@ -34,14 +35,21 @@ const WRITES: [&str; ESTIMATED + 1] = {
 
 /// The estimates that are run again, behind the estimates.
 fn units(campaign: &Campaign) -> Vec<Unit> {
-    let wanted = campaign.diagnoses.iter().enumerate().filter(|(_, d)| d.settings.rerun);
+    let wanted = diagnose::all(campaign).iter().enumerate().filter(|(_, d)| d.settings.rerun);
     wanted.map(|(i, d)| Unit::entry(campaign.estimates.len() + i, d.settings.next())).collect()
+}
+
+/// All amended models are driven like the one that was amended.
+fn models(campaign: &Campaign) -> Vec<(String, Vec<String>)> {
+    let again = diagnose::all(campaign).iter();
+    let base = |d: &diagnose::Config| campaign.estimates.get(d.estimate).map(Config::columns);
+    again.filter_map(|d| Some((d.settings.next(), base(d)?))).collect()
 }
 
 /// Place of the diagnosis, its name, and the estimate that it is of.
 fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(usize, &'a Config)> {
     let place = unit.index.checked_sub(campaign.estimates.len())?;
-    Some((place, campaign.estimates.get(campaign.diagnoses.get(place)?.estimate)?))
+    Some((place, campaign.estimates.get(diagnose::all(campaign).get(place)?.estimate)?))
 }
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {

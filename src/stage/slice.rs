@@ -8,8 +8,11 @@ use serde_json::{Value, json};
 /// What a model says, as a slice of the configuration: its text with fragments, and the values of
 /// its constants.
 pub(crate) fn said(model: &Model) -> Value {
-    let constants: IndexMap<&str, [f64; 2]> =
-        model.constants.iter().map(|c| (c.quantity.name.as_str(), [c.value, c.sd])).collect();
+    let constants: IndexMap<&str, Value> = model
+        .constants
+        .iter()
+        .map(|c| (c.quantity.name.as_str(), json!([c.value, c.sd, c.source, c.origin])))
+        .collect();
     json!({ "text": model.text, "constants": constants })
 }
 
@@ -17,4 +20,14 @@ pub(crate) fn said(model: &Model) -> Value {
 /// as null.
 pub(crate) fn slice_of<T: Serialize>(settings: &T) -> Value {
     serde_json::to_value(settings).unwrap_or(Value::Null)
+}
+
+/// The values of a model that other pipelines estimated: entries of a slice of their own, so that
+/// `status` names the one that changed.
+pub(crate) fn taken(model: &Model) -> impl Iterator<Item = (String, Value)> {
+    model
+        .constants
+        .iter()
+        .filter(|c| c.origin.is_some())
+        .map(|c| (format!("{} ({})", c.quantity.name, c.source), json!([c.value, c.sd, c.origin])))
 }

@@ -125,8 +125,6 @@ const SYNONYMS: &[(&str, &str)] = &[
 const SAME: f64 = 1e-5;
 
 impl Unit {
-    pub const NONE: Unit = Unit { dim: Dim::NONE, scale: 1.0, offset: 0.0 };
-
     /// Reads a unit string: names with optional powers (`m^2`, `m2`, `s^-1`), multiplied by a space
     /// or `*`, divided by `/` (which takes the next factor or parenthesis). The error says what
     /// could not be read.

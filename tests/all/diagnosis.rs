@@ -3,6 +3,7 @@
 //! in release mode. And does it tell of nothing in the main job, whose model is the truth's?
 
 use koehler::pipeline::{Plan, Store, run};
+use koehler::stage::diagnose;
 use koehler::table::{Table, read_dataset};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -28,8 +29,9 @@ fn out() -> Option<&'static TempDir> {
             }
         }
         let plan = Plan::read_with(&folder.path().join("pipeline.toml"), |settings| {
-            let wanted: Vec<String> =
-                settings.diagnose.iter().map(|d| d.estimate.clone()).collect();
+            let diagnoses: Vec<diagnose::Settings> =
+                settings.read("diagnose").expect("as its schema");
+            let wanted: Vec<String> = diagnoses.into_iter().map(|d| d.estimate).collect();
             settings.estimate.retain(|e| wanted.contains(&e.name()));
             settings.told.remove("report");
         });

@@ -122,7 +122,13 @@ fn kinematic(text: &str, inputs: &[(&str, f64)], outputs: &[&str]) -> Vec<f64> {
     let given = |name: &str, unit: &str| {
         (
             name.to_string(),
-            koehler::model::Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into() },
+            koehler::model::Given {
+                value: 0.0,
+                unit: unit.into(),
+                sd: 0.0,
+                source: "test".into(),
+                origin: None,
+            },
         )
     };
     let places = ["y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"];

@@ -62,7 +62,7 @@ fn every_example_gives_the_number_it_says() {
         let record = record(&model, &inputs, time);
         let propagator = Propagator::new(&model, Directions::default()).unwrap();
         let parameters = model.parameter_starts();
-        let given = propagator.first_values(&model, &parameters, &record).unwrap();
+        let given = propagator.first_values(&model, &parameters, &record, &record).unwrap();
         let grid = propagator.run(&parameters, &given, &record, false);
         let at = (time / record.dt).round() as usize;
         let got = grid.y[at * model.outputs.len() + model.output(&output).unwrap()];
@@ -90,7 +90,7 @@ fn every_example_has_exact_sensitivities() {
         let propagator = Propagator::new(&model, directions).unwrap();
         // a little off the round numbers, so that no switch falls on a grid point
         let p: Vec<f64> = model.parameter_starts().iter().map(|v| v * 1.0037).collect();
-        let x0: Vec<f64> = propagator.first_values(&model, &p, &record).unwrap();
+        let x0: Vec<f64> = propagator.first_values(&model, &p, &record, &record).unwrap();
         let exact = propagator.run(&p, &x0, &record, true);
         let nd = p.len() + x0.len();
         for d in 0..nd {

@@ -30,5 +30,6 @@ mod reruns;
 mod simulator;
 mod stages;
 mod structure;
+mod taken;
 mod trials;
 mod validation;

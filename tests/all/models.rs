@@ -388,7 +388,7 @@ fn opened_constants_are_the_same_model_with_derivatives() {
             let (unit, source) = (c.quantity.unit.clone(), String::new());
             shifted.0.insert(
                 c.quantity.name.clone(),
-                koehler::model::Given { value, unit, sd: c.sd, source },
+                koehler::model::Given { value, unit, sd: c.sd, source, origin: None },
             );
         }
         let folded = Model::load(&path, &shifted).unwrap();

@@ -1,6 +1,7 @@
 //! The examples of the documentation are what they say: configuration files that are read without a
 //! complaint.
 
+use koehler::stage::diagnose;
 use koehler::{config, pipeline, simulate};
 
 #[test]
@@ -49,6 +50,7 @@ fn the_diagnoses_of_the_pages_are_read() {
         );
         let (settings, _) = config::parse::<pipeline::Settings>("page.md", &whole)
             .unwrap_or_else(|e| panic!("{e}\n{text}"));
-        assert!(settings.diagnose.iter().all(|d| !d.effects.is_empty()));
+        let diagnoses: Vec<diagnose::Settings> = settings.read("diagnose").expect("as its schema");
+        assert!(!diagnoses.is_empty() && diagnoses.iter().all(|d| !d.effects.is_empty()));
     }
 }

@@ -156,7 +156,6 @@ fn candidate<'a>(
         signature: binding.prose(&file.signature),
         separate: binding.prose(&file.separate),
         family: file.family,
-        rivals: file.rivals.clone(),
         model,
         added,
         block,

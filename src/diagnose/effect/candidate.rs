@@ -35,8 +35,6 @@ pub struct Candidate {
     /// The maneuver that separates it from its rivals; empty where none is known.
     pub separate: String,
     pub family: Family,
-    /// Names of effects that look alike.
-    pub rivals: Vec<String>,
     /// The base model with the effect: same inputs and outputs, the parameters of the effect behind
     /// its own, sizes at null, shapes at their first start, none fixed.
     pub model: Model,

@@ -220,6 +220,7 @@ pub fn is_list(role: &str) -> bool {
 }
 
 /// Role and meaning, for the documentation.
+#[cfg(test)]
 pub fn list() -> impl Iterator<Item = (&'static str, &'static str)> {
     ROLES.iter().map(|r| (r.0, r.2))
 }

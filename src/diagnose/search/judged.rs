@@ -3,10 +3,8 @@
 
 use super::refit::Refit;
 use super::screen::Screened;
-use super::surrogate::chance;
 use crate::diagnose::effect;
 use crate::diagnose::residual::located::Located;
-use crate::diagnose::thresholds::Thresholds;
 
 /// What became of a candidate in a round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,15 +83,6 @@ pub struct Judged {
     pub standing: Standing,
     /// The standing in words, with its figures.
     pub why: String,
-}
-
-impl Judged {
-    /// Its evidence as a gain, over what chance gives the best of its round: what a threshold that
-    /// counts in times of chance is compared with.
-    pub fn over_chance(&self, limit: f64, thresholds: &Thresholds) -> f64 {
-        let chance = chance(self.screened.taken.max(1), thresholds.false_alarm);
-        (self.evidence + chance) / (limit + chance)
-    }
 }
 
 /// One round: a base fit and all candidates held against it.

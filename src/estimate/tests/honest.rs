@@ -42,7 +42,13 @@ fn constants(values: &[(&str, f64)]) -> Constants {
         let c = model.constants.iter().find(|c| c.quantity.name == name).unwrap();
         (
             name.to_string(),
-            Given { value, unit: c.quantity.unit.clone(), sd: c.sd, source: String::new() },
+            Given {
+                value,
+                unit: c.quantity.unit.clone(),
+                sd: c.sd,
+                source: String::new(),
+                origin: None,
+            },
         )
     };
     Constants(values.iter().map(|(name, value)| given(name, *value)).collect())

@@ -22,9 +22,13 @@ pub fn mistakes(pipeline: &Path) -> Errors {
     let file = |name: Option<&Value>| {
         name.and_then(Value::as_str).map(|name| folder.join(name)).filter(|path| path.is_file())
     };
-    let constants = match file(table.get("aircraft")) {
-        Some(path) => errors.take(config::load::<Constants>(&path)).map(|(constants, _)| constants),
+    let constants = match table.get("aircraft") {
         None => Some(Constants::default()),
+        // what other pipelines estimate is not looked for here, and models want it
+        Some(several) if several.is_array() => None,
+        one => file(one)
+            .and_then(|path| errors.take(config::load::<Constants>(&path)))
+            .map(|(constants, _)| constants),
     };
     if let Some(path) = file(table.get("channels"))
         && let Some((map, doc)) = errors.take(config::load::<ChannelMap>(&path))

@@ -67,8 +67,6 @@ pub struct Scalar {
     /// Innovation and its variance.
     pub nu: f64,
     pub s: f64,
-    /// Variance of the measurement.
-    pub r: f64,
 }
 
 /// What the backward pass needs of a stretch of nodes: flat, refilled for every stretch.
@@ -419,11 +417,11 @@ impl<'a> Filter<'a> {
         let mut s = dot_by::<VECTOR>(&ph, &self.row) + r;
         if !(nu.is_finite() && s.is_finite()) {
             self.ph = ph;
-            watch.innovation(state.t, &Scalar { channel, nu, s, r }, false);
+            watch.innovation(state.t, &Scalar { channel, nu, s }, false);
             return;
         }
         let accepted = nu * nu <= self.gate * self.gate * s;
-        watch.innovation(state.t, &Scalar { channel, nu, s, r }, accepted);
+        watch.innovation(state.t, &Scalar { channel, nu, s }, accepted);
         if accepted {
             self.prior.copy_from_slice(&state.x);
             for _ in 0..ITERATIONS {
@@ -461,7 +459,7 @@ impl<'a> Filter<'a> {
             }
             joseph(&mut state.p, n, m, &self.row, &ph, &self.gain, r);
             if let Some(tape) = tape {
-                tape.scalars.push(Scalar { channel, nu, s, r });
+                tape.scalars.push(Scalar { channel, nu, s });
                 tape.rows.extend_from_slice(&self.row);
                 tape.gains.extend_from_slice(&self.gain);
             }

@@ -1,7 +1,7 @@
 //! What a flight's signals show of their own noise in; the noise levels a smoother runs with, and
 //! their improvement by maximum likelihood, out.
 
-use super::flight::{Flight, spacing};
+use super::flight::Flight;
 use super::kinematics::Kinematics;
 use super::sums::Sums;
 use indexmap::IndexMap;
@@ -148,9 +148,4 @@ fn unknown(unit: &str, state: bool) -> f64 {
         ("m", false) => 1.0,
         _ => 100.0,
     }
-}
-
-/// Usual spacing of a channel's samples, s.
-pub fn channel_spacing(flight: &Flight, channel: usize) -> f64 {
-    flight.packets.iter().find(|p| p.channels.contains(&channel)).map_or(0.0, |p| spacing(&p.t))
 }

@@ -264,7 +264,10 @@ pub(super) fn from_fragments(name: &str, text: &str) -> Model {
 /// Where the sensors are.
 fn all_at_the_origin() -> Constants {
     let zero = |name: &str, unit: &str| {
-        (name.to_string(), Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into() })
+        (
+            name.to_string(),
+            Given { value: 0.0, unit: unit.into(), sd: 0.0, source: "test".into(), origin: None },
+        )
     };
     let places = ["x_imu", "y_imu", "z_imu", "x_alpha", "y_alpha", "x_beta", "z_beta"];
     Constants(places.iter().map(|name| zero(name, "m")).chain([zero("upwash", "-")]).collect())

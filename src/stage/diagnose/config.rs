@@ -5,11 +5,17 @@ use crate::diagnose;
 use crate::diagnose::effect::{self, Effect};
 use crate::model::Model;
 use crate::stage::check::{Given, folders};
-use crate::stage::estimate;
+use crate::stage::kind::{Campaign, Known};
+use crate::stage::slice::slice_of;
+use crate::stage::{Told, estimate};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
+
+/// The name of the stage, and of its key in the pipeline file.
+pub const NAME: &str = "diagnose";
 
 /// One estimate's model held against the flights: where is it wrong, and what is missing?
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
@@ -38,11 +44,13 @@ pub struct Settings {
     /// diagnosis, with `.next` behind.
     #[serde(default = "default_rerun")]
     pub rerun: bool,
-    /// A command asked for it, not the pipeline file.
-    #[serde(skip)]
+    /// A command asked for it, not the pipeline file, which cannot say so.
+    #[serde(default)]
+    #[schemars(skip)]
     pub asked: bool,
-    /// It is kept as long as it is fresh, and not run.
-    #[serde(skip)]
+    /// It is kept as long as it is fresh, and not run; the pipeline file cannot say so either.
+    #[serde(default)]
+    #[schemars(skip)]
     pub idle: bool,
 }
 
@@ -57,6 +65,11 @@ fn one_or_several<'de, D: Deserializer<'de>>(given: D) -> Result<Vec<String>, D:
 impl Settings {
     pub fn name(&self) -> String {
         self.name.clone().unwrap_or_else(|| self.estimate.clone())
+    }
+
+    /// Without who asked for it, and when it is run: what its results depend on.
+    pub fn plain(&self) -> Settings {
+        Settings { asked: false, idle: false, ..self.clone() }
     }
 
     /// Name of the estimate with what was added.
@@ -79,6 +92,36 @@ impl Settings {
     }
 }
 
+/// Adds the diagnoses that a command asked for earlier and whose results are in the output folder:
+/// they are kept as long as they are fresh. One whose name the pipeline file gives away, or whose
+/// estimate is gone, is not.
+pub fn again(told: &mut Value, earlier: Vec<Value>, estimates: &[String]) {
+    let Ok(mut all) = serde_json::from_value::<Vec<Settings>>(told.take()) else { return };
+    for kept in earlier.into_iter().filter_map(|value| serde_json::from_value(value).ok()) {
+        let kept = Settings { asked: true, idle: true, ..kept };
+        let known = estimates.contains(&kept.estimate);
+        if known && all.iter().all(|d| d.name() != kept.name()) {
+            all.push(kept);
+        }
+    }
+    *told = slice_of(&all);
+}
+
+/// Checks all `[[diagnose]]` and keeps those that can be run.
+pub fn check(told: &mut Told, known: &mut Known) {
+    let Some(all) = told.get::<Vec<Settings>>(NAME).cloned() else { return };
+    let Known { given, estimates, .. } = known;
+    let checked = given.entries(NAME, all, Settings::name, |given, key, settings| {
+        Config::read(settings, (given, key), (estimates.names, estimates.checked))
+    });
+    told.keep(NAME, checked.into_iter().flatten().collect::<Vec<Config>>());
+}
+
+/// The diagnoses of a campaign.
+pub fn all(campaign: &Campaign) -> &[Config] {
+    campaign.told.get::<Vec<Config>>(NAME).map(Vec::as_slice).unwrap_or_default()
+}
+
 /// The checked settings of one diagnosis.
 #[derive(Debug)]
 pub struct Config {
@@ -92,7 +135,7 @@ impl Config {
     /// Checks the settings of one diagnosis, which stand at `key`, against the estimates (their
     /// names, and what is checked of them) and the library of effects; none where they have mistakes
     /// that matter to it.
-    pub fn read(
+    fn read(
         settings: Settings,
         (given, key): (&mut Given, &str),
         (names, estimates): (&[String], &[Option<estimate::Config>]),

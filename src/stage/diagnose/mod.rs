@@ -9,7 +9,7 @@ mod tables;
 mod words;
 
 use super::estimate::{self, Group, ready};
-use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, said, slice_of};
+use super::{Campaign, Inputs, Key, Note, Output, Read, Severity, Stage, Unit, said, slice_of};
 use crate::diagnose::effect::{self, Context};
 use crate::diagnose::{self, Base, Claim, Diagnosis, Fitted, Judged, Rule, Subject, Verdict};
 use crate::error::Errors;
@@ -20,14 +20,18 @@ use indexmap::IndexMap;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-pub use config::{Config, Settings};
+use config::NAME;
+pub use config::{Config, Settings, all};
 use outcome::Outcome;
 pub use words::digits;
 
 pub const STAGE: Stage = Stage {
-    name: "diagnose",
+    name: NAME,
     about: "diagnose models",
-    units: |campaign| Unit::entries(campaign.diagnoses.iter().map(Config::name)),
+    key: Some(Key::of::<Vec<Settings>>()),
+    check: config::check,
+    again: config::again,
+    units: |campaign| Unit::entries(all(campaign).iter().map(Config::name)),
     writes: &[
         "findings",
         "candidates",
@@ -60,7 +64,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         .map(|e| json!({ "name": e.name, "file": slice_of(&e.file) }))
         .collect();
     json!({
-        "settings": slice_of(&config.settings),
+        "settings": slice_of(&config.settings.plain()),
         "estimate": slice_of(&base.settings),
         "left_out": ready::left_out(base, campaign),
         "model": said(&base.model),
@@ -71,20 +75,19 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 
 /// What a command asked for, and not the pipeline file.
 fn asked(campaign: &Campaign, unit: &Unit) -> Option<Value> {
-    let config = campaign.diagnoses.get(unit.index).filter(|d| d.settings.asked)?;
-    serde_json::to_value(&config.settings).ok()
+    let config = all(campaign).get(unit.index).filter(|d| d.settings.asked)?;
+    serde_json::to_value(config.settings.plain()).ok()
 }
 
 fn idle(campaign: &Campaign, unit: &Unit) -> Option<&'static str> {
-    campaign
-        .diagnoses
+    all(campaign)
         .get(unit.index)
         .is_some_and(|d| d.settings.idle)
         .then_some("it is not asked for now, and what it was made from has changed: `koehler diagnose` makes it anew")
 }
 
 fn parts<'a>(campaign: &'a Campaign, unit: &Unit) -> Option<(&'a Config, &'a estimate::Config)> {
-    let config = campaign.diagnoses.get(unit.index)?;
+    let config = all(campaign).get(unit.index)?;
     Some((config, campaign.estimates.get(config.estimate)?))
 }
 

@@ -32,6 +32,7 @@ pub const STAGE: Stage = Stage {
     name: NAME,
     about: "estimate models",
     units: |campaign| Unit::entries(campaign.estimates.iter().map(Config::name)),
+    models: |campaign| campaign.estimates.iter().map(|e| (e.name(), e.columns())).collect(),
     writes: &[
         "estimates",
         "correlations",
@@ -61,6 +62,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         entries.insert("name".into(), json!(config.name()));
         entries.insert("left_out".into(), json!(ready::left_out(config, campaign)));
         entries.insert("model".into(), super::said(&config.model));
+        entries.extend(super::taken(&config.model));
     }
     slice
 }

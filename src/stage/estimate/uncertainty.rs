@@ -6,7 +6,9 @@ use super::trim::Trim;
 use crate::error::Result;
 use crate::estimate::regression::{Equation, Regressed, Regression};
 use crate::estimate::repeats::{Repeats, compare};
-use crate::estimate::{Combination, Decision, Estimation, Influence, Point, Profile, Row};
+use crate::estimate::{
+    Combination, Decision, Estimation, Influence, Point, Profile, Row, covariance,
+};
 use crate::math::distribution::INTERVAL_95;
 use crate::table::Table;
 
@@ -192,13 +194,46 @@ fn words(combination: &Combination) -> (&'static str, String) {
     }
 }
 
-/// One contribution; without an influence that of the noise.
+/// One contribution: of the noise, of an assumed constant, or of two whose errors are correlated.
 struct Share<'a> {
     batch: &'a Batch,
     row: &'a Row,
-    influence: Option<(&'a Influence, f64)>,
+    of: Of<'a>,
     contribution: f64,
     share: f64,
+}
+
+#[derive(Clone, Copy)]
+enum Of<'a> {
+    Noise,
+    Constant(&'a Influence, f64),
+    Pair(&'a Influence, &'a Influence),
+}
+
+impl<'a> Of<'a> {
+    /// The constant and how it moves the estimate, where it is one.
+    fn one(self) -> Option<(&'a Influence, f64)> {
+        if let Of::Constant(influence, slope) = self { Some((influence, slope)) } else { None }
+    }
+
+    /// The constant, or both.
+    fn name(self) -> Option<String> {
+        let name = |i: &Influence| i.constant.quantity.name.clone();
+        match self {
+            Of::Noise => None,
+            Of::Constant(i, _) => Some(name(i)),
+            Of::Pair(a, b) => Some(format!("{} with {}", name(a), name(b))),
+        }
+    }
+
+    /// Where the values come from.
+    fn source(self) -> Option<String> {
+        let of = |i: &Influence| Some(i.constant.source.clone()).filter(|text| !text.is_empty());
+        match self {
+            Of::Noise => None,
+            Of::Constant(i, _) | Of::Pair(i, _) => of(i),
+        }
+    }
 }
 
 pub fn budget(model: &str, done: &[Done]) -> Result<Table> {
@@ -212,11 +247,9 @@ pub fn budget(model: &str, done: &[Done]) -> Result<Table> {
         )
     };
     rows.sort_by(|a, b| key(a).cmp(&key(b)).then(b.share.total_cmp(&a.share)));
-    let constant =
-        |of: fn(&Influence) -> &str| rows.iter().map(move |s| s.influence.map(|(i, _)| of(i)));
     let number = |of: fn(&Influence, f64) -> f64| {
         rows.iter()
-            .map(|s| s.influence.map_or(f64::NAN, |(i, slope)| of(i, slope)))
+            .map(|s| s.of.one().map_or(f64::NAN, |(i, slope)| of(i, slope)))
             .collect::<Vec<_>>()
     };
     Table::build("budget")
@@ -226,8 +259,12 @@ pub fn budget(model: &str, done: &[Done]) -> Result<Table> {
         .opt_strings("of", rows.iter().map(|s| per(s.batch, s.row).1))
         .strings("parameter", rows.iter().map(|s| &s.row.name))
         .strings("unit", rows.iter().map(|s| &s.row.unit))
-        .opt_strings("constant", constant(|i| &i.constant.quantity.name))
-        .opt_strings("constant_unit", constant(|i| &i.constant.quantity.unit))
+        .opt_strings("constant", rows.iter().map(|s| s.of.name()))
+        .opt_strings(
+            "constant_unit",
+            rows.iter().map(|s| s.of.one().map(|(i, _)| &i.constant.quantity.unit)),
+        )
+        .opt_strings("constant_source", rows.iter().map(|s| s.of.source()))
         .f64("constant_value", number(|i, _| i.constant.value))
         .f64("constant_sd", number(|i, _| i.constant.sd))
         .f64("sensitivity", number(|_, slope| slope))
@@ -243,15 +280,21 @@ fn shares<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Share<'a>> {
     let mut all = Vec::new();
     for (i, row) in e.rows.iter().enumerate() {
         let (Some(sd), Some(total)) = (row.sd, row.sd_total) else { continue };
-        let mut put = |influence: Option<(&'a Influence, f64)>, contribution: f64| {
-            let share = contribution * contribution / (total * total);
-            all.push(Share { batch, row, influence, contribution, share });
+        let mut put = |of: Of<'a>, variance: f64| {
+            let (contribution, share) =
+                (variance.abs().sqrt().copysign(variance), variance / (total * total));
+            all.push(Share { batch, row, of, contribution, share });
         };
-        put(None, sd);
-        for influence in &e.budget {
+        put(Of::Noise, sd * sd);
+        for (k, influence) in e.budget.iter().enumerate() {
             let slope = influence.slopes.get(i).copied().unwrap_or(0.0);
             if slope != 0.0 {
-                put(Some((influence, slope)), (slope * influence.constant.sd).abs());
+                put(Of::Constant(influence, slope), (slope * influence.constant.sd).powi(2));
+            }
+            for other in &e.budget[k + 1..] {
+                if let Some(joint) = covariance(influence, other, i).filter(|v| *v != 0.0) {
+                    put(Of::Pair(influence, other), joint);
+                }
             }
         }
     }

@@ -262,7 +262,11 @@ fn most(diagnosis: &Diagnosis) -> f64 {
         r.judged
             .iter()
             .filter(passes)
-            .map(|j| j.over_chance(r.limit, &thresholds))
+            .map(|j| {
+                // Its evidence as a gain, over what chance gives the best of its round.
+                let chance = diagnose::chance(j.screened.taken.max(1), thresholds.false_alarm);
+                (j.evidence + chance) / (r.limit + chance)
+            })
             .fold(0.0, f64::max)
     };
     diagnosis.rounds.iter().map(of).fold(0.0, f64::max)
