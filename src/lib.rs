@@ -60,8 +60,6 @@ pub mod table;
 pub mod config;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
-pub mod design;
-#[doc(hidden)]
 pub mod diagnose;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
@@ -124,6 +122,7 @@ mod stage;
 #[cfg(not(feature = "internals"))]
 mod units;
 
+mod design;
 mod fit;
 mod least_squares;
 mod noise;
