@@ -38,11 +38,8 @@ mod watch;
 mod work;
 
 pub use figures::page;
-pub use flown::Excursions;
-pub use judged::{Judged, Outcome, Summary};
+pub use judged::{Judged, Outcome};
 pub use results::{Results, run};
-pub use rows::Design;
-pub use search::Found;
 pub use settings::Settings;
 pub use study::Study;
 pub use tables::designs;
