@@ -73,7 +73,7 @@ fn fault_a_design_that_cannot_be_flown_leaves_the_others_and_shows_in_the_exit_c
 }
 
 /// Trace, airspeed and rank of the 18 designs under one estimate.
-fn of<'a>(table: &'a Table, estimate: &str) -> Vec<(f64, f64, i64)> {
+fn of(table: &Table, estimate: &str) -> Vec<(f64, f64, i64)> {
     let column = |name: &str| table.f64(name).expect("column").to_vec();
     let (trace, airspeed) = (column("trace"), column("airspeed"));
     let rank = table.opt_i64("rank").expect("column");
