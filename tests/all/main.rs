@@ -4,6 +4,7 @@
 mod attas;
 mod campaign;
 mod chosen;
+mod citation_ground;
 mod closure;
 mod coverage;
 mod design;
