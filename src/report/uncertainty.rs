@@ -135,7 +135,7 @@ fn assumed(table: Option<&Columns>) -> Grid {
     for row in order {
         let (name, source) = (table.text("constant", row), table.text("constant_source", row));
         let (value, sd) = (table.number("constant_value", row), table.number("constant_sd", row));
-        if !value.is_finite() || seen.contains(&[name.clone(), source.clone()]) {
+        if !sd.is_finite() || seen.contains(&[name.clone(), source.clone()]) {
             continue;
         }
         grid.push(vec![

@@ -328,8 +328,9 @@ fn two_processes_make_the_same_bytes_of_every_pipeline() {
         return;
     }
     let Some(data) = flightdata::data("README.md") else { return };
-    let shipped: [(&str, &[&str], &str, &str); 9] = [
+    let shipped: [(&str, &[&str], &str, &str); 10] = [
         ("citation", &[], "run", "pipeline.toml"),
+        ("citation", &[], "run", "ground.toml"),
         ("citation-phlab", &["import.toml"], "run", "pipeline.toml"),
         ("hfb320", &["import.toml"], "run", "pipeline.toml"),
         ("jsbsim", &[], "run", "flight-path.toml"),

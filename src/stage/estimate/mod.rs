@@ -27,6 +27,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub use config::{Config, NAME};
 pub use names::{Driver, Scored};
 pub use settings::{Between, Group, Settings, Used};
+pub use uncertainty::WITH;
 
 pub const STAGE: Stage = Stage {
     name: NAME,

@@ -194,6 +194,9 @@ fn words(combination: &Combination) -> (&'static str, String) {
     }
 }
 
+/// What stands between the names of two constants whose errors are correlated.
+pub const WITH: &str = " with ";
+
 /// One contribution: of the noise, of an assumed constant, or of two whose errors are correlated.
 struct Share<'a> {
     batch: &'a Batch,
@@ -222,7 +225,20 @@ impl<'a> Of<'a> {
         match self {
             Of::Noise => None,
             Of::Constant(i, _) => Some(name(i)),
-            Of::Pair(a, b) => Some(format!("{} with {}", name(a), name(b))),
+            Of::Pair(a, b) => Some(format!("{}{WITH}{}", name(a), name(b))),
+        }
+    }
+
+    /// The value of the constant; the correlation of a pair.
+    fn value(self) -> f64 {
+        match self {
+            Of::Noise => f64::NAN,
+            Of::Constant(i, _) => i.constant.value,
+            Of::Pair(a, b) => {
+                let with = a.constant.origin.as_ref().map(|origin| &origin.with);
+                let of = with.and_then(|with| with.get(&b.constant.quantity.name));
+                of.copied().unwrap_or(f64::NAN)
+            }
         }
     }
 
@@ -265,7 +281,7 @@ pub fn budget(model: &str, done: &[Done]) -> Result<Table> {
             rows.iter().map(|s| s.of.one().map(|(i, _)| &i.constant.quantity.unit)),
         )
         .opt_strings("constant_source", rows.iter().map(|s| s.of.source()))
-        .f64("constant_value", number(|i, _| i.constant.value))
+        .f64("constant_value", rows.iter().map(|s| s.of.value()).collect::<Vec<_>>())
         .f64("constant_sd", number(|i, _| i.constant.sd))
         .f64("sensitivity", number(|_, slope| slope))
         .f64("contribution", rows.iter().map(|s| s.contribution).collect::<Vec<_>>())

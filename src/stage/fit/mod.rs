@@ -3,6 +3,7 @@
 
 mod config;
 
+use super::estimate::WITH;
 use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::config::list;
 use crate::error::{Errors, Result};
@@ -96,30 +97,43 @@ fn line<'a>(config: &Config, parameter: &'a str, unit: &'a str, points: Table) -
 }
 
 /// What the assumed constants add to the variances of slope and intercept. A constant's error is
-/// one and the same at all points.
+/// one and the same at all points; two that another pipeline estimated together have correlated ones.
 fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Result<(f64, f64)> {
     let (names, constants) = (budget.strings("parameter")?, budget.opt_strings("constant")?);
     let (groups, segments) = (budget.strings("group")?, budget.opt_strings("segment")?);
     let (slopes, sds) = (budget.f64("sensitivity")?, budget.f64("constant_sd")?);
+    let values = budget.f64("constant_value")?;
     let mine: Vec<usize> =
         (0..names.len()).filter(|&i| names[i] == parameter && constants[i].is_some()).collect();
-    let mut known: Vec<&str> = mine.iter().filter_map(|&i| constants[i]).collect();
-    known.sort_unstable();
-    known.dedup();
-    let (mut slope, mut intercept) = (0.0, 0.0);
-    for constant in known {
-        let moved = |segment: &&str| {
+    // How far an error of one sd of each constant moves slope and intercept.
+    let mut moved: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
+    let mut pairs: BTreeMap<(&str, &str), f64> = BTreeMap::new();
+    for &i in &mine {
+        let Some(constant) = constants[i] else { continue };
+        if let Some(pair) = constant.split_once(WITH) {
+            pairs.insert(pair, values[i]);
+            continue;
+        }
+        if moved.contains_key(constant) {
+            continue;
+        }
+        let at = |segment: &&str| {
             let of = |i: &&usize| {
                 constants[**i] == Some(constant) && segments[**i].unwrap_or(groups[**i]) == *segment
             };
             mine.iter().find(of).map_or(0.0, |&i| slopes[i] * sds[i])
         };
-        let change: Vec<f64> = points.strings("segment")?.iter().map(moved).collect();
-        let (a, b) = fit::carried(fit, points.f64("x")?, points.f64("sd")?, &change);
-        slope += a * a;
-        intercept += b * b;
+        let change: Vec<f64> = points.strings("segment")?.iter().map(at).collect();
+        moved.insert(constant, fit::carried(fit, points.f64("x")?, points.f64("sd")?, &change));
     }
-    Ok((slope, intercept))
+    let mut added = moved.values().fold((0.0, 0.0), |sum, (a, b)| (sum.0 + a * a, sum.1 + b * b));
+    for ((one, other), r) in pairs {
+        if let (Some(one), Some(other)) = (moved.get(one), moved.get(other)) {
+            added.0 += 2.0 * r * one.0 * other.0;
+            added.1 += 2.0 * r * one.1 * other.1;
+        }
+    }
+    Ok((added.0.max(0.0), added.1.max(0.0)))
 }
 
 /// Correlations of the lines of different parameters, whose points are estimated together.
