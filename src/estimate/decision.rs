@@ -31,6 +31,9 @@ pub struct Decision {
     pub sd: f64,
     pub start: f64,
     pub support: Support,
+    /// What the data do not distinguish it from, where that is why it was held; empty where no
+    /// output notices it at all.
+    pub like: Vec<String>,
 }
 
 impl Decision {

@@ -8,7 +8,7 @@
 //! significant.)
 
 use super::decision::{Decision, Support};
-use super::rank::NONE;
+use super::rank::{NONE, Verdict};
 use super::{Estimation, Settings, Stop};
 use crate::error::Errors;
 use crate::math::distribution::chi2_cdf;
@@ -78,10 +78,21 @@ fn weakest(estimation: &Estimation, settings: &Settings, trial: &Settings) -> Op
                 sd: f64::NAN,
                 start,
                 support: Support::NotObservable,
+                like: like(&estimation.verdict, name),
             })
         }
         _ => None,
     }
+}
+
+/// The other parameters of the combination without effect that a candidate is part of.
+fn like(verdict: &Verdict, name: &str) -> Vec<String> {
+    let without = verdict.combinations.iter().filter(|c| c.information <= NONE);
+    let of = without.map(|c| &c.terms).find(|terms| terms.iter().any(|t| t.name == name));
+    let mut names: Vec<String> = of.into_iter().flatten().map(|t| t.name.clone()).collect();
+    names.retain(|other| other != name);
+    names.dedup();
+    names
 }
 
 /// A candidate's values against their start, and how likely they would be so far from it by chance.
@@ -97,9 +108,15 @@ fn judge(estimation: &Estimation, name: &str) -> Option<(Decision, f64)> {
         if z.abs() > farthest {
             farthest = z.abs();
             let (parameter, unit) = (row.name.clone(), row.unit.clone());
-            let support = Support::Significant;
-            decision =
-                Some(Decision { parameter, unit, value: row.value, sd, start: row.start, support });
+            decision = Some(Decision {
+                parameter,
+                unit,
+                value: row.value,
+                sd,
+                start: row.start,
+                support: Support::Significant,
+                like: Vec::new(),
+            });
         }
     }
     let chance = if square.is_finite() { 1.0 - chi2_cdf(square, count) } else { 0.0 };

@@ -181,3 +181,33 @@ fn recovery_of_friction_and_stops_from_a_sweep_on_the_ground() {
     }
     assert_eq!(seen, [true; 4], "k, F_c, M_0, stop");
 }
+
+#[test]
+fn fault_a_stop_that_was_never_reached_is_named_as_without_effect() {
+    let c = Campaign { folder: tempfile::tempdir().expect("a temporary folder") };
+    // 40 N m against 200 N m/rad: 0.2 rad of 0.3.
+    let short = CAMPAIGN.replace("amplitude = 75.0", "amplitude = 40.0");
+    assert_ne!(short, CAMPAIGN);
+    for (file, text) in [
+        ("truth.model.toml", TRUTH),
+        ("surface.model.toml", MODEL),
+        ("campaign.toml", &short),
+        ("channels.toml", CHANNELS),
+        ("pipeline.toml", PIPELINE),
+    ] {
+        c.write(file, text);
+    }
+    let ran = c.run().ended(1);
+    println!("{}{}", ran.out, ran.err);
+    let verdicts = read_dataset(&c.path("out"), "separability").expect("verdicts");
+    let (verdict, text) =
+        (verdicts.strings("verdict").expect("verdicts"), verdicts.strings("text").expect("texts"));
+    let said = (0..verdicts.rows()).any(|i| verdict[i] == "no effect" && text[i].contains("stop"));
+    assert!(said, "{verdict:?} {text:?}");
+    let estimates = read_dataset(&c.path("out"), "estimates").expect("estimates");
+    let stops = estimates.strings("stop").expect("stops");
+    assert!(
+        stops.iter().all(|s| *s != "converged"),
+        "no value for a stop that nobody met: {stops:?}"
+    );
+}

@@ -78,11 +78,14 @@
       const colour = reference ? t.model : colourOf[s.label] || palette[next++ % palette.length];
       if (s.kind === "line" && bars) traces.push(...band(s.x, s.lower, s.upper, "rgba(" + t.band + ",0.18)").map((b) => Object.assign({ showlegend: false }, b)));
       const joined = s.kind === "line" || (reference && s.x.length === 2);
-      const trace = { x: s.x, y: s.y, name: escape(s.label), type: "scatter", mode: joined ? "lines" : "markers", line: { color: colour, width: 1.6, dash: reference ? "5px,2px" : "solid" }, marker: { color: colour, symbol: symbolOf[s.label] || "circle", size: 7 } };
+      const trace = { x: s.x, y: s.y, name: escape(s.label), type: "scatter", mode: joined ? "lines" : "markers", line: { color: colour, width: 1.6, dash: reference ? "5px,2px" : "solid" }, marker: { color: colour, symbol: symbolOf[s.label] || "circle", size: s.x.length > 500 ? 2.5 : 7 } };
       if (!joined && bars) trace.error_y = { type: "data", symmetric: false, array: s.upper.map((u, i) => (u === null ? null : u - s.y[i])), arrayminus: s.lower.map((l, i) => (l === null ? null : s.y[i] - l)), color: colour, thickness: 1.2, width: 3 };
       traces.push(trace);
     });
-    Plotly.react(element, traces, layout({ showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 } }, margin: { l: 64, r: 14, t: 34, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
+    // Rows that the names take above the plot, which begin below its buttons.
+    const width = figure.series.reduce((sum, s) => sum + 6.2 * s.label.length + 58, 0);
+    const names = Math.ceil(width / Math.max(120, (element.clientWidth || 400) - 78));
+    Plotly.react(element, traces, layout({ showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 } }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
   }
   const drawFigures = () => data.figures.forEach(drawFigure);
 

@@ -3,6 +3,7 @@
 
 use super::batch::{Batch, Done, per, segment};
 use super::trim::Trim;
+use crate::config::list;
 use crate::error::Result;
 use crate::estimate::regression::{Equation, Regressed, Regression};
 use crate::estimate::repeats::{Repeats, compare};
@@ -178,8 +179,11 @@ fn decided(d: &Decision) -> String {
             "{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}",
             INTERVAL_95 * sd
         )
+    } else if d.like.is_empty() {
+        format!("{parameter} has no effect that these data show: held at {start}")
     } else {
-        format!("{parameter} is not distinguishable from others by these data: held at {start}")
+        let like = list(&d.like);
+        format!("{parameter} is not distinguishable from {like} by these data: held at {start}")
     }
 }
 
