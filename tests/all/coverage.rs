@@ -44,8 +44,13 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64) -> Outcome {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for entry in std::fs::read_dir(campaign_folder()).expect("the campaign").flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let analysis =
-            ["aircraft.toml", "channels.toml", "derived.model.toml", "elevator.model.toml"];
+        let analysis = [
+            "aircraft.toml",
+            "channels.toml",
+            "derived.model.toml",
+            "elevator.model.toml",
+            "elevator-lines.model.toml",
+        ];
         if analysis.contains(&name.as_str()) {
             std::fs::copy(entry.path(), folder.path().join(&name)).expect("copied");
         }

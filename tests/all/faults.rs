@@ -48,6 +48,11 @@ fn chained() -> Campaign {
                 .expect("copied");
         }
     }
+    // Without the joint fit of the same lines, which would be a second place for every mistake.
+    let text = std::fs::read_to_string(c.path("pipeline.toml")).expect("readable");
+    let (before, rest) = text.split_once("# --- the same lines in one fit").expect("the joint fit");
+    let (_, report) = rest.split_once("[report]").expect("a report");
+    c.write("pipeline.toml", &format!("{before}[report]{report}"));
     c
 }
 

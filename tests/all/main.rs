@@ -18,6 +18,7 @@ mod floors;
 mod fragments;
 mod ground;
 mod hfb320;
+mod joint;
 mod language;
 mod models;
 mod modes;
