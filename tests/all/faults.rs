@@ -154,7 +154,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nS_e  ",
             "\nS_ee ",
             &[
-                "controls.model.toml:19:1: constant \"S_e\" has no value; the same at elevator.model.toml:16:1",
+                "elevator-controls.model.toml:15:1: constant \"S_e\" has no value; the same at elevator.model.toml:16:1",
             ][..],
         ),
         (
@@ -196,11 +196,11 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             &["elevator.model.toml:35:13: unknown name \"C_h_delta\""],
         ),
         (
-            "controls.model.toml",
+            "elevator-controls.model.toml",
             "\nS_e ",
             "\nS_f ",
             &[
-                "controls.model.toml:84:14: unknown name \"S_e\"; the same at leveller.model.toml:46:35",
+                "elevator-controls.model.toml:57:14: unknown name \"S_e\"; the same at leveller.model.toml:46:35",
             ],
         ),
         (
