@@ -85,6 +85,8 @@
 
 mod base;
 pub mod effect;
+#[cfg(test)]
+mod friction_tests;
 mod gap;
 mod held_out;
 mod residual;

@@ -66,7 +66,7 @@ const LIBRARY: [&str; 7] = [
 ];
 
 /// A 3211 of the given unit and amplitude.
-fn steps(t: f64, unit: f64, amplitude: f64) -> f64 {
+pub fn steps(t: f64, unit: f64, amplitude: f64) -> f64 {
     match (t - 1.0) / unit {
         x if x < 0.0 => 0.0,
         x if x < 3.0 => amplitude,
@@ -151,7 +151,7 @@ fn judged(
     diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn told(d: &Diagnosis) -> String {
+pub fn told(d: &Diagnosis) -> String {
     let mut text = d.verdict.as_str().to_string();
     for round in &d.rounds {
         text += &format!("\nlimit {:.1}", round.limit);

@@ -13,6 +13,9 @@ pub struct Added {
     /// Of a switch: the value at which it is held, and not estimated, once the effect is in the
     /// model.
     pub hold: Option<f64>,
+    /// Of a size: the values at which it is tried, row by row like starts; empty where the
+    /// derivative at null tells.
+    pub steps: Vec<f64>,
     /// Of a shape: it is one of its starts, and not estimated.
     pub chosen: bool,
     /// Of a shape: the values tried. Several shapes go together: row i has start i of each (its
@@ -40,6 +43,11 @@ pub struct Check {
 }
 
 impl Added {
+    /// Of a size: the value at which row `row` of the starts tries it.
+    pub fn step(&self, row: usize) -> Option<f64> {
+        self.steps.get(row).or(self.steps.last()).copied()
+    }
+
     /// Whether it is not estimated once the effect is in the model.
     pub fn is_held(&self) -> bool {
         self.hold.is_some() || self.chosen

@@ -260,6 +260,7 @@ impl<'a> Binding<'a> {
             size.min.map_or(f64::NEG_INFINITY, |v| v * scale),
             size.max.map_or(f64::INFINITY, |v| v * scale),
         );
+        let steps = size.steps.iter().map(|s| s * scale).collect();
         let range = size.about.as_ref().map_or(f64::INFINITY, |about| 2.0 * self.size(about));
         let step = size.typical.or(size.starts.first().copied()).unwrap_or(1.0);
         Added {
@@ -267,6 +268,7 @@ impl<'a> Binding<'a> {
             unit: self.unit(&size.unit),
             null: size.null,
             hold: size.hold,
+            steps,
             chosen: size.chosen,
             starts,
             min,

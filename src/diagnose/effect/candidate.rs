@@ -44,9 +44,9 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// How many rows of starts the shapes have; 1 without shapes.
+    /// How many rows of starts the shapes have, or of steps the sizes; 1 without both.
     pub fn rows(&self) -> usize {
-        self.added.iter().map(|a| a.starts.len()).max().unwrap_or(0).max(1)
+        self.added.iter().map(|a| a.starts.len().max(a.steps.len())).max().unwrap_or(0).max(1)
     }
 
     /// The added parameters at row `row` of the starts, sizes at null.

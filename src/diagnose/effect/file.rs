@@ -139,6 +139,11 @@ pub struct Size {
     /// Value at which a size is held once the effect is in the model: 1 for a switch between with
     /// and without.
     pub hold: Option<f64>,
+    /// Values of a size at which it is tried, for an effect of which the derivative at null says
+    /// nothing (a little friction slows what moves, more of it holds): the screening takes the
+    /// difference of two responses over their distance. Those of several sizes go together.
+    #[serde(default)]
+    pub steps: Vec<f64>,
     /// A shape is one of its starts, the best one, and not estimated: for what the data choose
     /// without telling it exactly.
     #[serde(default)]
@@ -312,10 +317,23 @@ fn check_sizes(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
         if size.chosen && size.null.is_some() {
             wrong("only a shape is chosen among its starts");
         }
+        if !size.steps.is_empty() && size.null.is_none() {
+            wrong("only a size has steps; a shape has starts");
+        }
+        if size.steps.iter().any(|step| size.null == Some(*step)) {
+            wrong("a step is not null");
+        }
         let (min, max) = (size.min.unwrap_or(f64::NEG_INFINITY), size.max.unwrap_or(f64::INFINITY));
         let starts = if size.about.is_some() { &[][..] } else { &size.starts };
-        if size.null.iter().chain(&size.hold).chain(starts).any(|v| !(min <= *v && *v <= max)) {
-            wrong("null, hold and starts lie within the bounds");
+        if size
+            .null
+            .iter()
+            .chain(&size.hold)
+            .chain(&size.steps)
+            .chain(starts)
+            .any(|v| !(min <= *v && *v <= max))
+        {
+            wrong("null, hold, steps and starts lie within the bounds");
         }
         if size.of.iter().chain(&size.about).any(|of| !file.bind.contains_key(of)) {
             wrong("`of` and `about` are names of something bound");

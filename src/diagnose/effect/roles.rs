@@ -175,6 +175,11 @@ const ROLES: &[(&str, Find, &str)] = &[
     ("pair", List(pairs), "each left and right pair of surfaces, with .left and .right"),
     ("drive", List(drives), "each servo current, voltage, torque or force"),
     (
+        "control-load",
+        Value("m/s^2", &["az_bw", "az_bob", "az", "a_z"]),
+        "specific force along z at a weight in the controls, else at the centre of gravity",
+    ),
+    (
         "hinge",
         List(hinges),
         "each surface that moves by itself: its velocity, with .position and .acceleration",

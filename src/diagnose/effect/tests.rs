@@ -137,7 +137,7 @@ fn active(c: &Candidate, row: usize) -> Vec<f64> {
     let start = c.start(row);
     let step = |(a, x): (&Added, f64)| match (a.null, a.hold) {
         (Some(_), Some(hold)) => hold,
-        (Some(null), None) => null + a.typical,
+        (Some(null), None) => a.step(row).unwrap_or(null + a.typical),
         (None, _) => x * 1.013,
     };
     c.added.iter().zip(start).map(step).collect()

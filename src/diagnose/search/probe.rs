@@ -2,7 +2,7 @@
 //! what it adds, out.
 
 use super::ground::Ground;
-use crate::diagnose::effect::Candidate;
+use crate::diagnose::effect::{Added, Candidate};
 use crate::dynamics::{Channel, Directions, Propagator, Record};
 use crate::error::Errors;
 use crate::estimate::{self, Block, Case};
@@ -12,6 +12,11 @@ use std::borrow::Cow;
 /// States, delayed ones besides.
 fn dynamics(model: &Model) -> usize {
     model.states.len() + model.delays.iter().filter(|d| matches!(d.of, Delayed::State(_))).count()
+}
+
+/// The step of a size in every row; none where it has no steps.
+fn rows(candidate: &Candidate, size: &Added) -> Vec<f64> {
+    (0..candidate.rows()).filter_map(|row| size.step(row)).collect()
 }
 
 /// A candidate's model, to be run where the base stands.
@@ -26,6 +31,9 @@ pub struct Probe {
     added: Vec<usize>,
     /// Directions of the propagator: indices into `added`.
     pub sizes: Vec<usize>,
+    /// Per size and row of the starts the value at which it is tried; empty where its derivative at
+    /// null tells.
+    steps: Vec<Vec<f64>>,
     /// It has more states, or more of them delayed, than the base.
     adds_dynamics: bool,
 }
@@ -65,6 +73,7 @@ impl Probe {
             given: propagator.given().iter().map(place).collect(),
             base: model.parameters.iter().map(|p| index(&p.quantity.name)).collect(),
             starts: model.parameter_starts(),
+            steps: sizes.iter().map(|&i| rows(candidate, &candidate.added[i])).collect(),
             propagator,
             added,
             sizes,
@@ -93,9 +102,9 @@ impl Probe {
         Cow::Owned(Record { substeps: steps, ..base.clone() })
     }
 
-    /// The blocks of segment `s` with the added parameters at `at`: residuals, and sensitivities to
-    /// the sizes.
-    pub fn run(&self, ground: &Ground, s: usize, at: &[f64]) -> Option<Vec<Block>> {
+    /// The blocks of segment `s` with the added parameters at `at`, in row `row` of their starts:
+    /// residuals, and sensitivities to the sizes.
+    pub fn run(&self, ground: &Ground, s: usize, at: &[f64], row: usize) -> Option<Vec<Block>> {
         let case = ground.case;
         let (base, given) = case.place(s, &case.layout.local(s, ground.theta));
         let mut parameters: Vec<f64> = self
@@ -107,16 +116,24 @@ impl Probe {
         self.added.iter().zip(at).for_each(|(&i, value)| parameters[i] = *value);
         let given: Vec<f64> =
             self.given.iter().map(|from| from.map(|i| given[i])).collect::<Option<_>>()?;
-        let response = self.propagator.respond(
-            &parameters,
-            &given,
-            &self.record(case, s, &parameters, &given),
-            true,
-        );
-        if !response.finite {
-            return None;
+        let respond = |parameters: &[f64], derivatives: bool| {
+            let record = self.record(case, s, parameters, &given);
+            let response = self.propagator.respond(parameters, &given, &record, derivatives);
+            response.finite.then_some(response)
+        };
+        let mut response = respond(&parameters, true)?;
+        let all = self.propagator.directions.len();
+        for (k, &size) in self.sizes.iter().enumerate() {
+            let Some(&step) = self.steps[k].get(row) else { continue };
+            let mut parameters = parameters.clone();
+            parameters[self.added[size]] = step;
+            let there = respond(&parameters, false)?;
+            for ((g, y), y_step) in response.dy.iter_mut().zip(&response.y).zip(&there.y) {
+                for (g, (y, y_step)) in g.chunks_exact_mut(all).zip(y.iter().zip(y_step)) {
+                    g[k] = (y_step - y) / (step - at[size]);
+                }
+            }
         }
-        let nd = self.propagator.directions.len();
         let mut dy = response.dy.into_iter();
         let block = |(channel, y): (&Channel, Vec<f64>)| {
             let output = case.outputs.iter().position(|&o| o == channel.output)?;
@@ -129,7 +146,7 @@ impl Probe {
             // Only the sizes' directions: those of the initial states stand behind them.
             let g = dy.next().unwrap_or_default();
             let g = g
-                .chunks_exact(nd.max(1))
+                .chunks_exact(all.max(1))
                 .flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied())
                 .collect();
             Some(Block { output, e, g })

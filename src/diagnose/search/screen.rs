@@ -7,10 +7,15 @@
 //! bounds (Rao's score test; `u'F^-1 u/2` inside them). Shapes (a delay, a threshold) matter only
 //! once the size is not null: every row of their starts has columns of its own. A fit starts from
 //! the row that is best once switches are held.
+//!
+//! Of some sizes the derivative at null says nothing: friction that is close to none only slows what
+//! moves, and what matters is that it holds. An effect gives such a size steps; a row then has the
+//! difference quotient `(y(step) - y(null))/(step - null)` for a column, taken as far as to twice
+//! that step.
 
 use super::ground::Ground;
 use super::probe::Probe;
-use crate::diagnose::effect::Candidate;
+use crate::diagnose::effect::{Added, Candidate};
 use crate::diagnose::residual::gain::gain;
 use crate::error::Errors;
 use crate::estimate::{Grouping, SEGMENT, Segment};
@@ -28,10 +33,12 @@ struct Column {
     only: Option<Vec<usize>>,
 }
 
-/// One way to bring a candidate in: a row of the starts of its shapes.
+/// One way to bring a candidate in: a row of the starts of its shapes and the steps of its sizes.
 #[derive(Debug, Clone, PartialEq)]
 struct Trial {
     candidate: usize,
+    /// Of the starts of its shapes and the steps of its sizes.
+    row: usize,
     /// Values of the added parameters, sizes at null.
     at: Vec<f64>,
     columns: Vec<usize>,
@@ -71,7 +78,7 @@ pub struct Screening {
 
 fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
     (0..candidate.rows())
-        .map(|row| Trial { candidate: index, at: candidate.start(row), columns: Vec::new() })
+        .map(|row| Trial { candidate: index, row, at: candidate.start(row), columns: Vec::new() })
         .collect()
 }
 
@@ -92,7 +99,7 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
             for only in sets(ground, &added[size].scope) {
                 trial.columns.push(columns.len());
                 columns.push(Column { trial: t, size, only });
-                bounds.push((added[size].min - null, added[size].max - null));
+                bounds.push(reach(&added[size], null, trial.row));
             }
         }
     }
@@ -125,6 +132,15 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
     screening.screened =
         (0..candidates.len()).map(|c| screening.judge(c, candidates, ground, &before)).collect();
     Ok(screening)
+}
+
+/// How far from null a size may be taken: to its bounds, and to twice the step at which it is tried.
+fn reach(added: &Added, null: f64, row: usize) -> (f64, f64) {
+    let (low, high) = (added.min - null, added.max - null);
+    match added.step(row).map(|step| 2.0 * (step - null)) {
+        Some(twice) => (low.max(twice.min(0.0)), high.min(twice.max(0.0))),
+        None => (low, high),
+    }
 }
 
 /// The sets of training segments that share one value of a parameter; none for all of them.
@@ -203,7 +219,7 @@ fn of_trial(
     trial: &Trial,
     s: usize,
 ) -> Option<Vec<(usize, Vec<f64>)>> {
-    let blocks = probe.run(ground, s, &trial.at)?;
+    let blocks = probe.run(ground, s, &trial.at, trial.row)?;
     Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks)).collect())
 }
 

@@ -1,0 +1,110 @@
+//! A surface whose hinge has friction, which the base model lacks, against the whole library.
+
+use super::effect::{self, Context};
+use super::tests::{parsed, steps, told};
+use super::*;
+use crate::dynamics::{Channel, Directions, Propagator, Record};
+use crate::estimate::{self, Segment};
+use crate::model::Model;
+use crate::simulate::Stream;
+
+/// A surface at 30 rad/s under its servo and the angle of attack; `friction` goes into its line.
+fn surface(friction: &str) -> Model {
+    parsed(&format!(
+        r#"title = "surface"
+[inputs]
+servo_current = "A"
+alpha = "rad"
+[constants]
+M_i = {{ unit = "rad/(s^2 A)", value = 30.0 }}
+[parameters]
+M_d = {{ unit = "1/s^2", start = -900.0 }}
+M_v = {{ unit = "1/s", start = -25.0 }}
+M_a = {{ unit = "1/s^2", start = -100.0 }}
+M_0 = {{ unit = "rad/s^2", start = 0.0 }}
+[states]
+delta = {{ unit = "rad", rate = "delta_dot", start = "measured" }}
+delta_dot = {{ unit = "rad/s", rate = "M_i*servo_current + M_d*delta + M_v*delta_dot + M_a*alpha + M_0", start = 0.0{friction} }}
+[outputs]
+delta = {{ unit = "rad", value = "delta" }}
+"#
+    ))
+}
+
+/// Nine 3211s of four amplitudes, with an angle of attack that follows the servo slowly.
+fn flown(truth: &Model, seed: u64) -> Vec<Segment> {
+    let propagator = Propagator::new(truth, Directions::default()).expect("a propagator");
+    let one = |s: usize| {
+        let (dt, n) = (0.01, 1000);
+        let amplitude = [1.0, -0.6, 0.8, -1.2][s % 4];
+        let (mut inputs, mut alpha) = (Vec::new(), 0.0);
+        for k in 0..n {
+            let current = steps(f64::from(k) * dt, 1.0, amplitude);
+            alpha += dt / 0.7 * (-0.05 * current - alpha);
+            inputs.extend([current, alpha]);
+        }
+        let n = n as usize;
+        let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
+        let channels = vec![Channel { output: 0, t, z: vec![0.0; n] }];
+        let mut record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
+        let given = propagator.given().iter().map(|_| 0.0).collect::<Vec<_>>();
+        let response = propagator.respond(&truth.parameter_starts(), &given, &record, false);
+        let mut stream = Stream::new(seed, &[&s.to_string()]);
+        record.channels[0].z = response.y[0].iter().map(|y| y + 3e-4 * stream.normal()).collect();
+        Segment {
+            record,
+            labels: [("input".to_string(), "servo".to_string())].into(),
+            ..Segment::default()
+        }
+    };
+    (0..9).map(one).collect()
+}
+
+fn diagnosed(truth: &Model, seed: u64) -> Diagnosis {
+    let (base, segments, settings) = (surface(""), flown(truth, seed), Settings::default());
+    let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
+    let held = held_out(&segments, &names, &settings);
+    let records: Vec<&Record> = segments.iter().map(|s| &s.record).collect();
+    let context = Context::of(&base, &records);
+    let method = estimate::Settings::default();
+    let subject = Subject {
+        model: &base,
+        segments: &segments,
+        held_out: &held.held_out,
+        method: &method,
+        context: &context,
+        settings: &settings,
+    };
+    let library = effect::load(&[]).expect("the library");
+    let offer =
+        |model: &Model| Ok((effect::candidates(model, &context, &library).candidates, Vec::new()));
+    diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn recovery_friction_that_the_model_lacks_is_named() {
+    for (seed, friction) in [(1, 2.0), (2, 6.0)] {
+        let d = diagnosed(&surface(&format!(", friction = {friction:?}")), seed);
+        println!("{}", told(&d));
+        let round = d.rounds.first().expect("a round");
+        let class: Vec<&str> =
+            round.class.iter().map(|&i| round.judged[i].effect.as_str()).collect();
+        assert!(
+            class.contains(&"hinge-friction") && class.len() <= 2,
+            "friction {friction}: {class:?}"
+        );
+        let judged = round.judged.iter().find(|j| j.effect == "hinge-friction").expect("judged");
+        let value = &judged.refit.as_ref().expect("refitted").values[0];
+        assert!(
+            (value.value - friction).abs() < 4.0 * value.sd.expect("sd"),
+            "{value:?} for {friction}"
+        );
+        assert_eq!(d.added.len(), 1, "{}", told(&d));
+    }
+}
+
+#[test]
+fn recovery_no_friction_is_named_where_there_is_none() {
+    let d = diagnosed(&surface(""), 3);
+    assert_eq!(d.verdict, Verdict::NothingMissing, "{}", told(&d));
+}
