@@ -121,7 +121,7 @@ fn lines(plan: &Plan, store: &Store) -> Result<()> {
             (t.strings("model")?, t.strings("parameter")?, t.strings("against")?);
         let (slope, intercept) =
             ((t.f64("slope")?, t.f64("slope_sd")?), (t.f64("intercept")?, t.f64("intercept_sd")?));
-        let n = t.i64("n")?;
+        let (n, relative, poor) = (t.i64("n")?, t.f64("relative_sd")?, t.bools("poor")?);
         for k in 0..t.rows() {
             let value = |(value, sd): (&[f64], &[f64])| {
                 format!("{} +- {}", number(value[k]), number(INTERVAL_95 * sd[k]))
@@ -133,11 +133,15 @@ fn lines(plan: &Plan, store: &Store) -> Result<()> {
                 value(slope),
                 value(intercept),
                 n[k].to_string(),
+                format!("{:.1}%{}", 100.0 * relative[k], if poor[k] { ", poor" } else { "" }),
             ]);
         }
     }
     if !rows.is_empty() {
-        table(&["line", "against", "slope +- 95%", "intercept +- 95%", "points"], rows);
+        table(
+            &["line", "against", "slope +- 95%", "intercept +- 95%", "points", "sd of one"],
+            rows,
+        );
     }
     Ok(())
 }

@@ -179,6 +179,44 @@ pub fn correlations(
     sums
 }
 
+/// A line through points whose errors are correlated (they were estimated together, with something
+/// in common: the friction of a flight). `pairs`: places of two different points, and the covariance
+/// of their estimates. The weights stay those of independent points; the covariance of slope and
+/// intercept is that of these weights (a sandwich, White 1980).
+pub fn correlated(fit: LineFit, x: &[f64], sd: &[f64], pairs: &[(usize, usize, f64)]) -> LineFit {
+    let weights: Vec<(f64, f64)> = (0..if pairs.is_empty() { 0 } else { x.len() })
+        .map(|at| {
+            let mut unit = vec![0.0; x.len()];
+            unit[at] = 1.0;
+            carried(&fit, x, sd, &unit)
+        })
+        .collect();
+    let mut variance =
+        [fit.slope_sd * fit.slope_sd, fit.intercept_sd * fit.intercept_sd, fit.covariance];
+    for &(i, j, covariance) in pairs {
+        let (a, b, both) = (weights[i], weights[j], fit.q * covariance);
+        variance[0] += 2.0 * both * a.0 * b.0;
+        variance[1] += 2.0 * both * a.1 * b.1;
+        variance[2] += both * (a.0 * b.1 + a.1 * b.0);
+    }
+    // Where slope and value are uncorrelated: Cov(slope, intercept + slope x) = 0.
+    let [slope, intercept, covariance] = variance;
+    let x_center = -covariance / slope;
+    let center = intercept - covariance * covariance / slope;
+    if pairs.is_empty() || !(slope > 0.0 && center > 0.0) {
+        return fit;
+    }
+    LineFit {
+        slope_sd: slope.sqrt(),
+        intercept_sd: intercept.sqrt(),
+        covariance,
+        x_center,
+        y_center: fit.intercept + fit.slope * x_center,
+        y_center_sd: center.sqrt(),
+        ..fit
+    }
+}
+
 fn check(x: &[f64], y: &[f64], sd: &[f64]) -> Result<(), Unfit> {
     for i in 0..x.len() {
         if !x[i].is_finite() || !y[i].is_finite() {

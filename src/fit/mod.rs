@@ -3,4 +3,4 @@
 
 mod line;
 
-pub use line::{Band, LineFit, Settings, Unfit, bands, carried, correlations, line};
+pub use line::{Band, LineFit, Settings, Unfit, bands, carried, correlated, correlations, line};

@@ -227,7 +227,15 @@ fn facts(fits: &Columns, row: usize) -> String {
     if chi.is_finite() {
         facts.push(format!("reduced chi-square {}", number(chi, 2)));
     }
+    facts.extend(told(fits, row));
     facts.join(" · ")
+}
+
+/// How well one maneuver tells the parameter, where that is poor.
+fn told(fits: &Columns, row: usize) -> Option<String> {
+    let share = 100.0 * fits.number("relative_sd", row);
+    (fits.flag("poor", row) == Some(true))
+        .then(|| format!("poorly determined: one maneuver tells it to {} %", number(share, 2)))
 }
 
 /// Weighted sum of squares about the line over its degrees of freedom; NaN where there are none.
@@ -254,6 +262,7 @@ pub fn table(fits: Option<&Columns>) -> Grid {
         "#intercept",
         "#correlation",
         "#n",
+        "#sd of one|maneuver, %",
         "#scatter sd",
         "#reduced chi-square",
     ];
@@ -278,6 +287,8 @@ pub fn table(fits: Option<&Columns>) -> Grid {
             plain(correlation(fits, row), 3).into(),
             Cell::new(plain(fits.number("n", row), 0))
                 .level_if(fits.number("n", row) < 5.0, Level::Warn),
+            Cell::new(number(100.0 * fits.number("relative_sd", row), 2))
+                .level_if(fits.flag("poor", row) == Some(true), Level::Warn),
             Cell::new(number(fits.number("scatter_sd", row), 2)).under(&unit),
             Cell::new(number(chi, 2)).level_if(chi > EXCESS, Level::Warn),
         ]);

@@ -226,6 +226,8 @@ fn line(name: &str, unit: &str, x: &[f64], y: &[f64]) -> (Table, Table) {
         .i64("n", [x.len() as i64]);
     let chi2 = if name == "C_h_alpha" { 3.1 * (n - 2.0) } else { 1.1 * (n - 2.0) };
     let table = table
+        .f64("relative_sd", [0.02])
+        .bools("poor", [false])
         .f64("scatter_sd", [if name == "C_h_0" { 0.0 } else { 0.3 * s2.sqrt() }])
         .f64("chi2", [chi2])
         .f64("x_min", [0.022]);

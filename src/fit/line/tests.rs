@@ -217,3 +217,26 @@ fn a_common_error_of_the_points_is_carried_into_the_line() {
         assert!(all.0.abs() < 1e-12 && (all.1 - 0.7).abs() < 1e-12, "{all:?}");
     }
 }
+
+#[test]
+fn points_that_share_an_error_make_a_line_less_sure_by_just_that() {
+    // All errors one and the same number of variance c besides their own: the slope does not notice,
+    // the intercept has c more.
+    let x: Vec<f64> = (0..8).map(f64::from).collect();
+    let y: Vec<f64> = x.iter().map(|x| 1.0 + 0.5 * x + 0.1 * libm::sin(x * 7.3)).collect();
+    let (own, c): (f64, f64) = (0.1, 0.04);
+    let sd = vec![(own * own + c).sqrt(); 8];
+    let fit = line(&x, &y, &sd, &Settings { between_scatter: false }).expect("a line");
+    let pairs: Vec<(usize, usize, f64)> =
+        (0..8).flat_map(|i| (i + 1..8).map(move |j| (i, j, c))).collect();
+    let with = correlated(fit.clone(), &x, &sd, &pairs);
+    // Independent parts alone, with the same scale of the residuals.
+    let alone = own / (own * own + c).sqrt();
+    assert!((with.slope_sd - alone * fit.slope_sd).abs() < 1e-12);
+    let wanted = (alone * fit.intercept_sd).powi(2) + fit.q * c;
+    assert!((with.intercept_sd.powi(2) - wanted).abs() < 1e-12);
+    assert_eq!((with.slope, with.intercept), (fit.slope, fit.intercept));
+    // The bands use the same numbers: the value at zero has the intercept's sd.
+    assert!((with.value_sd(0.0) - with.intercept_sd).abs() < 1e-12);
+    assert_eq!(correlated(fit.clone(), &x, &sd, &[]), fit);
+}

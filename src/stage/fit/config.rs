@@ -1,6 +1,7 @@
 //! A `[[fit]]` of the pipeline file comes in; its checked settings, or the mistakes, go out.
 
 use crate::fit;
+use crate::model::Scope;
 use crate::stage::check::{Columns, Given};
 use crate::stage::estimate;
 use schemars::JsonSchema;
@@ -13,7 +14,7 @@ pub struct Settings {
     /// Name of the fit; `<estimate>-<against>` unless given.
     #[serde(default)]
     pub name: Option<String>,
-    /// Name of the `[[estimate]]`, which must give one estimate per maneuver.
+    /// Name of the `[[estimate]]`, which must give these parameters one value per maneuver.
     pub estimate: String,
     /// Parameters of its model, each of which gets a line.
     pub parameters: Vec<String>,
@@ -26,6 +27,10 @@ pub struct Settings {
     /// Points of each band, from the smallest to the largest abscissa.
     #[serde(default = "default_points")]
     pub points: usize,
+    /// A parameter that one maneuver tells no better than this (sd over value, the median of all) is
+    /// called poorly determined.
+    #[serde(default = "default_poor")]
+    pub poor: f64,
     /// How a line is fitted.
     #[serde(default)]
     pub method: fit::Settings,
@@ -37,6 +42,10 @@ fn default_level() -> f64 {
 
 fn default_points() -> usize {
     61
+}
+
+fn default_poor() -> f64 {
+    0.05
 }
 
 /// The checked settings of one fit.
@@ -71,14 +80,24 @@ impl Config {
                 "95% is 0.95",
             );
         }
+        if !(settings.poor > 0.0) {
+            given.push(
+                &format!("{key}.poor"),
+                format!("what is poor is a positive share, not {}", settings.poor),
+                "a twentieth is 0.05",
+            );
+        }
         let unit_x = given.look_up(columns, &settings.against, "column", &format!("{key}.against"));
         let estimate = estimates.get(index)?.as_ref()?;
-        if estimate.settings.group != estimate::Group::Segment || estimate.settings.input.is_none()
-        {
+        let each = estimate.settings.group == estimate::Group::Segment;
+        if estimate.settings.input.is_none() {
             given.push(
                 &format!("{key}.estimate"),
-                format!("estimate \"{}\" does not give one estimate per maneuver", settings.estimate),
-                "a line goes through estimates per maneuver: give it `input`, and group = \"segment\"",
+                format!(
+                    "estimate \"{}\" does not give one estimate per maneuver",
+                    settings.estimate
+                ),
+                "a line goes through estimates per maneuver: give it `input`",
             );
         }
         let mut units = Vec::new();
@@ -86,7 +105,14 @@ impl Config {
             let known: Vec<&str> =
                 estimate.model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
             match estimate.model.parameters.iter().find(|p| p.quantity.name == *name) {
-                Some(parameter) => units.push(parameter.quantity.unit.clone()),
+                Some(parameter) if each || parameter.scope == Scope::Segment => {
+                    units.push(parameter.quantity.unit.clone());
+                }
+                Some(_) => given.push(
+                    &format!("{key}.parameters.{i}"),
+                    format!("\"{name}\" has one value for several maneuvers"),
+                    "a line goes through values per maneuver: say per = \"segment\" in the model file, or group = \"segment\" in the estimate",
+                ),
                 None => {
                     let key = format!("{key}.parameters.{i}");
                     given.unknown(&key, "parameter of the model", name, &known);

@@ -59,13 +59,15 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         return Ok(Output::default());
     };
     let (segments, conditions) = (inputs.all("segments"), inputs.all("conditions"));
+    let known = inputs.get("correlations", Part::Number(config.estimate));
+    let known = known.map(correlations).transpose()?.unwrap_or_default();
     let mut lines = Vec::new();
     let mut notes = Vec::new();
     for (parameter, unit) in settings.parameters.iter().zip(&config.units) {
         let wanted =
             campaign::Line { model: &settings.estimate, parameter, against: &settings.against };
         let found = campaign::points(&[estimates], &segments, &conditions, wanted)?;
-        let mut line = line(config, parameter, unit, found.table)?;
+        let mut line = line(config, parameter, unit, found.table, &known)?;
         if let (Ok(fit), Some(budget)) =
             (&line.fit, inputs.get("budget", Part::Number(config.estimate)))
         {
@@ -79,14 +81,23 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         ("fits", fits(config, &lines)?),
         ("bands", bands(config, &lines)?),
         ("points", points),
-        ("line_correlations", together(config, &lines, inputs)?),
+        ("line_correlations", together(config, &lines, &known)?),
     ];
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
-fn line<'a>(config: &Config, parameter: &'a str, unit: &'a str, points: Table) -> Result<Line<'a>> {
-    let x = points.f64("x")?;
-    let fit = fit::line(x, points.f64("value")?, points.f64("sd")?, &config.settings.method);
+fn line<'a>(
+    config: &Config,
+    parameter: &'a str,
+    unit: &'a str,
+    points: Table,
+    known: &Correlations,
+) -> Result<Line<'a>> {
+    let (x, sd) = (points.f64("x")?, points.f64("sd")?);
+    let pairs = pairs((parameter, &points), (parameter, &points), known)?;
+    let apart: Vec<_> = pairs.into_iter().filter(|(i, j, _)| i < j).collect();
+    let fit = fit::line(x, points.f64("value")?, sd, &config.settings.method)
+        .map(|fit| fit::correlated(fit, x, sd, &apart));
     let (low, high) = range(x);
     let last = config.settings.points.saturating_sub(1).max(1) as f64;
     let xs: Vec<f64> =
@@ -136,31 +147,63 @@ fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Re
     Ok((added.0.max(0.0), added.1.max(0.0)))
 }
 
+/// Correlation of two estimates by parameter and segment of both.
+type Correlations = BTreeMap<((String, String), (String, String)), f64>;
+
+/// Correlations of estimates, each pair both ways.
+fn correlations(table: &Table) -> Result<Correlations> {
+    let groups = table.strings("group")?;
+    let side = |name: &str, segment: &str| {
+        let (names, segments) = (table.strings(name)?, table.opt_strings(segment)?);
+        let key = |k: usize| (names[k].to_string(), segments[k].unwrap_or(groups[k]).to_string());
+        Ok::<Vec<_>, crate::error::Error>((0..names.len()).map(key).collect())
+    };
+    let (one, other) = (side("parameter", "segment")?, side("other", "other_segment")?);
+    let all = one.into_iter().zip(other).zip(table.f64("value")?.to_vec());
+    Ok(all.flat_map(|((a, b), value)| [((a.clone(), b.clone()), value), ((b, a), value)]).collect())
+}
+
+/// Places of two points of two parameters that were estimated together, and their covariance.
+fn pairs(
+    (one, points): (&str, &Table),
+    (other, others): (&str, &Table),
+    known: &Correlations,
+) -> Result<Vec<(usize, usize, f64)>> {
+    let place = |table: &Table| {
+        let segments = table.strings("segment")?.iter().enumerate();
+        Ok::<BTreeMap<String, usize>, crate::error::Error>(
+            segments.map(|(i, segment)| (segment.to_string(), i)).collect(),
+        )
+    };
+    let (places, sd, other_sd) = (place(others)?, points.f64("sd")?, others.f64("sd")?);
+    let mut out = Vec::new();
+    for (i, segment) in points.strings("segment")?.iter().enumerate() {
+        let key = (one.to_string(), segment.to_string());
+        let first = (key.clone(), (other.to_string(), String::new()));
+        let mine = known.range(first..).take_while(|((a, (b, _)), _)| *a == key && b == other);
+        for ((_, (_, of)), value) in mine {
+            out.extend(places.get(of).map(|&j| (i, j, value * sd[i] * other_sd[j])));
+        }
+    }
+    Ok(out)
+}
+
 /// Correlations of the lines of different parameters, whose points are estimated together.
-fn together(config: &Config, lines: &[Line], inputs: &Inputs) -> Result<Table> {
-    let table = inputs.get("correlations", Part::Number(config.estimate));
-    let known = table.map(correlations).transpose()?.unwrap_or_default();
+fn together(config: &Config, lines: &[Line], known: &Correlations) -> Result<Table> {
     let mut rows: Vec<(&str, &str, &str, &str, f64)> = Vec::new();
     for (i, one) in lines.iter().enumerate() {
         for other in &lines[i + 1..] {
             let (Ok(a), Ok(b)) = (&one.fit, &other.fit) else { continue };
-            let sides = [&one.points, &other.points].map(|p| {
-                Ok::<_, crate::error::Error>((p.strings("segment")?, p.f64("x")?, p.f64("sd")?))
-            });
-            let [(names, x, sd), (others, other_x, other_sd)] = match sides {
-                [Ok(a), Ok(b)] => [a, b],
-                [Err(e), _] | [_, Err(e)] => return Err(e),
+            let pairs =
+                pairs((one.parameter, &one.points), (other.parameter, &other.points), known)?;
+            let side = |line: &'_ Line| {
+                Ok::<_, crate::error::Error>((
+                    line.points.f64("x")?.to_vec(),
+                    line.points.f64("sd")?.to_vec(),
+                ))
             };
-            let pair = |(i, name): (usize, &&str)| {
-                let j = others.iter().position(|other| other == name)?;
-                let key = |a, b| (name.to_string(), String::from(a), String::from(b));
-                let value = known
-                    .get(&key(one.parameter, other.parameter))
-                    .or_else(|| known.get(&key(other.parameter, one.parameter)))?;
-                Some((i, j, value * sd[i] * other_sd[j]))
-            };
-            let pairs: Vec<_> = names.iter().enumerate().filter_map(pair).collect();
-            let found = fit::correlations((a, x, sd), (b, other_x, other_sd), &pairs);
+            let ((x, sd), (other_x, other_sd)) = (side(one)?, side(other)?);
+            let found = fit::correlations((a, &x, &sd), (b, &other_x, &other_sd), &pairs);
             for (term, of) in ["slope", "intercept"].into_iter().zip(found) {
                 for (other_term, value) in ["slope", "intercept"].into_iter().zip(of) {
                     rows.push((one.parameter, term, other.parameter, other_term, value));
@@ -178,15 +221,6 @@ fn together(config: &Config, lines: &[Line], inputs: &Inputs) -> Result<Table> {
         .strings("other_term", rows.iter().map(|r| r.3))
         .f64("value", rows.iter().map(|r| r.4).collect::<Vec<_>>())
         .finish()
-}
-
-/// Correlations of estimates by group and both parameters.
-fn correlations(table: &Table) -> Result<BTreeMap<(String, String, String), f64>> {
-    let (groups, one, other) =
-        (table.strings("group")?, table.strings("parameter")?, table.strings("other")?);
-    let value = table.f64("value")?;
-    let key = |k: usize| (groups[k].to_string(), one[k].to_string(), other[k].to_string());
-    Ok((0..value.len()).map(|k| (key(k), value[k])).collect())
 }
 
 fn range(x: &[f64]) -> (f64, f64) {
@@ -221,6 +255,13 @@ fn note(config: &Config, line: &Line, left_out: &[(String, String)]) -> Option<N
     })
 }
 
+/// Median of sd over value of the points: how well one maneuver tells the parameter.
+fn relative(line: &Line) -> Result<f64> {
+    let of =
+        line.points.f64("value")?.iter().zip(line.points.f64("sd")?).map(|(v, sd)| sd / v.abs());
+    Ok(crate::math::median(&of.filter(|r| r.is_finite()).collect::<Vec<f64>>()))
+}
+
 fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
     let settings = &config.settings;
     let number = |of: fn(&LineFit) -> f64| {
@@ -232,6 +273,7 @@ fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
         };
         lines.iter().map(of).collect::<Vec<f64>>()
     };
+    let relative = lines.iter().map(relative).collect::<Result<Vec<f64>>>()?;
     let ranges = lines.iter().map(|l| Ok(range(l.points.f64("x")?))).collect::<Result<Vec<_>>>()?;
     Table::build("fits")
         .repeat("model", &settings.estimate)
@@ -248,6 +290,8 @@ fn fits(config: &Config, lines: &[Line]) -> Result<Table> {
         .f64("covariance", number(|f| f.covariance))
         .i64("n", lines.iter().map(|l| l.points.rows() as i64).collect::<Vec<_>>())
         .f64("scatter_sd", number(|f| f.tau))
+        .f64("relative_sd", relative.clone())
+        .bools("poor", relative.iter().map(|r| *r > settings.poor).collect::<Vec<_>>())
         .f64("chi2", number(|f| f.reduced_chi_square * f.dof))
         .f64("x_min", ranges.iter().map(|r| r.0).collect::<Vec<_>>())
         .f64("x_max", ranges.iter().map(|r| r.1).collect::<Vec<_>>())

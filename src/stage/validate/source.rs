@@ -3,7 +3,7 @@
 
 use super::settings::Settings;
 use crate::estimate::Line;
-use crate::model::Model;
+use crate::model::{Model, Scope};
 use crate::stage::check::{Given, agree};
 use crate::stage::estimate::{self, Group};
 use crate::stage::fit;
@@ -124,7 +124,9 @@ fn named(
     let source = match held {
         true => Source::Held(method.starts.get(name).copied().unwrap_or(known.start)),
         // What is estimated per maneuver has no value for another one.
-        false if base.settings.group == Group::Segment => return None,
+        false if base.settings.group == Group::Segment || known.scope == Scope::Segment => {
+            return None;
+        }
         false => Source::Estimate(name.to_string()),
     };
     Some((source, known.quantity.unit.clone()))
