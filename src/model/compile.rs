@@ -361,7 +361,9 @@ impl Compiler<'_> {
             Some(Status::Active) => {
                 let from = self.path.iter().position(|n| n == name).unwrap_or(0);
                 let chain = self.path[from..].join(" -> ");
-                self.error(at, 0, format!("\"{name}\" depends on itself: {chain} -> {name}"));
+                let help = "an equation cannot need its own value: solve for it by hand, or make one of them a state that follows the others (rate = \"(expression - x)/T\", with a T that is short against the motion)";
+                let what = format!("\"{name}\" depends on itself: {chain} -> {name}");
+                self.error_help(at, 0, what, help);
                 return None;
             }
             None => {}
