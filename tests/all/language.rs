@@ -149,7 +149,10 @@ fn mistakes_are_named_with_line_and_column() {
             "[equations]\na = \"2*Vv\"",
             "m.model.toml:8:8: unknown name \"Vv\"\n    did you mean \"V\"?",
         ),
-        ("[equations]\na = \"b\"\nb = \"a\"", "depends on itself: a -> b -> a"),
+        (
+            "[equations]\na = \"b\"\nb = \"a\"",
+            "depends on itself: a -> b -> a\n    an equation cannot need its own value: solve for it by hand, or make one of them a state",
+        ),
         (
             "[equations]\na = \"sin(V)\"",
             "m.model.toml:8:10: sin() takes a number without unit (or rad), this one is in m/s",
