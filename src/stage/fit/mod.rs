@@ -170,7 +170,7 @@ fn pairs(
     known: &Correlations,
 ) -> Result<Vec<(usize, usize, f64)>> {
     let place = |table: &Table| {
-        let segments = table.strings("segment")?.iter().enumerate();
+        let segments = table.strings("segment")?.into_iter().enumerate();
         Ok::<BTreeMap<String, usize>, crate::error::Error>(
             segments.map(|(i, segment)| (segment.to_string(), i)).collect(),
         )
