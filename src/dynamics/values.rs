@@ -138,13 +138,15 @@ impl Run<'_> {
         point[..l.states].copy_from_slice(x);
         let k = self.record.start + k;
         let next = (k + 1).min(self.record.n - 1);
+        // The fraction as the sum of both leaves it: the same bits as a position on the grid.
+        let s = (k as f64 + c) - k as f64;
         let between = |from: &[f64], j: usize| {
             let (a, b) = (from[k * nu + j], from[next * nu + j]);
             match self.record.interpolation.get(j).copied().unwrap_or_default() {
                 _ if c == 0.0 => a,
                 Interpolation::Hold => a,
                 Interpolation::Linear => a + c * (b - a),
-                Interpolation::Cubic => history::input(from, nu, j, self.record.dt, k as f64 + c).0,
+                Interpolation::Cubic => history::within(from, nu, j, k, s),
             }
         };
         for j in 0..nu {
