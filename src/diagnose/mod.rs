@@ -108,7 +108,7 @@ pub use residual::located::Located;
 pub use search::diagnose::diagnose;
 pub use search::judged::{Judged, Round, Standing};
 pub use search::refit::{Heterogeneity, Refit};
-pub use search::screen::Screened;
+pub use search::screen::{Imitator, Screened};
 pub use search::surrogate::chance;
 pub use search::unseen::Missed;
 pub use search::value::{Gain, Value};

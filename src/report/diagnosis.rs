@@ -15,6 +15,7 @@ pub const SECTION: Section = Section {
     tables: &[
         "findings",
         "candidates",
+        "imitations",
         "recommended",
         "held_out",
         "closures",
@@ -48,6 +49,7 @@ pub struct Diagnosis {
     pub verdicts: Vec<Verdict>,
     pub added: Grid,
     pub candidates: Grid,
+    pub imitations: Grid,
     pub held_out: Grid,
     pub closures: Grid,
     pub shifts: Grid,
@@ -108,6 +110,7 @@ fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<O
         verdicts: verdicts(findings),
         added: used::table(get("recommended")),
         candidates: candidates(get("candidates")),
+        imitations: imitations(get("imitations")),
         held_out: held_out(get("held_out")),
         closures: closures(get("closures")),
         shifts: shifts(get("shifts")),
@@ -203,6 +206,31 @@ fn candidates(table: Option<&Columns>) -> Grid {
                 exceeds in one of a hundred. All candidates are in the table candidates.";
     grid.note = Some(note.into());
     grid.or_missing("No candidates.")
+}
+
+/// What the first base imitates, and what its parameters take over.
+fn imitations(table: Option<&Columns>) -> Grid {
+    let Some(table) = table else { return Grid::missing("No candidate is imitated.") };
+    let mut grid = Grid::new([
+        "diagnosis",
+        "candidate",
+        "imitated by",
+        "#shift per SI unit",
+        "~what would tell",
+    ]);
+    for row in (0..table.rows()).filter(|&row| table.number("round", row) == 1.0) {
+        grid.push(vec![
+            Cell::new(table.text("diagnosis", row)),
+            Cell::new(table.text("candidate", row)),
+            Cell::new(table.text("parameter", row)),
+            Cell::new(number(table.number("shift", row), 3)).under(table.unit_in("unit", row)),
+            Cell::new(table.text("separate", row)),
+        ]);
+    }
+    let note = "Effects that these flights cannot show beside the estimated parameters: were one there and left out, each parameter would be off by its shift \
+                times the size of the effect.";
+    grid.note = Some(note.into());
+    grid.or_missing("No candidate is imitated.")
 }
 
 /// Predicted and realised gains of what was chosen, maneuver by maneuver.

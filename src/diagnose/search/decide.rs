@@ -232,7 +232,7 @@ mod tests {
             taken: 1,
             at: Vec::new(),
             left: 1.0,
-            collinear_with: Vec::new(),
+            imitators: Vec::new(),
             silent: false,
         };
         Judged {

@@ -9,7 +9,7 @@ use crate::diagnose::residual::located::Located;
 /// What became of a candidate in a round.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// The base's free parameters imitate it: no candidate.
+    /// The base's free parameters imitate it: no candidate, or one that says next to nothing more.
     Collinear,
     /// Nothing in these flights moves it.
     Silent,

@@ -134,6 +134,20 @@ fn takes_part(candidate: &Candidate) -> bool {
     candidate.added.iter().all(|a| a.scope != Scope::Segment)
 }
 
+/// By what a candidate is imitated, and what would tell.
+fn imitated(candidate: &Candidate, screened: &Screened) -> String {
+    let names: Vec<&str> = screened.imitators.iter().map(|i| i.name.as_str()).collect();
+    let by = match names.is_empty() {
+        true => "what has a value of its own in every maneuver".to_string(),
+        false => crate::config::list(&names),
+    };
+    let tells = match candidate.separate.is_empty() {
+        true => String::new(),
+        false => format!("; what would tell: {}", candidate.separate.trim_end_matches('.')),
+    };
+    format!("imitated by {by}{tells}")
+}
+
 fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &Settings) -> Judged {
     let own = !takes_part(candidate);
     let score = if own {
@@ -152,14 +166,14 @@ fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &S
     } else if !screened.gain.is_finite() {
         (Standing::Silent, "the model with it does not run over these flights".to_string())
     } else if screened.taken == 0 {
-        (
-            Standing::Collinear,
-            format!("imitated by {}", crate::config::list(&screened.collinear_with)),
-        )
+        (Standing::Collinear, imitated(candidate, screened))
     } else if score > limit {
         (Standing::NotRefitted, format!("gains {:.1}, others gain more", screened.gain))
-    } else {
+    } else if screened.imitators.is_empty() {
         (Standing::Chance, format!("gains {:.1}", screened.gain))
+    } else {
+        let why = format!("gains {:.1}; {}", screened.gain, imitated(candidate, screened));
+        (Standing::Collinear, why)
     };
     Judged {
         name: candidate.name.clone(),

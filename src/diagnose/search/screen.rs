@@ -56,11 +56,24 @@ pub struct Screened {
     pub at: Vec<f64>,
     /// Share of the column that the base's parameters cannot imitate.
     pub left: f64,
-    /// Base parameters that imitate it most, where nothing is left.
-    pub collinear_with: Vec<String>,
+    /// Base parameters that imitate it most, where next to nothing is left.
+    pub imitators: Vec<Imitator>,
     /// The model did not run, or nothing in the flights moves it.
     pub silent: bool,
 }
+
+/// A parameter of the base that takes over what a candidate would say.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imitator {
+    pub name: String,
+    pub unit: String,
+    /// How far it comes out off where one unit of the candidate's size is left out.
+    pub shift: f64,
+}
+
+/// Of a candidate's column less than this share is left beside the base: an estimate of its size
+/// would have more than thirty times the sd that it has with the base known.
+const IMITATED: f64 = 1e-3;
 
 /// All candidates at one base fit.
 #[derive(Debug, Clone)]
@@ -298,21 +311,17 @@ impl Screening {
             .map(|&c| self.rest.at(c, c) / self.raw[c])
             .fold(0.0, f64::max);
         let silent = mine.iter().all(|&c| self.raw[c] <= 0.0);
-        let none = Screened {
-            gain: 0.0,
-            taken: 0,
-            at: Vec::new(),
-            left,
-            collinear_with: Vec::new(),
-            silent,
+        let none =
+            Screened { gain: 0.0, taken: 0, at: Vec::new(), left, imitators: Vec::new(), silent };
+        let imitators = || {
+            let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
+            let by = by.filter(|_| !silent && left < IMITATED);
+            by.map(|&c| imitators(ground, before, c)).unwrap_or_default()
         };
         let (Some((gain, ..)), Some((_, t, b))) =
             (self.best(candidate, &|c| self.rest.at(c, e)), self.start(candidate, candidates))
         else {
-            let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
-            let collinear_with =
-                by.filter(|_| !silent).map(|&c| imitators(ground, before, c)).unwrap_or_default();
-            return Screened { collinear_with, ..none };
+            return Screened { imitators: imitators(), ..none };
         };
         let trial = &self.trials[t];
         let mut at = trial.at.clone();
@@ -321,7 +330,7 @@ impl Screening {
             let null = candidates[candidate].added[column.size].null.unwrap_or_default();
             at[column.size] = null + b;
         }
-        Screened { gain, taken: trial.columns.len(), at, ..none }
+        Screened { gain, taken: trial.columns.len(), at, imitators: imitators(), ..none }
     }
 
     /// Gains of the candidates that take part for slopes `u` (per column), 0 for the others: what a
@@ -347,13 +356,13 @@ impl Screening {
     }
 }
 
-/// Free base parameters that imitate a column most; in words where those of single maneuvers do.
-fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
+/// Free base parameters that imitate a column most; none where those of single maneuvers do.
+fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<Imitator> {
     let n = ground.free.len();
     if before.at(n + column, n + column)
         <= ground.thresholds.collinear.max(DEPENDENT) * before.scale[n + column]
     {
-        return vec!["what has a value of its own in every maneuver".to_string()];
+        return Vec::new();
     }
     let order: Vec<usize> = (0..n).chain([n + column]).collect();
     let mut gram = Gram::zero(n + 1);
@@ -367,10 +376,9 @@ fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<String> {
     let mut parts: Vec<(f64, usize)> = (0..n).map(|i| (x[i] * x[i] * before.at(i, i), i)).collect();
     parts.sort_by(|a, b| b.0.total_cmp(&a.0));
     let most = parts.first().map_or(0.0, |p| p.0);
-    let names = parts
-        .iter()
-        .filter(|p| p.0 > 1e-2 * most)
-        .take(3)
-        .map(|p| &ground.case.unknowns[ground.free[p.1]].name);
-    names.cloned().collect()
+    let named = |&(_, i): &(f64, usize)| {
+        let unknown = &ground.case.unknowns[ground.free[i]];
+        Imitator { name: unknown.name.clone(), unit: unknown.unit.clone(), shift: x[i] }
+    };
+    parts.iter().filter(|p| p.0 > 1e-2 * most).take(5).map(named).collect()
 }

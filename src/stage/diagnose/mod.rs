@@ -35,6 +35,7 @@ pub const STAGE: Stage = Stage {
     writes: &[
         "findings",
         "candidates",
+        "imitations",
         "additions",
         "held_out",
         "located",

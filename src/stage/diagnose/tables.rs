@@ -9,6 +9,7 @@ pub fn all(outcome: &Outcome) -> Result<Vec<(&'static str, Table)>> {
     Ok(vec![
         ("findings", findings(outcome)?),
         ("candidates", candidates(outcome)?),
+        ("imitations", imitations(outcome)?),
         ("additions", additions(outcome)?),
         ("held_out", held_out(outcome)?),
         ("located", located(outcome)?),
@@ -148,6 +149,25 @@ fn candidates(outcome: &Outcome) -> Result<Table> {
                 j.refit.as_ref().and_then(|r| r.heterogeneity).map_or(f64::NAN, |c| c.share)
             }),
         )
+        .finish()
+}
+
+/// What the base's parameters take over of the candidates that they imitate.
+fn imitations(outcome: &Outcome) -> Result<Table> {
+    let all = rows(outcome);
+    let rows: Vec<_> = all
+        .iter()
+        .flat_map(|(round, _, j)| j.screened.imitators.iter().map(move |i| (*round, *j, i)))
+        .collect();
+    Table::build("imitations")
+        .repeat("diagnosis", &outcome.config.name())
+        .i64("round", rows.iter().map(|r| r.0 as i64).collect::<Vec<_>>())
+        .strings("candidate", rows.iter().map(|r| &r.1.name))
+        .f64("left", rows.iter().map(|r| r.1.screened.left).collect::<Vec<_>>())
+        .strings("parameter", rows.iter().map(|r| &r.2.name))
+        .strings("unit", rows.iter().map(|r| &r.2.unit))
+        .f64("shift", rows.iter().map(|r| r.2.shift).collect::<Vec<_>>())
+        .strings("separate", rows.iter().map(|r| &r.1.separate))
         .finish()
 }
 
