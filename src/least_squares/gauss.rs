@@ -35,6 +35,8 @@ pub struct Fit {
 const NOTHING: f64 = 1e-3;
 /// A step cut short that changes `det R` by less than this share of it is no progress.
 const CREEP: f64 = 1e-8;
+/// So many steps in a row that are cut short and bring next to nothing are a valley with kinks.
+const CRAWL: usize = 5;
 /// First damping of Levenberg and Marquardt, as a share of the diagonal; with more than `DAMPED` a
 /// small change proves nothing.
 const DAMPING: f64 = 1e-3;
@@ -226,6 +228,10 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
                 break;
             }
         }
+        if length.is_some_and(|length| length < 1.0) && crawls(&history, method) {
+            stop = Stop::Converged;
+            break;
+        }
         let Some(taken) = taken else {
             stop = match length {
                 None => Stop::Singular,
@@ -281,6 +287,19 @@ fn try_step<F: Evaluate>(
 /// Whether a step brings nothing: there is none, or it changes `det R` by less than `CREEP` of it.
 fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
     taken.is_none_or(|taken| libm::expm1(taken.point.ln_det - point.ln_det).abs() < CREEP)
+}
+
+/// Whether the iteration creeps along kinks of the cost (of a model with friction or stops they lie
+/// wherever an event falls on a sample): the last steps were all cut short, the whole one is shorter
+/// than one standard deviation, and together they lowered the cost by less than one step of
+/// `step_tolerance` does that ends at the lowest point of a parabola. At a kink a gradient need not
+/// vanish, and shorter steps come no nearer.
+fn crawls(history: &[Iteration], method: &Method) -> bool {
+    let Some(before) = history.len().checked_sub(CRAWL + 1) else { return false };
+    let (first, last) = (&history[before], &history[before + 1..]);
+    let gain = first.cost - last[CRAWL - 1].cost;
+    last.iter().all(|i| i.halvings > 0 && i.step < 1.0)
+        && gain < 0.5 * method.step_tolerance * method.step_tolerance
 }
 
 /// A step past a kink of the cost, which stops one that is only shortened: damped, or else along
@@ -490,5 +509,35 @@ fn ended(
         promise,
         matrix: (stop != Stop::NoData).then_some(matrix),
         held,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn creeping_along_kinks_is_an_end_and_slow_progress_is_none() {
+        let method = Method { step_tolerance: 0.1, ..Method::default() };
+        let history = |gain: f64, step: f64, halvings: usize| -> Vec<Iteration> {
+            let of = |i: usize| Iteration {
+                iteration: i,
+                cost: -100.0 - gain * i as f64,
+                det_r: 1.0,
+                change: 1e-7,
+                step,
+                gradient: 0.3,
+                halvings,
+                damping: 0.0,
+            };
+            (0..=CRAWL).map(of).collect()
+        };
+        // One step of 0.1 sd lowers a parabola by 0.005: five that bring 0.0045 together.
+        assert!(crawls(&history(9e-4, 0.4, 4), &method));
+        assert!(!crawls(&history(1.1e-3, 0.4, 4), &method));
+        // Whole steps, long ones, or too few of them.
+        assert!(!crawls(&history(9e-4, 0.4, 0), &method));
+        assert!(!crawls(&history(9e-4, 3.0, 4), &method));
+        assert!(!crawls(&history(9e-4, 0.4, 4)[1..], &method));
     }
 }

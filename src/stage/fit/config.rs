@@ -1,7 +1,7 @@
 //! A `[[fit]]` of the pipeline file comes in; its checked settings, or the mistakes, go out.
 
 use crate::fit;
-use crate::model::Scope;
+use crate::model::{Parameter, Scope};
 use crate::stage::check::{Columns, Given};
 use crate::stage::estimate;
 use schemars::JsonSchema;
@@ -105,7 +105,7 @@ impl Config {
             let known: Vec<&str> =
                 estimate.model.parameters.iter().map(|p| p.quantity.name.as_str()).collect();
             match estimate.model.parameters.iter().find(|p| p.quantity.name == *name) {
-                Some(parameter) if each || parameter.scope == Scope::Segment => {
+                Some(parameter) if each || scope(parameter, estimate) == Scope::Segment => {
                     units.push(parameter.quantity.unit.clone());
                 }
                 Some(_) => given.push(
@@ -126,6 +126,12 @@ impl Config {
     pub fn name(&self) -> String {
         self.settings.name()
     }
+}
+
+/// Where one value of a parameter holds: as the estimate says, or else the model file.
+fn scope(parameter: &Parameter, estimate: &estimate::Config) -> Scope {
+    let told = estimate.settings.method.per.get(&parameter.quantity.name);
+    told.map_or_else(|| parameter.scope.clone(), |per| Scope::parse(per))
 }
 
 impl Settings {
