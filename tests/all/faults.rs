@@ -154,7 +154,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nS_e  ",
             "\nS_ee ",
             &[
-                "elevator-controls.model.toml:15:1: constant \"S_e\" has no value; the same at elevator.model.toml:16:1",
+                "elevator-controls.model.toml:21:1: constant \"S_e\" has no value; the same at elevator.model.toml:16:1",
             ][..],
         ),
         (
@@ -200,7 +200,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nS_e ",
             "\nS_f ",
             &[
-                "elevator-controls.model.toml:57:14: unknown name \"S_e\"; the same at leveller.model.toml:46:35",
+                "elevator-controls.model.toml:54:14: unknown name \"S_e\"; the same at leveller.model.toml:51:35",
             ],
         ),
         (
