@@ -154,7 +154,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nS_e  ",
             "\nS_ee ",
             &[
-                "elevator-controls.model.toml:15:1: constant \"S_e\" has no value; the same at elevator.model.toml:16:1",
+                "elevator-controls.model.toml:21:1: constant \"S_e\" has no value; the same at elevator.model.toml:16:1",
             ][..],
         ),
         (
@@ -187,20 +187,20 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "elevator.model.toml",
             "\nC_h_alpha ",
             "\nC_h_alfa ",
-            &["elevator.model.toml:35:60: unknown name \"C_h_alpha\""],
+            &["elevator.model.toml:30:60: unknown name \"C_h_alpha\""],
         ),
         (
             "elevator.model.toml",
             "\nC_h_delta ",
             "\nC_h_dleta ",
-            &["elevator.model.toml:35:13: unknown name \"C_h_delta\""],
+            &["elevator.model.toml:30:13: unknown name \"C_h_delta\""],
         ),
         (
             "elevator-controls.model.toml",
             "\nS_e ",
             "\nS_f ",
             &[
-                "elevator-controls.model.toml:57:14: unknown name \"S_e\"; the same at leveller.model.toml:46:35",
+                "elevator-controls.model.toml:56:14: unknown name \"S_e\"; the same at leveller.model.toml:50:35",
             ],
         ),
         (
