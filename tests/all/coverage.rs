@@ -49,6 +49,7 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64) -> Outcome {
             "channels.toml",
             "derived.model.toml",
             "elevator.model.toml",
+            "elevator-linkage.model.toml",
             "elevator-lines.model.toml",
         ];
         if analysis.contains(&name.as_str()) {

@@ -187,20 +187,20 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "elevator.model.toml",
             "\nC_h_alpha ",
             "\nC_h_alfa ",
-            &["elevator.model.toml:35:60: unknown name \"C_h_alpha\""],
+            &["elevator.model.toml:30:60: unknown name \"C_h_alpha\""],
         ),
         (
             "elevator.model.toml",
             "\nC_h_delta ",
             "\nC_h_dleta ",
-            &["elevator.model.toml:35:13: unknown name \"C_h_delta\""],
+            &["elevator.model.toml:30:13: unknown name \"C_h_delta\""],
         ),
         (
             "elevator-controls.model.toml",
             "\nS_e ",
             "\nS_f ",
             &[
-                "elevator-controls.model.toml:54:14: unknown name \"S_e\"; the same at leveller.model.toml:51:35",
+                "elevator-controls.model.toml:56:14: unknown name \"S_e\"; the same at leveller.model.toml:50:35",
             ],
         ),
         (
