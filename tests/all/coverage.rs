@@ -94,7 +94,14 @@ fn judge(out: &Path, truths: &[Truth]) -> Outcome {
         (table(out, "fits"), table(out, "estimates"), table(out, "segments"));
     let mut joint = [(f64::NAN, false); 5];
     for (k, (name, slope, intercept)) in LINES.iter().enumerate() {
-        let row = fits.strings("parameter").unwrap().iter().position(|p| p == name).expect("a fit");
+        // Those of the estimate with friction, over the angle of attack.
+        let text = |column: &str| fits.strings(column).unwrap();
+        let wanted = |i: &usize| {
+            text("parameter")[*i] == *name
+                && text("model")[*i] == "elevator"
+                && text("against")[*i] == "alpha"
+        };
+        let row = (0..fits.rows()).find(wanted).expect("a fit");
         let get = |column: &str| fits.f64(column).unwrap()[row];
         let dof = fits.i64("n").unwrap()[row] as f64 - 2.0;
         let (ds, di) = (get("slope") - slope, get("intercept") - intercept);
@@ -113,9 +120,10 @@ fn judge(out: &Path, truths: &[Truth]) -> Outcome {
     let mut normed: [Vec<f64>; 5] = Default::default();
     let (names, of) =
         (estimates.strings("parameter").unwrap(), estimates.opt_strings("segment").unwrap());
-    let groups = estimates.strings("group").unwrap();
+    let (groups, models) =
+        (estimates.strings("group").unwrap(), estimates.strings("model").unwrap());
     let (values, sds) = (estimates.f64("value").unwrap(), estimates.f64("sd").unwrap());
-    for row in 0..estimates.rows() {
+    for row in (0..estimates.rows()).filter(|&row| models[row] == "elevator") {
         let Some(k) = LINES.iter().position(|l| l.0 == names[row]) else { continue };
         let id = of[row].unwrap_or(groups[row]);
         let segment = ids.iter().position(|s| *s == id).expect("a segment");
