@@ -94,10 +94,11 @@ fn judge(out: &Path, truths: &[Truth]) -> Outcome {
     let (fits, estimates, segments) =
         (table(out, "fits"), table(out, "estimates"), table(out, "segments"));
     let mut joint = [(f64::NAN, false); LINES.len()];
-    let (of, parameters) = (fits.strings("model").unwrap(), fits.strings("parameter").unwrap());
+    let text = |column: &str| fits.strings(column).unwrap();
+    let (of, parameters, against) = (text("model"), text("parameter"), text("against"));
     for (k, (model, name, slope, intercept)) in LINES.iter().enumerate() {
         let row = (0..fits.rows())
-            .find(|&row| of[row] == *model && parameters[row] == *name)
+            .find(|&i| of[i] == *model && parameters[i] == *name && against[i] == "alpha")
             .unwrap_or_else(|| panic!("no line of {name}"));
         let get = |column: &str| fits.f64(column).unwrap()[row];
         let dof = fits.i64("n").unwrap()[row] as f64 - 2.0;
