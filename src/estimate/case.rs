@@ -380,7 +380,12 @@ fn layout(
         known: false,
     };
     let column = |k: usize| values.iter().map(|u| u[k]).collect();
-    let (start, centre): (Vec<f64>, Vec<f64>) = (column(0), column(0));
+    let (mut start, centre): (Vec<f64>, Vec<f64>) = (column(0), column(0));
+    for ((start, unknown), value) in start.iter_mut().zip(&unknowns).zip(&values) {
+        if let Some(tried) = settings.tried.get(&unknown.name) {
+            *start = tried.clamp(value[1], value[2]);
+        }
+    }
     (
         Layout {
             shared,

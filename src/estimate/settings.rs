@@ -27,6 +27,10 @@ pub struct Settings {
     /// thresholds, limits): the estimation is run from every combination and from the usual start,
     /// and the best is kept, `tries = { F_c = [0.0, 10.0, 30.0] }`.
     pub tries: IndexMap<String, Vec<f64>>,
+    /// The start of one of them. Unlike `starts` it leaves priors where they are, so that the costs
+    /// of all tries are of one likelihood.
+    #[serde(skip)]
+    pub tried: IndexMap<String, f64>,
     /// Where parameters start that no entry of `starts` speaks of.
     pub start: StartFrom,
     /// Window of the smoothing for `start = "equation error"`, s (at least five points of the
@@ -214,6 +218,7 @@ impl Default for Settings {
             candidates: Vec::new(),
             starts: IndexMap::new(),
             tries: IndexMap::new(),
+            tried: IndexMap::new(),
             start: StartFrom::default(),
             smoothing_s: 0.5,
             initial: Vec::new(),

@@ -31,7 +31,7 @@ pub fn best_of(
         let mut once = settings.clone();
         // Profiles are those of the best alone.
         once.profile.clear();
-        once.starts.extend(start.iter().cloned());
+        once.tried = start.iter().cloned().collect();
         let estimation = run(&once)?;
         runs.push((once, estimation));
     }

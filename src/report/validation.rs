@@ -112,8 +112,7 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
             rows.text("validation", row).into(),
             Cell {
                 text: rows.text("segment", row),
-                sub: (rows.text("beyond", row) == "true")
-                    .then(|| "outside the lines' points".into()),
+                sub: (rows.text("beyond", row) == "true").then(|| outside(of("outside"))),
                 level: None,
             },
             rows.text("output", row).into(),
@@ -149,4 +148,8 @@ fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
         lower: drawn(&|k| modelled[k] - half(k)),
         upper: drawn(&|k| modelled[k] + half(k)),
     }
+}
+/// Where lines were taken outside their points.
+fn outside(share: f64) -> String {
+    format!("{:.0}% of it outside the lines' points", 100.0 * share)
 }

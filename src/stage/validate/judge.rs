@@ -12,8 +12,10 @@ pub struct Validated {
     /// Labels of the maneuver; empty for a whole record.
     pub input: String,
     pub kind: String,
-    /// Lines whose condition lies outside their points.
+    /// Lines of which the abscissa lies outside their points, and the largest share of the maneuver
+    /// in which it does.
     pub beyond: Vec<String>,
+    pub outside: f64,
     pub outputs: Vec<(Output, Option<Agreement>)>,
 }
 

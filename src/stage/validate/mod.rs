@@ -24,6 +24,7 @@ use crate::error::{Errors, Result};
 use crate::estimate::{Estimation, Segment, Stop, estimate_where};
 use crate::math::products::factor;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 pub use config::Config;
 use judge::{Agreement, Validated};
@@ -162,8 +163,9 @@ fn doubts(config: &Config, one: &Validated) -> Vec<Note> {
     let mut notes = Vec::new();
     if !one.beyond.is_empty() {
         let text = format!(
-            "{}: its condition lies outside the points of the lines of {}",
+            "{}: for {:.0}% of it the lines of {} are taken outside their points",
             one.segment,
+            100.0 * one.outside,
             one.beyond.join(", ")
         );
         notes.push(note(config, &one.flight, Severity::Warning, &one.segment, text));
@@ -205,7 +207,8 @@ fn validated(
 ) -> std::result::Result<std::result::Result<Validated, String>, Errors> {
     let labels = &one.labelled.labels;
     let conditions = ready::held(inputs.flight("conditions", &one.flight), &one.segment)?;
-    let maneuver = Maneuver { flight: &one.flight, labels, conditions };
+    let along = along(config, &one.labelled);
+    let maneuver = Maneuver { flight: &one.flight, labels, conditions, along };
     let found = match values(config, campaign, inputs, &maneuver)? {
         Ok(found) => found,
         Err(why) => return Ok(Err(why)),
@@ -223,8 +226,18 @@ fn validated(
         input: label("input"),
         kind: label("kind"),
         beyond: found.beyond,
+        outside: found.outside,
         outputs: outputs(config, &first, &carried),
     }))
+}
+
+/// The values along a maneuver of every input of the model.
+fn along<'a>(config: &'a Config, segment: &Segment) -> BTreeMap<&'a str, Vec<f64>> {
+    let inputs = &config.run.model.inputs;
+    let column = |i: usize| {
+        segment.record.inputs.iter().skip(i).step_by(inputs.len().max(1)).copied().collect()
+    };
+    inputs.iter().enumerate().map(|(i, input)| (input.name.as_str(), column(i))).collect()
 }
 
 /// The segment with a channel for every output that gives a band, on which nothing was measured.

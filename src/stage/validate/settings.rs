@@ -117,6 +117,7 @@ impl Settings {
         let method = &mut run.method;
         (method.free, method.fixed, method.candidates) = (None, Vec::new(), Vec::new());
         (method.profile, method.priors) = (Vec::new(), false);
+        method.tries.clear();
         method.per = self.free.iter().map(|name| (name.clone(), SEGMENT.to_string())).collect();
         method.start = crate::estimate::StartFrom::Model;
         if let Some(model) = &self.model {

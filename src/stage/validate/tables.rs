@@ -51,6 +51,7 @@ pub fn all(
         .f64("band", number(&|a| a.band))
         .f64("within", number(&|a| a.within))
         .bools("beyond", rows.iter().map(|(one, ..)| !one.beyond.is_empty()).collect::<Vec<_>>())
+        .f64("outside", rows.iter().map(|(one, ..)| one.outside).collect::<Vec<_>>())
         .strings("verdict", rows.iter().map(|(.., a)| verdict(*a)))
         .finish()?;
     let samples: Vec<(&Validated, &Output, usize)> = rows

@@ -19,8 +19,10 @@ pub struct Values {
     /// the prediction, which then errs as little as the fit. Lines of different fits count as
     /// independent, and so do lines and estimates.
     pub covariance: Vec<f64>,
-    /// Lines whose condition lies outside the points that they go through.
+    /// Lines of which the abscissa lies outside the points that they go through.
     pub beyond: Vec<String>,
+    /// Largest share of the maneuver in which one does.
+    pub outside: f64,
 }
 
 /// What is known of a maneuver by name.
@@ -29,6 +31,8 @@ pub struct Maneuver<'a> {
     pub labels: &'a IndexMap<String, String>,
     /// Means before it, by signal.
     pub conditions: BTreeMap<&'a str, f64>,
+    /// Values along it of the inputs of the validated model, by name.
+    pub along: BTreeMap<&'a str, Vec<f64>>,
 }
 
 /// One number, its variance, and what it belongs to: numbers of one owner are correlated.
@@ -75,15 +79,20 @@ pub fn values(
                     None => Err(format!("there is no line of {parameter}")),
                 };
                 let x = maneuver.conditions.get(against.as_str()).copied().unwrap_or(f64::NAN);
-                let (of, outside) = match part {
-                    Part::Slope => ([1.0, 0.0], false),
-                    Part::Intercept => ([0.0, 1.0], false),
-                    Part::Value => ([x, 1.0], line.as_ref().is_ok_and(|line| line.outside(x))),
+                let of = match part {
+                    Part::Slope => [1.0, 0.0],
+                    Part::Intercept => [0.0, 1.0],
+                    Part::Value => [x, 1.0],
                 };
                 weights = of;
-                if outside {
+                // A model that takes slope and intercept evaluates the line at every moment.
+                let along = maneuver.along.get(against.as_str()).filter(|_| *part != Part::Value);
+                let xs = along.map_or(std::slice::from_ref(&x), Vec::as_slice);
+                let share = line.as_ref().map_or(0.0, |line| line.share_outside(xs));
+                if share > 0.0 && !found.beyond.contains(parameter) {
                     found.beyond.push(parameter.clone());
                 }
+                found.outside = found.outside.max(share);
                 line.and_then(|line| line.number(of, *fit, against))
             }
         };
@@ -155,8 +164,9 @@ impl Line {
         }))
     }
 
-    fn outside(&self, x: f64) -> bool {
-        x < self.range[0] || x > self.range[1]
+    fn share_outside(&self, xs: &[f64]) -> f64 {
+        let outside = xs.iter().filter(|x| **x < self.range[0] || **x > self.range[1]).count();
+        outside as f64 / xs.len().max(1) as f64
     }
 
     /// `weights[0] slope + weights[1] intercept`.
