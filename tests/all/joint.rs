@@ -47,7 +47,7 @@ fn recovery_of_the_elevators_lines_in_one_fit_of_all_maneuvers() {
     std::fs::write(&campaign, format!("{before}{FLIGHT}# --- the recorder{recorder}"))
         .expect("written");
     let text = std::fs::read_to_string(&pipeline).expect("readable");
-    let (analysis, _) = text.split_once("[report]").expect("a report");
+    let (analysis, _) = text.split_once("# --- two parabolas").expect("the validation");
     std::fs::write(&pipeline, analysis).expect("written");
 
     koehler(folder.path(), folder.path(), &["run", "pipeline.toml"]);
@@ -55,11 +55,9 @@ fn recovery_of_the_elevators_lines_in_one_fit_of_all_maneuvers() {
     let estimates = read_dataset(&out, "estimates").expect("estimates");
     let fits = read_dataset(&out, "fits").expect("fits");
     for (name, slope, intercept) in LINES {
-        let row = fits
-            .strings("parameter")
-            .expect("a column")
-            .iter()
-            .position(|p| *p == name)
+        let text = |column: &str| fits.strings(column).expect("a column");
+        let row = (0..fits.rows())
+            .find(|i| text("parameter")[*i] == name && text("against")[*i] == "alpha")
             .expect("a line");
         for (term, truth, parameter) in [
             ("slope", slope, format!("{name}_slope")),
