@@ -54,9 +54,13 @@ fn fault_a_design_that_cannot_be_flown_leaves_the_others_and_shows_in_the_exit_c
     study(folder.path(), "[[row]]\nkind = \"3211\"\nunit_time_s = 1.0\namplitude = [2.5, 1e5]\n");
     let file = folder.path().join("small.toml");
     let text = std::fs::read_to_string(&file).expect("the study");
-    // a servo without limits
-    let servo = "[truth]\nI_max_e = { value = 1e9, unit = \"A\", sd = 0.0, source = \"none\" }\n";
-    std::fs::write(&file, text.replace("[truth]\n", servo)).expect("written");
+    // a servo without limits, a surface without stops
+    let none = |name: &str, unit: &str| {
+        format!("{name} = {{ value = 1e9, unit = \"{unit}\", sd = 0.0, source = \"none\" }}\n")
+    };
+    let free = [("I_max_e", "A"), ("stop_up", "rad"), ("stop_down", "rad")];
+    let free: String = free.iter().map(|(name, unit)| none(name, unit)).collect();
+    std::fs::write(&file, text.replace("[truth]\n", &format!("[truth]\n{free}"))).expect("written");
     let output = koehler(folder.path(), &["design", "small.toml"]);
     let (said, wrong) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));

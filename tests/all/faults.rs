@@ -84,7 +84,7 @@ fn a_mistake_is_told_without_those_that_only_follow_from_it() {
             "in kg",
         ),
         (
-            "elevator.model.toml",
+            "elevator-linkage.model.toml",
             "unit = \"rad\", value = \"delta_e\"",
             "unit = \"rad\", value = \"delta\"",
             "\"delta\"",
@@ -214,7 +214,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\ndelta_e  =",
             "\ndelta_ee =",
             &[
-                "pipeline.toml:23:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:101:1, pipeline.toml:107:1",
+                "pipeline.toml:25:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:124:1, pipeline.toml:130:1",
             ],
         ),
         (
@@ -222,7 +222,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nservo_current_e",
             "\nservo_current_f",
             &[
-                "pipeline.toml:23:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:101:1, pipeline.toml:107:1",
+                "pipeline.toml:25:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:124:1, pipeline.toml:130:1",
             ],
         ),
         (

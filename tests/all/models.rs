@@ -55,6 +55,10 @@ fn point(model: &Model) -> Vec<f64> {
     let mut point: Vec<f64> = (0..l.len()).map(spread).collect();
     for (i, s) in model.states.iter().enumerate() {
         let x: f64 = match s.quantity.unit.as_str() {
+            // Travel of cables, and its rate.
+            "m" | "m/s" if ["s", "y", "s_dot", "y_dot"].contains(&s.quantity.name.as_str()) => {
+                0.002 + 0.001 * i as f64
+            }
             "m/s" => 90.0 + 3.0 * i as f64,
             "m" => 4000.0,
             "N" => 5000.0,
