@@ -39,6 +39,7 @@ fn plausible(name: &str, unit: &str, i: usize) -> f64 {
         (_, "m/s") => 95.0,
         (_, "m") => 4100.0,
         (_, "K") => 270.0,
+        ("qbar", _) => 5000.0,
         (_, "Pa") => 55000.0,
         (_, "kg/m^3") => 0.8,
         (_, "N") => 6000.0,
@@ -56,7 +57,7 @@ fn record(model: &Model) -> Record {
             * (1.0 + 0.3 * libm::sin(0.21 * k as f64 + 0.7 * i as f64 + 0.3))
     };
     let inputs = (0..n).flat_map(|k| (0..model.inputs.len()).map(move |i| input(k, i))).collect();
-    Record { dt, n, inputs, start: 10, substeps: 4, ..Default::default() }
+    Record { dt, n, inputs, start: 10, substeps: 16, ..Default::default() }
 }
 
 /// Parameters of the base away from zero, and starts of its states that begin measured. Without
