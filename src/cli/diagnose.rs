@@ -29,7 +29,7 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
     let bars = Bars::new();
     let result = on_threads(args.jobs, || -> std::result::Result<_, Errors> {
         if let Some(simulation) = &plan.simulation {
-            super::simulate::make(simulation, false)?;
+            super::simulate::make(simulation)?;
         }
         look_at_logs(&plan)?;
         Ok(pipeline::run(&plan, &store, engine, &|event| bars.hear(event))?)

@@ -91,7 +91,7 @@ pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
     let bars = Bars::new();
     let result = on_threads(args.jobs, || -> Result<_, Errors> {
         if let Some(simulation) = &plan.simulation {
-            super::simulate::make(simulation, false)?;
+            super::simulate::make(simulation)?;
         }
         look_at_logs(&plan)?;
         Ok(pipeline::run(&plan, &store, engine, &|event| bars.hear(event))?)
@@ -112,6 +112,9 @@ pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
     if let Some(simulation) = &plan.simulation {
         for flight in &simulation.missing {
             say(&format!("{:<12} {:<20} missing: would be simulated", "log", flight));
+        }
+        if let Some(warning) = super::simulate::outdated(simulation) {
+            eprintln!("warning: {warning}");
         }
     }
     let mut to_run = 0;

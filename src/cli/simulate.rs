@@ -10,24 +10,49 @@ use std::path::Path;
 /// `koehler simulate`
 pub fn simulate(campaign: &Path, force: bool, jobs: Option<usize>) -> Result<End, Errors> {
     let simulation = Simulation::read(campaign)?;
-    if simulation.missing.is_empty() && !force {
-        say("all logs are there already; --force writes them again");
+    let ids = match force {
+        true => simulation.logs().into_iter().map(|(id, _)| id).collect(),
+        false => [&simulation.missing[..], &simulation.outdated[..]].concat(),
+    };
+    if ids.is_empty() {
+        say("all logs are there already, simulated from this campaign; --force writes them again");
         return Ok(End::Complete);
     }
-    on_threads(jobs, || make(&simulation, force))??;
+    on_threads(jobs, || fly(&simulation, &ids))??;
     Ok(End::Complete)
 }
 
-/// Simulates the flights whose logs are not there, or all of them, and says so.
-pub fn make(simulation: &Simulation, all: bool) -> Result<(), Errors> {
-    let n = if all { simulation.logs().len() } else { simulation.missing.len() };
+/// Simulates the flights whose logs are not there, and says which logs are outdated: a pipeline
+/// leaves a log that is there as it is.
+pub fn make(simulation: &Simulation) -> Result<(), Errors> {
+    if let Some(warning) = outdated(simulation) {
+        eprintln!("warning: {warning}");
+    }
+    match simulation.missing.is_empty() {
+        true => Ok(()),
+        false => fly(simulation, &simulation.missing),
+    }
+}
+
+/// Which logs were simulated from another state of the campaign, and what to do.
+pub fn outdated(simulation: &Simulation) -> Option<String> {
+    (!simulation.outdated.is_empty()).then(|| {
+        format!(
+            "the campaign, its truth model or its constants have changed since these logs were \
+             simulated: {} (`koehler simulate` writes them again)",
+            crate::config::list(&simulation.outdated)
+        )
+    })
+}
+
+fn fly(simulation: &Simulation, ids: &[String]) -> Result<(), Errors> {
     let spinner = std::io::stderr().is_terminal().then(|| {
         let spinner = indicatif::ProgressBar::new_spinner();
-        spinner.set_message(format!("simulating {}", summary::count(n, "flight")));
+        spinner.set_message(format!("simulating {}", summary::count(ids.len(), "flight")));
         spinner.enable_steady_tick(std::time::Duration::from_millis(200));
         spinner
     });
-    let flown = simulation.fly(all, &|_| {});
+    let flown = simulation.fly(ids, &|_| {});
     if let Some(spinner) = spinner {
         spinner.finish_and_clear();
     }

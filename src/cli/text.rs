@@ -79,8 +79,9 @@ Example:
   koehler import pipelines/hfb320/import.toml";
 
 pub const SIMULATE: &str = "\
-Logs that are there already are left alone unless --force is given. `koehler run` does this by itself for a pipeline file with
-`simulate = \"campaign.toml\"`.
+Writes the logs that are not there, and those that were simulated before the campaign, its truth model or its constants were changed; all
+of them with --force. `koehler run` makes missing ones by itself for a pipeline file with `simulate = \"campaign.toml\"`, and says which
+are outdated.
 
 Example:
   koehler simulate pipelines/citation/campaign.toml";

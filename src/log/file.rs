@@ -33,6 +33,25 @@ pub struct Message<'a> {
     pub data: &'a [u8],
 }
 
+/// What the header of a log names as the program that wrote it; none where there is no sound header.
+/// Reads nothing else of the file.
+///
+/// # Errors
+/// The file cannot be read, is empty or is no MCAP.
+pub fn writer(path: &Path) -> Result<Option<String>> {
+    let log = LogFile::map(path)?;
+    let mut bytes = Bytes(log.bytes().get(mcap::MAGIC.len()..).unwrap_or(&[]));
+    let mut header = || {
+        let (code, length) = (bytes.u8()?, bytes.u64()?);
+        let body = bytes.0.get(..usize::try_from(length).ok()?)?;
+        match mcap::parse_record(code, body).ok()? {
+            mcap::records::Record::Header(header) => Some(header.library),
+            _ => None,
+        }
+    };
+    Ok(header())
+}
+
 /// A mapped log file and where its parts are. The file must not be changed by others while it is
 /// open.
 pub struct LogFile {

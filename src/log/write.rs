@@ -84,6 +84,11 @@ impl Seek for Shared {
 impl LogWriter {
     /// Opens a temporary file beside `path`; missing folders are made.
     pub fn create(path: &Path) -> Result<LogWriter> {
+        LogWriter::create_as(path, "koehler")
+    }
+
+    /// The same; the header names `writer` as the program that wrote the log.
+    pub fn create_as(path: &Path, writer: &str) -> Result<LogWriter> {
         let failed = |e: std::io::Error| cannot_write(path, e);
         let folder = folder_of(path);
         std::fs::create_dir_all(folder).map_err(failed)?;
@@ -96,7 +101,7 @@ impl LogWriter {
         // One compression thread: the library's own threads would make the bytes depend on the
         // machine.
         let writer = mcap::WriteOptions::new()
-            .library("koehler")
+            .library(writer)
             .compression_threads(0)
             .create(BufWriter::new(Shared(handle)))
             .map_err(|e| cannot_write(path, e))?;

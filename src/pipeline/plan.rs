@@ -160,7 +160,7 @@ impl Reader {
             tables: tables(),
         });
         let settings = self.settings.fields;
-        let simulation = simulation.and_then(|s| s.for_missing(&flights));
+        let simulation = simulation.and_then(|s| s.for_flights(&flights));
         match (self.given.errors.is_empty(), channels, derive) {
             (true, Some(channels), Some(derive)) => Ok(Plan {
                 pipeline: self.pipeline,

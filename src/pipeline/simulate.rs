@@ -5,12 +5,14 @@ use crate::error::Errors;
 use crate::simulate::{Campaign, Flown, Settings};
 use std::path::{Path, PathBuf};
 
-/// A checked campaign file and the flights wanted of it.
+/// A checked campaign file, and which of its flights have no log or an outdated one.
 #[derive(Debug)]
 pub struct Simulation {
     campaign: Campaign,
     /// Flights whose logs are asked for and that are not there.
     pub missing: Vec<String>,
+    /// Flights whose logs were simulated from another state of the campaign than it is in now.
+    pub outdated: Vec<String>,
 }
 
 impl Simulation {
@@ -20,8 +22,9 @@ impl Simulation {
     /// Every mistake in any of them.
     pub fn read(path: &Path) -> Result<Simulation, Errors> {
         let campaign = Campaign::load(path)?;
-        let missing = campaign.missing().into_iter().map(str::to_string).collect();
-        Ok(Simulation { campaign, missing })
+        let of = |ids: Vec<&str>| ids.into_iter().map(str::to_string).collect();
+        let (missing, outdated) = (of(campaign.missing()), of(campaign.outdated()));
+        Ok(Simulation { campaign, missing, outdated })
     }
 
     /// Whether all logs of a campaign are there and the truth they were simulated from is not:
@@ -43,22 +46,24 @@ impl Simulation {
             .collect()
     }
 
-    /// With only those missing flights that a pipeline asks for; none where all of them are there.
-    pub fn for_missing(mut self, wanted: &[String]) -> Option<Simulation> {
+    /// With only those flights that a pipeline asks for; none where there is nothing to simulate and
+    /// nothing to say.
+    pub fn for_flights(mut self, wanted: &[String]) -> Option<Simulation> {
         self.missing.retain(|id| wanted.contains(id));
-        (!self.missing.is_empty()).then_some(self)
+        self.outdated.retain(|id| wanted.contains(id));
+        (!self.missing.is_empty() || !self.outdated.is_empty()).then_some(self)
     }
 
-    /// Simulates the missing flights, or all, in parallel; `done` hears of each one.
+    /// Simulates the named flights in parallel; `done` hears of each one.
     ///
     /// # Errors
     /// A flight cannot be trimmed or flown, or a file cannot be written: every one of them.
-    pub fn fly(&self, all: bool, done: &(dyn Fn(&Flown) + Sync)) -> Result<Vec<Flown>, Errors> {
-        let ids: Vec<&str> = if all {
-            self.campaign.flights()
-        } else {
-            self.missing.iter().map(String::as_str).collect()
-        };
+    pub fn fly(
+        &self,
+        ids: &[String],
+        done: &(dyn Fn(&Flown) + Sync),
+    ) -> Result<Vec<Flown>, Errors> {
+        let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
         self.campaign.fly_all(&ids, done)
     }
 }

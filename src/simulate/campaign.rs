@@ -14,6 +14,9 @@ use indexmap::IndexMap;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
+/// What the header of a simulated log names as its writer, before the campaign's state.
+const SIMULATED: &str = "koehler, simulated from campaign ";
+
 /// A checked campaign, ready to be flown.
 #[derive(Debug, Clone)]
 pub struct Campaign {
@@ -100,6 +103,45 @@ impl Campaign {
         self.flights().into_iter().filter(|id| !self.log_path(id).is_file()).collect()
     }
 
+    /// Hash of all that the recording of a flight depends on: what the campaign file says of it, the
+    /// truth model and the values of its constants. The log carries it.
+    ///
+    /// # Errors
+    /// There is no such flight.
+    pub fn state(&self, id: &str) -> Result<String> {
+        let (index, flight) = self.flight(id)?;
+        let flown = self.timeline(id)?;
+        let turbulent = flight.turbulence > 0.0;
+        let mut settings = Settings {
+            seed: if turbulent { self.settings.seed } else { 0 },
+            sensor_seed: Some(self.sensor_seed()),
+            title: String::new(),
+            source: String::new(),
+            truth: String::new(),
+            constants: Vec::new(),
+            logs: String::new(),
+            truth_folder: String::new(),
+            flights: IndexMap::from([(format!("{index} {id}"), flight.clone())]),
+            ..self.settings.clone()
+        };
+        settings.maneuvers.retain(|name, _| flown.maneuvers.iter().any(|m| m.maneuver == *name));
+        let constants: Vec<_> =
+            self.model.constants.iter().map(|c| (&c.quantity.name, c.value)).collect();
+        let all = serde_json::to_vec(&(settings, &self.model.text, constants))
+            .map_err(|e| Error::new(format!("the campaign cannot be written: {e}")))?;
+        Ok(blake3::hash(&all).to_hex()[..16].to_string())
+    }
+
+    /// Ids of the flights whose logs were simulated from another state of the campaign than it is
+    /// in now. A log that does not say what it was simulated from is not among them.
+    pub fn outdated(&self) -> Vec<&str> {
+        let other = |id: &str| {
+            let written = crate::log::file::writer(&self.log_path(id)).ok().flatten()?;
+            Some(written.strip_prefix(SIMULATED)? != self.state(id).ok()?)
+        };
+        self.flights().into_iter().filter(|id| other(id).unwrap_or(false)).collect()
+    }
+
     fn flight(&self, id: &str) -> Result<(usize, &Flight)> {
         let known = || config::list(&self.flights());
         let found = self.settings.flights.get_full(id).map(|(i, _, flight)| (i, flight));
@@ -157,7 +199,7 @@ impl Campaign {
         let truth = self.truth(id)?;
         let recording = self.record(&truth, self.sensor_seed())?;
         let log = self.log_path(id);
-        write_log(&recording, &log)?;
+        write_log(&recording, &log, &format!("{SIMULATED}{}", self.state(id)?))?;
         write_truth(&truth, &recording, &self.truth_path(id))?;
         let messages = recording.topics.iter().map(|t| t.log_ns.len()).sum();
         Ok(Flown {

@@ -170,6 +170,45 @@ fn the_same_seeds_give_the_same_bytes_and_other_seeds_what_they_should() {
 }
 
 #[test]
+fn a_log_simulated_from_another_state_of_its_campaign_is_outdated() {
+    let folder = folder();
+    let campaign = load(&folder);
+    assert!(campaign.outdated().is_empty(), "nothing is there");
+    campaign.fly_all(&campaign.flights(), &|_| ()).unwrap();
+    let edited = |file: &str, old: &str, new: &str| {
+        let path = folder.path().join(file);
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, text.replace(old, new)).unwrap();
+        let now = load(&folder);
+        let outdated = now.outdated().into_iter().map(str::to_string).collect::<Vec<_>>();
+        std::fs::write(&path, text).unwrap();
+        outdated
+    };
+    for (file, old, new, wanted) in [
+        ("campaign.toml", "title = \"toy\"", "title = \"a toy\"", &[][..]),
+        (
+            "campaign.toml",
+            "[topics.\"/state\"]",
+            "[flights.third]\naltitude_ft = 0\nspeeds_kt = [90]\nat_each = []\n[topics.\"/state\"]",
+            &[],
+        ),
+        ("campaign.toml", "turbulence = 1.0", "turbulence = 2.0", &["rough"]),
+        ("campaign.toml", "seed = 3", "seed = 3\nsensor_seed = 4", &["calm", "rough"]),
+        ("campaign.toml", "noise = 0.001", "noise = 0.002", &["calm", "rough"]),
+        ("toy.model.toml", "K*x", "2*K*x", &["calm", "rough"]),
+        ("constants.toml", "0.5", "0.6", &["calm", "rough"]),
+        ("constants.toml", "sd = 0.0", "sd = 0.1", &[]),
+    ] {
+        assert_eq!(edited(file, old, new), wanted, "{file}: {new}");
+    }
+    // A log of somebody else says nothing of a campaign.
+    let mut other = crate::log::LogWriter::create(&campaign.log_path("calm")).unwrap();
+    other.add_topic("/state", &[]).unwrap();
+    other.finish().unwrap();
+    assert_eq!(edited("campaign.toml", "seed = 3", "seed = 3\nsensor_seed = 4"), ["rough"]);
+}
+
+#[test]
 fn white_noise_through_a_lag_has_the_variance_of_its_spectrum() {
     let folder = folder();
     let text = CAMPAIGN.replace("end_s = 5 }", "end_s = 3000 }");

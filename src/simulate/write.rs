@@ -11,12 +11,12 @@ use indexmap::IndexMap;
 use serde::Serialize;
 use std::path::Path;
 
-/// Writes the log of one flight.
+/// Writes the log of one flight; `writer` is what its header names as the program that wrote it.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_log(recording: &Recording, path: &Path) -> Result<()> {
-    let mut writer = LogWriter::create(path)?;
+pub fn write_log(recording: &Recording, path: &Path, writer: &str) -> Result<()> {
+    let mut writer = LogWriter::create_as(path, writer)?;
     let mut streams = Vec::with_capacity(recording.topics.len());
     for topic in &recording.topics {
         let fields: Vec<FieldSpec> =

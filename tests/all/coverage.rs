@@ -67,8 +67,12 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64) -> Outcome {
     std::fs::write(folder.path().join("pipeline.toml"), pipeline).expect("written");
     for truth in truths {
         let recording = campaign.record(truth, seed).expect("recorded");
-        write_log(&recording, &folder.path().join(format!("logs/{}.mcap", truth.flight)))
-            .expect("a log");
+        write_log(
+            &recording,
+            &folder.path().join(format!("logs/{}.mcap", truth.flight)),
+            "koehler",
+        )
+        .expect("a log");
     }
     let plan = Plan::read(&folder.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
     let out = folder.path().join("out");
@@ -249,7 +253,7 @@ fn recovery_coverage_needs_no_truth_file() {
     let analyse = |out: &str| {
         let plan = Plan::read(&pipeline).unwrap_or_else(|e| panic!("{e}"));
         if let Some(simulation) = &plan.simulation {
-            simulation.fly(false, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+            simulation.fly(&simulation.missing, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         }
         let out = folder.path().join(out);
         let result = run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {})

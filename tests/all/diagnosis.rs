@@ -37,7 +37,7 @@ fn out() -> Option<&'static TempDir> {
         });
         let plan = plan.unwrap_or_else(|e| panic!("{e}"));
         let simulation = plan.simulation.as_ref().expect("logs are simulated");
-        simulation.fly(false, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
+        simulation.fly(&simulation.missing, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         let result = run(
             &plan,
             &Store::open(&folder.path().join("out")),

@@ -94,7 +94,7 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
                 unit.to_si(error.bias),
             );
         }
-        write_log(&recording, &out.path().join(format!("logs/{}.mcap", truth.flight)))
+        write_log(&recording, &out.path().join(format!("logs/{}.mcap", truth.flight)), "koehler")
             .expect("a log");
     }
     let plan = Plan::read(&out.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));

@@ -94,3 +94,12 @@ fn fault_a_series_without_rows_is_missing() {
         run.out
     );
 }
+
+#[test]
+fn fault_a_reference_line_with_nothing_to_compare_is_not_drawn() {
+    let c = campaign("line = { slope = 1.0, intercept = 0.0 }");
+    c.edit("pipeline.toml", "where = { parameter = \"K\" }", "where = { parameter = \"Q\" }");
+    let run = c.run().ended(1);
+    assert!(run.out.contains("no rows with parameter = Q to draw"), "{}", run.out);
+    assert!(!run.err.contains("has no value in row"), "{}", run.err);
+}

@@ -22,6 +22,7 @@ mod joint;
 mod language;
 mod models;
 mod modes;
+mod motions;
 mod pages;
 mod path;
 mod phlab;

@@ -51,7 +51,7 @@ fn reconstruct(
     );
     std::fs::write(folder.path().join("pipeline.toml"), pipeline).expect("written");
     let recording = campaign.record(truth, seed).expect("recorded");
-    write_log(&recording, &folder.path().join("logs/short.mcap")).expect("a log");
+    write_log(&recording, &folder.path().join("logs/short.mcap"), "koehler").expect("a log");
     let plan = Plan::read(&folder.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
     let out = folder.path().join("out");
     let result = run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {})

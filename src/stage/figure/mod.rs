@@ -85,6 +85,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         label: one.label.clone(),
         kind: "reference",
         rows: match one.line {
+            // A line without anything to compare it with has no ends.
+            Some(_) if span[0].is_nan() => Vec::new(),
             Some(line) => {
                 span.map(|x| [x, line.slope * x + line.intercept, f64::NAN, f64::NAN]).to_vec()
             }
