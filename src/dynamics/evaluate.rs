@@ -114,12 +114,16 @@ pub(super) struct Programs<'p> {
 
 impl<'p> Programs<'p> {
     pub(super) fn new(propagator: &'p Propagator, parameters: &[f64]) -> Self {
-        let single = |program| Single::new(program, propagator, parameters);
+        let single = |program, native: &'p Option<Compiled>| Single {
+            native: native.as_ref(),
+            ..Single::new(program, propagator, parameters)
+        };
+        let native = &propagator.native;
         Programs {
-            rates: Single { native: propagator.native.as_deref(), ..single(&propagator.rates) },
-            taus: single(&propagator.delay_values),
-            limits: single(&propagator.limits),
-            moving: single(&propagator.moving_values),
+            rates: single(&propagator.rates, &native.rates),
+            taus: single(&propagator.delay_values, &native.taus),
+            limits: single(&propagator.limits, &native.limits),
+            moving: single(&propagator.moving_values, &native.moving),
         }
     }
 }

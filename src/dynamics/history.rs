@@ -25,20 +25,13 @@ pub fn input(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> 
     (value(around, s), (c1 + s * (2.0 * c2 + 3.0 * s * c3)) / dt)
 }
 
-/// The value of [`input`] at grid point `k` and a fraction `s` (0 to 1) of the step behind it.
-pub fn within(inputs: &[f64], stride: usize, column: usize, k: usize, s: f64) -> f64 {
-    let last = inputs.len() / stride.max(1) - 1;
-    let u = |k: usize| inputs[k.min(last) * stride + column];
-    let (k, s) = if s < 1.0 { (k, s) } else { (k + 1, 0.0) };
-    if k >= last { u(k) } else { value([u(k.saturating_sub(1)), u(k), u(k + 1), u(k + 2)], s) }
-}
-
 /// Catmull-Rom: passes through the two in the middle, slope continuous.
 fn cubic([a, b, c, d]: [f64; 4]) -> [f64; 4] {
     [b, 0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d, 0.5 * (d - a) + 1.5 * (b - c)]
 }
 
-fn value(around: [f64; 4], s: f64) -> f64 {
+/// The value at a fraction `s` (0 to 1) of the way between the two in the middle.
+pub fn value(around: [f64; 4], s: f64) -> f64 {
     let [c0, c1, c2, c3] = cubic(around);
     c0 + s * (c1 + s * (c2 + s * c3))
 }
@@ -100,10 +93,6 @@ mod tests {
         assert!((value - f(0.73)).abs() < 1e-12);
         assert!((slope - (-2.0 + 0.73)).abs() < 1e-10);
         assert_eq!(input(&column, 1, 0, 0.1, -3.0), (1.0, 0.0));
-        for (k, s) in [(0, 0.25), (7, 0.5), (7, 1.0), (18, 0.75), (18, 1.0), (19, 0.0)] {
-            let at = k as f64 + s;
-            assert_eq!(within(&column, 1, 0, k, s), input(&column, 1, 0, 0.1, at).0, "{at}");
-        }
     }
 
     #[test]

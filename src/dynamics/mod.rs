@@ -36,6 +36,7 @@
 //! through the four nearest grid values, a fixed linear map, so values and sensitivities stay
 //! exactly consistent; on a grid point it is the value itself.
 
+mod between;
 #[cfg(test)]
 mod contact_tests;
 mod contacts;

@@ -49,11 +49,20 @@ pub enum Tier {
     Native,
 }
 
-/// The rates as machine code: whole steps of a plain model, single points of others.
+/// A program as machine code: the rates of a plain model in whole steps, others at single points.
 #[derive(Debug)]
 pub(super) enum Compiled {
     Steps(Native<Steps>),
     Points(Native<Points>),
+}
+
+/// What a trajectory needs point by point as machine code, where it was worth making.
+#[derive(Debug, Default)]
+pub(super) struct Machine {
+    pub(super) rates: Option<Compiled>,
+    pub(super) taus: Option<Compiled>,
+    pub(super) limits: Option<Compiled>,
+    pub(super) moving: Option<Compiled>,
 }
 
 /// Programs and sizes, shared by all records and threads.
@@ -77,8 +86,7 @@ pub struct Propagator {
     pub(super) delays: Vec<crate::model::Delay>,
     pub(super) uses_input_rates: bool,
     pub(super) linear: Linear,
-    /// Machine code of the rates, where it was worth making.
-    pub(super) native: Option<Arc<Compiled>>,
+    pub(super) native: Arc<Machine>,
     /// The Jacobians of rates, outputs, delay times and limits, row by row.
     pub(super) rate_rows: Rows,
     pub(super) output_rows: Rows,
@@ -142,7 +150,7 @@ impl Propagator {
                 lanes,
             ),
             linear,
-            native: None,
+            native: Arc::default(),
             layout: model.layout,
             tables: model.tables.clone(),
             rates: model.rates_program(),
@@ -166,21 +174,32 @@ impl Propagator {
         })
     }
 
-    /// Makes machine code of the rates if `tier` says so. `points`: grid points that one pass goes
-    /// through.
+    /// Makes machine code of rates, delays, limits and what moves the movers if `tier` says so.
+    /// `points`: grid points that one pass goes through.
     pub fn compile(&mut self, tier: Tier, points: usize) {
         // An operation costs the interpreter about 2 ns more than machine code, some 20 passes are
         // usual; making code takes about 0.3 ms and 15 us per operation.
-        let operations = self.rates.operations() as f64;
-        let worth = 20.0 * 4.0 * points as f64 * operations * 2e-9 > 0.3e-3 + 15e-6 * operations;
-        if tier == Tier::Native || (tier == Tier::Auto && worth) {
-            let width = self.layout.time() + 1;
-            let compiled = match self.plain() {
-                true => Native::compile(&self.rates, width).map(Compiled::Steps),
-                false => Native::compile(&self.rates, width).map(Compiled::Points),
-            };
-            self.native = compiled.map(Arc::new);
-        }
+        let worth = |program: &Program| {
+            let operations = program.operations() as f64;
+            let saved = 20.0 * 4.0 * points as f64 * operations * 2e-9;
+            let pays = saved > 0.3e-3 + 15e-6 * operations;
+            operations > 0.0 && (tier == Tier::Native || (tier == Tier::Auto && pays))
+        };
+        let width = self.layout.time() + 1;
+        let at_points = |program: &Program| match worth(program) {
+            true => Native::compile(program, width).map(Compiled::Points),
+            false => None,
+        };
+        let rates = match self.plain() && worth(&self.rates) {
+            true => Native::compile(&self.rates, width).map(Compiled::Steps),
+            false => at_points(&self.rates),
+        };
+        self.native = Arc::new(Machine {
+            rates,
+            taus: at_points(&self.delay_values),
+            limits: at_points(&self.limits),
+            moving: at_points(&self.moving_values),
+        });
     }
 
     /// Whether a step is nothing but rates: without delays, stops and friction.

@@ -1,6 +1,7 @@
 //! A chunk of a record, grid point by grid point: states in; values, and what the later passes need
 //! of every stage, out.
 
+use super::between::Between;
 use super::evaluate::{Programs, Single};
 use super::history::{self, Past};
 use super::modes::{Jump, Lost, Mode, Span};
@@ -16,6 +17,7 @@ pub(super) struct Run<'p> {
     pub(super) record: &'p Record,
     /// Time derivatives of the inputs on the grid (only where the model uses them).
     slopes: Vec<f64>,
+    between: Between,
     /// Inputs without their small movements, per delay.
     smooth: Vec<Option<Smooth>>,
     /// Limits of the states at this instant: lower, upper.
@@ -36,7 +38,8 @@ pub(super) struct Run<'p> {
 impl<'p> Run<'p> {
     pub(super) fn new(propagator: &'p Propagator, record: &'p Record, taus: &mut Single) -> Self {
         let smooth = if propagator.delays.iter().any(|d| matches!(d.of, Delayed::Smooth(_))) {
-            taus.at(&[]); // their parameters are the same all along a record
+            // Their parameters are the same all along a record.
+            taus.at(&vec![0.0; propagator.layout.time() + 1]);
             smoothed(
                 &propagator.delays,
                 &record.inputs[..record.n * propagator.layout.inputs],
@@ -52,11 +55,13 @@ impl<'p> Run<'p> {
         } else {
             Vec::new()
         };
+        let nu = propagator.layout.inputs;
         let (times, x_history, f_history, stage, sum) = Default::default();
         let count = propagator.moving.len();
         Run {
             propagator,
             record,
+            between: Between::new(if slopes.is_empty() { nu } else { 2 * nu }),
             slopes,
             smooth,
             bounds: Vec::new(),
@@ -133,27 +138,14 @@ fn input_slopes(record: &Record, nu: usize) -> Vec<f64> {
 impl Run<'_> {
     /// Fills states, inputs, input rates and time of the point at grid step k (from the start
     /// point) and fraction c.
-    pub(super) fn arguments(&self, k: usize, c: f64, x: &[f64], point: &mut [f64]) {
+    pub(super) fn arguments(&mut self, k: usize, c: f64, x: &[f64], point: &mut [f64]) {
         let (l, nu) = (&self.propagator.layout, self.propagator.layout.inputs);
         point[..l.states].copy_from_slice(x);
         let k = self.record.start + k;
-        let next = (k + 1).min(self.record.n - 1);
-        // The fraction as the sum of both leaves it: the same bits as a position on the grid.
-        let s = (k as f64 + c) - k as f64;
-        let between = |from: &[f64], j: usize| {
-            let (a, b) = (from[k * nu + j], from[next * nu + j]);
-            match self.record.interpolation.get(j).copied().unwrap_or_default() {
-                _ if c == 0.0 => a,
-                Interpolation::Hold => a,
-                Interpolation::Linear => a + c * (b - a),
-                Interpolation::Cubic => history::within(from, nu, j, k, s),
-            }
-        };
-        for j in 0..nu {
-            point[l.input() + j] = between(&self.record.inputs, j);
-            if !self.slopes.is_empty() {
-                point[l.input_rate() + j] = between(&self.slopes, j);
-            }
+        let row = self.between.at(self.record, &self.slopes, k, c);
+        point[l.input()..][..nu].copy_from_slice(&row[..nu]);
+        if row.len() > nu {
+            point[l.input_rate()..][..nu].copy_from_slice(&row[nu..]);
         }
         for (k, mode) in self.modes.iter().enumerate() {
             point[l.held() + k] = mode.held();
@@ -274,7 +266,7 @@ impl Run<'_> {
 
     /// Inputs, their rates and time of all stages of the steps from grid step `first` on, `m` steps
     /// in each.
-    fn lay_out(&self, first: usize, m: usize, rows: &mut [f64]) {
+    fn lay_out(&mut self, first: usize, m: usize, rows: &mut [f64]) {
         let (l, record) = (&self.propagator.layout, self.record);
         let (nu, width) = (l.inputs, l.time() + 1);
         if m > 1 || record.interpolation.iter().any(|i| *i != Interpolation::Linear) {
