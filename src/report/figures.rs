@@ -120,7 +120,8 @@ fn facts(all: &[Series], (fx, x_unit): (f64, &str), (fy, y_unit): (f64, &str)) -
         let high = values.iter().copied().fold(f64::NAN, f64::max);
         format!("{} to {} {unit}", number(factor * low, 3), number(factor * high, 3))
     };
-    let what = if n > 0 { count(n, "point") } else { count(all.len(), "curve") };
+    let curves = all.iter().filter(|s| s.kind != "reference").count();
+    let what = if n > 0 { count(n, "point") } else { count(curves, "curve") };
     let mut facts = vec![format!(
         "{what}, {} over {}.",
         range(&|s| s.y.clone(), fy, y_unit).trim_end(),
@@ -128,8 +129,51 @@ fn facts(all: &[Series], (fx, x_unit): (f64, &str), (fy, y_unit): (f64, &str)) -
     )];
     for reference in all.iter().filter(|s| s.kind == "reference" && s.x.len() > 1) {
         facts.extend(distance(&points, reference, fy, y_unit));
+        let bands = all.iter().filter(|s| s.kind == "line");
+        facts.extend(bands.filter_map(|band| held_by(band, reference, (fx, x_unit))));
+    }
+    let measured = all.iter().filter(|s| s.label == "measured");
+    for one in measured {
+        let others = all.iter().filter(|s| s.kind != "reference" && s.label != one.label);
+        facts.extend(others.filter_map(|other| difference(one, other, fy, y_unit)));
     }
     facts
+}
+
+/// Whether a band holds a reference, and where it misses it by most.
+fn held_by(band: &Series, reference: &Series, (fx, x_unit): (f64, &str)) -> Option<String> {
+    let [low, high] = &band.ends;
+    let ratio = |k: usize| {
+        let off = held(&reference.x, &reference.y, band.x[k]) - band.y[k];
+        let half = if off > 0.0 { high[k] - band.y[k] } else { band.y[k] - low[k] };
+        off.abs() / half
+    };
+    let all = (0..band.x.len()).filter(|k| ratio(*k).is_finite());
+    let farthest = all.max_by(|a, b| ratio(*a).total_cmp(&ratio(*b)))?;
+    let (ratio, x) = (plain(ratio(farthest), 2), number(fx * band.x[farthest], 3));
+    let at = format!("{ratio} half-widths from its middle at {x} {x_unit}").replace(" -", " ");
+    let (band, of) = (&band.label, &reference.label);
+    Some(match ratio_is_inside(&ratio) {
+        true => format!("The band of {band} holds {of} everywhere, at most {at}."),
+        false => format!("The band of {band} does not hold {of} everywhere: it is {at}."),
+    })
+}
+
+/// As it is written, so that sentence and number agree.
+fn ratio_is_inside(ratio: &str) -> bool {
+    ratio.parse::<f64>().is_ok_and(|ratio| ratio <= 1.0)
+}
+
+/// How far what is modelled is from what was measured, where both have the same abscissae.
+fn difference(measured: &Series, other: &Series, factor: f64, unit: &str) -> Option<String> {
+    let there = |k: &usize| (measured.y[*k] - other.y[*k]).is_finite();
+    let same = measured.x == other.x;
+    let all: Vec<usize> = (0..measured.x.len()).filter(|k| same && there(k)).collect();
+    let square = |k: &usize| (measured.y[*k] - other.y[*k]) * (measured.y[*k] - other.y[*k]);
+    let rms = (all.iter().map(square).sum::<f64>() / all.len() as f64).sqrt();
+    let text =
+        format!("r.m.s. of measured less {}: {} {unit}", other.label, number(factor * rms, 2));
+    (!all.is_empty()).then(|| format!("{}.", text.trim_end()))
 }
 
 /// How far points are from a reference, and how many of their bars hold it.

@@ -122,6 +122,7 @@ fn histories(all: &[Maneuver], noise: &mut impl Rng) -> (Table, Table) {
     let residual: Vec<f64> = measured.iter().zip(&modelled).map(|(z, y)| z - y).collect();
     let responses = responses
         .repeat("output", "delta_e")
+        .repeat("unit", "rad")
         .f64("t_s", t)
         .f64("residual", residual)
         .f64("measured", measured)
@@ -809,8 +810,11 @@ fn a_record_that_is_estimated_as_it_is_needs_no_maneuvers_and_shows_its_inputs()
         .repeat("model", "elevator")
         .strings("group", &names)
         .strings("segment", &names);
-    let responses =
-        responses.repeat("output", "delta_e").f64("t_s", of("t_s")).f64("measured", of("measured"));
+    let responses = responses
+        .repeat("output", "delta_e")
+        .repeat("unit", "rad")
+        .f64("t_s", of("t_s"))
+        .f64("measured", of("measured"));
     let responses = responses
         .f64("modelled", of("modelled"))
         .f64("residual", of("residual"))

@@ -36,6 +36,8 @@ struct Output {
     modelled: Vec<Option<f64>>,
     lower: Vec<Option<f64>>,
     upper: Vec<Option<f64>>,
+    /// First and last time of each stretch in which lines are taken outside their points.
+    beyond: Vec<[Option<f64>; 2]>,
 }
 
 #[derive(Debug, Serialize)]
@@ -86,7 +88,8 @@ fn grid() -> Grid {
     table.note = Some(
         "Click a row to see its time history. Fit is 1 - r.m.s./s with the standard deviation s of what was measured. Theil's coefficient is 0 \
          for equal signals, 1 for unrelated ones; its three parts say how much of the error is a shift, another size, another form. Within: \
-         share of the samples inside the interval that the model predicts for them."
+         share of the samples inside the interval that the model predicts for them. Grey in a time history: lines are taken outside the points \
+         that they go through."
             .into(),
     );
     table
@@ -147,8 +150,23 @@ fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
         modelled: drawn(&|k| modelled[k]),
         lower: drawn(&|k| modelled[k] - half(k)),
         upper: drawn(&|k| modelled[k] + half(k)),
+        beyond: stretches(
+            &t,
+            &of.iter().map(|&k| traces.text("beyond", k) == "true").collect::<Vec<_>>(),
+        ),
     }
 }
+
+/// First and last time of each stretch of true ones.
+fn stretches(t: &[f64], those: &[bool]) -> Vec<[Option<f64>; 2]> {
+    let ends = |range: &[usize]| times(&[t[range[0]], t[range[range.len() - 1]]]);
+    let all: Vec<usize> = (0..t.len()).collect();
+    all.chunk_by(|a, b| those[*a] == those[*b])
+        .filter(|range| those[range[0]])
+        .map(|range| [ends(range)[0], ends(range)[1]])
+        .collect()
+}
+
 /// Where lines were taken outside their points.
 fn outside(share: f64) -> String {
     format!("{:.0}% of it outside the lines' points", 100.0 * share)

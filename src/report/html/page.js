@@ -85,7 +85,7 @@
     // Rows that the names take above the plot, which begin below its buttons.
     const width = figure.series.reduce((sum, s) => sum + 6.2 * s.label.length + 58, 0);
     const names = Math.ceil(width / Math.max(120, (element.clientWidth || 400) - 78));
-    Plotly.react(element, traces, layout({ showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 } }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
+    Plotly.react(element, traces, layout({ showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 }, traceorder: "normal", itemsizing: "constant" }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
   }
   const drawFigures = () => data.figures.forEach(drawFigure);
 
@@ -187,7 +187,8 @@
     if (!v || !element) return;
     const t = theme(), rows = pairs(v.outputs, "modelled, values held");
     v.outputs.forEach((o, i) => rows[2 * i].traces.unshift(...band(o.t, o.lower, o.upper, "rgba(" + t.band + ",0.18)").map((b) => Object.assign({ showlegend: false }, b))));
-    stack(element, rows, "time in flight [s]", [], []);
+    const beyond = v.outputs.length ? v.outputs[0].beyond : [];
+    stack(element, rows, "time in flight [s]", beyond.map((b) => shade(b[0], b[1], false)), []);
     byId("validation-select").value = String(validation);
     document.querySelectorAll("#validation tr[data-pick]").forEach((row) => row.classList.toggle("chosen", row.dataset.pick === "v" + validation));
   }

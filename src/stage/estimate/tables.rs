@@ -212,6 +212,7 @@ fn responses(model: &str, done: &[Done]) -> Result<Table> {
         .strings("group", text(|l| l.batch.group.clone()))
         .strings("segment", text(|l| l.batch.segments.get(l.segment).cloned().unwrap_or_default()))
         .strings("output", text(|l| l.trace.name.clone()))
+        .strings("unit", text(|l| l.trace.unit.clone()))
         .f64("t_s", each(|t| &t.t))
         .f64("measured", each(|t| &t.measured))
         .f64("modelled", each(|t| &t.modelled))

@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 /// The stage's name, and its key in the pipeline file.
 pub const NAME: &str = "figure";
 
+/// The table of which x and y are signals: it has a row for each.
+pub const SIGNALS: &str = "conditions";
+
 /// A figure of the report, drawn from columns of tables; its numbers are rows of the table
 /// `figures`.
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
@@ -43,9 +46,9 @@ pub struct Series {
     /// Rows with this text, or one of several, in a column: `where = { parameter = "C_h_delta" }`.
     #[serde(default, rename = "where")]
     pub rows: IndexMap<String, Used>,
-    /// Column of the abscissa.
+    /// Column of the abscissa; of the table `conditions` a signal: its mean before each maneuver.
     pub x: String,
-    /// Column of the ordinate.
+    /// Column of the ordinate, or signal.
     pub y: String,
     /// Column of standard deviations: an error bar of 95%.
     #[serde(default)]
@@ -118,6 +121,7 @@ fn series(given: &mut Given, key: &str, series: &Series, known: &[&'static str])
     };
     let ends = series.ends.iter().flatten().map(|name| ("ends", name));
     let numbers = [("x", &series.x), ("y", &series.y)].into_iter();
+    let numbers = numbers.filter(|_| table.name != SIGNALS);
     for (field, name) in numbers.chain(series.sd.iter().map(|name| ("sd", name))).chain(ends) {
         column(given, &format!("{key}.{field}"), table, name, Kind::String, false);
     }

@@ -10,7 +10,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 
 pub use config::Settings;
-use config::{NAME, Reference, Series};
+use config::{NAME, Reference, SIGNALS, Series};
 
 pub const STAGE: Stage = Stage {
     name: NAME,
@@ -74,7 +74,12 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             parts.map(|name| inputs.all(name).into_iter().cloned().collect()).unwrap_or_default();
         let before = figure.drawn.len();
         if !parts.is_empty() {
-            figure.add(series, &Rows::of(series, &Table::concat(&series.table, &parts)?)?);
+            let table = Table::concat(&series.table, &parts)?;
+            let rows = match series.table == SIGNALS {
+                true => Rows::by_signal(series, &table)?,
+                false => Rows::of(series, &table)?,
+            };
+            figure.add(series, &rows);
         }
         if figure.drawn.len() == before {
             notes.push(nothing(settings, series));
@@ -124,6 +129,36 @@ struct Rows {
 }
 
 impl Rows {
+    /// A row per segment, its columns the signals that the series asks for.
+    fn by_signal(series: &Series, table: &Table) -> Result<Rows> {
+        let (flights, segments) = (table.strings("flight")?, table.strings("segment")?);
+        let (signals, values) = (table.strings("signal")?, table.f64("value")?);
+        let units = table.strings("unit")?;
+        let key = |k: usize| (flights[k], segments[k]);
+        let mut all: Vec<(&str, &str)> = (0..table.rows()).map(key).collect();
+        all.dedup();
+        let place: BTreeMap<(&str, &str), usize> =
+            all.iter().enumerate().map(|(i, key)| (*key, i)).collect();
+        let text = |of: fn(&(&str, &str)) -> String| all.iter().map(of).collect::<Vec<_>>();
+        let mut rows = Rows {
+            n: all.len(),
+            numbers: BTreeMap::new(),
+            texts: BTreeMap::from([
+                ("flight".to_string(), text(|key| key.0.to_string())),
+                ("segment".to_string(), text(|key| key.1.to_string())),
+            ]),
+            units: BTreeMap::new(),
+        };
+        for k in 0..table.rows() {
+            if [&series.x, &series.y].iter().any(|name| *name == signals[k]) {
+                let column = rows.numbers.entry(signals[k].to_string());
+                column.or_insert_with(|| vec![f64::NAN; all.len()])[place[&key(k)]] = values[k];
+                rows.units.insert(signals[k].to_string(), units[k].to_string());
+            }
+        }
+        Ok(rows)
+    }
+
     fn of(series: &Series, table: &Table) -> Result<Rows> {
         let mut rows = Rows {
             n: table.rows(),
@@ -216,8 +251,11 @@ impl Figure {
     fn units(&mut self, series: &Series, table: &Rows, row: usize) {
         let of = |name: &String, own: &str| match table.unit(name) {
             "SI" | "" => table.text(own, row),
-            "-" => String::new(),
             unit => unit.to_string(),
+        };
+        let of = |name: &String, own: &str| match of(name, own) {
+            unit if unit == "-" => String::new(),
+            unit => unit,
         };
         if self.x_unit.is_empty() {
             self.x_unit = of(&series.x, "unit_x");

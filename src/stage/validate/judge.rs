@@ -12,8 +12,8 @@ pub struct Validated {
     /// Labels of the maneuver; empty for a whole record.
     pub input: String,
     pub kind: String,
-    /// Lines of which the abscissa lies outside their points, and the largest share of the maneuver
-    /// in which it does.
+    /// Lines of which the abscissa lies outside their points, and the share of the maneuver in which
+    /// that of one does.
     pub beyond: Vec<String>,
     pub outside: f64,
     pub outputs: Vec<(Output, Option<Agreement>)>,
@@ -32,6 +32,8 @@ pub struct Output {
     pub carried_sd: Vec<f64>,
     /// Half-width of the band within which it is not known besides; 0 without one.
     pub band: Vec<f64>,
+    /// Whether a line that the values come from is taken outside its points.
+    pub beyond: Vec<bool>,
 }
 
 /// How well one output agrees.

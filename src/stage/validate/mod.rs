@@ -225,9 +225,13 @@ fn validated(
         segment: one.segment.clone(),
         input: label("input"),
         kind: label("kind"),
+        outside: found.share_outside(),
+        outputs: outputs(config, &first, &carried, &|t| {
+            let record = &segment.record;
+            let k = ((t - record.t0) / record.dt).round().clamp(0.0, record.n as f64 - 1.0);
+            found.is_outside(k as usize)
+        }),
         beyond: found.beyond,
-        outside: found.outside,
-        outputs: outputs(config, &first, &carried),
     }))
 }
 
@@ -300,6 +304,7 @@ fn outputs(
     config: &Config,
     first: &Estimation,
     carried: &[Vec<Vec<f64>>],
+    beyond: &dyn Fn(f64) -> bool,
 ) -> Vec<(judge::Output, Option<Agreement>)> {
     let traces: Vec<_> = first.responses.iter().flatten().collect();
     let mut all = Vec::new();
@@ -319,6 +324,7 @@ fn outputs(
             modelled: trace.modelled.clone(),
             carried_sd: (0..n).map(|k| square(k).sqrt()).collect(),
             band: half.map_or_else(|| vec![0.0; n], |half| half.modelled.clone()),
+            beyond: trace.t.iter().map(|t| beyond(*t)).collect(),
         };
         let agreement = output.agreement();
         all.push((output, agreement));

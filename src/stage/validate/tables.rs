@@ -65,11 +65,13 @@ pub fn all(
         .repeat("validation", &settings.name())
         .strings("segment", samples.iter().map(|(one, ..)| &one.segment))
         .strings("output", samples.iter().map(|(_, output, _)| &output.name))
+        .strings("unit", samples.iter().map(|(_, output, _)| &output.unit))
         .f64("t_s", sample(|o| &o.t))
         .f64("measured", sample(|o| &o.measured))
         .f64("modelled", sample(|o| &o.modelled))
         .f64("carried_sd", sample(|o| &o.carried_sd))
         .f64("band", sample(|o| &o.band))
+        .bools("beyond", samples.iter().map(|(_, output, k)| output.beyond[*k]).collect::<Vec<_>>())
         .finish()?;
     Ok(vec![("validation", validation), ("validation_traces", traces)])
 }

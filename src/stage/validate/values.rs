@@ -21,8 +21,8 @@ pub struct Values {
     pub covariance: Vec<f64>,
     /// Lines of which the abscissa lies outside the points that they go through.
     pub beyond: Vec<String>,
-    /// Largest share of the maneuver in which one does.
-    pub outside: f64,
+    /// Whether one does, at every grid point of the maneuver, or once for all of it.
+    pub outside: Vec<bool>,
 }
 
 /// What is known of a maneuver by name.
@@ -88,11 +88,13 @@ pub fn values(
                 // A model that takes slope and intercept evaluates the line at every moment.
                 let along = maneuver.along.get(against.as_str()).filter(|_| *part != Part::Value);
                 let xs = along.map_or(std::slice::from_ref(&x), Vec::as_slice);
-                let share = line.as_ref().map_or(0.0, |line| line.share_outside(xs));
-                if share > 0.0 && !found.beyond.contains(parameter) {
-                    found.beyond.push(parameter.clone());
+                if let Ok(line) = &line {
+                    let outside: Vec<bool> = xs.iter().map(|x| line.is_outside(*x)).collect();
+                    if outside.contains(&true) && !found.beyond.contains(parameter) {
+                        found.beyond.push(parameter.clone());
+                    }
+                    found.outside = either(&found.outside, &outside);
                 }
-                found.outside = found.outside.max(share);
                 line.and_then(|line| line.number(of, *fit, against))
             }
         };
@@ -106,6 +108,12 @@ pub fn values(
     }
     found.covariance = covariance(&numbers, &slopes, estimates, correlations, config, inputs)?;
     Ok(Ok(found))
+}
+
+/// Where one or the other is; one entry stands for all.
+fn either(a: &[bool], b: &[bool]) -> Vec<bool> {
+    let at = |of: &[bool], k: usize| of.get(k).or(of.last()).copied().unwrap_or(false);
+    (0..a.len().max(b.len())).map(|k| at(a, k) || at(b, k)).collect()
 }
 
 /// A parameter of the estimate, for this maneuver's flight or labels.
@@ -143,6 +151,19 @@ struct Line {
     range: [f64; 2],
 }
 
+impl Values {
+    /// Whether a line is taken outside its points at a grid point.
+    pub fn is_outside(&self, k: usize) -> bool {
+        self.outside.get(k).or(self.outside.last()).copied().unwrap_or(false)
+    }
+
+    /// Share of the maneuver in which one is.
+    pub fn share_outside(&self) -> f64 {
+        let outside = self.outside.iter().filter(|outside| **outside).count();
+        outside as f64 / self.outside.len().max(1) as f64
+    }
+}
+
 impl Line {
     fn read(table: &Table, parameter: &str) -> Result<std::result::Result<Line, String>> {
         let names = table.strings("parameter")?;
@@ -164,9 +185,8 @@ impl Line {
         }))
     }
 
-    fn share_outside(&self, xs: &[f64]) -> f64 {
-        let outside = xs.iter().filter(|x| **x < self.range[0] || **x > self.range[1]).count();
-        outside as f64 / xs.len().max(1) as f64
+    fn is_outside(&self, x: f64) -> bool {
+        x < self.range[0] || x > self.range[1]
     }
 
     /// `weights[0] slope + weights[1] intercept`.
