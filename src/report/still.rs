@@ -136,7 +136,8 @@ mod tests {
             .repeat("model", "m")
             .repeat("group", "g")
             .strings("segment", ["f", "f", "g-001"]);
-        let responses = responses.repeat("output", "y").f64("t_s", [20.0, 30.0, 5.0]);
+        let responses =
+            responses.repeat("unit", "rad").repeat("output", "y").f64("t_s", [20.0, 30.0, 5.0]);
         let responses = responses
             .f64("measured", [0.0; 3])
             .f64("modelled", [0.0; 3])

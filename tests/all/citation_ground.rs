@@ -73,3 +73,32 @@ fn recovery_of_the_citations_mechanics_from_its_ground_tests() {
         assert!(bits(&found) == bits(&again), "{name}");
     }
 }
+
+/// The cable of Fig. 6 taken for rigid is found out, and its stiffness with it; where the model has
+/// the stretch, nothing is missing.
+#[test]
+fn recovery_the_stretch_of_the_elevators_cable_is_named_on_the_ground() {
+    let folder = copy("citation");
+    let diagnose = |estimate: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
+        let args = ["diagnose", "ground-no-stretch.toml", "--estimate", estimate];
+        let output = command.current_dir(folder.path()).args(args).output().expect("started");
+        (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let (code, said) = diagnose("elevator-arm-no-stretch");
+    assert_eq!(code, Some(3), "{said}");
+    assert!(said.contains("NAMED") && said.contains("hinge-stretch:delta_e"), "{said}");
+    let found = read_dataset(&folder.path().join("out/ground-no-stretch"), "additions");
+    let found = found.expect("additions");
+    let effects = found.strings("candidate").expect("candidates");
+    let row = effects.iter().position(|effect| effect.starts_with("hinge-stretch"));
+    let row = row.expect("the stretch");
+    let number = |name: &str| found.f64(name).expect("a column")[row];
+    // k = 1.19e5 N/m at an arm of 0.198 m.
+    let truth = -1.0 / (1.19e5 * 0.198);
+    let (value, sd) = (number("value"), number("sd"));
+    assert!((value - truth).abs() < 3.0 * sd, "{value} +- {sd}, truth {truth}");
+    let (code, said) = diagnose("elevator-arm");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("NOTHING MISSING"), "{said}");
+}

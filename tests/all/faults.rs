@@ -215,7 +215,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\ndelta_e  =",
             "\ndelta_ee =",
             &[
-                "pipeline.toml:25:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:124:1, pipeline.toml:130:1",
+                "pipeline.toml:25:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:135:1, pipeline.toml:141:1",
             ],
         ),
         (
@@ -223,7 +223,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nservo_current_e",
             "\nservo_current_f",
             &[
-                "pipeline.toml:25:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:124:1, pipeline.toml:130:1",
+                "pipeline.toml:25:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:135:1, pipeline.toml:141:1",
             ],
         ),
         (
@@ -250,7 +250,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nsignal",
             "name   = \"elevatr\"\nsignal",
             &[
-                "pipeline.toml:28:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:127:9, pipeline.toml:133:9",
+                "pipeline.toml:28:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:138:9, pipeline.toml:144:9",
             ],
         ),
         (
@@ -258,7 +258,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nmodel",
             "name   = \"elevatr\"\nmodel",
             &[
-                "pipeline.toml:44:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:51:14, pipeline.toml:138:12",
+                "pipeline.toml:44:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:51:14, pipeline.toml:149:12",
             ],
         ),
         (
@@ -301,7 +301,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "pipeline.toml",
             "name = \"joint\"",
             "nmae = \"joint\"",
-            &["pipeline.toml:125:1: unknown key \"nmae\" in \"estimate.1\""],
+            &["pipeline.toml:136:1: unknown key \"nmae\" in \"estimate.1\""],
         ),
         (
             "channels.toml",

@@ -61,6 +61,8 @@ fn a_figure_shows_points_with_their_line_and_a_reference() {
     let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
     assert!(page.contains("Gain against speed") && page.contains("12 points"));
     assert!(page.contains("r.m.s. distance from truth") && page.contains("of 12 intervals hold"));
+    // The line of this campaign is next to that which it was made from, outside its narrow band.
+    assert!(page.contains("The band of line does not hold truth everywhere: it is "));
 }
 
 #[test]
@@ -102,4 +104,22 @@ fn fault_a_reference_line_with_nothing_to_compare_is_not_drawn() {
     let run = c.run().ended(1);
     assert!(run.out.contains("no rows with parameter = Q to draw"), "{}", run.out);
     assert!(!run.err.contains("has no value in row"), "{}", run.err);
+}
+
+#[test]
+fn signals_before_each_maneuver_are_drawn_against_each_other() {
+    let c = Campaign::new();
+    let figure = "[[figure]]\nname = \"trim\"\ntitle = \"V and u\"\nseries = [{ table = \"conditions\", x = \"V\", y = \"u\", colour = \"flight\" }]";
+    c.edit("pipeline.toml", "[report]", &format!("{figure}\n[report]"));
+    c.run().ended(0);
+    let table = read_dataset(&c.path("out"), "figures").expect("a table");
+    let column = |name: &str| table.f64(name).expect("column").to_vec();
+    let conditions = read_dataset(&c.path("out"), "conditions").expect("conditions");
+    let of = |signal: &str| -> Vec<f64> {
+        let names = conditions.strings("signal").expect("signals");
+        let values = conditions.f64("value").expect("values");
+        (0..names.len()).filter(|i| names[*i] == signal).map(|i| values[i]).collect()
+    };
+    assert_eq!((column("x"), column("y")), (of("V"), of("u")));
+    assert_eq!(table.strings("x_unit").expect("column")[0], "m/s");
 }
