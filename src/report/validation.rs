@@ -115,7 +115,7 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
             rows.text("validation", row).into(),
             Cell {
                 text: rows.text("segment", row),
-                sub: (rows.text("beyond", row) == "true").then(|| outside(of("outside"))),
+                sub: (rows.flag("beyond", row) == Some(true)).then(|| outside(of("outside"))),
                 level: None,
             },
             rows.text("output", row).into(),
@@ -152,7 +152,7 @@ fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
         upper: drawn(&|k| modelled[k] + half(k)),
         beyond: stretches(
             &t,
-            &of.iter().map(|&k| traces.text("beyond", k) == "true").collect::<Vec<_>>(),
+            &of.iter().map(|&k| traces.flag("beyond", k) == Some(true)).collect::<Vec<_>>(),
         ),
     }
 }

@@ -33,6 +33,23 @@ fn lines_tell_a_flight_that_they_have_not_seen() {
     assert!((0..4).all(|k| (parts.iter().map(|p| p[k]).sum::<f64>() - 1.0).abs() < 1e-9));
     let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
     assert!(page.contains("id=\"validation\"") && page.contains("4 of 4 outputs are good"));
+    // The last one, at 117 m/s, is faster than all maneuvers that the lines go through.
+    assert!(page.contains("100% of it outside the lines&#x27; points"));
+    let traces = read_dataset(&c.path("out"), "validation_traces").expect("a table");
+    let segments = traces.strings("segment").expect("column");
+    let beyond = traces.bools("beyond").expect("column");
+    assert!((0..traces.rows()).all(|k| beyond[k] == (segments[k] == "flight-3.04")));
+}
+
+#[test]
+fn fault_what_did_not_converge_validates_nothing() {
+    let c = validated("flights = [\"flight-3\"]");
+    let method = "interpolation = \"hold\"\nmethod = { max_iterations = 1 }";
+    c.edit("pipeline.toml", "interpolation = \"hold\"", method);
+    let run = c.run().ended(1);
+    let wanted = "flight-3.01 is not validated: there is no line of K";
+    assert!(run.out.contains(wanted), "{}", run.out);
+    assert_eq!(read_dataset(&c.path("out"), "validation").map_or(0, |table| table.rows()), 0);
 }
 
 #[test]
