@@ -53,6 +53,42 @@ pub fn linear(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
     })
 }
 
+/// The cubic through the two samples on each side of a grid point (Lagrange): where the signal is
+/// smooth its error is of fourth order in the spacing, that of [`linear`] of second, which acts like
+/// a low pass. The parabola or the line through fewer where an outer sample is beyond a gap, or so
+/// close to the inner one (a quarter of the interval) that their noise would make the slope. NaN as
+/// in [`linear`].
+pub fn cubic(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
+    let joined = |i: usize| !y[i].is_nan() && !y[i + 1].is_nan() && t[i + 1] - t[i] <= max_gap;
+    walk(t, y, grid, |time, before, after| {
+        if !joined(before) {
+            return f64::NAN;
+        }
+        let near = (t[after] - t[before]) / 4.0;
+        let useful = |i: usize| joined(i) && t[i + 1] - t[i] >= near;
+        let first = if before > 0 && useful(before - 1) { before - 1 } else { before };
+        let last = if after + 1 < t.len() && useful(after) { after + 1 } else { after };
+        lagrange(&t[first..=last], &y[first..=last], time)
+    })
+}
+
+/// The polynomial through all points, at `time`: differences from the first value, so that a
+/// constant passes exactly.
+fn lagrange(t: &[f64], y: &[f64], time: f64) -> f64 {
+    let weight = |i: usize| {
+        (0..t.len()).filter(|j| *j != i).map(|j| (time - t[j]) / (t[i] - t[j])).product::<f64>()
+    };
+    (1..t.len()).fold(y[0], |sum, i| sum + weight(i) * (y[i] - y[0]))
+}
+
+/// The last sample at or before each grid point. NaN as in [`linear`].
+pub fn hold(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
+    walk(t, y, grid, |_, before, after| {
+        let known = !y[after].is_nan() && t[after] - t[before] <= max_gap;
+        if known { y[before] } else { f64::NAN }
+    })
+}
+
 /// Visits the grid with the samples on both sides of each point; exact hits and the outside are
 /// settled here.
 fn walk(t: &[f64], y: &[f64], grid: &Grid, between: impl Fn(f64, usize, usize) -> f64) -> Vec<f64> {
@@ -99,11 +135,48 @@ mod tests {
     }
 
     #[test]
+    fn a_cubic_is_kept_between_irregular_samples() {
+        let t = [-0.03, 0.08, 0.22, 0.31, 0.49, 0.66, 0.81, 0.9, 1.04];
+        let of = |t: f64| 1.0 + t * (2.0 + t * (-3.0 + t * 4.0));
+        let y: Vec<f64> = t.iter().map(|t| of(*t)).collect();
+        let found = cubic(&t, &y, &GRID, 0.2);
+        // the first and the last interval have the parabola of three samples
+        (1..10).for_each(|i| assert!((found[i] - of(GRID.time(i))).abs() < 1e-12, "{i}"));
+        assert!([0, 10].iter().all(|&i| (found[i] - of(GRID.time(i))).abs() < 2e-2));
+        assert_eq!(cubic(&t, &[0.1; 9], &GRID, 0.2), [0.1; 11]);
+    }
+
+    #[test]
+    fn a_sine_suffers_less_from_a_cubic_than_from_lines() {
+        let t: Vec<f64> = (0..210).map(|i| -0.0025 + f64::from(i) * 0.005).collect();
+        let y: Vec<f64> = t.iter().map(|t| (50.0 * t).sin()).collect();
+        let grid = Grid { t0: 0.0, dt: 0.01, n: 100 };
+        let off = |found: Vec<f64>| {
+            let errors = found.iter().zip(grid.times()).map(|(v, t)| (v - (50.0 * t).sin()).abs());
+            errors.fold(0.0, f64::max)
+        };
+        // (w T)^2/8 and 3 (w T)^4/128 in mid-interval
+        assert!((off(linear(&t, &y, &grid, 0.1)) / 7.8e-3 - 1.0).abs() < 0.1);
+        let cubic = off(cubic(&t, &y, &grid, 0.1));
+        assert!((0.5..1.1).contains(&(cubic / 9.2e-5)), "{cubic}");
+    }
+
+    #[test]
+    fn what_is_held_changes_at_samples_alone() {
+        let t = [0.05, 0.149, 0.31, 0.52, 1.1];
+        let v = hold(&t, &[1.0, 2.0, 3.0, 4.0, 5.0], &GRID, 0.3);
+        assert_eq!(v[1..6], [1.0, 2.0, 2.0, 3.0, 3.0]);
+        assert!(v[6..].iter().all(|v| v.is_nan()) && v[0].is_nan());
+    }
+
+    #[test]
     fn gaps_ends_and_nan_are_never_bridged() {
-        let t = [0.05, 0.15, 0.65, 0.75, 0.85];
-        let v = linear(&t, &[1.0, 1.0, 1.0, f64::NAN, 1.0], &GRID, 0.3);
-        let known: Vec<usize> = (0..11).filter(|&i| !v[i].is_nan()).collect();
-        assert_eq!(known, [1]);
+        for how in [linear, cubic, hold] {
+            let t = [0.05, 0.15, 0.65, 0.75, 0.85];
+            let v = how(&t, &[1.0, 1.0, 1.0, f64::NAN, 1.0], &GRID, 0.3);
+            let known: Vec<usize> = (0..11).filter(|&i| !v[i].is_nan()).collect();
+            assert_eq!(known, [1]);
+        }
         assert!(linear(&[], &[], &GRID, 1.0).iter().all(|v| v.is_nan()));
     }
 

@@ -215,7 +215,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\ndelta_e  =",
             "\ndelta_ee =",
             &[
-                "pipeline.toml:25:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:135:1, pipeline.toml:141:1",
+                "pipeline.toml:27:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:137:1, pipeline.toml:143:1",
             ],
         ),
         (
@@ -223,7 +223,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nservo_current_e",
             "\nservo_current_f",
             &[
-                "pipeline.toml:25:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:135:1, pipeline.toml:141:1",
+                "pipeline.toml:27:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:137:1, pipeline.toml:143:1",
             ],
         ),
         (
@@ -250,7 +250,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nsignal",
             "name   = \"elevatr\"\nsignal",
             &[
-                "pipeline.toml:28:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:138:9, pipeline.toml:144:9",
+                "pipeline.toml:30:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:140:9, pipeline.toml:146:9",
             ],
         ),
         (
@@ -258,26 +258,26 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nmodel",
             "name   = \"elevatr\"\nmodel",
             &[
-                "pipeline.toml:44:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:51:14, pipeline.toml:149:12",
+                "pipeline.toml:46:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:53:14, pipeline.toml:151:12",
             ],
         ),
         (
             "pipeline.toml",
             "name   = \"elevator\"\nmodel",
             "name   = 3\nmodel",
-            &["pipeline.toml:26:10: \"estimate.0.name\" must be a text, not 3"],
+            &["pipeline.toml:28:10: \"estimate.0.name\" must be a text, not 3"],
         ),
         (
             "pipeline.toml",
             "\nmodel  = \"elevator.model.toml\"",
             "\nmodel  = 3",
-            &["pipeline.toml:27:10: \"estimate.0.model\" must be a text, not 3"],
+            &["pipeline.toml:29:10: \"estimate.0.model\" must be a text, not 3"],
         ),
         (
             "pipeline.toml",
             "\n[derive]",
             "\n[derive",
-            &["pipeline.toml:9:8: this is not TOML: unclosed table, expected `]`"],
+            &["pipeline.toml:10:8: this is not TOML: unclosed table, expected `]`"],
         ),
         (
             "pipeline.toml",
@@ -295,13 +295,13 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "pipeline.toml",
             "name   = \"elevator\"\nsignal",
             "nam    = \"elevator\"\nsignal",
-            &["pipeline.toml:15:1: unknown key \"nam\" in \"segment.input.0\""],
+            &["pipeline.toml:17:1: unknown key \"nam\" in \"segment.input.0\""],
         ),
         (
             "pipeline.toml",
             "name = \"joint\"",
             "nmae = \"joint\"",
-            &["pipeline.toml:136:1: unknown key \"nmae\" in \"estimate.1\""],
+            &["pipeline.toml:138:1: unknown key \"nmae\" in \"estimate.1\""],
         ),
         (
             "channels.toml",
@@ -315,7 +315,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "pipeline.toml",
             "\npre_s  = 1.0",
             "\npre_s  = 1.0\noutputs = { delta_f = \"delta_e\" }",
-            &["pipeline.toml:32:23: there is no output of the model \"delta_f\""],
+            &["pipeline.toml:34:23: there is no output of the model \"delta_f\""],
         ),
     ] {
         let c = shared();

@@ -4,6 +4,7 @@
 use crate::model::Model;
 use crate::stage::channels::Channels;
 use crate::stage::check::{Columns, Given, drivers};
+use crate::stage::estimate::Between;
 use crate::stage::slice::{said, slice_of};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -23,6 +24,11 @@ pub struct Settings {
     /// A gap of a signal longer than this many of its usual spacings is masked, not bridged.
     #[serde(default = "default_gap")]
     pub max_gap: f64,
+    /// How signals run between their own samples: "linear", "cubic" for smooth measured signals
+    /// (lines act on them like a low pass), "hold" for commands that are steps; one for all of them,
+    /// or by signal: `interpolation = { command_e = "hold" }` (the others are linear).
+    #[serde(default)]
+    pub interpolation: Between,
     /// Signals, or columns of the flight path, that are smoothed on the grid, by a cubic fitted to
     /// so many seconds around every point: `smooth = { thrust = 1.0 }`. For what changes slowly and
     /// drives a model, which takes its noise for motion; not for surfaces, whose edges it would
@@ -75,6 +81,9 @@ impl Config {
                 );
             }
             given.look_up(columns, name, "signal or column", &key);
+        }
+        for name in settings.interpolation.named() {
+            given.look_up(columns, name, "signal", &format!("derive.interpolation.{name}"));
         }
         let model = match &settings.model {
             Some(file) => {

@@ -4,10 +4,10 @@
 mod config;
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
-use crate::dynamics::{Directions, Propagator, Record};
+use crate::dynamics::{Directions, Interpolation, Propagator, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
-use crate::signal::resample::{Grid, linear};
+use crate::signal::resample::{Grid, cubic, hold, linear};
 use crate::signal::smooth::smooth;
 use crate::table::Table;
 use indexmap::IndexMap;
@@ -76,8 +76,14 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             .into());
     }
     let mut columns: IndexMap<String, Column> = IndexMap::new();
-    for (name, (t, values)) in &series {
-        let values = linear(t, values, &grid, config.settings.max_gap * spacing(t));
+    let between = config.settings.interpolation.of(series.keys().copied());
+    for ((name, (t, values)), between) in series.iter().zip(between) {
+        let onto = match between {
+            Interpolation::Linear => linear,
+            Interpolation::Cubic => cubic,
+            Interpolation::Hold => hold,
+        };
+        let values = onto(t, values, &grid, config.settings.max_gap * spacing(t));
         columns.insert(
             name.to_string(),
             Column {
