@@ -71,8 +71,8 @@ fn a_mistake_is_told_without_those_that_only_follow_from_it() {
         ("channels.toml", g, "field = \"acceleration.x\", unit = \"furlong\"", "\"furlong\""),
         (
             "pipeline.toml",
-            "[reconstruct]",
-            "[reconstruct]\nfragment = \"kinematic\"",
+            "[reconstruct.method]",
+            "[reconstruct]\nfragment = \"kinematic\"\n\n[reconstruct.method]",
             "\"kinematic\"",
         ),
         ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\"", "\"alphadot_ww\""),
@@ -223,6 +223,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\nservo_current_e",
             "\nservo_current_f",
             &[
+                "pipeline.toml:12:37: there is no signal \"servo_current_e\"",
                 "pipeline.toml:27:1: input \"servo_current_e\" of the model has no column of this name, and none is mapped to it; the same at pipeline.toml:137:1, pipeline.toml:143:1",
             ],
         ),
@@ -230,7 +231,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "channels.toml",
             "\nq_imu",
             "\nq_imuu",
-            &["pipeline.toml:7:1: the kinematic model needs the signal \"q_imu\" (pitch rate)"],
+            &["pipeline.toml:7:2: the kinematic model needs the signal \"q_imu\" (pitch rate)"],
         ),
         ("campaign.toml", "truth.model", "trth.model", &["trth.model.toml: there is no such file"]),
         (
@@ -308,7 +309,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\ntemperature",
             "\ntemperatur_",
             &[
-                "pipeline.toml:7:1: the kinematic model needs the signal \"temperature\" (static air temperature)",
+                "pipeline.toml:7:2: the kinematic model needs the signal \"temperature\" (static air temperature)",
             ],
         ),
         (
@@ -337,7 +338,11 @@ fn a_mistake_at_the_beginning_hides_none_behind_it() {
             "field = \"acceleration.x\", unit = \"g\"",
             "field = \"acceleration.x\", unit = \"kg\"",
         ),
-        ("pipeline.toml", "[reconstruct]", "[reconstruct]\nfragment = \"kinematic\""),
+        (
+            "pipeline.toml",
+            "[reconstruct.method]",
+            "[reconstruct]\nfragment = \"kinematic\"\n\n[reconstruct.method]",
+        ),
         ("derived.model.toml", "\"alphadot_w\"", "\"alphadot_ww\""),
     ] {
         let c = chained();

@@ -51,6 +51,11 @@ fn is_friction(parameter: &Parameter) -> bool {
     parameter.quantity.name.starts_with("F_c")
 }
 
+/// Travel of cables, or its rate.
+fn is_travel(state: &str) -> bool {
+    ["s", "s_dot", "x_A", "x_A_dot", "y", "y_dot"].contains(&state)
+}
+
 /// A point near which a model is smooth: its own starts, spread a little so that no two quantities
 /// are alike.
 fn point(model: &Model) -> Vec<f64> {
@@ -59,10 +64,7 @@ fn point(model: &Model) -> Vec<f64> {
     let mut point: Vec<f64> = (0..l.len()).map(spread).collect();
     for (i, s) in model.states.iter().enumerate() {
         let x: f64 = match s.quantity.unit.as_str() {
-            // Travel of cables, and its rate.
-            "m" | "m/s" if ["s", "y", "s_dot", "y_dot"].contains(&s.quantity.name.as_str()) => {
-                0.002 + 0.001 * i as f64
-            }
+            "m" | "m/s" if is_travel(&s.quantity.name) => 0.002 + 0.0005 * i as f64,
             "m/s" => 90.0 + 3.0 * i as f64,
             "m" => 4000.0,
             "N" => 5000.0,
@@ -259,7 +261,7 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
             .flat_map(|k| (0..l.inputs).map(move |j| (k, j)))
             .map(|(k, j)| at[l.input() + j] * (1.0 + 0.02 * libm::sin(0.3 * k as f64 + j as f64)))
             .collect();
-        let record = Record { dt: 0.02, n, inputs, substeps: 4, ..Default::default() };
+        let record = Record { dt: 0.01, n, inputs, substeps: 4, ..Default::default() };
         let directions = Directions {
             parameters: (0..model.parameters.len()).collect(),
             starts: (0..l.states).collect(),
