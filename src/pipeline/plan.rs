@@ -125,11 +125,11 @@ impl Reader {
         if self.settings.reconstruct.is_some() {
             columns = columns.with_flight_path(kinematics.as_ref());
         }
-        let columns =
+        let mut columns =
             columns.with_unsure(Some(self.lacking(kinematics.as_ref(), channels.as_ref())));
         let reconstruct = self.reconstruct(kinematics, channels.as_ref());
         let derive = self.settings.fields.derive.clone();
-        let derive = derive::Config::read(derive, &mut self.given, &columns);
+        let derive = derive::Config::read(derive, &mut self.given, &mut columns);
         let columns = match &derive {
             Some(derive) => columns.with_derived(derive.model.as_ref()),
             None => columns.with_unsure(self.declared()),

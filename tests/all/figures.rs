@@ -123,3 +123,35 @@ fn signals_before_each_maneuver_are_drawn_against_each_other() {
     assert_eq!((column("x"), column("y")), (of("V"), of("u")));
     assert_eq!(table.strings("x_unit").expect("column")[0], "m/s");
 }
+
+#[test]
+fn a_series_of_one_maneuver_is_of_its_flight_and_time() {
+    let figure = |during: &str| {
+        format!(
+            "[[figure]]\nname = \"V\"\ntitle = \"Airspeed\"\nseries = [{{ table = \"samples\", during = \"{during}\", x = \"t_s\", y = \"V\" }}]\n\n[report]"
+        )
+    };
+    let c = Campaign::new();
+    c.edit("pipeline.toml", "[report]", &figure("flight-2.01"));
+    c.run().ended(0);
+    let segments = read_dataset(&c.path("out"), "segments").expect("segments");
+    let row = segments.strings("segment").expect("names").iter().position(|s| *s == "flight-2.01");
+    let at = |column: &str| segments.f64(column).expect("times")[row.expect("a maneuver")];
+    let (from, to) = (at("t_start_s") - 1.0, at("t_end_s") + 2.0);
+    let table = read_dataset(&c.path("out"), "figures").expect("a table");
+    let samples = read_dataset(&c.path("out"), "samples").expect("samples");
+    let (flights, t) = (samples.strings("flight").expect("names"), samples.f64("t_s").expect("t"));
+    let wanted: Vec<f64> = (0..samples.rows())
+        .filter(|&k| flights[k] == "flight-2" && (from..=to).contains(&t[k]))
+        .map(|k| t[k])
+        .collect();
+    assert!(!wanted.is_empty() && table.f64("x").expect("x") == wanted);
+
+    c.edit("pipeline.toml", "flight-2.01", "flight-2.77");
+    let run = c.run().ended(1);
+    assert!(run.out.contains("has no rows during flight-2.77 to draw"), "{}", run.out);
+    c.edit("pipeline.toml", "table = \"samples\", during", "table = \"points\", during");
+    c.edit("pipeline.toml", "x = \"t_s\", y = \"V\"", "x = \"x\", y = \"value\"");
+    let check = c.koehler("check", &[]).ended(2);
+    assert!(check.err.contains("t_s"), "{}", check.err);
+}

@@ -154,6 +154,11 @@ impl Columns {
         }
     }
 
+    /// Nothing more is said of a name: that there is none has been told where it was met first.
+    pub fn told(&mut self, name: &str) {
+        self.unsure.insert(name.to_string());
+    }
+
     /// As `unit`; files an error where there is no column of this name.
     pub fn look_up(
         &self,

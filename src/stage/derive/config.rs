@@ -58,9 +58,9 @@ pub struct Config {
 }
 
 impl Config {
-    /// Checks the settings against their model and the columns that there are before; none where the
-    /// model has mistakes.
-    pub fn read(settings: Settings, given: &mut Given, columns: &Columns) -> Option<Config> {
+    /// Checks the settings against their model and the columns that there are before, which learn
+    /// what was said to be missing; none where the model has mistakes.
+    pub fn read(settings: Settings, given: &mut Given, columns: &mut Columns) -> Option<Config> {
         if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
             given.push(
                 "derive.rate_hz",
@@ -80,10 +80,15 @@ impl Config {
                     "",
                 );
             }
-            given.look_up(columns, name, "signal or column", &key);
+            if given.look_up(columns, name, "signal or column", &key).is_none() {
+                columns.told(name);
+            }
         }
         for name in settings.interpolation.named() {
-            given.look_up(columns, name, "signal", &format!("derive.interpolation.{name}"));
+            let key = format!("derive.interpolation.{name}");
+            if given.look_up(columns, name, "signal", &key).is_none() {
+                columns.told(name);
+            }
         }
         let model = match &settings.model {
             Some(file) => {

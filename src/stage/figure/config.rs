@@ -46,6 +46,10 @@ pub struct Series {
     /// Rows with this text, or one of several, in a column: `where = { parameter = "C_h_delta" }`.
     #[serde(default, rename = "where")]
     pub rows: IndexMap<String, Used>,
+    /// Only rows of this maneuver's flight from a second before its first step to two seconds after
+    /// its last: `during = "flight-4.02"`; of a table with the columns `flight` and `t_s`.
+    #[serde(default)]
+    pub during: Option<String>,
     /// Column of the abscissa; of the table `conditions` a signal: its mean before each maneuver.
     pub x: String,
     /// Column of the ordinate, or signal.
@@ -130,6 +134,11 @@ fn series(given: &mut Given, key: &str, series: &Series, known: &[&'static str])
     }
     if let Some(name) = &series.colour {
         column(given, &format!("{key}.colour"), table, name, Kind::String, true);
+    }
+    if series.during.is_some() {
+        let key = format!("{key}.during");
+        column(given, &key, table, "flight", Kind::String, true);
+        column(given, &key, table, "t_s", Kind::String, false);
     }
     if series.sd.is_some() && series.ends.is_some() {
         given.push(&format!("{key}.sd"), "bars are given by `sd` or by `ends`, not by both", "");

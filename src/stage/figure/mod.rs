@@ -29,11 +29,18 @@ fn all(campaign: &Campaign) -> &[Settings] {
     campaign.told.get::<Vec<Settings>>(NAME).map(Vec::as_slice).unwrap_or_default()
 }
 
+/// Where maneuvers begin and end.
+const SEGMENTS: &str = "segments";
+/// Time before the first step and after the last that is drawn of a maneuver, s.
+const MARGINS_S: [f64; 2] = [1.0, 2.0];
+
 /// The names of the tables that a figure is drawn from, each once.
 fn tables(campaign: &Campaign, figure: &Settings) -> Vec<&'static str> {
     let names = campaign.stages.iter().flat_map(|s| s.writes).copied();
+    let drawn = |name: &str| figure.series.iter().any(|s| s.table == name);
+    let asked = figure.series.iter().any(|s| s.during.is_some());
     let mut used: Vec<&str> =
-        names.filter(|name| figure.series.iter().any(|s| s.table == *name)).collect();
+        names.filter(|name| drawn(name) || asked && *name == SEGMENTS).collect();
     used.sort_unstable();
     used.dedup();
     used
@@ -79,7 +86,11 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
                 true => Rows::by_signal(series, &table)?,
                 false => Rows::of(series, &table)?,
             };
-            figure.add(series, &rows);
+            let during = series.during.as_ref();
+            match during.map(|segment| Span::of(segment, inputs)).transpose()? {
+                Some(None) => {}
+                during => figure.add(series, &rows, during.flatten().as_ref()),
+            }
         }
         if figure.drawn.len() == before {
             notes.push(nothing(settings, series));
@@ -110,6 +121,8 @@ fn nothing(settings: &Settings, series: &Series) -> Note {
         .map(|(name, used)| format!("{name} = {}", used.names().join(" or ")))
         .collect();
     let of = if rows.is_empty() { String::new() } else { format!(" with {}", rows.join(", ")) };
+    let during = series.during.iter().map(|segment| format!(" during {segment}"));
+    let of = of + &during.collect::<String>();
     Note {
         flight: String::new(),
         stage: NAME.to_string(),
@@ -119,6 +132,36 @@ fn nothing(settings: &Settings, series: &Series) -> Note {
         text: format!("{}: the table `{}` has no rows{of} to draw", settings.name, series.table),
     }
 }
+
+/// The time of a maneuver with what is drawn before and after it.
+struct Span {
+    flight: String,
+    /// s
+    t: [f64; 2],
+}
+
+impl Span {
+    /// That of a maneuver; none where there is none of this name.
+    fn of(segment: &str, inputs: &Inputs) -> Result<Option<Span>> {
+        for table in inputs.all(SEGMENTS) {
+            let Some(row) = table.strings("segment")?.iter().position(|s| *s == segment) else {
+                continue;
+            };
+            let at = |column: &str| table.f64(column).map(|values| values[row]);
+            let t = [at("t_start_s")? - MARGINS_S[0], at("t_end_s")? + MARGINS_S[1]];
+            return Ok(Some(Span { flight: table.strings("flight")?[row].to_string(), t }));
+        }
+        Ok(None)
+    }
+
+    fn holds(&self, table: &Rows, row: usize) -> bool {
+        let t = table.number(TIME, row);
+        self.flight == table.text(FLIGHT, row) && (self.t[0]..=self.t[1]).contains(&t)
+    }
+}
+
+const TIME: &str = "t_s";
+const FLIGHT: &str = "flight";
 
 /// The columns of a table that a series is about.
 struct Rows {
@@ -171,6 +214,8 @@ impl Rows {
             .chain(&series.sd)
             .chain(series.ends.iter().flatten());
         let more = series.rows.keys().chain(&series.colour).cloned();
+        let during = [TIME, FLIGHT].into_iter().filter(|_| series.during.is_some());
+        let more = more.chain(during.map(String::from));
         let units = ["unit", "unit_x"].map(String::from).into_iter().filter(|name| table.has(name));
         for name in wanted.cloned().chain(more).chain(units) {
             let column = table.column(&name)?;
@@ -210,9 +255,10 @@ impl Rows {
 }
 
 impl Figure {
-    fn add(&mut self, series: &Series, table: &Rows) {
+    fn add(&mut self, series: &Series, table: &Rows, during: Option<&Span>) {
         let wanted = |row: &usize| {
             series.rows.iter().all(|(name, used)| used.names().contains(&table.text(name, *row)))
+                && during.is_none_or(|span| span.holds(table, *row))
         };
         let value = |name: &String, row| table.number(name, row);
         let mut groups: Vec<(String, Vec<[f64; 4]>)> = Vec::new();
