@@ -1,11 +1,12 @@
-//! Progress of a run: events come in, bars on the terminal go out; where standard error is no
-//! terminal, only lines of what a unit tells.
+//! Progress of a run: events come in, bars on the terminal and the time of each stage go out; where
+//! standard error is no terminal, only lines of what a unit tells.
 
 use crate::pipeline::Event;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
+use std::time::Instant;
 
 /// Bars for the stages of a run.
 pub struct Bars {
@@ -16,6 +17,10 @@ pub struct Bars {
 #[derive(Default)]
 struct State {
     bar: Option<ProgressBar>,
+    /// The stage that runs, and since when.
+    running: Option<(&'static str, Instant)>,
+    /// By stage: time that passed, s.
+    seconds: BTreeMap<&'static str, f64>,
     /// Steps done and wanted, by unit, of the stage that runs.
     steps: BTreeMap<String, (usize, usize)>,
     units: usize,
@@ -29,15 +34,25 @@ impl Bars {
         Bars { visible: std::io::stderr().is_terminal(), state: Mutex::default() }
     }
 
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(|p| p.into_inner())
+    }
+
+    /// The time that passed in each stage, s.
+    pub fn seconds(&self) -> BTreeMap<&'static str, f64> {
+        self.state().seconds.clone()
+    }
+
     /// Shows an event.
     pub fn hear(&self, event: Event) {
+        let mut state = self.state();
+        state.clock(&event);
         if !self.visible {
             if let Event::Told { unit, text } = event {
                 eprintln!("{}: {text}", unit.name);
             }
             return;
         }
-        let mut state = self.state.lock().unwrap_or_else(|p| p.into_inner());
         match event {
             Event::Stage { stage, to_run } => {
                 state.steps.clear();
@@ -70,6 +85,18 @@ impl Bars {
 }
 
 impl State {
+    fn clock(&mut self, event: &Event) {
+        match event {
+            Event::Stage { stage, .. } => self.running = Some((stage.name, Instant::now())),
+            Event::End => {
+                if let Some((stage, since)) = self.running.take() {
+                    *self.seconds.entry(stage).or_default() += since.elapsed().as_secs_f64();
+                }
+            }
+            _ => {}
+        }
+    }
+
     fn show(&self) {
         if let Some(bar) = &self.bar {
             let parts = self

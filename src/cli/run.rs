@@ -101,7 +101,7 @@ pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
         let seconds = begin.elapsed().as_secs_f64();
         say(&format!("nothing to do: every stage is fresh ({seconds:.2} s)"));
     }
-    summary::print(&plan, &store, &out, &result)?;
+    summary::print(&plan, &store, &out, (&result, &bars.seconds()))?;
     Ok(if result.complete() { end } else { End::Partial.max(end) })
 }
 

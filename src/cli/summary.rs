@@ -8,17 +8,21 @@ use crate::math::distribution::INTERVAL_95;
 use crate::pipeline::{Plan, RunResult, Store};
 use crate::stage::{Note, Part, Severity, Unit};
 use crate::table::Table;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Kinds of notes shown before the rest is left to the table.
 const GROUPS_SHOWN: usize = 20;
 
+/// What became of a run, and the time that passed in each stage, s.
+type Ran<'a> = (&'a RunResult, &'a BTreeMap<&'static str, f64>);
+
 /// Prints stages, flights, estimates, lines, notes, verdicts, and where the report is.
 ///
 /// # Errors
 /// A table cannot be read back.
-pub fn print(plan: &Plan, store: &Store, out: &Path, result: &RunResult) -> Result<()> {
-    stages(result);
+pub fn print(plan: &Plan, store: &Store, out: &Path, (result, seconds): Ran) -> Result<()> {
+    stages(result, seconds);
     flights(plan, store)?;
     estimates(plan, store)?;
     lines(plan, store)?;
@@ -34,15 +38,19 @@ pub fn print(plan: &Plan, store: &Store, out: &Path, result: &RunResult) -> Resu
     Ok(())
 }
 
-fn stages(result: &RunResult) {
+fn stages(result: &RunResult, seconds: &BTreeMap<&'static str, f64>) {
     if result.nothing_done() {
         return;
     }
     let rows = result.stages.iter().map(|s| {
         let count = |n: usize| if n == 0 { "-".to_string() } else { n.to_string() };
-        [s.name.to_string(), count(s.ran), count(s.fresh), count(s.failed), count(s.blocked)]
+        let worked = s.ran + s.failed > 0;
+        let time = seconds.get(s.name).filter(|_| worked).map(|s| format!("{s:.1}"));
+        let time = time.unwrap_or_else(|| "-".into());
+        [s.name.to_string(), count(s.ran), count(s.fresh), count(s.failed), count(s.blocked), time]
     });
-    table(&["stage", "run", "fresh", "failed", "not possible"], rows.map(|r| r.to_vec()).collect());
+    let head = ["stage", "run", "fresh", "failed", "not possible", "seconds"];
+    table(&head, rows.map(|r| r.to_vec()).collect());
     for unit in &result.removed {
         say(&format!("removed: {unit}"));
     }
