@@ -152,7 +152,7 @@ fn status_says_what_is_made_first_and_what_changed() {
     let ran = c.run().ended(0).out;
     let words = |line: &str| line.split_whitespace().map(String::from).collect::<Vec<_>>();
     let counts: Vec<Vec<String>> =
-        ran.lines().map(words).filter(|w| w.len() == 5 && w[0] == "estimate").collect();
+        ran.lines().map(words).filter(|w| w.len() == 6 && w[0] == "estimate").collect();
     assert!(ran.contains("nothing to do"), "the test is fresh: {ran}");
     assert_eq!(counts.len(), 1, "{ran}");
     assert_eq!(counts[0][1..3], ["1", "-"], "{ran}");
