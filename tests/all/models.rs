@@ -93,6 +93,10 @@ fn point(model: &Model) -> Vec<f64> {
             // Where friction holds a state or lets it go, its sensitivities jump; that is compared
             // in `dynamics::contact_tests`.
             _ if is_friction(p) => 0.0,
+            // What goes with the airspeed is small: limits stay where they are.
+            0.0 if p.quantity.unit.ends_with("s/m") || p.quantity.unit.ends_with("s^2/m^2") => {
+                1e-6 * spread(i)
+            }
             0.0 => 0.01 * spread(i),
             start => start,
         };
