@@ -51,6 +51,12 @@ fn is_friction(parameter: &Parameter) -> bool {
     parameter.quantity.name.starts_with("F_c")
 }
 
+/// Whether a parameter moves a limit of a state. Where a limit is reached or left, sensitivities
+/// jump; that is compared in `dynamics::contact_tests`.
+fn is_limit(parameter: &Parameter) -> bool {
+    ["up_", "down_"].iter().any(|start| parameter.quantity.name.starts_with(start))
+}
+
 /// Travel of cables, or its rate.
 fn is_travel(state: &str) -> bool {
     ["s", "s_dot", "x_A", "x_A_dot", "y", "y_dot"].contains(&state)
@@ -276,8 +282,9 @@ fn sensitivities_of_every_estimation_model_agree_with_differences() {
         let exact = propagator.run(&p, &x0, &record, true);
         assert!(exact.finite, "{}", path.display());
         let (ny, nd) = (model.outputs.len(), p.len() + x0.len());
-        let frictions = |d: &usize| *d >= p.len() || !is_friction(&model.parameters[*d]);
-        for d in (0..nd).filter(frictions) {
+        let jumps = |p: &Parameter| is_friction(p) || is_limit(p);
+        let smooth = |d: &usize| *d >= p.len() || !jumps(&model.parameters[*d]);
+        for d in (0..nd).filter(smooth) {
             let run = |step: f64| {
                 let (mut p, mut x0) = (p.clone(), x0.clone());
                 if d < p.len() {
