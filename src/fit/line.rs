@@ -1,5 +1,5 @@
-//! Points with standard deviations in, a weighted straight line with covariance, between-point
-//! scatter and bands out.
+//! Points with standard deviations in, a weighted straight line with covariance and between-point
+//! scatter out.
 //!
 //! Model: `y_i = intercept + slope x_i + b_i + e_i` with `Var(e_i) = s_i^2` (the claimed sd of the
 //! point) and `Var(b_i) = tau^2` (scatter between maneuvers that the claims do not explain).
@@ -7,8 +7,12 @@
 //! `(X'WX)^-1` is then multiplied by `q = sum w r^2 / (n - 2)` (Birge; Knapp & Hartung), whatever
 //! its size: claims that are all wrong by one factor do no harm, and t and F quantiles with n - 2
 //! degrees of freedom hold.
+//!
+//! Points that were estimated together have errors in common (through the friction of a flight):
+//! `e_i` contains `u_i . z` with standard normal `z`, one per source. Then `W = V^-1` with the full
+//! covariance `V` (generalised least squares, Aitken 1936), and all of the above holds as it is.
 
-use crate::math::distribution::{f_quantile, t_quantile};
+use super::weights::{Shared, Weights};
 
 /// How a line is fitted.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
@@ -76,10 +80,10 @@ pub struct LineFit {
     pub covariance: f64,
     /// Sd of the scatter between the points beyond their claimed sd, in units of y.
     pub tau: f64,
-    /// `sum w r^2 / (n - 2)` with `w = 1 / (s_i^2 + tau^2)`: 1 where `tau > 0`, below 1 where the
-    /// claims are too large.
+    /// `sum w r^2` over its expectation, with `w = 1 / (s_i^2 + tau^2)`: 1 where `tau > 0`, below 1
+    /// where the claims are too large.
     pub q: f64,
-    /// The same with `tau = 0`: how far the claimed sd explain the scatter.
+    /// `sum w r^2 / (n - 2)` with `tau = 0`: how far the claimed sd explain the scatter.
     pub reduced_chi_square: f64,
     /// Number of points.
     pub n: usize,
@@ -95,29 +99,39 @@ pub struct LineFit {
     pub typical_variance: f64,
 }
 
-/// The straight line through `y` at `x` (equal lengths) with claimed standard deviations `sd`.
+/// Where a line is fitted: slices of one length, a point each.
+#[derive(Debug, Clone, Copy)]
+pub struct Points<'a> {
+    pub x: &'a [f64],
+    /// Claimed standard deviations; what the points have in common is part of them.
+    pub sd: &'a [f64],
+    /// What the points have in common.
+    pub shared: &'a [Shared],
+}
+
+/// The straight line through `y` at points.
 ///
 /// An [`Unfit`] says why there is none; slices of unequal length are a mistake of the caller and
 /// panic.
-pub fn line(x: &[f64], y: &[f64], sd: &[f64], settings: &Settings) -> Result<LineFit, Unfit> {
+pub fn line(points: Points, y: &[f64], settings: &Settings) -> Result<LineFit, Unfit> {
+    let Points { x, sd, .. } = points;
     assert!(x.len() == y.len() && x.len() == sd.len(), "x, y and sd of one length");
     check(x, y, sd)?;
     let n = x.len();
     let dof = (n - 2) as f64;
     // Work in units of the smallest sd and relative to the first point: squares neither overflow
     // nor vanish.
-    let unit = sd.iter().fold(f64::INFINITY, |m, s| m.min(*s));
-    let variance: Vec<f64> = sd.iter().map(|s| (s / unit) * (s / unit)).collect();
+    let unit = points.unit();
     let shifted: Vec<f64> = y.iter().map(|v| (v - y[0]) / unit).collect();
-    let plain = Weighted::new(x, &shifted, &variance, 0.0);
-    let tau2 =
-        if settings.between_scatter { paule_mandel(x, &shifted, &variance, dof) } else { 0.0 };
-    let w = Weighted::new(x, &shifted, &variance, tau2);
+    let plain = Weighted::new(points, &shifted, 0.0);
+    let tau2 = if settings.between_scatter { paule_mandel(points, &shifted, dof) } else { 0.0 };
+    let w = Weighted::new(points, &shifted, tau2);
     let q = w.chi_square / dof;
     let slope = w.slope * unit;
     let y_center = y[0] + w.y_center * unit;
     let slope_variance = q / w.sxx;
     let center_variance = q / w.sum;
+    let variance: Vec<f64> = sd.iter().map(|s| s * s).collect();
     Ok(LineFit {
         slope,
         intercept: y_center - slope * w.x_center,
@@ -132,89 +146,36 @@ pub fn line(x: &[f64], y: &[f64], sd: &[f64], settings: &Settings) -> Result<Lin
         x_center: w.x_center,
         y_center,
         y_center_sd: center_variance.sqrt() * unit,
-        typical_variance: crate::math::median(&variance) * unit * unit,
+        typical_variance: crate::math::median(&variance),
     })
 }
 
+impl Points<'_> {
+    /// The smallest claimed sd.
+    fn unit(&self) -> f64 {
+        self.sd.iter().fold(f64::INFINITY, |m, s| m.min(*s))
+    }
+
+    /// By how much slope and intercept of a fitted line move with each of its points: both are
+    /// linear in the points, with the weights of the fit.
+    pub(super) fn influence(&self, fit: &LineFit) -> Vec<[f64; 2]> {
+        let unit = self.unit();
+        let tau = fit.tau / unit;
+        let w = Weighted::new(*self, &vec![0.0; self.x.len()], tau * tau);
+        let of = |(by_slope, by_sum): (&f64, &f64)| {
+            let slope = by_slope / w.sxx;
+            [slope, by_sum / w.sum - w.x_center * slope]
+        };
+        w.by_slope.iter().zip(&w.by_sum).map(of).collect()
+    }
+}
+
 /// Slope and intercept of the line that is added when the points of a fitted line all move by
-/// `change`: the coefficients are linear in the points, with the weights of the fit. For errors
-/// that all points share, such as those of assumed constants.
-pub fn carried(fit: &LineFit, x: &[f64], sd: &[f64], change: &[f64]) -> (f64, f64) {
-    let unit = sd.iter().fold(f64::INFINITY, |m, s| m.min(*s));
-    let variance: Vec<f64> = sd.iter().map(|s| (s / unit) * (s / unit)).collect();
-    let w = Weighted::new(x, change, &variance, (fit.tau / unit) * (fit.tau / unit));
-    (w.slope, w.y_center - w.slope * w.x_center)
-}
-
-/// Correlations of slope and intercept of one line with those of another one through estimates of
-/// the same maneuvers, `[slope, intercept][slope, intercept]`. `pairs`: place of a maneuver among
-/// the points of each, and covariance of its two estimates. Scatter between maneuvers counts as
-/// independent.
-pub fn correlations(
-    one: (&LineFit, &[f64], &[f64]),
-    other: (&LineFit, &[f64], &[f64]),
-    pairs: &[(usize, usize, f64)],
-) -> [[f64; 2]; 2] {
-    let weights = |(fit, x, sd): (&LineFit, &[f64], &[f64]), at: usize| {
-        let mut unit = vec![0.0; x.len()];
-        unit[at] = 1.0;
-        let (slope, intercept) = carried(fit, x, sd, &unit);
-        [slope, intercept]
-    };
-    let mut sums = [[0.0; 2]; 2];
-    for &(i, j, covariance) in pairs {
-        let (a, b) = (weights(one, i), weights(other, j));
-        for (sums, a) in sums.iter_mut().zip(a) {
-            sums.iter_mut().zip(b).for_each(|(sum, b)| *sum += a * b * covariance);
-        }
-    }
-    let factor = (one.0.q * other.0.q).sqrt();
-    let sd = |fit: &LineFit| [fit.slope_sd, fit.intercept_sd];
-    let (a, b) = (sd(one.0), sd(other.0));
-    for i in 0..2 {
-        for j in 0..2 {
-            sums[i][j] = (factor * sums[i][j] / (a[i] * b[j])).clamp(-1.0, 1.0);
-        }
-    }
-    sums
-}
-
-/// A line through points whose errors are correlated (they were estimated together, with something
-/// in common: the friction of a flight). `pairs`: places of two different points, and the covariance
-/// of their estimates. The weights stay those of independent points; the covariance of slope and
-/// intercept is that of these weights (a sandwich, White 1980).
-pub fn correlated(fit: LineFit, x: &[f64], sd: &[f64], pairs: &[(usize, usize, f64)]) -> LineFit {
-    let weights: Vec<(f64, f64)> = (0..if pairs.is_empty() { 0 } else { x.len() })
-        .map(|at| {
-            let mut unit = vec![0.0; x.len()];
-            unit[at] = 1.0;
-            carried(&fit, x, sd, &unit)
-        })
-        .collect();
-    let mut variance =
-        [fit.slope_sd * fit.slope_sd, fit.intercept_sd * fit.intercept_sd, fit.covariance];
-    for &(i, j, covariance) in pairs {
-        let (a, b, both) = (weights[i], weights[j], fit.q * covariance);
-        variance[0] += 2.0 * both * a.0 * b.0;
-        variance[1] += 2.0 * both * a.1 * b.1;
-        variance[2] += both * (a.0 * b.1 + a.1 * b.0);
-    }
-    // Where slope and value are uncorrelated: Cov(slope, intercept + slope x) = 0.
-    let [slope, intercept, covariance] = variance;
-    let x_center = -covariance / slope;
-    let center = intercept - covariance * covariance / slope;
-    if pairs.is_empty() || !(slope > 0.0 && center > 0.0) {
-        return fit;
-    }
-    LineFit {
-        slope_sd: slope.sqrt(),
-        intercept_sd: intercept.sqrt(),
-        covariance,
-        x_center,
-        y_center: fit.intercept + fit.slope * x_center,
-        y_center_sd: center.sqrt(),
-        ..fit
-    }
+/// `change`. For errors that all points share, such as those of assumed constants.
+pub fn carried(fit: &LineFit, points: Points, change: &[f64]) -> (f64, f64) {
+    let moved = points.influence(fit);
+    let sum = |k: usize| moved.iter().zip(change).map(|(of, change)| of[k] * change).sum();
+    (sum(0), sum(1))
 }
 
 fn check(x: &[f64], y: &[f64], sd: &[f64]) -> Result<(), Unfit> {
@@ -238,8 +199,11 @@ fn check(x: &[f64], y: &[f64], sd: &[f64]) -> Result<(), Unfit> {
     Ok(())
 }
 
-/// Weighted least squares about the weighted mean of x.
+/// Weighted least squares about the weighted mean of x, in units of the smallest sd.
 struct Weighted {
+    /// Weights times 1 and times x - `x_center`.
+    by_sum: Vec<f64>,
+    by_slope: Vec<f64>,
     sum: f64,
     x_center: f64,
     y_center: f64,
@@ -249,27 +213,31 @@ struct Weighted {
 }
 
 impl Weighted {
-    fn new(x: &[f64], y: &[f64], variance: &[f64], tau2: f64) -> Weighted {
-        let w: Vec<f64> = variance.iter().map(|v| 1.0 / (v + tau2)).collect();
-        let mean = |v: &[f64], sum: f64| v.iter().zip(&w).map(|(a, w)| a * w).sum::<f64>() / sum;
-        let sum: f64 = w.iter().sum();
-        let (x_center, y_center) = (mean(x, sum), mean(y, sum));
-        let (mut sxx, mut sxy) = (0.0, 0.0);
-        for i in 0..x.len() {
-            sxx += w[i] * (x[i] - x_center) * (x[i] - x_center);
-            sxy += w[i] * (x[i] - x_center) * (y[i] - y_center);
-        }
-        let slope = sxy / sxx;
-        let residual = |i: usize| y[i] - y_center - slope * (x[i] - x_center);
-        let chi_square = (0..x.len()).map(|i| w[i] * residual(i) * residual(i)).sum();
-        Weighted { sum, x_center, y_center, sxx, slope, chi_square }
+    fn new(points: Points, y: &[f64], tau2: f64) -> Weighted {
+        let Points { x, sd, shared } = points;
+        let w = Weights::new(sd, shared, points.unit(), tau2);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let by_sum = w.times(&vec![1.0; x.len()]);
+        let sum: f64 = by_sum.iter().sum();
+        // Relative to the first x: far from the origin nothing is lost.
+        let away: Vec<f64> = x.iter().map(|v| v - x[0]).collect();
+        let center = dot(&by_sum, &away) / sum;
+        let dx: Vec<f64> = away.iter().map(|v| v - center).collect();
+        let by_slope = w.times(&dx);
+        let (sxx, y_center) = (dot(&by_slope, &dx), dot(&by_sum, y) / sum);
+        let dy: Vec<f64> = y.iter().map(|v| v - y_center).collect();
+        let slope = dot(&by_slope, &dy) / sxx;
+        let residual: Vec<f64> = dy.iter().zip(&dx).map(|(dy, dx)| dy - slope * dx).collect();
+        let chi_square = dot(&w.times(&residual), &residual);
+        let x_center = x[0] + center;
+        Weighted { by_sum, by_slope, sum, x_center, y_center, sxx, slope, chi_square }
     }
 }
 
 /// `tau^2` such that the weighted sum of squared residuals equals its expectation, n - 2 (Paule &
 /// Mandel 1982); the sum falls monotonically with `tau^2`, so bisection finds it.
-fn paule_mandel(x: &[f64], y: &[f64], variance: &[f64], dof: f64) -> f64 {
-    let excess = |tau2: f64| Weighted::new(x, y, variance, tau2).chi_square - dof;
+fn paule_mandel(points: Points, y: &[f64], dof: f64) -> f64 {
+    let excess = |tau2: f64| Weighted::new(points, y, tau2).chi_square - dof;
     if !(excess(0.0) > 0.0) {
         return 0.0;
     }
@@ -285,73 +253,6 @@ fn paule_mandel(x: &[f64], y: &[f64], variance: &[f64], dof: f64) -> f64 {
         }
         if excess(middle) > 0.0 { low = middle } else { high = middle }
     }
-}
-
-impl LineFit {
-    /// Value of the line at `x`.
-    pub fn value(&self, x: f64) -> f64 {
-        self.y_center + self.slope * (x - self.x_center)
-    }
-
-    /// Sd of the value of the line at `x`.
-    pub fn value_sd(&self, x: f64) -> f64 {
-        libm::hypot(self.y_center_sd, self.slope_sd * (x - self.x_center))
-    }
-
-    /// Sd of a further point of typical claimed sd about the line at `x`: line, scatter between
-    /// points and the point's own error.
-    ///
-    /// The variance of a point is `q (tau^2 + s^2)`, with the median of the claimed `s_i^2` as
-    /// `s^2`.
-    pub fn point_sd(&self, x: f64) -> f64 {
-        libm::hypot(
-            self.value_sd(x),
-            (self.q * (self.tau * self.tau + self.typical_variance)).sqrt(),
-        )
-    }
-
-    /// Half width of the interval of `level` of one parameter, in units of its sd.
-    pub fn interval_factor(&self, level: f64) -> f64 {
-        t_quantile(0.5 * (1.0 + level), self.dof)
-    }
-
-    /// Half width of the simultaneous band (Working & Hotelling 1929) of `level`, in units of the
-    /// sd of the line's value.
-    pub fn simultaneous_factor(&self, level: f64) -> f64 {
-        (2.0 * f_quantile(level, 2.0, self.dof)).sqrt()
-    }
-}
-
-/// The line and its bands at one `x`, all in units of y.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Band {
-    pub x: f64,
-    pub value: f64,
-    /// Confidence interval of the line at this x alone.
-    pub pointwise: (f64, f64),
-    /// The whole line lies in this band, over all x at once.
-    pub simultaneous: (f64, f64),
-    /// A further point of typical claimed sd lies in here.
-    pub prediction: (f64, f64),
-}
-
-/// The bands of `level` (0.95, say) at each of `xs`.
-pub fn bands(fit: &LineFit, xs: &[f64], level: f64) -> Vec<Band> {
-    let (single, joint) = (fit.interval_factor(level), fit.simultaneous_factor(level));
-    xs.iter()
-        .map(|&x| {
-            let value = fit.value(x);
-            let about = |half: f64| (value - half, value + half);
-            let (sd, point) = (fit.value_sd(x), fit.point_sd(x));
-            Band {
-                x,
-                value,
-                pointwise: about(single * sd),
-                simultaneous: about(joint * sd),
-                prediction: about(single * point),
-            }
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,12 @@
 //! Estimates with standard deviations at values of a variable in, straight lines with honest bands
 //! out.
 
+mod bands;
 mod line;
+mod together;
+mod weights;
 
-pub use line::{Band, LineFit, Settings, Unfit, bands, carried, correlated, correlations, line};
+pub use bands::{Band, bands};
+pub use line::{LineFit, Points, Settings, Unfit, carried, line};
+pub use together::correlations;
+pub use weights::Shared;

@@ -2,9 +2,16 @@
 //! are right out.
 
 use super::*;
+use crate::fit::bands;
+use crate::math::distribution::f_quantile;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
+
+/// Points that have nothing in common.
+fn apart<'a>(x: &'a [f64], sd: &'a [f64]) -> Points<'a> {
+    Points { x, sd, shared: &[] }
+}
 
 const TRUTH: (f64, f64) = (-0.8, 0.3);
 
@@ -43,7 +50,7 @@ fn coverage(n: usize, spread: f64, claim: f64, tau: f64, trials: u64) -> Coverag
         let y: Vec<f64> =
             (0..n).map(|i| TRUTH.1 + TRUTH.0 * x[i] + s[i] * normal() + tau * normal()).collect();
         let claimed: Vec<f64> = s.iter().map(|s| claim * s).collect();
-        let fit = line(&x, &y, &claimed, &Settings::default()).unwrap();
+        let fit = line(apart(&x, &claimed), &y, &Settings::default()).unwrap();
         let xs: Vec<f64> = (0..21).map(|i| 2.0 + i as f64 / 20.0).collect();
         let within = bands(&fit, &xs, 0.95).iter().all(|b| {
             let truth = TRUTH.1 + TRUTH.0 * b.x;
@@ -110,7 +117,7 @@ fn equal_sds_give_the_textbook_line() {
     // residuals of +-1 about y = 2 + 3 x at x = 0, 1, 2, 3: (+, -, -, +) is orthogonal to 1 and x
     let (x, y) = ([0.0, 1.0, 2.0, 3.0], [3.0, 4.0, 7.0, 12.0]);
     for sd in [1e-3, 1.0, 50.0] {
-        let fit = line(&x, &y, &[sd; 4], &Settings::default()).unwrap();
+        let fit = line(apart(&x, &[sd; 4]), &y, &Settings::default()).unwrap();
         assert!((fit.slope - 3.0).abs() < 1e-12 && (fit.intercept - 2.0).abs() < 1e-12);
         // s^2 = RSS/(n-2) = 2, Sxx = 5: whatever the claim
         assert!((fit.slope_sd - (2.0f64 / 5.0).sqrt()).abs() < 1e-9, "{fit:?}");
@@ -132,9 +139,8 @@ fn equal_sds_give_the_textbook_line() {
 fn weights_count() {
     // the third point claims nothing: the line goes through the other three nearly
     let fit = line(
-        &[0.0, 1.0, 2.0, 4.0],
+        apart(&[0.0, 1.0, 2.0, 4.0], &[1e-3, 1e-3, 1e3, 1e-3]),
         &[0.0, 1.0, 100.0, 4.0],
-        &[1e-3, 1e-3, 1e3, 1e-3],
         &Settings::default(),
     )
     .unwrap();
@@ -147,7 +153,7 @@ fn joint_statistic_is_the_quadratic_form() {
     let x: Vec<f64> = (0..9).map(|_| rng.random_range(0.0..1.0)).collect();
     let y: Vec<f64> = x.iter().map(|x| 1.0 + x + rng.random_range(-0.1..0.1)).collect();
     let sd: Vec<f64> = x.iter().map(|_| rng.random_range(0.02..0.1)).collect();
-    let fit = line(&x, &y, &sd, &Settings::default()).unwrap();
+    let fit = line(apart(&x, &sd), &y, &Settings::default()).unwrap();
     let (a, b) = (1.1 - fit.slope, 0.9 - fit.intercept);
     let (va, vb, c) = (fit.slope_sd.powi(2), fit.intercept_sd.powi(2), fit.covariance);
     let form = (a * a * vb - 2.0 * a * b * c + b * b * va) / (va * vb - c * c) / 2.0;
@@ -163,22 +169,28 @@ fn far_from_the_origin_nothing_is_lost() {
     let x: Vec<f64> = (0..8).map(|i| 1e6 + i as f64 * 1e-2).collect();
     let y: Vec<f64> =
         (0..8).map(|i| 5e3 + i as f64 * 2e-2 + if i % 2 == 0 { 1e-4 } else { -1e-4 }).collect();
-    let fit = line(&x, &y, &[1e-4; 8], &Settings::default()).unwrap();
+    let fit = line(apart(&x, &[1e-4; 8]), &y, &Settings::default()).unwrap();
     assert!((fit.slope - 2.0).abs() < 0.01 && (fit.value(1e6 + 0.035) - 5e3 - 0.07).abs() < 1e-4);
 }
 
 #[test]
 fn what_cannot_be_fitted_has_a_name() {
     let s = Settings::default();
-    assert_eq!(line(&[], &[], &[], &s), Err(Unfit::TooFewPoints));
-    assert_eq!(line(&[1.0, 2.0], &[1.0, 2.0], &[1.0, 1.0], &s), Err(Unfit::TooFewPoints));
-    assert_eq!(line(&[2.0; 4], &[1.0, 2.0, 3.0, 4.0], &[1.0; 4], &s), Err(Unfit::IdenticalX));
+    assert_eq!(line(apart(&[], &[]), &[], &s), Err(Unfit::TooFewPoints));
+    assert_eq!(line(apart(&[1.0, 2.0], &[1.0, 1.0]), &[1.0, 2.0], &s), Err(Unfit::TooFewPoints));
     assert_eq!(
-        line(&[1.0, 2.0, 3.0], &[1.0, f64::NAN, 1.0], &[1.0; 3], &s),
+        line(apart(&[2.0; 4], &[1.0; 4]), &[1.0, 2.0, 3.0, 4.0], &s),
+        Err(Unfit::IdenticalX)
+    );
+    assert_eq!(
+        line(apart(&[1.0, 2.0, 3.0], &[1.0; 3]), &[1.0, f64::NAN, 1.0], &s),
         Err(Unfit::BadValue(1))
     );
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert_eq!(line(&[1.0, 2.0, 3.0], &[1.0; 3], &[1.0, 1.0, bad], &s), Err(Unfit::BadSd(2)));
+        assert_eq!(
+            line(apart(&[1.0, 2.0, 3.0], &[1.0, 1.0, bad]), &[1.0; 3], &s),
+            Err(Unfit::BadSd(2))
+        );
     }
     assert_eq!(Unfit::BadSd(2).name(), "bad_sd");
 }
@@ -186,9 +198,8 @@ fn what_cannot_be_fitted_has_a_name() {
 #[test]
 fn without_between_scatter_tau_is_zero() {
     let fit = line(
-        &[0.0, 1.0, 2.0, 3.0],
+        apart(&[0.0, 1.0, 2.0, 3.0], &[0.1; 4]),
         &[3.0, 4.0, 7.0, 12.0],
-        &[0.1; 4],
         &Settings { between_scatter: false },
     )
     .unwrap();
@@ -203,40 +214,122 @@ fn a_common_error_of_the_points_is_carried_into_the_line() {
     let change = [0.3, -0.1, 0.2, 0.5];
     for between_scatter in [false, true] {
         let settings = Settings { between_scatter };
-        let base = line(&x, &y, &sd, &settings).unwrap();
-        let (slope, intercept) = carried(&base, &x, &sd, &change);
+        let base = line(apart(&x, &sd), &y, &settings).unwrap();
+        let (slope, intercept) = carried(&base, apart(&x, &sd), &change);
         // A small move leaves the scatter between the points, and so the weights, nearly as they
         // are.
         let moved: Vec<f64> = y.iter().zip(change).map(|(y, c)| y + 1e-6 * c).collect();
-        let other = line(&x, &moved, &sd, &settings).unwrap();
+        let other = line(apart(&x, &sd), &moved, &settings).unwrap();
         if !between_scatter {
             assert!(((other.slope - base.slope) / 1e-6 - slope).abs() < 1e-6);
             assert!(((other.intercept - base.intercept) / 1e-6 - intercept).abs() < 1e-6);
         }
-        let all = carried(&base, &x, &sd, &[0.7; 4]);
+        let all = carried(&base, apart(&x, &sd), &[0.7; 4]);
         assert!(all.0.abs() < 1e-12 && (all.1 - 0.7).abs() < 1e-12, "{all:?}");
     }
 }
 
+/// Each point with its own effects of the sources of its group.
+fn groups(of: &[(usize, f64)]) -> Vec<Shared> {
+    let mut all: Vec<Shared> = Vec::new();
+    for (point, &(group, effect)) in of.iter().enumerate() {
+        if !all.iter().any(|s| s.group == group) {
+            all.push(Shared { group, sources: 1, points: vec![], effects: vec![] });
+        }
+        if let Some(found) = all.iter_mut().find(|s| s.group == group) {
+            found.points.push(point);
+            found.effects.push(effect);
+        }
+    }
+    all
+}
+
 #[test]
-fn points_that_share_an_error_make_a_line_less_sure_by_just_that() {
-    // All errors one and the same number of variance c besides their own: the slope does not notice,
-    // the intercept has c more.
+fn an_error_that_all_points_share_is_in_the_intercept_alone() {
+    // All errors one and the same number of variance c besides their own.
     let x: Vec<f64> = (0..8).map(f64::from).collect();
     let y: Vec<f64> = x.iter().map(|x| 1.0 + 0.5 * x + 0.1 * libm::sin(x * 7.3)).collect();
     let (own, c): (f64, f64) = (0.1, 0.04);
     let sd = vec![(own * own + c).sqrt(); 8];
-    let fit = line(&x, &y, &sd, &Settings { between_scatter: false }).expect("a line");
-    let pairs: Vec<(usize, usize, f64)> =
-        (0..8).flat_map(|i| (i + 1..8).map(move |j| (i, j, c))).collect();
-    let with = correlated(fit.clone(), &x, &sd, &pairs);
-    // Independent parts alone, with the same scale of the residuals.
-    let alone = own / (own * own + c).sqrt();
-    assert!((with.slope_sd - alone * fit.slope_sd).abs() < 1e-12);
-    let wanted = (alone * fit.intercept_sd).powi(2) + fit.q * c;
-    assert!((with.intercept_sd.powi(2) - wanted).abs() < 1e-12);
-    assert_eq!((with.slope, with.intercept), (fit.slope, fit.intercept));
-    // The bands use the same numbers: the value at zero has the intercept's sd.
-    assert!((with.value_sd(0.0) - with.intercept_sd).abs() < 1e-12);
-    assert_eq!(correlated(fit.clone(), &x, &sd, &[]), fit);
+    for between_scatter in [false, true] {
+        let settings = Settings { between_scatter };
+        let all = groups(&[(0, c.sqrt()); 8]);
+        let with = line(Points { x: &x, sd: &sd, shared: &all }, &y, &settings).expect("a line");
+        // The residuals show the own errors alone: slope and scale are those of a line without the
+        // rest.
+        let alone = line(apart(&x, &[own; 8]), &y, &settings).expect("a line");
+        assert!((with.q / alone.q - 1.0).abs() < 1e-9, "{} {}", with.q, alone.q);
+        assert!((with.slope_sd / alone.slope_sd - 1.0).abs() < 1e-9);
+        let wanted = alone.intercept_sd.powi(2) + alone.q * c;
+        assert!((with.intercept_sd.powi(2) / wanted - 1.0).abs() < 1e-9);
+        assert!((with.slope - alone.slope).abs() < 1e-12);
+        assert!((with.intercept - alone.intercept).abs() < 1e-12);
+        // The bands use the same numbers: the value at zero has the intercept's sd.
+        assert!((with.value_sd(0.0) - with.intercept_sd).abs() < 1e-12);
+        // What only one point has from a source is its own.
+        let each: Vec<(usize, f64)> = (0..8).map(|point| (point, c.sqrt())).collect();
+        let none = line(apart(&x, &sd), &y, &settings).expect("a line");
+        let shared = groups(&each);
+        let same = line(Points { x: &x, sd: &sd, shared: &shared }, &y, &settings).expect("a line");
+        assert!((same.slope_sd / none.slope_sd - 1.0).abs() < 1e-12);
+        assert!((same.intercept_sd / none.intercept_sd - 1.0).abs() < 1e-12);
+    }
+}
+
+/// Three flights whose maneuvers share an error: the region covers where claims are right, all too
+/// large by one factor, and with scatter between the maneuvers.
+#[test]
+fn the_region_covers_where_maneuvers_of_a_flight_share_an_error() {
+    for (tau, claim) in [(0.0, 1.0), (0.0, 2.0), (0.05, 1.0)] {
+        let (mut joint, mut without, trials) = (0, 0, 2500);
+        for trial in 0..trials {
+            let mut rng = Pcg64::seed_from_u64(7000 + trial);
+            let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+            let flights: Vec<f64> = (0..3).map(|_| normal()).collect();
+            let (mut x, mut y, mut sd, mut effects) = (vec![], vec![], vec![], vec![]);
+            for point in 0..30 {
+                let at = 2.0 + (point % 10) as f64 / 9.0;
+                let (own, effect) = (0.02, 0.03 * (1.0 + 0.5 * (at - 2.5)));
+                let error = own * normal() + effect * flights[point / 10] + tau * normal();
+                x.push(at);
+                y.push(TRUTH.1 + TRUTH.0 * at + error);
+                sd.push(claim * f64::hypot(own, effect));
+                effects.push((point / 10, claim * effect));
+            }
+            let inside = |shared: &[Shared]| {
+                let points = Points { x: &x, sd: &sd, shared };
+                let fit = line(points, &y, &Settings::default()).expect("a line");
+                let limit = f_quantile(0.95, 2.0, fit.dof);
+                u64::from(joint_statistic(&fit, TRUTH.0, TRUTH.1) <= limit)
+            };
+            joint += inside(&groups(&effects));
+            without += inside(&[]);
+        }
+        let [joint, without] = [joint, without].map(|k| k as f64 / trials as f64);
+        println!("tau {tau}, claim {claim}: {joint} with, {without} without");
+        assert!((0.93..=0.97).contains(&joint), "tau {tau}, claim {claim}: {joint}");
+        assert!(without < 0.9, "the test would not notice: {without}");
+    }
+}
+
+#[test]
+fn lines_with_one_source_in_common_are_correlated() {
+    let x: Vec<f64> = (0..8).map(f64::from).collect();
+    let y: Vec<f64> = x.iter().map(|x| 1.0 + 0.5 * x + 0.1 * libm::sin(x * 7.3)).collect();
+    let (own, c): (f64, f64) = (0.1, 0.04);
+    let sd = vec![(own * own + c).sqrt(); 8];
+    let all = groups(&[(0, c.sqrt()); 8]);
+    let points = Points { x: &x, sd: &sd, shared: &all };
+    let fit = line(points, &y, &Settings { between_scatter: false }).expect("a line");
+    let one = (&fit, points);
+    let found = crate::fit::correlations(one, one, &[]);
+    let wanted = fit.q * c / fit.intercept_sd.powi(2);
+    assert!((found[1][1] - wanted).abs() < 1e-9, "{found:?} {wanted}");
+    assert!(found[0][0].abs() < 1e-9 && found[0][1].abs() < 1e-9);
+    // With its own errors as pairs it is the line itself.
+    let pairs: Vec<(usize, usize, f64)> = (0..8).map(|i| (i, i, own * own)).collect();
+    let found = crate::fit::correlations(one, one, &pairs);
+    assert!((found[0][0] - 1.0).abs() < 1e-9 && (found[1][1] - 1.0).abs() < 1e-9, "{found:?}");
+    let both = fit.covariance / (fit.slope_sd * fit.intercept_sd);
+    assert!((found[0][1] - both).abs() < 1e-9);
 }

@@ -2,13 +2,15 @@
 //! and the points go out.
 
 mod config;
+mod known;
 
 use super::estimate::WITH;
 use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::config::list;
 use crate::error::{Errors, Result};
-use crate::fit::{self, Band, LineFit, Unfit};
+use crate::fit::{self, Band, LineFit, Points, Shared, Unfit};
 use crate::table::{Table, campaign};
+use known::Known;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
@@ -46,10 +48,19 @@ struct Line<'a> {
     parameter: &'a str,
     unit: &'a str,
     points: Table,
+    /// What the points have in common.
+    shared: Vec<Shared>,
     fit: std::result::Result<LineFit, Unfit>,
     /// Variances of slope and intercept by assumed constants.
     assumed: (f64, f64),
     bands: Vec<Band>,
+}
+
+impl Line<'_> {
+    fn places(&self) -> Result<Points<'_>> {
+        let (x, sd) = (self.points.f64("x")?, self.points.f64("sd")?);
+        Ok(Points { x, sd, shared: &self.shared })
+    }
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
@@ -60,7 +71,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     };
     let (segments, conditions) = (inputs.all("segments"), inputs.all("conditions"));
     let known = inputs.get("correlations", Part::Number(config.estimate));
-    let known = known.map(correlations).transpose()?.unwrap_or_default();
+    let known = known.map(Known::read).transpose()?.unwrap_or_default();
     let mut lines = Vec::new();
     let mut notes = Vec::new();
     for (parameter, unit) in settings.parameters.iter().zip(&config.units) {
@@ -71,7 +82,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         if let (Ok(fit), Some(budget)) =
             (&line.fit, inputs.get("budget", Part::Number(config.estimate)))
         {
-            line.assumed = assumed(budget, parameter, &line.points, fit)?;
+            line.assumed = assumed(budget, &line, fit)?;
         }
         notes.extend(note(config, &line, &found.left_out));
         lines.push(line);
@@ -91,31 +102,31 @@ fn line<'a>(
     parameter: &'a str,
     unit: &'a str,
     points: Table,
-    known: &Correlations,
+    known: &Known,
 ) -> Result<Line<'a>> {
     let (x, sd) = (points.f64("x")?, points.f64("sd")?);
-    let pairs = pairs((parameter, &points), (parameter, &points), known)?;
-    let apart: Vec<_> = pairs.into_iter().filter(|(i, j, _)| i < j).collect();
-    let fit = fit::line(x, points.f64("value")?, sd, &config.settings.method)
-        .map(|fit| fit::correlated(fit, x, sd, &apart));
+    let shared = known.shared(parameter, &points)?;
+    let places = Points { x, sd, shared: &shared };
+    let fit = fit::line(places, points.f64("value")?, &config.settings.method);
     let (low, high) = range(x);
     let last = config.settings.points.saturating_sub(1).max(1) as f64;
     let xs: Vec<f64> =
         (0..config.settings.points).map(|i| low + (high - low) * i as f64 / last).collect();
     let bands =
         fit.as_ref().map(|fit| fit::bands(fit, &xs, config.settings.level)).unwrap_or_default();
-    Ok(Line { parameter, unit, points, fit, assumed: (0.0, 0.0), bands })
+    Ok(Line { parameter, unit, points, shared, fit, assumed: (0.0, 0.0), bands })
 }
 
 /// What the assumed constants add to the variances of slope and intercept. A constant's error is
 /// one and the same at all points; two that another pipeline estimated together have correlated ones.
-fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Result<(f64, f64)> {
+fn assumed(budget: &Table, line: &Line, fit: &LineFit) -> Result<(f64, f64)> {
     let (names, constants) = (budget.strings("parameter")?, budget.opt_strings("constant")?);
     let (groups, segments) = (budget.strings("group")?, budget.opt_strings("segment")?);
     let (slopes, sds) = (budget.f64("sensitivity")?, budget.f64("constant_sd")?);
     let values = budget.f64("constant_value")?;
-    let mine: Vec<usize> =
-        (0..names.len()).filter(|&i| names[i] == parameter && constants[i].is_some()).collect();
+    let mine: Vec<usize> = (0..names.len())
+        .filter(|&i| names[i] == line.parameter && constants[i].is_some())
+        .collect();
     // How far an error of one sd of each constant moves slope and intercept.
     let mut moved: BTreeMap<&str, (f64, f64)> = BTreeMap::new();
     let mut pairs: BTreeMap<(&str, &str), f64> = BTreeMap::new();
@@ -134,8 +145,8 @@ fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Re
             };
             mine.iter().find(of).map_or(0.0, |&i| slopes[i] * sds[i])
         };
-        let change: Vec<f64> = points.strings("segment")?.iter().map(at).collect();
-        moved.insert(constant, fit::carried(fit, points.f64("x")?, points.f64("sd")?, &change));
+        let change: Vec<f64> = line.points.strings("segment")?.iter().map(at).collect();
+        moved.insert(constant, fit::carried(fit, line.places()?, &change));
     }
     let mut added = moved.values().fold((0.0, 0.0), |sum, (a, b)| (sum.0 + a * a, sum.1 + b * b));
     for ((one, other), r) in pairs {
@@ -147,63 +158,15 @@ fn assumed(budget: &Table, parameter: &str, points: &Table, fit: &LineFit) -> Re
     Ok((added.0.max(0.0), added.1.max(0.0)))
 }
 
-/// Correlation of two estimates by parameter and segment of both.
-type Correlations = BTreeMap<((String, String), (String, String)), f64>;
-
-/// Correlations of estimates, each pair both ways.
-fn correlations(table: &Table) -> Result<Correlations> {
-    let groups = table.strings("group")?;
-    let side = |name: &str, segment: &str| {
-        let (names, segments) = (table.strings(name)?, table.opt_strings(segment)?);
-        let key = |k: usize| (names[k].to_string(), segments[k].unwrap_or(groups[k]).to_string());
-        Ok::<Vec<_>, crate::error::Error>((0..names.len()).map(key).collect())
-    };
-    let (one, other) = (side("parameter", "segment")?, side("other", "other_segment")?);
-    let all = one.into_iter().zip(other).zip(table.f64("value")?.to_vec());
-    Ok(all.flat_map(|((a, b), value)| [((a.clone(), b.clone()), value), ((b, a), value)]).collect())
-}
-
-/// Places of two points of two parameters that were estimated together, and their covariance.
-fn pairs(
-    (one, points): (&str, &Table),
-    (other, others): (&str, &Table),
-    known: &Correlations,
-) -> Result<Vec<(usize, usize, f64)>> {
-    let place = |table: &Table| {
-        let segments = table.strings("segment")?.into_iter().enumerate();
-        Ok::<BTreeMap<String, usize>, crate::error::Error>(
-            segments.map(|(i, segment)| (segment.to_string(), i)).collect(),
-        )
-    };
-    let (places, sd, other_sd) = (place(others)?, points.f64("sd")?, others.f64("sd")?);
-    let mut out = Vec::new();
-    for (i, segment) in points.strings("segment")?.iter().enumerate() {
-        let key = (one.to_string(), segment.to_string());
-        let first = (key.clone(), (other.to_string(), String::new()));
-        let mine = known.range(first..).take_while(|((a, (b, _)), _)| *a == key && b == other);
-        for ((_, (_, of)), value) in mine {
-            out.extend(places.get(of).map(|&j| (i, j, value * sd[i] * other_sd[j])));
-        }
-    }
-    Ok(out)
-}
-
 /// Correlations of the lines of different parameters, whose points are estimated together.
-fn together(config: &Config, lines: &[Line], known: &Correlations) -> Result<Table> {
+fn together(config: &Config, lines: &[Line], known: &Known) -> Result<Table> {
     let mut rows: Vec<(&str, &str, &str, &str, f64)> = Vec::new();
     for (i, one) in lines.iter().enumerate() {
         for other in &lines[i + 1..] {
             let (Ok(a), Ok(b)) = (&one.fit, &other.fit) else { continue };
             let pairs =
-                pairs((one.parameter, &one.points), (other.parameter, &other.points), known)?;
-            let side = |line: &'_ Line| {
-                Ok::<_, crate::error::Error>((
-                    line.points.f64("x")?.to_vec(),
-                    line.points.f64("sd")?.to_vec(),
-                ))
-            };
-            let ((x, sd), (other_x, other_sd)) = (side(one)?, side(other)?);
-            let found = fit::correlations((a, &x, &sd), (b, &other_x, &other_sd), &pairs);
+                known.pairs((one.parameter, &one.points), (other.parameter, &other.points))?;
+            let found = fit::correlations((a, one.places()?), (b, other.places()?), &pairs);
             for (term, of) in ["slope", "intercept"].into_iter().zip(found) {
                 for (other_term, value) in ["slope", "intercept"].into_iter().zip(of) {
                     rows.push((one.parameter, term, other.parameter, other_term, value));
