@@ -8,6 +8,7 @@ use crate::dynamics::{Directions, Lost, Propagator, Record, Response, Sampling};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::{Model, Scope};
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -83,6 +84,20 @@ impl Case {
             layout,
             unknowns,
         }
+    }
+
+    /// Places of parameters that are one and the same of different segments, where the model has
+    /// friction: then the cost of a segment has several minima.
+    pub fn alike(&self) -> Vec<Vec<usize>> {
+        let mut all: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        if !self.model.moving.is_empty() {
+            for (i, unknown) in self.unknowns.iter().enumerate() {
+                if unknown.segment.is_some() {
+                    all.entry(&unknown.name).or_default().push(i);
+                }
+            }
+        }
+        all.into_values().collect()
     }
 
     /// The integration steps of every segment.

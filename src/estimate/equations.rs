@@ -198,7 +198,7 @@ impl Case {
         let mut needed = self.layout.start.clone();
         loop {
             let changed = self.stiffen(&needed);
-            let solution = solve(&self.layout, &origin.spread(self, here), settings);
+            let solution = solve(&self.layout, &origin.spread(self, here), settings, &self.alike());
             let stiffer = |s: usize| {
                 self.is_automatic(s)
                     && self.substeps(s, &solution.fit.theta) > self.records[s].substeps

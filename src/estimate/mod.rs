@@ -13,7 +13,8 @@
 //! | `rank` | which combinations of parameters the data cannot separate |
 //! | `colour` | standard deviations under coloured residuals |
 //! | `noise_covariance` | products of a segment's sensitivities with the covariance of coloured noise, and its rows made white |
-//! | `solution` | the four together: estimates and covariances by parameter index |
+//! | `neighbours` | the minimum from which no segment gets to a lower one by the values of the others |
+//! | `solution` | the five together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
 //! | `selection` | candidates that the data do not support are held, one after the other |
@@ -42,6 +43,7 @@ mod decision;
 mod equations;
 mod estimation;
 mod extend;
+mod neighbours;
 mod noise_covariance;
 mod output_error;
 mod prepared;

@@ -3,8 +3,9 @@
 
 use super::Settings;
 use super::colour::{Source, coloured};
+use super::neighbours::lowest;
 use super::rank::{Weak, judge};
-use crate::least_squares::{Arrow, Evaluate, Fit, Layout, Stop, minimise};
+use crate::least_squares::{Arrow, Evaluate, Fit, Layout, Stop};
 use crate::noise::Modelled;
 
 /// What an estimation yields before names are put to it.
@@ -38,9 +39,14 @@ impl Solution {
     }
 }
 
-/// Estimates and judges. Not converged or singular: no covariance.
-pub fn solve<F: Evaluate>(layout: &Layout, evaluate: &F, settings: &Settings) -> Solution {
-    let mut fit = minimise(layout, evaluate, &settings.method());
+/// Estimates and judges. Not converged or singular: no covariance. `alike`: as of `lowest`.
+pub fn solve<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    settings: &Settings,
+    alike: &[Vec<usize>],
+) -> Solution {
+    let mut fit = lowest(layout, evaluate, &settings.method(), alike);
     let none = |fit| Solution {
         fit,
         crlb: None,

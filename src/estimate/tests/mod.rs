@@ -104,7 +104,7 @@ impl Toy {
     }
 
     fn solve(&self, settings: &Settings) -> Solution {
-        solve(&self.layout(), &|s: usize, p: &[f64], _: bool| self.evaluate(s, p), settings)
+        solve(&self.layout(), &|s: usize, p: &[f64], _: bool| self.evaluate(s, p), settings, &[])
     }
 }
 

@@ -527,7 +527,8 @@ fn coverage(trials: u64, n: usize, rho: f64, max_ar_order: usize) -> ([[f64; 2];
                 };
                 Some(vec![block(0), block(1)])
             };
-            let s = solve(&layout, &evaluate, &Settings { max_ar_order, ..Settings::default() });
+            let s =
+                solve(&layout, &evaluate, &Settings { max_ar_order, ..Settings::default() }, &[]);
             assert_eq!(s.fit.stop, Stop::Converged);
             let sd = sds(s.covariance.as_ref().unwrap());
             for (i, truth) in [1.0, 0.3].iter().enumerate() {

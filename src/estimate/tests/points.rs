@@ -40,6 +40,7 @@ fn one_straight_line_is_ordinary_least_squares() {
             Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
         },
         &Settings::default(),
+        &[],
     );
     assert_eq!(s.fit.stop, Stop::Converged);
     let n = t.len() as f64;
@@ -69,6 +70,7 @@ fn outputs_of_different_length_and_noise_get_their_own_variance() {
         &layout,
         &|_: usize, p: &[f64], _: bool| Some(lines(&z, &t, p)),
         &Settings::default(),
+        &[],
     );
     assert_eq!(s.fit.stop, Stop::Converged);
     close(r(&s)[0].sqrt(), 0.1, 0.05);
@@ -163,7 +165,7 @@ fn parameters_that_are_the_same_thing_are_named() {
         let e = t.iter().map(|t| 0.1 * (t * 7.0).sin() + t - (p[0] + p[1]) * t - p[2]).collect();
         Some(vec![Block { output: 0, e, g: t.iter().flat_map(|t| [*t, *t, 1.0]).collect() }])
     };
-    let s = solve(&layout, &evaluate, &Settings::default());
+    let s = solve(&layout, &evaluate, &Settings::default(), &[]);
     assert_eq!(s.fit.stop, Stop::Singular);
     assert!(s.singular && s.covariance.is_none() && s.crlb.is_none() && s.condition.is_infinite());
     let names: Vec<usize> = s.weak[0].terms.iter().map(|t| t.0).collect();
@@ -179,7 +181,7 @@ fn a_shared_parameter_that_every_segment_can_undo_is_named_with_them() {
         let e = t.iter().map(|t| (t * (7.0 + s as f64)).sin() - p[0] - p[1] * t - p[2]).collect();
         Some(vec![Block { output: 0, e, g: t.iter().flat_map(|t| [1.0, *t, 1.0]).collect() }])
     };
-    let s = solve(&layout, &evaluate, &Settings::default());
+    let s = solve(&layout, &evaluate, &Settings::default(), &[]);
     assert_eq!(s.fit.stop, Stop::Singular);
     let names: Vec<usize> = s.weak[0].terms.iter().map(|t| t.0).collect();
     assert_eq!((s.weak.len(), names), (1, vec![0, 2, 3]));
@@ -193,7 +195,7 @@ fn a_parameter_without_effect_is_named() {
             let e = (0..20).map(|k| f64::from(k % 3) - p[0]).collect();
             Some(vec![Block { output: 0, e, g: [1.0, 0.0].repeat(20) }])
         };
-        let s = solve(&layout, &evaluate, &Settings::default());
+        let s = solve(&layout, &evaluate, &Settings::default(), &[]);
         assert_eq!((s.fit.stop, s.weak.len()), (Stop::Singular, 1));
         assert_eq!(s.weak[0].terms, [(dead, 1.0)]);
     }
@@ -214,6 +216,7 @@ fn logarithm(start: f64, truth: f64, step_control: StepControl) -> Solution {
         &Layout::plain(1, &[0], 1, vec![start]),
         &evaluate,
         &Settings { step_control, ..Settings::default() },
+        &[],
     )
 }
 
@@ -264,7 +267,7 @@ fn a_wrong_gradient_ends_as_no_improvement() {
         let e = (0..20).map(|k| f64::from(k % 3) - p[0]).collect();
         Some(vec![Block { output: 0, e, g: vec![-1.0; 20] }])
     };
-    let s = solve(&Layout::plain(1, &[0], 1, vec![5.0]), &evaluate, &Settings::default());
+    let s = solve(&Layout::plain(1, &[0], 1, vec![5.0]), &evaluate, &Settings::default(), &[]);
     assert_eq!(s.fit.stop, Stop::NoImprovement);
 }
 
@@ -280,7 +283,7 @@ fn the_bottom_of_a_kink_is_converged() {
         };
         for control in [StepControl::Halving, StepControl::LevenbergMarquardt] {
             let settings = Settings { step_control: control, ..Settings::default() };
-            let s = solve(&Layout::plain(1, &[0], 1, vec![start]), &evaluate, &settings);
+            let s = solve(&Layout::plain(1, &[0], 1, vec![start]), &evaluate, &settings, &[]);
             assert_eq!(s.fit.stop, Stop::Converged, "{start} {:?}", s.fit.iterations);
             assert!(s.fit.theta[0].abs() < 1e-6, "{:?}", s.fit.theta);
         }
@@ -309,6 +312,7 @@ fn bounded(start: [f64; 2], upper: f64, step_control: StepControl) -> Solution {
             Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
         },
         &Settings { step_control, ..Settings::default() },
+        &[],
     )
 }
 
@@ -345,6 +349,7 @@ fn a_prior_weighs_in_with_its_information() {
         &layout,
         &evaluate,
         &Settings { tolerance: 1e-12, step_tolerance: 1e-9, ..Settings::default() },
+        &[],
     );
     let (mean, data, prior) =
         (z.iter().sum::<f64>() / 2000.0, 2000.0 / r(&s)[0], 1.0 / (0.02 * 0.02));
@@ -366,6 +371,7 @@ fn the_absorbed_degrees_of_freedom_return() {
             Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
         },
         &Settings { max_ar_order: 0, ..Settings::default() },
+        &[],
     );
     for (sd, crlb) in sds(s.covariance.as_ref().unwrap()).iter().zip(sds(s.crlb.as_ref().unwrap()))
     {
