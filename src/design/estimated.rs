@@ -55,7 +55,12 @@ pub fn estimated(
             Err(e) => return Ok(nothing(e.what)),
         }
     }
-    let estimation = estimate_segments(&prepared.model, &segments, &prepared.settings.method)?;
+    // A design that does not show a parameter does not determine it.
+    let method = crate::estimate::Settings {
+        without_effect: crate::estimate::WithoutEffect::Refuse,
+        ..prepared.settings.method.clone()
+    };
+    let estimation = estimate_segments(&prepared.model, &segments, &method)?;
     Ok(run(&estimation))
 }
 

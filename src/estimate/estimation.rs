@@ -59,6 +59,8 @@ pub struct Row {
     /// The estimate sits on a bound of the model file; the other parameters' `sd` hold for it fixed
     /// there.
     pub at_bound: bool,
+    /// No output notices it: it is held at its start, and the other parameters' `sd` hold for that.
+    pub idle: bool,
 }
 
 /// Correlation of two estimates, `rows[a]` and `rows[b]`, `a < b`. Pairs from two different

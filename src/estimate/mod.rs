@@ -14,7 +14,8 @@
 //! | `colour` | standard deviations under coloured residuals |
 //! | `noise_covariance` | products of a segment's sensitivities with the covariance of coloured noise, and its rows made white |
 //! | `neighbours` | the minimum from which no segment gets to a lower one by the values of the others |
-//! | `solution` | the five together: estimates and covariances by parameter index |
+//! | `sizes` | parameters that only show from a certain size on |
+//! | `solution` | the six together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
 //! | `selection` | candidates that the data do not support are held, one after the other |
@@ -55,6 +56,7 @@ mod result;
 mod segment;
 mod selection;
 mod settings;
+mod sizes;
 mod solution;
 mod start;
 #[cfg(test)]
@@ -75,5 +77,5 @@ pub use prepared::Prepared;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
-pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom};
+pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, WithoutEffect};
 pub use trace::Trace;

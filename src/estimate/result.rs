@@ -79,7 +79,8 @@ fn rows(case: &Case, used: &[usize], solution: &Solution, further: &Further) -> 
             lower: profile.and_then(|p| p.lower),
             upper: profile.and_then(|p| p.upper),
             start: case.layout.start[i],
-            at_bound: solution.fit.held[i],
+            at_bound: solution.fit.held[i] && !solution.fit.idle[i],
+            idle: solution.fit.idle[i],
         }
     };
     (0..case.unknowns.len()).map(row).collect()

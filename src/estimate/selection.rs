@@ -55,7 +55,19 @@ pub fn select(
 /// said.
 fn weakest(estimation: &Estimation, settings: &Settings, trial: &Settings) -> Option<Decision> {
     let left = || settings.candidates.iter().filter(|name| !trial.fixed.contains(name));
+    let idle = left().rev().find_map(|name| {
+        estimation.rows.iter().find(|row| row.idle && row.name == *name).map(|row| Decision {
+            parameter: row.name.clone(),
+            unit: row.unit.clone(),
+            value: f64::NAN,
+            sd: f64::NAN,
+            start: row.start,
+            support: Support::NotObservable,
+            like: Vec::new(),
+        })
+    });
     match estimation.stop {
+        Stop::Converged if idle.is_some() => idle,
         Stop::Converged => {
             let judged = left().filter_map(|name| judge(estimation, name));
             let (decision, chance) = judged.max_by(|a, b| a.1.total_cmp(&b.1))?;

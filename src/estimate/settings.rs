@@ -1,7 +1,7 @@
 //! How an estimation is run: the settings, every one with a default.
 
 use crate::dynamics::Tier;
-use crate::least_squares::{Method, StepControl};
+use crate::least_squares::{Method, StepControl, Undetermined};
 use crate::noise::{OrderCriterion, Rule};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -84,6 +84,9 @@ pub struct Settings {
     /// How the model's rates are evaluated: "auto" (machine code where the work is worth making
     /// it), "interpreter", "native". The results are the same to the bit.
     pub tier: Tier,
+    /// What becomes of a common parameter that no output notices at the end, from its start or from
+    /// other sizes (half, twice, a quarter, four times): a rate limit where all tests are slow.
+    pub without_effect: WithoutEffect,
     /// Refusals of one step (each halves it, or raises its damping) after which the estimation ends
     /// as "no improvement".
     pub max_halvings: usize,
@@ -177,6 +180,17 @@ pub enum StartFrom {
     EquationError,
 }
 
+/// What becomes of a common parameter without effect.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum WithoutEffect {
+    /// It is held at its start, which is said, and the others are estimated.
+    #[default]
+    Hold,
+    /// The estimation ends as "singular".
+    Refuse,
+}
+
 /// Whether outputs share noise.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -204,6 +218,10 @@ impl Settings {
             gradient_tolerance: self.gradient_tolerance,
             max_iterations: self.max_iterations,
             max_halvings: self.max_halvings,
+            undetermined: match self.without_effect {
+                WithoutEffect::Hold => Undetermined::SetAside,
+                WithoutEffect::Refuse => Undetermined::Refused,
+            },
             ..Method::default()
         }
     }
@@ -237,6 +255,7 @@ impl Default for Settings {
             max_iterations: method.max_iterations,
             tier: Tier::Auto,
             max_halvings: method.max_halvings,
+            without_effect: WithoutEffect::default(),
             priors: true,
             max_ar_order: Rule::default().highest,
             ar_order: Rule::default().criterion,

@@ -62,7 +62,9 @@ pub fn solve<F: Evaluate>(
     for (i, _) in fit.held.iter().enumerate().filter(|(_, held)| **held) {
         matrix.pin(&mut nothing, i, 0.0);
     }
-    let (condition, singular, weak) = judge(&matrix);
+    let (condition, mut singular, weak) = judge(&matrix);
+    // Nothing that could be held for the sake of others.
+    singular |= !fit.idle.is_empty() && fit.idle.iter().all(|idle| *idle);
     if singular && fit.stop == Stop::Converged {
         fit.stop = Stop::Singular;
     }

@@ -26,8 +26,10 @@ pub struct Fit {
     /// The normal matrix at `theta` with priors; none where the model was not finite or there was
     /// no data.
     pub matrix: Option<Arrow>,
-    /// Parameters that sit on a bound and would leave it if they could.
+    /// Parameters that sit on a bound and would leave it if they could, and those without effect.
     pub held: Vec<bool>,
+    /// Common parameters that nothing shows at `theta` (`Undetermined::SetAside`).
+    pub idle: Vec<bool>,
 }
 
 /// A step of this length, in standard deviations, is nothing: if no part of it improves the
@@ -427,6 +429,10 @@ fn bounded_step(
         |i: usize| (layout.lower[i] == layout.upper[i]).then(|| layout.lower[i] - theta[i]);
     let mut pins: Vec<Option<f64>> = (0..theta.len()).map(prescribed).collect();
     held.into_iter().for_each(|i| pins[i] = Some(0.0));
+    if undetermined == Undetermined::SetAside {
+        let idle = idle(layout, matrix);
+        pins.iter_mut().zip(idle).filter(|(_, idle)| *idle).for_each(|(pin, _)| *pin = Some(0.0));
+    }
     loop {
         let mut rhs = gradient.to_vec();
         let step = match pinned(matrix, &mut rhs, &pins) {
@@ -449,6 +455,18 @@ fn bounded_step(
             return step.iter().all(|d| d.is_finite()).then_some(step);
         }
     }
+}
+
+/// Parameters common to all segments without information: neither residuals nor a prior notice
+/// them. (What only some segments have in common costs those segments.)
+fn idle(layout: &Layout, matrix: &Arrow) -> Vec<bool> {
+    let is_idle = |i: usize| {
+        i < layout.shared
+            && matrix.cc[i * matrix.shared + i] == 0.0
+            && layout.lower[i] < layout.upper[i]
+            && layout.parts.iter().all(|part| part.shared.contains(&i))
+    };
+    (0..layout.start.len()).map(is_idle).collect()
 }
 
 fn pinned(matrix: &Arrow, rhs: &mut [f64], pins: &[Option<f64>]) -> Result<Factor, usize> {
@@ -487,6 +505,7 @@ fn failed(layout: &Layout, stop: Stop) -> Fit {
         promise: f64::NAN,
         matrix: None,
         held: vec![false; layout.start.len()],
+        idle: vec![false; layout.start.len()],
     }
 }
 
@@ -497,7 +516,11 @@ fn ended(
     iterations: Vec<Iteration>,
     stop: Stop,
 ) -> Fit {
-    let held = point.held(layout);
+    let idle = match method.undetermined {
+        Undetermined::SetAside => idle(layout, &point.matrix),
+        _ => vec![false; point.theta.len()],
+    };
+    let held = point.held(layout).iter().zip(&idle).map(|(held, idle)| *held || *idle).collect();
     let promise = point.step(layout, method, None).map_or(f64::NAN, |step| point.promise(&step));
     let Point { theta, noise, ln_det, matrix, .. } = point;
     Fit {
@@ -509,6 +532,7 @@ fn ended(
         promise,
         matrix: (stop != Stop::NoData).then_some(matrix),
         held,
+        idle,
     }
 }
 

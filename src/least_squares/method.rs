@@ -57,6 +57,9 @@ impl Default for Method {
 pub enum Undetermined {
     /// The iteration ends: `Stop::Singular`.
     Refused,
+    /// A common one that nothing shows here (a limit that is not reached) stays where it is until
+    /// something does; any other ends the iteration.
+    SetAside,
     /// It stays where it is while the others move.
     Held,
 }

@@ -96,8 +96,14 @@ fn solve(
     let initial: Vec<String> =
         model.states.iter().filter(|s| !s.hidden).map(|s| s.quantity.name.clone()).collect();
     // a tenth of a standard deviation is far below what a flight path needs
-    let method =
-        estimate::Settings { free: Some(free), initial, step_tolerance: 0.1, ..Default::default() };
+    let method = estimate::Settings {
+        free: Some(free),
+        initial,
+        step_tolerance: 0.1,
+        // A window that says nothing of a sensor has no path.
+        without_effect: estimate::WithoutEffect::Refuse,
+        ..Default::default()
+    };
     let estimation = estimate::estimate(model, std::slice::from_ref(&record), &method)
         .map_err(|e| e.to_string())?;
     if estimation.stop != Stop::Converged {

@@ -197,6 +197,10 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
     }
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(colour_notes(config, batch, estimation));
+    for row in estimation.rows.iter().filter(|row| row.idle) {
+        let text = format!("{}: {}", batch.group, uncertainty::without_effect(row));
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
+    }
     for combination in &estimation.verdict.combinations {
         notes.push(config.note(
             "",

@@ -69,7 +69,11 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
     } else if e.verdict.condition.is_nan() {
         ("unknown", "there is nothing to judge by".to_string())
     } else {
-        ("separable", format!("these data determine all parameters; condition {condition:.1e}"))
+        let idle: Vec<&str> =
+            e.rows.iter().filter(|row| row.idle).map(|row| row.name.as_str()).collect();
+        let but = if idle.is_empty() { String::new() } else { format!(" but {}", list(&idle)) };
+        let text = format!("these data determine all parameters{but}; condition {condition:.1e}");
+        ("separable", text)
     };
     let whole = Finding {
         batch,
@@ -125,6 +129,20 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
             text,
         });
     }
+    for row in e.rows.iter().filter(|r| r.idle) {
+        let number = all.last().map_or(0, |f| f.number) + 1;
+        all.push(Finding {
+            batch,
+            number,
+            verdict: "no effect",
+            information: 0.0,
+            condition: f64::NAN,
+            term: Some((row, 1.0)),
+            segment: None,
+            decision: None,
+            text: without_effect(row),
+        });
+    }
     for decision in &e.decisions {
         let number = all.last().map_or(0, |f| f.number) + 1;
         let (information, condition) = (f64::NAN, f64::NAN);
@@ -167,6 +185,15 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
         });
     }
     all
+}
+
+/// A parameter that no output notices.
+pub fn without_effect(row: &Row) -> String {
+    format!(
+        "{} has no effect on the measured outputs (a limit that is not reached, a delay of nothing): \
+         held at {}; the other estimates hold for that",
+        row.name, row.start
+    )
 }
 
 /// What was decided of a candidate.

@@ -1,0 +1,79 @@
+//! A problem in; its minimum, with common parameters that have no effect tried from other sizes, out.
+//!
+//! A limit of rate or deflection, a threshold, the delay of a term that is zero: from some sizes on
+//! such a parameter shows in the outputs, before there is no gradient that would lead there. The
+//! iteration sets it aside while nothing shows it, and takes it up again as soon as something does.
+//! What has no effect at the end is tried from other sizes of its start; where the data then are
+//! met clearly better (by `GAIN`), that is the minimum. What remains is held at its start.
+
+use super::neighbours::{after, last};
+use crate::least_squares::{Evaluate, Fit, Layout, Method, minimise};
+
+/// A likelihood ratio of 20: a limit that only cuts off the noise of the largest samples gains less.
+const GAIN: f64 = 3.0;
+/// A limit shows when it is smaller, a threshold when it is larger.
+const SIZES: [f64; 4] = [0.5, 2.0, 0.25, 4.0];
+
+/// Minimises from `layout.start` and, for parameters that end without effect, from other sizes.
+pub fn from_sizes<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> Fit {
+    let mut fit = minimise(layout, evaluate, method);
+    for size in SIZES {
+        if !fit.idle.contains(&true) {
+            break;
+        }
+        let resized = |i: usize| {
+            let start = if fit.idle[i] { size * layout.start[i] } else { fit.theta[i] };
+            start.clamp(layout.lower[i], layout.upper[i])
+        };
+        let start: Vec<f64> = (0..fit.theta.len()).map(resized).collect();
+        if start == fit.theta {
+            continue;
+        }
+        let again = minimise(&Layout { start, ..layout.clone() }, evaluate, method);
+        if last(&again) < last(&fit) - GAIN {
+            fit = after(fit, again);
+        }
+    }
+    fit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::least_squares::{Block, Stop, Undetermined};
+
+    /// `y = min(k u, limit)`, with `u` up to 1.
+    fn limited(start: [f64; 2], truth: [f64; 2]) -> Fit {
+        let layout = Layout::plain(2, &[0], 1, start.to_vec());
+        let evaluate = move |_: usize, p: &[f64], _: bool| {
+            let u = (0..80).map(|k| libm::sin(0.2 * f64::from(k)));
+            let z = |u: f64| (truth[0] * u).min(truth[1]) + 0.01 * libm::sin(37.0 * u);
+            let e = u.clone().map(|u| z(u) - (p[0] * u).min(p[1])).collect();
+            let g = u.flat_map(|u| if p[0] * u < p[1] { [u, 0.0] } else { [0.0, 1.0] });
+            Some(vec![Block { output: 0, e, g: g.collect() }])
+        };
+        let method = Method { undetermined: Undetermined::SetAside, ..Method::default() };
+        from_sizes(&layout, &evaluate, &method)
+    }
+
+    #[test]
+    fn a_limit_that_no_start_reaches_is_held_and_the_rest_is_estimated() {
+        let fit = limited([0.7, 3.0], [1.2, 5.0]);
+        assert_eq!(
+            (fit.stop, &fit.idle[..], &fit.held[..]),
+            (Stop::Converged, &[false, true][..], &[false, true][..])
+        );
+        assert!((fit.theta[0] - 1.2).abs() < 0.01 && fit.theta[1] == 3.0, "{:?}", fit.theta);
+    }
+
+    #[test]
+    fn a_limit_that_another_size_reaches_is_found() {
+        let fit = limited([0.7, 3.0], [1.2, 0.9]);
+        assert_eq!((fit.stop, &fit.idle[..]), (Stop::Converged, &[false, false][..]));
+        assert!(
+            (fit.theta[0] - 1.2).abs() < 0.02 && (fit.theta[1] - 0.9).abs() < 0.02,
+            "{:?}",
+            fit.theta
+        );
+    }
+}
