@@ -7,7 +7,7 @@
 //! lowers its cost by more than `GAIN`, all are estimated again from there. Linear in segments.
 
 use super::sizes::from_sizes;
-use crate::least_squares::{Evaluate, Fit, Iteration, Layout, Method, Part, cost, minimise};
+use crate::least_squares::{Evaluate, Fit, Layout, Method, Part, cost, minimise};
 use crate::math::median;
 use rayon::prelude::*;
 
@@ -35,14 +35,14 @@ pub fn lowest<F: Evaluate>(
     for _ in 0..ROUNDS {
         let Some(start) = better(layout, evaluate, method, alike, &fit) else { break };
         let again = minimise(&Layout { start, ..layout.clone() }, evaluate, &coarse(method));
-        if !(last(&again) < last(&fit)) {
+        if !(again.cost() < fit.cost()) {
             break;
         }
-        fit = after(fit, again);
+        fit = fit.then(again);
     }
     let start = fit.theta.clone();
     let fine = minimise(&Layout { start, ..layout.clone() }, evaluate, method);
-    after(fit, fine)
+    fit.then(fine)
 }
 
 /// Far enough to see which minimum it is: to a standard deviation, or to the first kink that stops
@@ -57,20 +57,6 @@ fn coarse(method: &Method) -> Method {
         turns: false,
         ..*method
     }
-}
-
-/// A fit that went on from where another ended: with the iterations of both.
-pub fn after(first: Fit, second: Fit) -> Fit {
-    let before = first.iterations.len();
-    let later = |i: Iteration| Iteration { iteration: before + i.iteration, ..i };
-    let iterations =
-        first.iterations.into_iter().chain(second.iterations.into_iter().map(later)).collect();
-    Fit { iterations, ..second }
-}
-
-/// The cost at the end of a fit.
-pub fn last(fit: &Fit) -> f64 {
-    fit.iterations.last().map_or(f64::NAN, |i| i.cost)
 }
 
 /// The parameter vector with the segments that are better off from the medians moved there; none
@@ -139,7 +125,7 @@ fn alone<F: Evaluate>(
         |_: usize, local: &[f64], sensitivities: bool| evaluate.blocks(s, local, sensitivities);
     let before = cost(&one, &evaluate, &here)?;
     let found = minimise(&one, &evaluate, &coarse(method));
-    (last(&found) < before - GAIN).then(|| found.theta[shared..].to_vec())
+    (found.cost() < before - GAIN).then(|| found.theta[shared..].to_vec())
 }
 
 #[cfg(test)]

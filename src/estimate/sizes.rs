@@ -6,7 +6,6 @@
 //! What has no effect at the end is tried from other sizes of its start; where the data then are
 //! met clearly better (by `GAIN`), that is the minimum. What remains is held at its start.
 
-use super::neighbours::{after, last};
 use crate::least_squares::{Evaluate, Fit, Layout, Method, minimise};
 
 /// A likelihood ratio of 20: a limit that only cuts off the noise of the largest samples gains less.
@@ -30,8 +29,8 @@ pub fn from_sizes<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -
             continue;
         }
         let again = minimise(&Layout { start, ..layout.clone() }, evaluate, method);
-        if last(&again) < last(&fit) - GAIN {
-            fit = after(fit, again);
+        if again.cost() < fit.cost() - GAIN {
+            fit = fit.then(again);
         }
     }
     fit

@@ -32,6 +32,21 @@ pub struct Fit {
     pub idle: Vec<bool>,
 }
 
+impl Fit {
+    /// Negative log-likelihood at the end; NaN without one.
+    pub fn cost(&self) -> f64 {
+        self.iterations.last().map_or(f64::NAN, |i| i.cost)
+    }
+
+    /// A fit that went on from where this one ended, with the iterations of both.
+    pub fn then(self, next: Fit) -> Fit {
+        let before = self.iterations.len();
+        let later = |i: Iteration| Iteration { iteration: before + i.iteration, ..i };
+        let both = self.iterations.into_iter().chain(next.iterations.into_iter().map(later));
+        Fit { iterations: both.collect(), ..next }
+    }
+}
+
 /// A step of this length, in standard deviations, is nothing: if no part of it improves the
 /// likelihood, rounding is the reason.
 const NOTHING: f64 = 1e-3;
