@@ -53,7 +53,13 @@ const NOTHING: f64 = 1e-3;
 /// A step cut short that changes `det R` by less than this share of it is no progress.
 const CREEP: f64 = 1e-8;
 /// So many steps in a row that are cut short and bring next to nothing are a valley with kinks.
-const CRAWL: usize = 5;
+const CRAWL: usize = 4;
+/// And the whole step is no longer than this many standard deviations.
+const NEAR: f64 = 2.0;
+/// At a kink so many parameters are held in turn: the kink lies across what the step moves most.
+const TURNS: usize = 8;
+/// Halvings of a step along a kink: a shorter one brings next to nothing.
+const SHORTER: usize = 3;
 /// First damping of Levenberg and Marquardt, as a share of the diagonal; with more than `DAMPED` a
 /// small change proves nothing.
 const DAMPING: f64 = 1e-3;
@@ -231,7 +237,7 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
         let cut_short =
             taken.as_ref().is_none_or(|taken| taken.refused > 0 || taken.damping > DAMPED);
         if is_long && cut_short && is_idle(&point, taken.as_ref()) {
-            let other = turned(layout, evaluate, &point, method);
+            let other = turned(layout, evaluate, &point, whole.as_deref(), method);
             if !is_idle(&point, other.as_ref()) {
                 taken = [taken, other]
                     .into_iter()
@@ -245,7 +251,7 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
                 break;
             }
         }
-        if length.is_some_and(|length| length < 1.0) && crawls(&history, method) {
+        if length.is_some_and(|length| length < NEAR) && crawls(&history, method) {
             stop = Stop::Converged;
             break;
         }
@@ -307,41 +313,53 @@ fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
 }
 
 /// Whether the iteration creeps along kinks of the cost (of a model with friction or stops they lie
-/// wherever an event falls on a sample): the last steps were all cut short, the whole one is shorter
-/// than one standard deviation, and together they lowered the cost by less than one step of
+/// wherever an event falls on a sample): the last steps were all cut short, the whole one is short,
+/// and together they lowered the cost by less than one step of
 /// `step_tolerance` does that ends at the lowest point of a parabola. At a kink a gradient need not
 /// vanish, and shorter steps come no nearer.
 fn crawls(history: &[Iteration], method: &Method) -> bool {
     let Some(before) = history.len().checked_sub(CRAWL + 1) else { return false };
     let (first, last) = (&history[before], &history[before + 1..]);
     let gain = first.cost - last[CRAWL - 1].cost;
-    last.iter().all(|i| i.halvings > 0 && i.step < 1.0)
+    last.iter().all(|i| i.halvings > 0 && i.step < NEAR)
         && gain < 0.5 * method.step_tolerance * method.step_tolerance
 }
 
 /// A step past a kink of the cost, which stops one that is only shortened: damped, or else along
-/// it, with one parameter after the other held. The first that brings something, or the best.
+/// it, with one of the parameters held that the `whole` step moves most. The first that brings
+/// something, or the best.
 fn turned<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     point: &Point,
+    whole: Option<&[f64]>,
     method: &Method,
 ) -> Option<Taken> {
     let mut fresh = Damping { value: DAMPING, growth: 2.0 };
     let mut best = damp(layout, evaluate, point, &mut fresh, method);
-    for i in (0..point.theta.len()).filter(|_| method.turns) {
-        if !is_idle(point, best.as_ref()) {
+    for i in whole.map(|step| foremost(point, step)).into_iter().flatten() {
+        if !method.turns || !is_idle(point, best.as_ref()) {
             break;
         }
         let step = point.step(layout, method, Some(i));
-        let along =
-            step.and_then(|step| halve(layout, evaluate, point, &step, method.max_halvings));
+        let halvings = method.max_halvings.min(SHORTER);
+        let along = step.and_then(|step| halve(layout, evaluate, point, &step, halvings));
         best = [best, along]
             .into_iter()
             .flatten()
             .min_by(|a, b| a.point.cost.total_cmp(&b.point.cost));
     }
     best
+}
+
+/// The parameters that `step` moves most, each in its own standard deviations `|d_i| sqrt(M_ii)`.
+fn foremost(point: &Point, step: &[f64]) -> Vec<usize> {
+    let diagonal = point.matrix.diagonal();
+    let share = |i: usize| step[i].abs() * diagonal[i].max(0.0).sqrt();
+    let mut order: Vec<usize> = (0..step.len()).filter(|&i| share(i) > 0.0).collect();
+    order.sort_by(|&a, &b| share(b).total_cmp(&share(a)).then(a.cmp(&b)));
+    order.truncate(TURNS);
+    order
 }
 
 /// Whether nothing is to be gained against a step either that brings nothing: the point is the
@@ -571,9 +589,9 @@ mod tests {
             };
             (0..=CRAWL).map(of).collect()
         };
-        // One step of 0.1 sd lowers a parabola by 0.005: five that bring 0.0045 together.
-        assert!(crawls(&history(9e-4, 0.4, 4), &method));
-        assert!(!crawls(&history(1.1e-3, 0.4, 4), &method));
+        // One step of 0.1 sd lowers a parabola by 0.005: four that bring 0.0044 together.
+        assert!(crawls(&history(1.1e-3, 0.4, 4), &method));
+        assert!(!crawls(&history(1.4e-3, 0.4, 4), &method));
         // Whole steps, long ones, or too few of them.
         assert!(!crawls(&history(9e-4, 0.4, 0), &method));
         assert!(!crawls(&history(9e-4, 3.0, 4), &method));

@@ -21,6 +21,9 @@ const GUST: f64 = 0.05;
 const LEAST_PART: f64 = 20.0;
 /// Noise levels are good when none changes by more than this share.
 const SETTLED: f64 = 0.03;
+/// While they still change by more than this share, every `THIN`-th part tells them well enough.
+const NEAR: f64 = 0.1;
+const THIN: usize = 4;
 /// Outliers are rejected after so many iterations of the noise levels and once none changes by more
 /// than this share; in the last ones always.
 const OPEN: usize = 3;
@@ -65,26 +68,29 @@ pub fn levels(
         parts.par_iter().map(|&part| smoother.begin(&levels, part, known.as_deref())).collect();
     let all = smoother.with_gate(f64::INFINITY);
     let mut change = if found.levels.is_some() { 0.0 } else { f64::INFINITY };
+    let mut near = found.levels.is_some() || parts.len() < 2 * THIN;
     for iteration in 0..settings.noise_iterations {
         // levels that begin far too small would have everything rejected that says so
         let open = (iteration < open_first || change > ROUGH)
             && iteration + OPEN < settings.noise_iterations;
         let with = if open { &all } else { smoother };
-        let runs: Vec<Smoothed> = parts
+        let every = if near { 1 } else { THIN };
+        let used: Vec<usize> = (0..parts.len()).step_by(every).collect();
+        let runs: Vec<Smoothed> = used
             .par_iter()
-            .zip(&starts)
-            .map(|(&part, x)| with.run(&levels, part, x, &mut (), &mut Nothing))
+            .map(|&k| with.run(&levels, parts[k], &starts[k], &mut (), &mut Nothing))
             .collect();
         let mut sums: Option<Sums> = None;
-        for (run, start) in runs.into_iter().zip(&mut starts).filter(|(run, _)| run.finite) {
+        for (run, &k) in runs.into_iter().zip(&used).filter(|(run, _)| run.finite) {
             sums.get_or_insert_with(|| run.sums.zero()).add(&run.sums);
-            *start = run.x;
+            starts[k] = run.x;
         }
         let Some(sums) = sums else { break };
         change = levels.improve(first, &sums, gusts);
-        if change < SETTLED && !open {
+        if near && change < SETTLED && !open {
             break;
         }
+        near |= change < NEAR || iteration + OPEN >= settings.noise_iterations;
     }
     if let Some(start_sd) = start_sd {
         levels.start_sd = start_sd;
