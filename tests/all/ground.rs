@@ -126,6 +126,21 @@ post_s = 2.0
 [report]
 "#;
 
+/// A folder with everything that a run needs.
+fn tested(campaign: &str, pipeline: &str) -> Campaign {
+    let c = Campaign { folder: tempfile::tempdir().expect("a temporary folder") };
+    for (file, text) in [
+        ("truth.model.toml", TRUTH),
+        ("surface.model.toml", MODEL),
+        ("campaign.toml", campaign),
+        ("channels.toml", CHANNELS),
+        ("pipeline.toml", pipeline),
+    ] {
+        c.write(file, text);
+    }
+    c
+}
+
 /// Kind, times and amplitude of the segments of a flight.
 fn segments(table: &Table) -> Vec<(String, f64, f64, f64)> {
     let column = |name: &str| table.f64(name).expect("a column").to_vec();
@@ -136,16 +151,7 @@ fn segments(table: &Table) -> Vec<(String, f64, f64, f64)> {
 
 #[test]
 fn recovery_of_friction_and_stops_from_a_sweep_on_the_ground() {
-    let c = Campaign { folder: tempfile::tempdir().expect("a temporary folder") };
-    for (file, text) in [
-        ("truth.model.toml", TRUTH),
-        ("surface.model.toml", MODEL),
-        ("campaign.toml", CAMPAIGN),
-        ("channels.toml", CHANNELS),
-        ("pipeline.toml", PIPELINE),
-    ] {
-        c.write(file, text);
-    }
+    let c = tested(CAMPAIGN, PIPELINE);
     c.run().ended(0);
 
     let text = std::fs::read_to_string(c.path("truth/ground.json")).expect("the truth file");
@@ -184,19 +190,10 @@ fn recovery_of_friction_and_stops_from_a_sweep_on_the_ground() {
 
 #[test]
 fn fault_a_stop_that_was_never_reached_is_named_as_without_effect() {
-    let c = Campaign { folder: tempfile::tempdir().expect("a temporary folder") };
     // 40 N m against 200 N m/rad: 0.2 rad of 0.3.
     let short = CAMPAIGN.replace("amplitude = 75.0", "amplitude = 40.0");
     assert_ne!(short, CAMPAIGN);
-    for (file, text) in [
-        ("truth.model.toml", TRUTH),
-        ("surface.model.toml", MODEL),
-        ("campaign.toml", &short),
-        ("channels.toml", CHANNELS),
-        ("pipeline.toml", PIPELINE),
-    ] {
-        c.write(file, text);
-    }
+    let c = tested(&short, PIPELINE);
     let ran = c.run().ended(0);
     println!("{}{}", ran.out, ran.err);
     assert!(ran.out.contains("stop has no effect on the measured outputs"), "{}", ran.out);
@@ -213,4 +210,29 @@ fn fault_a_stop_that_was_never_reached_is_named_as_without_effect() {
         names.contains(&"stop") && (0..names.len()).all(|i| known(i) == (names[i] != "stop")),
         "all but a stop that nobody met: {names:?} {sd:?}"
     );
+}
+
+/// Out and not back: friction and a steady moment push the same way all along.
+#[test]
+fn fault_a_motion_one_way_only_does_not_determine_friction() {
+    let sweep = "kind = \"sweep\"\namplitude = 75.0\nperiod_s = 30.0\ncycles = 2\npolarity = -1\n";
+    let out = "kind = \"profile\"\ntimes_s = [0, 30, 40, 70]\nvalues = [0.0, -60.0, -60.0, 0.0]\n";
+    let only = r#"
+[[segment.edits.include]]
+flight = "ground"
+input = "moment"
+kind = "multistep"
+t_start_s = 10.0
+t_end_s = 45.0
+reason = "out, and not back"
+
+[[estimate]]"#;
+    let campaign = CAMPAIGN.replace(sweep, out);
+    let pipeline = PIPELINE
+        .replace("kinds = [\"sweep\"]", "kinds = [\"multistep\"]")
+        .replace("\n[[estimate]]", only);
+    assert!(campaign != CAMPAIGN && pipeline.contains("multistep\"]") && pipeline.contains(only));
+    let ran = tested(&campaign, &pipeline).run().ended(1);
+    assert!(ran.out.contains("F_c, M_0 are not distinguishable"), "{}", ran.out);
+    assert!(ran.out.contains("no estimate of surface converged: singular"), "{}", ran.out);
 }
