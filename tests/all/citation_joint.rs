@@ -1,5 +1,6 @@
 //! The joint fit of the Citation's hinge-moment lines against the lines through the estimates per
-//! maneuver, and both against the truth, on one short flight.
+//! maneuver, and both against the truth, on one short flight; and what a wrong prior of friction
+//! does to them.
 
 use crate::flightdata::{copy, koehler};
 use koehler::table::{Table, read_dataset};
@@ -34,6 +35,32 @@ fn joint(estimates: &Table, parameter: &str) -> (f64, f64) {
     assert_eq!(text("stop")[row], "converged");
     let number = |name: &str| estimates.f64(name).expect("a column")[row];
     (number("value"), number("sd"))
+}
+
+/// Root mean square of the errors of a coefficient's points, in sd of the points of `honest`.
+fn error(points: &Table, honest: &Table, (name, slope, intercept): (&str, f64, f64)) -> f64 {
+    let rows = |table: &Table| -> Vec<usize> {
+        let text = |column: &str| table.strings(column).expect("a column");
+        let is_mine = |i: &usize| text("parameter")[*i] == name && text("against")[*i] == "alpha";
+        (0..table.rows()).filter(is_mine).collect()
+    };
+    let number = |table: &Table, column: &str, i: usize| table.f64(column).expect("a column")[i];
+    let (mine, theirs) = (rows(points), rows(honest));
+    assert!(mine.len() == 5 && theirs.len() == 5, "five maneuvers, {name}");
+    let square = |(&i, &k): (&usize, &usize)| {
+        let truth = slope * number(points, "x", i) + intercept;
+        ((number(points, "value", i) - truth) / number(honest, "sd", k)).powi(2)
+    };
+    (mine.iter().zip(&theirs).map(square).sum::<f64>() / 5.0).sqrt()
+}
+
+/// Friction of the estimates per maneuver, N.
+fn friction(out: &std::path::Path) -> Vec<f64> {
+    let estimates = read_dataset(out, "estimates").expect("estimates");
+    let text = |column: &str| estimates.strings(column).expect("a column");
+    let is_mine = |i: &usize| text("model")[*i] == "elevator" && text("parameter")[*i] == "F_c";
+    let value = estimates.f64("value").expect("a column");
+    (0..estimates.rows()).filter(is_mine).map(|i| value[i]).collect()
 }
 
 /// Figures are drawn of maneuvers that this flight does not have.
@@ -86,5 +113,34 @@ fn recovery_of_the_elevators_lines_in_one_fit_of_all_maneuvers() {
                 "{parameter}: {value}, in two steps {two_step} +- {its_sd}"
             );
         }
+    }
+
+    // What one maneuver tells to worse than 5 % (the default of `poor`) is called poor.
+    let relative = fits.f64("relative_sd").expect("a column");
+    let poor = fits.bools("poor").expect("a column");
+    let is_poor = |name: &str| {
+        let row = fits.strings("parameter").expect("a column").iter().position(|p| *p == name);
+        poor[row.expect("a line")]
+    };
+    assert!((0..fits.rows()).all(|i| poor[i] == (relative[i] > 0.05)));
+    assert!(is_poor("C_h_alphadot") && !is_poor("C_h_delta"));
+
+    // The friction of the ground test with its sd for a prior: vibration in flight lowers friction,
+    // and such a prior is not overruled.
+    let honest = read_dataset(&out, "points").expect("points");
+    assert!(friction(&out).iter().all(|f| (f - 10.0).abs() < 3.0), "{:?}", friction(&out));
+    let model = folder.path().join("elevator.model.toml");
+    let text = std::fs::read_to_string(&model).expect("readable");
+    let ground =
+        text.replace("start = 15.0, min = 0.0, sd = 7.5", "start = 30.0, min = 0.0, sd = 0.34");
+    assert_ne!(text, ground);
+    std::fs::write(&model, ground).expect("written");
+    koehler(folder.path(), folder.path(), &["run", "pipeline.toml"]);
+    assert!(friction(&out).iter().all(|f| *f > 20.0), "{:?}", friction(&out));
+    let biased = read_dataset(&out, "points").expect("points");
+    for line in LINES.iter().filter(|line| line.0 != "C_h_0") {
+        let (before, after) = (error(&honest, &honest, *line), error(&biased, &honest, *line));
+        println!("{}: off by {before:.1} sd, with the ground's prior by {after:.1} sd", line.0);
+        assert!(before < 2.5 && after > 5.0, "{}: {before} and {after} sd", line.0);
     }
 }
