@@ -7,6 +7,7 @@ mod chosen;
 mod citation_ground;
 mod closure;
 mod coverage;
+mod delays;
 mod design;
 mod diagnosis;
 mod dlc;
