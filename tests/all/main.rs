@@ -2,6 +2,7 @@
 //! question.
 
 mod attas;
+mod attas_readme;
 mod campaign;
 mod chosen;
 mod citation_ground;
