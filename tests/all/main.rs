@@ -33,6 +33,7 @@ mod real;
 mod recovery;
 mod reruns;
 mod simulator;
+mod simulator_derivatives;
 mod stages;
 mod structure;
 mod taken;
