@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use super::arithmetic::apply;
 use super::graph::{Graph, Leaf, Node, Op, View};
 
 impl Graph {
@@ -23,6 +24,22 @@ impl Graph {
             }
         }
         out.into_iter().collect()
+    }
+
+    /// Value of `node` where each of its leaves has one; none where one has not, or a table is read.
+    pub fn value(&self, node: Node, leaf: &dyn Fn(Leaf) -> Option<f64>) -> Option<f64> {
+        match self.view(node) {
+            View::Const(value) => Some(value),
+            View::Leaf(one) => leaf(one),
+            View::Op(
+                Op::Table | Op::TableSlope | Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY,
+                ..,
+            ) => None,
+            View::Op(op, a, b, c) => {
+                let [a, b, c] = [a, b, c].map(|n| self.value(n, leaf));
+                Some(apply(op, a?, b?, c?))
+            }
+        }
     }
 
     /// `node` with leaves replaced.

@@ -2,7 +2,7 @@
 //! levels out.
 
 use super::cells::turning_points;
-use super::{Kind, Maneuver, Settings, Step};
+use super::{Kind, Maneuver, NO_RISES, Settings, Step};
 use crate::error::{Error, Place};
 use crate::math::{median, quantile};
 
@@ -63,7 +63,7 @@ pub(super) fn by_hand(
         if level.is_nan() {
             return Err(missing("inside it"));
         }
-        steps.push(Step { start: from, end: to, level });
+        steps.push(Step { start: from, end: to, level, rises: NO_RISES });
         from = to;
     }
     let amplitude = steps.iter().map(|s| s.level.abs()).sum::<f64>() / steps.len() as f64;
@@ -104,6 +104,7 @@ fn sweep(source: &Source, (start, end): (f64, f64), trim: f64, reason: &str) -> 
         start: start + k as f64 * length,
         end: start + (k + 1) as f64 * length,
         level: if k.is_multiple_of(2) { polarity * amplitude } else { -polarity * amplitude },
+        rises: NO_RISES,
     };
     Some(Maneuver {
         kind: Kind::Sweep,

@@ -10,7 +10,13 @@ pub struct Step {
     pub end: f64,
     /// Deviation from the local trim, in the channel's SI unit.
     pub level: f64,
+    /// Time from 20 to 80% of the edge at its start and of that at its end, s; NaN where edges are not
+    /// measured (sweeps, and what is given by hand).
+    pub rises: (f64, f64),
 }
+
+/// Edges that are not measured.
+pub const NO_RISES: (f64, f64) = (f64::NAN, f64::NAN);
 
 /// A maneuver found on an input channel, or included by hand.
 #[derive(Debug, Clone, PartialEq)]

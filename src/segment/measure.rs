@@ -48,8 +48,14 @@ pub(super) fn maneuver(
     let found = classify(&durations, settings.timing_tolerance);
     let amplitude = shape.levels.iter().map(|l| l.abs()).sum::<f64>() / shape.levels.len() as f64;
     let edge = |k: usize| work.time(shape.edges[k]);
+    let rise = |k: usize| shape.rises[k] * work.h;
     let steps = (0..durations.len())
-        .map(|k| Step { start: edge(k), end: edge(k + 1), level: shape.levels[k] })
+        .map(|k| Step {
+            start: edge(k),
+            end: edge(k + 1),
+            level: shape.levels[k],
+            rises: (rise(k), rise(k + 1)),
+        })
         .collect();
     Some(Maneuver {
         kind: found.kind,

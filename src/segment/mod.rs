@@ -21,7 +21,7 @@ mod sweep;
 pub use by_hand::Source;
 pub use edits::{Edits, apply};
 pub use kind::Kind;
-pub use maneuver::{Maneuver, Step};
+pub use maneuver::{Maneuver, NO_RISES, Step};
 pub use settings::{Seek, Settings};
 
 /// The maneuvers in the samples `u` (SI) at ascending times `t` (s; equal lengths), in order of

@@ -12,7 +12,7 @@
 use super::cells::{Cells, Line, turning_points};
 use super::kind::Kind;
 use super::scan::Work;
-use super::{Maneuver, Settings, Step};
+use super::{Maneuver, NO_RISES, Settings, Step};
 use crate::math::interpolate::{between, held};
 use crate::math::median;
 
@@ -193,7 +193,12 @@ fn measure(cells: &Cells, turns: &Turns, corners: &Corners) -> Option<Maneuver> 
     }
     let rates: Vec<f64> = corners.lines.iter().map(|l| l.rate.abs()).collect();
     let (before, after) = (corners.before, corners.after);
-    let step = |(w, level): (&[f64], &f64)| Step { start: w[0], end: w[1], level: *level };
+    let step = |(w, level): (&[f64], &f64)| Step {
+        start: w[0],
+        end: w[1],
+        level: *level,
+        rises: NO_RISES,
+    };
     Some(Maneuver {
         kind: Kind::Sweep,
         t_start: start,

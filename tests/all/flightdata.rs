@@ -36,3 +36,27 @@ pub fn koehler(folder: &Path, data: &Path, args: &[&str]) {
         command.current_dir(folder).env("KOEHLER_DATA", data).args(args).output().expect("started");
     assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
+
+/// The parts of a shipped pipeline's README that are results: they are what was computed, or are
+/// written where `UPDATE_DOCS` is set. Each stands between its marker, which says by what it is
+/// written, and the next end.
+pub fn in_the_readme(pipeline: &str, by: &str, parts: &[(&str, String)]) {
+    const END: &str = "<!-- until here -->\n";
+    static ONE_AT_A_TIME: std::sync::Mutex<()> = std::sync::Mutex::new(());
+    let _alone = ONE_AT_A_TIME.lock();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines").join(pipeline);
+    let path = folder.join("README.md");
+    let text = std::fs::read_to_string(&path).expect("the README");
+    let mut wanted = text.clone();
+    for (name, part) in parts {
+        let start = format!("<!-- {name}: written by {by} -->\n");
+        let (before, rest) = wanted.split_once(&start).unwrap_or_else(|| panic!("{start}"));
+        let (_, after) = rest.split_once(END).expect("its end");
+        wanted = format!("{before}{start}{part}{END}{after}");
+    }
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        std::fs::write(&path, &wanted).expect("written");
+    } else {
+        assert!(text == wanted, "pipelines/{pipeline}/README.md is behind its results: {by}");
+    }
+}

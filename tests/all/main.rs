@@ -2,6 +2,7 @@
 //! question.
 
 mod attas;
+mod attas_readme;
 mod campaign;
 mod chosen;
 mod citation_ground;
@@ -9,6 +10,7 @@ mod citation_joint;
 mod citation_motions;
 mod closure;
 mod coverage;
+mod delays;
 mod design;
 mod diagnosis;
 mod dlc;
@@ -31,6 +33,7 @@ mod real;
 mod recovery;
 mod reruns;
 mod simulator;
+mod simulator_derivatives;
 mod stages;
 mod structure;
 mod taken;

@@ -33,7 +33,7 @@ pub fn findings(out: &Path) -> (String, Vec<String>) {
 fn recovery_of_the_stall_of_the_attas() {
     let Some(data) = data("attas/fAttas_qst01.asc") else { return };
     let folder = copy("attas-real");
-    koehler(folder.path(), &data, &["import", "import-stall.toml"]);
+    koehler(folder.path(), &data, &["import", "import.toml"]);
     let code = diagnose(folder.path(), &data, &["stall.toml"]);
     let out = folder.path().join("out/stall");
     let (verdict, named) = findings(&out);

@@ -8,6 +8,8 @@ pub struct Batch {
     pub group: String,
     /// Segment ids.
     pub segments: Vec<String>,
+    /// Flight of each.
+    pub flights: Vec<String>,
     pub labelled: Vec<Segment>,
     /// What is known of the condition before each.
     pub trims: Vec<Trim>,

@@ -4,6 +4,7 @@
 mod batch;
 pub mod chosen;
 mod config;
+mod late;
 mod names;
 pub(super) mod ready;
 pub mod records;
@@ -111,22 +112,21 @@ pub(super) fn estimated(
     }
     let batches = batches(config.settings.group, ready);
     let done = AtomicUsize::new(0);
+    let estimated = |segments: &[estimate::Segment]| {
+        let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
+        estimate::estimate_where(&here, &config.model, segments, &config.settings.method)
+    };
     let estimations: Vec<Estimation> = batches
         .par_iter()
         .map(|batch| {
-            let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
-            let estimation = estimate::estimate_where(
-                &here,
-                &config.model,
-                &batch.labelled,
-                &config.settings.method,
-            );
+            let estimation = estimated(&batch.labelled);
             (inputs.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, batches.len());
             estimation
         })
         .collect::<std::result::Result<_, _>>()?;
     for (batch, estimation) in batches.iter().zip(&estimations) {
         notes.extend(outcome_notes(config, batch, estimation));
+        notes.extend(late::notes(config, inputs, (batch, estimation), &estimated)?);
     }
     if !estimations.is_empty() && estimations.iter().all(|e| e.stop != estimate::Stop::Converged) {
         let mut stops: Vec<&str> = estimations.iter().map(|e| e.stop.as_str()).collect();
@@ -145,18 +145,20 @@ fn batches(group: Group, ready: Vec<Ready>) -> Vec<Batch> {
     for r in ready {
         let name = match group {
             Group::Segment => r.segment.clone(),
-            Group::Flight => r.flight,
+            Group::Flight => r.flight.clone(),
             Group::All => "all".to_string(),
         };
         match batches.last_mut().filter(|b| b.group == name) {
             Some(batch) => {
                 batch.segments.push(r.segment);
+                batch.flights.push(r.flight);
                 batch.labelled.push(r.labelled);
                 batch.trims.push(r.trim);
             }
             None => batches.push(Batch {
                 group: name,
                 segments: vec![r.segment],
+                flights: vec![r.flight],
                 labelled: vec![r.labelled],
                 trims: vec![r.trim],
             }),

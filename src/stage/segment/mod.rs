@@ -5,7 +5,7 @@ mod config;
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
 use crate::error::{Errors, Result};
-use crate::segment::{self, Maneuver, Source};
+use crate::segment::{self, Maneuver, Source, Step};
 use crate::table::Table;
 use serde_json::{Value, json};
 
@@ -15,7 +15,7 @@ pub const STAGE: Stage = Stage {
     name: "segment",
     about: "find maneuvers",
     units: |campaign| if campaign.segment.is_some() { Unit::flights(campaign) } else { Vec::new() },
-    writes: &["segments", "conditions"],
+    writes: &["segments", "steps", "conditions"],
     reads: |_, unit| Read::flight(&["signals", "samples"], &unit.name),
     slice,
     run,
@@ -69,6 +69,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     });
     let tables = vec![
         ("segments", segments(flight, &found)?),
+        ("steps", steps(flight, &found)?),
         ("conditions", conditions(flight, &found, samples)?),
     ];
     Ok(Output { tables, files: Vec::new(), notes })
@@ -144,6 +145,24 @@ fn segments(flight: &str, found: &[Found]) -> Result<Table> {
             "reason",
             found.iter().map(|f| Some(f.maneuver.reason.as_str()).filter(|r| !r.is_empty())),
         )
+        .finish()
+}
+
+/// The levels of every maneuver, one by one.
+fn steps(flight: &str, found: &[Found]) -> Result<Table> {
+    let all: Vec<(usize, usize, &Step)> = (found.iter().enumerate())
+        .flat_map(|(i, f)| f.maneuver.steps.iter().enumerate().map(move |(k, s)| (i, k + 1, s)))
+        .collect();
+    let number = |of: fn(&Step) -> f64| all.iter().map(|(_, _, s)| of(s)).collect::<Vec<f64>>();
+    Table::build("steps")
+        .repeat("flight", flight)
+        .strings("segment", all.iter().map(|(i, ..)| id(flight, *i)))
+        .i64("step", all.iter().map(|(_, k, _)| *k as i64).collect::<Vec<i64>>())
+        .f64("t_start_s", number(|s| s.start))
+        .f64("t_end_s", number(|s| s.end))
+        .f64("level", number(|s| s.level))
+        .f64("rise_s", number(|s| s.rises.0))
+        .f64("fall_s", number(|s| s.rises.1))
         .finish()
 }
 
