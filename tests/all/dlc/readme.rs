@@ -30,6 +30,11 @@ fn short(value: f64) -> String {
     format!("{value:.0$}", digits as usize)
 }
 
+/// A ratio of determinants.
+fn times(ratio: f64) -> String {
+    if ratio < 1e3 { format!("{ratio:.4}") } else { format!("{ratio:.1e}") }
+}
+
 fn with_sd(row: Option<&Row>) -> String {
     row.map_or(String::new(), |row| format!("{} ({})", short(row.value), short(row.sd)))
 }
@@ -124,7 +129,7 @@ fn forms(run: &Results) -> String {
             [1, 14].map(|k| with_sd(run.find(model, &format!("{parameter}, {k} deg")).as_ref()));
         let q = DEG * run.rms(model, "q");
         let near = DEG * run.pitch_rate(model)[0];
-        let ratio = format!("{:.4e}", run.det_r(model) / best);
+        let ratio = times(run.det_r(model) / best);
         let damping = with_sd(run.find(model, "C_m_q").as_ref());
         let what = what.to_string();
         vec![
@@ -186,12 +191,13 @@ fn mass(run: &Results) -> String {
     let [fuel, fixed] = [honest(&rows), honest(&constant)];
     let det = run.det_r("b-constant-mass") / run.det_r("b-all");
     format!(
-        "{}Of {} intervals of 95% hold the truth: {} with mass by fuel, {} with constant mass. det R is {det:.2e} times as large with constant mass, \
+        "{}Of {} intervals of 95% hold the truth: {} with mass by fuel, {} with constant mass. det R is {} times as large with constant mass, \
          the r.m.s. residual of V {:.2} m/s in place of {:.3}.\n\n",
         table(&head, rows.iter().filter_map(cells).collect()),
         rows.len(),
         fuel.0,
         fixed.0,
+        times(det),
         run.rms("b-constant-mass", "V"),
         run.rms("b-all", "V")
     )
@@ -210,14 +216,7 @@ fn offsets(run: &Results) -> String {
         let det = run.det_r(model) / run.det_r("b-all");
         let phi = DEG * run.rms(model, "phi");
         let inside = format!("{inside} of {}", rows.len());
-        vec![
-            what.to_string(),
-            format!("{det:.3e}"),
-            format!("{phi:.4}"),
-            inside,
-            format!("{rms:.2}"),
-            worst,
-        ]
+        vec![what.to_string(), times(det), format!("{phi:.4}"), inside, format!("{rms:.2}"), worst]
     };
     let head = [
         "C_l_0, C_n_0",
