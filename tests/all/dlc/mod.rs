@@ -123,8 +123,8 @@ fn recovery_coverage_attas_intervals_of_model_b_hold_the_truth() {
         normed.len(),
         normed.iter().filter(|(_, v)| v.abs() > z).collect::<Vec<_>>()
     );
-    // 23 values for all, 17 for each of two landing flaps, six biases for each of eight flights
-    assert_eq!(normed.len(), 23 + 2 * 17 + 6 * 8);
+    // 23 values for all, 16 for each of two landing flaps, six biases for each of eight flights
+    assert_eq!(normed.len(), 23 + 2 * 16 + 6 * 8);
     let enough = (0.88 * normed.len() as f64).ceil() as usize;
     assert!(inside >= enough && normed.iter().all(|(_, v)| v.abs() <= 4.0), "{inside} {normed:?}");
 }

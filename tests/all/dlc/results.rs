@@ -174,15 +174,12 @@ impl Results {
         let mut sums = [(0.0, 0.0); 2];
         for i in (0..table.rows()).filter(|i| models[*i] == model && outputs[*i] == "q") {
             let Some(steps) = changes.get(segments[i]) else { continue };
-            let since = |step: &&f64| t[i] >= **step && t[i] < **step + CHANGING_S;
-            let place = match () {
-                () if !residual[i].is_finite() => continue,
-                () if steps.iter().any(|s| since(&s)) => 0,
-                () if t[i] > steps[4] + SETTLED_S => 1,
-                () => continue,
-            };
-            sums[place].0 += residual[i] * residual[i];
-            sums[place].1 += 1.0;
+            let changing = steps.iter().any(|step| t[i] >= *step && t[i] < step + CHANGING_S);
+            let settled = t[i] > steps[4] + SETTLED_S;
+            if residual[i].is_finite() && (changing || settled) {
+                let sum = &mut sums[usize::from(!changing)];
+                *sum = (sum.0 + residual[i] * residual[i], sum.1 + 1.0);
+            }
         }
         sums.map(|(square, n)| (square / n).sqrt())
     }
