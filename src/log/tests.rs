@@ -186,7 +186,7 @@ fn fault_fuel_that_grows_in_flight_is_noted() {
     assert_eq!(
         noted("trend = \"falls\"\n"),
         [
-            "/t x: rises by 196.0 kg from 45 to 55 s, but trend = \"falls\" says that it only falls; what follows from it is wrong in this flight \
+            "/t x: rises by 196.0000 kg from 45 to 55 s, but trend = \"falls\" says that it only falls; what follows from it is wrong in this flight \
           if the signal is (topic, field, unit and sign of the map; a tank that is not counted)"
         ]
     );
