@@ -50,7 +50,7 @@ The verdict: named (an effect, with its parameters), one of these (the flights c
 missing. OUT/models/NAME.next.model.toml is the model with what was found; tables: findings, candidates, additions, held_out, located.
 
 Examples:
-  koehler diagnose pipelines/attas/pipeline.toml --estimate a-all
+  koehler diagnose pipelines/attas/diagnosis.toml --estimate a-all
   koehler diagnose pipelines/hfb320/pipeline.toml --predicted
 
 Exit codes: 0 nothing is missing, 1 no verdict, or something asked for is missing, 2 configuration or usage error, 3 a model lacks something.";

@@ -82,9 +82,22 @@ pub struct SignalMap {
     pub time_unit: Option<String>,
     /// What a time stamp taken from a field counts from, if another than in [defaults].
     pub time_zero: Option<TimeZero>,
+    /// Which way the signal can go at most, where that is known: fuel on board only falls. One that
+    /// goes the other way, by more than its noise, is noted.
+    pub trend: Option<Trend>,
     /// What the signal is, with its sign convention.
     #[serde(default)]
     pub doc: String,
+}
+
+/// Which way a signal can go at most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Trend {
+    /// It never rises.
+    Falls,
+    /// It never falls.
+    Rises,
 }
 
 fn one() -> f64 {

@@ -1,7 +1,7 @@
 //! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its
 //! account and notes out.
 
-use super::channel_map::{ChannelMap, SignalMap, TimeSource, TimeZero};
+use super::channel_map::{ChannelMap, SignalMap, TimeSource, TimeZero, Trend};
 use super::decode::is_unreadable;
 use super::file::LogFile;
 use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
@@ -76,7 +76,8 @@ impl Context<'_> {
             value: samples.iter().map(|s| factor * unit.to_si(s.1) + signal.offset).collect(),
         };
         describe(&series, &samples, &mut account);
-        let notes = self.notes(name, &account, &log_ns, &stamps);
+        let mut notes = self.notes(name, &account, &log_ns, &stamps);
+        notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
         Ok((SignalLog { series, account }, notes))
     }
 
@@ -220,6 +221,28 @@ impl Context<'_> {
         }
         notes
     }
+}
+
+/// What a signal does that goes against what the map says of it, in the log's unit.
+fn against(name: &str, signal: &SignalMap, trend: Trend, series: &Series) -> Option<Note> {
+    let (way, does, says) = match trend {
+        Trend::Falls => (1.0, "rises", "falls"),
+        Trend::Rises => (-1.0, "falls", "rises"),
+    };
+    let turned: Vec<f64> = series.value.iter().map(|value| way * value).collect();
+    let rise = crate::signal::trend::rise(&series.t_s, &turned)?;
+    let unit = Unit::parse(&signal.unit).ok()?;
+    let text = format!(
+        "{} {}: {does} by {:.4} {} from {:.0} to {:.0} s, but trend = \"{says}\" says that it only {says}; what follows from it is wrong in this flight \
+         if the signal is (topic, field, unit and sign of the map; a tank that is not counted)",
+        signal.topic,
+        signal.field,
+        unit.from_si(rise.by) - unit.from_si(0.0),
+        signal.unit,
+        rise.from_s,
+        rise.to_s
+    );
+    Some(Note::warning(name, 1, text))
 }
 
 /// The fields of a topic that a map can name.

@@ -171,6 +171,32 @@ fn duplicates_late_messages_nan_bursts_and_gaps_are_counted() {
 }
 
 #[test]
+fn fault_fuel_that_grows_in_flight_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    // every 100 ms; kg: it burns, and from 50 s on 200 kg more are there
+    let fuel = |i: u64| 3000.0 - 0.04 * i as f64 + if i < 500 { 0.0 } else { 200.0 };
+    let message = |i: u64| ("/t", START + i * 100 * MS, START, format!("{{\"x\":{}}}", fuel(i)));
+    raw(&path, "json", &(0..1000).map(message).collect::<Vec<_>>(), 4000);
+    let map = |more: &str| one_signal("log").replace("\"1\"", "\"kg\"") + more;
+    let noted = |more: &str| {
+        let flight = read(&path, &map(more)).unwrap();
+        texts(&flight).into_iter().map(str::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(
+        noted("trend = \"falls\"\n"),
+        [
+            "/t x: rises by 196.0000 kg from 45 to 55 s, but trend = \"falls\" says that it only falls; what follows from it is wrong in this flight \
+          if the signal is (topic, field, unit and sign of the map; a tank that is not counted)"
+        ]
+    );
+    assert!(noted("trend = \"rises\"\n")[0].starts_with("/t x: falls by "));
+    assert!(noted("").is_empty());
+    let wrong = read(&path, &map("trend = \"down\"\n")).unwrap_err();
+    assert!(wrong.contains("channels.toml:6:9") && wrong.contains("falls"), "{wrong}");
+}
+
+#[test]
 fn a_cut_off_file_yields_its_intact_part_with_a_note() {
     let folder = tempfile::tempdir().unwrap();
     let (whole, cut) = (folder.path().join("a.mcap"), folder.path().join("cut.mcap"));

@@ -5,3 +5,4 @@ pub mod resample;
 pub mod robust;
 pub mod smooth;
 pub mod still;
+pub mod trend;

@@ -134,7 +134,11 @@ mod tests {
         let read = |name: &str| {
             Plan::read(&folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).campaign
         };
-        vec![read("citation/pipeline.toml"), read("attas/pipeline.toml")]
+        vec![
+            read("citation/pipeline.toml"),
+            read("attas/pipeline.toml"),
+            read("attas/diagnosis.toml"),
+        ]
     }
 
     #[test]

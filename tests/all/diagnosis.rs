@@ -28,7 +28,7 @@ fn out() -> Option<&'static TempDir> {
                 std::fs::copy(entry.path(), folder.path().join(&name)).expect("copied");
             }
         }
-        let plan = Plan::read_with(&folder.path().join("pipeline.toml"), |settings| {
+        let plan = Plan::read_with(&folder.path().join("diagnosis.toml"), |settings| {
             let diagnoses: Vec<diagnose::Settings> =
                 settings.read("diagnose").expect("as its schema");
             let wanted: Vec<String> = diagnoses.into_iter().map(|d| d.estimate).collect();

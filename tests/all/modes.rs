@@ -1,5 +1,6 @@
 //! The modes of the simulated ATTAS, and the table of them in its README.
 
+use indexmap::IndexMap;
 use koehler::model::Program;
 use koehler::model::graph::Leaf;
 use koehler::simulate::{Campaign, Flight};
@@ -84,19 +85,28 @@ fn oscillation(pair: &[Complex], digits: usize) -> String {
     }
 }
 
-/// One row of the table: calibrated airspeed in kt, pressure altitude in ft; trimmed in level
-/// flight, surfaces and thrust held.
-fn row(campaign: &Campaign, knots: f64, feet: f64) -> String {
+/// A place in the campaign: calibrated airspeed in kt, pressure altitude in ft, and what the flight
+/// holds constant (landing flap, fuel at its start).
+struct Place {
+    knots: f64,
+    feet: f64,
+    constant: IndexMap<String, f64>,
+}
+
+/// One row of the table: trimmed in level flight, surfaces, thrust and fuel held.
+fn row(campaign: &Campaign, place: &Place) -> String {
+    let (knots, feet) = (place.knots, place.feet);
     let model = &campaign.model;
     // what a flight that begins there begins with
     let mut flown = campaign.clone();
     let text = format!(
         "altitude_ft = {feet:?}\nspeeds_kt = [{knots:?}]\nat_each = []\ntiming = {{ settle_s = 1, end_s = 1 }}"
     );
-    flown.settings.flights =
-        [("trimmed".to_string(), toml::from_str::<Flight>(&text).expect("a flight"))]
-            .into_iter()
-            .collect();
+    let flight = Flight {
+        constant: place.constant.clone(),
+        ..toml::from_str::<Flight>(&text).expect("a flight")
+    };
+    flown.settings.flights = [("trimmed".to_string(), flight)].into_iter().collect();
     let truth = flown.truth("trimmed").unwrap_or_else(|e| panic!("{knots} kt: {e}"));
     let steady = truth.at(0.0);
     let (speed, alpha, height) = (steady["true_airspeed"], steady["alpha_true"], feet * 0.3048);
@@ -128,7 +138,11 @@ fn row(campaign: &Campaign, knots: f64, feet: f64) -> String {
         ("h", height),
         ("delta_e", steady["delta_e"]),
         ("thrust", steady["engine_thrust"]),
+        ("fuel", steady["fuel"]),
     ];
+    for (input, slot) in model.inputs.iter().zip(model.layout.input()..) {
+        file[slot] = [steady[input.name.as_str()]];
+    }
     level.iter().for_each(|(name, value)| file[state(name)] = [*value]);
     program.prepare(&mut file, &model.tables);
     program.run(&mut file, &model.tables);
@@ -148,6 +162,8 @@ fn row(campaign: &Campaign, knots: f64, feet: f64) -> String {
     let cells = [
         rounded(knots, 0),
         rounded(feet, 0),
+        rounded(steady["eta_k"].to_degrees(), 0),
+        rounded(steady["mass"], 0),
         rounded(speed, 1),
         rounded(alpha.to_degrees(), 2),
         rounded(steady["delta_e"].to_degrees(), 2),
@@ -168,18 +184,17 @@ fn the_modes_in_the_readme_of_the_attas_are_those_of_the_simulated_aircraft() {
     const END: &str = "<!-- until here -->\n";
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/attas");
     let campaign = Campaign::load(&folder.join("campaign.toml")).unwrap_or_else(|e| panic!("{e}"));
-    let points =
-        campaign.settings.flights.values().flat_map(|f| {
-            f.points.iter().map(|p| (f.altitude_ft.expect("an altitude"), p.speed_kt))
-        });
-    let mut points: Vec<(f64, f64)> = points.collect();
-    points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    points.dedup();
+    let places = |f: &Flight| -> Vec<Place> {
+        let (feet, constant) = (f.altitude_ft.expect("an altitude"), f.constant.clone());
+        let place = |knots| Place { knots, feet, constant: constant.clone() };
+        f.points.iter().map(|p| place(p.speed_kt)).collect()
+    };
+    let mut places: Vec<Place> = campaign.settings.flights.values().flat_map(places).collect();
     // the condition of the real records
-    points.push((16_003.0, 198.0));
-    let head = "| kt | ft | true m/s | alpha deg | elevator deg | thrust kN | short period 1/s | phugoid 1/s | Dutch roll 1/s | roll 1/s | spiral 1/s |\n";
-    let rule = format!("|{}\n", "---|".repeat(11));
-    let rows: String = points.iter().map(|(feet, knots)| row(&campaign, *knots, *feet)).collect();
+    places.push(Place { knots: 198.0, feet: 16_003.0, constant: IndexMap::new() });
+    let head = "| kt | ft | landing flap deg | mass kg | true m/s | alpha deg | elevator deg | thrust kN | short period 1/s | phugoid 1/s | Dutch roll 1/s | roll 1/s | spiral 1/s |\n";
+    let rule = format!("|{}\n", "---|".repeat(13));
+    let rows: String = places.iter().map(|place| row(&campaign, place)).collect();
     let path = folder.join("README.md");
     let text = std::fs::read_to_string(&path).unwrap();
     let (before, rest) = text.split_once(START).expect("the marker of the modes");

@@ -37,6 +37,7 @@ fn plausible(name: &str, unit: &str, i: usize) -> f64 {
         ("v" | "w", "m/s") => 3.0,
         (name, "m/s") if name.contains("wind") || name.contains("turb") => 1.0,
         (_, "m/s") => 95.0,
+        ("x_cg", _) => 0.05,
         (_, "m") => 4100.0,
         (_, "K") => 270.0,
         ("qbar", _) => 5000.0,
