@@ -82,6 +82,10 @@ pub struct SignalMap {
     pub time_unit: Option<String>,
     /// What a time stamp taken from a field counts from, if another than in [defaults].
     pub time_zero: Option<TimeZero>,
+    /// Whether a log may lack it: that log then is one without a sample of this signal, which is
+    /// noted, instead of a mistake.
+    #[serde(default)]
+    pub optional: bool,
     /// What the signal is, with its sign convention.
     #[serde(default)]
     pub doc: String,
