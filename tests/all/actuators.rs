@@ -59,7 +59,12 @@ fn recorded(
     wanted: impl Fn(&str, &str) -> bool,
 ) -> (TempDir, String) {
     let out = tempfile::tempdir().expect("a temporary folder");
-    for name in ["actuator.model.toml", "actuator-friction.model.toml", "actuators-channels.toml"] {
+    for name in [
+        "actuator.model.toml",
+        "actuator-steady.model.toml",
+        "actuator-friction.model.toml",
+        "actuators-channels.toml",
+    ] {
         std::fs::copy(folder().join(name), out.path().join(name)).expect("copied");
     }
     for truth in truths {
