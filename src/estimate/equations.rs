@@ -7,6 +7,7 @@
 //! of a segment.
 
 use super::case::Case;
+use super::neighbours::Known;
 use super::prepared::Prepared;
 use super::profile::{Profile, profiles};
 use super::segment::Segment;
@@ -195,10 +196,11 @@ impl Case {
     /// its steps on the way would have jumps). They are chosen at the start; where the solution
     /// turns out to be stiffer, the estimation is repeated with the steps that it asks for.
     pub fn solve(&mut self, settings: &Settings, origin: &Origin, here: &Here) -> Solution {
+        let known = Known { alike: self.alike(), limits: self.measured_limits() };
         let mut needed = self.layout.start.clone();
         loop {
             let changed = self.stiffen(&needed);
-            let solution = solve(&self.layout, &origin.spread(self, here), settings, &self.alike());
+            let solution = solve(&self.layout, &origin.spread(self, here), settings, &known);
             let stiffer = |s: usize| {
                 self.is_automatic(s)
                     && self.substeps(s, &solution.fit.theta) > self.records[s].substeps

@@ -3,8 +3,10 @@
 
 use super::budget::Influence;
 use super::decision::Decision;
+use super::preroll::TooShort;
 use super::profile::Profile;
 use super::rank::Verdict;
+use super::reached::Reached;
 use super::regression;
 use super::segment::Label;
 use super::trace::Trace;
@@ -137,6 +139,15 @@ pub struct Estimation {
     /// Segments in which friction holds a state from beginning to end at the values of `rows`, and
     /// the state: nothing that would move it shows there.
     pub stuck: Vec<(usize, String)>,
+    /// The limits of the states at the values of `rows`: where the motion reaches them, and how near
+    /// it comes to the others.
+    pub reached: Vec<Reached>,
+    /// Limits of states that cross each other somewhere, in words.
+    pub crossed: Vec<String>,
+    /// Delays that reach back to before the record of a segment, whose input moves there.
+    pub too_short: Vec<TooShort>,
+    /// Parameters of the model that times of delays depend on.
+    pub delaying: Vec<String>,
     /// What became of the starts that were tried; empty where there was one.
     pub tried: Vec<Tried>,
     /// Why the model could not be run in the first of its segments, where none could be.

@@ -14,6 +14,10 @@
 //! | `colour` | standard deviations under coloured residuals |
 //! | `noise_covariance` | products of a segment's sensitivities with the covariance of coloured noise, and its rows made white |
 //! | `neighbours` | the minimum from which no segment gets to a lower one by the values of the others |
+//! | `watched` | limits of states as outputs of the model |
+//! | `preroll` | delays that reach back to before a record |
+//! | `crossed` | limits of states that cross each other |
+//! | `measured_limits` | limits of states against what was measured |
 //! | `sizes` | parameters that only show from a certain size on |
 //! | `solution` | the six together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
@@ -33,6 +37,9 @@
 //! | `case` | that problem for the segments used |
 //! | `trace` | measured and modelled values of an output |
 //! | `tries` | several starts, of which the best is kept |
+//! | `plateaus` | what was measured of a state on its limit |
+//! | `idle` | why nothing shows a parameter |
+//! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
 //! | `estimation` | the result |
 //! | `result` | names put to the solution |
 
@@ -40,16 +47,22 @@ mod budget;
 mod case;
 mod choice;
 mod colour;
+mod crossed;
 mod decision;
 mod equations;
 mod estimation;
 mod extend;
+mod idle;
+mod measured_limits;
 mod neighbours;
 mod noise_covariance;
 mod output_error;
+mod plateaus;
 mod prepared;
+mod preroll;
 mod profile;
 mod rank;
+mod reached;
 pub mod regression;
 pub mod repeats;
 mod result;
@@ -64,6 +77,7 @@ mod tests;
 mod trace;
 mod tries;
 mod usable;
+mod watched;
 
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::{Influence, covariance};
@@ -72,10 +86,14 @@ pub use decision::{Decision, Support};
 pub use equations::NormalEquations;
 pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row, Tried};
 pub use extend::extended;
+pub use idle::Idle;
 pub use output_error::{estimate, estimate_segments, estimate_where};
+pub use plateaus::Piece;
 pub use prepared::Prepared;
+pub use preroll::TooShort;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
+pub use reached::{Follows, Over, Reached};
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
 pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, WithoutEffect};
 pub use trace::Trace;

@@ -6,7 +6,7 @@
 //! estimated alone, with the common parameters held, from the medians of all segments; where that
 //! lowers its cost by more than `GAIN`, all are estimated again from there. Linear in segments.
 
-use super::sizes::from_sizes;
+use super::sizes::{Measured, from_sizes};
 use crate::least_squares::{Evaluate, Fit, Layout, Method, Part, cost, minimise};
 use crate::math::median;
 use rayon::prelude::*;
@@ -18,20 +18,28 @@ const ROUNDS: usize = 3;
 /// A median of fewer is no evidence against any of them.
 const FEWEST: usize = 3;
 
-/// Minimises from `layout.start`. `alike`: parameters (places in the parameter vector) that are one
-/// and the same of different segments; with none it is `from_sizes`.
+/// What is known of the parameters of a problem besides the problem.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    /// Those (places in the parameter vector) that are one and the same of different segments.
+    pub alike: Vec<Vec<usize>>,
+    /// Limits that parameters make.
+    pub limits: Vec<Measured>,
+}
+
+/// Minimises from `layout.start`. With no parameters alike it is `from_sizes`.
 ///
 /// The bottom of a minimum with kinks takes most of the time, so it is looked for last.
 pub fn lowest<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     method: &Method,
-    alike: &[Vec<usize>],
+    Known { alike, limits }: &Known,
 ) -> Fit {
     if alike.iter().all(|places| places.len() < FEWEST) {
-        return from_sizes(layout, evaluate, method);
+        return from_sizes(layout, evaluate, method, limits);
     }
-    let mut fit = from_sizes(layout, evaluate, &coarse(method));
+    let mut fit = from_sizes(layout, evaluate, &coarse(method), limits);
     for _ in 0..ROUNDS {
         let Some(start) = better(layout, evaluate, method, alike, &fit) else { break };
         let again = minimise(&Layout { start, ..layout.clone() }, evaluate, &coarse(method));
@@ -155,8 +163,8 @@ mod tests {
         (layout, evaluate)
     }
 
-    fn alike(n: usize) -> Vec<Vec<usize>> {
-        vec![(1..=n).collect()]
+    fn alike(n: usize) -> Known {
+        Known { alike: vec![(1..=n).collect()], limits: Vec::new() }
     }
 
     #[test]

@@ -107,6 +107,7 @@ fn once(
         let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
         let mut case =
             Case::new(model.clone(), chosen.clone(), propagator.clone(), &these, values, settings);
+        case.check_limits()?;
         let origin = Origin::new(base, all, settings, &used);
         let regression = case.start_by_regression(settings)?;
         let solution = case.solve(settings, &origin, here);
@@ -117,6 +118,8 @@ fn once(
             let budget = influences(base, &these, values, &case, &solution, settings)?;
             let profiles = case.profiles(&solution, settings, &origin, here);
             let stuck = stuck(&case, &solution, &used);
+            let theta = solution.fit.theta.clone();
+            let reached = case.reached(&theta, &used)?;
             let not_run = solution.fit.stop == Stop::NotFinite;
             let why = useless.into_iter().next().map(|(_, why)| why).filter(|_| not_run);
             let further = Further { budget, profiles, regression };
@@ -125,6 +128,10 @@ fn once(
                 left_out,
                 doubtful: doubtful(&model, segments),
                 stuck,
+                reached,
+                crossed: case.crossed(&theta)?,
+                too_short: case.short_of_preroll(&theta, &used)?,
+                delaying: case.delaying(),
                 why,
                 ..named
             });

@@ -13,6 +13,7 @@
 //! they are starting values and not results.
 
 use super::case::Case;
+use super::neighbours::Known;
 use super::rank::NONE;
 use super::solution::{Solution, solve};
 use super::{Settings, Stop};
@@ -132,7 +133,7 @@ pub fn regress(case: &Case, settings: &Settings) -> Result<(Regression, Vec<f64>
         (layout.lower[i], layout.upper[i]) = (layout.start[i], layout.start[i])
     };
     (0..outcome.len()).filter(|&i| outcome[i] != ESTIMATED).for_each(|i| hold(&mut layout, i));
-    let mut solution = solve(&layout, &evaluate, settings, &[]);
+    let mut solution = solve(&layout, &evaluate, settings, &Known::default());
     for _ in 0..outcome.len() {
         let none = solution.weak.iter().find(|w| w.information <= NONE);
         let Some(&(i, _)) =
@@ -142,7 +143,7 @@ pub fn regress(case: &Case, settings: &Settings) -> Result<(Regression, Vec<f64>
         };
         outcome[i] = "cannot be separated from others by these equations";
         hold(&mut layout, i);
-        solution = solve(&layout, &evaluate, settings, &[]);
+        solution = solve(&layout, &evaluate, settings, &Known::default());
     }
     let theta = solution.fit.theta.clone();
     let rows = (0..outcome.len()).map(|i| {

@@ -56,6 +56,10 @@ pub fn name(
         left_out: Vec::new(),
         doubtful: Vec::new(),
         stuck: Vec::new(),
+        reached: Vec::new(),
+        crossed: Vec::new(),
+        too_short: Vec::new(),
+        delaying: Vec::new(),
         tried: Vec::new(),
         why: None,
     }

@@ -3,7 +3,7 @@
 
 use super::Settings;
 use super::colour::{Source, coloured};
-use super::neighbours::lowest;
+use super::neighbours::{Known, lowest};
 use super::rank::{Weak, judge};
 use crate::least_squares::{Arrow, Evaluate, Fit, Layout, Stop};
 use crate::noise::Modelled;
@@ -39,14 +39,14 @@ impl Solution {
     }
 }
 
-/// Estimates and judges. Not converged or singular: no covariance. `alike`: as of `lowest`.
+/// Estimates and judges. Not converged or singular: no covariance.
 pub fn solve<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     settings: &Settings,
-    alike: &[Vec<usize>],
+    known: &Known,
 ) -> Solution {
-    let mut fit = lowest(layout, evaluate, &settings.method(), alike);
+    let mut fit = lowest(layout, evaluate, &settings.method(), known);
     let none = |fit| Solution {
         fit,
         crlb: None,

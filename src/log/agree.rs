@@ -44,8 +44,15 @@ pub struct Look {
     pub summary: bool,
     /// Topics, fields and time stamps that are not there, and units that are others.
     pub mistakes: Vec<Mistake>,
-    /// Units of the log that are not known, so that nothing can be said.
+    /// Units of the log that are not known, so that nothing can be said; optional signals that are
+    /// not there.
     pub remarks: Vec<Mistake>,
+}
+
+impl Look {
+    fn file(&mut self, mistake: Mistake, optional: bool) {
+        if optional { &mut self.remarks } else { &mut self.mistakes }.push(mistake);
+    }
 }
 
 /// Holds a channel map against the summary of a log.
@@ -61,12 +68,13 @@ pub fn look(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<Look> {
         let place = |key: &str| doc.place(&format!("signal.{name}.{key}"));
         let topic = signal.topic.as_str();
         if let Some(mistake) = topic_mistake(&channels, topic, place("topic")) {
-            look.mistakes.push(mistake);
+            look.file(mistake, signal.optional);
             continue;
         }
         let known = fields.entry(topic).or_insert_with(|| eye.schema(topic));
         if eye.lacks(topic, &signal.field, known) {
-            look.mistakes.push(no_field(topic, &signal.field, known, place("field")));
+            let mistake = no_field(topic, &signal.field, known, place("field"));
+            look.file(mistake, signal.optional);
         } else {
             match unit(name, signal, known, place("unit")) {
                 Stated::Agrees => {}

@@ -85,6 +85,10 @@ pub struct SignalMap {
     /// Which way the signal can go at most, where that is known: fuel on board only falls. One that
     /// goes the other way, by more than its noise, is noted.
     pub trend: Option<Trend>,
+    /// Whether a log may lack it: that log then is one without a sample of this signal, which is
+    /// noted, instead of a mistake.
+    #[serde(default)]
+    pub optional: bool,
     /// What the signal is, with its sign convention.
     #[serde(default)]
     pub doc: String,

@@ -79,7 +79,7 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     let signals: Vec<(&String, &SignalMap)> = map.signal.iter().collect();
     let context = Context { log: &log, map, doc, plans: &plans, parts: &parts, start_ns };
     let read: Vec<_> =
-        signals.par_iter().map(|(name, signal)| context.signal(name, signal)).collect();
+        signals.par_iter().map(|(name, signal)| there(&context, name, signal)).collect();
     let mut errors = Errors::default();
     let mut out = IndexMap::new();
     for ((name, _), result) in signals.into_iter().zip(read) {
@@ -91,10 +91,33 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     errors.or(FlightLog { name: log.name(), start_ns, signals: out, notes })
 }
 
+/// A signal of a flight; one that may be lacking, and is, has no sample, and a note says why.
+fn there(
+    context: &Context,
+    name: &str,
+    signal: &SignalMap,
+) -> Result<(SignalLog, Vec<Note>), Errors> {
+    let read = context.signal(name, signal);
+    let Err(errors) = read.as_ref() else { return read };
+    if !signal.optional {
+        return read;
+    }
+    let account = Account {
+        topic: signal.topic.clone(),
+        field: signal.field.clone(),
+        unit: signal.unit.clone(),
+        ..Account::default()
+    };
+    let told = context.plans.iter().any(|plan| plan.topic == signal.topic);
+    let why = errors.0.iter().filter(|_| told);
+    let notes = why.map(|e| Note::warning(name, 1, format!("{name} has no sample: {}", e.what)));
+    Ok((SignalLog { series: Series::default(), account }, notes.collect()))
+}
+
 /// One plan per topic that the map asks for, in the order of the topics' names; notes of units that
 /// cannot be compared with the log's.
 fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, Vec<Note>), Errors> {
-    let mut errors = Errors::default();
+    let (mut errors, mut remarks) = (Errors::default(), Vec::new());
     let mut wanted: BTreeMap<&str, Vec<(&String, &SignalMap)>> = BTreeMap::new();
     for (name, signal) in &map.signal {
         match agree::topic_mistake(
@@ -102,6 +125,10 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
             &signal.topic,
             doc.place(&format!("signal.{name}.topic")),
         ) {
+            Some(mistake) if signal.optional => {
+                let why = mistake.of(&log.name()).what;
+                remarks.push(Note::warning(name, 1, format!("{name} has no sample: {why}")));
+            }
             Some(mistake) => errors.push(mistake.of(&log.name())),
             None => wanted.entry(&signal.topic).or_default().push((name, signal)),
         }
@@ -111,7 +138,6 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
     };
     let all: Vec<u16> = wanted.keys().flat_map(|t| ids(t)).collect();
     let samples = first_messages(log, &all);
-    let mut remarks = Vec::new();
     let make = |(topic, signals): (&str, Vec<(&String, &SignalMap)>)| {
         let channels = ids(topic);
         let fields = topic_fields(&log.channels, &channels, &samples);

@@ -304,6 +304,7 @@ impl Compiler<'_> {
         }
         if let Some(limit) = &entry.rate_max {
             let high = self.limit(limit, &key("rate_max"), dim, "rate_max")?;
+            self.model.states[i].rate_max = Some(high);
             let g = &mut self.model.graph;
             let low = g.neg(high);
             node = g.min(node, high);

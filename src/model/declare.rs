@@ -117,6 +117,7 @@ impl Compiler<'_> {
                         start: StartKind::Measured,
                         min: None,
                         max: None,
+                        rate_max: None,
                         hidden: false,
                     });
                     self.rates.push(None);

@@ -216,7 +216,7 @@ impl Model {
                 StartKind::Expression(node) => Some(node),
                 StartKind::Measured => None,
             };
-            [start, s.min.as_mut(), s.max.as_mut()].into_iter().flatten()
+            [start, s.min.as_mut(), s.max.as_mut(), s.rate_max.as_mut()].into_iter().flatten()
         });
         nodes.chain(moving).chain(of_states).for_each(|node| *node = g.substitute(*node, with));
     }

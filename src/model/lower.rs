@@ -326,6 +326,7 @@ impl Compiler<'_> {
             start: StartKind::Expression(x.node),
             min: None,
             max: None,
+            rate_max: None,
             hidden: true,
         });
         self.rates.push(Some(rate));

@@ -7,13 +7,14 @@
 //! (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which
 //! `interpret` runs over lanes and `native` turns into machine code; `arithmetic` says to the bit
 //! what one operation is; `amend` applies the effects of a file; `extend` adds zero shifts and
-//! feedback to a compiled model. Nothing here knows about time steps: that is `dynamics`.
+//! feedback to a compiled model; `equations` takes some of its equations alone. Nothing here knows about time steps: that is `dynamics`.
 
 mod amend;
 mod arithmetic;
 pub mod compile;
 mod declare;
 mod derivative;
+mod equations;
 pub mod extend;
 pub mod file;
 pub mod fragments;
@@ -127,6 +128,8 @@ pub struct State {
     pub start: StartKind,
     pub min: Option<Node>,
     pub max: Option<Node>,
+    /// Limit of the absolute rate; the rate itself is limited already.
+    pub rate_max: Option<Node>,
     /// Made by the compiler for a `lag()`.
     pub hidden: bool,
 }

@@ -18,6 +18,7 @@ mod flights;
 mod format;
 mod gap;
 mod grid;
+mod limits;
 mod lines;
 mod logs;
 mod maneuvers;
@@ -54,6 +55,7 @@ pub const SECTIONS: &[Section] = &[
     estimates::SECTION,
     correlations::SECTION,
     uncertainty::SECTION,
+    limits::SECTION,
     diagnosis::SECTION,
     flights::SECTION,
     logs::CHANNELS,

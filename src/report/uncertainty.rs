@@ -181,9 +181,8 @@ fn separability(table: Option<&Columns>) -> Grid {
         };
         let level = match verdict.as_str() {
             "significant" | "not significant" | "not observable" => Level::Info,
-            "at a bound" | "hardly separable" | "doubtful output" | "stuck throughout" => {
-                Level::Warn
-            }
+            "not reached" | "not determined" | "at a bound" | "hardly separable"
+            | "doubtful output" | "stuck throughout" => Level::Warn,
             _ => Level::Bad,
         };
         let condition = table.number("condition", row);

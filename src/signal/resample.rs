@@ -89,6 +89,50 @@ pub fn hold(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64) -> Vec<f64> {
     })
 }
 
+/// The mean, over `width` seconds (one step of the grid at least) about each point, of the straight lines through the samples: what happens between
+/// two points is not lost, and nothing is late. At the ends it is the mean over what is there. NaN as in [`linear`], and
+/// where that has a gap in it.
+pub fn mean(t: &[f64], y: &[f64], grid: &Grid, max_gap: f64, width: f64) -> Vec<f64> {
+    let (Some(first), Some(last)) = (t.first(), t.last()) else { return vec![f64::NAN; grid.n] };
+    let (slack, half) = (1e-6 * grid.dt, 0.5 * width.max(grid.dt));
+    let mut next = 0;
+    (0..grid.n)
+        .map(|i| {
+            let time = grid.time(i);
+            if !(first - slack..=last + slack).contains(&time) {
+                return f64::NAN;
+            }
+            let from = (time - half).max(*first);
+            let to = (time + half).min(*last);
+            while next + 1 < t.len() && t[next + 1] <= from {
+                next += 1;
+            }
+            average(&t[next..], &y[next..], [from, to], max_gap)
+        })
+        .collect()
+}
+
+/// The mean of the straight lines through samples, of which the second one is behind `from`.
+fn average(t: &[f64], y: &[f64], [from, to]: [f64; 2], max_gap: f64) -> f64 {
+    let (mut sum, mut length) = (0.0, 0.0);
+    for k in 0..t.len() - 1 {
+        if t[k] >= to {
+            break;
+        }
+        let (a, b, width) = (t[k].max(from), t[k + 1].min(to), t[k + 1] - t[k]);
+        if width > max_gap {
+            return f64::NAN;
+        }
+        // From the first value on: a constant passes exactly.
+        let middle = (0.5 * (a + b) - t[k]) / width;
+        if b > a {
+            sum += (b - a) * (between(y[k], y[k + 1], middle) - y[0]);
+            length += b - a;
+        }
+    }
+    if length > 0.0 { y[0] + sum / length } else { y[0] }
+}
+
 /// Visits the grid with the samples on both sides of each point; exact hits and the outside are
 /// settled here.
 fn walk(t: &[f64], y: &[f64], grid: &Grid, between: impl Fn(f64, usize, usize) -> f64) -> Vec<f64> {
@@ -168,6 +212,38 @@ mod tests {
         let v = hold(&t, &[1.0, 2.0, 3.0, 4.0, 5.0], &GRID, 0.3);
         assert_eq!(v[1..6], [1.0, 2.0, 2.0, 3.0, 3.0]);
         assert!(v[6..].iter().all(|v| v.is_nan()) && v[0].is_nan());
+    }
+
+    #[test]
+    fn a_mean_over_the_step_keeps_the_time_of_an_edge() {
+        // A step at 0.43: of the step of the grid about 0.4 (0.35 to 0.45) a fifth is behind it.
+        let (t, y) = ([0.0, 0.43, 0.43 + 1e-9, 1.0], [0.0, 0.0, 1.0, 1.0]);
+        let found = mean(&t, &y, &GRID, 1.0, 0.0);
+        for (i, value) in found.iter().enumerate() {
+            let wanted = [0.0, 0.2, 1.0][(i >= 4) as usize + (i > 4) as usize];
+            assert!((value - wanted).abs() < 1e-6, "{i}: {value}");
+        }
+        // The sum over the grid is that over time, wherever the edge is.
+        for edge in [0.31, 0.36, 0.409, 0.45, 0.4999] {
+            let t = [0.0, edge, edge + 1e-9, 1.0];
+            let sum: f64 = mean(&t, &y, &GRID, 1.0, 0.0)[..10].iter().sum::<f64>() * GRID.dt;
+            assert!((sum - (0.95 - edge)).abs() < 1e-6, "{edge}: {sum}");
+        }
+        let straight = |t: f64| 2.0 - 3.0 * t;
+        let t = [-0.2, 0.07, 0.33, 0.71, 1.3];
+        for (i, value) in mean(&t, &t.map(straight), &GRID, 1.0, 0.0).iter().enumerate() {
+            assert!((value - straight(GRID.time(i))).abs() < 1e-12, "{i}");
+        }
+        assert_eq!(mean(&t, &[0.1; 5], &GRID, 1.0, 0.0), [0.1; 11]);
+        let wide = mean(&[0.0, 0.5, 0.5 + 1e-9, 1.0], &y, &GRID, 1.0, 0.4);
+        assert!(
+            (wide[5] - 0.5).abs() < 1e-6 && (wide[4] - 0.25).abs() < 1e-6 && wide[2] == 0.0,
+            "{wide:?}"
+        );
+        assert!(mean(&[], &[], &GRID, 1.0, 0.0).iter().all(|v| v.is_nan()));
+        let gap = mean(&[0.0, 0.1, 0.6, 0.7], &[1.0, 1.0, 2.0, 2.0], &GRID, 0.2, 0.0);
+        let known: Vec<usize> = (0..11).filter(|&i| !gap[i].is_nan()).collect();
+        assert_eq!(known, [0, 7]);
     }
 
     #[test]

@@ -74,7 +74,10 @@ fn record_topic(
     start_ns: u64,
     errors: &mut Vec<SensorError>,
 ) -> TopicLog {
-    let times = sample_times(name, topic, truth, seed);
+    let mut times = sample_times(name, topic, truth, seed);
+    if topic.on_change {
+        times = with_changes(times, topic, truth);
+    }
     let mut fields = Vec::new();
     let mut columns: Vec<Vec<f64>> = Vec::new();
     if let Some(field) = &topic.time_field {
@@ -137,10 +140,30 @@ fn sample_times(name: &str, topic: &Topic, truth: &Truth, seed: u64) -> Vec<f64>
         } else {
             0.0
         };
-        // Whole nanoseconds: the value is then the one at the stamp.
-        ((phase + k as f64 * period + shift).clamp(0.0, end) * 1e9).round() * 1e-9
+        nanosecond((phase + k as f64 * period + shift).clamp(0.0, end))
     };
     (0..count).map(time).collect()
+}
+
+/// Sampling times with those added at which the truth of a field begins or ends a change.
+fn with_changes(mut times: Vec<f64>, topic: &Topic, truth: &Truth) -> Vec<f64> {
+    for sensor in topic.fields.values() {
+        let Some(signal) = truth.signals.get(&sensor.truth) else { continue };
+        let moves = |k: usize| {
+            signal.values.get(k).zip(signal.values.get(k + 1)).is_some_and(|(a, b)| a != b)
+        };
+        let changes = (0..truth.n).filter(|&k| moves(k) || k.checked_sub(1).is_some_and(moves));
+        let time = |k: usize| k as f64 * truth.dt + sensor.delay_s;
+        times.extend(changes.map(time).filter(|t| *t <= truth.duration()).map(nanosecond));
+    }
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times
+}
+
+/// Whole nanoseconds: the value is then the one at the stamp.
+fn nanosecond(t: f64) -> f64 {
+    (t * 1e9).round() * 1e-9
 }
 
 /// The messages that reach the log, by log time: index of the sample, publish time, log time.

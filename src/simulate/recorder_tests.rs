@@ -216,3 +216,20 @@ fn the_same_seed_gives_the_same_recording_and_one_sensor_touches_no_other() {
     let without = settings(&[("/air", air)]);
     assert_eq!(record(&without, &truth, 7, START).topics[0], first.topics[1]);
 }
+
+#[test]
+fn changes_are_logged_when_they_begin_and_end() {
+    let wave: Wave = ("u", "rad", |t| if (1.0..2.0).contains(&t) { 0.1 } else { 0.0 });
+    let truth = truth(3.0, &[wave]);
+    let topic = Topic { on_change: true, ..topic(2.0, &[("command", sensor("u", "rad"))]) };
+    let log = record(&settings(&[("/fbw", topic)]), &truth, 3, START).topics.remove(0);
+    let (t, u) = (times(&log), column(&log, 0));
+    assert!(t.windows(2).all(|two| two[0] < two[1]), "{t:?}");
+    // Six at 2 Hz, and two for each of two steps.
+    assert_eq!(t.len(), 10, "{t:?}");
+    for (time, value) in [(0.995, 0.0), (1.0, 0.1), (1.995, 0.1), (2.0, 0.0)] {
+        let k = t.iter().position(|t| (t - time).abs() < 1e-6);
+        let k = k.unwrap_or_else(|| panic!("no message at {time}: {t:?}"));
+        assert!((u[k] - value).abs() < 1e-12, "{time}: {}", u[k]);
+    }
+}

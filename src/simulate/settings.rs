@@ -306,6 +306,11 @@ pub struct Topic {
     /// Messages per second.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub rate_hz: f64,
+    /// Besides, a message whenever the true signal of a field begins or ends a change: straight lines
+    /// between messages are then what a command was, and its steps are known to a grid step of the
+    /// truth. Without jitter.
+    #[serde(default)]
+    pub on_change: bool,
     /// Standard deviation of the sampling time about its nominal value, s (normal, cut at 0.4 of
     /// the period). Stamps are right: they show the jittered time.
     #[serde(default)]

@@ -12,6 +12,7 @@ mod notes;
 mod slice;
 mod told;
 
+pub mod curve;
 pub mod derive;
 pub mod diagnose;
 pub mod estimate;
@@ -41,6 +42,7 @@ pub const STAGES: &[Stage] = &[
     segment::STAGE,
     estimate::STAGE,
     fit::STAGE,
+    curve::STAGE,
     validate::STAGE,
     diagnose::STAGE,
     rerun::STAGE,

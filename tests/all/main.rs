@@ -1,6 +1,7 @@
 //! One integration-test binary: linking is the hidden cost of many. Each module asks one kind of
 //! question.
 
+mod actuators;
 mod attas;
 mod attas_readme;
 mod campaign;

@@ -7,13 +7,14 @@ mod groups;
 mod hazards;
 mod hfb320;
 mod honest;
+mod limits;
 mod linear_algebra;
 mod named;
 mod noise;
 mod points;
 mod shifts;
 
-use super::{Settings, solution::Solution, solution::solve};
+use super::{Settings, neighbours::Known, solution::Solution, solution::solve};
 use crate::least_squares::{Block, Layout};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -104,7 +105,12 @@ impl Toy {
     }
 
     fn solve(&self, settings: &Settings) -> Solution {
-        solve(&self.layout(), &|s: usize, p: &[f64], _: bool| self.evaluate(s, p), settings, &[])
+        solve(
+            &self.layout(),
+            &|s: usize, p: &[f64], _: bool| self.evaluate(s, p),
+            settings,
+            &Known::default(),
+        )
     }
 }
 

@@ -1,7 +1,7 @@
 //! Full covariance of the noise, with samples missing, against the same formulas written sample by
 //! sample.
 
-use super::{normal, rng, sds};
+use super::{Known, normal, rng, sds};
 use crate::estimate::colour::{Source, tests_only};
 use crate::estimate::solution::solve;
 use crate::estimate::{Settings, Stop};
@@ -527,8 +527,12 @@ fn coverage(trials: u64, n: usize, rho: f64, max_ar_order: usize) -> ([[f64; 2];
                 };
                 Some(vec![block(0), block(1)])
             };
-            let s =
-                solve(&layout, &evaluate, &Settings { max_ar_order, ..Settings::default() }, &[]);
+            let s = solve(
+                &layout,
+                &evaluate,
+                &Settings { max_ar_order, ..Settings::default() },
+                &Known::default(),
+            );
             assert_eq!(s.fit.stop, Stop::Converged);
             let sd = sds(s.covariance.as_ref().unwrap());
             for (i, truth) in [1.0, 0.3].iter().enumerate() {

@@ -1,6 +1,6 @@
 //! Estimates, standard deviations, stops and verdicts on problems whose answer is known.
 
-use super::{Settings, Toy, normal, rng, sds, toy_response};
+use super::{Known, Settings, Toy, normal, rng, sds, toy_response};
 use crate::estimate::solution::{Solution, solve};
 use crate::estimate::{StepControl, Stop};
 use crate::least_squares::{Block, Layout};
@@ -40,7 +40,7 @@ fn one_straight_line_is_ordinary_least_squares() {
             Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
         },
         &Settings::default(),
-        &[],
+        &Known::default(),
     );
     assert_eq!(s.fit.stop, Stop::Converged);
     let n = t.len() as f64;
@@ -70,7 +70,7 @@ fn outputs_of_different_length_and_noise_get_their_own_variance() {
         &layout,
         &|_: usize, p: &[f64], _: bool| Some(lines(&z, &t, p)),
         &Settings::default(),
-        &[],
+        &Known::default(),
     );
     assert_eq!(s.fit.stop, Stop::Converged);
     close(r(&s)[0].sqrt(), 0.1, 0.05);
@@ -165,7 +165,7 @@ fn parameters_that_are_the_same_thing_are_named() {
         let e = t.iter().map(|t| 0.1 * (t * 7.0).sin() + t - (p[0] + p[1]) * t - p[2]).collect();
         Some(vec![Block { output: 0, e, g: t.iter().flat_map(|t| [*t, *t, 1.0]).collect() }])
     };
-    let s = solve(&layout, &evaluate, &Settings::default(), &[]);
+    let s = solve(&layout, &evaluate, &Settings::default(), &Known::default());
     assert_eq!(s.fit.stop, Stop::Singular);
     assert!(s.singular && s.covariance.is_none() && s.crlb.is_none() && s.condition.is_infinite());
     let names: Vec<usize> = s.weak[0].terms.iter().map(|t| t.0).collect();
@@ -181,7 +181,7 @@ fn a_shared_parameter_that_every_segment_can_undo_is_named_with_them() {
         let e = t.iter().map(|t| (t * (7.0 + s as f64)).sin() - p[0] - p[1] * t - p[2]).collect();
         Some(vec![Block { output: 0, e, g: t.iter().flat_map(|t| [1.0, *t, 1.0]).collect() }])
     };
-    let s = solve(&layout, &evaluate, &Settings::default(), &[]);
+    let s = solve(&layout, &evaluate, &Settings::default(), &Known::default());
     assert_eq!(s.fit.stop, Stop::Singular);
     let names: Vec<usize> = s.weak[0].terms.iter().map(|t| t.0).collect();
     assert_eq!((s.weak.len(), names), (1, vec![0, 2, 3]));
@@ -195,7 +195,7 @@ fn a_parameter_without_effect_is_named() {
             let e = (0..20).map(|k| f64::from(k % 3) - p[0]).collect();
             Some(vec![Block { output: 0, e, g: [1.0, 0.0].repeat(20) }])
         };
-        let s = solve(&layout, &evaluate, &Settings::default(), &[]);
+        let s = solve(&layout, &evaluate, &Settings::default(), &Known::default());
         if shared == 2 {
             // Common to all: it is held, and the other one has its covariance.
             assert_eq!((s.fit.stop, &s.fit.idle[..]), (Stop::Converged, &[false, true][..]));
@@ -222,7 +222,7 @@ fn logarithm(start: f64, truth: f64, step_control: StepControl) -> Solution {
         &Layout::plain(1, &[0], 1, vec![start]),
         &evaluate,
         &Settings { step_control, ..Settings::default() },
-        &[],
+        &Known::default(),
     )
 }
 
@@ -273,7 +273,12 @@ fn a_wrong_gradient_ends_as_no_improvement() {
         let e = (0..20).map(|k| f64::from(k % 3) - p[0]).collect();
         Some(vec![Block { output: 0, e, g: vec![-1.0; 20] }])
     };
-    let s = solve(&Layout::plain(1, &[0], 1, vec![5.0]), &evaluate, &Settings::default(), &[]);
+    let s = solve(
+        &Layout::plain(1, &[0], 1, vec![5.0]),
+        &evaluate,
+        &Settings::default(),
+        &Known::default(),
+    );
     assert_eq!(s.fit.stop, Stop::NoImprovement);
 }
 
@@ -289,7 +294,12 @@ fn the_bottom_of_a_kink_is_converged() {
         };
         for control in [StepControl::Halving, StepControl::LevenbergMarquardt] {
             let settings = Settings { step_control: control, ..Settings::default() };
-            let s = solve(&Layout::plain(1, &[0], 1, vec![start]), &evaluate, &settings, &[]);
+            let s = solve(
+                &Layout::plain(1, &[0], 1, vec![start]),
+                &evaluate,
+                &settings,
+                &Known::default(),
+            );
             assert_eq!(s.fit.stop, Stop::Converged, "{start} {:?}", s.fit.iterations);
             assert!(s.fit.theta[0].abs() < 1e-6, "{:?}", s.fit.theta);
         }
@@ -318,7 +328,7 @@ fn bounded(start: [f64; 2], upper: f64, step_control: StepControl) -> Solution {
             Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
         },
         &Settings { step_control, ..Settings::default() },
-        &[],
+        &Known::default(),
     )
 }
 
@@ -355,7 +365,7 @@ fn a_prior_weighs_in_with_its_information() {
         &layout,
         &evaluate,
         &Settings { tolerance: 1e-12, step_tolerance: 1e-9, ..Settings::default() },
-        &[],
+        &Known::default(),
     );
     let (mean, data, prior) =
         (z.iter().sum::<f64>() / 2000.0, 2000.0 / r(&s)[0], 1.0 / (0.02 * 0.02));
@@ -377,7 +387,7 @@ fn the_absorbed_degrees_of_freedom_return() {
             Some(lines(std::slice::from_ref(&z), std::slice::from_ref(&t), p))
         },
         &Settings { max_ar_order: 0, ..Settings::default() },
-        &[],
+        &Known::default(),
     );
     for (sd, crlb) in sds(s.covariance.as_ref().unwrap()).iter().zip(sds(s.crlb.as_ref().unwrap()))
     {

@@ -29,6 +29,12 @@ pub struct Settings {
     /// or by signal: `interpolation = { command_e = "hold" }` (the others are linear).
     #[serde(default)]
     pub interpolation: Between,
+    /// Signals of which the mean over so many seconds about each point is taken, along straight lines
+    /// between their samples, instead of their value there. 0 is one step of the grid, for commands
+    /// that are logged whenever they change: the time of an edge is then known to a part of a step.
+    /// More is for what is held in a test: `averaged = { command = 0.0, V_c = 20.0 }`.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub averaged: IndexMap<String, f64>,
     /// Signals, or columns of the flight path, that are smoothed on the grid, by a cubic fitted to
     /// so many seconds around every point: `smooth = { thrust = 1.0 }`. For what changes slowly and
     /// drives a model, which takes its noise for motion; not for surfaces, whose edges it would
@@ -82,6 +88,20 @@ impl Config {
             }
             if given.look_up(columns, name, "signal or column", &key).is_none() {
                 columns.told(name);
+            }
+        }
+        for (name, window) in &settings.averaged {
+            let key = format!("derive.averaged.{name}");
+            if !(*window >= 0.0 && *window <= 3600.0) {
+                let what = format!("a mean is over zero or more seconds, not {window}");
+                given.push(&key, what, "0 is one step of the grid");
+            }
+            if given.look_up(columns, name, "signal", &key).is_none() {
+                columns.told(name);
+            }
+            if settings.interpolation.named().any(|other| other == name) {
+                let what = format!("`averaged` and `interpolation` both say how {name} runs");
+                given.push(&key, what, "one of them: means follow straight lines between samples");
             }
         }
         for name in settings.interpolation.named() {

@@ -7,7 +7,7 @@ use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
 use crate::dynamics::{Directions, Interpolation, Propagator, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
-use crate::signal::resample::{Grid, cubic, hold, linear};
+use crate::signal::resample::{Grid, cubic, hold, linear, mean};
 use crate::signal::smooth::smooth;
 use crate::table::Table;
 use indexmap::IndexMap;
@@ -78,12 +78,13 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let mut columns: IndexMap<String, Column> = IndexMap::new();
     let between = config.settings.interpolation.of(series.keys().copied());
     for ((name, (t, values)), between) in series.iter().zip(between) {
-        let onto = match between {
-            Interpolation::Linear => linear,
-            Interpolation::Cubic => cubic,
-            Interpolation::Hold => hold,
+        let max_gap = config.settings.max_gap * spacing(t);
+        let values = match (config.settings.averaged.get(*name), between) {
+            (Some(width), _) => mean(t, values, &grid, max_gap, *width),
+            (None, Interpolation::Linear) => linear(t, values, &grid, max_gap),
+            (None, Interpolation::Cubic) => cubic(t, values, &grid, max_gap),
+            (None, Interpolation::Hold) => hold(t, values, &grid, max_gap),
         };
-        let values = onto(t, values, &grid, config.settings.max_gap * spacing(t));
         columns.insert(
             name.to_string(),
             Column {

@@ -5,6 +5,7 @@ mod batch;
 pub mod chosen;
 mod config;
 mod late;
+mod limits;
 mod names;
 pub(super) mod ready;
 pub mod records;
@@ -46,6 +47,8 @@ pub const STAGE: Stage = Stage {
         "equations",
         "iterations",
         "residuals",
+        "reached",
+        "plateaus",
         "responses",
     ],
     reads,
@@ -197,10 +200,23 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         let text = format!("{state} is stuck throughout {segment}: friction holds it all along");
         notes.push(config.note("", Severity::Warning, segment, 1, text));
     }
+    for short in &estimation.too_short {
+        let segment = batch.segments.get(short.segment).cloned().unwrap_or_default();
+        let text = format!(
+            "{segment}: a delay of {} is {:.3} s, and the record has {:.3} s before its start: what came before is taken for its first value \
+             (`preroll_s` gives more)",
+            short.input, short.delay, short.preroll
+        );
+        notes.push(config.note("", Severity::Warning, segment, 1, text));
+    }
+    for text in &estimation.crossed {
+        let text = format!("{}: {text}", batch.group);
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
+    }
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(colour_notes(config, batch, estimation));
     for row in estimation.rows.iter().filter(|row| row.idle) {
-        let text = format!("{}: {}", batch.group, uncertainty::without_effect(row));
+        let text = format!("{}: {}", batch.group, limits::idle(estimation, row).1);
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
     for combination in &estimation.verdict.combinations {

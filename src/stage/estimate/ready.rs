@@ -117,7 +117,9 @@ fn measured<'a>(
     let one = |scored: &Scored| {
         let (t, z) = match signals.get(scored.measured.as_str()).filter(|_| scored.is_signal) {
             Some(series) => *series,
-            None => (t, samples.f64(&scored.measured)?),
+            None if samples.has(&scored.measured) => (t, samples.f64(&scored.measured)?),
+            // An optional signal that the log does not have.
+            None => (&[][..], &[][..]),
         };
         Ok(Measured { output: scored.output, t, z })
     };

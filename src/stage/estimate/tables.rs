@@ -1,6 +1,7 @@
 //! Finished estimations come in, their tables go out.
 
 use super::batch::{Batch, Done, per, segment};
+use super::limits;
 use super::uncertainty;
 use crate::error::Result;
 use crate::estimate::{Estimation, Iteration, Profile, Row, Trace};
@@ -20,6 +21,8 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("equations", uncertainty::equations(model, done)?),
         ("iterations", iterations(model, done)?),
         ("residuals", residuals(model, done)?),
+        ("reached", limits::reached(model, done)?),
+        ("plateaus", limits::plateaus(model, done)?),
         ("responses", responses(model, done)?),
     ])
 }

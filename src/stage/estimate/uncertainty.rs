@@ -2,6 +2,7 @@
 //! can be believed, go out.
 
 use super::batch::{Batch, Done, per, segment};
+use super::limits;
 use super::trim::Trim;
 use crate::config::list;
 use crate::error::Result;
@@ -131,16 +132,19 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
     }
     for row in e.rows.iter().filter(|r| r.idle) {
         let number = all.last().map_or(0, |f| f.number) + 1;
+        let (verdict, text) = limits::idle(e, row);
+        let (segment, decision) = (None, None);
+        let (information, condition, term) = (0.0, f64::NAN, Some((row, 1.0)));
         all.push(Finding {
             batch,
             number,
-            verdict: "no effect",
-            information: 0.0,
-            condition: f64::NAN,
-            term: Some((row, 1.0)),
-            segment: None,
-            decision: None,
-            text: without_effect(row),
+            verdict,
+            information,
+            condition,
+            term,
+            segment,
+            decision,
+            text,
         });
     }
     for decision in &e.decisions {
@@ -185,15 +189,6 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
         });
     }
     all
-}
-
-/// A parameter that no output notices.
-pub fn without_effect(row: &Row) -> String {
-    format!(
-        "{} has no effect on the measured outputs (a limit that is not reached, a delay of nothing): \
-         held at {}; the other estimates hold for that",
-        row.name, row.start
-    )
 }
 
 /// What was decided of a candidate.

@@ -30,6 +30,7 @@ pub use config::Config;
 use judge::{Agreement, Validated};
 use settings::NAME;
 pub use settings::Settings;
+pub(super) use values::correlated;
 use values::{Maneuver, Values, values};
 
 pub const STAGE: Stage = Stage {

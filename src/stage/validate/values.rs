@@ -287,7 +287,7 @@ fn lines(fit: usize, inputs: &Inputs, of: [(&Source, [f64; 2]); 2]) -> Result<f6
 }
 
 /// Covariance of two rows of `estimates`.
-fn correlated(estimates: &Table, table: &Table, rows: [usize; 2]) -> Result<f64> {
+pub fn correlated(estimates: &Table, table: &Table, rows: [usize; 2]) -> Result<f64> {
     let (groups, names) = (estimates.strings("group")?, estimates.strings("parameter")?);
     let (of, sd) = (estimates.opt_strings("of")?, estimates.f64("sd")?);
     if rows[0] == rows[1] {
