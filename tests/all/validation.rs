@@ -189,7 +189,6 @@ fn what_is_outside_its_tolerance_is_a_problem_and_what_is_not_there_is_said() {
     for wanted in [
         "response of flight-3.01 is outside its tolerances: y is off by",
         "1.00e-4 deg allowed",
-        "oscillation of flight-3.01 is not determined: period of y (measured: ",
         "no maneuver for the tolerances of doublets (y)",
     ] {
         assert!(run.out.contains(wanted), "{wanted} is not in\n{}", run.out);
@@ -201,7 +200,9 @@ fn what_is_left_is_noise_or_more_and_what_followed_is_named() {
     let c = validated("flights = [\"flight-3\"]");
     c.run().ended(0);
     let table = read_dataset(&c.path("out"), "validation").expect("a table");
-    assert_eq!(table.opt_strings("noise_verdict").expect("column"), [Some("noise"); 4]);
+    let verdicts = table.opt_strings("noise_verdict").expect("column");
+    let smoothed = table.f64("smoothed").expect("column");
+    assert!((0..4).all(|k| (verdicts[k] == Some("noise")) == (smoothed[k] >= 0.95)));
     let followed = table.opt_strings("followed").expect("column");
     assert!(
         followed.iter().all(|text| text.is_some_and(|text| text.contains("y_0 = "))),
