@@ -89,7 +89,7 @@ fn noise(rows: &Columns) -> Option<String> {
     let (noise, more) = (of("noise"), of("more than noise"));
     (noise + more > 0).then(|| {
         format!(
-            " Of {noise} of {}, nothing is left but the sensor's noise.",
+            " In {noise} of {} nothing is left but the sensor's noise.",
             count(noise + more, "output")
         )
     })
