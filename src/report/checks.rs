@@ -5,10 +5,10 @@
 //! only where something asked for is not there or a result stands on a sensor that is wrong,
 //! whatever the threshold: a channel that is dead, reversed, late, scaled, rejected by the tenth,
 //! or still through a maneuver; a flight without a maneuver that is used; an estimation that did
-//! not converge; a missing result; a diagnosis without a verdict. What is a matter of degree (noise
-//! larger than predicted, samples at a stop, scatter, correlations, misfits, a model that lacks
-//! something) is worth a look (`Level::Warn`): the numbers say so themselves, and a person has to
-//! judge.
+//! not converge; a missing result; a validated maneuver outside its tolerances; a diagnosis without
+//! a verdict. What is a matter of degree (noise larger than predicted, samples at a stop, scatter,
+//! correlations, misfits, a model that lacks something) is worth a look (`Level::Warn`): the numbers
+//! say so themselves, and a person has to judge.
 
 use super::columns::Columns;
 use super::format::{count, number};
@@ -16,7 +16,8 @@ use super::grid::Level;
 use super::lines::EXCESS;
 use super::section::{Body, Given, Section};
 use super::{
-    consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still, uncertainty,
+    consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still, tolerances,
+    uncertainty,
 };
 use crate::error::Result;
 use serde::Serialize;
@@ -34,6 +35,7 @@ pub const SECTION: Section = Section {
         "responses",
         "repeats",
         "fits",
+        "tolerances",
         "findings",
     ],
     build,
@@ -153,6 +155,7 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (uncertainty::honesty(get("repeats")), "uncertainty", "repeats"),
         (scatter(get("fits")), "fits", "fits"),
         (few_points(get("fits")), "fits", "fits"),
+        (tolerances::summary(get("tolerances")), "validation", "tolerances"),
         (diagnosis::summary(get("findings"), get("estimates")), "verdict", "verdict"),
         (logs::remarks(get("notes")), "notes", "notes"),
     ];

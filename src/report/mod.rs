@@ -26,6 +26,7 @@ mod paths;
 mod provenance;
 mod section;
 mod still;
+mod tolerances;
 mod uncertainty;
 mod used;
 mod validation;

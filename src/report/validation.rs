@@ -1,10 +1,11 @@
-//! `validation` and `validation_traces` in; how well held values tell maneuvers that they were not
-//! found from, as a table and as time histories with the predicted interval, out.
+//! `validation`, `validation_traces` and `tolerances` in; how well held values tell maneuvers that
+//! they were not found from, as tables and as time histories with the predicted interval, out.
 
 use super::columns::Columns;
 use super::format::{count, display_unit, number, plain, shorts, thin, times};
 use super::grid::{Cell, Grid, Level, Row};
 use super::section::{Body, Given, Section};
+use super::tolerances;
 use crate::error::Result;
 use crate::math::distribution::INTERVAL_95;
 use serde::Serialize;
@@ -12,7 +13,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "validation",
     heading: "Validation: maneuvers that were not used",
-    tables: &["validation", "validation_traces"],
+    tables: &["validation", "validation_traces", "tolerances"],
     build,
 };
 
@@ -45,6 +46,9 @@ struct Shown {
     missing: bool,
     table: Grid,
     summary: String,
+    /// What is used of tolerances, and the sentence about it; none without tolerances.
+    tolerances: Option<Grid>,
+    judged: Option<String>,
 }
 
 fn build(given: &Given) -> Result<Option<Body>> {
@@ -52,7 +56,8 @@ fn build(given: &Given) -> Result<Option<Body>> {
     let (rows, traces) = (given.get("validation"), given.get("validation_traces"));
     let Some(rows) = rows.filter(|rows| rows.rows() > 0) else {
         let table = Grid::new([] as [&str; 0]);
-        let shown = Shown { missing: true, table, summary: String::new() };
+        let (tolerances, judged) = (None, None);
+        let shown = Shown { missing: true, table, summary: String::new(), tolerances, judged };
         return Ok(Some(Body::new(template, shown)));
     };
     let (mut table, mut all) = (grid(), Vec::new());
@@ -66,10 +71,28 @@ fn build(given: &Given) -> Result<Option<Body>> {
         }
         all.push(Maneuver { label: format!("{validation} / {segment}"), outputs });
     }
-    let summary = format!("{good} of {} are good.", count(rows.rows(), "output"));
-    Body::new(template, Shown { missing: false, table, summary })
+    let mut summary = format!("{good} of {} are good.", count(rows.rows(), "output"));
+    summary.extend(noise(rows));
+    let judged = given.get("tolerances").filter(|judged| judged.rows() > 0);
+    let (tolerances, judged) =
+        (judged.map(tolerances::grid), tolerances::summary(judged).map(|(_, text)| text));
+    Body::new(template, Shown { missing: false, table, summary, tolerances, judged })
         .plot("validations", &all)
         .map(Some)
+}
+
+/// How many outputs are told but for the sensor's noise, of those whose noise is known.
+fn noise(rows: &Columns) -> Option<String> {
+    let of = |verdict: &str| {
+        (0..rows.rows()).filter(|&row| rows.text("noise_verdict", row) == verdict).count()
+    };
+    let (noise, more) = (of("noise"), of("more than noise"));
+    (noise + more > 0).then(|| {
+        format!(
+            " In {noise} of {} nothing is left but the sensor's noise.",
+            count(noise + more, "output")
+        )
+    })
 }
 
 fn grid() -> Grid {
@@ -84,11 +107,13 @@ fn grid() -> Grid {
         "#bias / variance / covariance",
         "#largest error",
         "#within|%",
+        "smoothed residuals",
     ]);
     table.note = Some(
         "Click a row to see its time history. Fit is 1 - r.m.s./s with the standard deviation s of what was measured. Theil's coefficient is 0 \
          for equal signals, 1 for unrelated ones; its three parts say how much of the error is a shift, another size, another form. Within: \
-         share of the samples inside the interval that the model predicts for them. Grey in a time history: lines are taken outside the points \
+         share of the samples inside the interval that the model predicts for them. Smoothed residuals: whether 95% of their moving averages are \
+         within three standard deviations of what the noise of the estimate leaves of them. Under a maneuver: what was estimated in it. Grey in a time history: lines are taken outside the points \
          that they go through."
             .into(),
     );
@@ -113,11 +138,7 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
         pick: Some(pick.to_string()),
         cells: vec![
             rows.text("validation", row).into(),
-            Cell {
-                text: rows.text("segment", row),
-                sub: (rows.flag("beyond", row) == Some(true)).then(|| outside(of("outside"))),
-                level: None,
-            },
+            Cell { text: rows.text("segment", row), sub: under(rows, row), level: None },
             rows.text("output", row).into(),
             Cell { text: verdict, sub: None, level: Some(level) },
             Cell { text: with_unit(of("rms")), sub: Some(noise), level: None },
@@ -126,6 +147,7 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
             parts.join(" / ").into(),
             with_unit(of("largest")).into(),
             percent(of("within")).into(),
+            smoothed(rows, row),
         ],
     }
 }
@@ -165,6 +187,27 @@ fn stretches(t: &[f64], those: &[bool]) -> Vec<[Option<f64>; 2]> {
         .filter(|range| those[range[0]])
         .map(|range| [ends(range)[0], ends(range)[1]])
         .collect()
+}
+
+/// What was estimated in a maneuver, and where lines were taken outside their points.
+fn under(rows: &Columns, row: usize) -> Option<String> {
+    let beyond = rows.flag("beyond", row) == Some(true);
+    let beyond = beyond.then(|| outside(rows.number("outside", row)));
+    let followed = Some(rows.text("followed", row)).filter(|text| !text.is_empty());
+    let all: Vec<String> = beyond.into_iter().chain(followed).collect();
+    (!all.is_empty()).then(|| all.join("; "))
+}
+
+/// Whether what is left is noise, and the share of it that is.
+fn smoothed(rows: &Columns, row: usize) -> Cell {
+    let verdict = rows.text("noise_verdict", row);
+    let level = if verdict == "noise" { Level::Good } else { Level::Warn };
+    match verdict.as_str() {
+        "" => Cell::new("unknown"),
+        _ => Cell::new(verdict)
+            .under(format!("{}%", plain(100.0 * rows.number("smoothed", row), 0)))
+            .level(level),
+    }
 }
 
 /// Where lines were taken outside their points.

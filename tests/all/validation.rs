@@ -128,3 +128,84 @@ fn fault_mistakes_of_a_validation_are_told_at_once() {
         run.err
     );
 }
+
+/// Tolerances of `y`, one of them for a test that the flights do not have.
+const TOLERANCES: &str = r#"
+title  = "A match"
+source = "a specification"
+
+[[tolerance]]
+test   = "response"
+group  = "size"
+output = "y"
+share  = 0.0001
+
+[[tolerance]]
+test   = "response"
+group  = "size"
+output = "y"
+within = 3.0
+unit   = "deg"
+
+[[tolerance]]
+test   = "oscillation"
+output = "y"
+of     = "period"
+share  = 0.1
+
+[[tolerance]]
+test   = "doublets"
+kinds  = ["doublet"]
+output = "y"
+within = 3.0
+unit   = "deg"
+"#;
+
+#[test]
+fn tolerances_are_held_against_the_largest_error() {
+    let more = "flights = [\"flight-3\"]\ntolerances = \"a.toml\"\ntests = [\"response\"]";
+    let c = validated(more);
+    c.write("a.toml", TOLERANCES);
+    c.run().ended(0);
+    let table = read_dataset(&c.path("out"), "tolerances").expect("a table");
+    let verdicts = table.strings("verdict").expect("column");
+    assert_eq!(verdicts, ["outside", "within"].repeat(4));
+    assert_eq!(table.strings("group_verdict").expect("column"), ["within"; 8]);
+    let largest = read_dataset(&c.path("out"), "validation").expect("a table");
+    let (error, limit) =
+        (table.f64("error").expect("column"), table.f64("tolerance").expect("column"));
+    let largest = largest.f64("largest").expect("column");
+    assert!((0..4).all(|k| error[2 * k] == largest[k] && error[2 * k + 1] == largest[k]));
+    assert!((limit[1] - 3.0_f64.to_radians()).abs() < 1e-12);
+    let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
+    assert!(page.contains("4 of 4 tests are within their tolerances"));
+}
+
+#[test]
+fn what_is_outside_its_tolerance_is_a_problem_and_what_is_not_there_is_said() {
+    let c = validated("flights = [\"flight-3\"]\ntolerances = \"a.toml\"");
+    c.write("a.toml", &TOLERANCES.replace("within = 3.0", "within = 0.0001"));
+    let run = c.run().ended(1);
+    for wanted in [
+        "response of flight-3.01 is outside its tolerances: y is off by",
+        "1.00e-4 deg allowed",
+        "no maneuver for the tolerances of doublets (y)",
+    ] {
+        assert!(run.out.contains(wanted), "{wanted} is not in\n{}", run.out);
+    }
+}
+
+#[test]
+fn what_is_left_is_noise_or_more_and_what_followed_is_named() {
+    let c = validated("flights = [\"flight-3\"]");
+    c.run().ended(0);
+    let table = read_dataset(&c.path("out"), "validation").expect("a table");
+    let verdicts = table.opt_strings("noise_verdict").expect("column");
+    let smoothed = table.f64("smoothed").expect("column");
+    assert!((0..4).all(|k| (verdicts[k] == Some("noise")) == (smoothed[k] >= 0.95)));
+    let followed = table.opt_strings("followed").expect("column");
+    assert!(
+        followed.iter().all(|text| text.is_some_and(|text| text.contains("y_0 = "))),
+        "{followed:?}"
+    );
+}

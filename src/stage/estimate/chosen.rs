@@ -43,7 +43,7 @@ impl Range {
     }
 
     /// What is wrong with it, and what to do.
-    fn fault(self) -> Option<(String, &'static str)> {
+    pub fn fault(self) -> Option<(String, &'static str)> {
         let (min, max) = self.ends();
         if min == f64::NEG_INFINITY && max == f64::INFINITY {
             let help = "give it `min`, `max` or both: { min = 0.02 }";

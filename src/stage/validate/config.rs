@@ -3,6 +3,7 @@
 
 use super::settings::{NAME, Settings};
 use super::source::{self, Source};
+use super::tolerances::{self, Checked};
 use crate::stage::check::Given;
 use crate::stage::estimate;
 use crate::stage::kind::Known;
@@ -20,6 +21,8 @@ pub struct Config {
     pub run: estimate::Config,
     /// Where each parameter that is not fixed by the model's file has its value from.
     pub sources: Vec<(String, Source)>,
+    /// What the maneuvers are judged by.
+    pub tolerances: Vec<Checked>,
 }
 
 /// Checks all `[[validate]]` and keeps what can be run.
@@ -54,8 +57,11 @@ pub fn check(told: &mut Told, known: &mut Known) {
             return None;
         }
         bands((given, key), &s, &run);
+        let scored: Vec<_> =
+            run.outputs.iter().filter_map(|s| run.model.outputs.get(s.output)).cloned().collect();
+        let tolerances = tolerances::check((given, key), &s, &scored, (columns, searched));
         let sources = source::find((given, key), &s, base, &fits?, &run.model)?;
-        Some(Config { settings: s, estimate: index, lines, run, sources })
+        Some(Config { settings: s, estimate: index, lines, run, sources, tolerances })
     });
     told.keep(NAME, checked.into_iter().flatten().collect::<Vec<Config>>());
 }

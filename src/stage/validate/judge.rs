@@ -4,20 +4,10 @@ use crate::math::distribution::INTERVAL_95;
 use crate::noise::{Theil, theil};
 use crate::signal::robust::noise_sd;
 
-/// One validated maneuver.
-#[derive(Debug)]
-pub struct Validated {
-    pub flight: String,
-    pub segment: String,
-    /// Labels of the maneuver; empty for a whole record.
-    pub input: String,
-    pub kind: String,
-    /// Lines of which the abscissa lies outside their points, and the share of the maneuver in which
-    /// that of one does.
-    pub beyond: Vec<String>,
-    pub outside: f64,
-    pub outputs: Vec<(Output, Option<Agreement>)>,
-}
+/// Smoothed residuals within so many standard deviations are the sensor's noise.
+const SIGMAS: f64 = 3.0;
+/// Share of them that must be.
+const NOISE: f64 = 0.95;
 
 /// One output of one maneuver.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -34,6 +24,11 @@ pub struct Output {
     pub band: Vec<f64>,
     /// Whether a line that the values come from is taken outside its points.
     pub beyond: Vec<bool>,
+    /// Standard deviation of its noise by the `R` of the estimate; not a number where that has no
+    /// output of this name.
+    pub r_sd: f64,
+    /// Length of the moving average that is held against that noise, s.
+    pub smooth_s: f64,
 }
 
 /// How well one output agrees.
@@ -56,9 +51,36 @@ pub struct Agreement {
     /// Share of the samples within the interval that is predicted for them: the band, and 95% by the
     /// standard deviations of what is modelled and of the sensor's noise.
     pub within: f64,
+    /// Standard deviation of the sensor's noise by the `R` of the estimate.
+    pub r_sd: f64,
+    /// Share of the smoothed residuals within three standard deviations of what white noise of that
+    /// `R` leaves after the smoothing.
+    pub smoothed: f64,
 }
 
 impl Output {
+    /// Share of the moving averages of the residuals that such noise alone explains; not a number
+    /// without `R`, or where no stretch is long enough. An average of `m` samples of white noise
+    /// has its standard deviation over the root of `m`.
+    fn smoothed(&self) -> f64 {
+        let steps: Vec<f64> = self.t.windows(2).map(|t| t[1] - t[0]).collect();
+        if steps.is_empty() || !(self.r_sd > 0.0) {
+            return f64::NAN;
+        }
+        let m = (self.smooth_s / crate::math::median(&steps)).round().max(1.0) as usize;
+        let e: Vec<f64> = self.measured.iter().zip(&self.modelled).map(|(z, y)| z - y).collect();
+        let limit = SIGMAS * self.r_sd / (m as f64).sqrt();
+        let (mut inside, mut all) = (0.0, 0.0);
+        for of in e.windows(m) {
+            let mean = of.iter().sum::<f64>() / m as f64;
+            if mean.is_finite() {
+                all += 1.0;
+                inside += f64::from(u8::from(mean.abs() <= limit));
+            }
+        }
+        if all > 0.0 { inside / all } else { f64::NAN }
+    }
+
     /// How well it agrees; none where nothing was measured.
     pub fn agreement(&self) -> Option<Agreement> {
         let there = |k: &usize| self.measured[*k].is_finite() && self.modelled[*k].is_finite();
@@ -89,6 +111,8 @@ impl Output {
             carried_sd: mean(&|k| self.carried_sd[k] * self.carried_sd[k]).sqrt(),
             band: mean(&|k| self.band[k]),
             within: mean(&|k| f64::from(u8::from(e(k).abs() <= half(k)))),
+            r_sd: self.r_sd,
+            smoothed: self.smoothed(),
         })
     }
 }
@@ -100,6 +124,15 @@ impl Agreement {
     fn chance(&self, wanted: f64) -> f64 {
         let square = wanted * (1.0 - wanted) + (0.23 * 1.6) * (0.23 * 1.6);
         3.0 * (square / self.n as f64).sqrt()
+    }
+
+    /// Whether what is left is the sensor's noise; none without `R`.
+    pub fn noise_verdict(&self) -> Option<&'static str> {
+        match self.smoothed {
+            share if share.is_nan() => None,
+            share if share >= NOISE => Some("noise"),
+            _ => Some("more than noise"),
+        }
     }
 
     /// `good`, or what it falls short of.
@@ -135,6 +168,8 @@ mod tests {
             modelled,
             carried_sd: vec![carried; n],
             band: vec![band; n],
+            r_sd: 0.02,
+            smooth_s: 0.2,
             ..Output::default()
         }
     }
@@ -156,6 +191,23 @@ mod tests {
         let near = output(|_| 0.01, 0.01, 0.0).agreement().expect("samples");
         assert_eq!(near.verdict(0.95, 0.1), "good");
         assert!((near.theil.bias - 1.0).abs() < 1e-9 && near.theil.covariance.abs() < 1e-9);
+    }
+
+    #[test]
+    fn noise_averages_out_and_an_error_of_the_model_does_not() {
+        // Of both signs in turn: 10 samples average to 0, whatever its size.
+        let flip = |t: f64| if (t / 0.02).round() as i64 % 2 == 0 { 0.05 } else { -0.05 };
+        let noise = output(flip, 0.0, 0.0).agreement().expect("samples");
+        assert_eq!((noise.smoothed, noise.noise_verdict()), (1.0, Some("noise")));
+        // 3 * 0.02 / sqrt(10) = 0.019 is the limit.
+        let share = |size: f64| {
+            output(|t| size * libm::sin(t) + flip(t), 0.0, 0.0).agreement().expect("samples")
+        };
+        assert_eq!(share(0.018).noise_verdict(), Some("noise"));
+        assert_eq!(share(0.03).noise_verdict(), Some("more than noise"));
+        let mut without = output(flip, 0.0, 0.0);
+        without.r_sd = f64::NAN;
+        assert_eq!(without.agreement().expect("samples").noise_verdict(), None);
     }
 
     #[test]

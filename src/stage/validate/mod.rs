@@ -7,10 +7,15 @@
 //! squares of what changes, after initial states and shifts have followed.
 
 mod config;
+mod file;
 mod judge;
+mod notes;
+mod proof;
 mod settings;
 mod source;
 mod tables;
+mod tolerances;
+mod validated;
 mod values;
 
 use super::estimate;
@@ -27,9 +32,11 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 pub use config::Config;
-use judge::{Agreement, Validated};
+use judge::Agreement;
+use notes::note;
 use settings::NAME;
 pub use settings::Settings;
+use validated::Validated;
 pub(super) use values::correlated;
 use values::{Maneuver, Values, values};
 
@@ -39,7 +46,7 @@ pub const STAGE: Stage = Stage {
     key: Some(Key::of::<Vec<Settings>>()),
     check: config::check,
     units: |campaign| Unit::entries(all(campaign).iter().map(|config| config.settings.name())),
-    writes: &["validation", "validation_traces"],
+    writes: &["validation", "validation_traces", "tolerances"],
     reads,
     slice,
     run,
@@ -68,6 +75,7 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         "used": used,
         "left_out": ready::left_out(&config.run, campaign),
         "against": against,
+        "tolerances": format!("{:?}", config.tolerances),
     })
 }
 
@@ -87,7 +95,9 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let Some(config) = all(campaign).get(unit.index) else { return Vec::new() };
     let part = |table, i: usize| Read { table, part: Part::Number(i), optional: true };
     let mut reads = Read::flights(&["signals", "samples", "segments", "conditions"], campaign);
-    reads.extend(["estimates", "correlations"].map(|table| part(table, config.estimate)));
+    reads.extend(
+        ["estimates", "correlations", "residuals"].map(|table| part(table, config.estimate)),
+    );
     let lines = config.lines.iter();
     reads.extend(lines.flat_map(|&i| ["fits", "line_correlations"].map(|table| part(table, i))));
     reads
@@ -113,7 +123,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     for (k, one) in ready.iter().enumerate() {
         match validated(config, campaign, inputs, one)? {
             Ok(validated) => {
-                notes.extend(doubts(config, &validated));
+                notes.extend(notes::doubts(config, &validated));
+                notes.extend(notes::tolerances(config, &validated));
                 done.push(validated);
             }
             Err(why) => {
@@ -128,7 +139,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         let text = format!("{name}: no maneuver to validate the model with");
         notes.push(note(config, "", Severity::Missing, &name, text));
     }
-    let tables = tables::all(&config.settings, &config.run.model.name, &done)?;
+    notes.extend(notes::unused(config, &done));
+    let tables = tables::all(&config.settings, &config.run.model.name, &config.tolerances, &done)?;
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
@@ -159,46 +171,6 @@ fn refused(config: &Config, flight: &str, segment: &str, by: &str) -> Note {
     note(config, flight, Severity::Missing, segment, text)
 }
 
-/// What is to be said of one maneuver that was validated.
-fn doubts(config: &Config, one: &Validated) -> Vec<Note> {
-    let mut notes = Vec::new();
-    if !one.beyond.is_empty() {
-        let text = format!(
-            "{}: for {:.0}% of it the lines of {} are taken outside their points",
-            one.segment,
-            100.0 * one.outside,
-            one.beyond.join(", ")
-        );
-        notes.push(note(config, &one.flight, Severity::Warning, &one.segment, text));
-    }
-    for (output, agreement) in &one.outputs {
-        let text = match agreement {
-            None => format!("{} of {}: nothing was measured", output.name, one.segment),
-            Some(agreement) => {
-                let Settings { within, theil, .. } = config.settings;
-                let verdict = agreement.verdict(within, theil);
-                if verdict == "good" {
-                    continue;
-                }
-                format!("{} of {}: {verdict}", output.name, one.segment)
-            }
-        };
-        notes.push(note(config, &one.flight, Severity::Warning, &one.segment, text));
-    }
-    notes
-}
-
-fn note(config: &Config, flight: &str, severity: Severity, subject: &str, text: String) -> Note {
-    Note {
-        flight: flight.to_string(),
-        stage: STAGE.name.to_string(),
-        severity,
-        subject: subject.to_string(),
-        count: 1,
-        text: format!("{}: {text}", config.settings.name()),
-    }
-}
-
 /// One maneuver with the values held, and how well they tell its outputs.
 fn validated(
     config: &Config,
@@ -207,9 +179,11 @@ fn validated(
     one: &Ready,
 ) -> std::result::Result<std::result::Result<Validated, String>, Errors> {
     let labels = &one.labelled.labels;
+    let label = |name: &str| labels.get(name).cloned().unwrap_or_default();
     let conditions = ready::held(inputs.flight("conditions", &one.flight), &one.segment)?;
     let along = along(config, &one.labelled);
     let maneuver = Maneuver { flight: &one.flight, labels, conditions, along };
+    let (input, kind) = (label("input"), label("kind"));
     let found = match values(config, campaign, inputs, &maneuver)? {
         Ok(found) => found,
         Err(why) => return Ok(Err(why)),
@@ -220,19 +194,24 @@ fn validated(
         let why = first.why.unwrap_or_else(|| format!("it ended with \"{}\"", first.stop));
         return Ok(Err(why));
     }
-    let label = |name: &str| labels.get(name).cloned().unwrap_or_default();
+    let outputs = outputs(config, &first, &carried, &scatter(config, inputs)?, &|t| {
+        let record = &segment.record;
+        let k = ((t - record.t0) / record.dt).round().clamp(0.0, record.n as f64 - 1.0);
+        found.is_outside(k as usize)
+    });
+    let seen: Vec<&judge::Output> = outputs.iter().map(|(output, _)| output).collect();
+    let is_for = |c: &tolerances::Checked| c.is_for(&input, &kind, &maneuver.conditions);
+    let judged = proof::judge(&config.tolerances, is_for, &seen, one.times);
     Ok(Ok(Validated {
         flight: one.flight.clone(),
         segment: one.segment.clone(),
-        input: label("input"),
-        kind: label("kind"),
         outside: found.share_outside(),
-        outputs: outputs(config, &first, &carried, &|t| {
-            let record = &segment.record;
-            let k = ((t - record.t0) / record.dt).round().clamp(0.0, record.n as f64 - 1.0);
-            found.is_outside(k as usize)
-        }),
+        followed: notes::followed(&first.rows),
         beyond: found.beyond,
+        input,
+        kind,
+        outputs,
+        judged,
     }))
 }
 
@@ -258,6 +237,21 @@ fn with_bands(config: &Config, segment: &Segment) -> Segment {
         }
     }
     segment
+}
+
+/// By output, the root of the estimate's `R`: that of the mean square of its residuals.
+fn scatter(config: &Config, inputs: &Inputs) -> Result<BTreeMap<String, f64>> {
+    let Some(table) = inputs.get("residuals", Part::Number(config.estimate)) else {
+        return Ok(BTreeMap::new());
+    };
+    let (names, n, rms) = (table.strings("output")?, table.i64("n")?, table.f64("rms")?);
+    let mut sums: BTreeMap<&str, [f64; 2]> = BTreeMap::new();
+    for (row, name) in names.into_iter().enumerate().filter(|(row, _)| rms[*row].is_finite()) {
+        let [count, square] = sums.entry(name).or_default();
+        *count += n[row] as f64;
+        *square += n[row] as f64 * rms[row] * rms[row];
+    }
+    Ok(sums.into_iter().map(|(name, [n, sum])| (name.to_string(), (sum / n).sqrt())).collect())
 }
 
 /// The maneuver at the values, and what of it changes with each column of a root of their
@@ -305,6 +299,7 @@ fn outputs(
     config: &Config,
     first: &Estimation,
     carried: &[Vec<Vec<f64>>],
+    scatter: &BTreeMap<String, f64>,
     beyond: &dyn Fn(f64) -> bool,
 ) -> Vec<(judge::Output, Option<Agreement>)> {
     let traces: Vec<_> = first.responses.iter().flatten().collect();
@@ -326,6 +321,8 @@ fn outputs(
             carried_sd: (0..n).map(|k| square(k).sqrt()).collect(),
             band: half.map_or_else(|| vec![0.0; n], |half| half.modelled.clone()),
             beyond: trace.t.iter().map(|t| beyond(*t)).collect(),
+            r_sd: scatter.get(&trace.name).copied().unwrap_or(f64::NAN),
+            smooth_s: config.settings.smooth_s,
         };
         let agreement = output.agreement();
         all.push((output, agreement));

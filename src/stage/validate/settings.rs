@@ -94,6 +94,20 @@ pub struct Settings {
     #[serde(default = "default_theil")]
     #[schemars(range(min = 0, max = 1))]
     pub theil: f64,
+    /// A file of tolerances (`[[tolerance]]`) that the maneuvers are judged by; none unless given.
+    #[serde(default)]
+    pub tolerances: Option<String>,
+    /// The tests of that file that are judged by; empty for all.
+    #[serde(default)]
+    pub tests: Vec<String>,
+    /// Length of the moving average of the residuals that is held against the sensor's noise, s.
+    #[serde(default = "default_smooth")]
+    #[schemars(range(min = 0))]
+    pub smooth_s: f64,
+}
+
+fn default_smooth() -> f64 {
+    0.2
 }
 
 fn default_within() -> f64 {

@@ -1,7 +1,10 @@
 //! Validated maneuvers come in, their tables go out.
 
-use super::judge::{Agreement, Output, Validated};
+use super::judge::{Agreement, Output};
+use super::proof::Judged;
 use super::settings::Settings;
+use super::tolerances::Checked;
+use super::validated::Validated;
 use crate::error::Result;
 use crate::table::Table;
 
@@ -9,6 +12,7 @@ use crate::table::Table;
 pub fn all(
     settings: &Settings,
     model: &str,
+    all: &[Checked],
     done: &[Validated],
 ) -> Result<Vec<(&'static str, Table)>> {
     let mut rows: Vec<(&Validated, &Output, Option<&Agreement>)> = done
@@ -53,6 +57,16 @@ pub fn all(
         .bools("beyond", rows.iter().map(|(one, ..)| !one.beyond.is_empty()).collect::<Vec<_>>())
         .f64("outside", rows.iter().map(|(one, ..)| one.outside).collect::<Vec<_>>())
         .strings("verdict", rows.iter().map(|(.., a)| verdict(*a)))
+        .f64("r_sd", number(&|a| a.r_sd))
+        .f64("smoothed", number(&|a| a.smoothed))
+        .opt_strings(
+            "noise_verdict",
+            rows.iter().map(|(.., a)| a.and_then(Agreement::noise_verdict)),
+        )
+        .opt_strings(
+            "followed",
+            rows.iter().map(|(one, ..)| Some(one.followed.as_str()).filter(|s| !s.is_empty())),
+        )
         .finish()?;
     let samples: Vec<(&Validated, &Output, usize)> = rows
         .iter()
@@ -73,5 +87,35 @@ pub fn all(
         .f64("band", sample(|o| &o.band))
         .bools("beyond", samples.iter().map(|(_, output, k)| output.beyond[*k]).collect::<Vec<_>>())
         .finish()?;
-    Ok(vec![("validation", validation), ("validation_traces", traces)])
+    let judged = tolerances(&settings.name(), all, done)?;
+    Ok(vec![("validation", validation), ("validation_traces", traces), ("tolerances", judged)])
+}
+
+/// One row per maneuver and tolerance that is for it.
+fn tolerances(name: &str, all: &[Checked], done: &[Validated]) -> Result<Table> {
+    let mut rows: Vec<(&Validated, &Judged, &Checked)> = done
+        .iter()
+        .flat_map(|one| one.judged.iter().map(move |j| (one, j, &all[j.place])))
+        .collect();
+    rows.sort_by_key(|(one, j, c)| (&one.segment, &c.told.test, &c.told.output, j.place));
+    let number =
+        |of: &dyn Fn(&Judged) -> f64| -> Vec<f64> { rows.iter().map(|(_, j, _)| of(j)).collect() };
+    Table::build("tolerances")
+        .repeat("validation", name)
+        .strings("flight", rows.iter().map(|(one, ..)| &one.flight))
+        .strings("segment", rows.iter().map(|(one, ..)| &one.segment))
+        .strings("test", rows.iter().map(|(.., c)| &c.told.test))
+        .opt_strings("group", rows.iter().map(|(.., c)| c.told.group.as_deref()))
+        .strings("output", rows.iter().map(|(.., c)| &c.told.output))
+        .strings("of", rows.iter().map(|(.., c)| c.told.of.as_str()))
+        .strings("unit", rows.iter().map(|(.., c)| &c.unit))
+        .f64("measured", number(&|j| j.measured))
+        .f64("modelled", number(&|j| j.modelled))
+        .f64("error", number(&|j| j.error))
+        .f64("tolerance", number(&|j| j.allowed))
+        .f64("used", number(&|j| j.error / j.allowed))
+        .strings("verdict", rows.iter().map(|(_, j, _)| j.verdict.as_str()))
+        .strings("group_verdict", rows.iter().map(|(_, j, _)| j.group.as_str()))
+        .opt_strings("why", rows.iter().map(|(_, j, _)| j.why.as_deref()))
+        .finish()
 }
