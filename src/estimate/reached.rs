@@ -14,6 +14,8 @@ const FEWEST: usize = 10;
 /// Residuals near the extreme that are larger than elsewhere by more than so many standard deviations of their mean
 /// square.
 const SURE: f64 = 5.0;
+/// What is left near an extreme is noise where less than this share of it goes one way.
+const ONE_WAY: f64 = 0.7;
 
 /// One limit of one state.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,15 +62,18 @@ pub struct Over {
 pub struct Follows {
     pub near: f64,
     pub elsewhere: f64,
+    /// Mean by which the measurement stays behind near the extreme; 0 for a rate.
+    pub behind: f64,
     /// Samples near the extreme.
     pub count: usize,
 }
 
 impl Follows {
-    /// Whether residuals near the extreme are no larger than chance makes them.
+    /// Whether residuals near the extreme are no larger than chance makes them, and are not for the
+    /// most part what a measurement stays behind that stops earlier.
     pub fn agrees(self) -> bool {
         let more = (self.near / self.elsewhere).powi(2) - 1.0;
-        more <= SURE * (2.0 / self.count as f64).sqrt()
+        more <= SURE * (2.0 / self.count as f64).sqrt() && self.behind <= ONE_WAY * self.near
     }
 }
 
@@ -161,7 +166,12 @@ impl Case {
         let (low, high) = (motions().fold(f64::NAN, f64::min), motions().fold(f64::NAN, f64::max));
         let near = |x: f64| x >= high - NEAR * (high - low);
         let name = &self.model.states[watch.state].quantity.name;
-        let (mut squares, mut counts) = ([0.0; 2], [0_usize; 2]);
+        let beyond = match watch.limit {
+            "max" => 1.0,
+            "min" => -1.0,
+            _ => 0.0,
+        };
+        let (mut squares, mut counts, mut behind) = ([0.0; 2], [0_usize; 2], 0.0);
         for (s, seen) in seen.iter().enumerate() {
             let record = &self.records[s];
             for trace in self.traces(s, theta).iter().filter(|trace| trace.name == *name) {
@@ -171,6 +181,7 @@ impl Case {
                     if (z - y).is_finite() {
                         let place = usize::from(!near(*x));
                         squares[place] += (z - y) * (z - y);
+                        behind += if place == 0 { beyond * (y - z) } else { 0.0 };
                         counts[place] += 1;
                     }
                 }
@@ -180,6 +191,7 @@ impl Case {
         (counts[0] >= FEWEST && counts[1] >= FEWEST).then(|| Follows {
             near: rms(0),
             elsewhere: rms(1),
+            behind: behind / counts[0] as f64,
             count: counts[0],
         })
     }

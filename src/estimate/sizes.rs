@@ -8,7 +8,8 @@
 //!
 //! The coefficients of one limit belong together: a surface over the conditions is smaller as a
 //! whole. It is first started where what was measured goes to (`Measured`); then all that is without
-//! effect is tried from half, twice, a quarter and four times its start.
+//! effect is tried from half, twice, a quarter and four times its start. Of several that show
+//! together each has to be worth it by itself: what can be put back for less than `GAIN` is.
 
 use crate::least_squares::{Evaluate, Fit, Layout, Method, minimise};
 
@@ -53,7 +54,40 @@ pub fn from_sizes<F: Evaluate>(
         }
         let again = minimise(&Layout { start, ..layout.clone() }, evaluate, method);
         if again.cost() < fit.cost() - GAIN {
-            fit = fit.then(again);
+            let was_idle = fit.idle.clone();
+            fit = put_back(layout, evaluate, method, fit.then(again), &groups(&was_idle, limits));
+        }
+    }
+    fit
+}
+
+/// Parameters without effect that belong together: the coefficients of a limit, or one alone.
+fn groups(idle: &[bool], limits: &[Measured]) -> Vec<Vec<usize>> {
+    let all = |limit: &&Measured| limit.places.iter().all(|&i| idle[i]);
+    let limits: Vec<Vec<usize>> = limits.iter().filter(all).map(|l| l.places.clone()).collect();
+    let alone = |i: &usize| idle[*i] && limits.iter().all(|places| !places.contains(i));
+    let alone: Vec<Vec<usize>> = (0..idle.len()).filter(alone).map(|i| vec![i]).collect();
+    [limits, alone].concat()
+}
+
+/// The fit without those of the `groups` that it hardly needs, where several of them show.
+fn put_back<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    method: &Method,
+    mut fit: Fit,
+    groups: &[Vec<usize>],
+) -> Fit {
+    let shows = |fit: &Fit, places: &[usize]| places.iter().any(|&i| !fit.idle[i]);
+    for places in groups {
+        if groups.iter().filter(|places| shows(&fit, places)).count() < 2 || !shows(&fit, places) {
+            continue;
+        }
+        let mut start = fit.theta.clone();
+        places.iter().for_each(|&i| start[i] = layout.start[i]);
+        let without = minimise(&Layout { start, ..layout.clone() }, evaluate, method);
+        if !shows(&without, places) && without.cost() < fit.cost() + GAIN {
+            fit = fit.then(without);
         }
     }
     fit
