@@ -192,7 +192,12 @@ mod tests {
             inputs: vec![over("V_c", "m/s", 72.0, 111.0, 85.0)],
             extreme: 0.2,
             segment: Some(1),
-            follows: follows.map(|[near, elsewhere]| Follows { near, elsewhere, count: 200 }),
+            follows: follows.map(|[near, elsewhere]| Follows {
+                near,
+                elsewhere,
+                behind: 0.0,
+                count: 200,
+            }),
             pieces: Vec::new(),
         }
     }
