@@ -160,7 +160,7 @@ fn to_use(table: &Table, candidate: &str) -> Result<String> {
     let mine: Vec<usize> = (0..candidates.len()).filter(|&i| candidates[i] == candidate).collect();
     let value = |&i: &usize| {
         let unit = if units[i] == "-" { String::new() } else { format!(" {}", units[i]) };
-        let digits = crate::stage::diagnose::digits;
+        let digits = crate::math::digits;
         match sds[i].is_finite() {
             true => format!(
                 "{} = {} +- {}{unit}",

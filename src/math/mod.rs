@@ -2,12 +2,15 @@
 //! distributions, interpolation, Fourier sums, vectors of the width the machine has.
 
 pub mod dense;
+mod digits;
 pub mod distribution;
 pub mod fourier;
 pub mod interpolate;
 pub mod pool;
 pub mod products;
 pub mod simd;
+
+pub use digits::digits;
 
 /// The median of finite values (the mean of the middle two of an even number); NaN for none.
 pub fn median(values: &[f64]) -> f64 {

@@ -215,14 +215,14 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "\ndelta_e  =",
             "\ndelta_ee =",
             &[
-                "pipeline.toml:27:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:183:1, pipeline.toml:189:1",
+                "pipeline.toml:30:1: output \"delta_e\" of the model has no signal of this name, and none is mapped to it; the same at pipeline.toml:186:1, pipeline.toml:192:1",
             ],
         ),
         (
             "channels.toml",
             "\nservo_current_e",
             "\nservo_current_f",
-            &["pipeline.toml:12:37: there is no signal \"servo_current_e\""],
+            &["pipeline.toml:15:37: there is no signal \"servo_current_e\""],
         ),
         (
             "channels.toml",
@@ -248,7 +248,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nsignal",
             "name   = \"elevatr\"\nsignal",
             &[
-                "pipeline.toml:30:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:186:9, pipeline.toml:192:9",
+                "pipeline.toml:33:10: there is no [[segment.input]] \"elevator\"; the same at pipeline.toml:189:9, pipeline.toml:195:9",
             ],
         ),
         (
@@ -256,26 +256,26 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "name   = \"elevator\"\nmodel",
             "name   = \"elevatr\"\nmodel",
             &[
-                "pipeline.toml:46:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:53:14, pipeline.toml:197:12",
+                "pipeline.toml:49:14: there is no [[estimate]] \"elevator\"; the same at pipeline.toml:56:14, pipeline.toml:200:12",
             ],
         ),
         (
             "pipeline.toml",
             "name   = \"elevator\"\nmodel",
             "name   = 3\nmodel",
-            &["pipeline.toml:28:10: \"estimate.0.name\" must be a text, not 3"],
+            &["pipeline.toml:31:10: \"estimate.0.name\" must be a text, not 3"],
         ),
         (
             "pipeline.toml",
             "\nmodel  = \"elevator.model.toml\"",
             "\nmodel  = 3",
-            &["pipeline.toml:29:10: \"estimate.0.model\" must be a text, not 3"],
+            &["pipeline.toml:32:10: \"estimate.0.model\" must be a text, not 3"],
         ),
         (
             "pipeline.toml",
             "\n[derive]",
             "\n[derive",
-            &["pipeline.toml:10:8: this is not TOML: unclosed table, expected `]`"],
+            &["pipeline.toml:12:8: this is not TOML: unclosed table, expected `]`"],
         ),
         (
             "pipeline.toml",
@@ -293,13 +293,13 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "pipeline.toml",
             "name   = \"elevator\"\nsignal",
             "nam    = \"elevator\"\nsignal",
-            &["pipeline.toml:17:1: unknown key \"nam\" in \"segment.input.0\""],
+            &["pipeline.toml:20:1: unknown key \"nam\" in \"segment.input.0\""],
         ),
         (
             "pipeline.toml",
             "name = \"joint\"",
             "nmae = \"joint\"",
-            &["pipeline.toml:184:1: unknown key \"nmae\" in \"estimate.1\""],
+            &["pipeline.toml:187:1: unknown key \"nmae\" in \"estimate.1\""],
         ),
         (
             "channels.toml",
@@ -313,7 +313,7 @@ fn a_mistake_in_what_many_sections_use_is_told_once() {
             "pipeline.toml",
             "\npre_s  = 1.0",
             "\npre_s  = 1.0\noutputs = { delta_f = \"delta_e\" }",
-            &["pipeline.toml:34:23: there is no output of the model \"delta_f\""],
+            &["pipeline.toml:37:23: there is no output of the model \"delta_f\""],
         ),
     ] {
         let c = shared();

@@ -23,7 +23,6 @@ use std::collections::BTreeMap;
 use config::NAME;
 pub use config::{Config, Settings, all};
 use outcome::Outcome;
-pub use words::digits;
 
 pub const STAGE: Stage = Stage {
     name: NAME,

@@ -3,6 +3,7 @@
 use super::Outcome;
 use crate::diagnose::effect::Family;
 use crate::diagnose::{Diagnosis, Finding, Judged, Missed, Standing, Trouble, Value, Verdict};
+use crate::math::digits;
 use crate::math::distribution::INTERVAL_95;
 
 /// Why there is no verdict.
@@ -25,19 +26,6 @@ pub fn value(v: &Value) -> String {
         .map(|(text, expected, _)| format!(" ({text} = {})", digits(*expected)))
         .unwrap_or_default();
     format!("{} = {}{sd}{unit}{check}", v.name, digits(v.value))
-}
-
-/// Three significant digits.
-pub fn digits(v: f64) -> String {
-    if v == 0.0 || !v.is_finite() {
-        return format!("{v}");
-    }
-    let before_point = libm::floor(libm::log10(v.abs())) as i32 + 1;
-    if (-2..6).contains(&before_point) {
-        format!("{v:.*}", (3 - before_point).max(0) as usize)
-    } else {
-        format!("{v:.2e}")
-    }
 }
 
 /// The estimated parameters of a candidate, with 95% intervals.

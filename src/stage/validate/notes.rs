@@ -69,7 +69,7 @@ fn sentence(tolerance: &Checked, judged: &Judged) -> String {
     }
     let unit = tolerance.told.unit.as_deref().unwrap_or(&tolerance.unit);
     let scale = Unit::parse(unit).map_or(1.0, |unit| unit.scale);
-    let digits = |value: f64| crate::stage::diagnose::digits(value / scale);
+    let digits = |value: f64| crate::math::digits(value / scale);
     let unit = if unit == "-" { String::new() } else { format!(" {unit}") };
     format!(
         "{} is off by {}{unit}, {}{unit} allowed",
@@ -100,8 +100,8 @@ pub fn unused(config: &Config, done: &[Validated]) -> Vec<Note> {
 pub fn followed(rows: &[Row]) -> String {
     let one = |row: &Row| {
         let unit = if row.unit == "-" { String::new() } else { format!(" {}", row.unit) };
-        let sd = row.sd.map(|sd| format!(" +- {}", crate::stage::diagnose::digits(sd)));
-        let value = crate::stage::diagnose::digits(row.value);
+        let sd = row.sd.map(|sd| format!(" +- {}", crate::math::digits(sd)));
+        let value = crate::math::digits(row.value);
         format!("{} = {value}{}{unit}", row.name, sd.unwrap_or_default())
     };
     rows.iter().filter(|row| !row.idle).map(one).collect::<Vec<_>>().join(", ")
