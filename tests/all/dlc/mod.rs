@@ -80,7 +80,9 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
         settings.estimate.retain(|e| only.is_empty() || only.contains(&e.name().as_str()));
         // the path serves the report's checks of the sensors; no estimate takes anything from it
         settings.reconstruct = None;
-        ["report", "figure", "validate"].iter().for_each(|stage| drop(settings.told.remove(*stage)));
+        ["report", "figure", "validate"]
+            .iter()
+            .for_each(|stage| drop(settings.told.remove(*stage)));
     });
     let plan = plan.unwrap_or_else(|e| panic!("{e}"));
     let result =
