@@ -35,7 +35,7 @@ mod verdict;
 use crate::error::Result;
 use crate::table::Table;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub use checks::Check;
 pub use columns::Columns;
@@ -148,8 +148,9 @@ pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
 }
 
 fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String, Columns> {
-    let named = wanted.iter().filter_map(|name| Some((name.to_string(), tables.get(*name)?)));
-    named.map(|(name, table)| (name, Columns::of(table))).collect()
+    let each_once: BTreeSet<&str> = wanted.iter().copied().collect();
+    let named = each_once.into_iter().filter_map(|name| Some((name, tables.get(name)?)));
+    named.map(|(name, table)| (name.to_string(), Columns::of(table))).collect()
 }
 
 fn page_with(

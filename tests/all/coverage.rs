@@ -49,6 +49,18 @@ struct Outcome {
     maneuvers: usize,
 }
 
+impl Outcome {
+    /// A line as soon as it is known: all of them take hours.
+    fn print(&self, seed: u64) {
+        let statistics: Vec<String> = self.joint.iter().map(|(j, _)| format!("{j:.2}")).collect();
+        let z = t_quantile(0.975, 1e6);
+        let errors: Vec<f64> = self.one_fit.iter().map(|(_, e)| *e).collect();
+        let inside = errors.iter().filter(|e| e.abs() <= z).count();
+        let lines = statistics.join(" ");
+        println!("seed {seed}: lines {lines}; one fit {inside} of {}", errors.len());
+    }
+}
+
 /// Copies the campaign's files without its simulation and report, records the truth with `seed`,
 /// and runs the pipeline.
 fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64) -> Outcome {
@@ -178,6 +190,7 @@ fn analyse_all(campaign: &Campaign, truths: &[Truth], seeds: u64) -> Vec<Outcome
         (first..seeds)
             .step_by(cores as usize)
             .map(|seed| (seed, pool.install(|| analyse(campaign, truths, 1000 + seed))))
+            .inspect(|(seed, outcome)| outcome.print(1000 + seed))
             .collect()
     };
     let mut outcomes: Vec<(u64, Outcome)> = std::thread::scope(|scope| {

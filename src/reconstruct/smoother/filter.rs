@@ -204,6 +204,12 @@ impl<'a> Filter<'a> {
         }
     }
 
+    /// Bytes of the tape per node with one update.
+    pub fn taped(&self) -> usize {
+        let (nx, nu) = (self.kinematics.states(), self.q.len());
+        8 * (self.n * (self.m + 1) + nx * self.lanes + nu + 2 * self.m + 6)
+    }
+
     /// The state at time `t` with mean `x` and the start's standard deviations.
     pub fn start(&self, t: f64, x: &[f64]) -> State {
         let mut p = vec![0.0; self.n * self.m];

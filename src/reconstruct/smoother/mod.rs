@@ -36,7 +36,8 @@
 //! covariances, which are singular for constant parameters. The filter runs forward once and leaves
 //! a checkpoint every `sqrt(N)` nodes; backwards, each stretch is run again from its checkpoint
 //! onto a tape that only holds one stretch. Memory grows with the square root of the length
-//! (besides logs and results), and the bits are those of a tape of everything.
+//! (besides logs and results), and the bits are those of a tape of everything, which is what a run
+//! has that is short enough.
 //!
 //! # Noise levels
 //!
@@ -86,6 +87,8 @@ const STARTS: usize = 4;
 /// The first seconds are linearised about their smoothed means: until then sensor errors and states
 /// are hardly distinguishable.
 const FAR: f64 = 120.0;
+/// A run whose tape is not larger is taped the first time, bytes.
+const TAPE: usize = 64 << 20;
 
 /// One flight ready to be smoothed.
 pub struct Smoother<'a> {
@@ -255,22 +258,24 @@ impl<'a> Smoother<'a> {
         filter.about = about;
         let stretch =
             if self.stretch > 0 { self.stretch } else { self.nodes(from, to).isqrt().max(16) };
+        let whole = self.stretch == 0 && self.nodes(from, to) * filter.taped() <= TAPE;
         let mut state = filter.start(from, x);
-        let mut checkpoints: Vec<State> = Vec::new();
+        let (mut checkpoints, mut tape) = (Vec::<State>::new(), Tape::default());
         let mut count = 0;
         loop {
-            if count % stretch == 0 {
+            if !whole && count % stretch == 0 {
                 checkpoints.push(state.clone());
             }
             count += 1;
-            if !filter.node(&mut state, None, watch) {
+            if !filter.node(&mut state, whole.then_some(&mut tape), watch) {
                 break;
             }
         }
         let finite = state.x.iter().chain(&state.p).all(|v| v.is_finite());
         let mut backward = Backward::new(&filter);
-        if finite {
-            let mut tape = Tape::default();
+        if finite && whole {
+            backward.over(&tape, visit);
+        } else if finite {
             for checkpoint in checkpoints.iter().rev() {
                 tape.clear();
                 state.clone_from(checkpoint);

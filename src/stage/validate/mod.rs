@@ -28,6 +28,7 @@ use crate::engine::Here;
 use crate::error::{Errors, Result};
 use crate::estimate::{Estimation, Segment, Stop, estimate_where};
 use crate::math::products::factor;
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -264,7 +265,9 @@ fn flown(
     segment: &Segment,
     values: &Values,
 ) -> std::result::Result<Flown, Errors> {
-    let model = &config.run.model;
+    let mut model = config.run.model.clone();
+    // How assumed constants move initial states is asked by nobody.
+    model.constants.iter_mut().for_each(|constant| constant.sd = 0.0);
     let mut method = config.run.settings.method.clone();
     let names = model.parameters.iter().map(|p| p.quantity.name.clone());
     method.fixed = names.filter(|name| !config.settings.free.contains(name)).collect();
@@ -273,20 +276,18 @@ fn flown(
         let mut method = method.clone();
         let at = values.at.iter().enumerate();
         method.starts.extend(at.map(|(i, (name, value))| (name.clone(), value + moved(i))));
-        estimate_where(&here, model, std::slice::from_ref(segment), &method)
+        estimate_where(&here, &model, std::slice::from_ref(segment), &method)
     };
     let first = fly(&|_| 0.0)?;
+    if first.stop != Stop::Converged {
+        return Ok((first, Vec::new()));
+    }
     let n = values.at.len();
     let root = factor(&values.covariance, n);
-    let mut carried = Vec::new();
-    for column in (0..n).filter(|c| root[c * n + c] > 0.0) {
-        if first.stop != Stop::Converged {
-            break;
-        }
-        let moved = fly(&|i| root[i * n + column])?;
-        carried.push(change(&first, &moved));
-    }
-    Ok((first, carried))
+    let columns: Vec<usize> = (0..n).filter(|c| root[c * n + c] > 0.0).collect();
+    let along = |&column: &usize| Ok(change(&first, &fly(&|i| root[i * n + column])?));
+    let carried: std::result::Result<Vec<_>, Errors> = columns.par_iter().map(along).collect();
+    Ok((first, carried?))
 }
 
 /// By how much the traces of two runs of one segment differ.
