@@ -98,6 +98,7 @@ mod tests;
 pub mod thresholds;
 mod together;
 
+pub use base::stand::free_of_predictions;
 pub use gap::before_after::{Channel, Match, Overlay, Shift};
 pub use gap::comparison::Comparison;
 pub use gap::driven::{Driven, EquationError};

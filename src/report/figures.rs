@@ -104,7 +104,7 @@ fn drawn(one: &Series, fx: f64, fy: f64) -> Drawn {
         label: one.label.clone(),
         kind: one.kind.clone(),
         x: of(&one.x, fx),
-        y: of(&one.y, fy),
+        y: of(&one.y, if one.kind == "strips" { fx } else { fy }),
         lower: of(&one.ends[0], fy),
         upper: of(&one.ends[1], fy),
     }
@@ -115,12 +115,12 @@ fn facts(all: &[Series], (fx, x_unit): (f64, &str), (fy, y_unit): (f64, &str)) -
     let points: Vec<&Series> = all.iter().filter(|s| s.kind == "points").collect();
     let n: usize = points.iter().map(|s| s.x.len()).sum();
     let range = |of: &dyn Fn(&Series) -> Vec<f64>, factor: f64, unit: &str| {
-        let values: Vec<f64> = all.iter().filter(|s| s.kind != "reference").flat_map(of).collect();
+        let values: Vec<f64> = all.iter().filter(|s| is_own(s)).flat_map(of).collect();
         let low = values.iter().copied().fold(f64::NAN, f64::min);
         let high = values.iter().copied().fold(f64::NAN, f64::max);
         format!("{} to {} {unit}", number(factor * low, 3), number(factor * high, 3))
     };
-    let curves = all.iter().filter(|s| s.kind != "reference").count();
+    let curves = all.iter().filter(|s| is_own(s)).count();
     let what = if n > 0 { count(n, "point") } else { count(curves, "curve") };
     let mut facts = vec![format!(
         "{what}, {} over {}.",
@@ -134,10 +134,15 @@ fn facts(all: &[Series], (fx, x_unit): (f64, &str), (fy, y_unit): (f64, &str)) -
     }
     let measured = all.iter().filter(|s| s.label == "measured");
     for one in measured {
-        let others = all.iter().filter(|s| s.kind != "reference" && s.label != one.label);
+        let others = all.iter().filter(|s| is_own(s) && s.label != one.label);
         facts.extend(others.filter_map(|other| difference(one, other, fy, y_unit)));
     }
     facts
+}
+
+/// Whether a series has values of the figure's own, along its ordinate.
+fn is_own(series: &Series) -> bool {
+    !["reference", "strips"].contains(&series.kind.as_str())
 }
 
 /// Whether a band holds a reference, and where it misses it by most.

@@ -23,6 +23,7 @@ mod lines;
 mod logs;
 mod maneuvers;
 mod paths;
+mod predictions;
 mod provenance;
 mod section;
 mod still;
@@ -51,6 +52,7 @@ pub const SECTIONS: &[Section] = &[
     lines::PLOTS,
     lines::TABLE,
     figures::SECTION,
+    predictions::SECTION,
     validation::SECTION,
     maneuvers::SECTION,
     estimates::SECTION,

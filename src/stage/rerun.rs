@@ -4,6 +4,7 @@
 use super::diagnose::{self, recommended};
 use super::estimate::{self, Config};
 use super::{Campaign, Inputs, Output, Part, Read, Severity, Stage, Unit, slice_of};
+use crate::diagnose::{Base, free_of_predictions};
 use crate::error::{Error, Errors};
 use serde_json::{Value, json};
 
@@ -63,8 +64,9 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 }
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
-    let Some((_, base)) = parts(campaign, unit) else { return Value::Null };
-    json!({ "name": unit.name, "estimate": slice_of(&base.settings), "model": super::said(&base.model), "left_out": estimate::ready::left_out(base, campaign) })
+    let Some((place, base)) = parts(campaign, unit) else { return Value::Null };
+    let predicted = is_predicted(campaign, place);
+    json!({ "name": unit.name, "predicted": predicted, "estimate": slice_of(&base.settings), "model": super::said(&base.model), "left_out": estimate::ready::left_out(base, campaign) })
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
@@ -75,7 +77,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let Some(added) = table.strings("added")?.first().map(ToString::to_string) else {
         return Ok(Output::default());
     };
-    let mut config = amended(base, &unit.name, &added)?;
+    let mut config = amended(base, &unit.name, &added, is_predicted(campaign, place))?;
     if let Some(shifts) = inputs.get("shifts", Part::Number(place)) {
         // The diagnosis has a fit with what was added: thresholds and delays are far from anything
         // the model's own starts fit.
@@ -106,8 +108,15 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     Ok(output)
 }
 
-/// The estimate with the lines of a diagnosis behind its model.
-fn amended(base: &Config, name: &str, added: &str) -> Result<Config, Errors> {
+/// Whether a diagnosis holds the parameters of its model at what is predicted.
+fn is_predicted(campaign: &Campaign, place: usize) -> bool {
+    let diagnosis = diagnose::all(campaign).get(place);
+    diagnosis.is_some_and(|d| d.settings.method.base == Base::Predicted)
+}
+
+/// The estimate with the lines of a diagnosis behind its model; where that is `predicted`, what was added is all that is
+/// estimated.
+fn amended(base: &Config, name: &str, added: &str, predicted: bool) -> Result<Config, Errors> {
     let model = base.model.amended(added)?;
     if (&model.inputs, &model.outputs) != (&base.model.inputs, &base.model.outputs) {
         return Err(Error::new(format!(
@@ -117,6 +126,9 @@ fn amended(base: &Config, name: &str, added: &str) -> Result<Config, Errors> {
     }
     let mut settings = base.settings.clone();
     settings.name = Some(name.to_string());
+    if predicted {
+        settings.method.free = Some(free_of_predictions(&base.model, &settings.method));
+    }
     if let Some(free) = &mut settings.method.free {
         let new = model
             .parameters

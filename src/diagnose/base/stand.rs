@@ -27,13 +27,7 @@ impl Stand {
     pub fn first(model: &Model, method: &estimate::Settings, base: Kind) -> Stand {
         let mut method = estimate::Settings { profile: Vec::new(), ..method.clone() };
         if base == Kind::Predicted {
-            let own = |p: &&crate::model::Parameter| {
-                let per = method.per.get(&p.quantity.name).map(|per| Scope::parse(per));
-                !p.fixed && per.unwrap_or(p.scope.clone()) == Scope::Segment
-            };
-            method.free = Some(
-                model.parameters.iter().filter(own).map(|p| p.quantity.name.clone()).collect(),
-            );
+            method.free = Some(free_of_predictions(model, &method));
         }
         Stand { model: model.clone(), method, added: Vec::new(), nulls: BTreeMap::new() }
     }
@@ -54,6 +48,15 @@ impl Stand {
         }
         stand
     }
+}
+
+/// Parameters that are free though the model's are predicted: those that belong to one maneuver.
+pub fn free_of_predictions(model: &Model, method: &estimate::Settings) -> Vec<String> {
+    let own = |p: &&crate::model::Parameter| {
+        let per = method.per.get(&p.quantity.name).map(|per| Scope::parse(per));
+        !p.fixed && per.unwrap_or(p.scope.clone()) == Scope::Segment
+    };
+    model.parameters.iter().filter(own).map(|p| p.quantity.name.clone()).collect()
 }
 
 /// Estimates a model from the training segments.

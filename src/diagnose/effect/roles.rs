@@ -13,7 +13,7 @@ use crate::units::{Dim, Unit};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bound {
     /// As expressions, `add` and `replace` name it: `q`, `rate(q)`, `output(alpha)`,
-    /// `(eta_L + eta_R)/2`.
+    /// `((eta_L + eta_R)/2)`.
     pub text: String,
     /// As it stands in names: `q`, `qdot`, `alpha`, `eta`.
     pub ident: String,
@@ -400,7 +400,8 @@ fn pairs(model: &Model) -> Vec<Bound> {
         let Some(right) = all.iter().find(|b| side(&b.text) == Some((stem, false))) else {
             continue;
         };
-        let mean = format!("({} + {})/2", left.text, right.text);
+        // In parentheses: effects take powers of it and divide by it.
+        let mean = format!("(({} + {})/2)", left.text, right.text);
         out.push(
             Bound::new(&mean, stem, &left.unit).with("left", &left.text).with("right", &right.text),
         );

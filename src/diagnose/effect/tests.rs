@@ -232,7 +232,12 @@ fn a_model_with_an_effect_found_is_its_text_with_lines_added() {
         text.starts_with(base.own_text())
             && text.contains("# found by a test\n# in two lines\n[[effect]]")
     );
-    assert!(text.contains("C_m = \"C_m_eta_lag*delay((eta_L + eta_R)/2, r_H_eta/V)\""), "{text}");
+    let lagged =
+        "C_m = \"C_m_eta_lag*(delay(((eta_L + eta_R)/2), r_H_eta/V) - ((eta_L + eta_R)/2))\"";
+    assert!(text.contains(lagged), "{text}");
+    let cubic = offer.candidates.iter().find(|c| c.name == "control-cubic-longitudinal:eta,C_L");
+    let text = cubic.unwrap().text(&base, &[("C_L_eta3".to_string(), 1.0)].into(), &[], "");
+    assert!(text.contains("C_L = \"C_L_eta3*((eta_L + eta_R)/2)^3\""), "{text}");
     // the same flaps again: names stay free
     let next = base.amended(&text[base.own_text().len()..]).unwrap();
     assert_eq!(next.parameters[next.parameter("C_m_eta_lag").unwrap()].start, 0.25);

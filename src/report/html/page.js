@@ -71,9 +71,14 @@
   function drawFigure(figure, index) {
     const element = byId("figure-" + index);
     if (!element) return;
-    const t = theme(), traces = [];
+    const t = theme(), traces = [], shapes = [];
     let next = 0;
     figure.series.forEach((s) => {
+      if (s.kind === "strips") {
+        s.x.forEach((x, i) => shapes.push(shade(x, s.y[i], false)));
+        traces.push({ x: [null], y: [null], name: escape(s.label), type: "scatter", mode: "markers", marker: { symbol: "square", size: 10, color: "rgba(150,150,150,0.45)" } });
+        return;
+      }
       const reference = s.kind === "reference", bars = s.lower.some((v) => v !== null);
       const colour = reference ? t.model : colourOf[s.label] || palette[next++ % palette.length];
       if (s.kind === "line" && bars) traces.push(...band(s.x, s.lower, s.upper, "rgba(" + t.band + ",0.18)").map((b) => Object.assign({ showlegend: false }, b)));
@@ -85,7 +90,7 @@
     // Rows that the names take above the plot, which begin below its buttons.
     const width = figure.series.reduce((sum, s) => sum + 6.2 * s.label.length + 58, 0);
     const names = Math.ceil(width / Math.max(120, (element.clientWidth || 400) - 78));
-    Plotly.react(element, traces, layout({ showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 }, traceorder: "normal", itemsizing: "constant" }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
+    Plotly.react(element, traces, layout({ shapes: shapes, showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 }, traceorder: "normal", itemsizing: "constant" }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
   }
   const drawFigures = () => data.figures.forEach(drawFigure);
 

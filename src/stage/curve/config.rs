@@ -1,13 +1,16 @@
 //! `[[curve]]` of the pipeline file comes in; its checked settings with the equation as a model of its own, or the
 //! mistakes, go out.
 
-use crate::model::{Model, Scope};
-use crate::stage::check::{Given, agree};
+use super::prediction::{self, Prediction, Wanted};
+use crate::model::{Model, Parameter, Scope};
+use crate::stage::check::{Columns, Given, agree};
+use crate::stage::estimate;
 use crate::stage::kind::Known;
 use crate::stage::told::Told;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::sync::LazyLock;
 
 /// The stage's name, and its key in the pipeline file.
 pub const NAME: &str = "curve";
@@ -42,6 +45,10 @@ pub struct Settings {
     /// example: what they are on the curves, SI.
     #[serde(default)]
     pub hold: IndexMap<String, f64>,
+    /// A file (CSV) of what is predicted of the equations, by a wind tunnel for example: its rows are held against the
+    /// curves in the table `predictions`.
+    #[serde(default)]
+    pub prediction: Option<String>,
 }
 
 fn default_points() -> usize {
@@ -51,6 +58,20 @@ fn default_points() -> usize {
 impl Settings {
     pub fn name(&self) -> String {
         self.name.clone().unwrap_or_else(|| self.estimate.clone())
+    }
+
+    /// The values of the input along which the equations are drawn.
+    pub fn abscissae(&self) -> Vec<f64> {
+        let [from, to] = self.range;
+        (0..self.points)
+            .map(|k| from + (to - from) * k as f64 / (self.points as f64 - 1.0))
+            .collect()
+    }
+
+    /// The other inputs, one curve for each; one without any where there are none.
+    pub fn all_at(&self) -> &[IndexMap<String, f64>] {
+        static NONE: LazyLock<IndexMap<String, f64>> = LazyLock::new(IndexMap::new);
+        if self.at.is_empty() { std::slice::from_ref(&NONE) } else { &self.at }
     }
 }
 
@@ -64,12 +85,52 @@ pub struct Config {
     pub model: Model,
     /// Parameters that the estimate holds, and at what.
     pub held: IndexMap<String, f64>,
+    /// The levels for each of which parameters of the equations have a value.
+    pub levels: Option<Levels>,
+    pub prediction: Option<Prediction>,
+}
+
+/// Levels of a condition (`levels` of the estimate).
+#[derive(Debug, Clone)]
+pub struct Levels {
+    pub name: String,
+    pub unit: String,
+    pub values: Vec<f64>,
+}
+
+impl Config {
+    /// Every level; none, once, where nothing has a value for each.
+    pub fn levels_or_none(&self) -> Vec<Option<f64>> {
+        match &self.levels {
+            Some(levels) => levels.values.iter().copied().map(Some).collect(),
+            None => vec![None],
+        }
+    }
+
+    /// Unit of the input along which the equations are drawn.
+    pub fn unit_along(&self) -> &str {
+        unit_of(&self.model, &self.settings.along)
+    }
+
+    /// `eta_k = 0.0175 rad`
+    pub fn label(&self, level: Option<f64>, at: &IndexMap<String, f64>) -> String {
+        let level = self.levels.iter().filter_map(|l| Some((&l.name[..], level?, &l.unit[..])));
+        let at = at.iter().map(|(name, value)| (&name[..], *value, unit_of(&self.model, name)));
+        let one = |(name, value, unit): (&str, f64, &str)| {
+            format!("{name} = {value} {unit}").trim_end_matches([' ', '-']).to_string()
+        };
+        level.chain(at).map(one).collect::<Vec<_>>().join(", ")
+    }
+}
+
+fn unit_of<'m>(model: &'m Model, input: &str) -> &'m str {
+    model.inputs.iter().find(|q| q.name == input).map_or("-", |q| q.unit.as_str())
 }
 
 /// Checks all `[[curve]]` and keeps what can be drawn.
 pub fn check(told: &mut Told, known: &mut Known) {
     let Some(all) = told.get::<Vec<Settings>>(NAME).cloned() else { return };
-    let Known { given, estimates, .. } = known;
+    let Known { given, estimates, columns, .. } = known;
     let checked = given.entries(NAME, all, Settings::name, |given, key, s| {
         let Some(index) = estimates.names.iter().position(|name| *name == s.estimate) else {
             given.unknown(&format!("{key}.estimate"), "[[estimate]]", &s.estimate, estimates.names);
@@ -98,23 +159,93 @@ pub fn check(told: &mut Told, known: &mut Known) {
             }
             if !free(name, p.fixed) {
                 held.insert(name.clone(), method.starts.get(name).copied().unwrap_or(p.start));
-            } else if p.scope != Scope::Campaign && model.as_ref().is_some_and(|m| m.uses(name)) {
-                let what = format!("\"{name}\" has several values, one per {}", p.scope.name());
-                given.push(
-                    &format!("{key}.equations"),
-                    what,
-                    "a curve needs one value of every parameter",
-                );
             }
         }
+        let used = |p: &&Parameter| {
+            let name = &p.quantity.name;
+            !held.contains_key(name) && model.as_ref().is_some_and(|m| m.uses(name))
+        };
+        let used: Vec<&Parameter> = base.model.parameters.iter().filter(used).collect();
+        let levels = levels((given, key), &base.settings, &used, columns);
+        let prediction = match &model {
+            Some(model) => predicted((given, key), &s, model, levels.as_ref()),
+            None => None,
+        };
         (given.errors.0.len() == before).then_some(Config {
             settings: s,
             estimate: index,
             model: model?,
             held,
+            levels,
+            prediction,
         })
     });
     told.keep(NAME, checked.into_iter().flatten().collect::<Vec<Config>>());
+}
+
+/// The condition for whose levels parameters have a value each; every one of them has a value for each level of one
+/// condition, or one for all.
+fn levels(
+    (given, key): (&mut Given, &str),
+    base: &estimate::Settings,
+    used: &[&Parameter],
+    columns: &Columns,
+) -> Option<Levels> {
+    let mut found: Option<Levels> = None;
+    for p in used {
+        let name = &p.quantity.name;
+        let scope = base.method.per.get(name).map(|per| Scope::parse(per));
+        let scope = scope.unwrap_or(p.scope.clone());
+        let values = base.levels.get(scope.name()).filter(|_| matches!(scope, Scope::Column(_)));
+        match (scope.name(), values) {
+            ("campaign", _) => {}
+            (column, Some(values)) if found.as_ref().is_none_or(|l| l.name == column) => {
+                let unit = columns.unit(column).unwrap_or_default();
+                found = Some(Levels { name: column.into(), unit, values: values.clone() });
+            }
+            (column, _) => {
+                let what = format!("\"{name}\" has several values, one per {column}");
+                let help = "a curve needs one value of every parameter, or one for each of the `levels` of one condition";
+                given.push(&format!("{key}.equations"), what, help);
+            }
+        }
+    }
+    found
+}
+
+/// What a file predicts of the equations.
+fn predicted(
+    (given, key): (&mut Given, &str),
+    s: &Settings,
+    model: &Model,
+    levels: Option<&Levels>,
+) -> Option<Prediction> {
+    let path = s.prediction.as_ref()?;
+    let at = format!("{key}.prediction");
+    if !given.names_a_file(&at, path) {
+        return None;
+    }
+    let file = given.path(path);
+    let text = match std::fs::read_to_string(&file) {
+        Ok(text) => text,
+        Err(error) => {
+            given.push(&at, format!("{} cannot be read: {error}", file.display()), "");
+            return None;
+        }
+    };
+    let mut conditions: Vec<(&str, &str)> = Vec::new();
+    conditions.extend(levels.map(|levels| (&levels.name[..], &levels.unit[..])));
+    for name in s.at.iter().flat_map(|at| at.keys()) {
+        if conditions.iter().all(|(known, _)| known != name) {
+            conditions.push((name, unit_of(model, name)));
+        }
+    }
+    let wanted = Wanted {
+        along: (&s.along, unit_of(model, &s.along)),
+        equations: model.outputs.iter().map(|q| (&q.name[..], &q.unit[..])).collect(),
+        conditions,
+    };
+    given.errors.take(prediction::read(&file.display().to_string(), &text, &wanted))
 }
 
 fn range((given, key): (&mut Given, &str), s: &Settings) {
@@ -175,9 +306,7 @@ fn inputs((given, key): (&mut Given, &str), s: &Settings, base: &Model, model: O
     }
     let Some(model) = model else { return };
     let needed: Vec<&str> = names.iter().filter(|name| model.reads(name)).copied().collect();
-    let empty = IndexMap::new();
-    let all = if s.at.is_empty() { std::slice::from_ref(&empty) } else { &s.at[..] };
-    for (i, at) in all.iter().enumerate() {
+    for (i, at) in s.all_at().iter().enumerate() {
         let missing = |name: &&&str| **name != s.along && !at.contains_key(**name);
         let missing: Vec<&&str> = needed.iter().filter(missing).collect();
         if !missing.is_empty() {

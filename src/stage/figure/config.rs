@@ -66,6 +66,10 @@ pub struct Series {
     /// Whether points are joined by a line, in the order of the rows.
     #[serde(default)]
     pub joined: bool,
+    /// Whether `x` and `y` are ends of ranges of the abscissa, which are shaded: what a prediction does
+    /// not reach, for example.
+    #[serde(default)]
+    pub strips: bool,
     /// What it is called in the legend; the text of `colour` unless given.
     #[serde(default)]
     pub label: Option<String>,
@@ -139,6 +143,10 @@ fn series(given: &mut Given, key: &str, series: &Series, known: &[&'static str])
         let key = format!("{key}.during");
         column(given, &key, table, "flight", Kind::String, true);
         column(given, &key, table, "t_s", Kind::String, false);
+    }
+    if series.strips && (series.sd.is_some() || series.ends.is_some() || series.joined) {
+        let what = "strips have no bars and are not joined";
+        given.push(&format!("{key}.strips"), what, "leave `sd`, `ends` and `joined` out");
     }
     if series.sd.is_some() && series.ends.is_some() {
         given.push(&format!("{key}.sd"), "bars are given by `sd` or by `ends`, not by both", "");

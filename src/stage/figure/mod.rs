@@ -58,7 +58,7 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 /// One curve or cloud of points.
 struct Drawn {
     label: String,
-    /// `points`, `line` or `reference`.
+    /// `points`, `line`, `strips` or `reference`.
     kind: &'static str,
     /// x, y and both ends.
     rows: Vec<[f64; 4]>,
@@ -92,7 +92,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
                 during => figure.add(series, &rows, during.flatten().as_ref()),
             }
         }
-        if figure.drawn.len() == before {
+        // Where nothing is to be shaded, nothing is missing.
+        if figure.drawn.len() == before && !series.strips {
             notes.push(nothing(settings, series));
         }
     }
@@ -288,7 +289,11 @@ impl Figure {
                 None => groups.push((label, vec![rows])),
             }
         }
-        let kind = if series.joined { "line" } else { "points" };
+        let kind = match (series.strips, series.joined) {
+            (true, _) => "strips",
+            (false, true) => "line",
+            (false, false) => "points",
+        };
         self.drawn.extend(groups.into_iter().map(|(label, rows)| Drawn { label, kind, rows }));
     }
 
@@ -306,7 +311,7 @@ impl Figure {
         if self.x_unit.is_empty() {
             self.x_unit = of(&series.x, "unit_x");
         }
-        if self.y_unit.is_empty() {
+        if self.y_unit.is_empty() && !series.strips {
             self.y_unit = of(&series.y, "unit");
         }
     }
