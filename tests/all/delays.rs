@@ -49,7 +49,7 @@ const DELAY: f64 = 0.07;
 
 /// Two 3211s of a surface that moves at 20 deg/s, logged every `every` ms; what it drives, 70 ms
 /// late, at 50 Hz.
-fn campaign(every: u64) -> Campaign {
+pub(crate) fn campaign(every: u64) -> Campaign {
     let c = Campaign::new();
     for flight in 1..=3 {
         std::fs::remove_file(c.path(&format!("logs/flight-{flight}.mcap"))).expect("removed");

@@ -29,6 +29,7 @@ mod modes;
 mod pages;
 mod path;
 mod phlab;
+mod prediction;
 mod readers;
 mod real;
 mod recovery;

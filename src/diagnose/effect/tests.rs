@@ -236,8 +236,8 @@ fn a_model_with_an_effect_found_is_its_text_with_lines_added() {
         "C_m = \"C_m_eta_lag*(delay(((eta_L + eta_R)/2), r_H_eta/V) - ((eta_L + eta_R)/2))\"";
     assert!(text.contains(lagged), "{text}");
     let cubic = offer.candidates.iter().find(|c| c.name == "control-cubic-longitudinal:eta,C_L");
-    let text = cubic.unwrap().text(&base, &[("C_L_eta3".to_string(), 1.0)].into(), &[], "");
-    assert!(text.contains("C_L = \"C_L_eta3*((eta_L + eta_R)/2)^3\""), "{text}");
+    let power = cubic.unwrap().text(&base, &[("C_L_eta3".to_string(), 1.0)].into(), &[], "");
+    assert!(power.contains("C_L = \"C_L_eta3*((eta_L + eta_R)/2)^3\""), "{power}");
     // the same flaps again: names stay free
     let next = base.amended(&text[base.own_text().len()..]).unwrap();
     assert_eq!(next.parameters[next.parameter("C_m_eta_lag").unwrap()].start, 0.25);

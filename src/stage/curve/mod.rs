@@ -16,7 +16,7 @@ use crate::error::{Errors, Result};
 use compared::Against;
 use config::{Config, NAME, Settings};
 use indexmap::IndexMap;
-use points::{Point, points};
+use points::points;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use values::values;

@@ -66,7 +66,8 @@ pub fn read(file: &str, text: &str, wanted: &Wanted) -> Result<Prediction, Error
         .flexible(true)
         .from_reader(text.as_bytes());
     let header = reader.headers().cloned().map_err(|e| Errors::from(fault(file, &e)))?;
-    let line = header.position().map_or(1, |p| p.line() as usize);
+    let line = text.lines().position(|line| !line.is_empty() && !line.starts_with('#'));
+    let line = line.map_or(1, |line| line + 1);
     let place = || Place { file: file.to_string(), line, column: 1 };
     let read = header
         .iter()
