@@ -233,7 +233,9 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
             }
             _ => damp(layout, evaluate, &point, &mut damping, method),
         };
-        let is_long = length.is_some_and(|length| length > method.step_tolerance.max(NOTHING));
+        let nothing = method.step_tolerance.max(NOTHING);
+        let [is_long, is_short] =
+            [length.is_some_and(|l| l > nothing), length.is_some_and(|l| l <= nothing)];
         let cut_short =
             taken.as_ref().is_none_or(|taken| taken.refused > 0 || taken.damping > DAMPED);
         if is_long && cut_short && is_idle(&point, taken.as_ref()) {
@@ -278,9 +280,9 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
         history.push(now);
         let small = method.step_tolerance == 0.0 || length <= method.step_tolerance;
         let flat = method.gradient_tolerance == 0.0 || now.gradient <= method.gradient_tolerance;
-        // A step cut short changes little without being near the optimum, unless only rounding cut
-        // it.
-        let free = taken.refused == 0 && taken.damping <= DAMPED || length <= NOTHING;
+        // A step cut short changes little without being near the optimum; one that is short as a whole
+        // is: rounding, or a kink, cut it.
+        let free = taken.refused == 0 && taken.damping <= DAMPED || is_short || length <= NOTHING;
         if change < method.tolerance && small && flat && free {
             stop = Stop::Converged;
             break;
