@@ -1,12 +1,15 @@
 //! A compiled model over segments in; its maximum-likelihood estimate, with segments that cannot be
 //! used left out and named, out.
 
-use super::budget::influences;
+use super::budget::{Influence, influences};
 use super::case::{Case, propagator};
 use super::choice::choose;
 use super::equations::Origin;
 use super::extend::prepare;
+use super::preroll::TooShort;
+use super::profile::Profile;
 use super::rank::{NONE, weak_words};
+use super::reached::Reached;
 use super::result::{Further, name};
 use super::segment::Segment;
 use super::selection::select;
@@ -107,21 +110,28 @@ fn once(
         let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
         let mut case =
             Case::new(model.clone(), chosen.clone(), propagator.clone(), &these, values, settings);
-        case.check_limits()?;
+        if !settings.briefly {
+            case.check_limits()?;
+        }
         let origin = Origin::new(base, all, settings, &used);
         let regression = case.start_by_regression(settings)?;
         let solution = case.solve(settings, &origin, here);
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
-            let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
-            let budget = influences(base, &these, values, &case, &solution, settings)?;
-            let profiles = case.profiles(&solution, settings, &origin, here);
-            let stuck = stuck(&case, &solution, &used);
-            let theta = solution.fit.theta.clone();
-            let reached = case.reached(&theta, &used)?;
             let not_run = solution.fit.stop == Stop::NotFinite;
             let why = useless.into_iter().next().map(|(_, why)| why).filter(|_| not_run);
+            let told = match settings.briefly {
+                true => Told::default(),
+                false => {
+                    let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned());
+                    let budget =
+                        influences(base, &these, values.collect(), &case, &solution, settings)?;
+                    let profiles = case.profiles(&solution, settings, &origin, here);
+                    told(&case, &solution, &used, (budget, profiles))?
+                }
+            };
+            let Told { budget, profiles, stuck, reached, crossed, too_short } = told;
             let further = Further { budget, profiles, regression };
             let named = name(&model, &case, &used, segments.len(), solution, further);
             return Ok(Estimation {
@@ -129,8 +139,8 @@ fn once(
                 doubtful: doubtful(&model, segments),
                 stuck,
                 reached,
-                crossed: case.crossed(&theta)?,
-                too_short: case.short_of_preroll(&theta, &used)?,
+                crossed,
+                too_short,
                 delaying: case.delaying(),
                 why,
                 ..named
@@ -141,6 +151,34 @@ fn once(
         );
         used.retain(|s| left_out.iter().all(|left| left.segment != *s));
     }
+}
+
+/// What else is told of a solution.
+#[derive(Default)]
+struct Told {
+    budget: Vec<Influence>,
+    profiles: Vec<Profile>,
+    stuck: Vec<(usize, String)>,
+    reached: Vec<Reached>,
+    crossed: Vec<String>,
+    too_short: Vec<TooShort>,
+}
+
+fn told(
+    case: &Case,
+    solution: &Solution,
+    used: &[usize],
+    (budget, profiles): (Vec<Influence>, Vec<Profile>),
+) -> Result<Told, Errors> {
+    let theta = &solution.fit.theta;
+    Ok(Told {
+        budget,
+        profiles,
+        stuck: stuck(case, solution, used),
+        reached: case.reached(theta, used)?,
+        crossed: case.crossed(theta)?,
+        too_short: case.short_of_preroll(theta, used)?,
+    })
 }
 
 /// Segments in which friction holds a state all along.

@@ -31,6 +31,10 @@ pub struct Settings {
     /// of all tries are of one likelihood.
     #[serde(skip)]
     pub tried: IndexMap<String, f64>,
+    /// Whether nothing is told but where it ended, and the responses there: for runs that are one of
+    /// many. No setting of a file.
+    #[serde(skip)]
+    pub briefly: bool,
     /// Where parameters start that no entry of `starts` speaks of.
     pub start: StartFrom,
     /// Window of the smoothing for `start = "equation error"`, s (at least five points of the
@@ -231,6 +235,7 @@ impl Default for Settings {
     fn default() -> Self {
         let method = Method::default();
         Settings {
+            briefly: false,
             free: None,
             fixed: Vec::new(),
             candidates: Vec::new(),

@@ -13,13 +13,16 @@ title = "First-order system behind a delay, and where it comes to rest"
 [inputs]
 u = "rad"
 
+[constants]
+scale = { unit = "-", value = 1.0, sd = 0.01 }
+
 [parameters]
 K = { unit = "-", start = 1.0 }
 T = { unit = "s", start = 0.3, min = 0.01 }
 tau = { unit = "s", start = 0.05, min = 0.0, max = 0.3 }
 
 [states]
-x = { unit = "rad", rate = "(K*delay(u, tau) - x)/T", start = 0.0 }
+x = { unit = "rad", rate = "(scale*K*delay(u, tau) - x)/T", start = 0.0 }
 
 [equations]
 steady = "K*u"
@@ -47,7 +50,7 @@ series = [
 ]
 "#;
 
-/// The gain is 1.5 and 2 deg are flown either way.
+/// The gain is 1.5, if the scale is right, and 2 deg are flown either way.
 fn campaign(predicted: &str) -> Campaign {
     let c = delays::campaign(10);
     c.write("lag.model.toml", MODEL);
@@ -70,6 +73,10 @@ fn what_is_predicted_wrongly_is_beyond_the_band_and_what_is_not_predicted_is_sha
     assert_eq!(told.bools("flown").expect("flags"), [true, true, true, false]);
     let off = told.f64("difference").expect("numbers")[3] / DEG;
     assert!((off - (1.5 * 2.5 - 4.0)).abs() < 0.02, "{off}");
+    // an error of the scale of 1% is one of the gain
+    let of = |name: &str| told.f64(name).expect("numbers")[2] / DEG;
+    println!("{} +- {} with constants {}", of("value"), of("sd"), of("sd_total"));
+    assert!((of("sd_total") - 0.015).abs() < 1e-3 && of("sd") < 1e-3);
     let shaded = table(&c, "unpredicted");
     let ends = ["from", "to"].map(|end| shaded.f64(end).expect("numbers").to_vec());
     assert!(ends[0].len() == 1 && (ends[0][0] / DEG + 2.0).abs() < 0.05, "{ends:?}");

@@ -1,8 +1,8 @@
 //! Curves with their bands and a prediction come in; where they differ by more than the band, and what is flown but not
 //! predicted, go out.
 
-use super::Family;
 use super::config::Config;
+use super::family::Family;
 use super::points::Point;
 use super::prediction::Prediction;
 use crate::error::Result;

@@ -3,6 +3,7 @@
 
 mod compared;
 mod config;
+mod family;
 mod points;
 mod prediction;
 mod tables;
@@ -15,7 +16,7 @@ use super::{
 use crate::error::{Errors, Result};
 use compared::Against;
 use config::{Config, NAME, Settings};
-use indexmap::IndexMap;
+use family::families;
 use points::points;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -63,16 +64,6 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     reads
 }
 
-/// The curves of one setting of everything but the input along which they are drawn.
-pub struct Family<'c> {
-    group: &'c str,
-    /// The level of the parameters that have a value for each.
-    level: Option<f64>,
-    at: &'c IndexMap<String, f64>,
-    /// Both in words.
-    label: String,
-}
-
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = all(campaign).get(unit.index) else { return Ok(Output::default()) };
     let get = |table| inputs.get(table, Part::Number(config.estimate));
@@ -115,19 +106,6 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     );
     notes.dedup();
     Ok(Output { tables: tables::all(config, &drawn, &against)?, files: Vec::new(), notes })
-}
-
-fn families<'c>(config: &'c Config, groups: &[&'c str]) -> Vec<Family<'c>> {
-    let mut all = Vec::new();
-    for group in groups {
-        for level in config.levels_or_none() {
-            for at in config.settings.all_at() {
-                let label = config.label(level, at);
-                all.push(Family { group, level, at, label });
-            }
-        }
-    }
-    all
 }
 
 /// The range of the input along which curves are drawn in the maneuvers of the estimate, by level; only where a

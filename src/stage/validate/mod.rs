@@ -265,10 +265,9 @@ fn flown(
     segment: &Segment,
     values: &Values,
 ) -> std::result::Result<Flown, Errors> {
-    let mut model = config.run.model.clone();
-    // How assumed constants move initial states is asked by nobody.
-    model.constants.iter_mut().for_each(|constant| constant.sd = 0.0);
+    let model = &config.run.model;
     let mut method = config.run.settings.method.clone();
+    method.briefly = true;
     let names = model.parameters.iter().map(|p| p.quantity.name.clone());
     method.fixed = names.filter(|name| !config.settings.free.contains(name)).collect();
     let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
@@ -276,7 +275,7 @@ fn flown(
         let mut method = method.clone();
         let at = values.at.iter().enumerate();
         method.starts.extend(at.map(|(i, (name, value))| (name.clone(), value + moved(i))));
-        estimate_where(&here, &model, std::slice::from_ref(segment), &method)
+        estimate_where(&here, model, std::slice::from_ref(segment), &method)
     };
     let first = fly(&|_| 0.0)?;
     if first.stop != Stop::Converged {

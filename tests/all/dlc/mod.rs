@@ -4,6 +4,7 @@
 //! Slow: needs `KOEHLER_SLOW=1`, in release mode. `KOEHLER_SEEDS` chooses how many recordings the
 //! pooled coverage is judged by.
 
+mod prediction;
 mod readme;
 mod results;
 
@@ -57,7 +58,8 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
     let out = tempfile::tempdir().expect("a temporary folder");
     for entry in std::fs::read_dir(folder()).expect("the campaign").flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        if name.ends_with(".toml") && !name.starts_with("truth") && name != "campaign.toml" {
+        let is_read = name.ends_with(".toml") || name.ends_with(".csv");
+        if is_read && !name.starts_with("truth") && name != "campaign.toml" {
             std::fs::copy(entry.path(), out.path().join(&name)).expect("copied");
         }
     }
@@ -80,9 +82,10 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
         settings.estimate.retain(|e| only.is_empty() || only.contains(&e.name().as_str()));
         // the path serves the report's checks of the sensors; no estimate takes anything from it
         settings.reconstruct = None;
-        ["report", "figure", "validate"]
-            .iter()
-            .for_each(|stage| drop(settings.told.remove(*stage)));
+        // curves are those of one of the estimates
+        let without = if only.is_empty() { &["curve"; 0][..] } else { &["curve"] };
+        let without = [&["report", "figure", "validate"], without].concat();
+        without.iter().for_each(|stage| drop(settings.told.remove(*stage)));
     });
     let plan = plan.unwrap_or_else(|e| panic!("{e}"));
     let result =
