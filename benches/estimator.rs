@@ -12,7 +12,7 @@ use koehler::dynamics::{Directions, Propagator, Tier};
 use koehler::math::simd::{Eight, Width, by_width};
 use std::hint::black_box;
 use std::time::Instant;
-use work::{Work, hfb320, six_dof};
+use work::{Work, hfb320, six_dof, whole_campaign};
 
 fn main() {
     let one = threads(1);
@@ -36,6 +36,26 @@ fn main() {
     });
     scaling(&one);
     two_threads(&one);
+    whole(&one);
+}
+
+/// A campaign as large as those of published work, from its starts to its uncertainties.
+fn whole(one: &rayon::ThreadPool) {
+    let (work, two) = (whole_campaign(), threads(2));
+    println!(
+        "\n6-DoF, 20 maneuvers of 30 s at 50 Hz, 60 parameters up to a fifth off: on one and two threads"
+    );
+    let each = [one, &two].map(|pool| pool.install(|| iteration(&work, Tier::Auto)));
+    println!("  one iteration     {:8.3} s {:8.3} s", each[0], each[1]);
+    let mut iterations = 0;
+    let mut clock = |pool: &rayon::ThreadPool| {
+        pool.install(|| least(3, || iterations = work.whole(Tier::Auto)))
+    };
+    let all = [clock(one), clock(&two)];
+    println!(
+        "  all {iterations} iterations {:8.2} s {:8.2} s (10 s wanted on two threads)",
+        all[0], all[1]
+    );
 }
 
 fn threads(n: usize) -> rayon::ThreadPool {

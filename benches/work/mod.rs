@@ -22,6 +22,15 @@ impl Work {
         assert!(e.iterations.iter().all(|i| i.halvings == 0), "a halved step is two passes");
     }
 
+    /// The whole estimation; iterations that it took.
+    pub fn whole(&self, tier: Tier) -> usize {
+        let settings = Settings { tier, ..self.settings.clone() };
+        let e =
+            estimate(&self.model, &self.records, &settings).expect("settings that fit the model");
+        assert_eq!(e.stop, Stop::Converged);
+        e.iterations.len() - 1
+    }
+
     /// Directions of one segment's sensitivities.
     pub fn directions(&self) -> usize {
         self.model.parameters.len() + self.settings.initial.len()
@@ -97,6 +106,23 @@ pub fn hfb320(copies: usize) -> Option<Work> {
 /// A simulated campaign: every segment has its own inputs, length and noise, and its initial states
 /// are free.
 pub fn six_dof(segments: usize) -> Work {
+    let settings = Settings { tolerance: 0.0, ..Settings::default() };
+    simulated(segments, |s| 190 + 10 * (s % 3), 0.02, settings)
+}
+
+/// One as large as those of published work: 20 maneuvers of 30 s, the parameters' starts up to a
+/// fifth off.
+pub fn whole_campaign() -> Work {
+    simulated(20, |_| 1500, 0.2, Settings::default())
+}
+
+/// `samples` of each segment; the truth is off the starts by up to the share `off`.
+fn simulated(
+    segments: usize,
+    samples: impl Fn(usize) -> usize,
+    off: f64,
+    settings: Settings,
+) -> Work {
     let model =
         Model::parse("six_dof", include_str!("../six_dof.model.toml"), &Constants::default())
             .expect("the model");
@@ -105,14 +131,14 @@ pub fn six_dof(segments: usize) -> Work {
     let propagator = Propagator::new(&model, all).expect("a propagator");
     let dt = 0.02;
     let records = (0..segments).map(|s| {
-        let n = 190 + 10 * (s % 3);
-        let inputs = (0..n).flat_map(|k| controls(s, k as f64 * dt)).collect();
+        let n = samples(s);
+        let inputs = (0..n).flat_map(|k| controls(s, (k as f64 * dt) % 7.5)).collect();
         let mut record = Record { dt, n, inputs, substeps: 1, ..Default::default() };
         let truth: Vec<f64> = model
             .parameters
             .iter()
             .enumerate()
-            .map(|(i, p)| p.start * (1.0 + 0.02 * hash(i, 7)))
+            .map(|(i, p)| p.start * (1.0 + off * hash(i, 7)))
             .collect();
         let starts = propagator.first_values(&model, &truth, &record, &record).expect("starts");
         let grid = propagator.run(&truth, &starts, &record, false);
@@ -132,8 +158,7 @@ pub fn six_dof(segments: usize) -> Work {
         record
     });
     let records = records.collect();
-    let settings = Settings { initial: names, tolerance: 0.0, ..Settings::default() };
-    Work { model, records, settings }
+    Work { model, records, settings: Settings { initial: names, ..settings } }
 }
 
 /// Steps on all controls, at other times in every segment.

@@ -4,6 +4,7 @@
 use super::words::{End, say};
 use crate::config::schema_text;
 use crate::error::{Error, Errors};
+use crate::stage::validate;
 use crate::{design, diagnose, log, model, pipeline, simulate, table};
 use std::path::Path;
 
@@ -17,6 +18,7 @@ fn schemas() -> Vec<(&'static str, String)> {
         ("model", schema_text::<model::file::ModelFile>("Model file")),
         ("aircraft", schema_text::<model::Constants>("Constants of the aircraft")),
         ("effect", schema_text::<diagnose::effect::file::EffectFile>("Candidate effect")),
+        ("tolerances", schema_text::<validate::Tolerances>("File of tolerances")),
         ("import", schema_text::<log::import::Import>("Import of text columns")),
     ]
 }

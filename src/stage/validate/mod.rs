@@ -33,6 +33,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 pub use config::Config;
+pub use file::File as Tolerances;
 use judge::Agreement;
 use notes::note;
 use settings::NAME;
