@@ -48,6 +48,8 @@ series = [
   { table = "predictions", x = "x", y = "predicted", label = "predicted" },
   { table = "unpredicted", x = "from", y = "to", strips = true, label = "flown, not predicted" },
 ]
+
+[report]
 "#;
 
 /// The gain is 1.5, if the scale is right, and 2 deg are flown either way.
