@@ -106,6 +106,12 @@ pub fn display_unit(unit: &str) -> (f64, String) {
     }
 }
 
+/// A number with its unit to so many digits, angles in degrees.
+pub fn with_unit(value: f64, unit: &str, digits: usize) -> String {
+    let (factor, unit) = display_unit(unit);
+    format!("{} {unit}", number(factor * value, digits)).trim_end_matches([' ', '-']).to_string()
+}
+
 /// `value` rounded to six significant digits: what a plot can show, and a third of the bytes. Not
 /// finite is `None`.
 pub fn short(value: f64) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! `reached` in, a table of the limits of states, where the motion reaches them and how near it comes to the others, out.
 
 use super::columns::Columns;
-use super::format::{display_unit, number};
+use super::format::{display_unit, number, with_unit};
 use super::grid::{Cell, Grid, Level};
 use super::section::{Body, Given, Section};
 use crate::error::Result;
@@ -53,7 +53,7 @@ fn limits(table: &Columns) -> Grid {
             (_, "min") => "at most ",
             _ => "at least ",
         };
-        let reaches = shown(table.number("extreme", row), &table.text("unit", row));
+        let reaches = with_unit(table.number("extreme", row), &table.text("unit", row), 4);
         let at = if at.is_empty() { String::new() } else { format!(" at {}", at.join(", ")) };
         let counts = [table.number("segments", row), table.number("of", row)];
         grid.push(vec![
@@ -75,17 +75,11 @@ fn limits(table: &Columns) -> Grid {
     grid
 }
 
-/// A number with its unit, angles in degrees.
-fn shown(value: f64, unit: &str) -> String {
-    let (factor, unit) = display_unit(unit);
-    format!("{} {unit}", number(factor * value, 4)).trim_end_matches([' ', '-']).to_string()
-}
-
 /// `V_c 72.0 to 111 m/s`
 fn range(table: &Columns, row: usize) -> Option<String> {
     let [lower, upper] = ["lower", "upper"].map(|name| table.number(name, row));
     let (factor, _) = display_unit(&table.text("unit_input", row));
-    let upper = shown(upper, &table.text("unit_input", row));
+    let upper = with_unit(upper, &table.text("unit_input", row), 4);
     let name = table.text("input", row);
     lower.is_finite().then(|| format!("{name} {} to {upper}", number(factor * lower, 3)))
 }
@@ -93,7 +87,7 @@ fn range(table: &Columns, row: usize) -> Option<String> {
 /// `V_c 72.1 m/s`
 fn place(table: &Columns, row: usize) -> Option<String> {
     let (name, at) = (table.text("input", row), table.number("at", row));
-    at.is_finite().then(|| format!("{name} {}", shown(at, &table.text("unit_input", row))))
+    at.is_finite().then(|| format!("{name} {}", with_unit(at, &table.text("unit_input", row), 4)))
 }
 
 /// Whether what was measured follows the motion near its extreme.
@@ -106,8 +100,8 @@ fn follows(table: &Columns, row: usize) -> String {
         true => {
             format!(
                 "r.m.s. residual there {}, elsewhere {}",
-                shown(near, &unit),
-                shown(elsewhere, &unit)
+                with_unit(near, &unit, 4),
+                with_unit(elsewhere, &unit, 4)
             )
         }
         false => String::new(),

@@ -1,7 +1,7 @@
 //! `predictions` and `unpredicted` in, a table of how far flight is from what was predicted, out.
 
 use super::columns::Columns;
-use super::format::{display_unit, number};
+use super::format::{display_unit, number, with_unit};
 use super::grid::{Cell, Grid, Level};
 use super::section::{Body, Given, Section};
 use crate::error::Result;
@@ -68,7 +68,7 @@ fn predictions(table: &Columns, unpredicted: Option<&Columns>) -> Grid {
 fn difference(table: &Columns, row: usize) -> String {
     let (factor, unit) = display_unit(&table.text("unit", row));
     let value = format!("{} {unit}", number(factor * table.number("difference", row), 2));
-    let at = shown(table.number("x", row), &table.text("unit_x", row));
+    let at = with_unit(table.number("x", row), &table.text("unit_x", row), 3);
     format!("{} at {} {at}", value.trim_end_matches([' ', '-']), table.text("input", row))
 }
 
@@ -80,13 +80,7 @@ fn ranges(table: &Columns, key: [&str; 4]) -> String {
         let unit = table.text("unit_x", row);
         let (factor, _) = display_unit(&unit);
         let from = number(factor * table.number("from", row), 3);
-        format!("{from} to {}", shown(table.number("to", row), &unit))
+        format!("{from} to {}", with_unit(table.number("to", row), &unit, 3))
     };
     (0..table.rows()).filter(is).map(range).collect::<Vec<_>>().join(", ")
-}
-
-/// A number with its unit, angles in degrees.
-fn shown(value: f64, unit: &str) -> String {
-    let (factor, unit) = display_unit(unit);
-    format!("{} {unit}", number(factor * value, 3)).trim_end_matches([' ', '-']).to_string()
 }
