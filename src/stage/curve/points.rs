@@ -42,6 +42,10 @@ pub fn points(
     at: &IndexMap<String, f64>,
     x: &[f64],
 ) -> Result<Vec<Point>> {
+    // A file may predict nothing under the conditions of one curve.
+    if x.is_empty() {
+        return Ok(Vec::new());
+    }
     let (along, model) = (&config.settings.along, &config.model);
     let directions = Directions { parameters: values.estimated.clone(), starts: Vec::new() };
     let propagator = Propagator::new(model, directions)?;
