@@ -129,6 +129,15 @@ impl Products {
     pub fn variance(&self) -> f64 {
         self.square / self.count.max(1) as f64
     }
+
+    /// `R_0`: the products of all samples that have so many before them in their run.
+    fn from_the_first(&self) -> Vec<f64> {
+        let mut r = vec![0.0; (self.order + 1) * (self.order + 2) / 2];
+        for t in 0..=self.order {
+            r.iter_mut().zip(&self.sums[begins(t)..begins(t + 1)]).for_each(|(r, s)| *r += s);
+        }
+        r
+    }
 }
 
 /// How the order of the residuals' autoregressive model is chosen. Slow noise of a small part of
@@ -170,10 +179,7 @@ pub(super) fn partial(products: &Products) -> Vec<f64> {
     let mut partial = Vec::new();
     // `r` is R_p, `p` ascending: what is summed from the first sample on is taken off sample by
     // sample.
-    let mut r = vec![0.0; (m + 1) * (m + 2) / 2];
-    for t in 0..=m {
-        r.iter_mut().zip(&products.sums[begins(t)..begins(t + 1)]).for_each(|(r, s)| *r += s);
-    }
+    let mut r = products.from_the_first();
     let mut predictor: Vec<f64> = Vec::new();
     // An order of more than half a run's length is found from its ends alone (Ulrych & Bishop, Rev.
     // Geophys. 13, 1975).
@@ -199,6 +205,16 @@ pub(super) fn partial(products: &Products) -> Vec<f64> {
     partial
 }
 
+/// Probability of a smaller sum of squares of the autocorrelations up to a lag in white noise, each
+/// over its variance there (Ljung & Box, Biometrika 65, 1978).
+fn coloured(products: &Products, lags: usize) -> f64 {
+    let r = products.from_the_first();
+    let term =
+        |p: usize| (r[p * (p + 1) / 2] / products.variance()).powi(2) / products.behind[p] as f64;
+    let q: f64 = (1..=lags).map(term).sum();
+    if lags == 0 { 0.0 } else { chi2_cdf(q, lags as f64) }
+}
+
 /// The model of these series' noise; white noise of variance 0 where there is nothing.
 pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     let c0 = products.variance();
@@ -219,8 +235,9 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
         let q: f64 = (p + 1..).zip(rest).map(|(p, k)| weight(p) * k * k).sum();
         if rest.is_empty() { 0.0 } else { chi2_cdf(q, rest.len() as f64) }
     };
-    // Many small correlations that no single order is worth are not white noise either.
-    let first = usize::from(unlikely(0) > NOT_WHITE);
+    // Many small correlations that no single order is worth are not white noise either, nor are
+    // those of one sign that weak slow noise leaves: its partial autocorrelations die out sooner.
+    let first = usize::from(unlikely(0).max(coloured(products, partial.len())) > NOT_WHITE);
     let least = |penalty: f64| {
         let cost = |p: usize| costs[p] + p as f64 * penalty;
         (first..costs.len()).fold(first, |best, p| if cost(p) < cost(best) { p } else { best })
