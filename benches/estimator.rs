@@ -108,7 +108,7 @@ fn setup(name: &str, work: &Work, floors: [[f64; 2]; 2]) {
         let seconds = least(20, || {
             let mut propagator =
                 Propagator::new(&work.model, directions.clone()).expect("a propagator");
-            propagator.compile(tier, work.samples());
+            propagator.compile(tier, 20, work.samples());
             black_box(&propagator);
         });
         println!("{}", line(name, word, 1e3 * seconds, floors));

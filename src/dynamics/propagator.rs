@@ -175,13 +175,13 @@ impl Propagator {
     }
 
     /// Makes machine code of rates, delays, limits and what moves the movers if `tier` says so.
-    /// `points`: grid points that one pass goes through.
-    pub fn compile(&mut self, tier: Tier, points: usize) {
-        // An operation costs the interpreter about 2 ns more than machine code, some 20 passes are
-        // usual; making code takes about 0.3 ms and 15 us per operation.
+    /// `points`: grid points that one of the `passes` goes through.
+    pub fn compile(&mut self, tier: Tier, passes: usize, points: usize) {
+        // An operation costs the interpreter about 2 ns more than machine code; making code takes
+        // about 0.3 ms and 15 us per operation.
         let worth = |program: &Program| {
             let operations = program.operations() as f64;
-            let saved = 20.0 * 4.0 * points as f64 * operations * 2e-9;
+            let saved = (passes * points) as f64 * 4.0 * operations * 2e-9;
             let pays = saved > 0.3e-3 + 15e-6 * operations;
             operations > 0.0 && (tier == Tier::Native || (tier == Tier::Auto && pays))
         };

@@ -17,6 +17,9 @@ use std::sync::Arc;
 const FLOOR: f64 = 1e-20;
 const FLOOR_FULL: f64 = 1e-12;
 
+/// Passes over the records that an estimation usually makes.
+pub(super) const PASSES: usize = 20;
+
 /// One unknown.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Unknown {

@@ -2,7 +2,7 @@
 //! used left out and named, out.
 
 use super::budget::{Influence, influences};
-use super::case::{Case, propagator};
+use super::case::{Case, PASSES, propagator};
 use super::choice::choose;
 use super::equations::Origin;
 use super::extend::prepare;
@@ -89,7 +89,7 @@ fn once(
     let (model, segments) = (Arc::new(model.into_owned()), &*segments);
     let chosen = Arc::new(choose(&model, segments, settings)?);
     let mut propagator = propagator(&model, &chosen, segments)?;
-    propagator.compile(settings.tier, segments.iter().map(|s| s.record.n).sum());
+    propagator.compile(settings.tier, PASSES, segments.iter().map(|s| s.record.n).sum());
     let propagator = Arc::new(propagator);
     let given = starts(&model, &propagator, segments, &chosen, settings)?;
     let mut left_out: Vec<LeftOut> = Vec::new();

@@ -1,7 +1,7 @@
 //! A model, segments and settings in; the model as it would be estimated, over the segments that
 //! can be used, out: for those who evaluate it themselves.
 
-use super::case::{Case, propagator};
+use super::case::{Case, PASSES, propagator};
 use super::choice::{Chosen, choose};
 use super::extend::prepare;
 use super::segment::Segment;
@@ -87,7 +87,7 @@ impl Prepared {
     /// With machine code where the settings say so.
     pub fn compiled(mut self) -> Prepared {
         let points = self.segments.iter().map(|s| s.record.n).sum();
-        Arc::make_mut(&mut self.propagator).compile(self.settings.tier, points);
+        Arc::make_mut(&mut self.propagator).compile(self.settings.tier, PASSES, points);
         self
     }
 }

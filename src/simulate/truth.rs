@@ -2,7 +2,7 @@
 
 use super::timeline::{Placed, Timeline};
 use super::trim::trim;
-use crate::dynamics::{self, Directions, Lost, Record};
+use crate::dynamics::{self, Directions, Lost, Record, Tier};
 use crate::error::{Error, Result};
 use crate::model::{Model, Quantity};
 use indexmap::IndexMap;
@@ -64,12 +64,9 @@ pub(super) fn fly(model: &Model, timeline: &Timeline, mut inputs: Vec<Vec<f64>>)
     let record =
         Record { t0: 0.0, dt: timeline.dt, n: timeline.n, inputs: rows, ..Record::default() };
     let starts = Directions { parameters: Vec::new(), starts: (0..model.states.len()).collect() };
-    let grid = dynamics::Propagator::new(model, starts)?.run(
-        &steady.parameters,
-        &steady.states,
-        &record,
-        false,
-    );
+    let mut propagator = dynamics::Propagator::new(model, starts)?;
+    propagator.compile(Tier::Auto, 1, timeline.n);
+    let grid = propagator.run(&steady.parameters, &steady.states, &record, false);
     drop(record);
     if !grid.finite {
         let why = grid.lost.unwrap_or(Lost::Diverges).words(&model.states);
