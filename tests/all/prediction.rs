@@ -102,3 +102,13 @@ fn fault_a_prediction_of_what_is_not_there_or_in_another_unit_is_told_with_its_l
         assert!(run.err.contains(part), "{part}: {}", run.err);
     }
 }
+
+#[test]
+fn fault_an_input_that_is_misspelt_is_told_once() {
+    let c = campaign("u [deg], steady [deg]\n0, 0\n");
+    let pipeline = std::fs::read_to_string(c.path("pipeline.toml")).expect("the pipeline");
+    c.write("pipeline.toml", &pipeline.replace("along      = \"u\"", "along      = \"uu\""));
+    let run = c.run().ended(2);
+    assert!(run.err.contains("there is no input of the model \"uu\""), "{}", run.err);
+    assert!(!run.err.contains("depend on"), "{}", run.err);
+}

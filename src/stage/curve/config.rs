@@ -296,6 +296,7 @@ fn equations((given, key): (&mut Given, &str), s: &Settings, base: &Model) -> Op
 /// Every input that the equations depend on has a value, and there are no others.
 fn inputs((given, key): (&mut Given, &str), s: &Settings, base: &Model, model: Option<&Model>) {
     let names: Vec<&str> = base.inputs.iter().map(|q| q.name.as_str()).collect();
+    let before = given.errors.0.len();
     if !names.contains(&s.along.as_str()) {
         given.unknown(&format!("{key}.along"), "input of the model", &s.along, &names);
     }
@@ -304,7 +305,8 @@ fn inputs((given, key): (&mut Given, &str), s: &Settings, base: &Model, model: O
             given.unknown(&format!("{key}.at.{i}.{name}"), "input of the model", name, &names);
         }
     }
-    let Some(model) = model else { return };
+    // What is misspelt is what would be missing.
+    let Some(model) = model.filter(|_| given.errors.0.len() == before) else { return };
     let needed: Vec<&str> = names.iter().filter(|name| model.reads(name)).copied().collect();
     for (i, at) in s.all_at().iter().enumerate() {
         let missing = |name: &&&str| **name != s.along && !at.contains_key(**name);

@@ -12,6 +12,7 @@
 use crate::config::{list, nearest};
 use crate::error::{Error, Errors, Place};
 use crate::units::Unit;
+use std::collections::HashMap;
 
 /// What is predicted.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +23,8 @@ pub struct Prediction {
 /// One row of the file, SI.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
+    /// Its line in the file.
+    line: usize,
     pub x: f64,
     /// Per condition of the file, by name.
     pub at: Vec<(String, f64)>,
@@ -93,7 +96,30 @@ pub fn read(file: &str, text: &str, wanted: &Wanted) -> Result<Prediction, Error
     if errors.is_empty() && rows.is_empty() {
         errors.push(Error::at(Place::file(file), "there is no row below the names of the columns"));
     }
+    twice(file, &rows, wanted).into_iter().for_each(|e| errors.push(e));
     errors.or(Prediction { rows })
+}
+
+/// Rows that predict an equation where another row does.
+fn twice(file: &str, rows: &[Row], wanted: &Wanted) -> Vec<Error> {
+    let mut first: HashMap<(usize, Vec<u64>), usize> = HashMap::new();
+    let mut errors = Vec::new();
+    for row in rows {
+        let mut place = vec![row.x.to_bits()];
+        place.extend(row.at.iter().map(|(_, value)| value.to_bits()));
+        for (k, (name, _)) in wanted.equations.iter().enumerate() {
+            if row.values[k].is_nan() {
+                continue;
+            }
+            let before = *first.entry((k, place.clone())).or_insert(row.line);
+            if before != row.line && errors.len() < SHOWN {
+                let at = Place { file: file.to_string(), line: row.line, column: 1 };
+                let what = format!("\"{name}\" is predicted here and in line {before}");
+                errors.push(Error::at(at, what).help("leave one of the two cells empty"));
+            }
+        }
+    }
+    errors
 }
 
 fn fault(file: &str, error: &csv::Error) -> Error {
@@ -177,8 +203,8 @@ fn row(
 ) -> Result<Row, Error> {
     let line = record.position().map_or(0, |p| p.line() as usize);
     let at = |what: String| Error::at(Place { file: file.to_string(), line, column: 1 }, what);
-    let mut row =
-        Row { x: f64::NAN, at: Vec::new(), values: vec![f64::NAN; wanted.equations.len()] };
+    let values = vec![f64::NAN; wanted.equations.len()];
+    let mut row = Row { line, x: f64::NAN, at: Vec::new(), values };
     if record.len() != columns.len() {
         return Err(at(format!(
             "{} cells are wanted, the row has {}",
@@ -262,5 +288,13 @@ mod tests {
         assert!(text.contains("tunnel.csv:2:1: \"eta\": \"two\" is no number"), "{text}");
         assert!(text.contains("tunnel.csv:3:1: 3 cells are wanted, the row has 2"), "{text}");
         assert!(told("eta_k [deg], eta [deg], C_L_DLC [-]\n").contains("there is no row"));
+        let text = told(
+            "eta_k [deg], eta [deg], C_L_DLC [-], C_m_DLC [-]\n1, 2, 0.1,\n1, 2, 0.2, 3\n1, 3, 0, 0\n",
+        );
+        assert!(
+            text.contains("tunnel.csv:3:1: \"C_L_DLC\" is predicted here and in line 2"),
+            "{text}"
+        );
+        assert_eq!(text.matches("predicted here").count(), 1, "{text}");
     }
 }
