@@ -197,6 +197,8 @@ impl Reader<'_> {
 
     fn model(&mut self, key: &str, file: &str, constants: Option<&Constants>) -> Option<Model> {
         let path = self.path(key, file)?;
-        self.errors.take(Model::load(&path, constants?))
+        let model = self.errors.take(Model::load(&path, constants?))?;
+        self.errors.take(model.without_noise("a study"))?;
+        Some(model)
     }
 }

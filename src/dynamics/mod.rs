@@ -42,6 +42,7 @@ mod contact_tests;
 mod contacts;
 mod evaluate;
 mod history;
+mod innovations;
 mod modes;
 mod propagate;
 mod propagator;
@@ -57,6 +58,7 @@ mod tableau;
 mod tangent;
 mod values;
 
+pub use innovations::{Filter, Innovation, Innovations};
 pub use modes::Lost;
 pub use propagator::{Directions, Propagator, Tier};
 

@@ -76,7 +76,11 @@ pub fn influences(
     }
     let opened = base.opened()?;
     let behind = base.parameters.len()..opened.parameters.len();
-    let opened = extended(&opened, settings)?.into_owned();
+    let mut opened = extended(&opened, settings)?.into_owned();
+    if case.model.covariance.is_some() {
+        let scope = Scope::parse(&settings.noise_per);
+        opened = opened.with_covariance(&case.model.scored(), &case.chosen.initial, &scope)?;
+    }
     let constants = reaching(&opened, behind, &case.outputs);
     let wider = widened(case, &opened, &constants);
     let owned: Vec<Segment> = segments.iter().map(|s| (*s).clone()).collect();

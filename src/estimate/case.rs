@@ -4,9 +4,10 @@
 use super::choice::Chosen;
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::{Label, Line, NoiseKind, Settings, Trace};
-use crate::dynamics::{Directions, Lost, Propagator, Record, Response, Sampling};
+use crate::dynamics::{Directions, Filter, Lost, Propagator, Record, Sampling};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
+use crate::model::graph::Leaf;
 use crate::model::{Model, Scope};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -35,6 +36,8 @@ pub struct Case {
     pub model: Arc<Model>,
     pub(super) chosen: Arc<Chosen>,
     pub propagator: Arc<Propagator>,
+    /// Of a model whose states are driven by noise.
+    filter: Option<Filter>,
     pub records: Vec<Record>,
     /// How the samples of each record lie on its grid.
     sampling: Vec<Vec<Sampling>>,
@@ -74,7 +77,8 @@ impl Case {
             chosen.lines.iter().map(of).collect()
         };
         let away = segments.iter().map(away).collect();
-        Case {
+        let mut case = Case {
+            filter: Filter::new(&model, &propagator),
             model,
             chosen,
             propagator,
@@ -86,7 +90,9 @@ impl Case {
             outputs,
             layout,
             unknowns,
-        }
+        };
+        case.layout.squares = case.squares();
+        case
     }
 
     /// Places of parameters that are one and the same of different segments, where the model has
@@ -101,6 +107,31 @@ impl Case {
             }
         }
         all.into_values().collect()
+    }
+
+    /// Places of the parameters that are nothing but densities of noise.
+    pub fn densities(&self) -> Vec<usize> {
+        let Some(covariance) = &self.model.covariance else { return Vec::new() };
+        let (model, motion) = (&self.model, covariance.motion);
+        let noise: Vec<_> = model.states[..motion].iter().filter_map(|s| s.noise).collect();
+        let others = model.rates[..motion].iter().chain(&model.output_nodes).copied();
+        let others = model.graph.leaves(&others.collect::<Vec<_>>());
+        let of = |name: &str| model.parameter(name).map(Leaf::Parameter);
+        let noise = model.graph.leaves(&noise);
+        let is = |leaf: Leaf| noise.contains(&leaf) && !others.contains(&leaf);
+        (0..self.unknowns.len()).filter(|&i| of(&self.unknowns[i].name).is_some_and(is)).collect()
+    }
+
+    /// Places of the parameters that act by their squares: densities, and what the noise of a filter's
+    /// measurements is.
+    fn squares(&self) -> Vec<usize> {
+        let sds = self.model.covariance.iter().flat_map(|c| &c.sd).flatten();
+        let names: Vec<&str> =
+            sds.map(|&p| self.model.parameters[p].quantity.name.as_str()).collect();
+        let sds = (0..self.unknowns.len()).filter(|&i| names.contains(&&*self.unknowns[i].name));
+        let mut all: Vec<usize> = sds.chain(self.densities()).collect();
+        all.sort_unstable();
+        all
     }
 
     /// The integration steps of every segment.
@@ -154,6 +185,9 @@ impl Case {
     /// Residuals per channel; a measurement that is not finite, or outside the grid, is masked.
     /// `None` where the model is not finite.
     pub fn evaluate(&self, s: usize, local: &[f64], sensitivities: bool) -> Option<Vec<Block>> {
+        if let Some(filter) = &self.filter {
+            return self.innovations(filter, s, local, sensitivities);
+        }
         let (parameters, starts) = self.place(s, local);
         let response = self.propagator.respond_at(
             &parameters,
@@ -173,13 +207,44 @@ impl Case {
             e.iter_mut()
                 .zip(&channel.z)
                 .for_each(|(e, z)| *e = if z.is_finite() { z - *e } else { f64::NAN });
-            Some(Block {
+            Some(Block::new(
                 output,
                 e,
-                g: self.with_slopes(s, sensitivities.next().unwrap_or_default()),
-            })
+                self.with_slopes(s, sensitivities.next().unwrap_or_default()),
+            ))
         };
         channels.map(block).collect()
+    }
+
+    /// The innovations of a filter as rows of least squares. The likelihood's gradient is
+    /// `sum (nu/s dnu + 1/2 (1 - nu^2/s) ds/s)`, its information `sum (dnu dnu'/s + 1/2 ds ds'/s^2)`
+    /// (scoring): so each sample gives a row `(nu/sqrt(s), -dnu/sqrt(s))`, and another one
+    /// `((nu^2/s - 1)/sqrt(2), ds/(s sqrt(2)))`, for which the cost takes `ln s`.
+    fn innovations(
+        &self,
+        filter: &Filter,
+        s: usize,
+        local: &[f64],
+        slopes: bool,
+    ) -> Option<Vec<Block>> {
+        let (parameters, starts) = self.place(s, local);
+        let record = &self.records[s];
+        let filtered = filter.run(&self.propagator, &parameters, &starts, record, slopes);
+        if filtered.lost.is_some() {
+            return None;
+        }
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let mut blocks = Vec::with_capacity(2 * filtered.channels.len());
+        for (channel, innovation) in record.channels.iter().zip(filtered.channels) {
+            let output = self.outputs.iter().position(|&o| o == channel.output)?;
+            let logs = innovation.s.iter().filter(|s| s.is_finite()).map(|s| libm::log(*s)).sum();
+            let spread = innovation.e.iter().map(|e| half * (e * e - 1.0)).collect();
+            let ds = innovation.ds.iter().map(|ds| half * ds).collect();
+            blocks.push(Block::new(output, innovation.e, self.with_slopes(s, innovation.dy)));
+            let spread = Block::new(output, spread, self.with_slopes(s, ds));
+            blocks.push(Block { instead: Some(logs), ..spread });
+        }
+        Some(blocks)
     }
 
     /// Sensitivities with those to the slopes of lines behind those to the shared parameters: as
@@ -203,9 +268,15 @@ impl Case {
     /// Measured and modelled values of segment `s`.
     pub fn traces(&self, s: usize, theta: &[f64]) -> Vec<Trace> {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
-        let response: Response =
-            self.propagator.respond(&parameters, &starts, &self.records[s], false);
-        let channels = self.records[s].channels.iter().zip(response.y);
+        let record = &self.records[s];
+        let predicted: Vec<Vec<f64>> = match &self.filter {
+            Some(filter) => {
+                let filtered = filter.run(&self.propagator, &parameters, &starts, record, false);
+                filtered.channels.into_iter().map(|c| c.y).collect()
+            }
+            None => self.propagator.respond(&parameters, &starts, record, false).y,
+        };
+        let channels = record.channels.iter().zip(predicted);
         let trace = |(channel, modelled): (&crate::dynamics::Channel, Vec<f64>)| {
             let quantity = self.model.outputs.get(channel.output)?;
             Some(Trace {
@@ -218,6 +289,14 @@ impl Case {
             })
         };
         channels.filter_map(trace).collect()
+    }
+
+    /// Variance of the noise of output `j` (a place among the scored ones) in segment `s`, where it
+    /// is a parameter.
+    pub fn noise_variance(&self, j: usize, s: usize, theta: &[f64]) -> Option<f64> {
+        let sd = self.model.covariance.as_ref()?.sd[self.outputs[j]]?;
+        let (parameters, _) = self.place(s, &self.layout.local(s, theta));
+        Some(parameters[sd] * parameters[sd])
     }
 
     /// A segment's directions back in the model: all parameters, and the start values from outside.
@@ -395,7 +474,7 @@ fn layout(
         groups: noise.values.len().max(1),
         full,
         floor,
-        known: false,
+        known: model.covariance.is_some(),
     };
     let column = |k: usize| values.iter().map(|u| u[k]).collect();
     let (mut start, centre): (Vec<f64>, Vec<f64>) = (column(0), column(0));
@@ -413,6 +492,7 @@ fn layout(
             upper: column(2),
             centre,
             prior_sd: column(3),
+            squares: Vec::new(),
             noise,
         },
         unknowns,

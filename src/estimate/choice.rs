@@ -67,6 +67,8 @@ pub fn choose(model: &Model, segments: &[Segment], settings: &Settings) -> Resul
         .map(|o| output_shift(o))
         .chain(shifts.inputs.iter().map(|i| input_shift(i)));
     shifted.filter_map(|name| model.parameter(&name)).for_each(|i| free[i] = true);
+    let noise = model.covariance.iter().flat_map(|c| &c.sd).flatten();
+    noise.for_each(|&i| free[i] = true);
     settings
         .candidates
         .iter()

@@ -9,7 +9,7 @@
 use super::case::Case;
 use super::neighbours::Known;
 use super::prepared::Prepared;
-use super::profile::{Profile, profiles};
+use super::profile::{Profile, profiles, upper_limit};
 use super::segment::Segment;
 use super::solution::{Solution, solve};
 use super::{Line, Settings};
@@ -196,7 +196,11 @@ impl Case {
     /// its steps on the way would have jumps). They are chosen at the start; where the solution
     /// turns out to be stiffer, the estimation is repeated with the steps that it asks for.
     pub fn solve(&mut self, settings: &Settings, origin: &Origin, here: &Here) -> Solution {
-        let known = Known { alike: self.alike(), limits: self.measured_limits() };
+        let known = Known {
+            alike: self.alike(),
+            limits: self.measured_limits(),
+            densities: self.densities(),
+        };
         let mut needed = self.layout.start.clone();
         loop {
             let changed = self.stiffen(&needed);
@@ -212,7 +216,7 @@ impl Case {
         }
     }
 
-    /// The profiles that the settings ask for.
+    /// The profiles that the settings ask for, and the upper limits of densities that are zero.
     pub fn profiles(
         &self,
         solution: &Solution,
@@ -222,6 +226,16 @@ impl Case {
     ) -> Vec<Profile> {
         let asked = |i: &usize| settings.profile.contains(&self.unknowns[*i].name);
         let which: Vec<usize> = (0..self.unknowns.len()).filter(asked).collect();
-        profiles(&self.layout, &origin.spread(self, here), solution, &which, settings)
+        let evaluate = origin.spread(self, here);
+        let mut all = profiles(&self.layout, &evaluate, solution, &which, settings);
+        let nothing = |i: &usize| solution.fit.held[*i] && solution.fit.theta[*i] == 0.0;
+        let densities = self.densities().into_iter().filter(nothing);
+        let densities: Vec<usize> = densities.filter(|_| solution.crlb.is_some()).collect();
+        let limits = densities.into_iter().filter_map(|i| {
+            let first = 0.1 * self.layout.start[i].abs();
+            upper_limit(&self.layout, &evaluate, solution, (i, first), settings)
+        });
+        all.extend(limits);
+        all
     }
 }

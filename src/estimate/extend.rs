@@ -1,12 +1,14 @@
 //! A model, segments and settings in; the model with the shifts and the feedback that the settings
 //! ask for, and segments that feed it, out.
 
-use super::Settings;
 use super::segment::Segment;
+use super::{NoiseKind, Settings};
 use crate::dynamics::{Interpolation, Record};
-use crate::error::Errors;
+use crate::error::{Error, Errors};
 use crate::math::interpolate::held;
-use crate::model::{Model, Scope};
+use crate::math::median;
+use crate::model::{Model, Scope, Scored};
+use crate::signal::robust::noise_sd;
 use std::borrow::Cow;
 
 /// The model that is estimated: with zero shifts and feedback as the settings say.
@@ -48,12 +50,52 @@ pub fn prepare<'a>(
     settings: &Settings,
 ) -> Result<(Cow<'a, Model>, Cow<'a, [Segment]>), Errors> {
     let nu = model.inputs.len();
-    let (model, carried) = extend(model, settings)?;
+    let (mut model, carried) = extend(model, settings)?;
+    if model.is_driven() {
+        model = Cow::Owned(filtered(&model, segments, settings)?);
+    }
     if carried.is_empty() {
         return Ok((model, Cow::Borrowed(segments)));
     }
     let fed = |s: &Segment| Segment { record: fed(&s.record, nu, &carried), ..s.clone() };
     Ok((model, segments.iter().map(fed).collect()))
+}
+
+/// A model driven by noise with the covariance of its states, and the noise of what is measured as
+/// parameters: they start at the fast part of the measurements, and are no less than `floor` says,
+/// or than the resolution that the numbers show.
+fn filtered(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Model, Errors> {
+    if settings.noise == NoiseKind::Full {
+        let what = "noise = \"full\" is not known to a filter, which takes the noise of outputs to be independent";
+        return Err(Error::new(what).into());
+    }
+    let scored = (0..model.outputs.len()).filter_map(|output| {
+        let of = |s: &'_ Segment| -> Vec<f64> {
+            let channels = s.record.channels.iter().filter(|c| c.output == output);
+            channels.flat_map(|c| &c.z).copied().filter(|z| z.is_finite()).collect()
+        };
+        let all: Vec<Vec<f64>> = segments.iter().map(of).filter(|z| !z.is_empty()).collect();
+        let noise: Vec<f64> = all.iter().map(|z| noise_sd(z)).filter(|sd| *sd > 0.0).collect();
+        let given = settings.floor.get(&model.outputs[output].name).copied().unwrap_or(0.0);
+        let floor = given.max(resolution(&all) / 12f64.sqrt());
+        let start = if noise.is_empty() { floor } else { median(&noise) };
+        (!all.is_empty()).then_some(Scored { output, start: start.max(floor), floor })
+    });
+    let scored: Vec<Scored> = scored.collect();
+    let exact: Vec<usize> = settings.initial.iter().filter_map(|name| model.state(name)).collect();
+    model.with_covariance(&scored, &exact, &Scope::parse(&settings.noise_per))
+}
+
+/// The smallest difference between two numbers that differ by more than rounding; of numbers that
+/// do not differ, what rounding leaves of them.
+fn resolution(all: &[Vec<f64>]) -> f64 {
+    let mut sorted: Vec<f64> = all.concat();
+    sorted.sort_by(f64::total_cmp);
+    let largest = sorted.iter().fold(0.0f64, |most, z| most.max(z.abs()));
+    let rounding = (1e-12 * largest).max(f64::MIN_POSITIVE);
+    let steps = sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > rounding);
+    let least = steps.fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { rounding }
 }
 
 /// A record with `nu` inputs, and behind them what was measured of `outputs`, on its grid.

@@ -18,6 +18,7 @@
 //! | `preroll` | delays that reach back to before a record |
 //! | `crossed` | limits of states that cross each other |
 //! | `measured_limits` | limits of states against what was measured |
+//! | `densities` | densities of noise at zero |
 //! | `sizes` | parameters that only show from a certain size on |
 //! | `solution` | the six together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
@@ -49,6 +50,7 @@ mod choice;
 mod colour;
 mod crossed;
 mod decision;
+mod densities;
 mod equations;
 mod estimation;
 mod extend;

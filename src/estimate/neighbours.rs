@@ -6,6 +6,7 @@
 //! estimated alone, with the common parameters held, from the medians of all segments; where that
 //! lowers its cost by more than `GAIN`, all are estimated again from there. Linear in segments.
 
+use super::densities::above_zero;
 use super::sizes::{Measured, from_sizes};
 use crate::least_squares::{Evaluate, Fit, Layout, Method, Part, cost, minimise};
 use crate::math::median;
@@ -25,16 +26,25 @@ pub struct Known {
     pub alike: Vec<Vec<usize>>,
     /// Limits that parameters make.
     pub limits: Vec<Measured>,
+    /// Densities of noise, which act by their squares.
+    pub densities: Vec<usize>,
 }
 
-/// Minimises from `layout.start`. With no parameters alike it is `from_sizes`.
+/// Minimises from `layout.start`.
+pub fn lowest<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method, known: &Known) -> Fit {
+    above_zero(layout, evaluate, method, &known.densities, |layout| {
+        lowest_of_segments(layout, evaluate, method, known)
+    })
+}
+
+/// With no parameters alike it is `from_sizes`.
 ///
 /// The bottom of a minimum with kinks takes most of the time, so it is looked for last.
-pub fn lowest<F: Evaluate>(
+fn lowest_of_segments<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     method: &Method,
-    Known { alike, limits }: &Known,
+    Known { alike, limits, .. }: &Known,
 ) -> Fit {
     if alike.iter().all(|places| places.len() < FEWEST) {
         return from_sizes(layout, evaluate, method, limits);
@@ -127,6 +137,9 @@ fn alone<F: Evaluate>(
         upper: within(&layout.upper),
         centre: of(&layout.centre),
         prior_sd: of(&layout.prior_sd),
+        squares: (0..places.len())
+            .filter(|&k| layout.squares.binary_search(&places[k]).is_ok())
+            .collect(),
         noise: crate::least_squares::Structure { groups: 1, ..layout.noise.clone() },
     };
     let evaluate =
@@ -158,13 +171,13 @@ mod tests {
             let (f, df) = of(p[1]);
             let noise = |t: f64| 0.01 * libm::sin(31.0 * t + s as f64);
             let e = t.clone().map(|t| of(wells[s]).0 * t + noise(t) - p[0] * f * t).collect();
-            Some(vec![Block { output: 0, e, g: t.flat_map(|t| [f * t, p[0] * df * t]).collect() }])
+            Some(vec![Block::new(0, e, t.flat_map(|t| [f * t, p[0] * df * t]).collect())])
         };
         (layout, evaluate)
     }
 
     fn alike(n: usize) -> Known {
-        Known { alike: vec![(1..=n).collect()], limits: Vec::new() }
+        Known { alike: vec![(1..=n).collect()], limits: Vec::new(), densities: Vec::new() }
     }
 
     #[test]

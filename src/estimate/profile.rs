@@ -75,6 +75,8 @@ const REACH: f64 = 10.0;
 const POINTS: usize = 60;
 /// A fall of the cost over ten iterations that does not matter.
 const SETTLED: f64 = 1e-3;
+/// An upper limit is known to within this share of itself.
+const WIDTH: f64 = 0.02;
 /// The root of the rise is this close to its limit at an end.
 const CLOSE: f64 = 1e-4;
 
@@ -115,6 +117,39 @@ pub fn profiles<F: Evaluate>(
         Some(Profile { row, level: settings.profile_level, limit, points, lower, upper, ends })
     };
     which.iter().zip(found.chunks(2)).filter_map(join).collect()
+}
+
+/// The value of a parameter on its lower bound, zero, at which the likelihood has fallen so far that
+/// a larger one is as unlikely as the level says: one-sided. Looked for from `first` on; none where
+/// it is not reached, or the other parameters have no estimate.
+pub fn upper_limit<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    solution: &Solution,
+    (i, first): (usize, f64),
+    settings: &Settings,
+) -> Option<Profile> {
+    let limit = chi2_quantile(2.0 * settings.profile_level - 1.0, 1.0);
+    let (direction, sd, shrink) = (1.0, f64::NAN, 1.0);
+    let search = Search { layout, evaluate, solution, settings, i, direction, sd, shrink };
+    let mut warm = solution.fit.theta.clone();
+    let mut points = vec![Point { value: solution.fit.theta[i], rise: 0.0 }];
+    let (mut low, mut high, mut value) = (0.0, f64::INFINITY, first);
+    // The rise goes by the fourth power of a small density.
+    while (high.is_infinite() || high - low > WIDTH * high) && points.len() < POINTS {
+        let (rise, theta) = search.at(value, &warm)?;
+        points.push(Point { value, rise });
+        if rise < limit {
+            (low, warm) = (value, theta);
+        } else {
+            high = value;
+        }
+        value = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * value };
+    }
+    points.sort_by(|a, b| a.value.total_cmp(&b.value));
+    let ends = [End::Bound, if high.is_finite() { End::Found } else { End::Far }];
+    let upper = high.is_finite().then_some(0.5 * (low + high));
+    Some(Profile { row: i, level: settings.profile_level, limit, points, lower: None, upper, ends })
 }
 
 struct Side {

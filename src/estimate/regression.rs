@@ -196,7 +196,9 @@ fn sides(case: &Case) -> (Vec<Side>, Vec<Equation>) {
         let (n, rms, r2, ar_order) = (0, f64::NAN, f64::NAN, 0);
         equations.push(Equation { name, unit, outcome, n, rms, r2, ar_order });
     };
-    for (i, state) in model.states.iter().enumerate() {
+    // The covariance of a filter has no measurement.
+    let motion = model.covariance.as_ref().map_or(model.states.len(), |c| c.motion);
+    for (i, state) in model.states.iter().enumerate().take(motion) {
         let q = &state.quantity;
         add(
             format!("rate of {}", q.name),
@@ -445,7 +447,7 @@ impl Problem<'_> {
                     seen.iter().enumerate().for_each(|(k, v)| g[k * nd + entry.column] = *v);
                 }
             }
-            blocks.push(Block { output: equation, e, g });
+            blocks.push(Block::new(equation, e, g));
         }
         blocks
     }

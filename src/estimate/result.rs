@@ -165,13 +165,15 @@ fn scatter(
                 .zip(responses)
                 .filter(|(g, _)| **g == Some(group))
                 .flat_map(|(_, traces)| traces);
+            let first = groups.iter().flatten().position(|g| *g == group).unwrap_or(0);
+            let known = case.noise_variance(j, first, &solution.fit.theta);
             let samples: usize = mine.filter(|t| t.output == output).map(|t| t.t.len()).sum();
             let colour = solution.colour.get(group * n + j);
             all.push(OutputScatter {
                 name: model.outputs[output].name.clone(),
                 unit: model.outputs[output].unit.clone(),
                 group,
-                r: r.variances()[j],
+                r: known.unwrap_or(r.variances()[j]),
                 count: r.count[j],
                 masked: samples - r.count[j],
                 correlation: if case.layout.noise.full {

@@ -106,7 +106,7 @@ mod tests {
             let z = |u: f64| (truth[0] * u).min(truth[1]) + 0.01 * libm::sin(37.0 * u);
             let e = u.clone().map(|u| z(u) - (p[0] * u).min(p[1])).collect();
             let g = u.flat_map(|u| if p[0] * u < p[1] { [u, 0.0] } else { [0.0, 1.0] });
-            Some(vec![Block { output: 0, e, g: g.collect() }])
+            Some(vec![Block::new(0, e, g.collect())])
         };
         let method = Method { undetermined: Undetermined::SetAside, ..Method::default() };
         from_sizes(&layout, &evaluate, &method, &[])
@@ -121,7 +121,7 @@ mod tests {
             let z = |u: f64| u.min(0.8 - 0.1 * c) + 0.01 * libm::sin(37.0 * u);
             let e = u.clone().map(|u| z(u) - u.min(p[0] + p[1] * c)).collect();
             let g = u.flat_map(|u| if u < p[0] + p[1] * c { [0.0, 0.0] } else { [1.0, c] });
-            Some(vec![Block { output: 0, e, g: g.collect() }])
+            Some(vec![Block::new(0, e, g.collect())])
         };
         let method = Method { undetermined: Undetermined::SetAside, ..Method::default() };
         from_sizes(&layout, &evaluate, &method, limits)

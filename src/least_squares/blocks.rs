@@ -15,6 +15,21 @@ pub struct Block {
     pub e: Vec<f64>,
     /// `dy/dtheta`, `[sample][direction]` row by row; empty where no sensitivities were asked for.
     pub g: Vec<f64>,
+    /// What the cost takes in place of the sum of `e^2`, where there is something: these rows are of
+    /// a likelihood whose variances depend on the parameters, and count no samples.
+    pub instead: Option<f64>,
+}
+
+impl Block {
+    /// Residuals of an output and their sensitivities.
+    pub fn new(output: usize, e: Vec<f64>, g: Vec<f64>) -> Block {
+        Block { output, e, g, instead: None }
+    }
+
+    /// Samples and sum of squares that the cost takes, of those that the rows themselves have.
+    pub fn costs(&self, count: usize, square: f64) -> (usize, f64) {
+        self.instead.map_or((count, square), |instead| (0, instead))
+    }
 }
 
 /// Keeps the memory of blocks for the next ones.
@@ -86,7 +101,8 @@ pub fn scatter_of(layout: &Layout, s: usize, blocks: &[Block]) -> Scatter {
     } else {
         for block in blocks {
             let scored = block.e.iter().filter(|e| !e.is_nan());
-            scatter.add_alone(block.output, scored.clone().count(), scored.map(|e| e * e).sum());
+            let (count, square) = block.costs(scored.clone().count(), scored.map(|e| e * e).sum());
+            scatter.add_alone(block.output, count, square);
         }
     }
     scatter
@@ -96,7 +112,7 @@ pub fn scatter_of(layout: &Layout, s: usize, blocks: &[Block]) -> Scatter {
 /// by instant.
 pub fn whiten(layout: &Layout, s: usize, blocks: &[Block], r: &Covariance) -> Option<Block> {
     let nd = layout.parts[s].directions();
-    let mut white = Block { output: 0, e: Vec::new(), g: Vec::new() };
+    let mut white = Block::new(0, Vec::new(), Vec::new());
     let (mut known, mut outputs) = (true, Vec::new());
     at_instants(layout, s, blocks, Samples::Scored, |present| {
         outputs.clear();

@@ -301,9 +301,7 @@ fn try_step<F: Evaluate>(
     refused: usize,
 ) -> Option<Point> {
     let chance = if refused == 0 { Chance::Good } else { Chance::Poor };
-    let theta = (0..step.len())
-        .map(|i| (point.theta[i] + length * step[i]).clamp(layout.lower[i], layout.upper[i]))
-        .collect();
+    let theta = layout.moved(&point.theta, step, length);
     Trial::at(layout, evaluate, theta, chance)
         .filter(|trial| trial.cost <= point.cost)?
         .complete(layout, evaluate)

@@ -117,6 +117,7 @@ pub fn sum_block(block: &Block, nd: usize) -> Option<Sums> {
     };
     (sums.count, sums.square) =
         rows::add(&block.e, &block.g, nd, &mut sums.gram, &mut sums.gradient);
+    (sums.count, sums.square) = block.costs(sums.count, sums.square);
     let finite = sums.square.is_finite()
         && (0..nd).all(|i| sums.gradient[i].is_finite() && sums.gram[i * nd + i].is_finite());
     finite.then_some(sums)

@@ -214,6 +214,9 @@ impl Compiler<'_> {
                     self.model.states[i].max = node;
                 }
             }
+            let per_root = SECOND.power(0.5).map_or(dim, |root| dim.over(root));
+            self.model.states[i].noise =
+                entry.noise.as_ref().and_then(|v| self.limit(v, &key("noise"), per_root, "noise"));
         }
         self.limits_of_limits();
     }

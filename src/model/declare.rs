@@ -118,6 +118,7 @@ impl Compiler<'_> {
                         min: None,
                         max: None,
                         rate_max: None,
+                        noise: None,
                         hidden: false,
                     });
                     self.rates.push(None);

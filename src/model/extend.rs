@@ -216,7 +216,8 @@ impl Model {
                 StartKind::Expression(node) => Some(node),
                 StartKind::Measured => None,
             };
-            [start, s.min.as_mut(), s.max.as_mut(), s.rate_max.as_mut()].into_iter().flatten()
+            let limits = [s.min.as_mut(), s.max.as_mut(), s.rate_max.as_mut()];
+            [start, s.noise.as_mut()].into_iter().chain(limits).flatten()
         });
         nodes.chain(moving).chain(of_states).for_each(|node| *node = g.substitute(*node, with));
     }
@@ -235,7 +236,7 @@ impl Model {
         })
     }
 
-    fn is_new(&self, name: &str) -> Result<()> {
+    pub(super) fn is_new(&self, name: &str) -> Result<()> {
         let taken = self.parameter(name).is_some()
             || self.input(name).is_some()
             || self.state(name).is_some()

@@ -159,6 +159,10 @@ pub struct State {
     /// Coulomb friction: what the rate has to overcome before the state leaves zero, and what acts
     /// against it while it moves, in the unit of the rate; a number or an expression, not negative.
     pub friction: Option<Value>,
+    /// White noise that drives it (gusts): the root of its spectral density, in the state's unit
+    /// per root of a second; a number or an expression, a parameter as a rule. A model with such a
+    /// state is estimated by filter error.
+    pub noise: Option<Value>,
     #[serde(default)]
     pub doc: String,
 }

@@ -142,6 +142,18 @@ impl Model {
         }
     }
 
+    /// Values of `nodes` of a graph that has the model's leaves, and behind them their non-zero
+    /// derivatives.
+    pub fn differentiated(
+        &self,
+        g: &mut Graph,
+        nodes: &[Node],
+        free: &[usize],
+    ) -> (Sparse, Program) {
+        let (sparse, slopes) = self.sparse(g, nodes, free, nodes.len());
+        (sparse, Program::lower(g, &[nodes, &slopes].concat(), &self.layout))
+    }
+
     /// Non-zero derivatives of `rows`; outputs are numbered from `first`.
     fn sparse(
         &self,

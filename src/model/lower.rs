@@ -327,6 +327,7 @@ impl Compiler<'_> {
             min: None,
             max: None,
             rate_max: None,
+            noise: None,
             hidden: true,
         });
         self.rates.push(Some(rate));

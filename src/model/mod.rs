@@ -12,6 +12,7 @@
 mod amend;
 mod arithmetic;
 pub mod compile;
+mod covariance;
 mod declare;
 mod derivative;
 mod equations;
@@ -44,6 +45,7 @@ use serde::{Deserialize, Serialize};
 use crate::config;
 use crate::error::Errors;
 use crate::units::Dim;
+pub use covariance::{Covariance, Scored};
 use fragments::Folder;
 use graph::{Graph, Leaf, Node};
 pub use program::{Layout, Program};
@@ -130,6 +132,8 @@ pub struct State {
     pub max: Option<Node>,
     /// Limit of the absolute rate; the rate itself is limited already.
     pub rate_max: Option<Node>,
+    /// Root of the spectral density of the white noise that drives it.
+    pub noise: Option<Node>,
     /// Made by the compiler for a `lag()`.
     pub hidden: bool,
 }
@@ -230,6 +234,8 @@ pub struct Model {
     pub outputs: Vec<Quantity>,
     pub delays: Vec<Delay>,
     pub moving: Vec<Moving>,
+    /// Where the covariance of the states stands among them, in a model made for a filter.
+    pub covariance: Option<Covariance>,
     pub trim: Trim,
     pub tables: Tables,
     pub layout: Layout,

@@ -82,6 +82,7 @@ fn solve(
     window: &windows::Window,
     settings: &Settings,
 ) -> Result<Solved, String> {
+    model.without_noise("the flight path").map_err(|e| e.what)?;
     let fine = record(columns, measured, grid, window);
     let record = coarse(&fine, columns.len(), settings.estimate_every.max(1));
     let free: Vec<String> = model

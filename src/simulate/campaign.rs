@@ -64,7 +64,9 @@ impl Campaign {
         constants.0.extend(other.0.clone());
         // A model without all of its constants would only repeat what is wrong with their files.
         let model = if errors.is_empty() {
-            errors.take(Model::load(&folder.join(&settings.truth), &constants))
+            let model = errors.take(Model::load(&folder.join(&settings.truth), &constants));
+            errors.take(model.iter().try_for_each(|m| m.without_noise("the simulation")));
+            model
         } else {
             None
         };

@@ -125,7 +125,7 @@ const SYNONYMS: &[(&str, &str)] = &[
 const SAME: f64 = 1e-5;
 
 impl Unit {
-    /// Reads a unit string: names with optional powers (`m^2`, `m2`, `s^-1`), multiplied by a space
+    /// Reads a unit string: names with optional powers (`m^2`, `m2`, `s^-1`, `s^0.5`), multiplied by a space
     /// or `*`, divided by `/` (which takes the next factor or parenthesis). The error says what
     /// could not be read.
     pub fn parse(text: &str) -> Result<Unit, String> {
@@ -267,17 +267,17 @@ impl Reader<'_> {
             Some(e) => {
                 let dim = unit
                     .dim
-                    .power(f64::from(e))
+                    .power(e)
                     .ok_or_else(|| format!("unit \"{}\": power {e} is too large", self.text))?;
-                Ok(Unit { dim, scale: libm::pow(unit.scale, f64::from(e)), offset: 0.0 })
+                Ok(Unit { dim, scale: libm::pow(unit.scale, e), offset: 0.0 })
             }
         }
     }
 
-    fn exponent(&mut self) -> Result<Option<i32>, String> {
+    fn exponent(&mut self) -> Result<Option<f64>, String> {
         if let Some(power) = ['²', '³'].iter().position(|&c| self.peek() == Some(c)) {
             self.at += 1;
-            return Ok(Some(power as i32 + 2));
+            return Ok(Some(power as f64 + 2.0));
         }
         let caret = self.peek() == Some('^');
         if caret {
@@ -287,14 +287,14 @@ impl Reader<'_> {
         if self.peek() == Some('-') && caret {
             self.at += 1;
         }
-        while self.peek().is_some_and(|c| c.is_ascii_digit()) {
+        while self.peek().is_some_and(|c| c.is_ascii_digit() || c == '.' && caret) {
             self.at += 1;
         }
         let digits: String = self.chars[start..self.at].iter().collect();
-        match (digits.parse::<i32>(), caret) {
-            (Ok(e), _) if e.abs() <= 12 => Ok(Some(e)),
+        match (digits.parse::<f64>(), caret) {
+            (Ok(e), _) if e.abs() <= 12.0 && (2.0 * e).fract() == 0.0 => Ok(Some(e)),
             (Err(_), false) if digits.is_empty() => Ok(None),
-            _ => Err(format!("unit \"{}\": \"^\" wants a whole number", self.text)),
+            _ => Err(format!("unit \"{}\": \"^\" wants a whole number, or a half one", self.text)),
         }
     }
 }
@@ -318,6 +318,7 @@ mod tests {
             ("g", 1.0, 9.80665, "m/s^2"),
             ("lb/h", 3600.0, 0.45359237, "kg/s"),
             ("-", 1.0, 1.0, "-"),
+            ("deg/s^1.5", 180.0, std::f64::consts::PI, "1/s^1.5"),
         ] {
             let unit = Unit::parse(text).unwrap();
             assert!((unit.to_si(value) - si).abs() < 1e-12 * si.abs(), "{text}");

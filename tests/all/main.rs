@@ -18,6 +18,7 @@ mod dlc;
 mod engines;
 mod faults;
 mod figures;
+mod filter_error;
 mod flightdata;
 mod floors;
 mod fragments;

@@ -106,6 +106,7 @@ impl Task<'_> {
             upper: pick(&all.upper),
             centre: pick(&all.centre),
             prior_sd: pick(&all.prior_sd),
+            squares: Vec::new(),
             noise: Structure { outputs: 1, groups: 1, full: false, floor: vec![0.0], known: true },
         }
     }
@@ -145,7 +146,7 @@ impl Task<'_> {
                 (0..e.len())
                     .for_each(|row| g.extend(places[k].iter().map(|&place| columns[place][row])));
             }
-            Some(vec![Block { output: 0, e, g }])
+            Some(vec![Block::new(0, e, g)])
         }
     }
 

@@ -94,7 +94,7 @@ pub fn closure(
                 };
                 let chi2 = [&b.modelled, &a.modelled].map(|modelled| {
                     let e = b.measured.iter().zip(modelled).map(|(z, y)| z - y).collect();
-                    2.0 * noise.cost(s, &[Block { output, e, g: Vec::new() }])
+                    2.0 * noise.cost(s, &[Block::new(output, e, Vec::new())])
                 });
                 for sums in [&mut of_segment, &mut together] {
                     add(sums, b, &a.modelled, chi2);

@@ -41,11 +41,7 @@ pub fn sums(
         |z: &[f64], y: &[f64]| -> Vec<f64> { z.iter().zip(y).map(|(z, y)| z - y).collect() };
     let known = |t: &&Trace| place(t.output).is_some_and(|o| noise.filter(s, o).is_some());
     let block = |t: &Trace| {
-        Some(Block {
-            output: place(t.output)?,
-            e: residuals(&t.measured, &t.modelled),
-            g: Vec::new(),
-        })
+        Some(Block::new(place(t.output)?, residuals(&t.measured, &t.modelled), Vec::new()))
     };
     let (times, blocks): (Vec<&[f64]>, Vec<Block>) =
         traces.iter().filter(known).filter_map(|t| Some((&t.t[..], block(t)?))).unzip();

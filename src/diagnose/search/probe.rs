@@ -149,7 +149,7 @@ impl Probe {
                 .chunks_exact(all.max(1))
                 .flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied())
                 .collect();
-            Some(Block { output, e, g })
+            Some(Block::new(output, e, g))
         };
         case.records[s].channels.iter().zip(response.y).map(block).collect()
     }

@@ -188,10 +188,8 @@ fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, 
     let (Some(base), Some(with)) = (base, with) else {
         return Gain { segment, predicted: f64::NAN, realised: f64::NEG_INFINITY };
     };
-    let difference = |(a, b): (&Block, &Block)| Block {
-        output: a.output,
-        e: a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(),
-        g: Vec::new(),
+    let difference = |(a, b): (&Block, &Block)| {
+        Block::new(a.output, a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(), Vec::new())
     };
     let blocks: Vec<Block> = base.blocks.iter().zip(&with.blocks).map(difference).collect();
     let white = ground.noise.whiten(s, &blocks);

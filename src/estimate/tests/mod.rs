@@ -97,11 +97,7 @@ impl Toy {
         if y.iter().any(|y| !y.is_finite()) {
             return None;
         }
-        Some(vec![Block {
-            output: 0,
-            e: self.z[s].iter().zip(&y).map(|(z, y)| z - y).collect(),
-            g,
-        }])
+        Some(vec![Block::new(0, self.z[s].iter().zip(&y).map(|(z, y)| z - y).collect(), g)])
     }
 
     fn solve(&self, settings: &Settings) -> Solution {

@@ -222,7 +222,7 @@ impl Lines {
             let e = at.clone().zip(&self.z[s][j]).map(|(k, z)| z - model(p, j, k)).collect();
             // d/dslope and d/doffset, with curvature in the slope so that the problem is not linear
             let g = at.flat_map(|k| [weight(j) * time(k) * (1.0 + 0.2 * p[0]), 1.0]).collect();
-            Block { output: j, e, g }
+            Block::new(j, e, g)
         };
         Some((0..OUTPUTS).map(one).collect())
     }
@@ -523,7 +523,7 @@ fn coverage(trials: u64, n: usize, rho: f64, max_ar_order: usize) -> ([[f64; 2];
                         .enumerate()
                         .map(|(k, z)| z - p[0] - p[1] * w * time(k))
                         .collect();
-                    Block { output: j, e, g: (0..n).flat_map(|k| [1.0, w * time(k)]).collect() }
+                    Block::new(j, e, (0..n).flat_map(|k| [1.0, w * time(k)]).collect())
                 };
                 Some(vec![block(0), block(1)])
             };

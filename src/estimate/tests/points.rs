@@ -11,10 +11,12 @@ fn lines(z: &[Vec<f64>], t: &[Vec<f64>], p: &[f64]) -> Vec<Block> {
     z.iter()
         .zip(t)
         .enumerate()
-        .map(|(output, (z, t))| Block {
-            output,
-            e: z.iter().zip(t).map(|(z, t)| z - p[0] - p[1] * t).collect(),
-            g: t.iter().flat_map(|t| [1.0, *t]).collect(),
+        .map(|(output, (z, t))| {
+            Block::new(
+                output,
+                z.iter().zip(t).map(|(z, t)| z - p[0] - p[1] * t).collect(),
+                t.iter().flat_map(|t| [1.0, *t]).collect(),
+            )
         })
         .collect()
 }
@@ -163,7 +165,7 @@ fn parameters_that_are_the_same_thing_are_named() {
     // y = (p0 + p1) t + p2 with p2 a segment's own.
     let evaluate = |_: usize, p: &[f64], _: bool| {
         let e = t.iter().map(|t| 0.1 * (t * 7.0).sin() + t - (p[0] + p[1]) * t - p[2]).collect();
-        Some(vec![Block { output: 0, e, g: t.iter().flat_map(|t| [*t, *t, 1.0]).collect() }])
+        Some(vec![Block::new(0, e, t.iter().flat_map(|t| [*t, *t, 1.0]).collect())])
     };
     let s = solve(&layout, &evaluate, &Settings::default(), &Known::default());
     assert_eq!(s.fit.stop, Stop::Singular);
@@ -179,7 +181,7 @@ fn a_shared_parameter_that_every_segment_can_undo_is_named_with_them() {
     let layout = Layout::plain(2, &[1, 1], 1, vec![0.0; 4]);
     let evaluate = |s: usize, p: &[f64], _: bool| {
         let e = t.iter().map(|t| (t * (7.0 + s as f64)).sin() - p[0] - p[1] * t - p[2]).collect();
-        Some(vec![Block { output: 0, e, g: t.iter().flat_map(|t| [1.0, *t, 1.0]).collect() }])
+        Some(vec![Block::new(0, e, t.iter().flat_map(|t| [1.0, *t, 1.0]).collect())])
     };
     let s = solve(&layout, &evaluate, &Settings::default(), &Known::default());
     assert_eq!(s.fit.stop, Stop::Singular);
@@ -193,7 +195,7 @@ fn a_parameter_without_effect_is_named() {
         let layout = Layout::plain(shared, &[own], 1, vec![0.0; 2]);
         let evaluate = |_: usize, p: &[f64], _: bool| {
             let e = (0..20).map(|k| f64::from(k % 3) - p[0]).collect();
-            Some(vec![Block { output: 0, e, g: [1.0, 0.0].repeat(20) }])
+            Some(vec![Block::new(0, e, [1.0, 0.0].repeat(20))])
         };
         let s = solve(&layout, &evaluate, &Settings::default(), &Known::default());
         if shared == 2 {
@@ -215,7 +217,7 @@ fn logarithm(start: f64, truth: f64, step_control: StepControl) -> Solution {
     let evaluate = move |_: usize, p: &[f64], _: bool| {
         (p[0] > 0.0).then(|| {
             let e = t.iter().zip(&z).map(|(t, z)| z - p[0].ln() * t).collect();
-            vec![Block { output: 0, e, g: t.iter().map(|t| t / p[0]).collect() }]
+            vec![Block::new(0, e, t.iter().map(|t| t / p[0]).collect())]
         })
     };
     solve(
@@ -271,7 +273,7 @@ fn iteration_limit_and_no_data_say_so() {
 fn a_wrong_gradient_ends_as_no_improvement() {
     let evaluate = |_: usize, p: &[f64], _: bool| {
         let e = (0..20).map(|k| f64::from(k % 3) - p[0]).collect();
-        Some(vec![Block { output: 0, e, g: vec![-1.0; 20] }])
+        Some(vec![Block::new(0, e, vec![-1.0; 20])])
     };
     let s = solve(
         &Layout::plain(1, &[0], 1, vec![5.0]),
@@ -290,7 +292,7 @@ fn the_bottom_of_a_kink_is_converged() {
         let evaluate = |_: usize, p: &[f64], _: bool| {
             let e = (0..20).map(|k| -2.0 + 0.1 * f64::from(k % 3) - p[0].abs()).collect();
             let slope = if p[0] < 0.0 { -1.0 } else { 1.0 };
-            Some(vec![Block { output: 0, e, g: vec![slope; 20] }])
+            Some(vec![Block::new(0, e, vec![slope; 20])])
         };
         for control in [StepControl::Halving, StepControl::LevenbergMarquardt] {
             let settings = Settings { step_control: control, ..Settings::default() };
@@ -355,11 +357,7 @@ fn a_prior_weighs_in_with_its_information() {
     let mut layout = Layout::plain(1, &[0], 1, vec![2.0]);
     layout.prior_sd[0] = 0.02;
     let evaluate = |_: usize, p: &[f64], _: bool| {
-        Some(vec![Block {
-            output: 0,
-            e: z.iter().map(|z| z - p[0]).collect(),
-            g: vec![1.0; z.len()],
-        }])
+        Some(vec![Block::new(0, z.iter().map(|z| z - p[0]).collect(), vec![1.0; z.len()])])
     };
     let s = solve(
         &layout,

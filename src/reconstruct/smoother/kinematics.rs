@@ -136,6 +136,7 @@ impl<'m> Kinematics<'m> {
     /// A model with delays: delayed states are not Markov. Known sensor delays belong in the time
     /// stamps.
     pub fn new(model: &'m Model, free: Vec<usize>) -> Result<Kinematics<'m>> {
+        model.without_noise("the flight path")?;
         if !model.delays.is_empty() {
             return Err(Error::new(format!(
                 "the smoother cannot run model {}: it has a delay()",

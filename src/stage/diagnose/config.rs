@@ -151,6 +151,10 @@ impl Config {
         let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
         let effects = given.errors.take(effect::load(&folders))?;
         let base = estimates.get(index)?.as_ref()?;
+        if let Err(error) = base.model.without_noise("a diagnosis") {
+            given.push(&format!("{key}.estimate"), error.what, &error.help.unwrap_or_default());
+            return None;
+        }
         roles((given, key), &settings, &base.model);
         Some(Config { settings, estimate: index, effects })
     }

@@ -113,6 +113,10 @@ pub(super) fn estimated(
         let text = format!("no maneuver to estimate {} from", config.name());
         notes.push(config.note("", Severity::Missing, config.name(), 1, text));
     }
+    if config.model.is_driven() && !ready.is_empty() {
+        let text = "noise drives its states: it is estimated by filter error, and its responses are predictions one sample ahead, not free simulations".to_string();
+        notes.push(config.note("", Severity::Info, config.name(), 1, text));
+    }
     let batches = batches(config.settings.group, ready);
     let done = AtomicUsize::new(0);
     let estimated = |segments: &[estimate::Segment]| {

@@ -1,0 +1,48 @@
+//! A problem with densities of noise among its parameters in; its minimum, with those at zero that
+//! nothing asks for, out.
+//!
+//! A density `F` acts by its square: at zero the cost has no slope along it, whether a larger one
+//! would be better or not, and an iteration that came there would stay. A little above, the slope is
+//! `2 F` times that along the variance `F^2`, and so has its sign. So densities are first kept above
+//! a small share of their start; those that end there, pushed against it, are zero.
+
+use crate::least_squares::{Evaluate, Fit, Layout, Method, minimise};
+
+/// Share of its start above which a density is kept at first.
+const SMALL: f64 = 1e-3;
+
+/// Minimises by `how`, with the parameters `densities` as above.
+pub fn above_zero<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    method: &Method,
+    densities: &[usize],
+    how: impl FnOnce(&Layout) -> Fit,
+) -> Fit {
+    let least = |i: usize| SMALL * layout.start[i].abs();
+    let open: Vec<usize> = densities
+        .iter()
+        .copied()
+        .filter(|&i| layout.lower[i] <= 0.0 && layout.upper[i] > least(i) && least(i) > 0.0)
+        .collect();
+    if open.is_empty() {
+        return how(layout);
+    }
+    let mut above = layout.clone();
+    for &i in &open {
+        above.lower[i] = least(i);
+        above.start[i] = above.start[i].max(least(i));
+    }
+    let fit = how(&above);
+    let nothing: Vec<usize> =
+        open.into_iter().filter(|&i| fit.held[i] && fit.theta[i] <= least(i)).collect();
+    if nothing.is_empty() {
+        return fit;
+    }
+    let mut without = Layout { start: fit.theta.clone(), ..layout.clone() };
+    for &i in &nothing {
+        (without.start[i], without.lower[i], without.upper[i]) = (0.0, 0.0, 0.0);
+    }
+    let last = minimise(&without, evaluate, method);
+    fit.then(last)
+}
