@@ -14,7 +14,7 @@
 //! `dP <- dP - (dh h' + h dh')/s + h h' ds/s^2`.
 //!
 //! Steps end at every sample, so that each is taken at its own time. The likelihood of the record is
-//! `exp(-1/2 sum (nu^2/s + ln s))` (Schweppe 1965; Jategaonkar 2006, Eq. 5.20 one scalar at a time).
+//! `exp(-1/2 sum (nu^2/s + ln s))` (Schweppe 1965).
 
 use super::evaluate::{Programs, Single};
 use super::history::Past;

@@ -15,6 +15,7 @@ pub mod compile;
 mod covariance;
 mod declare;
 mod derivative;
+mod driven;
 mod equations;
 pub mod extend;
 pub mod file;

@@ -20,7 +20,7 @@ fn numbers(path: &std::path::Path) -> Vec<Vec<f64>> {
 
 /// Lateral motion in turbulence (Jategaonkar's y13aus, DHC-2).
 const LATERAL: &str = r#"title = "Lateral motion in turbulence"
-source = "Jategaonkar, Flight Vehicle System Identification, 2nd ed., test case 4"
+source = "Jategaonkar, Flight Vehicle System Identification"
 
 [inputs]
 da = "rad"
@@ -133,7 +133,7 @@ fn truth_lateral_motion_in_turbulence_without_noise_of_the_sensors() {
 
 /// Short period of an unstable aircraft (Jategaonkar's unStabAC).
 const UNSTABLE: &str = r#"title = "Unstable short period"
-source = "Jategaonkar, Flight Vehicle System Identification, 2nd ed., test case 9"
+source = "Jategaonkar, Flight Vehicle System Identification"
 
 [inputs]
 de = "rad"
@@ -439,7 +439,7 @@ fn recovery_without_turbulence_the_density_is_nothing_and_derivatives_are_those_
     let sd = [0.005, 0.005, 0.05, 0.05, 0.05];
     let settings = Settings { initial: vec!["p".into(), "r".into()], ..Settings::default() };
     let draws = if std::env::var("KOEHLER_SLOW").as_deref() == Ok("1") { 200 } else { 20 };
-    let (mut significant, mut zero, mut apart) = (0, 0, 0.0f64);
+    let (mut significant, mut zero, mut apart) = (0, 0, [0.0f64; 2]);
     for draw in 0..draws {
         let mut random = rand_pcg::Pcg64::seed_from_u64(500 + draw);
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
@@ -456,6 +456,7 @@ fn recovery_without_turbulence_the_density_is_nothing_and_derivatives_are_those_
         };
         let (filtered, output_error) = (of(&driven), of(&plain));
         assert_eq!(filtered.stop, Stop::Converged, "draw {draw}");
+        let before = zero;
         for name in ["F_p", "F_r"] {
             let (is, sd) = value(&filtered, name);
             significant += usize::from(is > 1.645 * sd);
@@ -472,15 +473,18 @@ fn recovery_without_turbulence_the_density_is_nothing_and_derivatives_are_those_
         }
         for (name, _) in TRUTH {
             let ((a, _), (b, sd)) = (value(&filtered, name), value(&output_error, name));
-            apart = apart.max((a - b).abs() / sd);
+            let here = &mut apart[usize::from(zero < before + 2)];
+            *here = here.max((a - b).abs() / sd);
         }
     }
     println!(
-        "{significant} of {} densities are significant, {zero} zero; derivatives {apart:.2} sd apart",
-        2 * draws
+        "{significant} of {} densities are significant, {zero} zero; derivatives {:.2} sd apart where both are, {:.2} elsewhere",
+        2 * draws,
+        apart[0],
+        apart[1]
     );
     let share = significant as f64 / (2 * draws) as f64;
     let most = if draws < 100 { 0.15 } else { 0.08 };
     assert!(share <= most && (draws < 100 || share >= 0.02), "{share}");
-    assert!(zero > draws / 2 && apart < 0.2, "{zero} {apart}");
+    assert!(zero > draws / 2 && apart[0] < 0.2 && apart[1] < 0.6, "{zero} {apart:?}");
 }
