@@ -333,6 +333,7 @@ fn two_processes_make_the_same_bytes_of_every_pipeline() {
         ("citation", &[], "run", "ground.toml"),
         ("citation-phlab", &["import.toml"], "run", "pipeline.toml"),
         ("hfb320", &["import.toml"], "run", "pipeline.toml"),
+        ("y13aus", &["import.toml"], "run", "pipeline.toml"),
         ("jsbsim", &[], "run", "flight-path.toml"),
         ("jsbsim", &[], "run", "pipeline.toml"),
         ("attas-real", &["import.toml"], "run", "pipeline.toml"),
