@@ -4,7 +4,7 @@
 use super::choice::Chosen;
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::{Label, Line, NoiseKind, Settings, Trace};
-use crate::dynamics::{Directions, Filter, Lost, Propagator, Record, Sampling};
+use crate::dynamics::{Channel, Directions, Filter, Lost, Propagator, Record, Sampling};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::graph::Leaf;
@@ -269,15 +269,16 @@ impl Case {
     pub fn traces(&self, s: usize, theta: &[f64]) -> Vec<Trace> {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
         let record = &self.records[s];
-        let predicted: Vec<Vec<f64>> = match &self.filter {
+        let simulated = self.propagator.respond(&parameters, &starts, record, false).y;
+        let both: Vec<(Vec<f64>, Vec<f64>)> = match &self.filter {
             Some(filter) => {
                 let filtered = filter.run(&self.propagator, &parameters, &starts, record, false);
-                filtered.channels.into_iter().map(|c| c.y).collect()
+                filtered.channels.into_iter().map(|c| c.y).zip(simulated).collect()
             }
-            None => self.propagator.respond(&parameters, &starts, record, false).y,
+            None => simulated.into_iter().map(|y| (y, Vec::new())).collect(),
         };
-        let channels = record.channels.iter().zip(predicted);
-        let trace = |(channel, modelled): (&crate::dynamics::Channel, Vec<f64>)| {
+        let channels = record.channels.iter().zip(both);
+        let trace = |(channel, (modelled, simulated)): (&Channel, (Vec<f64>, Vec<f64>))| {
             let quantity = self.model.outputs.get(channel.output)?;
             Some(Trace {
                 output: channel.output,
@@ -286,6 +287,7 @@ impl Case {
                 t: channel.t.clone(),
                 measured: channel.z.clone(),
                 modelled,
+                simulated,
             })
         };
         channels.filter_map(trace).collect()

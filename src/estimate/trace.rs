@@ -12,4 +12,7 @@ pub struct Trace {
     /// As measured; NaN where masked.
     pub measured: Vec<f64>,
     pub modelled: Vec<f64>,
+    /// Where `modelled` is what a filter predicts from all samples before: the motion by itself, from
+    /// its start, without noise and without a look at the measurements. Empty elsewhere.
+    pub simulated: Vec<f64>,
 }

@@ -49,6 +49,8 @@ pub struct Output {
     pub t: Vec<Option<f64>>,
     pub measured: Vec<Option<f64>>,
     pub modelled: Vec<Option<f64>>,
+    /// The free simulation, where `modelled` is predicted sample by sample; empty elsewhere.
+    pub simulated: Vec<Option<f64>>,
 }
 
 #[derive(Debug, Serialize)]
@@ -272,8 +274,9 @@ impl Lookup<'_> {
     }
 
     fn output(&self, key: &Key, name: String, rows: &[usize]) -> Output {
-        let [t, measured, modelled] =
-            ["t_s", "measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
+        let [t, measured, modelled, simulated] = ["t_s", "measured", "modelled", "simulated"]
+            .map(|c| pick(self.responses.column(c), rows));
+        let free = simulated.iter().any(|y| y.is_finite());
         let keep = thin(t.len(), &[&measured, &modelled], self.limit);
         let (factor, unit) = display_unit(
             &self
@@ -287,6 +290,7 @@ impl Lookup<'_> {
             t: times(&pick(&t, &keep)),
             measured: drawn(&measured),
             modelled: drawn(&modelled),
+            simulated: if free { drawn(&simulated) } else { Vec::new() },
         }
     }
 

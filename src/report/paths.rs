@@ -30,7 +30,7 @@ pub fn paths(table: Option<&Columns>) -> Vec<PathPlot> {
         let shown = |values: &[f64], factor: f64| shorts(kept.iter().map(|&k| values[k]), factor);
         let (t, measured, modelled) =
             (shown(&t, 1.0), shown(&measured, factor), shown(&modelled, factor));
-        let output = Output { name, unit, t, measured, modelled };
+        let output = Output { name, unit, t, measured, modelled, simulated: Vec::new() };
         match plots.last_mut().filter(|plot| plot.flight == flight) {
             Some(plot) => plot.channels.push(output),
             None => plots.push(PathPlot { flight, channels: vec![output] }),

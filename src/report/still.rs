@@ -142,6 +142,7 @@ mod tests {
             .f64("measured", [0.0; 3])
             .f64("modelled", [0.0; 3])
             .f64("residual", [0.0; 3])
+            .f64("simulated", [f64::NAN; 3])
             .finish();
         let consistency = Table::build("consistency")
             .repeat("flight", "f")

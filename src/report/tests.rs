@@ -126,6 +126,7 @@ fn histories(all: &[Maneuver], noise: &mut impl Rng) -> (Table, Table) {
         .f64("t_s", t)
         .f64("residual", residual)
         .f64("measured", measured)
+        .f64("simulated", vec![f64::NAN; modelled.len()])
         .f64("modelled", modelled);
     let mut columns = samples.into_iter();
     let mut build = Table::build("samples")
@@ -821,6 +822,7 @@ fn a_record_that_is_estimated_as_it_is_needs_no_maneuvers_and_shows_its_inputs()
     let responses = responses
         .f64("modelled", of("modelled"))
         .f64("residual", of("residual"))
+        .f64("simulated", of("simulated"))
         .finish()
         .expect("responses");
     all.insert("responses".into(), responses);

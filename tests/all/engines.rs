@@ -328,7 +328,7 @@ fn two_processes_make_the_same_bytes_of_every_pipeline() {
         return;
     }
     let Some(data) = flightdata::data("README.md") else { return };
-    let shipped: [(&str, &[&str], &str, &str); 9] = [
+    let shipped: [(&str, &[&str], &str, &str); 10] = [
         ("citation", &[], "run", "pipeline.toml"),
         ("citation", &[], "run", "ground.toml"),
         ("citation-phlab", &["import.toml"], "run", "pipeline.toml"),

@@ -242,7 +242,15 @@ mod tests {
     fn trace(values: Vec<f64>) -> Trace {
         let t = (0..values.len()).map(|k| 0.02 * k as f64).collect();
         let modelled = vec![0.0; values.len()];
-        Trace { output: 0, name: "q".into(), unit: "rad/s".into(), t, measured: values, modelled }
+        Trace {
+            output: 0,
+            name: "q".into(),
+            unit: "rad/s".into(),
+            t,
+            measured: values,
+            modelled,
+            simulated: Vec::new(),
+        }
     }
 
     #[test]

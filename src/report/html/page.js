@@ -136,10 +136,12 @@
     const t = theme(), rows = [];
     outputs.forEach((o, i) => {
       const residual = o.measured.map((z, k) => (z === null || o.modelled[k] === null ? null : z - o.modelled[k]));
-      rows.push({ title: withUnit(o.name, o.unit), height: outputs.length > 3 ? 130 : 200, traces: [
+      const free = o.simulated && o.simulated.length > 0, traces = [
         { x: o.t, y: o.measured, name: "measured", legendgroup: "measured", showlegend: i === 0, line: { color: t.measured, width: 1.6 } },
-        { x: o.t, y: o.modelled, name: other, legendgroup: "modelled", showlegend: i === 0, line: { color: t.model, width: 1.6, dash: "5px,2px" } },
-      ] });
+        { x: o.t, y: o.modelled, name: free ? "predicted one sample ahead" : other, legendgroup: "modelled", showlegend: i === 0, line: { color: t.model, width: 1.6, dash: "5px,2px" } },
+      ];
+      if (free) traces.push({ x: o.t, y: o.simulated, name: "simulated, without the measurements", legendgroup: "simulated", showlegend: i === 0, line: { color: t.soft, width: 1.2, dash: "dot" } });
+      rows.push({ title: withUnit(o.name, o.unit), height: outputs.length > 3 ? 130 : 200, traces: traces });
       rows.push({ title: "residual", height: 70, residual: true, traces: [{ x: o.t, y: residual, name: "residual", showlegend: false, line: { color: t.soft, width: 1 } }] });
     });
     return rows;

@@ -202,6 +202,14 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
         .finish()
 }
 
+/// The free simulation beside a filter's predictions; none where there is no filter.
+fn simulated(trace: &Trace) -> Vec<f64> {
+    match trace.simulated.is_empty() {
+        true => vec![f64::NAN; trace.t.len()],
+        false => trace.simulated.clone(),
+    }
+}
+
 fn responses(model: &str, done: &[Done]) -> Result<Table> {
     let rows = traces(done);
     let each = |of: fn(&Trace) -> &Vec<f64>| {
@@ -225,5 +233,6 @@ fn responses(model: &str, done: &[Done]) -> Result<Table> {
                 .flat_map(|l| l.trace.measured.iter().zip(&l.trace.modelled).map(|(z, y)| z - y))
                 .collect::<Vec<_>>(),
         )
+        .f64("simulated", rows.iter().flat_map(|l| simulated(l.trace)).collect::<Vec<f64>>())
         .finish()
 }
