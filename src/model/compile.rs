@@ -217,8 +217,26 @@ impl Compiler<'_> {
             let per_root = SECOND.power(0.5).map_or(dim, |root| dim.over(root));
             self.model.states[i].noise =
                 entry.noise.as_ref().and_then(|v| self.limit(v, &key("noise"), per_root, "noise"));
+            let start_sd = entry.start_sd.as_ref();
+            self.model.states[i].start_sd =
+                start_sd.and_then(|v| self.limit(v, &key("start_sd"), dim, "start_sd"));
         }
         self.limits_of_limits();
+        self.starts_of_noise();
+    }
+
+    /// The uncertainty of a start is asked for by a filter alone.
+    fn starts_of_noise(&mut self) {
+        let driven = self.model.is_driven();
+        let uncertain = (0..self.state_at.len()).find(|&i| self.model.states[i].start_sd.is_some());
+        if let Some(i) = uncertain.filter(|_| !driven) {
+            let name = self.model.states[i].quantity.name.clone();
+            let at = self.state_at[i].clone();
+            let what = format!("\"{name}\" has a start_sd, but no noise drives the model");
+            let help =
+                "estimate the start instead (`initial` of the method), or give a state `noise`";
+            self.error_help(&at, 0, what, help);
+        }
     }
 
     /// A number in the unit of its place, or an expression that must have that unit.

@@ -119,6 +119,7 @@ impl Compiler<'_> {
                         max: None,
                         rate_max: None,
                         noise: None,
+                        start_sd: None,
                         hidden: false,
                     });
                     self.rates.push(None);

@@ -115,7 +115,13 @@ impl Model {
 
     /// Variance of a state at the start; none is zero.
     fn start_variance(&mut self, i: usize, exact: &[usize], all: &Covariance) -> Option<Node> {
-        let measured = self.states[i].start == StartKind::Measured && !exact.contains(&i);
+        if exact.contains(&i) {
+            return None;
+        }
+        if let Some(sd) = self.states[i].start_sd {
+            return Some(self.graph.mul(sd, sd));
+        }
+        let measured = self.states[i].start == StartKind::Measured;
         let output = self.output(&self.states[i].quantity.name).filter(|_| measured)?;
         let sd = self.graph.leaf(Leaf::Parameter(all.sd[output]?));
         Some(self.graph.mul(sd, sd))
@@ -151,6 +157,7 @@ fn covariance_state(states: &[State], [i, j]: [usize; 2], start: Node) -> State 
         max: None,
         rate_max: None,
         noise: None,
+        start_sd: None,
         hidden: true,
     }
 }

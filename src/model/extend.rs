@@ -217,7 +217,7 @@ impl Model {
                 StartKind::Measured => None,
             };
             let limits = [s.min.as_mut(), s.max.as_mut(), s.rate_max.as_mut()];
-            [start, s.noise.as_mut()].into_iter().chain(limits).flatten()
+            [start, s.noise.as_mut(), s.start_sd.as_mut()].into_iter().chain(limits).flatten()
         });
         nodes.chain(moving).chain(of_states).for_each(|node| *node = g.substitute(*node, with));
     }

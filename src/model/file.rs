@@ -163,6 +163,10 @@ pub struct State {
     /// per root of a second; a number or an expression, a parameter as a rule. A model with such a
     /// state is estimated by filter error.
     pub noise: Option<Value>,
+    /// In a model driven by noise: how uncertain the start is, a standard deviation in the state's
+    /// unit; a number or an expression. A start that is "measured" is as uncertain as that
+    /// measurement without it, another one is known.
+    pub start_sd: Option<Value>,
     #[serde(default)]
     pub doc: String,
 }

@@ -328,6 +328,7 @@ impl Compiler<'_> {
             max: None,
             rate_max: None,
             noise: None,
+            start_sd: None,
             hidden: true,
         });
         self.rates.push(Some(rate));

@@ -135,6 +135,8 @@ pub struct State {
     pub rate_max: Option<Node>,
     /// Root of the spectral density of the white noise that drives it.
     pub noise: Option<Node>,
+    /// Standard deviation of the start, in a model driven by noise.
+    pub start_sd: Option<Node>,
     /// Made by the compiler for a `lag()`.
     pub hidden: bool,
 }
