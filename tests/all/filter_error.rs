@@ -534,10 +534,11 @@ fn flown(random: &mut rand_pcg::Pcg64, sigma: f64) -> Record {
     let n = 12_001;
     let unused = "turbulence = \"m/s\"\nnoise_u = \"-\"\nnoise_v = \"-\"\nnoise_w = \"-\"";
     let truth = model("flown", &short_period("dryden", unused));
-    let command = |k: usize| match (k as f64 * FINE) % 20.0 - 3.0 {
-        s if !(0.0..4.2).contains(&s) => 0.0,
-        s if s < 1.8 || (3.0..3.6).contains(&s) => 0.03,
-        _ => -0.03,
+    // Edges on samples of both rates.
+    let command = |k: usize| match (k % 4000).checked_sub(600) {
+        Some(0..360 | 600..720) => 0.03,
+        Some(360..600 | 720..840) => -0.03,
+        _ => 0.0,
     };
     let mut inputs = Vec::new();
     for k in 0..n {
