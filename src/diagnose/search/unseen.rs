@@ -5,7 +5,9 @@
 //! training maneuvers. But "nothing is missing" would be false. Maneuvers differ, in gusts above
 //! all: the squares per sample, whitened, of the training ones are taken as draws of a lognormal,
 //! and a held-out one is one more of them unless it lies above their prediction limit, Student's t
-//! on the logarithms (no narrower than chi-square's own scatter).
+//! on the logarithms (no narrower than chi-square's own scatter). Flights differ, too: in rough air
+//! the squares are larger and scatter more than those of calm flights say. So it has to lie above
+//! the limit of its own flight as well, where enough maneuvers of that flight are known.
 
 use crate::diagnose::base::found::Found;
 use crate::diagnose::base::frozen::Frozen;
@@ -31,13 +33,17 @@ pub fn missed(found: &Found, case: &Case, settings: &Settings) -> Vec<Missed> {
         let channels = &case.records[s].channels;
         channels.iter().map(|channel| channel.z.iter().filter(|z| z.is_finite()).count()).sum()
     };
-    let training: Vec<(f64, usize)> = found
+    let flight = |s: usize| {
+        let labels = &found.prepared.segments[found.prepared.used[s]].labels;
+        labels.get("flight").cloned()
+    };
+    let training: Vec<Trained> = found
         .places
         .training
         .iter()
         .zip(&found.fit.costs)
-        .map(|(&s, &cost)| (cost, samples(s)))
-        .filter(|t| t.1 > 0)
+        .map(|(&s, &cost)| Trained { flight: flight(s), cost, samples: samples(s) })
+        .filter(|t| t.samples > 0)
         .collect();
     let cost = |frozen: &Option<Frozen>| frozen.as_ref().map_or(f64::INFINITY, |f| f.squares);
     let held_out = found
@@ -50,7 +56,8 @@ pub fn missed(found: &Found, case: &Case, settings: &Settings) -> Vec<Missed> {
     let share = (1.0 - settings.quantile) / held_out.len().max(1) as f64;
     let above = |(s, cost, n): (usize, f64, usize)| {
         // Where too few are known to tell what is too much, a model that does not run is.
-        let limit = limit(&training, n, share, settings.thresholds.fewest).unwrap_or(f64::MAX);
+        let fewest = settings.thresholds.fewest;
+        let limit = limit_in(&training, flight(s), n, share, fewest).unwrap_or(f64::MAX);
         let per_sample = 2.0 * cost / n as f64;
         (per_sample > limit).then_some(Missed {
             segment: found.prepared.used[s],
@@ -59,6 +66,30 @@ pub fn missed(found: &Found, case: &Case, settings: &Settings) -> Vec<Missed> {
         })
     };
     held_out.into_iter().filter_map(above).collect()
+}
+
+/// A maneuver of the training.
+struct Trained {
+    flight: Option<String>,
+    cost: f64,
+    samples: usize,
+}
+
+/// The higher one of the limits of all maneuvers, and of those of the same flight.
+fn limit_in(
+    training: &[Trained],
+    flight: Option<String>,
+    n: usize,
+    share: f64,
+    fewest: usize,
+) -> Option<f64> {
+    let of = |which: &dyn Fn(&Trained) -> bool| {
+        let these = training.iter().filter(|t| which(t)).map(|t| (t.cost, t.samples));
+        limit(&these.collect::<Vec<_>>(), n, share, fewest)
+    };
+    let same = |t: &Trained| flight.is_some() && t.flight == flight;
+    let (all, own) = (of(&|_| true), of(&same));
+    all.map(|all| own.map_or(all, |own| all.max(own)))
 }
 
 /// What another maneuver of `n` samples exceeds with this probability; none where too few are
@@ -107,5 +138,33 @@ mod tests {
             "{share}"
         );
         assert_eq!(limit(&[(100.0, 200), (100.0, 200)], 200, 0.05, 3), None);
+    }
+
+    #[test]
+    fn coverage_a_maneuver_in_rough_air_is_one_of_its_own_flight() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(4);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        // Two calm flights, and a third in which gusts differ from maneuver to maneuver.
+        let mut one = |flight: usize| {
+            let size = if flight == 2 { libm::exp(0.1 + 0.2 * normal()) } else { 1.0 };
+            let squares: f64 = (0..400).map(|_| size * normal()).map(|e| e * e).sum();
+            Trained { flight: Some(flight.to_string()), cost: 0.5 * squares, samples: 400 }
+        };
+        let trials = 2000;
+        let (mut by_all, mut by_both) = (0, 0);
+        for _ in 0..trials {
+            let training: Vec<Trained> = (0..21).map(|k| one(k % 3)).collect();
+            let held_out = one(2);
+            let per_sample = 2.0 * held_out.cost / 400.0;
+            let flight = held_out.flight.clone();
+            let all: Vec<(f64, usize)> = training.iter().map(|t| (t.cost, t.samples)).collect();
+            by_all += usize::from(per_sample > limit(&all, 400, 0.01, 3).expect("enough"));
+            let both = limit_in(&training, flight, 400, 0.01, 3).expect("enough");
+            by_both += usize::from(per_sample > both);
+        }
+        // By all flights together one in eight, where one in a hundred is meant.
+        let share = f64::from(by_both) / f64::from(trials);
+        let scatter = (0.01f64 * 0.99 / f64::from(trials)).sqrt();
+        assert!(by_all > trials / 20 && share < 0.01 + 3.0 * scatter, "{by_all} {by_both}");
     }
 }
