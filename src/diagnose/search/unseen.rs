@@ -163,8 +163,8 @@ mod tests {
             by_both += usize::from(per_sample > both);
         }
         // By all flights together one in eight, where one in a hundred is meant.
-        let share = f64::from(by_both) / f64::from(trials);
-        let scatter = (0.01f64 * 0.99 / f64::from(trials)).sqrt();
+        let share = by_both as f64 / trials as f64;
+        let scatter = (0.01 * 0.99 / trials as f64).sqrt();
         assert!(by_all > trials / 20 && share < 0.01 + 3.0 * scatter, "{by_all} {by_both}");
     }
 }
