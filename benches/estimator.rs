@@ -1,5 +1,5 @@
 //! The estimator's speed: published flight data and a simulated six-degree-of-freedom campaign in;
-//! every figure with its floor and with the references it is held against, out. `cargo bench`; the
+//! every figure with its floor and with the references it is held against, out. `cargo bench` (`cargo bench --bench estimator -- filter`: the filter alone); the
 //! flight data are looked for in KOEHLER_DATA or ../shared/data.
 //!
 //! Times are the least of many runs, so that others on the machine count little. An iteration is
@@ -9,16 +9,20 @@
 mod work;
 
 use koehler::dynamics::{Directions, Propagator, Tier};
+use koehler::estimate::{Prepared, Segment};
 use koehler::math::simd::{Eight, Width, by_width};
 use std::hint::black_box;
 use std::time::Instant;
-use work::{Work, hfb320, six_dof, whole_campaign};
+use work::{Work, hfb320, hfb320_filtered, six_dof, six_dof_filtered, whole_campaign};
 
 fn main() {
     let one = threads(1);
     println!("vectors: {:?}", Width::detect());
     let peak = one.install(peak);
     println!("fused multiply-adds, measured peak of one thread: {:.1} 10^9/s\n", peak / 1e9);
+    if std::env::args().any(|a| a == "filter") {
+        return one.install(filter);
+    }
     one.install(|| {
         println!("{:46} {:>12} {:>10} {:>7} {:>7}   share of peak", "one thread", "", "ms", "must", "aim");
         if let Some(work) = hfb320(1) {
@@ -34,9 +38,39 @@ fn main() {
         figure("6-DoF, 12 states, 60 parameters, 10 segments", &work, [[f64::NAN; 2]; 2], peak);
         setup("  set-up", &work, [[f64::NAN; 2]; 2]);
     });
+    one.install(filter);
     scaling(&one);
     two_threads(&one);
     whole(&one);
+}
+
+/// One pass through the records with all derivatives, by output error and by a filter.
+fn filter() {
+    println!("\none pass with derivatives, ms: output error, filter");
+    let line = |name: &str, [plain, filtered]: [&Work; 2], most: f64| {
+        let [a, b] = [plain, filtered].map(pass);
+        println!("  {name:44} {:9.3} {:9.3}: {:.1} times ({most} wanted)", 1e3 * a, 1e3 * b, b / a);
+    };
+    if let (Some(plain), Some(filtered)) = (hfb320(1), hfb320_filtered()) {
+        line("HFB-320, 4 states, 11 parameters", [&plain, &filtered], 5.0);
+    }
+    line("6-DoF, 12 states, 60 parameters", [&six_dof(1), &six_dof_filtered(1)], 10.0);
+}
+
+/// Seconds of one pass through all segments at the model's starts, with derivatives.
+fn pass(work: &Work) -> f64 {
+    let segments: Vec<Segment> =
+        work.records.iter().map(|r| Segment { record: r.clone(), ..Segment::default() }).collect();
+    let case = Prepared::new(&work.model, &segments, &work.settings)
+        .expect("settings that fit the model")
+        .compiled()
+        .case();
+    let all = || {
+        for s in 0..case.records.len() {
+            black_box(case.evaluate(s, &case.layout.local(s, &case.layout.start), true));
+        }
+    };
+    least(30, all)
 }
 
 /// A campaign as large as those of published work, from its starts to its uncertainties.

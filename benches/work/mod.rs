@@ -103,6 +103,43 @@ pub fn hfb320(copies: usize) -> Option<Work> {
     Some(Work { model, records: vec![record; copies], settings })
 }
 
+/// The same record with noise that drives angle of attack and pitch rate: a filter's work.
+pub fn hfb320_filtered() -> Option<Work> {
+    let work = hfb320(1)?;
+    let file = include_str!("../../pipelines/hfb320/hfb320.model.toml");
+    let noisy = [("alpha", "rad/s^0.5", 1e-3), ("q", "rad/s^1.5", 1e-3)];
+    Some(Work { model: driven("hfb320", file, &noisy), ..work })
+}
+
+/// `six_dof` with noise that drives the three rates of rotation.
+pub fn six_dof_filtered(segments: usize) -> Work {
+    let noisy = ["p", "q", "r"].map(|state| (state, "rad/s^1.5", 1e-3));
+    let model = driven("six_dof", include_str!("../six_dof.model.toml"), &noisy);
+    Work { model, ..six_dof(segments) }
+}
+
+/// A model file with densities of noise (unit, start) on some of its states.
+fn driven(name: &str, file: &str, noisy: &[(&str, &str, f64)]) -> Model {
+    let densities: String = noisy
+        .iter()
+        .map(|(state, unit, start)| {
+            format!("F_{state} = {{ unit = \"{unit}\", start = {start}, min = 0.0 }}\n")
+        })
+        .collect();
+    let (head, states) = file.split_once("[states]").expect("states");
+    let mut text =
+        head.replace("[parameters]\n", &format!("[parameters]\n{densities}")) + "[states]";
+    for line in states.lines() {
+        let state = line.split('=').next().unwrap_or_default().trim();
+        let is = noisy.iter().any(|(name, ..)| *name == state) && line.contains("rate =");
+        match line.strip_suffix('}').filter(|_| is) {
+            Some(start) => text.push_str(&format!("{start}, noise = \"F_{state}\" }}\n")),
+            None => text.push_str(&format!("{line}\n")),
+        }
+    }
+    Model::parse(name, &text, &Constants::default()).expect("the model")
+}
+
 /// A simulated campaign: every segment has its own inputs, length and noise, and its initial states
 /// are free.
 pub fn six_dof(segments: usize) -> Work {

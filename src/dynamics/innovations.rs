@@ -18,39 +18,52 @@
 
 use super::evaluate::{Programs, Single};
 use super::history::Past;
+use super::innovation_slopes::Slopes;
+use super::modes::Span;
 use super::propagator::Propagator;
+use super::rows::Rows;
 use super::starts::start_file;
 use super::stiffness::Stiffness;
-use super::tableau::{AHEAD, MOST_SUBSTEPS, OFFSET, WEIGHT};
-use super::values::Run;
+use super::tableau::{MOST_SUBSTEPS, OFFSET};
+use super::values::{Chunk, Run};
 use super::{Lost, Record};
 use crate::model::graph::Leaf;
-use crate::model::linear::Sparse;
 use crate::model::{Covariance, Model, Program, StartKind};
 
 /// Two times closer than this share of a grid step are one.
 const SAME: f64 = 1e-6;
+/// Grid steps whose derivatives are taken together.
+const CHUNK: usize = 32;
+/// Grid steps between two looks at the Jacobian where sub-steps are chosen along the way.
+const LOOK: usize = 64;
 
 /// The programs of what is measured, beside those of a propagator for the same model.
 #[derive(Debug, Clone)]
 pub struct Filter {
-    covariance: Covariance,
+    /// States of the motion.
+    pub(super) motion: usize,
+    /// The state that is the covariance of two states, `[motion][motion]`.
+    pub(super) places: Vec<usize>,
     /// Per output of the propagator.
-    measured: Vec<Measured>,
+    pub(super) measured: Vec<Measured>,
     /// Per output of the propagator, whether its first sample started a state.
     starts: Vec<bool>,
 }
 
-/// One output: the program has its value, its slopes with respect to the states it depends on, and
-/// the derivatives of all these.
+/// One output: its value and its slopes with respect to the states it depends on, and the derivatives
+/// of all these.
 #[derive(Debug, Clone)]
-struct Measured {
-    program: Program,
-    slopes: Vec<usize>,
-    derivatives: Sparse,
+pub(super) struct Measured {
+    values: Program,
+    pub(super) program: Program,
+    /// The states.
+    pub(super) slopes: Vec<usize>,
+    /// Whether each slope changes with states or parameters.
+    pub(super) bent: Vec<bool>,
+    pub(super) rows: Rows,
     /// The parameter that is the standard deviation of its noise, and its direction, if it is free.
-    sd: usize,
-    direction: Option<usize>,
+    pub(super) sd: usize,
+    pub(super) direction: Option<usize>,
 }
 
 /// What one channel says, sample by sample; NaN where it is masked or outside the grid.
@@ -79,22 +92,10 @@ pub struct Innovations {
 impl Filter {
     /// The filter of a model that has a covariance; none for another one.
     pub fn new(model: &Model, propagator: &Propagator) -> Option<Filter> {
-        let covariance = model.covariance.clone()?;
-        let free = &propagator.directions.parameters;
-        let measured = propagator.outputs.iter().map(|&output| {
-            let mut g = model.graph.clone();
-            let y = model.output_nodes[output];
-            let leaves = g.leaves(&[y]);
-            let slopes: Vec<usize> =
-                (0..covariance.motion).filter(|i| leaves.contains(&Leaf::State(*i))).collect();
-            let mut nodes = vec![y];
-            nodes.extend(slopes.iter().map(|&i| g.derivative(y, Leaf::State(i))));
-            let (derivatives, program) = model.differentiated(&mut g, &nodes, free);
-            let sd = covariance.sd[output]?;
-            let direction = free.iter().position(|&p| p == sd);
-            Some(Measured { program, slopes, derivatives, sd, direction })
-        });
-        let measured = measured.collect::<Option<Vec<Measured>>>()?;
+        let covariance = model.covariance.as_ref()?;
+        let motion = covariance.motion;
+        let of = |&output: &usize| measured(model, covariance, propagator, output);
+        let measured = propagator.outputs.iter().map(of).collect::<Option<Vec<Measured>>>()?;
         let starts = propagator.outputs.iter().map(|&output| {
             let state = model.state(&model.outputs[output].name);
             state.is_some_and(|i| {
@@ -102,7 +103,8 @@ impl Filter {
                     && !propagator.directions.starts.contains(&i)
             })
         });
-        Some(Filter { starts: starts.collect(), covariance, measured })
+        let places = (0..motion * motion).map(|k| covariance.place(k / motion, k % motion));
+        Some(Filter { starts: starts.collect(), places: places.collect(), motion, measured })
     }
 
     /// Filters a record. `parameters`: all of the model's; `given`: start values as for a trajectory.
@@ -124,15 +126,18 @@ impl Filter {
         }
         let mut programs = Programs::new(propagator, parameters);
         let run = Run::new(propagator, record, &mut programs.taus);
-        let mut walk = Walk::new(self, propagator, run, programs, (parameters, given), nd);
+        let starts = &propagator.starts;
+        let file =
+            start_file(starts, propagator.layout, &propagator.tables, parameters, given, record);
+        let mut slopes = derivatives.then(|| Slopes::new(self, propagator, parameters, &file));
+        let x = (0..propagator.layout.states).map(|i| starts.program.output(&file, i)[0]).collect();
+        let mut walk = Walk::new(self, propagator, run, programs, parameters, x);
         let mut samples = schedule(record).into_iter().peekable();
         for k in 0..n {
             let mut from = 0.0;
             while let Some(sample) = samples.next_if(|s| s.k == k) {
-                if sample.c > from {
-                    walk.advance(k, [from, sample.c]);
-                    from = sample.c;
-                }
+                walk.advance(k, [from, sample.c]);
+                from = sample.c;
                 let channel = &record.channels[sample.channel];
                 let Some(j) = propagator.outputs.iter().position(|o| *o == channel.output) else {
                     continue;
@@ -140,7 +145,7 @@ impl Filter {
                 let first = k == 0 && sample.c == 0.0 && self.starts[j];
                 let z = channel.z[sample.at];
                 if z.is_finite() && !first {
-                    walk.measured(j, (k, from), z, &mut out.channels[sample.channel], sample.at);
+                    walk.take(j, &sample, z, &mut out.channels[sample.channel]);
                 }
             }
             if k + 1 < n {
@@ -153,9 +158,47 @@ impl Filter {
                 out.lost = walk.lost;
                 break;
             }
+            if k % CHUNK == CHUNK - 1 || k + 1 == n {
+                if let Some(slopes) = &mut slopes {
+                    slopes.advance(&walk.run, &walk.way, &mut out.channels);
+                }
+                walk.way.clear();
+            }
         }
         out
     }
+}
+
+/// An output of the model, to be taken by a filter.
+fn measured(
+    model: &Model,
+    covariance: &Covariance,
+    propagator: &Propagator,
+    output: usize,
+) -> Option<Measured> {
+    let free = &propagator.directions.parameters;
+    let mut g = model.graph.clone();
+    let y = model.output_nodes[output];
+    let leaves = g.leaves(&[y]);
+    let slopes: Vec<usize> =
+        (0..covariance.motion).filter(|i| leaves.contains(&Leaf::State(*i))).collect();
+    let mut nodes = vec![y];
+    nodes.extend(slopes.iter().map(|&i| g.derivative(y, Leaf::State(i))));
+    let values = Program::lower(&g, &nodes, &model.layout);
+    let (derivatives, program) = model.differentiated(&mut g, &nodes, free);
+    let lists = [&derivatives.states, &derivatives.parameters, &derivatives.delayed];
+    let bent = |row: usize| lists.iter().any(|list| list.iter().any(|e| e.row == row));
+    let (states, lanes) = (model.layout.states, propagator.directions.lanes());
+    let sd = covariance.sd[output]?;
+    Some(Measured {
+        bent: (1..nodes.len()).map(bent).collect(),
+        rows: Rows::new(&derivatives, &program, nodes.len(), states, lanes),
+        direction: free.iter().position(|&p| p == sd),
+        values,
+        program,
+        slopes,
+        sd,
+    })
 }
 
 impl Innovation {
@@ -193,44 +236,66 @@ fn schedule(record: &Record) -> Vec<Sample> {
     all
 }
 
+/// What a filter's way leaves for its derivatives.
+#[derive(Default)]
+pub(super) struct Way {
+    /// Arguments of all stages, how their delayed values were read, lengths of steps.
+    pub chunk: Chunk,
+    pub taken: Vec<Taken>,
+    /// Per output the arguments at its samples, rows of the layout's width.
+    pub points: Vec<Vec<f64>>,
+    /// Per sample taken: states before it, slopes, gains and covariances with the motion, and how its
+    /// delayed values were read.
+    pub x: Vec<f64>,
+    pub c: Vec<f64>,
+    pub h: Vec<f64>,
+    pub gain: Vec<f64>,
+    pub pasts: Vec<Past>,
+}
+
+/// A sample that was taken.
+pub(super) struct Taken {
+    /// Steps of the chunk before it.
+    pub after: usize,
+    /// Place among the outputs, and among the points of that output.
+    pub output: usize,
+    pub point: usize,
+    pub channel: usize,
+    pub at: usize,
+    pub nu: f64,
+    pub s: f64,
+}
+
+impl Way {
+    fn clear(&mut self) {
+        self.chunk.clear();
+        self.taken.clear();
+        self.points.iter_mut().for_each(Vec::clear);
+        for list in [&mut self.x, &mut self.c, &mut self.h, &mut self.gain] {
+            list.clear();
+        }
+        self.pasts.clear();
+    }
+}
+
 /// A filter on its way.
 struct Walk<'p> {
     filter: &'p Filter,
     propagator: &'p Propagator,
     run: Run<'p>,
     programs: Programs<'p>,
-    jacobian: Single<'p>,
-    delays: Single<'p>,
     outputs: Vec<Single<'p>>,
     stiffness: Option<Stiffness<'p>>,
     substeps: usize,
+    looked: Option<usize>,
+    /// Of the noise of the outputs.
     variances: Vec<f64>,
-    sds: Vec<f64>,
-    nd: usize,
-    /// States, and `[state][direction]`.
     x: Vec<f64>,
-    s: Vec<f64>,
     lost: Option<Lost>,
-    work: Work,
-}
-
-/// Scratch.
-#[derive(Default)]
-struct Work {
-    point: Vec<f64>,
-    pasts: Vec<Past>,
-    x: Vec<f64>,
-    sum: Vec<f64>,
-    s: Vec<f64>,
-    k: Vec<f64>,
-    sums: Vec<f64>,
-    late: Vec<f64>,
-    h: Vec<f64>,
-    dh: Vec<f64>,
-    dc: Vec<f64>,
-    dy: Vec<f64>,
-    ds: Vec<f64>,
+    way: Way,
+    /// Scratch.
     left: Vec<f64>,
+    sum: Vec<f64>,
 }
 
 impl<'p> Walk<'p> {
@@ -239,49 +304,28 @@ impl<'p> Walk<'p> {
         propagator: &'p Propagator,
         run: Run<'p>,
         programs: Programs<'p>,
-        (parameters, given): (&[f64], &[f64]),
-        nd: usize,
+        parameters: &[f64],
+        x: Vec<f64>,
     ) -> Self {
-        let nx = propagator.layout.states;
-        let single = |program: &'p Program| Single::new(program, propagator, parameters);
+        let single = |m: &'p Measured| Single::new(&m.values, propagator, parameters);
         let record = run.record;
-        let starts = &propagator.starts;
-        let file =
-            start_file(starts, propagator.layout, &propagator.tables, parameters, given, record);
-        let x = (0..nx).map(|i| starts.program.output(&file, i)[0]).collect();
-        let mut s = vec![0.0; nx * nd];
-        let free = propagator.directions.parameters.len();
-        for e in starts.entries.iter().filter(|_| nd > 0) {
-            let column = match e.column.checked_sub(free) {
-                None => Some(e.column),
-                Some(k) => {
-                    let state = starts.given[k];
-                    propagator.directions.starts.iter().position(|&i| i == state).map(|p| free + p)
-                }
-            };
-            if let Some(column) = column {
-                s[e.row * nd + column] = starts.program.output(&file, e.output)[0];
-            }
-        }
-        let sds: Vec<f64> = filter.measured.iter().map(|m| parameters[m.sd]).collect();
-        let width = propagator.layout.time() + 1;
+        let outputs: Vec<Single> = filter.measured.iter().map(single).collect();
+        let variance = |m: &Measured| parameters[m.sd] * parameters[m.sd];
         Walk {
             stiffness: (record.substeps == 0).then(|| Stiffness::new(propagator, parameters)),
             substeps: record.substeps.max(1),
-            jacobian: single(&propagator.linear.rates_program),
-            delays: single(&propagator.linear.delays_program),
-            outputs: filter.measured.iter().map(|m| single(&m.program)).collect(),
-            variances: sds.iter().map(|sd| sd * sd).collect(),
-            sds,
-            work: Work { point: vec![0.0; width], ..Work::default() },
+            looked: None,
+            variances: filter.measured.iter().map(variance).collect(),
+            way: Way { points: vec![Vec::new(); outputs.len()], ..Way::default() },
+            outputs,
             filter,
             propagator,
             run,
             programs,
-            nd,
             x,
-            s,
             lost: None,
+            left: Vec::new(),
+            sum: Vec::new(),
         }
     }
 
@@ -290,225 +334,100 @@ impl<'p> Walk<'p> {
         if self.lost.is_some() || to <= from {
             return;
         }
-        if let Some(stiffness) = self.stiffness.as_mut().filter(|_| from == 0.0) {
-            self.run.arguments(k, 0.0, &self.x, &mut self.work.point);
-            self.substeps = stiffness.substeps(&self.work.point, self.run.record.dt);
-            if self.substeps > MOST_SUBSTEPS {
-                let (state, time_constant) = stiffness.fastest(&self.work.point);
-                self.lost = Some(Lost::Stiff { state, time_constant });
-                return;
-            }
-        }
+        self.look(k);
         let parts = ((to - from) * self.substeps as f64 - 1e-9).ceil().max(1.0);
+        let at = |i: usize| from + (to - from) * i as f64 / parts;
         for part in 0..parts as usize {
-            let at = |i: f64| from + (to - from) * i / parts;
-            self.step(k, at(part as f64), at(part as f64 + 1.0));
+            let span = Span { from: at(part), to: at(part + 1), ..Span::whole(k, 0, 1) };
+            if self.propagator.plain() {
+                self.march(span);
+            } else {
+                self.run.step(span, &mut self.x, &mut self.programs, &mut self.way.chunk);
+            }
         }
     }
 
-    /// One step of the Runge-Kutta method.
-    fn step(&mut self, k: usize, from: f64, to: f64) {
-        let h = (to - from) * self.run.record.dt;
-        let mut work = std::mem::take(&mut self.work);
-        work.x.clone_from(&self.x);
-        work.s.clone_from(&self.s);
-        work.sum.clear();
-        work.sum.resize(self.x.len(), 0.0);
-        work.sums.clear();
-        work.sums.resize(self.s.len(), 0.0);
-        for stage in 0..4 {
-            self.run.arguments(k, from + OFFSET[stage] * (to - from), &work.x, &mut work.point);
-            work.pasts.clear();
-            self.run.delayed(&mut work.point, &mut self.programs.taus, true, &mut work.pasts);
-            self.programs.rates.at(&work.point);
-            if self.nd > 0 {
-                self.slopes(&mut work);
-                add(WEIGHT[stage], &work.k, &mut work.sums);
-                if stage < 3 {
-                    work.s.clone_from(&self.s);
-                    add(AHEAD[stage] * h, &work.k, &mut work.s);
-                }
-            }
-            for i in 0..self.x.len() {
-                let f = self.programs.rates.get(i);
-                work.sum[i] += WEIGHT[stage] * f;
-                if stage < 3 {
-                    work.x[i] = self.x[i] + AHEAD[stage] * h * f;
-                }
-            }
-        }
-        add(h / 6.0, &work.sum, &mut self.x);
-        add(h / 6.0, &work.sums, &mut self.s);
-        self.work = work;
-    }
-
-    /// `A S + B` at a stage, into `work.k`.
-    fn slopes(&mut self, work: &mut Work) {
-        let (nd, entries) = (self.nd, &self.propagator.linear.rates);
-        self.jacobian.at(&work.point);
-        work.k.clear();
-        work.k.resize(self.s.len(), 0.0);
-        for e in &entries.states {
-            let to = &mut work.k[e.row * nd..(e.row + 1) * nd];
-            add(self.jacobian.get(e.output), &work.s[e.column * nd..(e.column + 1) * nd], to);
-        }
-        for e in &entries.parameters {
-            work.k[e.row * nd + e.column] += self.jacobian.get(e.output);
-        }
-        if entries.delayed.is_empty() {
+    /// Chooses the number of steps, where that is left to the program.
+    fn look(&mut self, k: usize) {
+        let Some(stiffness) = &mut self.stiffness else { return };
+        if self.looked == Some(k / LOOK) {
             return;
         }
-        self.late(work);
-        for e in &entries.delayed {
-            let to = &mut work.k[e.row * nd..(e.row + 1) * nd];
-            add(self.jacobian.get(e.output), &work.late[e.column * nd..(e.column + 1) * nd], to);
+        self.looked = Some(k / LOOK);
+        let mut point = vec![0.0; self.propagator.layout.time() + 1];
+        self.run.arguments(k, 0.0, &self.x, &mut point);
+        self.substeps = stiffness.substeps(&point, self.run.record.dt);
+        if self.substeps > MOST_SUBSTEPS {
+            let (state, time_constant) = stiffness.fastest(&point);
+            self.lost = Some(Lost::Stiff { state, time_constant });
         }
     }
 
-    /// Derivatives of the delayed inputs: `-du/dt dtau`.
-    fn late(&mut self, work: &mut Work) {
-        let (nd, of) = (self.nd, &self.propagator.linear.delays);
-        self.delays.at(&work.point);
-        work.late.clear();
-        work.late.resize(self.propagator.delays.len() * nd, 0.0);
-        for e in &of.states {
-            let by = -work.pasts[e.row].slope[0] * self.delays.get(e.output);
-            let to = &mut work.late[e.row * nd..(e.row + 1) * nd];
-            add(by, &work.s[e.column * nd..(e.column + 1) * nd], to);
+    /// One step of a plain model.
+    fn march(&mut self, span: Span) {
+        let (width, h) =
+            (self.propagator.layout.time() + 1, self.run.record.dt * (span.to - span.from));
+        let chunk = &mut self.way.chunk;
+        let at = chunk.stages.len();
+        chunk.stages.resize(at + 4 * width, 0.0);
+        for (stage, row) in chunk.stages[at..].chunks_exact_mut(width).enumerate() {
+            self.run.arguments(span.k, span.at(OFFSET[stage]), &self.x, row);
         }
-        for e in &of.parameters {
-            let by = -work.pasts[e.row].slope[0] * self.delays.get(e.output);
-            work.late[e.row * nd + e.column] += by;
-        }
+        self.sum.resize(self.x.len(), 0.0);
+        let stages = &mut chunk.stages[at..];
+        self.programs.rates.march(stages, width, h, &mut self.x, &mut self.sum);
+        chunk.lengths.push(h);
     }
 
     /// Takes a sample of output `j`.
-    fn measured(
-        &mut self,
-        j: usize,
-        (k, c): (usize, f64),
-        z: f64,
-        out: &mut Innovation,
-        at: usize,
-    ) {
+    fn take(&mut self, j: usize, sample: &Sample, z: f64, out: &mut Innovation) {
         if self.lost.is_some() {
             return;
         }
-        let mut work = std::mem::take(&mut self.work);
-        let (nd, p) = (self.nd, &self.filter.covariance);
-        self.run.arguments(k, c, &self.x, &mut work.point);
-        work.pasts.clear();
-        self.run.delayed(&mut work.point, &mut self.programs.taus, true, &mut work.pasts);
-        let of = &self.filter.measured[j];
-        self.outputs[j].at(&work.point);
-        let slope = |i: usize| self.outputs[j].get(i + 1);
-        let (y, r, n) = (self.outputs[j].get(0), self.variances[j], p.motion);
-        work.h.clear();
-        work.h.extend((0..n).map(|i| {
-            let terms = of.slopes.iter().enumerate();
-            terms.map(|(a, &b)| self.x[p.place(i, b)] * slope(a)).sum::<f64>()
-        }));
-        let seen: f64 = of.slopes.iter().enumerate().map(|(a, &b)| slope(a) * work.h[b]).sum();
+        let (filter, of, way) = (self.filter, &self.filter.measured[j], &mut self.way);
+        let (n, width) = (filter.motion, self.propagator.layout.time() + 1);
+        let place = |i: usize, j: usize| filter.places[i * n + j];
+        let from = way.points[j].len();
+        way.points[j].resize(from + width, 0.0);
+        let point = &mut way.points[j][from..];
+        self.run.arguments(sample.k, sample.c, &self.x, point);
+        self.run.delayed(point, &mut self.programs.taus, true, &mut way.pasts);
+        self.outputs[j].at(point);
+        let (y, r) = (self.outputs[j].get(0), self.variances[j]);
+        let [at_c, at_h] = [way.c.len(), way.h.len()];
+        way.x.extend_from_slice(&self.x);
+        way.c.resize(at_c + n, 0.0);
+        let c = &mut way.c[at_c..];
+        of.slopes.iter().enumerate().for_each(|(a, &b)| c[b] = self.outputs[j].get(a + 1));
+        way.h.extend(
+            (0..n).map(|i| of.slopes.iter().map(|&b| self.x[place(i, b)] * c[b]).sum::<f64>()),
+        );
+        let h = &way.h[at_h..];
+        let seen: f64 = of.slopes.iter().map(|&b| c[b] * h[b]).sum();
         let (nu, s) = (z - y, seen + r);
-        (out.y[at], out.s[at], out.e[at]) = (y, s, nu / s.sqrt());
+        (out.y[sample.at], out.s[sample.at], out.e[sample.at]) = (y, s, nu / s.sqrt());
         if !(s > 0.0 && nu.is_finite()) {
             self.lost = Some(Lost::Diverges);
         }
-        if nd > 0 {
-            self.derivatives(j, &mut work, (nu, s), out, at);
-        }
-        let h = &work.h;
         // What the gain leaves of the covariance with the innovation.
-        work.left.clear();
-        work.left.extend(h.iter().map(|h| h - h / s * seen));
+        self.left.clear();
+        self.left.extend(h.iter().map(|h| h - h / s * seen));
         for i in 0..n {
             for j in 0..=i {
-                let joseph = h[i] * h[j] / s + work.left[i] * h[j] / s - r * h[i] * h[j] / (s * s);
-                self.x[p.place(i, j)] -= joseph;
+                let joseph = h[i] * h[j] / s + self.left[i] * h[j] / s - r * h[i] * h[j] / (s * s);
+                self.x[place(i, j)] -= joseph;
             }
         }
+        way.gain.extend(h.iter().map(|h| h / s));
         (0..n).for_each(|i| self.x[i] += h[i] / s * nu);
-        self.work = work;
-    }
-
-    /// The derivatives of an innovation and of what it does to the states.
-    fn derivatives(
-        &mut self,
-        j: usize,
-        work: &mut Work,
-        (nu, s): (f64, f64),
-        out: &mut Innovation,
-        at: usize,
-    ) {
-        let (nd, p, of) = (self.nd, &self.filter.covariance, &self.filter.measured[j]);
-        let (n, program) = (p.motion, &self.outputs[j]);
-        // Of the output and of its slopes.
-        work.dc.clear();
-        work.dc.resize((1 + of.slopes.len()) * nd, 0.0);
-        for e in &of.derivatives.states {
-            let to = &mut work.dc[e.row * nd..(e.row + 1) * nd];
-            add(program.get(e.output), &self.s[e.column * nd..(e.column + 1) * nd], to);
-        }
-        for e in &of.derivatives.parameters {
-            work.dc[e.row * nd + e.column] += program.get(e.output);
-        }
-        if !of.derivatives.delayed.is_empty() {
-            std::mem::swap(&mut work.s, &mut self.s);
-            self.late(work);
-            std::mem::swap(&mut work.s, &mut self.s);
-            let program = &self.outputs[j];
-            for e in &of.derivatives.delayed {
-                let to = &mut work.dc[e.row * nd..(e.row + 1) * nd];
-                add(program.get(e.output), &work.late[e.column * nd..(e.column + 1) * nd], to);
-            }
-        }
-        let program = &self.outputs[j];
-        work.dy.clear();
-        work.dy.extend_from_slice(&work.dc[..nd]);
-        work.dh.clear();
-        work.dh.resize(n * nd, 0.0);
-        for i in 0..n {
-            let to = &mut work.dh[i * nd..(i + 1) * nd];
-            for (a, &b) in of.slopes.iter().enumerate() {
-                let place = p.place(i, b);
-                add(program.get(a + 1), &self.s[place * nd..(place + 1) * nd], to);
-                add(self.x[place], &work.dc[(a + 1) * nd..(a + 2) * nd], to);
-            }
-        }
-        work.ds.clear();
-        work.ds.resize(nd, 0.0);
-        for (a, &b) in of.slopes.iter().enumerate() {
-            add(work.h[b], &work.dc[(a + 1) * nd..(a + 2) * nd], &mut work.ds);
-            add(program.get(a + 1), &work.dh[b * nd..(b + 1) * nd], &mut work.ds);
-        }
-        if let Some(d) = of.direction {
-            work.ds[d] += 2.0 * self.sds[j];
-        }
-        let root = 1.0 / s.sqrt();
-        add(root, &work.dy, &mut out.dy[at * nd..(at + 1) * nd]);
-        add(1.0 / s, &work.ds, &mut out.ds[at * nd..(at + 1) * nd]);
-        let h = &work.h;
-        for i in 0..n {
-            let to = &mut self.s[i * nd..(i + 1) * nd];
-            add(-h[i] / s, &work.dy, to);
-            add(nu / s, &work.dh[i * nd..(i + 1) * nd], to);
-            add(-h[i] / (s * s) * nu, &work.ds, to);
-        }
-        for i in 0..n {
-            for j in 0..=i {
-                let place = p.place(i, j);
-                let to = &mut self.s[place * nd..(place + 1) * nd];
-                add(-h[j] / s, &work.dh[i * nd..(i + 1) * nd], to);
-                add(-h[i] / s, &work.dh[j * nd..(j + 1) * nd], to);
-                add(h[i] * h[j] / (s * s), &work.ds, to);
-            }
-        }
-    }
-}
-
-/// `to += by from`
-fn add(by: f64, from: &[f64], to: &mut [f64]) {
-    for (to, from) in to.iter_mut().zip(from) {
-        *to += by * from;
+        way.taken.push(Taken {
+            after: way.chunk.lengths.len(),
+            output: j,
+            point: from / width,
+            channel: sample.channel,
+            at: sample.at,
+            nu,
+            s,
+        });
     }
 }

@@ -44,7 +44,7 @@ pub struct Tangent<'p> {
 }
 
 /// A Jacobian along a list of points, some of which are evaluated at a time.
-struct Jacobian<'p> {
+pub(super) struct Jacobian<'p> {
     rows: &'p Rows,
     program: Many<'p>,
     /// The block of points that the program was run for, if any.
@@ -53,7 +53,7 @@ struct Jacobian<'p> {
 }
 
 impl<'p> Jacobian<'p> {
-    fn new(
+    pub(super) fn new(
         rows: &'p Rows,
         program: &'p Program,
         propagator: &'p Propagator,
@@ -64,8 +64,13 @@ impl<'p> Jacobian<'p> {
         Jacobian { rows, program: Many::new(program, propagator, parameters), block: None, direct }
     }
 
+    /// The list of points is another one.
+    pub(super) fn forget(&mut self) {
+        self.block = None;
+    }
+
     /// The block that holds point `k` of `points`.
-    fn at(&mut self, points: &[f64], k: usize) -> Block<'_> {
+    pub(super) fn at(&mut self, points: &[f64], k: usize) -> Block<'_> {
         let first = k / LANES * LANES;
         if self.block != Some(first) {
             let registers = self.program.block(points, first);
@@ -96,7 +101,6 @@ impl<'p> Tangent<'p> {
     ) -> Self {
         let (nd, ny) = (propagator.directions.len(), propagator.outputs.len());
         let lanes = propagator.directions.lanes();
-        let free = propagator.directions.parameters.len();
         let zeros = |rows: usize| {
             let mut out = Aligned::default();
             out.zeros(rows * lanes);
@@ -105,17 +109,7 @@ impl<'p> Tangent<'p> {
         let (nx, both) =
             (propagator.layout.states, propagator.layout.states + propagator.delays.len());
         let mut s = zeros(both);
-        for e in &propagator.starts.entries {
-            let column = if e.column < free {
-                Some(e.column)
-            } else {
-                let state = propagator.starts.given[e.column - free];
-                propagator.directions.starts.iter().position(|&i| i == state).map(|p| free + p)
-            };
-            if let Some(column) = column {
-                s[e.row * lanes + column] = propagator.starts.program.output(starts, e.output)[0];
-            }
-        }
+        self::starts(propagator, starts, &mut s);
         let jacobian = |rows, program| Jacobian::new(rows, program, propagator, parameters);
         let limits = vec![0.0; if propagator.limited.is_empty() { 0 } else { nx * 2 * lanes }];
         let mut tangent = Tangent {
@@ -168,7 +162,7 @@ impl<'p> Tangent<'p> {
         let points =
             [&mut self.outputs, &mut self.point_delays, &mut self.end_limits, &mut self.pushes];
         let stages = [&mut self.rates, &mut self.delays, &mut self.stage_limits];
-        points.into_iter().chain(stages).for_each(|jacobian| jacobian.block = None);
+        points.into_iter().chain(stages).for_each(Jacobian::forget);
         if self.propagator.plain() {
             self.march(run, chunk);
         } else {
@@ -418,6 +412,23 @@ impl<'p> Tangent<'p> {
     }
 }
 
+/// Sensitivities of the start values, `[state][lanes]`; `file`: register file of the evaluated start
+/// program.
+pub(super) fn starts(propagator: &Propagator, file: &[[f64; 1]], s: &mut [f64]) {
+    let (lanes, free) = (propagator.directions.lanes(), propagator.directions.parameters.len());
+    for e in &propagator.starts.entries {
+        let column = if e.column < free {
+            Some(e.column)
+        } else {
+            let state = propagator.starts.given[e.column - free];
+            propagator.directions.starts.iter().position(|&i| i == state).map(|p| free + p)
+        };
+        if let Some(column) = column {
+            s[e.row * lanes + column] = propagator.starts.program.output(file, e.output)[0];
+        }
+    }
+}
+
 /// Whether any state was put on a stop.
 fn is_put(how: &[u8]) -> bool {
     how.iter().any(|how| (1..RESTS).contains(how))
@@ -434,14 +445,14 @@ fn put_on_stops(propagator: &Propagator, limits: &[f64], lanes: usize, how: &[u8
 }
 
 /// What `Steps` wants to know of steps of length `h`.
-fn weights(h: f64) -> [[f64; 2]; 4] {
+pub(super) fn weights(h: f64) -> [[f64; 2]; 4] {
     std::array::from_fn(|i| [WEIGHT[i], if i < 3 { AHEAD[i] * h } else { h / 6.0 }])
 }
 
 /// Sensitivities of the delayed values, behind those of the states in `s`:
 /// `dX(t - tau) = S(t - tau) - X'(t - tau) dtau`. `taus`: the Jacobian of the delay times, and the
 /// point; `history`: sensitivities of the states and of their rates at the remembered times.
-fn delayed(
+pub(super) fn delayed(
     propagator: &Propagator,
     width: Width,
     run: &Run,

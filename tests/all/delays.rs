@@ -2,7 +2,10 @@
 //! the estimates be off?
 
 use crate::campaign::Campaign;
+use koehler::dynamics::{Channel, Directions, Propagator, Record};
+use koehler::estimate::{Settings, Stop, estimate as estimated};
 use koehler::log::{FieldSpec, LogWriter};
+use koehler::model::{Constants, Model};
 use koehler::table::{Table, read_dataset};
 
 const MODEL: &str = r#"
@@ -146,4 +149,57 @@ fn a_delay_longer_than_a_sample_is_nothing_to_tell() {
     println!("tau {value} +- {sd} for {DELAY}");
     // a twentieth of a sample: what the corners of the surface's ramps lose between samples
     assert!((value - DELAY).abs() < 3.0 * sd + 5e-4, "{value} +- {sd}");
+}
+
+/// Nothing shows the delay of a term that is zero, as this one is at the start.
+#[test]
+fn a_delay_is_found_where_what_it_delays_starts_at_zero() {
+    let text = MODEL
+        .replace("(K*delay(u, tau) - x)/T", "(K*u + K_late*delay(u, tau) - x)/T")
+        .replace("tau = {", "K_late = { unit = \"-\", start = 0.0 }\ntau = {");
+    let model = Model::parse("late", &text, &Constants::default()).expect("a model");
+    let truth = [("K", 1.2), ("T", LAG), ("K_late", 0.6), ("tau", 0.13)];
+    let values: Vec<f64> = model
+        .parameters
+        .iter()
+        .map(|p| truth.iter().find(|(name, _)| *name == p.quantity.name).expect("a value").1)
+        .collect();
+    let (dt, n, start) = (0.02, 1000, 25);
+    let inputs: Vec<f64> = (0..n).map(|k| libm::sin(0.004 * f64::from(k * k % 900))).collect();
+    let mut record = Record { dt, n: n as usize, start, inputs, ..Record::default() };
+    let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&values, &[], &record, false);
+    let noise = |k: usize| 1e-3 * libm::sin(1e3 * (k as f64 + 0.3) * (k as f64 + 0.7));
+    record.channels = vec![Channel {
+        output: 0,
+        t: (0..grid.n).map(|k| k as f64 * dt).collect(),
+        z: grid.y.iter().enumerate().map(|(k, y)| y + noise(k)).collect(),
+    }];
+    let found = estimated(&model, &[record], &Settings::default()).expect("an estimate");
+    assert_eq!(found.stop, Stop::Converged);
+    for (name, truth) in truth {
+        let row = found.rows.iter().find(|row| row.name == name).expect("a row");
+        let sd = row.sd.expect("a standard deviation");
+        assert!((row.value - truth).abs() < 4.0 * sd, "{name}: {} +- {sd} for {truth}", row.value);
+    }
+}
+
+/// A transit distance over the airspeed that reaches back behind the beginning of the record.
+#[test]
+fn fault_a_delay_longer_than_the_preroll_is_told() {
+    let c = campaign(20);
+    c.edit("lag.model.toml", "u = \"rad\"", "u = \"rad\"\nV = \"m/s\"");
+    c.edit("lag.model.toml", "delay(u, tau)", "delay(u, r_H/V)");
+    c.edit(
+        "lag.model.toml",
+        "tau = { unit = \"s\", start = 0.05, min = 0.0, max = 0.3 }",
+        "r_H = { unit = \"m\", start = 4.0, min = 0.0, max = 24.0 }",
+    );
+    c.edit("pipeline.toml", "preroll_s = 0.5", "preroll_s = 0.04");
+    c.run();
+    let notes: Table = read_dataset(&c.path("out"), "notes").expect("notes");
+    let texts = notes.strings("text").expect("texts");
+    let told = ["a delay of u is 0.07", "the record has 0.040 s before its start", "preroll_s"];
+    let is = |text: &&str| told.iter().all(|part| text.contains(part));
+    assert!(texts.iter().any(is), "{texts:?}");
 }

@@ -131,6 +131,24 @@ fn truth_lateral_motion_in_turbulence_without_noise_of_the_sensors() {
     }
 }
 
+#[test]
+fn a_density_that_starts_at_zero_goes_where_the_score_in_the_variance_leads() {
+    let Some(folder) = data("records/y13aus_da1.asc") else { return };
+    let rows = numbers(&folder.join("records/y13aus_da1.asc"));
+    let record = record(&rows, 0.05, &[17, 18, 19], &[15, 16, 12, 13, 14]);
+    let of = |start: &str| {
+        let text = LATERAL.replace("start = 0.1, min", &format!("start = {start}, min"));
+        estimate(&model("lateral", &text), std::slice::from_ref(&record), &Settings::default())
+            .unwrap_or_else(|e| panic!("{e}"))
+    };
+    let [from_zero, from_above] = ["0.0", "0.1"].map(of);
+    assert_eq!(from_zero.stop, Stop::Converged);
+    for name in ["F_p", "F_r", "Lda", "Ndr"] {
+        let [(a, _), (b, _)] = [&from_zero, &from_above].map(|e| value(e, name));
+        assert!((a / b - 1.0).abs() < 1e-4, "{name}: {a} from zero, {b} from above");
+    }
+}
+
 /// Short period of an unstable aircraft (Jategaonkar's unStabAC).
 const UNSTABLE: &str = r#"title = "Unstable short period"
 source = "Jategaonkar, Flight Vehicle System Identification"

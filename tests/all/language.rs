@@ -132,6 +132,39 @@ fn a_lag_of_a_past_value_starts_at_rest() {
 }
 
 /// The message for a model with one mistake.
+/// A rate limit that grows with airspeed: on it `x = r_0 t + r_1 t^2/2` for `V = t`.
+#[test]
+fn a_rate_limit_may_move() {
+    let text = r#"title = "A rate limit that moves"
+[inputs]
+u = "rad"
+V = "s"
+[constants]
+T = { unit = "s", value = 0.1 }
+[parameters]
+r_0 = { unit = "rad/s", start = 0.1 }
+r_1 = { unit = "rad/s^2", start = 0.05 }
+[states]
+x = { unit = "rad", rate = "(u - x)/T", start = 0.0, rate_max = "r_0 + r_1*V" }
+[outputs]
+x = { unit = "rad", value = "x" }
+"#;
+    let model =
+        Model::parse("moving", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+    let directions = Directions { parameters: vec![0, 1], starts: Vec::new() };
+    let propagator = Propagator::new(&model, directions).expect("a propagator");
+    let (dt, n) = (0.01, 101);
+    let inputs = (0..n).flat_map(|k| [1.0, dt * k as f64]).collect();
+    let record = Record { dt, n, inputs, ..Record::default() };
+    let grid = propagator.run(&[0.1, 0.05], &[], &record, true);
+    for k in 0..n {
+        let t = dt * k as f64;
+        let wanted = [0.1 * t + 0.025 * t * t, t, 0.5 * t * t];
+        let got = [grid.y[k], grid.dy[2 * k], grid.dy[2 * k + 1]];
+        assert!(wanted.iter().zip(got).all(|(a, b)| (a - b).abs() < 1e-12), "{t}: {got:?}");
+    }
+}
+
 fn message(text: &str) -> String {
     Model::parse("m.model.toml", text, &Constants::default())
         .expect_err("the mistake went unnoticed")
