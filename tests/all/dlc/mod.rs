@@ -64,7 +64,9 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
         }
     }
     let mut biases = BTreeMap::new();
-    for truth in truths {
+    // The flights of the proof of match are in no estimate.
+    let wanted = |truth: &&Truth| only.is_empty() || !truth.flight.starts_with("match-");
+    for truth in truths.iter().filter(wanted) {
         let recording = campaign.record(truth, seed).expect("recorded");
         for error in recording.errors.iter().filter(|e| e.topic == "/imu") {
             let unit = koehler::units::Unit::parse(&error.unit).expect("a unit");
