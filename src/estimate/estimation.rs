@@ -3,6 +3,7 @@
 
 use super::budget::Influence;
 use super::decision::Decision;
+use super::elsewhere::Elsewhere;
 use super::preroll::TooShort;
 use super::profile::Profile;
 use super::rank::Verdict;
@@ -148,6 +149,8 @@ pub struct Estimation {
     pub too_short: Vec<TooShort>,
     /// Parameters of the model that times of delays depend on.
     pub delaying: Vec<String>,
+    /// Another start that ended elsewhere.
+    pub elsewhere: Option<Elsewhere>,
     /// What became of the starts that were tried; empty where there was one.
     pub tried: Vec<Tried>,
     /// Why the model could not be run in the first of its segments, where none could be.

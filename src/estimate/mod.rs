@@ -19,6 +19,7 @@
 //! | `crossed` | limits of states that cross each other |
 //! | `measured_limits` | limits of states against what was measured |
 //! | `densities` | densities of noise at zero |
+//! | `elsewhere` | where another start leads to |
 //! | `sizes` | parameters that only show from a certain size on |
 //! | `solution` | the six together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
@@ -51,6 +52,7 @@ mod colour;
 mod crossed;
 mod decision;
 mod densities;
+mod elsewhere;
 mod equations;
 mod estimation;
 mod extend;
@@ -85,6 +87,7 @@ pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::{Influence, covariance};
 pub use case::{Case, Unknown};
 pub use decision::{Decision, Support};
+pub use elsewhere::Elsewhere;
 pub use equations::NormalEquations;
 pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row, Tried};
 pub use extend::extended;

@@ -116,6 +116,12 @@ fn once(
         let origin = Origin::new(base, all, settings, &used);
         let regression = case.start_by_regression(settings)?;
         let solution = case.solve(settings, &origin, here);
+        let (mut solution, elsewhere) =
+            case.elsewhere(solution, regression.as_ref(), settings, (&origin, here));
+        if !settings.stabilise.is_empty() {
+            // Noise of the measured states drives the model: what residuals tell is not how far off it is.
+            solution.covariance = None;
+        }
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
@@ -142,6 +148,7 @@ fn once(
                 crossed,
                 too_short,
                 delaying: case.delaying(),
+                elsewhere,
                 why,
                 ..named
             });

@@ -164,7 +164,7 @@ pub fn regress(case: &Case, settings: &Settings) -> Result<(Regression, Vec<f64>
     Ok((Regression { stop, condition, rows, equations, taken: false }, theta))
 }
 
-const ESTIMATED: &str = "estimated";
+pub const ESTIMATED: &str = "estimated";
 
 /// The equations that can be used, and all of them by name.
 fn sides(case: &Case) -> (Vec<Side>, Vec<Equation>) {

@@ -60,6 +60,7 @@ pub fn name(
         crossed: Vec::new(),
         too_short: Vec::new(),
         delaying: Vec::new(),
+        elsewhere: None,
         tried: Vec::new(),
         why: None,
     }

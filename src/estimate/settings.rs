@@ -51,7 +51,8 @@ pub struct Settings {
     /// Stabilised output error, for aircraft that are unstable: gains (1/s) by which states are led
     /// back to what was measured of them, `stabilise = { alpha = 4.0, q = 4.0 }`. The measured
     /// noise then drives the model: estimates are biased by it, the more the larger the gains and
-    /// the noise; take the smallest that keep the response from running away.
+    /// the noise; take the smallest that keep the response from running away. They have no standard
+    /// deviations.
     pub stabilise: IndexMap<String, f64>,
     /// Where one value of a parameter holds, instead of what the model file says:
     /// `per = { C_m_0 = "flap", dz_q = "flight" }`, with "campaign", "segment", or a column that

@@ -182,7 +182,7 @@ fn a_delay_is_found_where_what_it_delays_starts_at_zero() {
     assert_eq!(found.stop, Stop::Converged);
     for (name, truth) in truth {
         let row = found.rows.iter().find(|row| row.name == name).expect("a row");
-        let sd = row.sd.expect("a standard deviation");
+        let sd = row.sd.unwrap_or_else(|| panic!("no standard deviation: {:?}", found.rows));
         assert!((row.value - truth).abs() < 4.0 * sd, "{name}: {} +- {sd} for {truth}", row.value);
     }
 }

@@ -218,6 +218,14 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
     notes.extend(tried_notes(config, batch, estimation));
+    notes.extend(elsewhere_note(config, batch, estimation));
+    if !config.settings.method.stabilise.is_empty() {
+        let text = format!(
+            "{}: states are led back to what was measured of them, whose noise drives the model: no standard deviations",
+            batch.group
+        );
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
+    }
     notes.extend(colour_notes(config, batch, estimation));
     for row in estimation.rows.iter().filter(|row| row.idle) {
         let text = format!("{}: {}", batch.group, limits::idle(estimation, row).1);
@@ -263,6 +271,24 @@ fn tried_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<N
         }
     }
     notes
+}
+
+/// What is said of another start that ended in another minimum.
+fn elsewhere_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let other = estimation.elsewhere.as_ref()?;
+    let ends = other.ends.iter().map(|(name, value)| format!("{name} = {value:.4e}"));
+    let at = ends.collect::<Vec<_>>().join(", ");
+    let (from, worse) = (other.from, other.worse);
+    let text = match other.taken {
+        true => format!(
+            "from {from} the iteration ends in a worse minimum (cost + {worse:.1}), at {at}: the estimate is where another start leads to"
+        ),
+        false => format!(
+            "from {from} the iteration ends in another minimum, at {at}, which is worse (cost + {worse:.1})"
+        ),
+    };
+    let text = format!("{}: {text}", batch.group);
+    Some(config.note("", Severity::Warning, batch.group.clone(), 1, text))
 }
 
 /// What was cut off where the colour of the residuals was found.
