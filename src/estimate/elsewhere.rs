@@ -10,6 +10,7 @@
 
 use super::case::Case;
 use super::equations::Origin;
+use super::estimation::Elsewhere;
 use super::regression::{ESTIMATED, Regression, regress};
 use super::solution::Solution;
 use super::{Settings, Stop};
@@ -22,19 +23,6 @@ const FEW: usize = 4;
 const GAIN: f64 = 0.5;
 /// Ends closer than this, in standard deviations, are the same.
 const SAME: f64 = 0.5;
-
-/// What became of another start.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Elsewhere {
-    /// Where the iteration started that was not believed, or is worse.
-    pub from: &'static str,
-    /// Whether the estimate is the end of the other start.
-    pub taken: bool,
-    /// By how much the worse minimum is worse, `ln` of the likelihood ratio.
-    pub worse: f64,
-    /// Where parameters end there that differ most: name and value.
-    pub ends: Vec<(String, f64)>,
-}
 
 const FILE: &str = "the start values";
 const EQUATIONS: &str = "regression on the equations";

@@ -3,7 +3,6 @@
 
 use super::budget::Influence;
 use super::decision::Decision;
-use super::elsewhere::Elsewhere;
 use super::preroll::TooShort;
 use super::profile::Profile;
 use super::rank::Verdict;
@@ -173,6 +172,19 @@ impl Estimation {
 /// Two minima whose costs differ by less are hardly to be told apart by the data: a likelihood ratio
 /// of 20.
 const CLOSE: f64 = 3.0;
+
+/// What became of another start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Elsewhere {
+    /// Where the iteration started that was not believed, or is worse.
+    pub from: &'static str,
+    /// Whether the estimate is the end of the other start.
+    pub taken: bool,
+    /// By how much the worse minimum is worse, `ln` of the likelihood ratio.
+    pub worse: f64,
+    /// Where parameters end there that differ most: name and value.
+    pub ends: Vec<(String, f64)>,
+}
 
 /// What became of one start.
 #[derive(Debug, Clone, PartialEq)]

@@ -87,9 +87,10 @@ pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::{Influence, covariance};
 pub use case::{Case, Unknown};
 pub use decision::{Decision, Support};
-pub use elsewhere::Elsewhere;
 pub use equations::NormalEquations;
-pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row, Tried};
+pub use estimation::{
+    Correlation, Doubtful, Elsewhere, Estimation, LeftOut, OutputScatter, Row, Tried,
+};
 pub use extend::extended;
 pub use idle::Idle;
 pub use output_error::{estimate, estimate_segments, estimate_where};

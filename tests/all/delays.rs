@@ -163,12 +163,8 @@ fn a_delay_is_found_where_what_it_delays_starts_at_zero() {
         .map(|p| truth.iter().find(|(name, _)| *name == p.quantity.name).expect("a value").1)
         .collect();
     let (dt, n, start) = (0.02, 1000, 25);
-    let step = |k: usize| match (k % 400) / 50 {
-        1..=3 | 6 => 1.0,
-        4 | 5 | 7 => -1.0,
-        _ => 0.0,
-    };
-    let inputs: Vec<f64> = (0..n).map(step).collect();
+    let drive = |t: f64| libm::sin(1.3 * t) + 0.7 * libm::sin(2.9 * t) + 0.4 * libm::sin(0.4 * t);
+    let inputs: Vec<f64> = (0..n).map(|k| drive(dt * k as f64)).collect();
     let mut record = Record { dt, n, start, inputs, ..Record::default() };
     let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
     let grid = propagator.run(&values, &[], &record, false);
