@@ -3,6 +3,7 @@
 
 use super::budget::Influence;
 use super::decision::Decision;
+use super::modes::Mode;
 use super::preroll::TooShort;
 use super::profile::Profile;
 use super::rank::Verdict;
@@ -125,6 +126,8 @@ pub struct Estimation {
     pub regression: Option<regression::Regression>,
     /// The profiles asked for, by row.
     pub profiles: Vec<Profile>,
+    /// The modes of the linearised model, segment by segment; empty unless converged.
+    pub modes: Vec<Mode>,
     /// What became of the candidates: those that are held, in the order in which they were, then
     /// those that are estimated.
     pub decisions: Vec<Decision>,

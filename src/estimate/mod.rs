@@ -23,10 +23,13 @@
 //! | `solution` | the six together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
+//! | `modes` | the modes of the linearised model |
 //! | `selection` | candidates that the data do not support are held, one after the other |
 //! | `decision` | what became of such a candidate |
 //! | `repeats` | scatter of repeated estimates against their standard deviations |
-//! | `regression` | starting values by regression on the rate and output equations |
+//! | `regressors` | both sides of the rate and output equations, as such a problem |
+//! | `regression` | its solution: the estimate by equation error, or starting values |
+//! | `attenuation` | how far noise in the regressors has moved it |
 //! | `start` | whether they fit better than those of the model |
 //! | `settings` | how an estimation is run |
 //! | `choice` | settings against the model: what is free, where it starts |
@@ -44,6 +47,7 @@
 //! | `estimation` | the result |
 //! | `result` | names put to the solution |
 
+mod attenuation;
 mod budget;
 mod case;
 mod choice;
@@ -56,6 +60,7 @@ mod estimation;
 mod extend;
 mod idle;
 mod measured_limits;
+mod modes;
 mod neighbours;
 mod noise_covariance;
 mod output_error;
@@ -66,6 +71,7 @@ mod profile;
 mod rank;
 mod reached;
 pub mod regression;
+mod regressors;
 pub mod repeats;
 mod result;
 mod segment;
@@ -89,6 +95,7 @@ pub use equations::NormalEquations;
 pub use estimation::{Correlation, Doubtful, Estimation, LeftOut, OutputScatter, Row, Tried};
 pub use extend::extended;
 pub use idle::Idle;
+pub use modes::{Mode, Uncertain};
 pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use plateaus::Piece;
 pub use prepared::Prepared;
@@ -97,5 +104,5 @@ pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use reached::{Follows, Over, Reached};
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
-pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, WithoutEffect};
+pub use settings::{By, InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, WithoutEffect};
 pub use trace::Trace;

@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
+    /// What is compared with the measurements: the motion of the model, or each of its equations
+    /// (regression).
+    pub by: By,
     /// Parameters to estimate. Without it: every parameter of the model that is not `fixed` there.
     pub free: Option<Vec<String>>,
     /// Parameters held at their start although the model (or `free`) would free them.
@@ -138,6 +141,20 @@ impl Line {
     }
 }
 
+/// What is compared with the measurements.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+pub enum By {
+    /// The motion of the model over time: output error, or filter error where noise drives a state.
+    #[default]
+    #[serde(rename = "motion")]
+    Motion,
+    /// Each equation by itself: least squares on the rates of measured states, and on measured
+    /// outputs (accelerations, coefficients). Nothing is integrated over time; noise in the measured
+    /// states and inputs moves the estimates towards zero, by how much is said.
+    #[serde(rename = "equation error")]
+    EquationError,
+}
+
 /// Where states begin that start "measured".
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -235,6 +252,7 @@ impl Default for Settings {
     fn default() -> Self {
         let method = Method::default();
         Settings {
+            by: By::default(),
             briefly: false,
             free: None,
             fixed: Vec::new(),

@@ -22,6 +22,7 @@ mod limits;
 mod lines;
 mod logs;
 mod maneuvers;
+mod modes;
 mod paths;
 mod predictions;
 mod provenance;
@@ -56,6 +57,7 @@ pub const SECTIONS: &[Section] = &[
     validation::SECTION,
     maneuvers::SECTION,
     estimates::SECTION,
+    modes::SECTION,
     correlations::SECTION,
     uncertainty::SECTION,
     limits::SECTION,

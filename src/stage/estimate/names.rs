@@ -4,6 +4,7 @@
 use super::settings::Settings;
 use crate::config::{Doc, nearest};
 use crate::error::Errors;
+use crate::estimate::{self, By, NoiseKind, StartFrom};
 use crate::model::graph::Leaf;
 use crate::model::{Model, Quantity};
 use crate::stage::channels::Channels;
@@ -243,6 +244,31 @@ pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: 
     check("per", method.per.keys().collect(), &parameters, "parameter of the model");
     check("floor", method.floor.keys().collect(), &outputs, "output of the model");
     columns_are_known(model, settings, doc, key, errors);
+    if method.by == By::EquationError {
+        for (name, is_said, why) in of_motion(method) {
+            if is_said {
+                let what = format!("`{name}` does not go with by = \"equation error\": {why}");
+                let error = doc.error(&format!("{key}.method.{name}"), what);
+                errors.push(error.help(format!("leave `{name}` out, or estimate by = \"motion\"")));
+            }
+        }
+    }
+}
+
+/// The settings that are about the motion over time: name, whether they are given, why they say
+/// nothing to equations.
+fn of_motion(method: &estimate::Settings) -> [(&'static str, bool, &'static str); 5] {
+    [
+        ("initial", !method.initial.is_empty(), "nothing is integrated, so no start matters"),
+        ("stabilise", !method.stabilise.is_empty(), "nothing is integrated that could run away"),
+        ("start", method.start != StartFrom::Model, "that is where it would start from"),
+        (
+            "noise",
+            method.noise != NoiseKind::Diagonal,
+            "the residuals of equations count as independent",
+        ),
+        ("tries", !method.tries.is_empty(), "equations are solved from one start"),
+    ]
 }
 
 /// Checks the columns that parameters or the noise are `per`.

@@ -399,6 +399,7 @@ pub fn regressions(model: &str, done: &[Done]) -> Result<Table> {
         .f64("t", number(|r| r.sd.map(|sd| r.value / sd)))
         .f64("partial_f", number(|r| r.sd_white.map(|sd| (r.value / sd) * (r.value / sd))))
         .f64("p", number(Regressed::p))
+        .f64("shift", number(|r| r.shift))
         .f64("condition", rows.iter().map(|(_, _, all, _)| condition(all)).collect::<Vec<_>>())
         .strings("stop", rows.iter().map(|(_, _, all, _)| all.stop.as_str()))
         .finish()
