@@ -9,6 +9,7 @@ use super::profile::Profile;
 use super::rank::Verdict;
 use super::reached::Reached;
 use super::regression;
+use super::search::Step;
 use super::segment::Label;
 use super::trace::Trace;
 use crate::least_squares::{Iteration, Stop};
@@ -128,6 +129,8 @@ pub struct Estimation {
     pub profiles: Vec<Profile>,
     /// The modes of the linearised model, segment by segment; empty unless converged.
     pub modes: Vec<Mode>,
+    /// The search through the candidates, equation by equation; empty where there was none.
+    pub searched: Vec<Step>,
     /// What became of the candidates: those that are held, in the order in which they were, then
     /// those that are estimated.
     pub decisions: Vec<Decision>,

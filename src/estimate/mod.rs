@@ -25,6 +25,7 @@
 //! | `profile` | intervals from the likelihood's profile |
 //! | `modes` | the modes of the linearised model |
 //! | `selection` | candidates that the data do not support are held, one after the other |
+//! | `search` | candidates that the equations ask for, one after the other |
 //! | `decision` | what became of such a candidate |
 //! | `repeats` | scatter of repeated estimates against their standard deviations |
 //! | `regressors` | both sides of the rate and output equations, as such a problem |
@@ -74,6 +75,7 @@ pub mod regression;
 mod regressors;
 pub mod repeats;
 mod result;
+mod search;
 mod segment;
 mod selection;
 mod settings;
@@ -103,6 +105,9 @@ pub use preroll::TooShort;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use reached::{Follows, Over, Reached};
+pub use search::{Step, unsearchable};
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
-pub use settings::{By, InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, WithoutEffect};
+pub use settings::{
+    By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
+};
 pub use trace::Trace;

@@ -13,6 +13,7 @@ use super::reached::Reached;
 use super::regression::{Regression, estimated};
 use super::regressors::Problem;
 use super::result::{Further, Traced, name};
+use super::search::searched;
 use super::segment::Segment;
 use super::selection::select;
 use super::solution::Solution;
@@ -76,7 +77,11 @@ pub fn estimate_where(
     settings: &Settings,
 ) -> Result<Estimation, Errors> {
     best_of(settings, &|settings| {
-        select(settings, |settings| once(here, model, segments, settings))
+        select(
+            settings,
+            |settings| once(here, model, segments, settings),
+            |settings| searched(model, segments, settings),
+        )
     })
 }
 

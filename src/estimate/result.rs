@@ -87,6 +87,7 @@ pub fn name(
         profiles: further.profiles,
         regression: further.regression,
         modes: Vec::new(),
+        searched: Vec::new(),
         decisions: Vec::new(),
         left_out: Vec::new(),
         doubtful: Vec::new(),

@@ -56,6 +56,20 @@ pub struct Searched {
     pub steps: Vec<Step>,
     /// Candidates that are taken.
     pub taken: Vec<String>,
+    /// Name, unit and start of all.
+    candidates: Vec<(String, String, f64)>,
+}
+
+impl Searched {
+    /// The unit of a candidate.
+    pub fn unit(&self, name: &str) -> &str {
+        self.candidates.iter().find(|c| c.0 == name).map_or("", |c| &c.1)
+    }
+
+    /// Where a candidate is held that is not taken.
+    pub fn start(&self, name: &str) -> f64 {
+        self.candidates.iter().find(|c| c.0 == name).map_or(f64::NAN, |c| c.2)
+    }
 }
 
 /// Searches the equations of a model over segments.
@@ -70,7 +84,10 @@ pub(super) fn searched(
     let prepared = Prepared::new(model, segments, settings)?;
     let case = prepared.compiled().case();
     let (problem, _) = Problem::new(&case, settings)?;
-    let mut all = Searched::default();
+    let known = case.unknowns.iter().zip(&case.layout.start);
+    let candidates = known.filter(|(u, _)| settings.candidates.contains(&u.name));
+    let candidates = candidates.map(|(u, start)| (u.name.clone(), u.unit.clone(), *start));
+    let mut all = Searched { candidates: candidates.collect(), ..Searched::default() };
     for equation in 0..problem.sides.len() {
         let sums = Sums::new(&problem, equation, settings);
         if sums.candidates.is_empty() {
@@ -351,7 +368,8 @@ impl<'a> Sums<'a> {
         loop {
             let comes = (0..self.candidates.len()).filter(|c| !order.contains(c)).map(|c| {
                 let mut more = left.clone();
-                let any = self.candidates[c].columns.iter().fold(false, |any, &i| more.take(i) | any);
+                let any =
+                    self.candidates[c].columns.iter().fold(false, |any, &i| more.take(i) | any);
                 (c, any, more)
             });
             let comes = comes.filter(|(_, any, _)| *any);
@@ -373,6 +391,6 @@ impl<'a> Sums<'a> {
 
     fn found(&self, steps: Vec<Step>, taken: &[usize]) -> Searched {
         let taken = taken.iter().map(|&c| self.candidates[c].name.clone()).collect();
-        Searched { steps, taken }
+        Searched { steps, taken, ..Searched::default() }
     }
 }

@@ -12,6 +12,7 @@ mod columns;
 mod consistency;
 mod correlations;
 mod diagnosis;
+mod equations;
 mod estimates;
 mod figures;
 mod flights;
@@ -57,6 +58,7 @@ pub const SECTIONS: &[Section] = &[
     validation::SECTION,
     maneuvers::SECTION,
     estimates::SECTION,
+    equations::SECTION,
     modes::SECTION,
     correlations::SECTION,
     uncertainty::SECTION,

@@ -1,7 +1,7 @@
 //! `modes` in, a table of the modes of every identified model out.
 
 use super::columns::Columns;
-use super::format::{number, plus_minus};
+use super::format::{number, plain, plus_minus};
 use super::grid::{Cell, Grid, Level};
 use super::section::{Body, Given, Section};
 use crate::error::Result;
@@ -54,7 +54,7 @@ fn modes(table: &Columns) -> Grid {
             grid.push(vec![
                 model.clone().into(),
                 of.into(),
-                number(table.number("number", row), 3).into(),
+                plain(table.number("number", row), 0).into(),
                 table.text("states", row).into(),
                 Cell::new(value).level_if(grows, Level::Warn),
                 with_sd("frequency").into(),

@@ -119,7 +119,10 @@ impl Config {
         }
         names::levels(&settings, columns, &given.doc, key, &mut given.errors);
         match crate::estimate::extended(&model, &settings.method) {
-            Ok(extended) => names::method(&extended, &settings, &given.doc, key, &mut given.errors),
+            Ok(extended) => {
+                names::method(&extended, &settings, &given.doc, key, &mut given.errors);
+                names::search(&extended, &outputs, &settings, &given.doc, key, &mut given.errors);
+            }
             Err(errors) => given.errors.0.extend(
                 errors.0.into_iter().map(|e| placed(&given.doc, &format!("{key}.method"), e)),
             ),

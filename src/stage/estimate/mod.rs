@@ -46,6 +46,7 @@ pub const STAGE: Stage = Stage {
         "repeats",
         "regressions",
         "equations",
+        "searches",
         "modes",
         "iterations",
         "residuals",

@@ -4,7 +4,7 @@
 use super::settings::Settings;
 use crate::config::{Doc, nearest};
 use crate::error::Errors;
-use crate::estimate::{self, By, NoiseKind, StartFrom};
+use crate::estimate::{self, By, NoiseKind, Search, StartFrom};
 use crate::model::graph::Leaf;
 use crate::model::{Model, Quantity};
 use crate::stage::channels::Channels;
@@ -232,6 +232,7 @@ pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: 
         "parameter of the model",
     );
     check("fixed", &method.fixed, &parameters, "parameter of the model");
+    check("candidates", &method.candidates, &parameters, "parameter of the model");
     check("initial", &method.initial, &states, "state of the model");
     let outputs: Vec<&str> = model.outputs.iter().map(|o| o.name.as_str()).collect();
     let mut check = |list: &str, names: Vec<&String>, known: &[&str], kind: &str| {
@@ -252,6 +253,38 @@ pub fn method(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: 
                 errors.push(error.help(format!("leave `{name}` out, or estimate by = \"motion\"")));
             }
         }
+    }
+}
+
+/// Checks the search through candidates.
+pub fn search(
+    model: &Model,
+    outputs: &[Scored],
+    settings: &Settings,
+    doc: &Doc,
+    key: &str,
+    errors: &mut Errors,
+) {
+    let method = &settings.method;
+    if method.search == Search::Backward {
+        return;
+    }
+    let at = format!("{key}.method.search");
+    if method.by != By::EquationError {
+        let error = doc.error(&at, "a search of this kind goes through equations, not the motion");
+        errors.push(error.help("say `by = \"equation error\"`, or leave `search` out"));
+    }
+    if method.candidates.is_empty() {
+        let error = doc.error(&at, "there is nothing to search among");
+        errors.push(error.help("list parameters of the model in `candidates`"));
+    }
+    if !(method.limit_f > 0.0 && method.limit_f.is_finite()) {
+        let what = format!("the least partial F is a positive number, not {}", method.limit_f);
+        errors.push(doc.error(&format!("{key}.method.limit_f"), what));
+    }
+    let measured: Vec<usize> = outputs.iter().map(|o| o.output).collect();
+    for fault in estimate::unsearchable(model, &measured, method) {
+        errors.push(doc.error(&format!("{key}.method.candidates"), fault));
     }
 }
 

@@ -19,6 +19,7 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("repeats", uncertainty::repeats(model, done)?),
         ("regressions", uncertainty::regressions(model, done)?),
         ("equations", uncertainty::equations(model, done)?),
+        ("searches", uncertainty::searches(model, done)?),
         ("modes", modes(model, done)?),
         ("iterations", iterations(model, done)?),
         ("residuals", residuals(model, done)?),

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::estimate::regression::{Equation, Regressed, Regression};
 use crate::estimate::repeats::{Repeats, compare};
 use crate::estimate::{
-    Combination, Decision, Estimation, Influence, Point, Profile, Row, covariance,
+    Combination, Decision, Estimation, Influence, Point, Profile, Row, Step, Support, covariance,
 };
 use crate::math::distribution::INTERVAL_95;
 use crate::table::Table;
@@ -196,6 +196,8 @@ fn decided(d: &Decision) -> String {
     let Decision { parameter, value, sd, start, .. } = d;
     if !d.held() {
         format!("{parameter} {value:.4e} +- {:.1e} (95%): estimated", INTERVAL_95 * sd)
+    } else if d.support == Support::NotTaken {
+        format!("{parameter} is not taken by the search (table searches): held at {start}")
     } else if value.is_finite() {
         format!(
             "{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}",
@@ -423,6 +425,28 @@ pub fn equations(model: &str, done: &[Done]) -> Result<Table> {
         .f64("rms", number(|e| e.rms))
         .f64("r2", number(|e| e.r2))
         .i64("ar_order", rows.iter().map(|(_, e)| e.ar_order as i64).collect::<Vec<_>>())
+        .finish()
+}
+
+pub fn searches(model: &str, done: &[Done]) -> Result<Table> {
+    let rows: Vec<(&Batch, &Step)> =
+        done.iter().flat_map(|(b, e)| e.searched.iter().map(move |step| (*b, step))).collect();
+    let number = |of: fn(&Step) -> f64| rows.iter().map(|(_, s)| of(s)).collect::<Vec<f64>>();
+    Table::build("searches")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|(b, _)| &b.group))
+        .strings("equation", rows.iter().map(|(_, s)| &s.equation))
+        .strings("unit", rows.iter().map(|(_, s)| &s.unit))
+        .i64("step", rows.iter().map(|(_, s)| s.step as i64).collect::<Vec<_>>())
+        .strings("action", rows.iter().map(|(_, s)| s.action))
+        .opt_strings("parameter", rows.iter().map(|(_, s)| s.parameter.as_ref()))
+        .f64("partial_f", number(|s| s.partial_f))
+        .f64("limit_f", number(|s| s.limit))
+        .i64("terms", rows.iter().map(|(_, s)| s.terms as i64).collect::<Vec<_>>())
+        .f64("pse", number(|s| s.pse))
+        .f64("r2", number(|s| s.r2))
+        .f64("s", number(|s| s.s))
+        .bools("kept", rows.iter().map(|(_, s)| s.kept).collect::<Vec<_>>())
         .finish()
 }
 
