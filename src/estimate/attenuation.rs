@@ -14,7 +14,8 @@
 //! smoothing leaves of it counts. In the rate of a state its own noise does no more harm than this: the
 //! derivative filter is odd and the smoothing even, so that the two are not correlated.
 
-use super::regressors::{Problem, Side};
+use super::regressors::Problem;
+use super::sides::Side;
 use super::solution::Solution;
 use crate::least_squares::{Layout, normal_matrix};
 use crate::model::Program;

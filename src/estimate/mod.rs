@@ -25,10 +25,12 @@
 //! | `profile` | intervals from the likelihood's profile |
 //! | `modes` | the modes of the linearised model |
 //! | `selection` | candidates that the data do not support are held, one after the other |
-//! | `search` | candidates that the equations ask for, one after the other |
+//! | `terms` | one equation: its candidates gone through, one after the other |
+//! | `search` | all equations so: candidates that they ask for |
 //! | `decision` | what became of such a candidate |
 //! | `repeats` | scatter of repeated estimates against their standard deviations |
-//! | `regressors` | both sides of the rate and output equations, as such a problem |
+//! | `sides` | the rate and output equations that the measurements allow |
+//! | `regressors` | both sides of these equations, as such a problem |
 //! | `regression` | its solution: the estimate by equation error, or starting values |
 //! | `attenuation` | how far noise in the regressors has moved it |
 //! | `start` | whether they fit better than those of the model |
@@ -79,9 +81,11 @@ mod search;
 mod segment;
 mod selection;
 mod settings;
+mod sides;
 mod sizes;
 mod solution;
 mod start;
+mod terms;
 #[cfg(test)]
 mod tests;
 mod trace;
@@ -105,9 +109,10 @@ pub use preroll::TooShort;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use reached::{Follows, Over, Reached};
-pub use search::{Step, unsearchable};
+pub use search::unsearchable;
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
 pub use settings::{
     By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
 };
+pub use terms::Step;
 pub use trace::Trace;

@@ -8,37 +8,15 @@
 //! is not a state gives `z = h(x, u, theta)` at the same points. Nothing is integrated over time.
 
 use super::case::Case;
+use super::sides::{Considered, Side, measured, sides};
 use super::{Settings, Trace};
 use crate::dynamics::{self, Record};
 use crate::error::Result;
 use crate::least_squares::{Block, Evaluate, Layout, Structure};
-use crate::model::graph::{Leaf, Node};
 use crate::model::linear::{Entry, Linear};
 use crate::model::{Delayed, Model, Program};
 use crate::signal::resample::{Grid, linear};
 use crate::signal::smooth::SavitzkyGolay;
-
-/// An equation in use: the row of its program, what is on its left side, what it needs.
-pub(super) struct Side {
-    /// Row among the rates or the outputs of the propagator.
-    pub row: usize,
-    pub is_rate: bool,
-    pub output: usize,
-    pub states: Vec<usize>,
-    pub name: String,
-    pub unit: String,
-}
-
-/// An equation of the model, and whether it is used.
-pub(super) struct Considered {
-    pub name: String,
-    pub unit: String,
-    /// "used", or what is missing.
-    pub outcome: String,
-}
-
-/// The outcome of an equation that is used.
-pub(super) const USED: &str = "used";
 
 /// What one segment contributes, independent of the parameters.
 pub(super) struct Sampled {
@@ -70,91 +48,6 @@ pub(super) const NOWHERE: &str = "in none of these equations";
 
 /// A variance is never taken smaller than this share of the mean square of the left side.
 const ROUNDING: f64 = 1e-20;
-
-/// The equations that can be used, and all of them by name.
-fn sides(case: &Case) -> (Vec<Side>, Vec<Considered>) {
-    let model = &case.model;
-    let (mut sides, mut equations) = (Vec::new(), Vec::new());
-    let mut add = |name: String,
-                   unit: String,
-                   node: Node,
-                   row: usize,
-                   is_rate: bool,
-                   output: Option<usize>,
-                   of_state: bool| {
-        let outcome = match (needed(model, node), output) {
-            (_, _) if of_state => "the state itself: its rate is used".to_string(),
-            (Err(hidden), _) => format!("needs {hidden}, which is not measured"),
-            (_, None) => "the state is not measured".to_string(),
-            (Ok(states), Some(output)) => {
-                match states.iter().find(|&&i| measured(case, i).is_none()) {
-                    Some(&i) => {
-                        format!("needs {}, which is not measured", model.states[i].quantity.name)
-                    }
-                    None => {
-                        let (name, unit) = (name.clone(), unit.clone());
-                        sides.push(Side { row, is_rate, output, states, name, unit });
-                        USED.to_string()
-                    }
-                }
-            }
-        };
-        equations.push(Considered { name, unit, outcome });
-    };
-    // The covariance of a filter has no measurement.
-    let motion = model.covariance.as_ref().map_or(model.states.len(), |c| c.motion);
-    for (i, state) in model.states.iter().enumerate().take(motion) {
-        let q = &state.quantity;
-        add(
-            format!("rate of {}", q.name),
-            format!("{}/s", q.unit),
-            model.rates[i],
-            i,
-            true,
-            measured(case, i),
-            false,
-        );
-    }
-    for (row, &o) in case.outputs.iter().enumerate() {
-        let q = &model.outputs[o];
-        add(
-            q.name.clone(),
-            q.unit.clone(),
-            model.output_nodes[o],
-            row,
-            false,
-            Some(o),
-            model.state(&q.name).is_some(),
-        );
-    }
-    (sides, equations)
-}
-
-/// States that a node depends on, those behind delays included, or the name of one that nobody can
-/// measure.
-fn needed(model: &Model, node: Node) -> std::result::Result<Vec<usize>, String> {
-    let mut states = Vec::new();
-    for leaf in model.graph.leaves(&[node]) {
-        match leaf {
-            Leaf::State(i) => states.push(i),
-            Leaf::Delayed(k) => {
-                if let Delayed::State(i) = model.delays[k].of {
-                    states.push(i);
-                }
-            }
-            _ => {}
-        }
-    }
-    match states.iter().find(|&&i| model.states[i].hidden) {
-        Some(&i) => Err(model.states[i].quantity.name.clone()),
-        None => Ok(states),
-    }
-}
-
-/// The output that measures a state.
-fn measured(case: &Case, state: usize) -> Option<usize> {
-    case.model.output(&case.model.states[state].quantity.name).filter(|o| case.outputs.contains(o))
-}
 
 /// What was measured of an output on the grid: straight lines between samples, none where one of
 /// the two is masked.
@@ -440,13 +333,6 @@ impl Sampled {
             noise = self.filter.apply(&integral(&noise, self.dt));
         }
         noise.iter().map(|v| v * v).sum()
-    }
-}
-
-impl Side {
-    /// The number of the output, or of the state's rate behind all outputs.
-    pub fn number(&self, model: &Model) -> usize {
-        if self.is_rate { model.outputs.len() + self.row } else { self.output }
     }
 }
 

@@ -81,7 +81,7 @@ fn recovery_intervals_of_a_regression_cover_the_truth() {
         let all: Vec<[f64; 2]> = (0..trials).into_par_iter().map(one).collect();
         let share = |w: usize| all.iter().map(|a| a[w]).sum::<f64>() / trials as f64;
         println!("rho {rho}: sd {:.3}, white {:.3}", share(0), share(1));
-        assert!((0.92..=0.975).contains(&share(0)), "{rho}: {}", share(0));
+        assert!((0.90..=0.975).contains(&share(0)), "{rho}: {}", share(0));
         assert!(rho == 0.0 || share(1) < 0.8, "{rho}: {}", share(1));
     }
 }
@@ -171,7 +171,7 @@ fn recovery_what_noise_in_a_state_does_to_its_rate_is_told() {
         assert!((row.value / truth - 1.0).abs() < 5e-3, "{} {}", row.name, row.value);
     }
     // As far from the values without noise, not from the truth: smoothing has an error of its own.
-    let [is, told] = moved(200, 1, exact.rows[1].value, |seed| run(seed, 0.1));
+    let [is, told] = moved(200, 1, exact.rows[1].value, |seed| run(seed, 0.02));
     println!("rate: moved by {is:.4}, told {told:.4}");
     assert!(is > 0.2 && (told / is - 1.0).abs() < 0.2, "{is} {told}");
 }

@@ -9,6 +9,8 @@ use crate::model::{Constants, Model};
 const TEXT: &str = r#"title = "Short period and a divergence"
 [inputs]
 de = "rad"
+[constants]
+w = { unit = "1/s", value = 1.0 }
 [parameters]
 Z_a = { unit = "1/s", start = -0.9 }
 M_a = { unit = "1/s^2", start = -5.5 }
@@ -16,9 +18,9 @@ M_q = { unit = "1/s", start = -1.8 }
 M_d = { unit = "1/s^2", start = -9.0 }
 L   = { unit = "1/s", start = 0.04 }
 [states]
-alpha = { unit = "rad", rate = "sin(q) + Z_a*alpha", start = 0.0 }
+alpha = { unit = "rad", rate = "w*sin(q/w) + Z_a*alpha", start = 0.0 }
 q = { unit = "rad/s", rate = "M_a*alpha + M_q*q + M_d*de", start = 0.0 }
-x = { unit = "rad", rate = "L*x + de", start = 0.0 }
+x = { unit = "rad", rate = "L*x + w*de", start = 0.0 }
 [outputs]
 alpha = { unit = "rad", value = "alpha" }
 q = { unit = "rad/s", value = "q" }

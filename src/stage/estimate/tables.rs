@@ -2,6 +2,7 @@
 
 use super::batch::{Batch, Done, per, segment};
 use super::limits;
+use super::regressions;
 use super::uncertainty;
 use crate::error::Result;
 use crate::estimate::{Estimation, Iteration, Mode, Profile, Row, Trace};
@@ -17,9 +18,9 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("budget", uncertainty::budget(model, done)?),
         ("profiles", uncertainty::profiles(model, done)?),
         ("repeats", uncertainty::repeats(model, done)?),
-        ("regressions", uncertainty::regressions(model, done)?),
-        ("equations", uncertainty::equations(model, done)?),
-        ("searches", uncertainty::searches(model, done)?),
+        ("regressions", regressions::regressions(model, done)?),
+        ("equations", regressions::equations(model, done)?),
+        ("searches", regressions::searches(model, done)?),
         ("modes", modes(model, done)?),
         ("iterations", iterations(model, done)?),
         ("residuals", residuals(model, done)?),
