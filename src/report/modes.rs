@@ -42,7 +42,7 @@ fn modes(table: &Columns) -> Grid {
             };
             let (real, imag) = (table.number("real", row), table.number("imag", row));
             let value = match imag > 0.0 {
-                true => format!("{} ± {}i", number(real, 4), number(imag, 4)),
+                true => format!("{} + {}i", number(real, 4), number(imag, 4)),
                 false => number(real, 4),
             };
             let of = match table.text("segment", row) {
@@ -69,7 +69,7 @@ fn modes(table: &Columns) -> Grid {
         left => format!(" {left} more stand in the table modes."),
     };
     grid.note = Some(format!(
-        "Eigenvalues of the model, linearised where the maneuver starts; ± beside an eigenvalue is its pair, not an interval. \
+        "Eigenvalues of the model, linearised where the maneuver starts; of a pair the one that turns forwards. \
          A negative time constant is that of a mode that grows.{more}"
     ));
     grid

@@ -105,8 +105,8 @@ fn structure(out: &Path) {
     let (models, actions, parameters) = (column("model"), column("action"), column("parameter"));
     let mut taken: Vec<&str> = Vec::new();
     for r in (0..searches.rows()).filter(|&r| models[r] == "stepwise") {
-        match actions[r].as_ref() {
-            "in" => taken.push(&parameters[r]),
+        match actions[r] {
+            "in" => taken.push(parameters[r]),
             "out" => taken.retain(|name| *name != parameters[r]),
             _ => {}
         }
