@@ -164,7 +164,7 @@ fn recovery_what_noise_in_a_state_does_to_its_rate_is_told() {
         let q = sums(&q, &noise(&mut random, 800, 0.1 * sd, 0.0));
         let settings = Settings { smoothing_s: 0.2, ..method() };
         let outputs = [(0, alpha), (1, q)];
-        estimate(&model, &[record(0.02, &[de.clone()], &outputs)], &settings).unwrap()
+        estimate(&model, &[record(0.02, std::slice::from_ref(&de), &outputs)], &settings).unwrap()
     };
     let exact = run(0, 0.0);
     for (row, truth) in exact.rows.iter().zip(OF_MOTION) {
