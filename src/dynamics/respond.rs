@@ -47,6 +47,11 @@ impl Propagator {
         Ok(values)
     }
 
+    /// The states at the start of a record; arguments as of `run`.
+    pub fn start(&self, parameters: &[f64], given: &[f64], record: &Record) -> Vec<f64> {
+        evaluate_starts(&self.starts, self.layout, &self.tables, parameters, given, record)
+    }
+
     /// Runs a record. `parameters`: all of the model's; `given`: start values of the `given()`
     /// states.
     pub fn run(

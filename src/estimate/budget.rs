@@ -18,11 +18,12 @@
 use super::case::{Case, propagator};
 use super::choice::Chosen;
 use super::extend::extended;
+use super::regressors::Problem;
 use super::segment::Segment;
 use super::solution::Solution;
-use super::{Settings, Stop};
+use super::{By, Settings, Stop};
 use crate::error::Errors;
-use crate::least_squares::normal_matrix;
+use crate::least_squares::{Evaluate, Layout, normal_matrix};
 use crate::model::{Assumed, Model, Scope, StartKind};
 use std::sync::Arc;
 
@@ -88,7 +89,19 @@ pub fn influences(
     let (opened, wider, propagator) = (Arc::new(opened), Arc::new(wider), Arc::new(propagator));
     let opened_case = Case::new(opened.clone(), wider, propagator, segments, given, settings)
         .with_steps(&case.steps());
-    Ok(slopes(&opened, &constants, &opened_case, case, solution).unwrap_or_default())
+    let wide = &opened_case;
+    let all = match settings.by {
+        By::Motion => {
+            let evaluate = |s: usize, local: &[f64], slopes: bool| wide.evaluate(s, local, slopes);
+            slopes(&opened, &constants, (&wide.layout, &evaluate), case, solution)
+        }
+        By::EquationError => {
+            let (problem, _) = Problem::new(wide, settings)?;
+            let layout = problem.layout(settings);
+            slopes(&opened, &constants, (&layout, &problem), case, solution)
+        }
+    };
+    Ok(all.unwrap_or_default())
 }
 
 /// The case's choice for the opened model, whose parameters have other indices, with the constants
@@ -128,10 +141,10 @@ fn reaching(opened: &Model, behind: std::ops::Range<usize>, outputs: &[usize]) -
     behind.filter(|&p| leaves.contains(&crate::model::graph::Leaf::Parameter(p))).collect()
 }
 
-fn slopes(
+fn slopes<F: Evaluate>(
     opened: &Model,
     constants: &[usize],
-    wide: &Case,
+    (layout, evaluate): (&Layout, &F),
     case: &Case,
     solution: &Solution,
 ) -> Option<Vec<Influence>> {
@@ -140,9 +153,7 @@ fn slopes(
     let mut at: Vec<f64> = theta[..nc].to_vec();
     at.extend(constants.iter().map(|&p| opened.parameters[p].start));
     at.extend(&theta[nc..]);
-    let evaluate =
-        |s: usize, local: &[f64], sensitivities: bool| wide.evaluate(s, local, sensitivities);
-    let matrix = normal_matrix(&wide.layout, &evaluate, &at)?;
+    let matrix = normal_matrix(layout, evaluate, &at)?;
     let shifted = |i: usize| if i < nc { i } else { i + k };
     let mut all = Vec::with_capacity(k);
     for (j, &p) in constants.iter().enumerate() {

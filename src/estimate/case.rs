@@ -95,6 +95,11 @@ impl Case {
         case
     }
 
+    /// Free parameters of the model, in the order of a segment's directions.
+    pub fn free(&self) -> Vec<usize> {
+        self.chosen.shared.iter().chain(&self.chosen.own).copied().collect()
+    }
+
     /// Places of parameters that are one and the same of different segments, where the model has
     /// friction: then the cost of a segment has several minima.
     pub fn alike(&self) -> Vec<Vec<usize>> {

@@ -5,6 +5,8 @@
 pub enum Support {
     Significant,
     NotSignificant,
+    /// A search through the equations did not take it.
+    NotTaken,
     /// The data do not distinguish it from others.
     NotObservable,
 }
@@ -15,6 +17,7 @@ impl Support {
         match self {
             Support::Significant => "significant",
             Support::NotSignificant => "not significant",
+            Support::NotTaken => "not taken",
             Support::NotObservable => "not observable",
         }
     }

@@ -11,7 +11,8 @@
 use super::case::Case;
 use super::equations::Origin;
 use super::estimation::Elsewhere;
-use super::regression::{ESTIMATED, Regression, regress};
+use super::regression::{Regression, regress};
+use super::regressors::ESTIMATED;
 use super::solution::Solution;
 use super::{Settings, Stop};
 use crate::engine::Here;

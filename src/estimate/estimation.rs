@@ -3,12 +3,14 @@
 
 use super::budget::Influence;
 use super::decision::Decision;
+use super::modes::Mode;
 use super::preroll::TooShort;
 use super::profile::Profile;
 use super::rank::Verdict;
 use super::reached::Reached;
 use super::regression;
 use super::segment::Label;
+use super::terms::Step;
 use super::trace::Trace;
 use crate::least_squares::{Iteration, Stop};
 use crate::noise::Modelled;
@@ -125,6 +127,10 @@ pub struct Estimation {
     pub regression: Option<regression::Regression>,
     /// The profiles asked for, by row.
     pub profiles: Vec<Profile>,
+    /// The modes of the linearised model, segment by segment; empty unless converged.
+    pub modes: Vec<Mode>,
+    /// The search through the candidates, equation by equation; empty where there was none.
+    pub searched: Vec<Step>,
     /// What became of the candidates: those that are held, in the order in which they were, then
     /// those that are estimated.
     pub decisions: Vec<Decision>,

@@ -2,7 +2,7 @@
 //! ask for, and segments that feed it, out.
 
 use super::segment::Segment;
-use super::{NoiseKind, Settings};
+use super::{By, NoiseKind, Settings};
 use crate::dynamics::{Interpolation, Record};
 use crate::error::{Error, Errors};
 use crate::math::interpolate::held;
@@ -51,7 +51,8 @@ pub fn prepare<'a>(
 ) -> Result<(Cow<'a, Model>, Cow<'a, [Segment]>), Errors> {
     let nu = model.inputs.len();
     let (mut model, carried) = extend(model, settings)?;
-    if model.is_driven() {
+    // Equations are compared one by one: what drives the motion is in their residuals.
+    if model.is_driven() && settings.by == By::Motion {
         model = Cow::Owned(filtered(&model, segments, settings)?);
     }
     if carried.is_empty() {

@@ -24,10 +24,16 @@
 //! | `solution` | the six together: estimates and covariances by parameter index |
 //! | `budget` | how the constants that a model assumes move the estimates |
 //! | `profile` | intervals from the likelihood's profile |
+//! | `modes` | the modes of the linearised model |
 //! | `selection` | candidates that the data do not support are held, one after the other |
+//! | `terms` | one equation: its candidates gone through, one after the other |
+//! | `search` | all equations so: candidates that they ask for |
 //! | `decision` | what became of such a candidate |
 //! | `repeats` | scatter of repeated estimates against their standard deviations |
-//! | `regression` | starting values by regression on the rate and output equations |
+//! | `sides` | the rate and output equations that the measurements allow |
+//! | `regressors` | both sides of these equations, as such a problem |
+//! | `regression` | its solution: the estimate by equation error, or starting values |
+//! | `attenuation` | how far noise in the regressors has moved it |
 //! | `start` | whether they fit better than those of the model |
 //! | `settings` | how an estimation is run |
 //! | `choice` | settings against the model: what is free, where it starts |
@@ -45,6 +51,7 @@
 //! | `estimation` | the result |
 //! | `result` | names put to the solution |
 
+mod attenuation;
 mod budget;
 mod case;
 mod choice;
@@ -58,6 +65,7 @@ mod estimation;
 mod extend;
 mod idle;
 mod measured_limits;
+mod modes;
 mod neighbours;
 mod noise_covariance;
 mod output_error;
@@ -68,14 +76,18 @@ mod profile;
 mod rank;
 mod reached;
 pub mod regression;
+mod regressors;
 pub mod repeats;
 mod result;
+mod search;
 mod segment;
 mod selection;
 mod settings;
+mod sides;
 mod sizes;
 mod solution;
 mod start;
+mod terms;
 #[cfg(test)]
 mod tests;
 mod trace;
@@ -93,6 +105,7 @@ pub use estimation::{
 };
 pub use extend::extended;
 pub use idle::Idle;
+pub use modes::{Mode, Uncertain};
 pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use plateaus::Piece;
 pub use prepared::Prepared;
@@ -100,6 +113,10 @@ pub use preroll::TooShort;
 pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use reached::{Follows, Over, Reached};
+pub use search::unsearchable;
 pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
-pub use settings::{InitialFrom, Line, NoiseKind, Settings, Shifts, StartFrom, WithoutEffect};
+pub use settings::{
+    By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
+};
+pub use terms::Step;
 pub use trace::Trace;

@@ -7,19 +7,22 @@ use super::choice::choose;
 use super::equations::Origin;
 use super::extend::prepare;
 use super::preroll::TooShort;
-use super::profile::Profile;
+use super::profile::{Profile, profiles};
 use super::rank::{NONE, weak_words};
 use super::reached::Reached;
-use super::result::{Further, name};
+use super::regression::{Regression, estimated};
+use super::regressors::Problem;
+use super::result::{Further, Traced, name};
+use super::search::searched;
 use super::segment::Segment;
 use super::selection::select;
 use super::solution::Solution;
 use super::tries::best_of;
 use super::usable::{starts, unusable};
-use super::{Doubtful, Estimation, LeftOut, Settings, Stop};
+use super::{By, Doubtful, Elsewhere, Estimation, LeftOut, Settings, Stop};
 use crate::dynamics::{Lost, Record};
 use crate::engine::{Here, Kept, Threads};
-use crate::error::Errors;
+use crate::error::{Error, Errors};
 use crate::model::Model;
 use std::sync::Arc;
 
@@ -74,7 +77,11 @@ pub fn estimate_where(
     settings: &Settings,
 ) -> Result<Estimation, Errors> {
     best_of(settings, &|settings| {
-        select(settings, |settings| once(here, model, segments, settings))
+        select(
+            settings,
+            |settings| once(here, model, segments, settings),
+            |settings| searched(model, segments, settings),
+        )
     })
 }
 
@@ -114,14 +121,13 @@ fn once(
             case.check_limits()?;
         }
         let origin = Origin::new(base, all, settings, &used);
-        let regression = case.start_by_regression(settings)?;
-        let solution = case.solve(settings, &origin, here);
-        let (mut solution, elsewhere) =
-            case.elsewhere(solution, regression.as_ref(), settings, (&origin, here));
-        if !settings.stabilise.is_empty() {
-            // Noise of the measured states drives the model: what residuals tell is not how far off it is.
-            solution.covariance = None;
-        }
+        let (regression, solution, elsewhere) = match settings.by {
+            By::Motion => by_motion(&mut case, settings, (&origin, here))?,
+            By::EquationError => {
+                let (regression, solution) = by_equations(&case, settings)?;
+                (regression, solution, None)
+            }
+        };
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
@@ -133,13 +139,17 @@ fn once(
                     let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned());
                     let budget =
                         influences(base, &these, values.collect(), &case, &solution, settings)?;
-                    let profiles = case.profiles(&solution, settings, &origin, here);
-                    told(&case, &solution, &used, (budget, profiles))?
+                    told(&case, &solution, (settings, &used), budget, (&origin, here))?
                 }
             };
             let Told { budget, profiles, stuck, reached, crossed, too_short } = told;
+            let traced = match settings.by {
+                By::Motion => Traced::of_motion(&case, &solution),
+                By::EquationError => Traced::of_equations(&case, &solution, settings)?,
+            };
             let further = Further { budget, profiles, regression };
-            let named = name(&model, &case, &used, segments.len(), solution, further);
+            let modes = if settings.briefly { Vec::new() } else { case.modes(&solution, &used) };
+            let named = name(&case, &used, segments.len(), solution, traced, further);
             return Ok(Estimation {
                 left_out,
                 doubtful: doubtful(&model, segments),
@@ -149,6 +159,7 @@ fn once(
                 too_short,
                 delaying: case.delaying(),
                 elsewhere,
+                modes,
                 why,
                 ..named
             });
@@ -174,18 +185,55 @@ struct Told {
 fn told(
     case: &Case,
     solution: &Solution,
-    used: &[usize],
-    (budget, profiles): (Vec<Influence>, Vec<Profile>),
+    (settings, used): (&Settings, &[usize]),
+    budget: Vec<Influence>,
+    (origin, here): (&Origin, &Here),
 ) -> Result<Told, Errors> {
     let theta = &solution.fit.theta;
-    Ok(Told {
-        budget,
-        profiles,
-        stuck: stuck(case, solution, used),
-        reached: case.reached(theta, used)?,
-        crossed: case.crossed(theta)?,
-        too_short: case.short_of_preroll(theta, used)?,
+    let too_short = case.short_of_preroll(theta, used)?;
+    Ok(match settings.by {
+        By::Motion => Told {
+            budget,
+            profiles: case.profiles(solution, settings, origin, here),
+            stuck: stuck(case, solution, used),
+            reached: case.reached(theta, used)?,
+            crossed: case.crossed(theta)?,
+            too_short,
+        },
+        // Nothing moves: there are no limits, and nothing that friction could hold.
+        By::EquationError => {
+            let (problem, _) = Problem::new(case, settings)?;
+            let layout = problem.layout(settings);
+            let asked = |i: &usize| settings.profile.contains(&case.unknowns[*i].name);
+            let which: Vec<usize> = (0..case.unknowns.len()).filter(asked).collect();
+            let profiles = profiles(&layout, &problem, solution, &which, settings);
+            Told { budget, profiles, too_short, ..Told::default() }
+        }
     })
+}
+
+/// The estimate by the motion, with where another start ended if it is elsewhere.
+fn by_motion(
+    case: &mut Case,
+    settings: &Settings,
+    (origin, here): (&Origin, &Here),
+) -> Result<(Option<Regression>, Solution, Option<Elsewhere>), Error> {
+    let regression = case.start_by_regression(settings)?;
+    let solution = case.solve(settings, origin, here);
+    let (mut solution, elsewhere) =
+        case.elsewhere(solution, regression.as_ref(), settings, (origin, here));
+    if !settings.stabilise.is_empty() {
+        // Noise of the measured states drives the model: what residuals tell is not how far off it is.
+        solution.covariance = None;
+    }
+    Ok((regression, solution, elsewhere))
+}
+
+/// The estimate by the equations of the model.
+fn by_equations(case: &Case, settings: &Settings) -> Result<(Option<Regression>, Solution), Error> {
+    let (problem, considered) = Problem::new(case, settings)?;
+    let (regression, solution) = estimated(&problem, considered, settings);
+    Ok((Some(regression), solution))
 }
 
 /// Segments in which friction holds a state all along.

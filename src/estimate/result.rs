@@ -5,10 +5,12 @@ use super::case::Case;
 use super::profile::Profile;
 use super::rank::{Combination, Term, Verdict, Weak};
 use super::regression::Regression;
+use super::regressors::Problem;
+use super::sides::Side;
 use super::solution::Solution;
-use super::{Correlation, Estimation, OutputScatter, Row, Trace};
+use super::{Correlation, Estimation, OutputScatter, Row, Settings, Trace};
+use crate::error::Result;
 use crate::least_squares::{Arrow, Layout};
-use crate::model::Model;
 
 /// What is known of the uncertainty beyond the covariances.
 pub struct Further {
@@ -17,28 +19,61 @@ pub struct Further {
     pub regression: Option<Regression>,
 }
 
+/// What was compared with measurements: the outputs of the model, or its equations.
+pub struct Traced {
+    /// Number (as in a trace), name and unit.
+    compared: Vec<(usize, String, String)>,
+    /// Per segment used.
+    traces: Vec<Vec<Trace>>,
+}
+
+impl Traced {
+    /// The outputs along the motion.
+    pub fn of_motion(case: &Case, solution: &Solution) -> Traced {
+        let of = |o: usize| {
+            let quantity = &case.model.outputs[o];
+            (o, quantity.name.clone(), quantity.unit.clone())
+        };
+        let traces = (0..case.records.len()).map(|s| case.traces(s, &solution.fit.theta)).collect();
+        Traced { compared: case.outputs.iter().copied().map(of).collect(), traces }
+    }
+
+    /// Both sides of the equations.
+    ///
+    /// # Errors
+    /// The smoothing cannot be built.
+    pub fn of_equations(case: &Case, solution: &Solution, settings: &Settings) -> Result<Traced> {
+        let (problem, _) = Problem::new(case, settings)?;
+        let of = |side: &Side| (side.number(&case.model), side.name.clone(), side.unit.clone());
+        let compared = problem.sides.iter().map(of).collect();
+        let theta = &solution.fit.theta;
+        let traces = (0..case.records.len()).map(|s| problem.traces(s, theta)).collect();
+        Ok(Traced { compared, traces })
+    }
+}
+
 /// Puts names to a solution over the segments `used`, of `segments` in all; what is wrong with
 /// segments is not known here.
 pub fn name(
-    model: &Model,
     case: &Case,
     used: &[usize],
     segments: usize,
     solution: Solution,
+    traced: Traced,
     further: Further,
 ) -> Estimation {
     let rows = rows(case, used, &solution, &further);
     let combinations = solution.weak.iter().map(|weak| combination(&rows, weak)).collect();
     let (mut responses, mut noise_groups) = (vec![Vec::new(); segments], vec![None; segments]);
-    for (at, &s) in used.iter().enumerate() {
-        responses[s] = case.traces(at, &solution.fit.theta);
+    for ((at, &s), traces) in used.iter().enumerate().zip(traced.traces) {
+        responses[s] = traces;
         noise_groups[s] = Some(case.layout.parts[at].group);
     }
     Estimation {
         stop: solution.fit.stop,
         correlations: correlations(&case.layout, &solution),
         det_r: libm::exp(solution.fit.ln_det),
-        outputs: scatter(model, case, &solution, &responses, &noise_groups),
+        outputs: scatter(case, &solution, &traced.compared, &responses, &noise_groups),
         settled: solution.settled,
         noise_groups,
         responses,
@@ -52,6 +87,8 @@ pub fn name(
         budget: further.budget,
         profiles: further.profiles,
         regression: further.regression,
+        modes: Vec::new(),
+        searched: Vec::new(),
         decisions: Vec::new(),
         left_out: Vec::new(),
         doubtful: Vec::new(),
@@ -151,16 +188,16 @@ fn combination(rows: &[Row], weak: &Weak) -> Combination {
 }
 
 fn scatter(
-    model: &Model,
     case: &Case,
     solution: &Solution,
+    compared: &[(usize, String, String)],
     responses: &[Vec<Trace>],
     groups: &[Option<usize>],
 ) -> Vec<OutputScatter> {
-    let n = case.outputs.len();
+    let n = compared.len();
     let mut all = Vec::new();
     for (group, r) in solution.fit.noise.iter().enumerate() {
-        for (j, &output) in case.outputs.iter().enumerate() {
+        for (j, (output, name, unit)) in compared.iter().enumerate() {
             let mine = groups
                 .iter()
                 .zip(responses)
@@ -168,11 +205,11 @@ fn scatter(
                 .flat_map(|(_, traces)| traces);
             let first = groups.iter().flatten().position(|g| *g == group).unwrap_or(0);
             let known = case.noise_variance(j, first, &solution.fit.theta);
-            let samples: usize = mine.filter(|t| t.output == output).map(|t| t.t.len()).sum();
+            let samples: usize = mine.filter(|t| t.output == *output).map(|t| t.t.len()).sum();
             let colour = solution.colour.get(group * n + j);
             all.push(OutputScatter {
-                name: model.outputs[output].name.clone(),
-                unit: model.outputs[output].unit.clone(),
+                name: name.clone(),
+                unit: unit.clone(),
                 group,
                 r: known.unwrap_or(r.variances()[j]),
                 count: r.count[j],

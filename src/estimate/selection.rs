@@ -9,7 +9,8 @@
 
 use super::decision::{Decision, Support};
 use super::rank::{NONE, Verdict};
-use super::{Estimation, Settings, Stop};
+use super::search::Searched;
+use super::{Estimation, Search, Settings, Stop};
 use crate::error::Errors;
 use crate::math::distribution::chi2_cdf;
 
@@ -21,9 +22,13 @@ const SIGNIFICANT: f64 = 2.0;
 pub fn select(
     settings: &Settings,
     estimate: impl Fn(&Settings) -> Result<Estimation, Errors>,
+    search: impl Fn(&Settings) -> Result<Searched, Errors>,
 ) -> Result<Estimation, Errors> {
     if settings.candidates.is_empty() {
         return estimate(settings);
+    }
+    if settings.search != Search::Backward {
+        return with_taken(settings, estimate, search(settings)?);
     }
     // profiles are for the last one
     let mut trial = Settings { profile: Vec::new(), ..settings.clone() };
@@ -49,6 +54,33 @@ pub fn select(
         estimation = estimate(&trial)?;
     }
     Ok(Estimation { decisions, ..estimation })
+}
+
+/// Estimates with the candidates that a search took.
+fn with_taken(
+    settings: &Settings,
+    estimate: impl Fn(&Settings) -> Result<Estimation, Errors>,
+    searched: Searched,
+) -> Result<Estimation, Errors> {
+    let mut trial = settings.clone();
+    let left = settings.candidates.iter().filter(|name| !searched.taken.contains(name));
+    trial.fixed.extend(left.cloned());
+    trial.profile.retain(|name| !trial.fixed.contains(name));
+    let estimation = estimate(&trial)?;
+    let decide = |name: &String| match searched.taken.contains(name) {
+        true => judge(&estimation, name).map(|(decision, _)| decision),
+        false => Some(Decision {
+            parameter: name.clone(),
+            unit: searched.unit(name).to_string(),
+            value: f64::NAN,
+            sd: f64::NAN,
+            start: searched.start(name),
+            support: Support::NotTaken,
+            like: Vec::new(),
+        }),
+    };
+    let decisions = settings.candidates.iter().filter_map(decide).collect();
+    Ok(Estimation { decisions, searched: searched.steps, ..estimation })
 }
 
 /// The candidate that is held next; none where all that are left are significant, or nothing can be

@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
+    /// What is compared with the measurements: the motion of the model, or each of its equations
+    /// (regression).
+    pub by: By,
     /// Parameters to estimate. Without it: every parameter of the model that is not `fixed` there.
     pub free: Option<Vec<String>>,
     /// Parameters held at their start although the model (or `free`) would free them.
@@ -20,6 +23,11 @@ pub struct Settings {
     /// are held there, the least significant first, and of those that the data cannot distinguish
     /// the last named one. Every decision is a row of the table `separability`.
     pub candidates: Vec<String>,
+    /// How the candidates are gone through.
+    pub search: Search,
+    /// Least partial F of a candidate in a stepwise search: one with less does not come in, or goes
+    /// out. 4 is the 5 % level where residuals are white; coloured ones ask for more.
+    pub limit_f: f64,
     /// Start values that replace those of the model (the value itself for a parameter that is
     /// held).
     pub starts: IndexMap<String, f64>,
@@ -139,6 +147,36 @@ impl Line {
     }
 }
 
+/// What is compared with the measurements.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+pub enum By {
+    /// The motion of the model over time: output error, or filter error where noise drives a state.
+    #[default]
+    #[serde(rename = "motion")]
+    Motion,
+    /// Each equation by itself: least squares on the rates of measured states, and on measured
+    /// outputs (accelerations, coefficients). Nothing is integrated over time; noise in the measured
+    /// states and inputs moves the estimates towards zero, by how much is said.
+    #[serde(rename = "equation error")]
+    EquationError,
+}
+
+/// How candidates are gone through.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Search {
+    /// All are estimated, and the least significant is held, one after the other, with standard
+    /// deviations that allow for coloured residuals.
+    #[default]
+    Backward,
+    /// By equation error: one after the other comes in by its partial F, and goes out again where
+    /// others have made it superfluous.
+    Stepwise,
+    /// By equation error: all come in, ordered by what each explains that those before did not, and
+    /// their number is chosen where the predicted square error is least.
+    Orthogonal,
+}
+
 /// Where states begin that start "measured".
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -236,10 +274,13 @@ impl Default for Settings {
     fn default() -> Self {
         let method = Method::default();
         Settings {
+            by: By::default(),
             briefly: false,
             free: None,
             fixed: Vec::new(),
             candidates: Vec::new(),
+            search: Search::default(),
+            limit_f: 20.0,
             starts: IndexMap::new(),
             tries: IndexMap::new(),
             tried: IndexMap::new(),

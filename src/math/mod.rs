@@ -1,9 +1,11 @@
 //! Small mathematics used on every floor: dense matrices in flat slices, quantiles of
 //! distributions, interpolation, Fourier sums, vectors of the width the machine has.
 
+pub mod complex;
 pub mod dense;
 mod digits;
 pub mod distribution;
+pub mod eigen;
 pub mod fourier;
 pub mod interpolate;
 pub mod pool;

@@ -12,6 +12,7 @@ mod columns;
 mod consistency;
 mod correlations;
 mod diagnosis;
+mod equations;
 mod estimates;
 mod figures;
 mod flights;
@@ -22,6 +23,7 @@ mod limits;
 mod lines;
 mod logs;
 mod maneuvers;
+mod modes;
 mod paths;
 mod predictions;
 mod provenance;
@@ -56,6 +58,8 @@ pub const SECTIONS: &[Section] = &[
     validation::SECTION,
     maneuvers::SECTION,
     estimates::SECTION,
+    equations::SECTION,
+    modes::SECTION,
     correlations::SECTION,
     uncertainty::SECTION,
     limits::SECTION,

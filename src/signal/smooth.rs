@@ -30,6 +30,11 @@ impl SavitzkyGolay {
         Ok(SavitzkyGolay { window, weights: weights(window, order, derivative, dt) })
     }
 
+    /// Number of samples that one value is made from.
+    pub fn window(&self) -> usize {
+        self.window
+    }
+
     /// The filtered signal. The ends use the polynomials of the first and last whole window. NaN
     /// samples split the signal: each part is filtered by itself, and a part shorter than the
     /// window gives NaN.

@@ -66,6 +66,34 @@ fn truth_attas_short_period_from_mat_files_to_estimates() {
     }
 }
 
+/// The short period that follows from the published derivatives, in closed form.
+#[test]
+fn truth_attas_short_period_mode() {
+    let Some(out) = results() else { return };
+    let modes = read_dataset(&out, "modes").expect("modes");
+    let of = |name: &str| PUBLISHED.iter().find(|p| p.0 == name).map(|p| p.1).expect("a value");
+    let [za, zq, ma, mq] = ["Za", "Zq", "Ma", "Mq"].map(of);
+    let frequency = (za * mq - (zq + 1.0) * ma).sqrt();
+    let damping = -(za + mq) / (2.0 * frequency);
+    let models = modes.strings("model").expect("column");
+    let rows: Vec<usize> =
+        (0..modes.rows()).filter(|&i| models[i] == "short-period-published").collect();
+    let [row] = rows[..] else { panic!("one mode, the same for both maneuvers: {rows:?}") };
+    let number = |name: &str| modes.f64(name).expect("column")[row];
+    assert_eq!(modes.strings("states").expect("column")[row].len(), "alpha, q".len());
+    for (name, want) in [
+        ("frequency", frequency),
+        ("damping", damping),
+        ("period", 2.0 * std::f64::consts::PI / (frequency * (1.0 - damping * damping).sqrt())),
+        ("time_constant", -2.0 / (za + mq)),
+    ] {
+        let (value, sd) = (number(name), number(&format!("{name}_sd")));
+        println!("{name}: {value} +- {sd} for {want}");
+        assert!((value / want - 1.0).abs() < 1e-4, "{name}: {value} for {want}");
+        assert!(sd > 0.0 && sd < 0.05 * value, "{name}: {value} +- {sd}");
+    }
+}
+
 /// Reconstruction over three maneuvers: bias, published value and sd. Accelerometers first, then
 /// gyros.
 const BIASES: [(&str, f64, f64); 6] = [

@@ -16,6 +16,7 @@ mod design;
 mod diagnosis;
 mod dlc;
 mod engines;
+mod equation_error;
 mod faults;
 mod figures;
 mod filter_error;

@@ -2,6 +2,7 @@
 
 mod candidates;
 mod coverage;
+mod equation_error;
 mod friction;
 mod groups;
 mod hazards;
@@ -9,6 +10,7 @@ mod hfb320;
 mod honest;
 mod limits;
 mod linear_algebra;
+mod modes;
 mod named;
 mod noise;
 mod points;

@@ -3,6 +3,7 @@
 
 use crate::diagnose;
 use crate::diagnose::effect::{self, Effect};
+use crate::estimate::By;
 use crate::model::Model;
 use crate::stage::check::{Given, folders};
 use crate::stage::kind::{Campaign, Known};
@@ -153,6 +154,15 @@ impl Config {
         let base = estimates.get(index)?.as_ref()?;
         if let Err(error) = base.model.without_noise("a diagnosis") {
             given.push(&format!("{key}.estimate"), error.what, &error.help.unwrap_or_default());
+            return None;
+        }
+        if base.settings.method.by == By::EquationError {
+            let what = format!(
+                "estimate \"{}\" is by equation error, and a diagnosis looks at the motion",
+                settings.estimate
+            );
+            let help = "name an estimate of the same model by = \"motion\"";
+            given.push(&format!("{key}.estimate"), what, help);
             return None;
         }
         roles((given, key), &settings, &base.model);

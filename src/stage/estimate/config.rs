@@ -1,6 +1,7 @@
 //! An `[[estimate]]` of the pipeline file comes in; its checked settings, with what drives the model
 //! and what measures its outputs, or the mistakes, go out.
 
+use super::method;
 use super::names::{self, Driver, Scored};
 use super::settings::{Settings, Used};
 use crate::model::Model;
@@ -119,7 +120,10 @@ impl Config {
         }
         names::levels(&settings, columns, &given.doc, key, &mut given.errors);
         match crate::estimate::extended(&model, &settings.method) {
-            Ok(extended) => names::method(&extended, &settings, &given.doc, key, &mut given.errors),
+            Ok(extended) => {
+                method::names(&extended, &settings, &given.doc, key, &mut given.errors);
+                method::search(&extended, &outputs, &settings, &given.doc, key, &mut given.errors);
+            }
             Err(errors) => given.errors.0.extend(
                 errors.0.into_iter().map(|e| placed(&given.doc, &format!("{key}.method"), e)),
             ),

@@ -163,6 +163,10 @@ pub fn idle(estimation: &Estimation, row: &Row) -> (&'static str, String) {
                 format!("{} is not determined, what it delays has no effect: {held}", row.name);
             ("not determined", text)
         }
+        Idle::NoEquation => {
+            let text = format!("{} is in none of the equations that can be used: {held}", row.name);
+            ("in no equation", text)
+        }
         Idle::NoEffect => {
             ("no effect", format!("{} has no effect on the measured outputs: {held}", row.name))
         }

@@ -6,9 +6,11 @@ pub mod chosen;
 mod config;
 mod late;
 mod limits;
+mod method;
 mod names;
 pub(super) mod ready;
 pub mod records;
+mod regressions;
 mod settings;
 mod stretches;
 mod tables;
@@ -18,6 +20,7 @@ mod uncertainty;
 use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::engine::Here;
 use crate::error::Errors;
+use crate::estimate::regression::Regressed;
 use crate::estimate::{self, Estimation};
 use crate::noise::Modelled;
 use batch::Batch;
@@ -45,6 +48,8 @@ pub const STAGE: Stage = Stage {
         "repeats",
         "regressions",
         "equations",
+        "searches",
+        "modes",
         "iterations",
         "residuals",
         "reached",
@@ -113,7 +118,8 @@ pub(super) fn estimated(
         let text = format!("no maneuver to estimate {} from", config.name());
         notes.push(config.note("", Severity::Missing, config.name(), 1, text));
     }
-    if config.model.is_driven() && !ready.is_empty() {
+    let by_motion = config.settings.method.by == estimate::By::Motion;
+    if config.model.is_driven() && by_motion && !ready.is_empty() {
         let text = "noise drives its states: it is estimated by filter error, and its responses are predictions one sample ahead, not free simulations".to_string();
         notes.push(config.note("", Severity::Info, config.name(), 1, text));
     }
@@ -217,6 +223,7 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         let text = format!("{}: {text}", batch.group);
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
+    notes.extend(moved_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(elsewhere_note(config, batch, estimation));
     if !config.settings.method.stabilise.is_empty() {
@@ -241,6 +248,24 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         ));
     }
     notes
+}
+
+/// Estimates by equation error that the noise of the regressors is expected to have moved.
+fn moved_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let regression = estimation.regression.as_ref().filter(|r| r.is_estimate)?;
+    let moved = regression.rows.iter().filter(|r| r.is_moved());
+    let words = |r: &Regressed| {
+        let (row, shift) = (estimation.rows.get(r.row)?, r.shift?);
+        Some(format!("{} by {shift:.2e}", row.name))
+    };
+    let words: Vec<String> = moved.filter_map(words).collect();
+    let text = format!(
+        "{}: noise in the regressors is expected to have moved these by more than their sd: {} (`shift` in the table regressions)",
+        batch.group,
+        words.join(", ")
+    );
+    let note = config.note("", Severity::Warning, batch.group.clone(), words.len(), text);
+    (!words.is_empty()).then_some(note)
 }
 
 /// What became of several starts.

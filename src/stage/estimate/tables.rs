@@ -2,9 +2,10 @@
 
 use super::batch::{Batch, Done, per, segment};
 use super::limits;
+use super::regressions;
 use super::uncertainty;
 use crate::error::Result;
-use crate::estimate::{Estimation, Iteration, Profile, Row, Trace};
+use crate::estimate::{Estimation, Iteration, Mode, Profile, Row, Trace};
 use crate::noise::{Modelled, Whiteness, theil, whiteness};
 use crate::table::Table;
 
@@ -17,8 +18,10 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("budget", uncertainty::budget(model, done)?),
         ("profiles", uncertainty::profiles(model, done)?),
         ("repeats", uncertainty::repeats(model, done)?),
-        ("regressions", uncertainty::regressions(model, done)?),
-        ("equations", uncertainty::equations(model, done)?),
+        ("regressions", regressions::regressions(model, done)?),
+        ("equations", regressions::equations(model, done)?),
+        ("searches", regressions::searches(model, done)?),
+        ("modes", modes(model, done)?),
         ("iterations", iterations(model, done)?),
         ("residuals", residuals(model, done)?),
         ("reached", limits::reached(model, done)?),
@@ -102,6 +105,33 @@ fn correlations(model: &str, done: &[Done]) -> Result<Table> {
         .opt_strings("other_of", rows.iter().map(|(b, _, other, _)| per(b, other).1))
         .f64("value", rows.iter().map(|(.., c)| c.value).collect::<Vec<_>>())
         .f64("value_crlb", rows.iter().map(|(.., c)| c.crlb).collect::<Vec<_>>())
+        .finish()
+}
+
+fn modes(model: &str, done: &[Done]) -> Result<Table> {
+    let rows: Vec<(&Batch, &Mode)> =
+        done.iter().flat_map(|(b, e)| e.modes.iter().map(move |mode| (*b, mode))).collect();
+    let number = |of: fn(&Mode) -> f64| rows.iter().map(|(_, m)| of(m)).collect::<Vec<f64>>();
+    let kind = |m: &Mode| if m.imag.value > 0.0 { "oscillation" } else { "aperiodic" };
+    Table::build("modes")
+        .repeat("model", model)
+        .strings("group", rows.iter().map(|(b, _)| &b.group))
+        .opt_strings("segment", rows.iter().map(|(b, m)| segment(b, m.segment)))
+        .i64("number", rows.iter().map(|(_, m)| m.number as i64).collect::<Vec<_>>())
+        .strings("kind", rows.iter().map(|(_, m)| kind(m)))
+        .strings("states", rows.iter().map(|(_, m)| m.states.join(", ")))
+        .f64("real", number(|m| m.real.value))
+        .f64("real_sd", number(|m| m.real.sd))
+        .f64("imag", number(|m| m.imag.value))
+        .f64("imag_sd", number(|m| m.imag.sd))
+        .f64("frequency", number(|m| m.frequency.value))
+        .f64("frequency_sd", number(|m| m.frequency.sd))
+        .f64("damping", number(|m| m.damping.value))
+        .f64("damping_sd", number(|m| m.damping.sd))
+        .f64("period", number(|m| m.period.value))
+        .f64("period_sd", number(|m| m.period.sd))
+        .f64("time_constant", number(|m| m.time_constant.value))
+        .f64("time_constant_sd", number(|m| m.time_constant.sd))
         .finish()
 }
 

@@ -6,10 +6,9 @@ use super::limits;
 use super::trim::Trim;
 use crate::config::list;
 use crate::error::Result;
-use crate::estimate::regression::{Equation, Regressed, Regression};
 use crate::estimate::repeats::{Repeats, compare};
 use crate::estimate::{
-    Combination, Decision, Estimation, Influence, Point, Profile, Row, covariance,
+    Combination, Decision, Estimation, Influence, Point, Profile, Row, Support, covariance,
 };
 use crate::math::distribution::INTERVAL_95;
 use crate::table::Table;
@@ -196,6 +195,8 @@ fn decided(d: &Decision) -> String {
     let Decision { parameter, value, sd, start, .. } = d;
     if !d.held() {
         format!("{parameter} {value:.4e} +- {:.1e} (95%): estimated", INTERVAL_95 * sd)
+    } else if d.support == Support::NotTaken {
+        format!("{parameter} is not taken by the search (table searches): held at {start}")
     } else if value.is_finite() {
         format!(
             "{parameter} {value:.4e} +- {:.1e} (95%) if it were estimated: held at {start}",
@@ -364,64 +365,6 @@ pub fn profiles(model: &str, done: &[Done]) -> Result<Table> {
         .f64("rise", rows.iter().map(|(.., point)| point.rise).collect::<Vec<_>>())
         .f64("limit", rows.iter().map(|(_, _, p, _)| p.limit).collect::<Vec<_>>())
         .f64("level", rows.iter().map(|(_, _, p, _)| p.level).collect::<Vec<_>>())
-        .finish()
-}
-
-pub fn regressions(model: &str, done: &[Done]) -> Result<Table> {
-    let mut rows: Vec<(&Batch, &Row, &Regression, &Regressed)> = Vec::new();
-    for (batch, e) in done {
-        if let Some(regression) = &e.regression {
-            rows.extend(
-                regression
-                    .rows
-                    .iter()
-                    .filter_map(|r| Some((*batch, e.rows.get(r.row)?, regression, r))),
-            );
-        }
-    }
-    let number = |of: fn(&Regressed) -> Option<f64>| {
-        rows.iter().map(|(.., r)| of(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
-    };
-    let condition = |r: &Regression| if r.condition.is_finite() { r.condition } else { f64::NAN };
-    Table::build("regressions")
-        .repeat("model", model)
-        .strings("group", rows.iter().map(|(b, ..)| &b.group))
-        .opt_strings("segment", rows.iter().map(|(b, row, ..)| segment(b, row.segment)))
-        .opt_strings("of", rows.iter().map(|(b, row, ..)| per(b, row).1))
-        .strings("parameter", rows.iter().map(|(_, row, ..)| &row.name))
-        .strings("unit", rows.iter().map(|(_, row, ..)| &row.unit))
-        .strings("outcome", rows.iter().map(|(.., r)| r.outcome))
-        .bools("taken", rows.iter().map(|(_, _, all, _)| all.taken).collect::<Vec<_>>())
-        .f64("start", number(|r| Some(r.start)))
-        .f64("value", number(|r| Some(r.value)))
-        .f64("sd", number(|r| r.sd))
-        .f64("sd_white", number(|r| r.sd_white))
-        .f64("t", number(|r| r.sd.map(|sd| r.value / sd)))
-        .f64("partial_f", number(|r| r.sd_white.map(|sd| (r.value / sd) * (r.value / sd))))
-        .f64("p", number(Regressed::p))
-        .f64("condition", rows.iter().map(|(_, _, all, _)| condition(all)).collect::<Vec<_>>())
-        .strings("stop", rows.iter().map(|(_, _, all, _)| all.stop.as_str()))
-        .finish()
-}
-
-pub fn equations(model: &str, done: &[Done]) -> Result<Table> {
-    let mut rows: Vec<(&Batch, &Equation)> = Vec::new();
-    for (batch, e) in done {
-        rows.extend(
-            e.regression.iter().flat_map(|r| &r.equations).map(|equation| (*batch, equation)),
-        );
-    }
-    let number = |of: fn(&Equation) -> f64| rows.iter().map(|(_, e)| of(e)).collect::<Vec<f64>>();
-    Table::build("equations")
-        .repeat("model", model)
-        .strings("group", rows.iter().map(|(b, _)| &b.group))
-        .strings("equation", rows.iter().map(|(_, e)| &e.name))
-        .strings("unit", rows.iter().map(|(_, e)| &e.unit))
-        .strings("outcome", rows.iter().map(|(_, e)| &e.outcome))
-        .i64("n", rows.iter().map(|(_, e)| e.n as i64).collect::<Vec<_>>())
-        .f64("rms", number(|e| e.rms))
-        .f64("r2", number(|e| e.r2))
-        .i64("ar_order", rows.iter().map(|(_, e)| e.ar_order as i64).collect::<Vec<_>>())
         .finish()
 }
 

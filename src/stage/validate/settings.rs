@@ -134,6 +134,8 @@ impl Settings {
         method.tries.clear();
         method.per = self.free.iter().map(|name| (name.clone(), SEGMENT.to_string())).collect();
         method.start = crate::estimate::StartFrom::Model;
+        // The proof of match is the motion, however the values were found.
+        method.by = crate::estimate::By::Motion;
         if let Some(model) = &self.model {
             run.model = model.clone();
             run.unscored = Vec::new();

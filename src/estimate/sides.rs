@@ -1,0 +1,119 @@
+//! A case in; its equations, and which of them its measurements allow, out.
+
+use super::case::Case;
+use crate::model::graph::{Leaf, Node};
+use crate::model::{Delayed, Model};
+
+/// An equation in use: the row of its program, what is on its left side, what it needs.
+pub(super) struct Side {
+    /// Row among the rates or the outputs of the propagator.
+    pub row: usize,
+    pub is_rate: bool,
+    pub output: usize,
+    pub states: Vec<usize>,
+    pub name: String,
+    pub unit: String,
+}
+
+/// An equation of the model, and whether it is used.
+pub(super) struct Considered {
+    pub name: String,
+    pub unit: String,
+    /// "used", or what is missing.
+    pub outcome: String,
+}
+
+/// The outcome of an equation that is used.
+pub(super) const USED: &str = "used";
+
+impl Side {
+    /// The number of the output, or of the state's rate behind all outputs.
+    pub fn number(&self, model: &Model) -> usize {
+        if self.is_rate { model.outputs.len() + self.row } else { self.output }
+    }
+}
+
+/// The equations that can be used, and all of them by name.
+pub(super) fn sides(case: &Case) -> (Vec<Side>, Vec<Considered>) {
+    let model = &case.model;
+    let (mut sides, mut equations) = (Vec::new(), Vec::new());
+    let mut add = |name: String,
+                   unit: String,
+                   node: Node,
+                   row: usize,
+                   is_rate: bool,
+                   output: Option<usize>,
+                   of_state: bool| {
+        let outcome = match (needed(model, node), output) {
+            (_, _) if of_state => "the state itself: its rate is used".to_string(),
+            (Err(hidden), _) => format!("needs {hidden}, which is not measured"),
+            (_, None) => "the state is not measured".to_string(),
+            (Ok(states), Some(output)) => {
+                match states.iter().find(|&&i| measured(case, i).is_none()) {
+                    Some(&i) => {
+                        format!("needs {}, which is not measured", model.states[i].quantity.name)
+                    }
+                    None => {
+                        let (name, unit) = (name.clone(), unit.clone());
+                        sides.push(Side { row, is_rate, output, states, name, unit });
+                        USED.to_string()
+                    }
+                }
+            }
+        };
+        equations.push(Considered { name, unit, outcome });
+    };
+    // The covariance of a filter has no measurement.
+    let motion = model.covariance.as_ref().map_or(model.states.len(), |c| c.motion);
+    for (i, state) in model.states.iter().enumerate().take(motion) {
+        let q = &state.quantity;
+        add(
+            format!("rate of {}", q.name),
+            format!("{}/s", q.unit),
+            model.rates[i],
+            i,
+            true,
+            measured(case, i),
+            false,
+        );
+    }
+    for (row, &o) in case.outputs.iter().enumerate() {
+        let q = &model.outputs[o];
+        add(
+            q.name.clone(),
+            q.unit.clone(),
+            model.output_nodes[o],
+            row,
+            false,
+            Some(o),
+            model.state(&q.name).is_some(),
+        );
+    }
+    (sides, equations)
+}
+
+/// States that a node depends on, those behind delays included, or the name of one that nobody can
+/// measure.
+fn needed(model: &Model, node: Node) -> std::result::Result<Vec<usize>, String> {
+    let mut states = Vec::new();
+    for leaf in model.graph.leaves(&[node]) {
+        match leaf {
+            Leaf::State(i) => states.push(i),
+            Leaf::Delayed(k) => {
+                if let Delayed::State(i) = model.delays[k].of {
+                    states.push(i);
+                }
+            }
+            _ => {}
+        }
+    }
+    match states.iter().find(|&&i| model.states[i].hidden) {
+        Some(&i) => Err(model.states[i].quantity.name.clone()),
+        None => Ok(states),
+    }
+}
+
+/// The output that measures a state.
+pub(super) fn measured(case: &Case, state: usize) -> Option<usize> {
+    case.model.output(&case.model.states[state].quantity.name).filter(|o| case.outputs.contains(o))
+}
