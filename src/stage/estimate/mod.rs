@@ -1,6 +1,7 @@
 //! Maneuvers, samples and signals of all flights come in; maximum-likelihood estimates of one
 //! model, with responses, go out.
 
+mod adequacy;
 mod batch;
 pub mod chosen;
 mod config;
@@ -47,6 +48,7 @@ pub const STAGE: Stage = Stage {
         "equations",
         "iterations",
         "residuals",
+        "adequacy",
         "reached",
         "plateaus",
         "responses",
