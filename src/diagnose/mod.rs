@@ -102,6 +102,8 @@ mod subject;
 mod tests;
 pub mod thresholds;
 mod together;
+#[cfg(test)]
+mod turbulence_tests;
 
 pub use base::stand::free_of_predictions;
 pub use gap::before_after::{Channel, Match, Overlay, Shift};

@@ -39,7 +39,7 @@ impl Model {
             let parameter = Parameter {
                 quantity: Quantity {
                     name,
-                    unit: simplified(&format!("({})/s^0.5", quantity.unit)),
+                    unit: simplified(&format!("{} s^-0.5", quantity.unit)),
                     doc: format!("turbulence in the rate of {}", quantity.name),
                 },
                 start,

@@ -19,8 +19,8 @@
 //!
 //! `e^2 <= (COLOUR s)^2 + (SHARE v)^2`.
 //!
-//! An output that moved by less than `MOVED` times the noise tells nothing: slow noise and motion
-//! that nothing explains look alike then.
+//! An output that moved by less than `MOVED` times the noise, and is left with no more, tells
+//! nothing: slow noise and motion that nothing explains look alike then.
 
 use super::robust::noise_sd;
 use crate::noise::theil;
@@ -32,7 +32,7 @@ pub const COLOUR: f64 = 2.0;
 /// Share of the measured variation (root mean square) that may be left. *Convention*: 96% of its
 /// power is explained.
 pub const SHARE: f64 = 0.2;
-/// So many times its noise an output must move to tell anything. *Convention*.
+/// So many times its noise an output must move, or be missed, to tell anything. *Convention*.
 pub const MOVED: f64 = 3.0;
 
 /// What a model leaves of one output.
@@ -151,7 +151,7 @@ impl Adequacy {
             Leaves::Unmoved
         } else if e <= COLOUR * s {
             Leaves::Noise
-        } else if v <= MOVED * s {
+        } else if v.max(e) <= MOVED * s {
             Leaves::Unmoved
         } else if e * e <= COLOUR * s * COLOUR * s + SHARE * v * SHARE * v {
             Leaves::Little
@@ -276,6 +276,10 @@ mod tests {
     fn an_output_that_hardly_moved_tells_nothing_and_maneuvers_are_judged_together() {
         let small = judged(Kind::Slow(0.0), 0.0, 2.5, 1);
         assert_eq!(small.leaves(), Leaves::Unmoved, "{small:?}");
+        // Missed by far more than that, it does.
+        let y = noise(Kind::Slow(0.0), 1);
+        let aside: Vec<f64> = y.iter().map(|y| y + 4.0).collect();
+        assert!(Adequacy::of(&y, &aside).is_poor());
         // In one maneuver of four nothing is explained, of the same size.
         let mut all = judged(Kind::Slow(0.0), 1.0, 20.0, 1);
         all.add(&Adequacy::of(&motion().iter().map(|x| 20.0 * x).collect::<Vec<_>>(), &[0.0; N]));

@@ -22,9 +22,32 @@ pub struct Left {
 /// Every scored output.
 pub fn left(found: &Found) -> Vec<Left> {
     let case = found.case();
-    let traces = (0..case.records.len()).flat_map(|s| case.traces(s, &found.theta(s)));
-    let scored = |t: &Trace| case.outputs.contains(&t.output);
-    of_traces(&traces.filter(scored).collect::<Vec<_>>(), found.method.colour())
+    let (mut all, mut records): (Vec<Trace>, Vec<Option<&str>>) = (Vec::new(), Vec::new());
+    for s in 0..case.records.len() {
+        let stretch = found.prepared.segments[found.prepared.used[s]].stretch.as_ref();
+        let of = stretch.map(|stretch| stretch.of.as_str());
+        for trace in case.traces(s, &found.theta(s)) {
+            if !case.outputs.contains(&trace.output) {
+                continue;
+            }
+            // Stretches of one record move about one mean.
+            let same = |(t, r): (&Trace, &Option<&str>)| {
+                of.is_some() && *r == of && t.output == trace.output
+            };
+            match all.iter().zip(&records).position(same) {
+                Some(at) => {
+                    all[at].t.extend(trace.t);
+                    all[at].measured.extend(trace.measured);
+                    all[at].modelled.extend(trace.modelled);
+                }
+                None => {
+                    all.push(trace);
+                    records.push(of);
+                }
+            }
+        }
+    }
+    of_traces(&all, found.method.colour())
 }
 
 /// The same of traces, output by output in their order.

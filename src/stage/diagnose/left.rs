@@ -85,7 +85,13 @@ pub fn but_turbulence(d: &Diagnosis) -> String {
 /// with what that goes with, and the outputs of which more than noise is left. Empty where there is
 /// neither.
 pub fn evidence(d: &Diagnosis) -> String {
-    [lacks(d), outputs(d)].into_iter().filter(|text| !text.is_empty()).map(|t| t + ". ").collect()
+    let begun = |text: String| {
+        let mut letters = text.chars();
+        let first = letters.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
+        first + letters.as_str()
+    };
+    let outputs = begun(outputs(d));
+    [lacks(d), outputs].into_iter().filter(|text| !text.is_empty()).map(|t| t + ". ").collect()
 }
 
 fn lacks(d: &Diagnosis) -> String {
@@ -125,7 +131,7 @@ pub fn outputs(d: &Diagnosis) -> String {
         .map(|why| format!("; turbulence in the model does not account for it: {why}"))
         .unwrap_or_default();
     format!(
-        "Beyond its sensor's noise the model leaves, of the measured variation, {} (its own past foretells up to {} of that: it is no white noise){refused}",
+        "beyond its sensor's noise the model leaves, of the measured variation, {} (its own past foretells up to {} of that: it is no white noise){refused}",
         all.join(", "),
         percent(foretold)
     )
