@@ -1,8 +1,7 @@
 //! `adequacy` in; what each estimate leaves of its outputs, and what the checks say about it, out.
 
 use super::columns::Columns;
-use super::estimates::few;
-use super::format::{number, plain};
+use super::format::{few, number, plain};
 use super::grid::{Cell, Grid, Level};
 use crate::signal::adequacy::{COLOUR, Leaves, SHARE};
 

@@ -11,7 +11,7 @@
 //! say so themselves, and a person has to judge.
 
 use super::columns::Columns;
-use super::format::{count, number};
+use super::format::{count, few, number};
 use super::grid::Level;
 use super::lines::EXCESS;
 use super::section::{Body, Given, Section};
@@ -223,7 +223,7 @@ fn scatter(fits: Option<&Columns>) -> Option<(Level, String)> {
     } else {
         let text = format!(
             "Points scatter more than their standard deviations explain (reduced chi-square above {EXCESS}): {}.",
-            estimates::few(&names)
+            few(&names)
         );
         (Level::Warn, text + " The bands include this scatter; ask what the model lacks.")
     })
@@ -241,7 +241,7 @@ fn few_points(fits: Option<&Columns>) -> Option<(Level, String)> {
             Level::Warn,
             format!(
                 "Lines through fewer than 5 points, so with wide and uncertain bands: {}.",
-                estimates::few(&names)
+                few(&names)
             ),
         )
     })

@@ -214,50 +214,29 @@ fn noise(estimation: &Estimation, output: &str) -> f64 {
     (sum / n).sqrt()
 }
 
-/// The output and input whose correlation is furthest above chance, where one is above it and
-/// above what counts.
+/// The output and input whose correlation is largest, where it is above chance and above what
+/// counts.
 fn with_inputs(
     model: &Model,
     segments: &[Segment],
     estimation: &Estimation,
     thresholds: &Thresholds,
 ) -> Option<String> {
-    let nu = model.inputs.len();
     let mut names: Vec<&str> = Vec::new();
     for trace in estimation.responses.iter().flatten() {
         if !names.contains(&trace.name.as_str()) {
             names.push(&trace.name);
         }
     }
+    let flown: Vec<Flown> = segments.iter().zip(&estimation.responses).collect();
     let time = characteristic_time(segments.iter().map(|s| &s.record), thresholds);
-    let mut most: Option<(f64, f64, &str, &str)> = None;
-    let mut looked = 0usize;
+    let (mut most, mut looked): (Option<(f64, f64, &str, &str)>, f64) = (None, 0.0);
     for name in &names {
         for (i, input) in model.inputs.iter().enumerate() {
             for lag in &thresholds.lags {
-                let (mut xx, mut ee, mut xe, mut n) = (0.0, 0.0, 0.0, 0.0);
-                for (segment, traces) in segments.iter().zip(&estimation.responses) {
-                    let record = &segment.record;
-                    let all: Vec<f64> = (0..record.n).map(|k| record.inputs[k * nu + i]).collect();
-                    let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
-                    for trace in traces.iter().filter(|t| t.name == *name) {
-                        for ((t, z), y) in trace.t.iter().zip(&trace.measured).zip(&trace.modelled)
-                        {
-                            let k = ((t - lag * time - record.t0) / record.dt).round();
-                            let e = z - y;
-                            if !(e.is_finite() && k >= 0.0 && (k as usize) < all.len()) {
-                                continue;
-                            }
-                            let x = all[k as usize] - mean;
-                            (xx, ee, xe, n) = (xx + x * x, ee + e * e, xe + x * e, n + 1.0);
-                        }
-                    }
-                }
-                if !(xx > 0.0 && ee > 0.0) {
-                    continue;
-                }
-                looked += 1;
-                let r = xe / (xx * ee).sqrt();
+                let at = (i, model.inputs.len(), lag * time);
+                let Some((r, n)) = correlation(&flown, name, at) else { continue };
+                looked += 1.0;
                 if most.is_none_or(|m| r.abs() > m.0.abs()) {
                     most = Some((r, n, name, &input.name));
                 }
@@ -265,9 +244,39 @@ fn with_inputs(
         }
     }
     let (r, n, output, input) = most?;
-    let chance = normal_quantile(1.0 - 0.5 * thresholds.relation_p / looked as f64) / f64::sqrt(n);
+    // White noise and a series that is not random: the variance of their correlation is 1/n.
+    let chance = normal_quantile(1.0 - 0.5 * thresholds.relation_p / looked) / n.sqrt();
     let counts = r * r > thresholds.innovation_input && r.abs() > chance;
     counts.then(|| {
         format!("what is new in {output} goes with {input} (correlation {r:.2}, by chance {chance:.2} at most)")
     })
+}
+
+/// A maneuver and what was modelled of it.
+type Flown<'a> = (&'a Segment, &'a Vec<Trace>);
+
+/// Correlation of an output's innovations with input `i` of `nu`, so many seconds before, about the
+/// input's mean in each maneuver; and of how many samples. None where one of both is nothing.
+fn correlation(
+    flown: &[Flown],
+    name: &str,
+    (i, nu, lag): (usize, usize, f64),
+) -> Option<(f64, f64)> {
+    let (mut xx, mut ee, mut xe, mut n) = (0.0, 0.0, 0.0, 0.0);
+    for (segment, traces) in flown {
+        let record = &segment.record;
+        let all: Vec<f64> = record.inputs.chunks_exact(nu).map(|row| row[i]).collect();
+        let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+        for trace in traces.iter().filter(|t| t.name == name) {
+            for ((t, z), y) in trace.t.iter().zip(&trace.measured).zip(&trace.modelled) {
+                let (k, e) = (((t - lag - record.t0) / record.dt).round(), z - y);
+                let x = if k >= 0.0 { all.get(k as usize) } else { None };
+                let Some(x) = x.map(|x| x - mean).filter(|x| x.is_finite() && e.is_finite()) else {
+                    continue;
+                };
+                (xx, ee, xe, n) = (xx + x * x, ee + e * e, xe + x * e, n + 1.0);
+            }
+        }
+    }
+    (xx > 0.0 && ee > 0.0).then(|| (xe / (xx * ee).sqrt(), n))
 }
