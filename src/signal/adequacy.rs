@@ -200,7 +200,8 @@ mod tests {
             }
             Kind::Steps(step) => (0..N).map(|_| (normal() / step).round() * step).collect(),
             Kind::Vibration(share, hertz) => {
-                let turn = |k: usize| libm::sin(6.283185307 * hertz * k as f64 / 50.0 + 1.0);
+                let turn =
+                    |k: usize| libm::sin(std::f64::consts::TAU * hertz * k as f64 / 50.0 + 1.0);
                 let white = (1.0 - share).sqrt();
                 (0..N).map(|k| white * normal() + (2.0 * share).sqrt() * turn(k)).collect()
             }
