@@ -6,6 +6,7 @@ use super::words::say;
 use crate::error::Result;
 use crate::math::distribution::INTERVAL_95;
 use crate::pipeline::{Plan, RunResult, Store};
+use crate::signal::adequacy::Leaves;
 use crate::stage::{Note, Part, Severity, Unit};
 use crate::table::Table;
 use std::collections::BTreeMap;
@@ -13,6 +14,8 @@ use std::path::Path;
 
 /// Kinds of notes shown before the rest is left to the table.
 const GROUPS_SHOWN: usize = 20;
+/// Outputs named of which an estimate leaves more than noise.
+const POOR: usize = 4;
 
 /// What became of a run, and the time that passed in each stage, s.
 type Ran<'a> = (&'a RunResult, &'a BTreeMap<&'static str, f64>);
@@ -101,7 +104,7 @@ fn estimates(plan: &Plan, store: &Store) -> Result<()> {
     let mut rows = Vec::new();
     let writers = plan.campaign.stages.iter().filter(|stage| stage.writes.contains(&"estimates"));
     for Unit { name, part, .. } in writers.flat_map(|stage| (stage.units)(&plan.campaign)) {
-        let Some(t) = read(store, "estimates", part)? else { continue };
+        let Some(t) = read(store, "estimates", part.clone())? else { continue };
         let (groups, stops) = (t.strings("group")?, t.strings("stop")?);
         let mut each: Vec<(&str, &str)> = groups.into_iter().zip(stops).collect();
         each.dedup();
@@ -113,12 +116,30 @@ fn estimates(plan: &Plan, store: &Store) -> Result<()> {
             each.len().to_string(),
             converged.to_string(),
             tally(&others).join(", "),
+            match read(store, "adequacy", part)? {
+                Some(left) => poor(&left)?,
+                None => String::new(),
+            },
         ]);
     }
     if !rows.is_empty() {
-        table(&["estimate", "runs", "converged", "others"], rows);
+        table(&["estimate", "runs", "converged", "others", "leaves more than noise of"], rows);
     }
     Ok(())
+}
+
+/// The outputs of which an estimate leaves more than noise, and how much of their variation:
+/// `p (68%), r (86%)`.
+fn poor(left: &Table) -> Result<String> {
+    let (outputs, leaves, shares) =
+        (left.strings("output")?, left.strings("leaves")?, left.f64("share")?);
+    let mut poor: Vec<usize> =
+        (0..left.rows()).filter(|&i| leaves[i] == Leaves::More.as_str()).collect();
+    poor.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
+    let one = |&i: &usize| format!("{} ({:.0}%)", outputs[i], 100.0 * shares[i]);
+    let more =
+        if poor.len() > POOR { format!(", {} more", poor.len() - POOR) } else { String::new() };
+    Ok(poor.iter().take(POOR).map(one).collect::<Vec<_>>().join(", ") + &more)
 }
 
 fn lines(plan: &Plan, store: &Store) -> Result<()> {

@@ -46,7 +46,7 @@ pub fn of(store: &Store, plan: &Plan, i: usize) -> Result<Option<Vec<String>>> {
 /// The table lacks a column.
 pub fn end(findings: &Table) -> Result<End> {
     Ok(match findings.strings("verdict")?.first().copied().unwrap_or_default() {
-        "nothing missing" => End::Complete,
+        "nothing missing" | "nothing missing but turbulence" => End::Complete,
         "no verdict" => End::Partial,
         _ => End::Found,
     })

@@ -30,6 +30,8 @@
 //!    then each one is taken out again and tested with everything else in place.
 //! 7. *What is left* is asked without any candidate: does an output still respond to an input? Is a
 //!    held-out maneuver missed by more than all others? Then something is located, not explained.
+//! 8. *Adequacy*: "nothing missing" is said only where what is left of every output is its sensor's
+//!    noise, or turbulence in the model accounts for the rest.
 //!
 //! | file | what it does |
 //! |---|---|
@@ -68,6 +70,8 @@
 //! | | `driven` | what goes away when a loop is closed by its measurement; what each rate equation lacks |
 //! | | `coefficient` | what each force and moment coefficient lacks, with its uncertainty |
 //! | | `relation` | correlation, lag and coherence of the residuals with what moves them |
+//! | | `evidence` | the equation that lacks most, and what it goes with |
+//! | | `left` | whether what is left of each output is its sensor's noise |
 //! | | `before_after`, `comparison` | the gap before and after, and what the addition did to the other parameters |
 //! | `search` | | **which effect explains it** |
 //! | | `ground` | what candidates are screened against |
@@ -79,6 +83,7 @@
 //! | | `judged` | a round's candidates, each with its standing |
 //! | | `decide` | the tests that a candidate must pass, and the class of those that pass alike |
 //! | | `round` | all candidates held against a base |
+//! | | `turbulence` | whether noise that drives the model accounts for what is left |
 //! | | `unseen` | held-out maneuvers that show what no other does |
 //! | | `verdict` | what is known in the end |
 //! | | `diagnose` | round after round, forward and back; the verdict |
@@ -97,12 +102,16 @@ mod subject;
 mod tests;
 pub mod thresholds;
 mod together;
+#[cfg(test)]
+mod turbulence_tests;
 
 pub use base::stand::free_of_predictions;
 pub use gap::before_after::{Channel, Match, Overlay, Shift};
 pub use gap::comparison::Comparison;
 pub use gap::driven::{Driven, EquationError};
+pub use gap::evidence::{Evidence, strongest};
 pub use gap::gaps::Gap;
+pub use gap::left::Left;
 pub use gap::relation::Relation;
 pub use held_out::{Rule, cut, held_out};
 pub use residual::located::Located;
@@ -111,6 +120,7 @@ pub use search::judged::{Judged, Round, Standing};
 pub use search::refit::{Heterogeneity, Refit};
 pub use search::screen::{Imitator, Screened};
 pub use search::surrogate::chance;
+pub use search::turbulence::{Accounted, Density, Turbulence};
 pub use search::unseen::Missed;
 pub use search::value::{Gain, Value};
 pub use search::verdict::{Diagnosis, Finding, Verdict};

@@ -268,6 +268,19 @@ thresholds! {
     /// variances are no distribution.
     fewest: usize = 3, "maneuvers";
 
+    // ---- Turbulence: does it account for what is left? -----------------------------------------------------------------------------------
+
+    /// Share of the innovations of a model driven by noise that their own past may foretell, and by
+    /// which turbulence in the model may explain less of what is left than an autoregressive model
+    /// of it. *Convention* (a tenth). Lower: turbulence that is not white noise on the rates is
+    /// something missing. Higher: what is missing passes for turbulence.
+    innovation_share: f64 = 0.1, "share of the mean square";
+
+    /// Share of the innovations' mean square that may go with an input at one lag, where it is more
+    /// than chance. *Convention* (a hundredth). Lower: small errors of a model count. Higher: a
+    /// missing response to an input passes for turbulence.
+    innovation_input: f64 = 0.01, "share of the mean square";
+
     // ---- The noise model, by which everything is weighted -------------------------------------------------------------------------------
 
     /// Highest order of the vector model of several outputs. *Convention*: what single filters

@@ -199,7 +199,7 @@ impl Model {
     }
 
     /// Replaces leaves wherever a trajectory is computed from them.
-    fn replace(&mut self, with: &BTreeMap<Leaf, Node>) {
+    pub(super) fn replace(&mut self, with: &BTreeMap<Leaf, Node>) {
         if with.is_empty() {
             return;
         }

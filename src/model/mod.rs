@@ -33,6 +33,7 @@ mod op;
 pub mod program;
 pub mod syntax;
 pub mod tables;
+mod turbulent;
 mod walk;
 
 use std::collections::BTreeMap;
@@ -51,6 +52,7 @@ use fragments::Folder;
 use graph::{Graph, Leaf, Node};
 pub use program::{Layout, Program};
 pub use tables::Tables;
+pub use turbulent::density_of;
 
 /// A named quantity of a model with its SI unit and meaning.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -7,16 +7,16 @@
 //! or still through a maneuver; a flight without a maneuver that is used; an estimation that did
 //! not converge; a missing result; a validated maneuver outside its tolerances; a diagnosis without
 //! a verdict. What is a matter of degree (noise larger than predicted, samples at a stop, scatter,
-//! correlations, misfits, a model that lacks something) is worth a look (`Level::Warn`): the numbers
+//! correlations, an estimate that leaves more than noise, a model that lacks something) is worth a look (`Level::Warn`): the numbers
 //! say so themselves, and a person has to judge.
 
 use super::columns::Columns;
-use super::format::{count, number};
+use super::format::{count, few, number};
 use super::grid::Level;
 use super::lines::EXCESS;
 use super::section::{Body, Given, Section};
 use super::{
-    consistency, diagnosis, estimates, flights, lines, logs, maneuvers, still, tolerances,
+    adequacy, consistency, diagnosis, estimates, flights, lines, logs, still, tolerances,
     uncertainty,
 };
 use crate::error::Result;
@@ -31,6 +31,7 @@ pub const SECTION: Section = Section {
         "consistency",
         "segments",
         "estimates",
+        "adequacy",
         "correlations",
         "responses",
         "repeats",
@@ -137,7 +138,6 @@ pub fn tiles(given: &Given) -> Vec<Tile> {
 /// The checks, in the order of the processing.
 pub fn answers(given: &Given) -> Vec<Check> {
     let get = |table: &str| given.get(table);
-    let matches = maneuvers::matches(get("responses"));
     let answers = [
         (logs::losses(get("channels")), "channels", "channels"),
         (consistency::summary(get("consistency")), "consistency", "consistency"),
@@ -149,7 +149,7 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (flights::summary(get("segments"), get("responses"), &given.ids()), "flights", "segments"),
         (by_hand(get("segments")), "flights", "segments"),
         (estimates::convergence(get("estimates")), "estimates", "estimates"),
-        (maneuvers::summary(&matches), "maneuvers", "matches"),
+        (adequacy::summary(get("adequacy")), "maneuvers", "matches"),
         (estimates::colour(get("estimates")), "estimates", "estimates"),
         (estimates::separation(get("correlations")), "correlations", "correlations"),
         (uncertainty::honesty(get("repeats")), "uncertainty", "repeats"),
@@ -223,7 +223,7 @@ fn scatter(fits: Option<&Columns>) -> Option<(Level, String)> {
     } else {
         let text = format!(
             "Points scatter more than their standard deviations explain (reduced chi-square above {EXCESS}): {}.",
-            estimates::few(&names)
+            few(&names)
         );
         (Level::Warn, text + " The bands include this scatter; ask what the model lacks.")
     })
@@ -241,7 +241,7 @@ fn few_points(fits: Option<&Columns>) -> Option<(Level, String)> {
             Level::Warn,
             format!(
                 "Lines through fewer than 5 points, so with wide and uncertain bands: {}.",
-                estimates::few(&names)
+                few(&names)
             ),
         )
     })

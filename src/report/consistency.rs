@@ -2,8 +2,7 @@
 //! about them, out.
 
 use super::columns::Columns;
-use super::estimates::few;
-use super::format::{count, number};
+use super::format::{count, few, number};
 use super::grid::{Cell, Grid, Level};
 use super::paths;
 use super::section::{Body, Given, Section};

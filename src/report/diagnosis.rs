@@ -5,7 +5,7 @@ use super::columns::Columns;
 use super::format::{display_unit, number, plus_minus, short, shorts, thin};
 use super::grid::{Cell, Grid, Level};
 use super::section::{Body, Given, Section};
-use super::{again, gap, used};
+use super::{adequacy, again, gap, used};
 use crate::error::Result;
 use serde::Serialize;
 
@@ -25,6 +25,8 @@ pub const SECTION: Section = Section {
         "driven",
         "relations",
         "equation_errors",
+        "unexplained",
+        "turbulence",
         "next_models",
         "estimates",
         "residuals",
@@ -55,6 +57,9 @@ pub struct Diagnosis {
     pub shifts: Grid,
     pub gaps: Grid,
     pub equations: Grid,
+    /// What is left of each output, and the densities of noise that were let drive the model.
+    pub unexplained: Grid,
+    pub turbulence: Grid,
     pub again: Grid,
     pub left: Grid,
     /// Whether there are overlays to draw.
@@ -116,6 +121,8 @@ fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<O
         shifts: shifts(get("shifts")),
         gaps: gaps(&get),
         equations: gap::equations(get("equation_errors"), get("relations")),
+        unexplained: adequacy::unexplained(get("unexplained")),
+        turbulence: adequacy::turbulence(get("turbulence")),
         again: again::parameters(get("next_models"), get("estimates")),
         left: again::residuals(get("next_models"), get("residuals")),
         overlays: !overlays.is_empty(),
@@ -126,6 +133,7 @@ fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<O
 fn level(verdict: &str) -> Level {
     match verdict {
         "nothing missing" => Level::Good,
+        "nothing missing but turbulence" => Level::Info,
         "named" | "one of these" => Level::Info,
         "located but unexplained" => Level::Warn,
         _ => Level::Bad,

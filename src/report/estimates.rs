@@ -3,7 +3,7 @@
 
 use super::columns::Columns;
 use super::correlations::CLOSE;
-use super::format::{count, every, number, plus_minus};
+use super::format::{count, every, few, number, plus_minus};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
 use super::section::{Body, Section};
@@ -290,10 +290,4 @@ pub fn separation(correlations: Option<&Columns>) -> Option<(Level, String)> {
             ),
         )
     })
-}
-
-/// At most six names, and how many more there are.
-pub fn few(names: &[String]) -> String {
-    let shown = names.iter().take(6).cloned().collect::<Vec<_>>().join(", ");
-    if names.len() > 6 { format!("{shown}, and {} more", names.len() - 6) } else { shown }
 }

@@ -162,6 +162,12 @@ pub fn every(n: usize, what: &str) -> String {
     if n == 1 { format!("The {what}") } else { format!("Every one of the {n} {what}s") }
 }
 
+/// At most six names, and how many more there are.
+pub fn few(names: &[String]) -> String {
+    let shown = names.iter().take(6).cloned().collect::<Vec<_>>().join(", ");
+    if names.len() > 6 { format!("{shown}, and {} more", names.len() - 6) } else { shown }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

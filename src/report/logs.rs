@@ -1,8 +1,7 @@
 //! `channels`, `biases` and `notes` in, their tables and what the checks say about them out.
 
 use super::columns::Columns;
-use super::estimates::few;
-use super::format::{count, number, plain, with_sd};
+use super::format::{count, few, number, plain, with_sd};
 use super::grid::{Cell, Grid, Level};
 use super::section::{Body, Section};
 

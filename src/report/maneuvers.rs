@@ -1,20 +1,21 @@
 //! `responses`, `segments` and `samples` in, the time histories of every maneuver and the table of
 //! how well each one fits out.
 
+use super::adequacy;
 use super::columns::Columns;
 use super::flights;
-use super::format::{count, display_unit, number, plain, short, shorts, thin, times};
+use super::format::{display_unit, number, plain, short, shorts, thin, times};
 use super::grid::{Cell, Grid, Level, Row};
 use super::section::{Body, Given, Section};
 use crate::error::Result;
-use crate::signal::robust::noise_sd;
+use crate::signal::adequacy::Adequacy;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
 pub const SECTION: Section = Section {
     id: "maneuvers",
     heading: "Measured and modelled, maneuver by maneuver",
-    tables: &["responses", "segments", "samples", "estimates", "residuals"],
+    tables: &["responses", "segments", "samples", "estimates", "residuals", "adequacy"],
     build,
 };
 
@@ -25,6 +26,7 @@ fn build(given: &Given) -> Result<Option<Body>> {
         samples: given.get("samples"),
         estimates: given.get("estimates"),
         residuals: given.get("residuals"),
+        adequacy: given.get("adequacy"),
         inputs: &given.input.inputs,
     };
     let (section, histories) = maneuvers(&sources);
@@ -67,15 +69,9 @@ pub struct Maneuvers {
     pub missing: Option<String>,
     /// How the drawn samples relate to the recorded ones.
     pub shown: String,
+    /// What each estimate leaves, over all maneuvers.
+    pub left: Grid,
     pub table: Grid,
-}
-
-/// What the checks say about the match of one output of one maneuver.
-#[derive(Debug, Clone)]
-pub struct Match {
-    pub name: String,
-    /// Residual r.m.s. over the standard deviation of the measured output.
-    pub misfit: f64,
 }
 
 /// The tables the time histories come from.
@@ -85,6 +81,7 @@ pub struct Sources<'a> {
     pub samples: Option<&'a Columns>,
     pub estimates: Option<&'a Columns>,
     pub residuals: Option<&'a Columns>,
+    pub adequacy: Option<&'a Columns>,
     /// Sample columns that drive each model.
     pub inputs: &'a BTreeMap<String, Vec<String>>,
 }
@@ -161,48 +158,7 @@ fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>) {
     } else {
         "Every sample is drawn.".into()
     };
-    (Maneuvers { missing: None, shown, table }, all)
-}
-
-/// The match of every output of every maneuver, in the order of `responses`.
-pub fn matches(responses: Option<&Columns>) -> Vec<Match> {
-    let Some(responses) = responses else { return Vec::new() };
-    let mut all = Vec::new();
-    for ([_, group, segment], rows) in responses.groups(["model", "group", "segment"]) {
-        let each = by_output(responses, &rows).into_iter();
-        all.extend(each.map(|(output, rows)| Match {
-            misfit: misfit(responses, &rows).part,
-            name: format!("{output} of {}", name(&group, &segment)),
-        }));
-    }
-    all
-}
-
-/// How far one output of one maneuver is from what was measured.
-struct Misfit {
-    n: usize,
-    rms: f64,
-    /// r.m.s. without the sensor's noise, over the standard deviation of what was measured.
-    part: f64,
-}
-
-fn misfit(responses: &Columns, rows: &[usize]) -> Misfit {
-    let [measured, modelled] = ["measured", "modelled"].map(|c| pick(responses.column(c), rows));
-    misfit_of(&measured, &modelled)
-}
-
-fn misfit_of(measured: &[f64], modelled: &[f64]) -> Misfit {
-    let both = measured.iter().zip(modelled).map(|(z, y)| (*z, *y));
-    let pairs: Vec<(f64, f64)> = both.filter(|(z, y)| z.is_finite() && y.is_finite()).collect();
-    let n = pairs.len() as f64;
-    let mean = pairs.iter().map(|(z, _)| z).sum::<f64>() / n;
-    let rms = (pairs.iter().map(|(z, y)| (z - y) * (z - y)).sum::<f64>() / n).sqrt();
-    let variation = (pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum::<f64>() / n).sqrt();
-    // A model cannot follow noise, and an output that was not excited is hardly more than that.
-    // What is known of the noise from n samples has a standard error of some 1.6/sqrt(n) of it.
-    let noise = noise_sd(measured) * (1.0 + 3.2 / n.sqrt());
-    let beyond = (rms * rms - noise * noise).max(0.0).sqrt();
-    Misfit { n: pairs.len(), rms, part: beyond / variation }
+    (Maneuvers { missing: None, shown, left: adequacy::grid(from.adequacy), table }, all)
 }
 
 fn by_output(responses: &Columns, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
@@ -339,9 +295,31 @@ impl Lookup<'_> {
         names.iter().filter_map(curve).collect()
     }
 
+    /// What is left of an output in a maneuver. What a filter predicts from the samples before
+    /// follows them, right or wrong: there it is the noise that the filter takes the sensor to have.
+    fn left(&self, key: &Key, output: &str, rows: &[usize]) -> Adequacy {
+        let column = |name: &str| pick(self.responses.column(name), rows);
+        let found = Adequacy::of(&column("measured"), &column("modelled"));
+        let filtered = column("simulated").iter().any(|y| y.is_finite());
+        let noise = || {
+            let table = self.from.adequacy?;
+            let mine =
+                |r: &usize| table.text("model", *r) == key[0] && table.text("output", *r) == output;
+            (0..table.rows()).find(mine).map(|r| table.number("left", r))
+        };
+        filtered.then(noise).flatten().map_or(found, |sd| found.with_noise(sd))
+    }
+
+    fn rms(&self, rows: &[usize]) -> f64 {
+        let [z, y] = ["measured", "modelled"].map(|c| pick(self.responses.column(c), rows));
+        let squares = z.iter().zip(&y).map(|(z, y)| (z - y) * (z - y)).filter(|e| e.is_finite());
+        (squares.clone().sum::<f64>() / squares.count() as f64).sqrt()
+    }
+
     /// A row of the table of matches.
     fn row(&self, key: &Key, output: &str, rows: &[usize], picked: &str) -> Row {
-        let found = misfit(self.responses, rows);
+        let found = self.left(key, output, rows);
+        let rms = self.rms(rows);
         let residual = self.residual(key, output);
         let unit = residual.map_or(String::new(), |(table, row)| table.unit_in("unit", row));
         let [model, group, segment] = key;
@@ -349,9 +327,9 @@ impl Lookup<'_> {
             model.as_str().into(),
             name(group, segment).into(),
             output.into(),
-            found.n.to_string().into(),
-            Cell::new(number(found.rms, 3)).under(unit),
-            Cell::new(plain(100.0 * found.part, 1)).level_if(found.part > POOR, Level::Warn),
+            found.samples().to_string().into(),
+            Cell::new(number(rms, 3)).under(unit),
+            Cell::new(plain(100.0 * found.share(), 1)).level_if(found.is_poor(), Level::Warn),
             number(residual.map_or(f64::NAN, |(table, row)| table.number("colour", row)), 3).into(),
         ];
         Row { pick: Some(picked.into()), cells, level: None }
@@ -360,58 +338,4 @@ impl Lookup<'_> {
 
 fn pick(values: &[f64], rows: &[usize]) -> Vec<f64> {
     rows.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)).collect()
-}
-
-/// A residual that is larger, beyond the sensor's noise, than this part of the measured variation
-/// is a poor match.
-pub const POOR: f64 = 0.25;
-
-/// The sentence of the checks about the match of the time histories.
-pub fn summary(matches: &[Match]) -> Option<(Level, String)> {
-    let worst = matches
-        .iter()
-        .filter(|m| m.misfit.is_finite())
-        .max_by(|a, b| a.misfit.total_cmp(&b.misfit))?;
-    let poor = matches.iter().filter(|m| m.misfit > POOR).count();
-    let worst = format!("the worst is {} with {:.1}%", worst.name, 100.0 * worst.misfit);
-    Some(if poor == 0 {
-        (
-            Level::Good,
-            format!(
-                "Beyond the sensors' noise, modelled and measured outputs differ by less than {:.0}% of the measured variation; {worst}.",
-                100.0 * POOR
-            ),
-        )
-    } else {
-        (
-            Level::Warn,
-            format!(
-                "{} differ from the measured, beyond the sensor's noise, by more than {:.0}% of its variation; {worst}.",
-                count(poor, "modelled output"),
-                100.0 * POOR
-            ),
-        )
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-
-    #[test]
-    fn noise_is_no_misfit_and_an_offset_is_one() {
-        let mut rng = rand_pcg::Pcg64::seed_from_u64(1);
-        let mut noise = || -> f64 { StandardNormal.sample(&mut rng) };
-        let curve = |size: f64| (0..400).map(move |i| size * (0.05 * i as f64).sin());
-        for size in [0.0, 0.5, 3.0] {
-            let modelled: Vec<f64> = curve(size).collect();
-            let measured: Vec<f64> = modelled.iter().map(|y| y + noise()).collect();
-            let right = misfit_of(&measured, &modelled);
-            assert!(right.part < POOR && (right.rms - 1.0).abs() < 0.1, "{size}: {}", right.part);
-            let aside: Vec<f64> = modelled.iter().map(|y| y + 1.0).collect();
-            assert!(misfit_of(&measured, &aside).part > POOR, "{size}");
-        }
-    }
 }

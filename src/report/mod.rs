@@ -6,6 +6,7 @@
 //! `html/page.js` draws the plots from numbers embedded as JSON; the plotting script comes out of
 //! the `plotly` crate. What is not there is said on the page, it never fails it.
 
+mod adequacy;
 mod again;
 mod checks;
 mod columns;

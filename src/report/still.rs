@@ -2,9 +2,8 @@
 //! sensor, out.
 
 use super::columns::Columns;
-use super::estimates::few;
 use super::flights::is_record;
-use super::format::{count, plain};
+use super::format::{count, few, plain};
 use super::grid::Level;
 
 /// A maneuver or record that was estimated.

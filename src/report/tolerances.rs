@@ -2,8 +2,7 @@
 //! sentence, out.
 
 use super::columns::Columns;
-use super::estimates::few;
-use super::format::{count, display_unit, number, plain};
+use super::format::{count, display_unit, few, number, plain};
 use super::grid::{Cell, Grid, Level, Row};
 
 /// One test of one maneuver of one validation: its rows, and whether it is passed.

@@ -2,8 +2,7 @@
 //! the uncertainties out.
 
 use super::columns::Columns;
-use super::estimates::few;
-use super::format::{bracketed, count, number, plus_minus, shorts};
+use super::format::{bracketed, count, few, number, plus_minus, shorts};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
 use super::section::{Body, Given, Section};

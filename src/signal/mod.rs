@@ -1,6 +1,7 @@
 //! Sampled signals in, signals on uniform grids, smoothed signals and derivatives out; NaN marks
 //! what is not known.
 
+pub mod adequacy;
 pub mod oscillation;
 pub mod resample;
 pub mod robust;

@@ -2,6 +2,7 @@
 //! question.
 
 mod actuators;
+mod adequacy;
 mod attas;
 mod attas_readme;
 mod campaign;

@@ -4,6 +4,8 @@ pub mod before_after;
 pub mod coefficient;
 pub mod comparison;
 pub mod driven;
+pub mod evidence;
 pub mod gaps;
+pub mod left;
 pub mod looks;
 pub mod relation;

@@ -14,6 +14,7 @@ use super::judged::{Judged, Round};
 use super::refit::joined;
 use super::round::held_against;
 use super::surrogate::times;
+use super::turbulence::turbulence;
 use super::unseen::missed;
 use super::verdict::{Diagnosis, Finding, Verdict};
 use crate::diagnose::base::found::{Found, at_first, at_next, values};
@@ -21,6 +22,7 @@ use crate::diagnose::base::stand::{Known, Stand};
 use crate::diagnose::effect::Candidate;
 use crate::diagnose::gap::comparison::Comparison;
 use crate::diagnose::gap::comparison::comparison;
+use crate::diagnose::gap::left::left;
 use crate::diagnose::residual::located::locate;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
@@ -90,6 +92,8 @@ pub fn diagnose(
         unsure_noise: Vec::new(),
         skipped: Vec::new(),
         comparison: Comparison::default(),
+        left: Vec::new(),
+        turbulence: None,
     };
     let held = subject.held_out.iter().filter(|h| **h).count();
     if held == 0 || held == subject.held_out.len() {
@@ -162,6 +166,18 @@ impl Search<'_> {
         out.complete = out.located.is_empty() && out.doubts.is_empty() && out.missed.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
         out.verdict = verdict(out, doubted, &settings.thresholds);
+        out.left = left(last);
+        let poor = out.left.iter().any(|l| l.adequacy.is_poor());
+        if poor && out.verdict == Verdict::NothingMissing {
+            (self.progress)("more than noise is left: does turbulence account for it?");
+            let turbulence = turbulence(self.subject, &stand, last, &out.left);
+            out.verdict = match turbulence.objection {
+                None => Verdict::ButTurbulence,
+                Some(_) => Verdict::Located,
+            };
+            out.turbulence = Some(turbulence);
+        }
+        out.complete &= !poor || out.verdict == Verdict::ButTurbulence;
         Ok(Ok(()))
     }
 

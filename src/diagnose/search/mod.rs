@@ -10,6 +10,7 @@ pub mod refit;
 pub mod round;
 pub mod screen;
 pub mod surrogate;
+pub mod turbulence;
 pub mod unseen;
 pub mod value;
 pub mod verdict;

@@ -1,9 +1,11 @@
 //! The rounds of a search in; the verdict and what it rests on, out.
 
 use super::judged::Round;
+use super::turbulence::Turbulence;
 use super::unseen::Missed;
 use crate::diagnose::effect;
 use crate::diagnose::gap::comparison::Comparison;
+use crate::diagnose::gap::left::Left;
 use crate::diagnose::residual::located::Located;
 use crate::diagnose::subject::Trouble;
 use crate::estimate::LeftOut;
@@ -24,9 +26,12 @@ pub enum Verdict {
     Named,
     /// The same, but at least one is not distinguishable from others.
     OneOfThese,
-    /// Outputs respond to inputs and no candidate explains it, or not all of it.
+    /// Outputs respond to inputs, or are left with more than noise, and no candidate explains it, or
+    /// not all of it.
     Located,
     NothingMissing,
+    /// The sensors' noise and turbulence, which the model does not have, account for what is left.
+    ButTurbulence,
     /// No verdict.
     None(Trouble),
 }
@@ -39,6 +44,7 @@ impl Verdict {
             Verdict::OneOfThese => "one of these",
             Verdict::Located => "located but unexplained",
             Verdict::NothingMissing => "nothing missing",
+            Verdict::ButTurbulence => "nothing missing but turbulence",
             Verdict::None(_) => "no verdict",
         }
     }
@@ -72,6 +78,10 @@ pub struct Diagnosis {
     /// Effects of the library that could not be attached to this model, and why.
     pub skipped: Vec<(String, String)>,
     pub comparison: Comparison,
+    /// What the model leaves of each output in the end.
+    pub left: Vec<Left>,
+    /// The base driven by noise; none where it was not asked for.
+    pub turbulence: Option<Turbulence>,
 }
 
 impl Diagnosis {

@@ -3,6 +3,7 @@
 
 mod comparison;
 mod config;
+mod left;
 mod outcome;
 pub(super) mod recommended;
 mod tables;
@@ -45,6 +46,8 @@ pub const STAGE: Stage = Stage {
         "closures",
         "shifts",
         "overlays",
+        "unexplained",
+        "turbulence",
         "next_models",
         "recommended",
     ],

@@ -1,6 +1,6 @@
 //! A diagnosis in; its tables out.
 
-use super::{Outcome, comparison, words};
+use super::{Outcome, comparison, left, words};
 use crate::diagnose::{Gain, Judged, Round};
 use crate::error::Result;
 use crate::table::Table;
@@ -20,6 +20,8 @@ pub fn all(outcome: &Outcome) -> Result<Vec<(&'static str, Table)>> {
         ("closures", comparison::closures(outcome)?),
         ("shifts", comparison::shifts(outcome)?),
         ("overlays", comparison::overlays(outcome)?),
+        ("unexplained", left::unexplained(outcome)?),
+        ("turbulence", left::turbulence(outcome)?),
     ])
 }
 

@@ -1,6 +1,6 @@
 //! A diagnosis in; what a person should know of it, in words, out.
 
-use super::Outcome;
+use super::{Outcome, left};
 use crate::diagnose::effect::Family;
 use crate::diagnose::{Diagnosis, Finding, Judged, Missed, Standing, Trouble, Value, Verdict};
 use crate::math::digits;
@@ -119,24 +119,28 @@ fn missed(outcome: &Outcome, m: &Missed) -> String {
 fn missing(outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
     let classes = || counted(d.findings.iter().map(|f| class(d, f)));
-    let left = left(outcome);
+    let (left, evidence) = (unexplained(outcome), left::evidence(d));
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
+        Verdict::ButTurbulence => left::but_turbulence(d),
         Verdict::Named | Verdict::OneOfThese => {
             format!("The model lacks (+- is 95%): {}.{rest}", classes())
         }
         Verdict::Located if !d.findings.is_empty() => {
             format!(
-                "Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by (+- is 95%): {}.",
+                "{evidence}Something is missing that no effect of the library is trusted to explain: {left}. It is made smaller by (+- is 95%): {}.",
                 classes()
             )
         }
         Verdict::Located if left.is_empty() => {
-            format!("Something is missing, and no effect of the library passes: {}.", best(d))
+            format!(
+                "{evidence}Something is missing, and no effect of the library passes: {}.",
+                best(d)
+            )
         }
         Verdict::Located => format!(
-            "Something is missing that no effect of the library is trusted to explain: {left}."
+            "{evidence}Something is missing that no effect of the library is trusted to explain: {left}."
         ),
         Verdict::None(why) => format!("No verdict: {}.", trouble(why)),
     }
@@ -158,14 +162,16 @@ fn counted(texts: impl Iterator<Item = String>) -> String {
 
 /// What is not explained: the first outputs that still response, what explains something and is not
 /// believed, held-out maneuvers that are missed.
-fn left(outcome: &Outcome) -> String {
+fn unexplained(outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
     let responses =
         d.located.iter().take(3).map(|l| format!("{} responds to {}", l.output, l.source));
     let doubts =
         d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
     let missed = d.missed.iter().map(|m| missed(outcome, m));
-    responses.chain(doubts).chain(missed).collect::<Vec<_>>().join("; ")
+    // Where nothing is named the evidence has them.
+    let poor = d.is_named().then(|| left::outputs(d)).filter(|text| !text.is_empty());
+    responses.chain(doubts).chain(missed).chain(poor).collect::<Vec<_>>().join("; ")
 }
 
 /// The candidate that gains most before anything is added, and why it was not believed.

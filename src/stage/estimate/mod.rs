@@ -1,6 +1,7 @@
 //! Maneuvers, samples and signals of all flights come in; maximum-likelihood estimates of one
 //! model, with responses, go out.
 
+mod adequacy;
 mod batch;
 pub mod chosen;
 mod config;
@@ -52,6 +53,7 @@ pub const STAGE: Stage = Stage {
         "modes",
         "iterations",
         "residuals",
+        "adequacy",
         "reached",
         "plateaus",
         "responses",

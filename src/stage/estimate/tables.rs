@@ -1,5 +1,6 @@
 //! Finished estimations come in, their tables go out.
 
+use super::adequacy;
 use super::batch::{Batch, Done, per, segment};
 use super::limits;
 use super::regressions;
@@ -24,6 +25,7 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("modes", modes(model, done)?),
         ("iterations", iterations(model, done)?),
         ("residuals", residuals(model, done)?),
+        ("adequacy", adequacy::table(model, done)?),
         ("reached", limits::reached(model, done)?),
         ("plateaus", limits::plateaus(model, done)?),
         ("responses", responses(model, done)?),
