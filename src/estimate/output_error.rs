@@ -222,7 +222,7 @@ fn by_motion(
     let solution = case.solve(settings, origin, here);
     let (mut solution, elsewhere) =
         case.elsewhere(solution, regression.as_ref(), settings, (origin, here));
-    if !settings.stabilise.is_empty() {
+    if settings.stabilise.values().any(|gain| *gain != 0.0) {
         // Noise of the measured states drives the model: what residuals tell is not how far off it is.
         solution.covariance = None;
     }

@@ -240,7 +240,7 @@ mod tests {
     const SENSORS: [Kind; 6] = [
         Kind::Slow(0.0),
         Kind::Slow(0.5),
-        Kind::Slow(0.65),
+        Kind::Slow(0.6),
         Kind::Steps(1.0),
         Kind::Vibration(0.5, 5.0),
         Kind::Vibration(0.7, 18.0),

@@ -167,7 +167,9 @@ mod tests {
     fn an_unknown_table_is_refused_with_the_list() {
         let e = schema("estimate").unwrap_err().to_string();
         assert!(
-            e.starts_with("there is no table \"estimate\"\n    the tables are additions, bands"),
+            e.starts_with(
+                "there is no table \"estimate\"\n    the tables are additions, adequacy, bands"
+            ),
             "{e}"
         );
     }

@@ -10,8 +10,9 @@
 //! - its innovations are white: their own past foretells less than `innovation_share` of them, and
 //!   turbulence in the model explains as much of what was left as an autoregressive model of it
 //!   does, which may have anything in it that is missing,
-//! - they go with no input: no correlation at any lag is above chance and above the root of
-//!   `innovation_input`, the share of their power,
+//! - they go with no input, nor with its square or what its cube has besides (an effect that is not
+//!   linear): no correlation at any lag is above chance and above the root of `innovation_input`, the
+//!   share of their power,
 //! - a density is known to be more than nothing.
 //!
 //! Whatever drives the motion in proportion to an input, or to the motion itself, does not look like
@@ -23,6 +24,7 @@ use crate::diagnose::gap::left::{Left, of_traces};
 use crate::diagnose::residual::timescale::characteristic_time;
 use crate::diagnose::subject::Subject;
 use crate::diagnose::thresholds::Thresholds;
+use crate::dynamics::Record;
 use crate::error::Errors;
 use crate::estimate::{self, Estimation, Segment, Stop, Trace, estimate_segments};
 use crate::math::distribution::normal_quantile;
@@ -231,11 +233,16 @@ fn with_inputs(
     let flown: Vec<Flown> = segments.iter().zip(&estimation.responses).collect();
     let time = characteristic_time(segments.iter().map(|s| &s.record), thresholds);
     let (mut most, mut looked): (Option<(f64, f64, &str, &str)>, f64) = (None, 0.0);
-    for name in &names {
-        for (i, input) in model.inputs.iter().enumerate() {
-            for lag in &thresholds.lags {
-                let at = (i, model.inputs.len(), lag * time);
-                let Some((r, n)) = correlation(&flown, name, at) else { continue };
+    let nu = model.inputs.len();
+    for (i, input) in model.inputs.iter().enumerate() {
+        let shapes = shapes(segments, i, nu);
+        for (name, lag) in
+            names.iter().flat_map(|name| thresholds.lags.iter().map(move |l| (name, l)))
+        {
+            for shape in &shapes {
+                let Some((r, n)) = correlation(&flown, name, (i, nu, lag * time), shape) else {
+                    continue;
+                };
                 looked += 1.0;
                 if most.is_none_or(|m| r.abs() > m.0.abs()) {
                     most = Some((r, n, name, &input.name));
@@ -255,23 +262,45 @@ fn with_inputs(
 /// A maneuver and what was modelled of it.
 type Flown<'a> = (&'a Segment, &'a Vec<Trace>);
 
-/// Correlation of an output's innovations with input `i` of `nu`, so many seconds before, about the
+/// An input about its mean, its square about its mean, and its cube without what goes with the input.
+fn shapes(segments: &[Segment], i: usize, nu: usize) -> [Box<dyn Fn(f64) -> f64>; 3] {
+    let (mut n, mut squares, mut fourth) = (0.0, 0.0, 0.0);
+    for segment in segments {
+        let (all, mean) = about_mean(&segment.record, i, nu);
+        for x in all.iter().map(|x| x - mean).filter(|x| x.is_finite()) {
+            (n, squares, fourth) = (n + 1.0, squares + x * x, fourth + x * x * x * x);
+        }
+    }
+    let (mean, slope) =
+        (squares / f64::max(n, 1.0), if squares > 0.0 { fourth / squares } else { 0.0 });
+    [Box::new(|x| x), Box::new(move |x| x * x - mean), Box::new(move |x| x * x * x - slope * x)]
+}
+
+/// The values of an input, and their mean.
+fn about_mean(record: &Record, i: usize, nu: usize) -> (Vec<f64>, f64) {
+    let all: Vec<f64> = record.inputs.chunks_exact(nu).map(|row| row[i]).collect();
+    let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+    (all, mean)
+}
+
+/// Correlation of an output's innovations with a shape of input `i` of `nu`, so many seconds before, about the
 /// input's mean in each maneuver; and of how many samples. None where one of both is nothing.
 fn correlation(
     flown: &[Flown],
     name: &str,
     (i, nu, lag): (usize, usize, f64),
+    shape: &dyn Fn(f64) -> f64,
 ) -> Option<(f64, f64)> {
     let (mut xx, mut ee, mut xe, mut n) = (0.0, 0.0, 0.0, 0.0);
     for (segment, traces) in flown {
         let record = &segment.record;
-        let all: Vec<f64> = record.inputs.chunks_exact(nu).map(|row| row[i]).collect();
-        let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+        let (all, mean) = about_mean(record, i, nu);
         for trace in traces.iter().filter(|t| t.name == name) {
             for ((t, z), y) in trace.t.iter().zip(&trace.measured).zip(&trace.modelled) {
                 let (k, e) = (((t - lag - record.t0) / record.dt).round(), z - y);
                 let x = if k >= 0.0 { all.get(k as usize) } else { None };
-                let Some(x) = x.map(|x| x - mean).filter(|x| x.is_finite() && e.is_finite()) else {
+                let Some(x) = x.map(|x| shape(x - mean)).filter(|x| x.is_finite() && e.is_finite())
+                else {
                     continue;
                 };
                 (xx, ee, xe, n) = (xx + x * x, ee + e * e, xe + x * e, n + 1.0);

@@ -276,12 +276,9 @@ fn recovery_of_an_unstable_aircraft_by_feedback() {
     assert_eq!(e.stop, Stop::Converged);
     for (name, value) in truth {
         let row = e.rows.iter().find(|r| r.name == name).unwrap();
-        println!("{name}: {:.4} +- {:.4}, truth {value}", row.value, row.sd.unwrap());
-        assert!(
-            (row.value - value).abs() < 3.0 * row.sd.unwrap()
-                && row.sd.unwrap() < 0.05 * value.abs(),
-            "{row:?}, truth {value}"
-        );
+        println!("{name}: {:.4}, truth {value}", row.value);
+        // Feedback of noise biases what residuals would call exact.
+        assert!(row.sd.is_none() && (row.value / value - 1.0).abs() < 0.05, "{row:?}");
     }
 }
 

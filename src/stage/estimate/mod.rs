@@ -228,7 +228,7 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
     notes.extend(moved_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(elsewhere_note(config, batch, estimation));
-    if !config.settings.method.stabilise.is_empty() {
+    if config.settings.method.stabilise.values().any(|gain| *gain != 0.0) {
         let text = format!(
             "{}: states are led back to what was measured of them, whose noise drives the model: no standard deviations",
             batch.group
