@@ -1,8 +1,8 @@
 //! What a filter did to a record, chunk by chunk, in; the exact derivatives of its innovations and
 //! their variances (the formulas stand in `innovations`), lanes of directions, out.
 
+use super::filter::{Filter, Innovation, Measured, Taken, Way};
 use super::gain::{Taking, take};
-use super::innovations::{Filter, Innovation, Taken, Way};
 use super::propagator::Propagator;
 use super::rows::{LANES, Steps, product, steps};
 use super::tangent::{Jacobian, delayed, starts, weights};
@@ -52,7 +52,7 @@ impl<'p> Slopes<'p> {
         starts(propagator, file, &mut s);
         let jacobian = |rows, program| Jacobian::new(rows, program, propagator, parameters);
         let delays = || jacobian(&propagator.delay_rows, &propagator.linear.delays_program);
-        let noise = |m: &super::innovations::Measured| {
+        let noise = |m: &Measured| {
             let mut row = zeros(1);
             m.direction.into_iter().for_each(|d| row[d] = 2.0 * parameters[m.sd]);
             row

@@ -41,6 +41,7 @@ mod between;
 mod contact_tests;
 mod contacts;
 mod evaluate;
+mod filter;
 mod gain;
 mod history;
 mod innovation_slopes;
@@ -60,7 +61,7 @@ mod tableau;
 mod tangent;
 mod values;
 
-pub use innovations::{Filter, Innovation, Innovations};
+pub use filter::{Filter, Innovation, Innovations};
 pub use modes::Lost;
 pub use propagator::{Directions, Propagator, Tier};
 

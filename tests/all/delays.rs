@@ -171,7 +171,7 @@ fn a_delay_is_found_where_what_it_delays_starts_at_zero() {
     let noise = |k: usize| 1e-3 * libm::sin(1e3 * (k as f64 + 0.3) * (k as f64 + 0.7));
     record.channels = vec![Channel {
         output: 0,
-        t: (0..grid.n).map(|k| k as f64 * dt).collect(),
+        t: (0..grid.n).map(|k| (k + start) as f64 * dt).collect(),
         z: grid.y.iter().enumerate().map(|(k, y)| y + noise(k)).collect(),
     }];
     let found = estimated(&model, &[record], &Settings::default()).expect("an estimate");

@@ -213,13 +213,13 @@ fn truth_a_false_minimum_is_left_for_the_one_that_regression_leads_to() {
         .unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(found.stop, Stop::Converged);
     let other = found.elsewhere.as_ref().expect("two minima");
-    assert!(other.taken && other.worse > 100.0, "{other:?}");
+    assert!(other.taken && other.worse > 100.0 && found.det_r < 1e-12, "{other:?} {}", found.det_r);
     let truth =
         [("Zw", -1.4249), ("Zde", -6.2632), ("Mw", 0.2163), ("Mq", -3.7067), ("Mde", -12.784)];
     for (name, truth) in truth {
         let (is, _) = value(&found, name);
         // what straight lines between the elevator's samples cost an unstable motion
-        assert!((is / truth - 1.0).abs() < 5e-3, "{name}: {is} for {truth}");
+        assert!((is / truth - 1.0).abs() < 0.02, "{name}: {is} for {truth}");
     }
 }
 

@@ -166,6 +166,8 @@ fn judged(
     if estimation.stop != Stop::Converged {
         objections.push(format!("its estimate ended with \"{}\"", estimation.stop));
     }
+    // What goes with an input tells most.
+    objections.extend(with_inputs(model, segments, estimation, thresholds));
     for before in left {
         let Some(after) = innovations.iter().find(|l| l.output == before.output) else { continue };
         let noise = noise(estimation, &before.output);
@@ -200,7 +202,6 @@ fn judged(
             ));
         }
     }
-    objections.extend(with_inputs(model, segments, estimation, thresholds));
     let known = |d: &Density| d.sd.is_some_and(|sd| d.value > 2.0 * sd);
     if !densities.iter().any(known) {
         objections.push("none of its densities is more than nothing".into());
