@@ -101,11 +101,7 @@ impl<'p> Tangent<'p> {
     ) -> Self {
         let (nd, ny) = (propagator.directions.len(), propagator.outputs.len());
         let lanes = propagator.directions.lanes();
-        let zeros = |rows: usize| {
-            let mut out = Aligned::default();
-            out.zeros(rows * lanes);
-            out
-        };
+        let zeros = |rows: usize| Aligned::of_zeros(rows * lanes);
         let (nx, both) =
             (propagator.layout.states, propagator.layout.states + propagator.delays.len());
         let mut s = zeros(both);

@@ -80,11 +80,14 @@ impl Case {
             taken.rows.iter().for_each(|row| start[row.row] = row.start);
             return Some((FILE, start));
         }
-        // Records that cannot be smoothed have no such start.
-        let Ok((regression, found)) = regress(self, settings) else { return None };
+        let regression = match regression {
+            Some(regression) => regression.clone(),
+            // Records that cannot be smoothed have no such start.
+            None => regress(self, settings).ok()?.0,
+        };
         let mut start = solution.fit.theta.clone();
         for row in regression.rows.iter().filter(|row| row.outcome == ESTIMATED) {
-            start[row.row] = found[row.row];
+            start[row.row] = row.value;
         }
         let same = self.ends(&start, solution).is_empty();
         (!same).then_some((EQUATIONS, start))

@@ -274,6 +274,13 @@ impl Aligned {
         self.len = len;
     }
 
+    /// So many zeros.
+    pub fn of_zeros(len: usize) -> Aligned {
+        let mut out = Aligned::default();
+        out.zeros(len);
+        out
+    }
+
     /// A copy of rows of `W` numbers.
     pub fn of_rows<const W: usize>(rows: &[[f64; W]]) -> Aligned {
         let mut out = Aligned::default();

@@ -1,6 +1,7 @@
 //! The modes of the simulated ATTAS, and the table of them in its README.
 
 use indexmap::IndexMap;
+use koehler::math::eigen::{Eigen, eigen};
 use koehler::model::Program;
 use koehler::model::graph::Leaf;
 use koehler::simulate::{Campaign, Flight};
@@ -9,63 +10,14 @@ use std::path::Path;
 /// A number of the complex plane.
 type Complex = (f64, f64);
 
-fn times(a: Complex, b: Complex) -> Complex {
-    (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
-}
-
-fn over(a: Complex, b: Complex) -> Complex {
-    let size = b.0 * b.0 + b.1 * b.1;
-    ((a.0 * b.0 + a.1 * b.1) / size, (a.1 * b.0 - a.0 * b.1) / size)
-}
-
-/// Eigenvalues of a small matrix, the fastest first: characteristic polynomial (Faddeev and
-/// LeVerrier), roots (Durand and Kerner).
+/// Eigenvalues of a small matrix, the fastest first, both of a pair.
 fn eigenvalues(a: &[Vec<f64>]) -> Vec<Complex> {
-    let n = a.len();
-    let product = |x: &[Vec<f64>], y: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        (0..n).map(|i| (0..n).map(|j| (0..n).map(|k| x[i][k] * y[k][j]).sum()).collect()).collect()
+    let all = eigen(&a.concat(), a.len()).expect("eigenvalues");
+    let pair = |e: &Eigen| {
+        let (re, im) = (e.value.re, e.value.im);
+        if im > 0.0 { vec![(re, im), (re, -im)] } else { vec![(re, im)] }
     };
-    let mut polynomial = vec![1.0];
-    let mut m = vec![vec![0.0; n]; n];
-    for k in 1..=n {
-        (0..n).for_each(|i| m[i][i] += polynomial[k - 1]);
-        m = product(a, &m);
-        polynomial.push(-(0..n).map(|i| m[i][i]).sum::<f64>() / k as f64);
-    }
-    let at = |z: Complex| {
-        polynomial.iter().fold((0.0, 0.0), |sum, c| (times(sum, z).0 + c, times(sum, z).1))
-    };
-    let mut roots: Vec<Complex> =
-        (0..n).map(|k| ((0.4 + k as f64 * 2.1).cos(), (0.4 + k as f64 * 2.1).sin())).collect();
-    for _ in 0..500 {
-        for k in 0..n {
-            let others = (0..n).filter(|j| *j != k);
-            let denominator = others.fold((1.0, 0.0), |d, j| {
-                times(d, (roots[k].0 - roots[j].0, roots[k].1 - roots[j].1))
-            });
-            let step = over(at(roots[k]), denominator);
-            roots[k] = (roots[k].0 - step.0, roots[k].1 - step.1);
-        }
-    }
-    roots.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)).then(b.1.total_cmp(&a.1)));
-    roots
-}
-
-#[test]
-fn eigenvalues_of_a_known_matrix_are_found() {
-    // a block with -1 +- 2i, and -3 and -0.5, turned into each other
-    let found = eigenvalues(&[
-        vec![-1.0, 2.0, 0.3, 0.0],
-        vec![-2.0, -1.0, 0.0, 0.7],
-        vec![0.0, 0.0, -3.0, 1.0],
-        vec![0.0, 0.0, 0.0, -0.5],
-    ]);
-    for (found, wanted) in found.iter().zip([(-3.0, 0.0), (-1.0, 2.0), (-1.0, -2.0), (-0.5, 0.0)]) {
-        assert!(
-            (found.0 - wanted.0).abs() < 1e-9 && (found.1 - wanted.1).abs() < 1e-9,
-            "{found:?} for {wanted:?}"
-        );
-    }
+    all.iter().flat_map(pair).collect()
 }
 
 fn rounded(value: f64, digits: usize) -> String {
