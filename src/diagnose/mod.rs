@@ -84,6 +84,8 @@
 //! | | `decide` | the tests that a candidate must pass, and the class of those that pass alike |
 //! | | `round` | all candidates held against a base |
 //! | | `turbulence` | whether noise that drives the model accounts for what is left |
+//! | | `variants` | other choices of the maneuvers that train and that are held out |
+//! | | `stability` | how often an effect is chosen over them |
 //! | | `unseen` | held-out maneuvers that show what no other does |
 //! | | `verdict` | what is known in the end |
 //! | | `diagnose` | round after round, forward and back; the verdict |
@@ -119,6 +121,7 @@ pub use search::diagnose::diagnose;
 pub use search::judged::{Judged, Round, Standing};
 pub use search::refit::{Heterogeneity, Refit};
 pub use search::screen::{Imitator, Screened};
+pub use search::stability::{Count, Stability, Vote};
 pub use search::surrogate::chance;
 pub use search::turbulence::{Accounted, Density, Turbulence};
 pub use search::unseen::Missed;

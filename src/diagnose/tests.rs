@@ -199,7 +199,7 @@ fn recovery_a_hidden_lag_is_named_with_its_size() {
         "{}",
         told(&d)
     );
-    let finding = d.findings[0];
+    let finding = &d.findings[0];
     let refit = d.rounds[finding.round].judged[finding.added].refit.as_ref().expect("refitted");
     for (v, truth) in refit.values.iter().zip([1.5, 16.0]) {
         assert!((v.value - truth).abs() < 4.0 * v.sd.expect("sd"), "{v:?}");

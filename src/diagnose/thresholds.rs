@@ -208,6 +208,15 @@ thresholds! {
     /// first looked at. Lower: more stays unnamed and stands in the way. Higher: it is dropped.
     kept_factor: f64 = 3.5, "times the gain by chance";
 
+    /// Choices of a part of the maneuvers, drawn, over which a name must be stable, beside the turns
+    /// of the held-out ones. *Convention* (twenty and more with these). Lower: votes that scatter.
+    /// Higher: slower.
+    subsamples: usize = 18, "variants";
+
+    /// Candidates that are voted on, at most: those of most evidence. *Convention*: further ones
+    /// are not chosen.
+    contenders: usize = 5, "candidates";
+
     /// Rivals that take part when an effect is tested with all others in place. *First guess*.
     /// Lower: a better rival is left out. Higher: slower.
     rivals: usize = 12, "candidates";

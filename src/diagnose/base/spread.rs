@@ -59,6 +59,29 @@ impl Task<'_> {
         Some(Spread { sd, information, left, by_segment })
     }
 
+    /// One Gauss-Newton step from `theta`, bounds kept: shared parameters and those of the segments; none
+    /// where the model is not finite.
+    pub fn stepped(&self, theta: &[f64]) -> Option<Vec<f64>> {
+        let (parts, n, layout) = (self.parts(theta)?, self.free.len(), &self.case.layout);
+        let mut all = self.together(&parts, theta);
+        all.eliminate(0, n);
+        let mut shared = vec![0.0; n + 1];
+        all.solve(0, n, n, &mut shared);
+        let mut moved = theta.to_vec();
+        self.free.iter().zip(&shared).for_each(|(&i, step)| moved[i] += step);
+        for (part, &s) in parts.iter().zip(self.segments) {
+            let mut step = vec![0.0; part.gram.n];
+            let known = part.own..part.gram.n - 1;
+            step[known].iter_mut().zip(&part.to).for_each(|(x, &to)| *x = shared[to]);
+            part.gram.solve(0, part.own, part.gram.n - 1, &mut step);
+            let offset = layout.parts[s].offset;
+            moved[offset..offset + part.own].iter_mut().zip(&step).for_each(|(x, d)| *x += d);
+        }
+        let bounds = layout.lower.iter().zip(&layout.upper);
+        moved.iter_mut().zip(bounds).for_each(|(x, (low, high))| *x = x.clamp(*low, *high));
+        Some(moved)
+    }
+
     fn parts(&self, theta: &[f64]) -> Option<Vec<Part>> {
         self.segments.par_iter().map(|&s| self.part(s, theta)).collect()
     }

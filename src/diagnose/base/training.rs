@@ -156,6 +156,15 @@ impl Task<'_> {
         self.thresholds.promise.max(self.thresholds.promise_per_parameter * self.free.len() as f64)
     }
 
+    /// Cost of all segments at `theta`, with what priors add.
+    pub fn whole_cost(&self, theta: &[f64]) -> Option<f64> {
+        let layout = self.layout(theta);
+        let pull =
+            |(i, x): (usize, &f64)| 0.5 * layout.prior_weight(i) * (x - layout.centre[i]).powi(2);
+        let prior: f64 = layout.start.iter().enumerate().map(pull).sum();
+        Some(self.costs(theta)?.iter().sum::<f64>() + prior)
+    }
+
     /// Costs of the segments at `theta`.
     pub fn costs(&self, theta: &[f64]) -> Option<Vec<f64>> {
         let of = |&s: &usize| {

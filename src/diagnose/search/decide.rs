@@ -89,7 +89,7 @@ fn least(predicted: f64, settings: &Settings, count: usize) -> f64 {
 }
 
 /// The rule of the held-out maneuvers, one by one and together.
-fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, String)> {
+pub fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, String)> {
     if gains.is_empty() {
         return Some((Standing::Untold, "no maneuver is held out".into()));
     }

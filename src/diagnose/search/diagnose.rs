@@ -13,6 +13,7 @@ use super::judged::Standing;
 use super::judged::{Judged, Round};
 use super::refit::joined;
 use super::round::held_against;
+use super::stability::{Stability, stability};
 use super::surrogate::times;
 use super::turbulence::turbulence;
 use super::unseen::missed;
@@ -140,6 +141,7 @@ impl Search<'_> {
                 self.forward(&base)?;
             }
         }
+        self.voted(&base)?;
         let named: Vec<Link> = self.links.iter().filter(|l| l.doubt.is_none()).cloned().collect();
         let chained = self.chained(&named)?;
         let (stand, added) = chained.unwrap_or_else(|| (self.first(), Vec::new()));
@@ -273,7 +275,8 @@ impl Search<'_> {
             if let Some(c) =
                 round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name))
             {
-                findings[i] = Some(Finding { round: at, added: c });
+                findings[i] =
+                    Some(Finding { round: at, added: c, stability: Stability::default() });
                 continue;
             }
             let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
@@ -305,6 +308,25 @@ impl Search<'_> {
         }
         self.out.findings = findings.into_iter().flatten().collect();
         Ok(true)
+    }
+
+    /// Lets other choices of the maneuvers vote on every finding.
+    fn voted(&mut self, base: &Found) -> Result<(), Errors> {
+        for at in 0..self.out.findings.len() {
+            let finding = &self.out.findings[at];
+            let Some(round) = self.out.rounds.get(finding.round) else { continue };
+            let name = &round.judged[finding.added].name;
+            (self.progress)(&format!("{name}: is it chosen from other maneuvers, too?"));
+            let others: Vec<Link> =
+                self.links.iter().filter(|l| l.name != *name).cloned().collect();
+            let Some((stand, _)) = self.chained(&others)? else { continue };
+            let made = self.with(&stand, base)?;
+            let found = made.as_ref().unwrap_or(base);
+            let (candidates, _) = (self.offer)(&stand.model)?;
+            let votes = stability((&stand, found), round, &candidates, self.subject, false)?;
+            self.out.findings[at].stability = votes;
+        }
+        Ok(())
     }
 
     /// The round that tested the only link already: the one it was found in, if that was strict

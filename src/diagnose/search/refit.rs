@@ -110,7 +110,9 @@ pub fn refit(
         frozen(&case, ground.noise, ground.places, &fit.theta, (&stand.nulls, ground.thresholds));
     let gains = ground.frozen.iter().zip(&held_out).zip(&ground.places.held_out);
     let gains = gains
-        .map(|((base, with), &s)| held_out_gain(ground, base.as_ref(), with.as_ref(), s))
+        .map(|((base, with), &s)| {
+            held_out_gain(ground.noise, base.as_ref(), with.as_ref(), (s, prepared.used[s]))
+        })
         .collect();
     let training = ground.places.training.iter().zip(ground.fit.costs.iter().zip(&fit.costs));
     let training = training.map(|(&s, (base, with))| Gain {
@@ -183,8 +185,13 @@ pub fn joined(stand: &Stand, candidate: &Candidate, at: &[f64]) -> Stand {
     stand.with(&candidate.model, &candidate.added.iter().zip(at).map(one).collect::<Vec<_>>())
 }
 
-fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, s: usize) -> Gain {
-    let segment = ground.prepared.used[s];
+/// What a held-out maneuver gains: its place among those used, and its index among all.
+pub fn held_out_gain(
+    noise: &Noise,
+    base: Option<&Frozen>,
+    with: Option<&Frozen>,
+    (s, segment): (usize, usize),
+) -> Gain {
     let (Some(base), Some(with)) = (base, with) else {
         return Gain { segment, predicted: f64::NAN, realised: f64::NEG_INFINITY };
     };
@@ -192,7 +199,7 @@ fn held_out_gain(ground: &Ground, base: Option<&Frozen>, with: Option<&Frozen>, 
         Block::new(a.output, a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(), Vec::new())
     };
     let blocks: Vec<Block> = base.blocks.iter().zip(&with.blocks).map(difference).collect();
-    let white = ground.noise.whiten(s, &blocks);
+    let white = noise.whiten(s, &blocks);
     let predicted = white.last().map_or(f64::NAN, |d| 0.5 * dot(d, d));
     Gain { segment, predicted, realised: base.cost - with.cost }
 }

@@ -1,6 +1,7 @@
 //! The rounds of a search in; the verdict and what it rests on, out.
 
 use super::judged::Round;
+use super::stability::Stability;
 use super::turbulence::Turbulence;
 use super::unseen::Missed;
 use crate::diagnose::effect;
@@ -11,11 +12,13 @@ use crate::diagnose::subject::Trouble;
 use crate::estimate::LeftOut;
 
 /// An effect that is missing: the round that tested it, and its place there.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     pub round: usize,
     /// The candidate that was added; those of the round's class explain the flights as well.
     pub added: usize,
+    /// How often it is chosen when other maneuvers train and others are held out.
+    pub stability: Stability,
 }
 
 /// What is known in the end.

@@ -1,0 +1,290 @@
+//! A round that tested an effect in; how often it is chosen when other maneuvers train and others
+//! are held out, out.
+//!
+//! One split of the maneuvers is one draw: what it says hangs on which ones were held out. So the
+//! choice is repeated over all `variants`. In each the noise is that of its training maneuvers, and
+//! base and candidates go one Gauss-Newton step from the solution over all maneuvers to their own
+//! (where that does not lower the cost, half of it or a quarter): near the solution a model is
+//! linear in its parameters, and a test shows that full fits choose alike. What is measured then
+//! is exact: costs of the models at those parameters, and held-out maneuvers with derivatives
+//! frozen. A variant chooses the candidate of most evidence that its held-out maneuvers do not
+//! contradict, or none; where it predicts next to nothing for an effect there, it cannot vote on
+//! it.
+
+use super::decide::held_out_objection;
+use super::judged::{Judged, Round, Standing};
+use super::refit::{held_out_gain, joined};
+use super::surrogate::chance;
+use super::value::Gain;
+use super::variants::{Variant, variants};
+use crate::diagnose::base::found::Found;
+use crate::diagnose::base::frozen::{Frozen, frozen};
+use crate::diagnose::base::stand::{Stand, seen, settle_steps};
+use crate::diagnose::base::training::Task;
+use crate::diagnose::effect::Candidate;
+use crate::diagnose::residual::absorbed::Fitted;
+use crate::diagnose::residual::colour::noise_of;
+use crate::diagnose::residual::responses::Responses;
+use crate::diagnose::residual::whitening::Noise;
+use crate::diagnose::settings::Settings;
+use crate::diagnose::subject::{Places, Subject};
+use crate::diagnose::thresholds::Thresholds;
+use crate::error::Errors;
+use crate::estimate::{Case, Prepared};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// What one variant says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Vote {
+    pub variant: String,
+    /// The candidate of most evidence; none where none passes.
+    pub chosen: Option<String>,
+    /// Evidence of each candidate that took part, and the gain that it predicts held out; not a
+    /// number where its model does not run.
+    pub evidence: Vec<(String, f64, f64)>,
+}
+
+impl Vote {
+    /// Whether it can say anything about a candidate.
+    fn is_cast(&self, candidate: &str, decisive: f64) -> bool {
+        self.evidence.iter().any(|(name, _, predicted)| name == candidate && *predicted > decisive)
+    }
+}
+
+/// The votes on an effect.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Stability {
+    pub votes: Vec<Vote>,
+}
+
+/// How often each was chosen, of the variants that can tell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Count {
+    /// How many variants can tell.
+    pub cast: usize,
+    /// The effect itself.
+    pub own: usize,
+    /// Others, most often chosen first.
+    pub rivals: Vec<(String, usize)>,
+}
+
+impl Stability {
+    pub fn count(&self, candidate: &str, settings: &Settings) -> Count {
+        let cast: Vec<&Vote> =
+            self.votes.iter().filter(|v| v.is_cast(candidate, settings.decisive)).collect();
+        let mut rivals = BTreeMap::<&str, usize>::new();
+        for name in cast.iter().filter_map(|v| v.chosen.as_deref()) {
+            *rivals.entry(name).or_default() += 1;
+        }
+        let own = rivals.remove(candidate).unwrap_or_default();
+        let mut rivals: Vec<(String, usize)> =
+            rivals.into_iter().map(|(name, n)| (name.to_string(), n)).collect();
+        rivals.sort_by(|a, b| b.1.cmp(&a.1));
+        Count { cast: cast.len(), own, rivals }
+    }
+}
+
+/// A model at its solution over all maneuvers.
+struct Solution<'a> {
+    case: Case,
+    theta: Vec<f64>,
+    /// Parameters that effects brought, and where they are nothing.
+    nulls: BTreeMap<String, Option<f64>>,
+    /// The candidate; none for the base.
+    judged: Option<&'a Judged>,
+}
+
+/// A model fitted to a variant.
+struct Moved {
+    cost: f64,
+    frozen: Vec<Option<Frozen>>,
+}
+
+/// The votes of all variants on the candidates of a round that came far enough. `found`: the base
+/// of the round; `whole`: every fit goes to its end.
+///
+/// # Errors
+/// A candidate's model does not fit the settings of the base's estimation.
+pub fn stability(
+    (stand, found): (&Stand, &Found),
+    round: &Round,
+    candidates: &[Candidate],
+    subject: &Subject,
+    whole: bool,
+) -> Result<Stability, Errors> {
+    let base = base(stand, found);
+    let mut models = Vec::new();
+    for judged in contenders(round, &subject.settings.thresholds) {
+        let Some(candidate) = candidates.iter().find(|c| c.name == judged.name) else { continue };
+        models.extend(solved(stand, found, candidate, judged, subject)?);
+    }
+    let all: Vec<usize> = (0..found.prepared.used.len()).collect();
+    let free = seen(&base.case, &all);
+    let rule = stand.method.colour();
+    let fitted = Fitted::new(&base.case, &all, &free, &base.theta, &[], rule);
+    let mut responses = Responses::default();
+    let mut noise = found.noise.clone();
+    while responses.more(&fitted, &noise, subject.settings) {
+        let again = Fitted::new(&base.case, &all, &free, &base.theta, &responses.values, rule);
+        match again.weighted(&noise) {
+            Some(fitted) => noise = noise_of(&fitted, &subject.settings.thresholds),
+            None => break,
+        }
+    }
+    let one = |variant: &Variant| {
+        let training = &variant.places.training;
+        let without: Vec<_> =
+            training.iter().filter_map(|&s| responses.values.get(s).cloned()).collect();
+        let free = seen(&base.case, training);
+        let fitted = Fitted::new(&base.case, training, &free, &base.theta, &without, rule);
+        let noise = noise_of(&fitted.weighted(&noise)?, &subject.settings.thresholds);
+        vote(&base, &models, &noise, (&found.prepared, variant), (round.limit, whole), subject)
+    };
+    let votes = variants(&found.prepared, subject.settings).par_iter().filter_map(one).collect();
+    Ok(Stability { votes })
+}
+
+/// Candidates with a full fit against which nothing speaks but, at most, one split of the maneuvers;
+/// the best ones.
+fn contenders<'r>(round: &'r Round, thresholds: &Thresholds) -> Vec<&'r Judged> {
+    let able = [
+        Standing::Chosen,
+        Standing::Alike,
+        Standing::Beaten,
+        Standing::Faint,
+        Standing::HeldOut,
+        Standing::Untold,
+    ];
+    let mut all: Vec<&Judged> = round
+        .judged
+        .iter()
+        .filter(|j| able.contains(&j.standing) && j.evidence > round.limit)
+        .collect();
+    all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    all.truncate(thresholds.contenders);
+    all
+}
+
+fn base<'a>(stand: &Stand, found: &Found) -> Solution<'a> {
+    let case = found.case();
+    let mut theta = found.fit.theta.clone();
+    for (&s, frozen) in found.places.held_out.iter().zip(&found.frozen) {
+        take_over(&case, &mut theta, s, frozen.as_ref());
+    }
+    Solution { case, theta, nulls: stand.nulls.clone(), judged: None }
+}
+
+/// Own parameters of a held-out maneuver into the others'.
+fn take_over(case: &Case, theta: &mut [f64], s: usize, frozen: Option<&Frozen>) {
+    let part = &case.layout.parts[s];
+    let own = part.offset..part.offset + part.own;
+    if let Some(frozen) = frozen {
+        theta[own.clone()].copy_from_slice(&frozen.theta[own]);
+    }
+}
+
+/// A candidate's model where its full fit ended; none where it cannot be run so.
+fn solved<'a>(
+    stand: &Stand,
+    found: &Found,
+    candidate: &Candidate,
+    judged: &'a Judged,
+    subject: &Subject,
+) -> Result<Option<Solution<'a>>, Errors> {
+    let Some(refit) = &judged.refit else { return Ok(None) };
+    let values: Vec<f64> = refit.values.iter().map(|v| v.value).collect();
+    let stand = joined(stand, candidate, &values);
+    let prepared = Prepared::new(&stand.model, &found.prepared.segments, &stand.method)?;
+    if prepared.used != found.prepared.used {
+        return Ok(None);
+    }
+    let mut case = prepared.case();
+    let mut theta = refit.known.placed(&case, &prepared);
+    let least: Vec<usize> = found.case().records.iter().map(|r| r.substeps).collect();
+    settle_steps(&mut case, &theta, &least);
+    let nulls = stand.nulls;
+    let unseen =
+        frozen(&case, &found.noise, &found.places, &theta, (&nulls, &subject.settings.thresholds));
+    for (&s, frozen) in found.places.held_out.iter().zip(&unseen) {
+        take_over(&case, &mut theta, s, frozen.as_ref());
+    }
+    Ok(Some(Solution { case, theta, nulls, judged: Some(judged) }))
+}
+
+impl Solution<'_> {
+    /// Fitted to a variant's training maneuvers; none where the model is not finite.
+    fn moved(
+        &self,
+        noise: &Noise,
+        places: &Places,
+        thresholds: &Thresholds,
+        whole: bool,
+    ) -> Option<Moved> {
+        let free = seen(&self.case, &places.training);
+        let segments = &places.training[..];
+        let task = Task { case: &self.case, noise, segments, free: &free, thresholds };
+        let (theta, cost) = if whole {
+            let fit = task.fit(self.theta.clone())?;
+            let cost = fit.cost();
+            (fit.theta, cost)
+        } else {
+            self.stepped(&task)?
+        };
+        let frozen = frozen(&self.case, noise, places, &theta, (&self.nulls, thresholds));
+        Some(Moved { cost, frozen })
+    }
+
+    /// The best of a step, half of it, a quarter, and none.
+    fn stepped(&self, task: &Task) -> Option<(Vec<f64>, f64)> {
+        let whole = task.stepped(&self.theta)?;
+        let at = |share: f64| -> Vec<f64> {
+            self.theta.iter().zip(&whole).map(|(from, to)| from + share * (to - from)).collect()
+        };
+        let here = task.whole_cost(&self.theta)?;
+        let lower = [1.0, 0.5, 0.25].into_iter().find_map(|share| {
+            let theta = at(share);
+            let cost = task.whole_cost(&theta).filter(|cost| *cost <= here)?;
+            Some((theta, cost))
+        });
+        Some(lower.unwrap_or_else(|| (self.theta.clone(), here)))
+    }
+}
+
+fn vote(
+    base: &Solution,
+    models: &[Solution],
+    noise: &Noise,
+    (prepared, variant): (&Prepared, &Variant),
+    (limit, whole): (f64, bool),
+    subject: &Subject,
+) -> Option<Vote> {
+    let (settings, places) = (subject.settings, &variant.places);
+    let thresholds = &settings.thresholds;
+    let without = base.moved(noise, places, thresholds, whole)?;
+    let (mut best, mut evidence): (Option<(f64, &str)>, Vec<(String, f64, f64)>) =
+        (None, Vec::new());
+    for model in models {
+        let Some(judged) = model.judged else { continue };
+        let Some(with) = model.moved(noise, places, thresholds, whole) else {
+            evidence.push((judged.name.clone(), f64::NAN, f64::NAN));
+            continue;
+        };
+        let pairs = without.frozen.iter().zip(&with.frozen).zip(&places.held_out);
+        let gains: Vec<Gain> = pairs
+            .map(|((a, b), &s)| held_out_gain(noise, a.as_ref(), b.as_ref(), (s, prepared.used[s])))
+            .collect();
+        let sum = |of: fn(&Gain) -> f64| gains.iter().map(of).sum::<f64>();
+        let fitted =
+            judged.refit.as_ref().map_or(0, |r| r.values.iter().filter(|v| !v.held).count());
+        let alone = chance(judged.screened.taken.max(fitted), thresholds.false_alarm);
+        let this = without.cost - with.cost - alone + sum(|g| g.realised);
+        evidence.push((judged.name.clone(), this, sum(|g| g.predicted)));
+        let passes = this > limit && held_out_objection(&gains, settings).is_none();
+        if passes && best.is_none_or(|(most, _)| this > most) {
+            best = Some((this, &judged.name));
+        }
+    }
+    let chosen = best.map(|(_, name)| name.to_string());
+    Some(Vote { variant: variant.name.clone(), chosen, evidence })
+}
