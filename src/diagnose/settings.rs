@@ -39,6 +39,9 @@ pub struct Settings {
     /// The numbers behind the rules: not for users, and in no file.
     #[serde(skip)]
     pub thresholds: Thresholds,
+    /// Votes by fits that go to their end instead of one step: for the test that both choose alike.
+    #[serde(skip)]
+    pub whole_votes: bool,
 }
 
 /// Whether the base model's parameters are estimated.
@@ -70,6 +73,7 @@ impl Default for Settings {
             decisive: defaults::DECISIVE,
             apart: defaults::APART,
             thresholds: Thresholds::default(),
+            whole_votes: false,
         }
     }
 }

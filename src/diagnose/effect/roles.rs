@@ -113,6 +113,11 @@ const ROLES: &[(&str, Find, &str)] = &[
         "yawing moment coefficient, or yaw acceleration",
     ),
     (
+        "condition",
+        Any(&["alpha", "airspeed", "mach"]),
+        "each of angle of attack, airspeed and Mach number",
+    ),
+    (
         "longitudinal",
         Any(&["lift", "drag", "pitch-moment"]),
         "each of lift, drag and pitching moment",

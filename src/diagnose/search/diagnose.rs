@@ -323,7 +323,7 @@ impl Search<'_> {
             let made = self.with(&stand, base)?;
             let found = made.as_ref().unwrap_or(base);
             let (candidates, _) = (self.offer)(&stand.model)?;
-            let votes = stability((&stand, found), round, &candidates, self.subject, false)?;
+            let votes = stability((&stand, found), round, &candidates, self.subject)?;
             self.out.findings[at].stability = votes;
         }
         Ok(())

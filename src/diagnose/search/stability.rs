@@ -102,7 +102,7 @@ struct Moved {
 }
 
 /// The votes of all variants on the candidates of a round that came far enough. `found`: the base
-/// of the round; `whole`: every fit goes to its end.
+/// of the round.
 ///
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
@@ -111,7 +111,6 @@ pub fn stability(
     round: &Round,
     candidates: &[Candidate],
     subject: &Subject,
-    whole: bool,
 ) -> Result<Stability, Errors> {
     let base = base(stand, found);
     let mut models = Vec::new();
@@ -139,7 +138,7 @@ pub fn stability(
         let free = seen(&base.case, training);
         let fitted = Fitted::new(&base.case, training, &free, &base.theta, &without, rule);
         let noise = noise_of(&fitted.weighted(&noise)?, &subject.settings.thresholds);
-        vote(&base, &models, &noise, (&found.prepared, variant), (round.limit, whole), subject)
+        vote(&base, &models, &noise, (&found.prepared, variant), round.limit, subject)
     };
     let votes = variants(&found.prepared, subject.settings).par_iter().filter_map(one).collect();
     Ok(Stability { votes })
@@ -214,17 +213,12 @@ fn solved<'a>(
 
 impl Solution<'_> {
     /// Fitted to a variant's training maneuvers; none where the model is not finite.
-    fn moved(
-        &self,
-        noise: &Noise,
-        places: &Places,
-        thresholds: &Thresholds,
-        whole: bool,
-    ) -> Option<Moved> {
+    fn moved(&self, noise: &Noise, places: &Places, settings: &Settings) -> Option<Moved> {
+        let thresholds = &settings.thresholds;
         let free = seen(&self.case, &places.training);
         let segments = &places.training[..];
         let task = Task { case: &self.case, noise, segments, free: &free, thresholds };
-        let (theta, cost) = if whole {
+        let (theta, cost) = if settings.whole_votes {
             let fit = task.fit(self.theta.clone())?;
             let cost = fit.cost();
             (fit.theta, cost)
@@ -256,17 +250,17 @@ fn vote(
     models: &[Solution],
     noise: &Noise,
     (prepared, variant): (&Prepared, &Variant),
-    (limit, whole): (f64, bool),
+    limit: f64,
     subject: &Subject,
 ) -> Option<Vote> {
     let (settings, places) = (subject.settings, &variant.places);
     let thresholds = &settings.thresholds;
-    let without = base.moved(noise, places, thresholds, whole)?;
+    let without = base.moved(noise, places, settings)?;
     let (mut best, mut evidence): (Option<(f64, &str)>, Vec<(String, f64, f64)>) =
         (None, Vec::new());
     for model in models {
         let Some(judged) = model.judged else { continue };
-        let Some(with) = model.moved(noise, places, thresholds, whole) else {
+        let Some(with) = model.moved(noise, places, settings) else {
             evidence.push((judged.name.clone(), f64::NAN, f64::NAN));
             continue;
         };

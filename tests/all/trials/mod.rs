@@ -272,6 +272,19 @@ fn most(diagnosis: &Diagnosis) -> f64 {
     diagnosis.rounds.iter().map(of).fold(0.0, f64::max)
 }
 
+/// How often each effect that came out of the search was chosen from other maneuvers.
+fn votes(diagnosis: &Diagnosis) -> Vec<String> {
+    let one = |f: &diagnose::Finding| {
+        let name = &diagnosis.rounds[f.round].judged[f.added].name;
+        let count = f.stability.count(name, &diagnose::Settings::default());
+        let rivals: Vec<String> =
+            count.rivals.iter().map(|(name, n)| format!("{name} {n}")).collect();
+        let (own, cast, all) = (count.own, count.cast, f.stability.votes.len());
+        format!("votes for {name}: {own} of {cast} (of {all}); {}", rivals.join(", "))
+    };
+    diagnosis.findings.iter().map(one).collect()
+}
+
 /// Runs a trial and tells it.
 fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     let outcome = run(hidden, setting);
@@ -279,6 +292,11 @@ fn ended(hidden: &Hidden, setting: &Setting, alone: bool) -> Row {
     outcome.iter().filter(told).for_each(|o| println!("{}\n", story(hidden, setting, o)));
     let row = row(hidden, setting, outcome.as_ref());
     println!("{}", row.line());
+    if let Some(o) = &outcome {
+        votes(&o.diagnosis)
+            .iter()
+            .for_each(|line| println!("{} #{}: {line}", row.hidden, row.seed));
+    }
     if let Some(o) = outcome.as_ref().filter(|_| row.kind == Kind::Nothing) {
         println!(
             "{} #{}: gain over that by chance {:.2}",
