@@ -227,6 +227,8 @@ mod tests {
             .f64("limit", number())
             .f64("held_out_predicted", number())
             .f64("held_out_realised", number())
+            .opt_i64("chosen", vec![None; n])
+            .opt_i64("votes", vec![None; n])
             .strings("text", texts)
             .repeat("held_out", "every third")
             .finish()

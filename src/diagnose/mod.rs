@@ -71,6 +71,7 @@
 //! | | `coefficient` | what each force and moment coefficient lacks, with its uncertainty |
 //! | | `relation` | correlation, lag and coherence of the residuals with what moves them |
 //! | | `evidence` | the equation that lacks most, and what it goes with |
+//! | | `varying` | parameters that differ from maneuver to maneuver |
 //! | | `left` | whether what is left of each output is its sensor's noise |
 //! | | `before_after`, `comparison` | the gap before and after, and what the addition did to the other parameters |
 //! | `search` | | **which effect explains it** |
@@ -86,6 +87,7 @@
 //! | | `turbulence` | whether noise that drives the model accounts for what is left |
 //! | | `variants` | other choices of the maneuvers that train and that are held out |
 //! | | `stability` | how often an effect is chosen over them |
+//! | | `unphysical` | what speaks against the model with everything added, as a whole |
 //! | | `unseen` | held-out maneuvers that show what no other does |
 //! | | `verdict` | what is known in the end |
 //! | | `diagnose` | round after round, forward and back; the verdict |
@@ -115,6 +117,7 @@ pub use gap::evidence::{Evidence, strongest};
 pub use gap::gaps::Gap;
 pub use gap::left::Left;
 pub use gap::relation::Relation;
+pub use gap::varying::Varying;
 pub use held_out::{Rule, cut, held_out};
 pub use residual::located::Located;
 pub use search::diagnose::diagnose;

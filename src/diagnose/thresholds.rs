@@ -213,6 +213,18 @@ thresholds! {
     /// Higher: slower.
     subsamples: usize = 18, "variants";
 
+    /// Share of the votes that an effect, with those it cannot be told from, must have to be named.
+    /// *Convention* of stability selection (0.6 to 0.9 there). Lower: what hangs on a few maneuvers
+    /// is named. Higher: true effects that some choices do not show lose their names.
+    votes: f64 = 0.85, "share of the votes";
+
+    /// Share of the votes above which another one cannot be told from it. *Convention*. Lower: more
+    /// classes of several. Higher: names where the flights do not decide.
+    rival_votes: f64 = 0.2, "share of the votes";
+
+    /// Fewest variants that must be able to vote. *Convention*: of ten, 85% are more than eight.
+    fewest_votes: usize = 10, "variants";
+
     /// Candidates that are voted on, at most: those of most evidence. *Convention*: further ones
     /// are not chosen.
     contenders: usize = 5, "candidates";
@@ -272,6 +284,14 @@ thresholds! {
     /// The highest of them, as a share of what the sampling resolves. *Convention*: anti-aliasing
     /// and interpolation begin to act above.
     highest_frequency: f64 = 0.5, "share of the Nyquist frequency";
+
+    /// A derivative turns its sign where it is so many sd from zero before and after. *Convention*:
+    /// by chance one in a thousand campaigns would have one. Lower: noise turns signs. Higher: what
+    /// is turned is not told.
+    turned_sds: f64 = 4.0, "sd";
+
+    /// A parameter may be moved so many sd of what is known of it before. *Convention*.
+    prior_sds: f64 = 3.0, "sd";
 
     /// Fewest training maneuvers from which a limit for a held-out one is made. *Convention*: two
     /// variances are no distribution.

@@ -134,7 +134,7 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 26] = [
+const THREADS: [(&str, &str); 27] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
@@ -158,6 +158,7 @@ const THREADS: [(&str, &str); 26] = [
     ("diagnose/residual/sums.rs", "maneuvers of one diagnosis"),
     ("diagnose/search/refit.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/screen.rs", "candidates of one round of a diagnosis"),
+    ("diagnose/search/stability.rs", "other choices of the maneuvers of one diagnosis"),
     ("diagnose/search/surrogate.rs", "series of chance of one round of a diagnosis"),
     ("pipeline/assess.rs", "hashes of what units read, which decide what is run at all"),
     ("pipeline/summaries.rs", "a look at the logs before work starts"),

@@ -19,12 +19,12 @@ pub struct Spread {
     pub by_segment: Vec<Vec<(f64, f64)>>,
 }
 
-/// Sums of one segment: own parameters eliminated.
-struct Part {
-    own: usize,
-    /// Place of each shared column in `Task::free`.
-    to: Vec<usize>,
-    gram: Gram,
+/// Sums of one segment: own parameters eliminated, then shared ones, then the residuals.
+pub struct Part {
+    pub own: usize,
+    /// Place of each shared column in `Task::free`; of the residuals, how many are free.
+    pub to: Vec<usize>,
+    pub gram: Gram,
 }
 
 impl Task<'_> {
@@ -82,11 +82,12 @@ impl Task<'_> {
         Some(moved)
     }
 
-    fn parts(&self, theta: &[f64]) -> Option<Vec<Part>> {
+    /// Sums of every segment; none where the model is not finite.
+    pub fn parts(&self, theta: &[f64]) -> Option<Vec<Part>> {
         self.segments.par_iter().map(|&s| self.part(s, theta)).collect()
     }
 
-    fn part(&self, s: usize, theta: &[f64]) -> Option<Part> {
+    pub fn part(&self, s: usize, theta: &[f64]) -> Option<Part> {
         let layout = &self.case.layout;
         let blocks = self.case.evaluate(s, &layout.local(s, theta), true)?;
         let mut white = self.noise.whiten(s, &blocks);
@@ -109,7 +110,7 @@ impl Task<'_> {
     }
 
     /// All segments together, priors included: free shared parameters, then the residuals.
-    fn together(&self, parts: &[Part], theta: &[f64]) -> Gram {
+    pub fn together(&self, parts: &[Part], theta: &[f64]) -> Gram {
         let (n, layout) = (self.free.len(), &self.case.layout);
         let mut all = Gram::zero(n + 1);
         parts.iter().for_each(|part| all.add(&part.gram, part.own, &part.to));

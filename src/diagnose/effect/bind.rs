@@ -156,6 +156,7 @@ fn candidate<'a>(
         signature: binding.prose(&file.signature),
         separate: binding.prose(&file.separate),
         family: file.family,
+        series: file.series,
         model,
         added,
         block,

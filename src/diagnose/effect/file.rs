@@ -26,6 +26,9 @@ pub struct EffectFile {
     pub title: String,
     /// What kind of thing it is.
     pub family: Family,
+    /// It is a term of a series, which names no cause: an effect that does and explains as much is told first.
+    #[serde(default)]
+    pub series: bool,
     /// What it does to a flight: how a person recognises it.
     pub signature: String,
     /// Effects that look alike.

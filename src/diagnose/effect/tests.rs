@@ -93,6 +93,7 @@ fn every_effect_is_complete_and_names_rivals_that_exist() {
             "{}: signature and rivals",
             e.name
         );
+        assert!(!e.file.source.is_empty(), "{}: where its equations come from", e.name);
         for rival in &e.file.rivals {
             assert!(
                 names.contains(rival.as_str()) && *rival != e.name,

@@ -9,3 +9,4 @@ pub mod gaps;
 pub mod left;
 pub mod looks;
 pub mod relation;
+pub mod varying;

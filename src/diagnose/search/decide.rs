@@ -152,11 +152,15 @@ pub fn distances(judged: &[Judged], passing: &[Passing], settings: &Settings) ->
 }
 
 /// Those that are not distinguishable from the best, best evidence first, errors of sensors before
-/// physics.
+/// physics, and terms of a series, which name no cause, last.
 pub fn class(judged: &[Judged], distances: &[Distance]) -> Vec<usize> {
-    let data = |d: &Distance| judged[d.at].family == Family::Sensor;
+    let last = |d: &Distance| match (judged[d.at].family, judged[d.at].series) {
+        (Family::Sensor, _) => 0,
+        (_, false) => 1,
+        (_, true) => 2,
+    };
     let mut class: Vec<&Distance> = distances.iter().filter(|d| d.less < d.margin).collect();
-    class.sort_by(|a, b| data(b).cmp(&data(a)).then(a.less.total_cmp(&b.less)));
+    class.sort_by(|a, b| last(a).cmp(&last(b)).then(a.less.total_cmp(&b.less)));
     class.into_iter().map(|d| d.at).collect()
 }
 
@@ -239,6 +243,7 @@ mod tests {
             effect: name.clone(),
             name,
             family,
+            series: false,
             sentence: text(),
             signature: text(),
             separate: text(),

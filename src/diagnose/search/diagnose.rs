@@ -16,6 +16,7 @@ use super::round::held_against;
 use super::stability::{Stability, stability};
 use super::surrogate::times;
 use super::turbulence::turbulence;
+use super::unphysical::unphysical;
 use super::unseen::missed;
 use super::verdict::{Diagnosis, Finding, Verdict};
 use crate::diagnose::base::found::{Found, at_first, at_next, values};
@@ -24,6 +25,7 @@ use crate::diagnose::effect::Candidate;
 use crate::diagnose::gap::comparison::Comparison;
 use crate::diagnose::gap::comparison::comparison;
 use crate::diagnose::gap::left::left;
+use crate::diagnose::gap::varying::varying;
 use crate::diagnose::residual::located::locate;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
@@ -85,10 +87,13 @@ pub fn diagnose(
         rounds: Vec::new(),
         findings: Vec::new(),
         doubts: Vec::new(),
+        unstable: Vec::new(),
         added: Vec::new(),
         values: Vec::new(),
         located: Vec::new(),
         missed: Vec::new(),
+        varying: Vec::new(),
+        unphysical: Vec::new(),
         left_out: Vec::new(),
         unsure_noise: Vec::new(),
         skipped: Vec::new(),
@@ -161,25 +166,32 @@ impl Search<'_> {
         out.values = values(&case, &stand, &last.fit.theta);
         out.located = located.into_iter().filter(|l| l.is_real()).collect();
         out.missed = missed(last, &case, settings);
+        out.varying = varying(last, &case, self.subject);
         out.added = added;
         out.comparison = comparison(self.subject, &base, last)?;
         out.doubts =
             self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
-        out.complete = out.located.is_empty() && out.doubts.is_empty() && out.missed.is_empty();
+        out.unphysical = unphysical(&out.comparison.shifts, last, &settings.thresholds);
+        out.complete = out.located.is_empty()
+            && out.doubts.is_empty()
+            && out.missed.is_empty()
+            && out.varying.is_empty()
+            && out.unphysical.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
         out.verdict = verdict(out, doubted, &settings.thresholds);
         out.left = left(last);
         let poor = out.left.iter().any(|l| l.adequacy.is_poor());
-        if poor && out.verdict == Verdict::NothingMissing {
+        if poor && out.verdict != Verdict::Located {
             (self.progress)("more than noise is left: does turbulence account for it?");
             let turbulence = turbulence(self.subject, &stand, last, &out.left);
-            out.verdict = match turbulence.objection {
-                None => Verdict::ButTurbulence,
-                Some(_) => Verdict::Located,
+            out.verdict = match (&turbulence.objection, &out.verdict) {
+                (None, Verdict::NothingMissing) => Verdict::ButTurbulence,
+                (None, named) => named.clone(),
+                (Some(_), _) => Verdict::Located,
             };
+            out.complete &= turbulence.objection.is_none();
             out.turbulence = Some(turbulence);
         }
-        out.complete &= !poor || out.verdict == Verdict::ButTurbulence;
         Ok(Ok(()))
     }
 
@@ -275,8 +287,8 @@ impl Search<'_> {
             if let Some(c) =
                 round.class.iter().copied().find(|c| judged(c).is_some_and(|j| j.name == name))
             {
-                findings[i] =
-                    Some(Finding { round: at, added: c, stability: Stability::default() });
+                let (class, stability) = (round.class.clone(), Stability::default());
+                findings[i] = Some(Finding { round: at, added: c, class, stability });
                 continue;
             }
             let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
@@ -310,21 +322,32 @@ impl Search<'_> {
         Ok(true)
     }
 
-    /// Lets other choices of the maneuvers vote on every finding.
+    /// Lets other choices of the maneuvers vote on every finding: its class grows by those that are
+    /// chosen in its place, and what is chosen too seldom is no finding.
     fn voted(&mut self, base: &Found) -> Result<(), Errors> {
-        for at in 0..self.out.findings.len() {
-            let finding = &self.out.findings[at];
-            let Some(round) = self.out.rounds.get(finding.round) else { continue };
-            let name = &round.judged[finding.added].name;
+        let settings = self.subject.settings;
+        for mut finding in std::mem::take(&mut self.out.findings) {
+            let round = &self.out.rounds[finding.round];
+            let name = round.judged[finding.added].name.clone();
             (self.progress)(&format!("{name}: is it chosen from other maneuvers, too?"));
-            let others: Vec<Link> =
-                self.links.iter().filter(|l| l.name != *name).cloned().collect();
-            let Some((stand, _)) = self.chained(&others)? else { continue };
-            let made = self.with(&stand, base)?;
-            let found = made.as_ref().unwrap_or(base);
-            let (candidates, _) = (self.offer)(&stand.model)?;
-            let votes = stability((&stand, found), round, &candidates, self.subject)?;
-            self.out.findings[at].stability = votes;
+            let others: Vec<Link> = self.links.iter().filter(|l| l.name != name).cloned().collect();
+            if let Some((stand, _)) = self.chained(&others)? {
+                let made = self.with(&stand, base)?;
+                let found = made.as_ref().unwrap_or(base);
+                let (candidates, _) = (self.offer)(&stand.model)?;
+                finding.stability = stability((&stand, found), round, &candidates, self.subject)?;
+            }
+            match finding.stability.says(&name, round, &finding.class, settings) {
+                Ok(class) => {
+                    finding.class = class;
+                    self.out.findings.push(finding);
+                }
+                Err(why) => {
+                    let this = self.links.iter_mut().filter(|l| l.name == name);
+                    this.for_each(|l| l.doubt = Some(why.clone()));
+                    self.out.unstable.push((name, finding.stability));
+                }
+            }
         }
         Ok(())
     }
@@ -434,6 +457,7 @@ fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
     let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
+    let left = out.varying.iter().map(|v| v.gain).fold(left, f64::max);
     if out.findings.is_empty() {
         let much = |r: &Round, j: &Judged| {
             times(thresholds.shown_factor, r.limit, j.screened.taken, thresholds)
@@ -444,8 +468,8 @@ fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
         let shown = out.rounds.first().is_some_and(shows);
         return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }
-    let alone = |f: &Finding| out.rounds.get(f.round).is_some_and(|r| r.class.len() == 1);
-    match left > thresholds.rest_share * explained {
+    let alone = |f: &Finding| f.class.len() == 1;
+    match left > thresholds.rest_share * explained || !out.unphysical.is_empty() {
         true => Verdict::Located,
         false if out.findings.iter().all(alone) => Verdict::Named,
         false => Verdict::OneOfThese,

@@ -68,6 +68,8 @@ pub struct Judged {
     pub name: String,
     pub effect: String,
     pub family: effect::Family,
+    /// A term of a series, which names no cause.
+    pub series: bool,
     pub sentence: String,
     pub signature: String,
     /// The maneuver that would distinguish it from its rivals, in words.

@@ -12,6 +12,7 @@ pub mod screen;
 pub mod stability;
 pub mod surrogate;
 pub mod turbulence;
+pub mod unphysical;
 pub mod unseen;
 pub mod value;
 pub mod variants;

@@ -179,6 +179,7 @@ fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &S
         name: candidate.name.clone(),
         effect: candidate.effect.clone(),
         family: candidate.family,
+        series: candidate.series,
         sentence: candidate.sentence.clone(),
         signature: candidate.signature.clone(),
         separate: candidate.separate.clone(),

@@ -85,6 +85,53 @@ impl Stability {
     }
 }
 
+impl Stability {
+    /// The class of an effect, with those that are chosen in its place; or why it may not be named.
+    ///
+    /// # Errors
+    /// Words on how seldom it is chosen.
+    pub fn says(
+        &self,
+        candidate: &str,
+        round: &Round,
+        class: &[usize],
+        settings: &Settings,
+    ) -> Result<Vec<usize>, String> {
+        let thresholds = &settings.thresholds;
+        let count = self.count(candidate, settings);
+        let (cast, all) = (count.cast as f64, self.votes.len());
+        if count.cast < thresholds.fewest_votes {
+            return Err(format!(
+                "of {all} other choices of the maneuvers that are held out only {} could tell",
+                count.cast
+            ));
+        }
+        let place = |name: &str| round.judged.iter().position(|j| j.name == name);
+        let among = |class: &[usize]| {
+            let rivals = count
+                .rivals
+                .iter()
+                .filter(|(name, _)| place(name).is_some_and(|at| class.contains(&at)));
+            count.own + rivals.map(|r| r.1).sum::<usize>()
+        };
+        let with = |least: f64| {
+            let often = count.rivals.iter().filter(|r| r.1 as f64 > least * cast);
+            let more = often.filter_map(|r| place(&r.0)).filter(|at| !class.contains(at));
+            class.iter().copied().chain(more).collect::<Vec<usize>>()
+        };
+        // Who is chosen often in its place cannot be told from it; if that is not all, whoever is chosen at all.
+        [with(thresholds.rival_votes), with(0.0)]
+            .into_iter()
+            .find(|class| among(class) as f64 >= thresholds.votes * cast)
+            .ok_or_else(|| {
+                format!(
+                    "it is chosen in {} of {} other choices of the maneuvers that are held out",
+                    count.own, count.cast
+                )
+            })
+    }
+}
+
 /// A model at its solution over all maneuvers.
 struct Solution<'a> {
     case: Case,

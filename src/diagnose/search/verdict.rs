@@ -7,6 +7,7 @@ use super::unseen::Missed;
 use crate::diagnose::effect;
 use crate::diagnose::gap::comparison::Comparison;
 use crate::diagnose::gap::left::Left;
+use crate::diagnose::gap::varying::Varying;
 use crate::diagnose::residual::located::Located;
 use crate::diagnose::subject::Trouble;
 use crate::estimate::LeftOut;
@@ -15,8 +16,10 @@ use crate::estimate::LeftOut;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     pub round: usize,
-    /// The candidate that was added; those of the round's class explain the flights as well.
+    /// The candidate that was added.
     pub added: usize,
+    /// Places in the round of all that explain the flights as well, that one included.
+    pub class: Vec<usize>,
     /// How often it is chosen when other maneuvers train and others are held out.
     pub stability: Stability,
 }
@@ -65,12 +68,18 @@ pub struct Diagnosis {
     /// Candidates that are in the model and explain most of something, but are contradicted, and
     /// why.
     pub doubts: Vec<(String, String)>,
+    /// Those among them that other choices of the maneuvers do not choose, with the votes.
+    pub unstable: Vec<(String, Stability)>,
     /// What was added, in order: the candidates as they stand in the model.
     pub added: Vec<effect::Candidate>,
     /// Values of the added parameters in the last fit, with everything free.
     pub values: Vec<(String, f64)>,
     /// Outputs that still respond to a source in the end.
     pub located: Vec<Located>,
+    /// Parameters of the base that differ from maneuver to maneuver, in the end.
+    pub varying: Vec<Varying>,
+    /// What speaks against the model with everything that was named, as a whole.
+    pub unphysical: Vec<String>,
     /// Held-out maneuvers that show more than the training ones do, in the end.
     pub missed: Vec<Missed>,
     /// Maneuvers that the model cannot use, by index among the segments, and why.

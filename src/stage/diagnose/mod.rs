@@ -46,6 +46,8 @@ pub const STAGE: Stage = Stage {
         "closures",
         "shifts",
         "overlays",
+        "votes",
+        "varying",
         "unexplained",
         "turbulence",
         "next_models",

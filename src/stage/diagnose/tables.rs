@@ -1,7 +1,7 @@
 //! A diagnosis in; its tables out.
 
 use super::{Outcome, comparison, left, words};
-use crate::diagnose::{Gain, Judged, Round};
+use crate::diagnose::{Finding, Gain, Judged, Round, Varying, Vote};
 use crate::error::Result;
 use crate::table::Table;
 
@@ -20,6 +20,8 @@ pub fn all(outcome: &Outcome) -> Result<Vec<(&'static str, Table)>> {
         ("closures", comparison::closures(outcome)?),
         ("shifts", comparison::shifts(outcome)?),
         ("overlays", comparison::overlays(outcome)?),
+        ("votes", votes(outcome)?),
+        ("varying", varying(outcome)?),
         ("unexplained", left::unexplained(outcome)?),
         ("turbulence", left::turbulence(outcome)?),
     ])
@@ -43,17 +45,19 @@ struct Member<'a> {
     round: &'a Round,
     judged: &'a Judged,
     added: bool,
+    finding: &'a Finding,
 }
 
 fn members<'a>(outcome: &'a Outcome) -> Vec<Member<'a>> {
     let d = &outcome.diagnosis;
-    let of = |finding: &crate::diagnose::Finding| -> Vec<Member<'a>> {
+    let of = |finding: &'a Finding| -> Vec<Member<'a>> {
         let Some(round) = d.rounds.get(finding.round) else { return Vec::new() };
         let member = |&c: &usize| {
             let judged = round.judged.get(c)?;
-            Some(Member { number: finding.round + 1, round, judged, added: c == finding.added })
+            let added = c == finding.added;
+            Some(Member { number: finding.round + 1, round, judged, added, finding })
         };
-        round.class.iter().filter_map(member).collect()
+        finding.class.iter().filter_map(member).collect()
     };
     d.findings.iter().flat_map(of).collect()
 }
@@ -101,8 +105,69 @@ fn findings(outcome: &Outcome) -> Result<Table> {
         .f64("limit", number(d.rounds.first().map_or(f64::NAN, |r| r.limit), |m| m.round.limit))
         .f64("held_out_predicted", number(f64::NAN, |m| in_sum(m.judged, |g| g.predicted)))
         .f64("held_out_realised", number(f64::NAN, |m| in_sum(m.judged, |g| g.realised)))
+        .opt_i64("chosen", counts(outcome, &members, |chosen, _| chosen))
+        .opt_i64("votes", counts(outcome, &members, |_, cast| cast))
         .strings("text", sentences)
         .repeat("held_out", &format!("{}: {}", outcome.rule.words, held.join(" ")))
+        .finish()
+}
+
+/// How often each member of a class was chosen, of how many votes; none for the verdict.
+fn counts(
+    outcome: &Outcome,
+    members: &[Member],
+    which: fn(usize, usize) -> usize,
+) -> Vec<Option<i64>> {
+    let of = |m: &Member| {
+        let count = &m
+            .finding
+            .stability
+            .count(&m.round.judged[m.finding.added].name, &outcome.config.settings.method);
+        let rival = count.rivals.iter().find(|r| r.0 == m.judged.name).map_or(0, |r| r.1);
+        let own = if m.added { count.own } else { rival };
+        Some(which(own, count.cast) as i64)
+    };
+    std::iter::once(None).chain(members.iter().map(of)).collect()
+}
+
+/// What every other choice of the maneuvers chose, for each effect that came out of the search.
+fn votes(outcome: &Outcome) -> Result<Table> {
+    let d = &outcome.diagnosis;
+    let name = |f: &Finding| d.rounds.get(f.round)?.judged.get(f.added).map(|j| j.name.clone());
+    let found = d.findings.iter().filter_map(|f| Some((name(f)?, &f.stability)));
+    let unstable = d.unstable.iter().map(|(name, stability)| (name.clone(), stability));
+    let all: Vec<_> = found.chain(unstable).collect();
+    let rows: Vec<_> =
+        all.iter().flat_map(|(name, s)| s.votes.iter().map(move |vote| (name, vote))).collect();
+    let own = |of: fn(&(String, f64, f64)) -> f64| -> Vec<f64> {
+        let one = |(name, vote): &(&String, &Vote)| {
+            vote.evidence.iter().find(|e| e.0 == **name).map_or(f64::NAN, of)
+        };
+        rows.iter().map(one).collect()
+    };
+    Table::build("votes")
+        .repeat("diagnosis", &outcome.config.name())
+        .strings("candidate", rows.iter().map(|r| r.0))
+        .strings("variant", rows.iter().map(|r| &r.1.variant))
+        .opt_strings("chosen", rows.iter().map(|r| r.1.chosen.as_deref()))
+        .f64("evidence", own(|e| e.1))
+        .f64("predicted", own(|e| e.2))
+        .finish()
+}
+
+/// Parameters of the base that differ from maneuver to maneuver.
+fn varying(outcome: &Outcome) -> Result<Table> {
+    let all = &outcome.diagnosis.varying;
+    let number = |of: fn(&Varying) -> f64| all.iter().map(of).collect::<Vec<f64>>();
+    Table::build("varying")
+        .repeat("diagnosis", &outcome.config.name())
+        .strings("parameter", all.iter().map(|v| &v.parameter))
+        .strings("unit", all.iter().map(|v| &v.unit))
+        .strings("with", all.iter().map(|v| &v.with))
+        .f64("spread", number(|v| v.spread))
+        .f64("gain", number(|v| v.gain))
+        .f64("limit", number(|v| v.limit))
+        .f64("held_out", number(|v| v.held_out))
         .finish()
 }
 

@@ -2,7 +2,9 @@
 
 use super::{Outcome, left};
 use crate::diagnose::effect::Family;
-use crate::diagnose::{Diagnosis, Finding, Judged, Missed, Standing, Trouble, Value, Verdict};
+use crate::diagnose::{
+    Diagnosis, Finding, Judged, Missed, Round, Standing, Trouble, Value, Varying, Verdict,
+};
 use crate::math::digits;
 use crate::math::distribution::INTERVAL_95;
 
@@ -171,7 +173,16 @@ fn unexplained(outcome: &Outcome) -> String {
     let missed = d.missed.iter().map(|m| missed(outcome, m));
     // Where nothing is named the evidence has them.
     let poor = d.is_named().then(|| left::outputs(d)).filter(|text| !text.is_empty());
-    responses.chain(doubts).chain(missed).chain(poor).collect::<Vec<_>>().join("; ")
+    let varying = d.varying.iter().take(3).map(varies);
+    let unphysical = d.unphysical.iter().map(|why| format!("with it {why}, which is not physical"));
+    varying
+        .chain(responses)
+        .chain(doubts)
+        .chain(unphysical)
+        .chain(missed)
+        .chain(poor)
+        .collect::<Vec<_>>()
+        .join("; ")
 }
 
 /// The candidate that gains most before anything is added, and why it was not believed.
@@ -184,9 +195,10 @@ fn best(d: &Diagnosis) -> String {
 /// An effect that is missing, with those that are not distinguishable from it.
 fn class(d: &Diagnosis, finding: &Finding) -> String {
     let Some(round) = d.rounds.get(finding.round) else { return String::new() };
-    let all: Vec<&Judged> = round.class.iter().filter_map(|&c| round.judged.get(c)).collect();
+    let all: Vec<&Judged> = finding.class.iter().filter_map(|&c| round.judged.get(c)).collect();
+    let often = often(finding, round);
     match &all[..] {
-        [one] => format!("{} ({})", one.sentence, values(one)),
+        [one] => format!("{} ({}{often})", one.sentence, values(one)),
         several => {
             let names: Vec<String> =
                 several.iter().map(|j| format!("{} ({})", j.sentence, values(j))).collect();
@@ -198,7 +210,37 @@ fn class(d: &Diagnosis, finding: &Finding) -> String {
             } else {
                 format!("; to separate them: {}", separate.join(" "))
             };
-            format!("one of these, which the flights cannot separate: {}{fly}", names.join(" | "))
+            format!(
+                "one of these, which the flights cannot separate{often}: {}{fly}",
+                names.join(" | ")
+            )
         }
     }
+}
+
+/// `; chosen from 19 of 21 choices of the maneuvers`, with those chosen in its place.
+fn often(finding: &Finding, round: &Round) -> String {
+    let Some(name) = round.judged.get(finding.added).map(|j| &j.name) else {
+        return String::new();
+    };
+    let count = finding.stability.count(name, &Default::default());
+    let rivals: Vec<String> =
+        count.rivals.iter().map(|(name, n)| format!("{name} from {n}")).collect();
+    let instead = if rivals.is_empty() {
+        String::new()
+    } else {
+        format!(" ({})", crate::config::list(&rivals))
+    };
+    format!("; chosen from {} of {} choices of the maneuvers{instead}", count.own, count.cast)
+}
+
+/// A parameter that is not one number.
+fn varies(v: &Varying) -> String {
+    let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
+    format!(
+        "{} varies with {} by {}{unit} over the maneuvers: estimate it for each, or let it be linear",
+        v.parameter,
+        v.with,
+        digits(v.spread)
+    )
 }

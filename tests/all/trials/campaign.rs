@@ -46,7 +46,7 @@ pub fn method() -> Settings {
     }
 }
 
-fn random(seed: u64, what: u64) -> Pcg64 {
+pub fn random(seed: u64, what: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed.wrapping_mul(1_000_003).wrapping_add(what))
 }
 
@@ -120,11 +120,11 @@ fn gusts(seed: u64, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]>
     (0..POINTS).map(|_| step()).collect()
 }
 
-/// Flies all maneuvers: what sensors without noise show.
-fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Segment>> {
-    let model = hidden.model();
+/// Flies all maneuvers of an aircraft with something hidden in these amounts: what sensors without noise
+/// show.
+pub fn fly(model: &Model, amounts: &[f64], seed: u64, intensity: f64) -> Option<Vec<Segment>> {
     let propagator =
-        Propagator::new(&model, Directions { parameters: Vec::new(), starts: (0..4).collect() })
+        Propagator::new(model, Directions { parameters: Vec::new(), starts: (0..4).collect() })
             .expect("a propagator");
     let mut segments = Vec::new();
     for kind in 0..KINDS.len() {
@@ -144,8 +144,7 @@ fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Se
                 ..Record::default()
             };
             let alpha = trim(SPEEDS[speed]).0;
-            let grid =
-                propagator.run(&[amount], &[SPEEDS[speed], alpha, alpha, 0.0], &truth, false);
+            let grid = propagator.run(amounts, &[SPEEDS[speed], alpha, alpha, 0.0], &truth, false);
             if !grid.finite {
                 return None;
             }
@@ -171,7 +170,7 @@ fn fly(hidden: &Hidden, amount: f64, seed: u64, intensity: f64) -> Option<Vec<Se
     Some(segments)
 }
 
-fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
+pub fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
     let mut r = random(seed, 7);
     let factor: f64 = r.random_range(0.7..1.4);
     for segment in &mut segments {
@@ -185,7 +184,7 @@ fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
 }
 
 /// The rms that the base leaves in the outputs of held-out maneuvers, refitted on the others.
-fn left(segments: &[Segment]) -> Option<[f64; 6]> {
+pub fn left(segments: &[Segment]) -> Option<[f64; 6]> {
     let base = base();
     let (train, held): (Vec<_>, Vec<_>) =
         segments.iter().cloned().enumerate().partition(|(i, _)| i % 3 != 2);
@@ -218,13 +217,24 @@ fn left(segments: &[Segment]) -> Option<[f64; 6]> {
 pub fn trial(hidden: &Hidden, setting: &Setting) -> Option<Trial> {
     let mut r = random(setting.seed, 3);
     let intensity = if setting.turbulence { r.random_range(0.2..0.5) } else { 0.0 };
-    let plain = with_noise(fly(&NOTHING, 0.0, setting.seed, intensity)?, setting.seed);
+    let none = NOTHING.model();
+    let plain = with_noise(fly(&none, &[0.0], setting.seed, intensity)?, setting.seed);
     let noise = left(&plain)?;
     if hidden.name == NOTHING.name {
         return Some(Trial { segments: plain, size: 0.0, channel: String::new(), amount: 0.0 });
     }
+    let model = hidden.model();
+    let (amount, now) = sized(hidden, setting, &noise)?;
+    let segments = with_noise(fly(&model, &[amount], setting.seed, intensity)?, setting.seed);
+    Some(Trial { segments, size: now.0, channel: base().outputs[now.1].name.clone(), amount })
+}
+
+/// The amount of what is hidden that has the size wanted; the size and the output that shows it most.
+/// `noise`: what the base leaves of each output with nothing hidden.
+pub fn sized(hidden: &Hidden, setting: &Setting, noise: &[f64; 6]) -> Option<(f64, (f64, usize))> {
+    let model = hidden.model();
     let size = |amount: f64| {
-        let rms = left(&fly(hidden, amount, setting.seed, 0.0)?)?;
+        let rms = left(&fly(&model, &[amount], setting.seed, 0.0)?)?;
         let most = (0..6).max_by(|&a, &b| (rms[a] / noise[a]).total_cmp(&(rms[b] / noise[b])))?;
         Some((rms[most] / noise[most], most))
     };
@@ -251,6 +261,5 @@ pub fn trial(hidden: &Hidden, setting: &Setting) -> Option<Trial> {
         };
         now = size(amount)?;
     }
-    let segments = with_noise(fly(hidden, amount, setting.seed, intensity)?, setting.seed);
-    Some(Trial { segments, size: now.0, channel: base().outputs[now.1].name.clone(), amount })
+    Some((amount, now))
 }

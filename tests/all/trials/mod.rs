@@ -9,6 +9,7 @@
 //! it is started again with the same program.
 
 mod campaign;
+mod company;
 mod sensitivity;
 mod summary;
 mod truth;
@@ -83,13 +84,14 @@ fn diagnosed(
 
 /// The classes that were named, one per effect that was added.
 fn named(diagnosis: &Diagnosis) -> Vec<Vec<&str>> {
-    diagnosis.findings.iter().map(|f| class(&diagnosis.rounds[f.round], f.added)).collect()
+    diagnosis.findings.iter().map(|f| class(diagnosis, f)).collect()
 }
 
 /// What was added first, then those that explain the flights as well.
-fn class(round: &diagnose::Round, added: usize) -> Vec<&str> {
-    let others = round.class.iter().copied().filter(|&i| i != added);
-    std::iter::once(added).chain(others).map(|i| round.judged[i].name.as_str()).collect()
+fn class<'d>(diagnosis: &'d Diagnosis, finding: &diagnose::Finding) -> Vec<&'d str> {
+    let round = &diagnosis.rounds[finding.round];
+    let others = finding.class.iter().copied().filter(|&i| i != finding.added);
+    std::iter::once(finding.added).chain(others).map(|i| round.judged[i].name.as_str()).collect()
 }
 
 /// Gusts: in turbulent air they are there, whatever else is hidden, and their name is not counted.
@@ -274,15 +276,21 @@ fn most(diagnosis: &Diagnosis) -> f64 {
 
 /// How often each effect that came out of the search was chosen from other maneuvers.
 fn votes(diagnosis: &Diagnosis) -> Vec<String> {
-    let one = |f: &diagnose::Finding| {
-        let name = &diagnosis.rounds[f.round].judged[f.added].name;
-        let count = f.stability.count(name, &diagnose::Settings::default());
+    let one = |(name, stability): (&str, &diagnose::Stability)| {
+        let count = stability.count(name, &diagnose::Settings::default());
         let rivals: Vec<String> =
             count.rivals.iter().map(|(name, n)| format!("{name} {n}")).collect();
-        let (own, cast, all) = (count.own, count.cast, f.stability.votes.len());
+        let (own, cast, all) = (count.own, count.cast, stability.votes.len());
         format!("votes for {name}: {own} of {cast} (of {all}); {}", rivals.join(", "))
     };
-    diagnosis.findings.iter().map(one).collect()
+    let found = diagnosis
+        .findings
+        .iter()
+        .map(|f| (&diagnosis.rounds[f.round].judged[f.added].name[..], &f.stability));
+    let unstable = diagnosis.unstable.iter().map(|(name, stability)| (&name[..], stability));
+    let votes = found.chain(unstable).map(one);
+    let varying = diagnosis.varying.iter().map(|v| format!("{v:?}"));
+    votes.chain(varying).chain(diagnosis.unphysical.iter().cloned()).collect()
 }
 
 /// Runs a trial and tells it.
@@ -408,15 +416,55 @@ fn cores() -> usize {
 
 #[test]
 fn matrix_of_hidden_effects() {
-    let wanted = std::env::var("KOEHLER_TRIALS")
-        .ok()
-        .filter(|wanted| !wanted.starts_with(sensitivity::WANTED));
+    let wanted = std::env::var("KOEHLER_TRIALS").ok().filter(|wanted| {
+        !wanted.starts_with(sensitivity::WANTED)
+            && !wanted.starts_with("company")
+            && wanted != "votes"
+    });
     let Some(wanted) = wanted else {
         println!("skipped: set KOEHLER_TRIALS to 60, full, or the name of what is hidden");
         return;
     };
     let rows = all(&trials(&wanted), kept(&wanted).as_deref());
     println!("\n{}\n\n{}", summary::table(&rows), summary::totals(&rows));
+}
+
+/// `KOEHLER_TRIALS=votes`: fifty trials, their votes by one step from the solution and by full fits.
+#[test]
+fn one_step_chooses_as_full_fits_do() {
+    if std::env::var("KOEHLER_TRIALS").as_deref() != Ok("votes") {
+        println!("skipped: set KOEHLER_TRIALS=votes (some minutes in release mode)");
+        return;
+    }
+    let list: Vec<_> = trials("inside#62001-62002").into_iter().take(50).collect();
+    let (next, counts) = (AtomicUsize::new(0), Mutex::new([0usize; 3]));
+    let work = || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+        while let Some((hidden, setting)) = list.get(next.fetch_add(1, Ordering::SeqCst)) {
+            let Some(trial) = campaign::trial(hidden, setting) else { continue };
+            let of = |whole_votes: bool| {
+                let settings = diagnose::Settings { whole_votes, ..diagnose::Settings::default() };
+                cast(pool.install(|| diagnosed(hidden, setting, &trial, &settings)).diagnosis)
+            };
+            let (step, whole) = (of(false), of(true));
+            let same = step.iter().zip(&whole).filter(|(a, b)| a == b).count();
+            println!("{} #{}: {same} of {} alike", hidden.name, setting.seed, whole.len());
+            let mut all = counts.lock().expect("no panic");
+            let more = [same, whole.len(), usize::from(!whole.is_empty())];
+            all.iter_mut().zip(more).for_each(|(all, more)| *all += more);
+        }
+    };
+    std::thread::scope(|scope| (0..cores()).for_each(|_| drop(scope.spawn(work))));
+    let [same, all, trials] = counts.into_inner().expect("no panic");
+    println!("{same} of {all} votes alike, in {trials} trials");
+    assert!(trials >= 40 && same as f64 >= 0.95 * all as f64, "{same} of {all}");
+}
+
+/// Every vote on what came out of the search.
+fn cast(diagnosis: Diagnosis) -> Vec<(String, Option<String>)> {
+    let found = diagnosis.findings.into_iter().map(|f| f.stability);
+    let unstable = diagnosis.unstable.into_iter().map(|(_, stability)| stability);
+    found.chain(unstable).flat_map(|s| s.votes).map(|v| (v.variant, v.chosen)).collect()
 }
 
 #[test]

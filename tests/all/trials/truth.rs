@@ -132,7 +132,68 @@ const DEFAULTS: &[(&str, &str)] = &[
     ("az", "az"),
 ];
 
+/// The aircraft with several things hidden at once, in amounts `A1`, `A2`, .. and the mass that it has. Terms
+/// are added, what is measured or moved passes through one after the other.
+pub fn together(all: &[&Hidden], mass: f64) -> Model {
+    let mut text = TRUTH.replace("value = 17600.0", &format!("value = {mass:?}"));
+    let parameter = |(k, h): (usize, &&Hidden)| {
+        format!("A{} = {{ unit = \"{}\", start = 0.0 }}\n", k + 1, h.unit)
+    };
+    let parameters: String = all.iter().enumerate().map(parameter).collect();
+    text = text.replace("A = { unit = \"<A>\", start = 0.0 }\n", &parameters);
+    for (place, plain) in DEFAULTS {
+        let mut filled = plain.to_string();
+        for (k, hidden) in all.iter().enumerate() {
+            let Some((_, own)) = hidden.text.iter().find(|t| t.0 == *place) else { continue };
+            let own = numbered(own, k + 1);
+            filled = match *plain {
+                "" => format!("{filled}{own}\n"),
+                "0" => format!("{filled} + {own}"),
+                before => replaced(&own, before, &format!("({filled})")),
+            };
+        }
+        text = text.replace(&format!("<{place}>"), &filled);
+    }
+    Model::parse("together", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+/// With a number behind the amount and the names of states that an effect brings.
+fn numbered(text: &str, k: usize) -> String {
+    ["A", "z", "n1", "d1", "n2", "d2", "s1", "s2", "v1", "v2", "X"].iter().fold(
+        text.to_string(),
+        |text, name| {
+            let to = if *name == "A" { format!("A{k}") } else { format!("{name}_{k}") };
+            replaced(&text, name, &to)
+        },
+    )
+}
+
+/// Whole names replaced.
+fn replaced(text: &str, name: &str, by: &str) -> String {
+    let is_part = |c: Option<char>| c.is_some_and(|c| c.is_ascii_alphanumeric() || c == '_');
+    let (mut out, mut rest) = (String::new(), text);
+    while let Some(at) = rest.find(name) {
+        let (before, after) = (&rest[..at], &rest[at + name.len()..]);
+        let whole = !is_part(before.chars().last().or(out.chars().last()))
+            && !is_part(after.chars().next());
+        out += before;
+        out += if whole { by } else { name };
+        rest = after;
+    }
+    out + rest
+}
+
 impl Hidden {
+    /// Something that no candidate is.
+    pub const fn new(
+        name: &'static str,
+        unit: &'static str,
+        nominal: f64,
+        text: &'static [(&'static str, &'static str)],
+    ) -> Hidden {
+        Hidden { name, is: &[], unit, nominal, text }
+    }
+
     pub fn model(&self) -> Model {
         let mut text = TRUTH.replace("<A>", self.unit);
         for (place, plain) in DEFAULTS {
