@@ -9,11 +9,29 @@
 //! present value's own noise draws such a mean towards itself (by a sixth of that noise where `w`
 //! is five times its sd), so the differences of a second pass are those of what the first one gave.
 
+//!
+//! Both parameters are held in most runs (an effect chooses them, and estimates how much of the noise
+//! did not happen), so that the same records are filtered in the same way at every evaluation: each
+//! thread keeps what it filtered last.
+
 use crate::model::{Delay, Delayed};
+use std::cell::RefCell;
+use std::collections::VecDeque;
+use std::rc::Rc;
 
 /// What the filter gives at every grid point of one input, and its derivatives with respect to `T`
 /// (per s) and `w`.
-pub struct Smooth(Vec<[f64; 3]>);
+pub struct Smooth(Rc<[[f64; 3]]>);
+
+/// Inputs that were filtered, with `dt`, `T` and `w`, and what came out.
+type Kept = VecDeque<(Vec<f64>, [f64; 3], Rc<[[f64; 3]]>)>;
+
+/// How many a thread keeps: the surfaces of a campaign's maneuvers.
+const KEPT: usize = 256;
+
+thread_local! {
+    static KEEP: RefCell<Kept> = const { RefCell::new(VecDeque::new()) };
+}
 
 impl Smooth {
     /// Of grid column `column` with `stride` columns and `dt` s between points: over `reach` s
@@ -28,10 +46,16 @@ impl Smooth {
     ) -> Smooth {
         let u: Vec<f64> = inputs.iter().skip(column).step_by(stride.max(1)).copied().collect();
         if reach.is_nan() || within.is_nan() {
-            return Smooth(vec![[f64::NAN; 3]; u.len()]);
+            return Smooth(vec![[f64::NAN; 3]; u.len()].into());
         }
         if reach <= 0.0 || within <= 0.0 {
             return Smooth(u.into_iter().map(|u| [u, 0.0, 0.0]).collect());
+        }
+        let by = [dt, reach, within];
+        let same = |kept: &&(Vec<f64>, [f64; 3], Rc<[[f64; 3]]>)| kept.1 == by && kept.0 == u;
+        let known = KEEP.with_borrow(|kept| kept.iter().find(same).map(|kept| kept.2.clone()));
+        if let Some(known) = known {
+            return Smooth(known);
         }
         let far = (reach / dt).min(u.len() as f64) as usize;
         let pass = |from: &[[f64; 3]]| {
@@ -40,7 +64,12 @@ impl Smooth {
                 .collect::<Vec<_>>()
         };
         let first: Vec<[f64; 3]> = u.iter().map(|u| [*u, 0.0, 0.0]).collect();
-        Smooth(pass(&pass(&first)))
+        let out: Rc<[[f64; 3]]> = pass(&pass(&first)).into();
+        KEEP.with_borrow_mut(|kept| {
+            kept.truncate(KEPT - 1);
+            kept.push_front((u, by, out.clone()));
+        });
+        Smooth(out)
     }
 
     /// At fractional grid position `at`; the first and the last value hold outside.

@@ -203,17 +203,16 @@ impl Taken {
     pub fn series(&self, e: &[f64], g: &[f64]) -> Vec<Vec<f64>> {
         let nd = self.step.len();
         let mut all = vec![vec![f64::NAN; e.len()]; 1 + self.columns];
+        let mut sums = vec![0.0; self.columns];
         for k in (0..e.len()).filter(|&k| !e[k].is_nan()) {
             let g = &g[k * nd..(k + 1) * nd];
             all[0][k] = e[k] - dot(g, &self.step);
-            all[1..].iter_mut().for_each(|column| column[k] = 0.0);
-            for (g, row) in g
-                .iter()
-                .zip(self.root.chunks_exact(self.columns.max(1)))
-                .filter(|(g, _)| **g != 0.0)
-            {
-                all[1..].iter_mut().zip(row).for_each(|(column, r)| column[k] += g * r);
+            sums.fill(0.0);
+            let rows = self.root.chunks_exact(self.columns.max(1));
+            for (g, row) in g.iter().zip(rows).filter(|(g, _)| **g != 0.0) {
+                sums.iter_mut().zip(row).for_each(|(sum, r)| *sum += g * r);
             }
+            all[1..].iter_mut().zip(&sums).for_each(|(column, sum)| column[k] = *sum);
         }
         all
     }
