@@ -184,10 +184,13 @@ impl Search<'_> {
         if poor && out.verdict != Verdict::Located {
             (self.progress)("more than noise is left: does turbulence account for it?");
             let turbulence = turbulence(self.subject, &stand, last, &out.left);
+            // Beside a name gusts may be left that last, which noise on the rates does not account
+            // for; but nothing that goes with an input.
             out.verdict = match (&turbulence.objection, &out.verdict) {
                 (None, Verdict::NothingMissing) => Verdict::ButTurbulence,
-                (None, named) => named.clone(),
-                (Some(_), _) => Verdict::Located,
+                (Some(_), Verdict::NothingMissing) => Verdict::Located,
+                (_, named) if turbulence.with_input.is_none() => named.clone(),
+                _ => Verdict::Located,
             };
             out.complete &= turbulence.objection.is_none();
             out.turbulence = Some(turbulence);

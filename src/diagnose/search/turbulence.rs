@@ -37,6 +37,8 @@ pub struct Turbulence {
     pub outputs: Vec<Accounted>,
     /// Why noise does not account for what is left; none where it does.
     pub objection: Option<String>,
+    /// What is new in an output goes with an input: in words. No gust does that.
+    pub with_input: Option<String>,
 }
 
 /// Root of the spectral density of the noise that drives a state.
@@ -98,7 +100,12 @@ pub fn turbulence(subject: &Subject, stand: &Stand, found: &Found, left: &[Left]
 }
 
 fn refused(why: String) -> Turbulence {
-    Turbulence { densities: Vec::new(), outputs: Vec::new(), objection: Some(why) }
+    Turbulence {
+        densities: Vec::new(),
+        outputs: Vec::new(),
+        objection: Some(why),
+        with_input: None,
+    }
 }
 
 fn first(errors: &Errors) -> String {
@@ -167,7 +174,8 @@ fn judged(
         objections.push(format!("its estimate ended with \"{}\"", estimation.stop));
     }
     // What goes with an input tells most.
-    objections.extend(with_inputs(model, segments, estimation, thresholds));
+    let with_input = with_inputs(model, segments, estimation, thresholds);
+    objections.extend(with_input.clone());
     for before in left {
         let Some(after) = innovations.iter().find(|l| l.output == before.output) else { continue };
         let noise = noise(estimation, &before.output);
@@ -206,7 +214,7 @@ fn judged(
     if !densities.iter().any(known) {
         objections.push("none of its densities is more than nothing".into());
     }
-    Turbulence { densities, outputs, objection: objections.into_iter().next() }
+    Turbulence { densities, outputs, objection: objections.into_iter().next(), with_input }
 }
 
 /// Root of the mean variance of a sensor's noise, over the segments.

@@ -290,7 +290,23 @@ fn votes(diagnosis: &Diagnosis) -> Vec<String> {
     let unstable = diagnosis.unstable.iter().map(|(name, stability)| (&name[..], stability));
     let votes = found.chain(unstable).map(one);
     let varying = diagnosis.varying.iter().map(|v| format!("{v:?}"));
-    votes.chain(varying).chain(diagnosis.unphysical.iter().cloned()).collect()
+    let left = diagnosis
+        .turbulence
+        .iter()
+        .filter_map(|t| Some(format!("left: {}", t.objection.as_ref()?)));
+    let located = diagnosis.located.iter().take(2);
+    let located = located.map(|l| format!("{} responds to {}", l.output, l.source));
+    let doubts = diagnosis.doubts.iter().map(|(name, why)| format!("{name}, but {why}"));
+    let missed = diagnosis.missed.iter().map(|m| format!("{m:?}"));
+    let unphysical = diagnosis.unphysical.iter().cloned();
+    votes
+        .chain(varying)
+        .chain(unphysical)
+        .chain(left)
+        .chain(located)
+        .chain(doubts)
+        .chain(missed)
+        .collect()
 }
 
 /// Runs a trial and tells it.
