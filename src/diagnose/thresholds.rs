@@ -208,6 +208,11 @@ thresholds! {
     /// first looked at. Lower: more stays unnamed and stands in the way. Higher: it is dropped.
     kept_factor: f64 = 3.5, "times the gain by chance";
 
+    /// Share of what one effect explains that another one must explain as well for the two to be
+    /// alternatives. *Convention* (a half): below it both may be missing. Lower: classes join what
+    /// has nothing to do with each other. Higher: effects that cannot be told apart are named alone.
+    replaces: f64 = 0.5, "share of the squares";
+
     /// Choices of a part of the maneuvers, drawn, over which a name must be stable, beside the turns
     /// of the held-out ones. *Convention* (twenty and more with these). Lower: votes that scatter.
     /// Higher: slower.

@@ -2,7 +2,7 @@
 //! that may be, alike.
 
 use super::judged::{Judged, Standing};
-use super::refit::Left;
+use super::refit::{Left, shared};
 use super::surrogate::times;
 use super::value::{Gain, Value};
 use crate::diagnose::effect::Family;
@@ -135,10 +135,17 @@ pub struct Distance {
     /// By how much less it is distinguished from it: a difference counts for as much less as it
     /// scatters more than noise lets it.
     pub margin: f64,
+    /// It explains what the best one explains, and not something else.
+    pub replaces: bool,
 }
 
 /// The distance of each that passes.
-pub fn distances(judged: &[Judged], passing: &[Passing], settings: &Settings) -> Vec<Distance> {
+pub fn distances(
+    judged: &[Judged],
+    base: &Left,
+    passing: &[Passing],
+    settings: &Settings,
+) -> Vec<Distance> {
     let evidence = |p: &Passing| judged[p.0].evidence;
     let Some(best) = passing.iter().max_by(|a, b| evidence(a).total_cmp(&evidence(b))) else {
         return Vec::new();
@@ -147,11 +154,12 @@ pub fn distances(judged: &[Judged], passing: &[Passing], settings: &Settings) ->
         at: p.0,
         less: evidence(best) - evidence(p),
         margin: settings.apart * dispersion(&best.1, &p.1),
+        replaces: best.0 == p.0 || shared(base, &best.1, &p.1) > settings.thresholds.replaces,
     };
     passing.iter().map(one).collect()
 }
 
-/// Those that are not distinguishable from the best, best evidence first, errors of sensors before
+/// Those that explain the same as the best and are not distinguishable from it, best evidence first, errors of sensors before
 /// physics, and terms of a series, which name no cause, last.
 pub fn class(judged: &[Judged], distances: &[Distance]) -> Vec<usize> {
     let last = |d: &Distance| match (judged[d.at].family, judged[d.at].series) {
@@ -159,7 +167,8 @@ pub fn class(judged: &[Judged], distances: &[Distance]) -> Vec<usize> {
         (_, false) => 1,
         (_, true) => 2,
     };
-    let mut class: Vec<&Distance> = distances.iter().filter(|d| d.less < d.margin).collect();
+    let mut class: Vec<&Distance> =
+        distances.iter().filter(|d| d.less < d.margin && d.replaces).collect();
     class.sort_by(|a, b| last(a).cmp(&last(b)).then(a.less.total_cmp(&b.less)));
     class.into_iter().map(|d| d.at).collect()
 }
@@ -280,7 +289,8 @@ mod tests {
         ];
         let class = |first: &Left, second: &Left| {
             let passing = [(0, first.clone()), (1, second.clone()), (2, first.clone())];
-            class(&all, &distances(&all, &passing, &Settings::default()))
+            let base = left(&|s, k| noise(s, k) + 8.0 * shape(k));
+            class(&all, &distances(&all, &base, &passing, &Settings::default()))
         };
         assert_eq!(class(&white, &half), [2, 0]);
         assert_eq!(class(&half, &other), [2, 0, 1]);

@@ -16,7 +16,7 @@ use super::round::held_against;
 use super::stability::{Stability, stability};
 use super::surrogate::times;
 use super::turbulence::turbulence;
-use super::unphysical::unphysical;
+use super::unphysical::{turned, unphysical};
 use super::unseen::missed;
 use super::verdict::{Diagnosis, Finding, Verdict};
 use crate::diagnose::base::found::{Found, at_first, at_next, values};
@@ -94,6 +94,7 @@ pub fn diagnose(
         missed: Vec::new(),
         varying: Vec::new(),
         unphysical: Vec::new(),
+        turned: Vec::new(),
         left_out: Vec::new(),
         unsure_noise: Vec::new(),
         skipped: Vec::new(),
@@ -171,7 +172,8 @@ impl Search<'_> {
         out.comparison = comparison(self.subject, &base, last)?;
         out.doubts =
             self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
-        out.unphysical = unphysical(&out.comparison.shifts, last, &settings.thresholds);
+        out.turned = turned(&out.comparison.shifts, &settings.thresholds);
+        out.unphysical = unphysical(last, &settings.thresholds);
         out.complete = out.located.is_empty()
             && out.doubts.is_empty()
             && out.missed.is_empty()
@@ -238,7 +240,7 @@ impl Search<'_> {
                 !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name)
             });
             let number = self.out.rounds.len() + 1;
-            let round = self.round(&stand, found, &candidates, 0.0)?;
+            let round = self.round(&stand, found, (&candidates, 0.0, None))?;
             let chosen = to_add(&round, self.subject.settings);
             let link = chosen.and_then(|c| link(&round, &round.judged[c], self.rivals()));
             (self.progress)(&match &link {
@@ -338,7 +340,8 @@ impl Search<'_> {
                 let made = self.with(&stand, base)?;
                 let found = made.as_ref().unwrap_or(base);
                 let (candidates, _) = (self.offer)(&stand.model)?;
-                finding.stability = stability((&stand, found), round, &candidates, self.subject)?;
+                finding.stability =
+                    stability((&stand, found), (round, finding.added), &candidates, self.subject)?;
             }
             match finding.stability.says(&name, round, &finding.class, settings) {
                 Ok(class) => {
@@ -381,28 +384,29 @@ impl Search<'_> {
             return Ok(None);
         }
         // Few take part, but it was found as the best of all.
-        let mut round =
-            self.round(&stand, made.as_ref().unwrap_or(base), &candidates, this.limit)?;
+        let mut round = self.round(
+            &stand,
+            made.as_ref().unwrap_or(base),
+            (&candidates, this.limit, Some(&this.name)),
+        )?;
         round.base = others.iter().map(|l| l.name.clone()).collect();
         round.strict = true;
         Ok(Some(round))
     }
 
-    /// `least`: chance gives at least this.
+    /// `offered`: candidates, what chance gives at least, and the one that is tested.
     fn round(
         &self,
         stand: &Stand,
         found: &Found,
-        candidates: &[Candidate],
-        least: f64,
+        offered: (&[Candidate], f64, Option<&str>),
     ) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();
         let located =
             locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings);
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
-        let mut round =
-            held_against(stand, found, &case, located, (candidates, least), self.subject, &tell)?;
+        let mut round = held_against(stand, found, &case, located, offered, self.subject, &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();
         Ok(round)
     }

@@ -137,6 +137,25 @@ pub fn refit(
     Ok(Some((refit, left)))
 }
 
+/// What the base leaves, before anything is added.
+pub fn left_by_base(ground: &Ground) -> Left {
+    left(ground, ground.case, &ground.fit.theta, ground.frozen)
+}
+
+/// The share of what one effect explains that another one explains as well: the square of the cosine
+/// between the two differences that they make to what the base leaves. Where it is small, neither takes the
+/// other's gain away: both may be missing.
+pub fn shared(base: &Left, one: &Left, other: &Left) -> f64 {
+    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
+    for ((e, a), b) in base.iter().zip(one).zip(other) {
+        for ((e, a), b) in e.iter().zip(a).zip(b) {
+            let (a, b) = (e - a, e - b);
+            (aa, bb, ab) = (aa + a * a, bb + b * b, ab + a * b);
+        }
+    }
+    if aa > 0.0 && bb > 0.0 { ab * ab / (aa * bb) } else { 0.0 }
+}
+
 fn left(ground: &Ground, case: &Case, theta: &[f64], held_out: &[Option<Frozen>]) -> Left {
     let white = |s: usize, blocks: &[Block]| ground.noise.whiten(s, blocks).pop();
     let trained = |&s: &usize| white(s, &case.evaluate(s, &case.layout.local(s, theta), false)?);

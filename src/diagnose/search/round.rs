@@ -19,7 +19,8 @@ use crate::math::quantile;
 use crate::model::Scope;
 
 /// Screens all candidates, refits and judges the best. Chance gives at least `least`: fewer
-/// candidates may take part than one of them was found among.
+/// candidates may take part than one of them was found among. `tested`: the one that the round is
+/// about; none where the best of all is looked for.
 ///
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
@@ -28,7 +29,7 @@ pub fn held_against(
     found: &Found,
     case: &Case,
     located: Vec<Located>,
-    (candidates, least): (&[Candidate], f64),
+    (candidates, least, tested): (&[Candidate], f64, Option<&str>),
     subject: &Subject,
     progress: &dyn Fn(&str),
 ) -> Result<Round, Errors> {
@@ -105,14 +106,32 @@ pub fn held_against(
             None => passing.push((i, left)),
         }
     }
-    let distances = distances(&judged, &passing, settings);
+    let without = refit::left_by_base(&ground);
+    // Of a test of one effect only what explains the same takes part.
+    let this = passing.iter().position(|(i, _)| Some(&judged[*i].name[..]) == tested);
+    if let Some(this) = this {
+        let (tested, with) = passing[this].clone();
+        let share = settings.thresholds.replaces;
+        let (alike, others): (Vec<_>, Vec<_>) = passing
+            .into_iter()
+            .partition(|p| p.0 == tested || refit::shared(&without, &with, &p.1) > share);
+        for (i, _) in others {
+            let words = format!("evidence {:.1}; it explains something else", judged[i].evidence);
+            (judged[i].standing, judged[i].why) = (Standing::Beaten, words);
+        }
+        passing = alike;
+    }
+    let distances = distances(&judged, &without, &passing, settings);
     let class = class(&judged, &distances);
-    for Distance { at: i, less, margin } in distances {
+    for Distance { at: i, less, margin, replaces } in distances {
         let mut words = format!("evidence {:.1} in log-likelihood", judged[i].evidence);
         if less > 0.0 {
             words += &format!(
                 ", {less:.1} less than the best one's; {margin:.1} less distinguishes them"
             );
+        }
+        if !replaces {
+            words += "; it explains something else";
         }
         let standing = match class.iter().position(|&c| c == i) {
             Some(0) => Standing::Chosen,

@@ -13,7 +13,7 @@
 
 use super::decide::held_out_objection;
 use super::judged::{Judged, Round, Standing};
-use super::refit::{held_out_gain, joined};
+use super::refit::{Left, held_out_gain, joined, shared};
 use super::surrogate::chance;
 use super::value::Gain;
 use super::variants::{Variant, variants};
@@ -148,14 +148,14 @@ struct Moved {
     frozen: Vec<Option<Frozen>>,
 }
 
-/// The votes of all variants on the candidates of a round that came far enough. `found`: the base
-/// of the round.
+/// The votes of all variants on candidate `this` of a round, and those that came far enough and explain
+/// the same. `found`: the base of the round.
 ///
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
 pub fn stability(
     (stand, found): (&Stand, &Found),
-    round: &Round,
+    (round, this): (&Round, usize),
     candidates: &[Candidate],
     subject: &Subject,
 ) -> Result<Stability, Errors> {
@@ -165,6 +165,8 @@ pub fn stability(
         let Some(candidate) = candidates.iter().find(|c| c.name == judged.name) else { continue };
         models.extend(solved(stand, found, candidate, judged, subject)?);
     }
+    let models =
+        alternatives(&base, models, &found.noise, this, round, &subject.settings.thresholds);
     let all: Vec<usize> = (0..found.prepared.used.len()).collect();
     let free = seen(&base.case, &all);
     let rule = stand.method.colour();
@@ -210,6 +212,25 @@ fn contenders<'r>(round: &'r Round, thresholds: &Thresholds) -> Vec<&'r Judged> 
     all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     all.truncate(thresholds.contenders);
     all
+}
+
+/// The models that explain what `this` explains, itself among them: the others are no alternatives to
+/// it, whatever they explain.
+fn alternatives<'a>(
+    base: &Solution,
+    models: Vec<Solution<'a>>,
+    noise: &Noise,
+    this: usize,
+    round: &Round,
+    thresholds: &Thresholds,
+) -> Vec<Solution<'a>> {
+    let without = base.left(noise);
+    let name = &round.judged[this].name;
+    let is = |m: &Solution| m.judged.is_some_and(|j| j.name == *name);
+    let Some(with) = models.iter().find(|m| is(m)).map(|m| m.left(noise)) else { return models };
+    let alike =
+        |m: &Solution| is(m) || shared(&without, &with, &m.left(noise)) > thresholds.replaces;
+    models.into_iter().filter(alike).collect()
 }
 
 fn base<'a>(stand: &Stand, found: &Found) -> Solution<'a> {
@@ -259,6 +280,15 @@ fn solved<'a>(
 }
 
 impl Solution<'_> {
+    /// White residuals of every maneuver; none of one over which the model does not run.
+    fn left(&self, noise: &Noise) -> Left {
+        let of = |s: usize| {
+            let local = self.case.layout.local(s, &self.theta);
+            noise.whiten(s, &self.case.evaluate(s, &local, false)?).pop()
+        };
+        (0..self.case.records.len()).map(|s| of(s).unwrap_or_default()).collect()
+    }
+
     /// Fitted to a variant's training maneuvers; none where the model is not finite.
     fn moved(&self, noise: &Noise, places: &Places, settings: &Settings) -> Option<Moved> {
         let thresholds = &settings.thresholds;

@@ -225,8 +225,7 @@ fn noise(estimation: &Estimation, output: &str) -> f64 {
     (sum / n).sqrt()
 }
 
-/// The output and input whose correlation is largest, where it is above chance and above what
-/// counts.
+/// The output and input whose correlation is furthest above chance, where it is above what counts.
 fn with_inputs(
     model: &Model,
     segments: &[Segment],
@@ -241,38 +240,41 @@ fn with_inputs(
     }
     let flown: Vec<Flown> = segments.iter().zip(&estimation.responses).collect();
     let time = characteristic_time(segments.iter().map(|s| &s.record), thresholds);
-    let (mut most, mut looked): (Option<(f64, f64, &str, &str)>, f64) = (None, 0.0);
     let nu = model.inputs.len();
+    let looked = (nu * names.len() * thresholds.lags.len() * SHAPES) as f64;
+    let quantile = normal_quantile(1.0 - 0.5 * thresholds.relation_p / looked.max(1.0));
+    let mut most: Option<(f64, f64, &str, &str)> = None;
     for (i, input) in model.inputs.iter().enumerate() {
         let shapes = shapes(segments, i, nu);
         for (name, lag) in
             names.iter().flat_map(|name| thresholds.lags.iter().map(move |l| (name, l)))
         {
             for shape in &shapes {
-                let Some((r, n)) = correlation(&flown, name, (i, nu, lag * time), shape) else {
+                let pairs = pairs(&flown, name, (i, nu, lag * time), shape);
+                let Some((r, n)) = correlation(&pairs) else { continue };
+                // A series that is not random, and white noise: the variance of their correlation is 1/n.
+                let white = quantile / n.sqrt();
+                if r * r <= thresholds.innovation_input || r.abs() <= white {
                     continue;
-                };
-                looked += 1.0;
-                if most.is_none_or(|m| r.abs() > m.0.abs()) {
-                    most = Some((r, n, name, &input.name));
+                }
+                let chance = white * inflation(&pairs).sqrt();
+                if r.abs() > chance && most.is_none_or(|m| r.abs() / chance > m.0.abs() / m.1) {
+                    most = Some((r, chance, name, &input.name));
                 }
             }
         }
     }
-    let (r, n, output, input) = most?;
-    // White noise and a series that is not random: the variance of their correlation is 1/n.
-    let chance = normal_quantile(1.0 - 0.5 * thresholds.relation_p / looked) / n.sqrt();
-    let counts = r * r > thresholds.innovation_input && r.abs() > chance;
-    counts.then(|| {
-        format!("what is new in {output} goes with {input} (correlation {r:.2}, by chance {chance:.2} at most)")
-    })
+    let (r, chance, output, input) = most?;
+    Some(format!(
+        "what is new in {output} goes with {input} (correlation {r:.2}, by chance {chance:.2} at most)"
+    ))
 }
 
 /// A maneuver and what was modelled of it.
 type Flown<'a> = (&'a Segment, &'a Vec<Trace>);
 
 /// An input about its mean, its square about its mean, and its cube without what goes with the input.
-fn shapes(segments: &[Segment], i: usize, nu: usize) -> [Box<dyn Fn(f64) -> f64>; 3] {
+fn shapes(segments: &[Segment], i: usize, nu: usize) -> [Box<dyn Fn(f64) -> f64>; SHAPES] {
     let (mut n, mut squares, mut fourth) = (0.0, 0.0, 0.0);
     for segment in segments {
         let (all, mean) = about_mean(&segment.record, i, nu);
@@ -292,29 +294,58 @@ fn about_mean(record: &Record, i: usize, nu: usize) -> (Vec<f64>, f64) {
     (all, mean)
 }
 
-/// Correlation of an output's innovations with a shape of input `i` of `nu`, so many seconds before, about the
-/// input's mean in each maneuver; and of how many samples. None where one of both is nothing.
-fn correlation(
+/// In each maneuver, a shape of input `i` of `nu`, so many seconds before, about the input's mean, and an
+/// output's innovation.
+type Pairs = Vec<Vec<[f64; 2]>>;
+
+fn pairs(
     flown: &[Flown],
     name: &str,
     (i, nu, lag): (usize, usize, f64),
     shape: &dyn Fn(f64) -> f64,
-) -> Option<(f64, f64)> {
-    let (mut xx, mut ee, mut xe, mut n) = (0.0, 0.0, 0.0, 0.0);
-    for (segment, traces) in flown {
+) -> Pairs {
+    let of = |(segment, traces): &Flown| {
         let record = &segment.record;
         let (all, mean) = about_mean(record, i, nu);
+        let mut pairs = Vec::new();
         for trace in traces.iter().filter(|t| t.name == name) {
             for ((t, z), y) in trace.t.iter().zip(&trace.measured).zip(&trace.modelled) {
                 let (k, e) = (((t - lag - record.t0) / record.dt).round(), z - y);
                 let x = if k >= 0.0 { all.get(k as usize) } else { None };
-                let Some(x) = x.map(|x| shape(x - mean)).filter(|x| x.is_finite() && e.is_finite())
-                else {
-                    continue;
-                };
-                (xx, ee, xe, n) = (xx + x * x, ee + e * e, xe + x * e, n + 1.0);
+                let x = x.map(|x| shape(x - mean)).filter(|x| x.is_finite() && e.is_finite());
+                pairs.extend(x.map(|x| [x, e]));
             }
         }
-    }
+        pairs
+    };
+    flown.iter().map(of).collect()
+}
+
+/// Correlation of both, and of how many samples. None where one of them is nothing.
+fn correlation(pairs: &Pairs) -> Option<(f64, f64)> {
+    let sum = |a: usize, b: usize| pairs.iter().flatten().map(|p| p[a] * p[b]).sum::<f64>();
+    let (xx, ee, xe) = (sum(0, 0), sum(1, 1), sum(0, 1));
+    let n = pairs.iter().map(Vec::len).sum::<usize>() as f64;
     (xx > 0.0 && ee > 0.0).then(|| (xe / (xx * ee).sqrt(), n))
 }
+
+/// How many times `1/n` the variance of the correlation of two independent series is:
+/// `sum_k rho_x(k) rho_e(k)` (Bartlett 1946), at least 1. Innovations of gusts that last are not
+/// white.
+fn inflation(pairs: &Pairs) -> f64 {
+    let at = |lag: usize, of: usize| {
+        let one = |p: &Vec<[f64; 2]>| -> f64 {
+            p.iter().zip(p.iter().skip(lag)).map(|(a, b)| a[of] * b[of]).sum()
+        };
+        pairs.iter().map(one).sum::<f64>()
+    };
+    let (xx, ee) = (at(0, 0), at(0, 1));
+    let longest = pairs.iter().map(Vec::len).max().unwrap_or(0) / 4;
+    let sum: f64 = (1..=longest.min(LONGEST)).map(|k| at(k, 0) * at(k, 1)).sum();
+    (1.0 + 2.0 * sum / (xx * ee)).max(1.0)
+}
+
+/// Lags of an autocorrelation at most, samples.
+const LONGEST: usize = 500;
+/// Shapes of an input.
+const SHAPES: usize = 3;

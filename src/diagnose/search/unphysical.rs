@@ -1,30 +1,31 @@
 //! What the base's parameters were and are with everything that was added, in; what of that speaks
 //! against the model as a whole, out.
 //!
-//! An effect that is really missing makes the other derivatives better known. One that stands in for
-//! something else may turn the sign of a derivative that was known, or move one out of what is known
-//! of it from elsewhere: the model predicts these flights then, and is wrong in its parts.
+//! A parameter that leaves what was known of it from elsewhere says that what was named stands in for
+//! something else: the model predicts these flights then, and is wrong in its parts. A derivative that
+//! turns its sign is told, and no more: what is missing may have turned it before (an accelerometer off its
+//! place makes `C_L_de` negative, and brought to its place positive, as it is).
 
 use crate::diagnose::base::found::Found;
 use crate::diagnose::gap::before_after::Shift;
 use crate::diagnose::thresholds::Thresholds;
 use crate::math::digits;
 
-/// Words on each parameter that turned its sign, or left its prior.
-pub fn unphysical(shifts: &[Shift], last: &Found, thresholds: &Thresholds) -> Vec<String> {
+/// Words on each derivative that is known and turned its sign.
+pub fn turned(shifts: &[Shift], thresholds: &Thresholds) -> Vec<String> {
     let known = |v: f64, sd: Option<f64>| sd.is_some_and(|sd| v.abs() > thresholds.turned_sds * sd);
     let turned = shifts.iter().filter(|s| {
         s.before * s.after < 0.0 && known(s.before, s.before_sd) && known(s.after, s.after_sd)
     });
-    let turned = turned.map(|s| {
+    let words = |s: &Shift| {
         let (before, after, unit) = (digits(s.before), digits(s.after), &s.unit);
         format!("{} turns its sign, from {before} to {after} {unit}", s.name)
-    });
-    turned.chain(beyond_priors(last, thresholds)).collect()
+    };
+    turned.map(words).collect()
 }
 
-/// Parameters that were known before the flights and are not there any more.
-fn beyond_priors(last: &Found, thresholds: &Thresholds) -> Vec<String> {
+/// Words on each parameter that was known before the flights and is not there any more.
+pub fn unphysical(last: &Found, thresholds: &Thresholds) -> Vec<String> {
     let case = last.case();
     let layout = &case.layout;
     let one = |&i: &usize| {

@@ -80,6 +80,8 @@ pub struct Diagnosis {
     pub varying: Vec<Varying>,
     /// What speaks against the model with everything that was named, as a whole.
     pub unphysical: Vec<String>,
+    /// Derivatives that turned their signs with everything that was named, in words.
+    pub turned: Vec<String>,
     /// Held-out maneuvers that show more than the training ones do, in the end.
     pub missed: Vec<Missed>,
     /// Maneuvers that the model cannot use, by index among the segments, and why.

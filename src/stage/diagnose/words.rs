@@ -127,7 +127,11 @@ fn missing(outcome: &Outcome) -> String {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
         Verdict::ButTurbulence => left::but_turbulence(d),
         Verdict::Named | Verdict::OneOfThese => {
-            format!("The model lacks (+- is 95%): {}.{rest}", classes())
+            let turned = match d.turned.is_empty() {
+                true => String::new(),
+                false => format!(" With it {}: is that what it should be?", d.turned.join(", ")),
+            };
+            format!("The model lacks (+- is 95%): {}.{rest}{turned}", classes())
         }
         Verdict::Located if !d.findings.is_empty() => {
             format!(

@@ -298,7 +298,7 @@ fn votes(diagnosis: &Diagnosis) -> Vec<String> {
     let located = located.map(|l| format!("{} responds to {}", l.output, l.source));
     let doubts = diagnosis.doubts.iter().map(|(name, why)| format!("{name}, but {why}"));
     let missed = diagnosis.missed.iter().map(|m| format!("{m:?}"));
-    let unphysical = diagnosis.unphysical.iter().cloned();
+    let unphysical = diagnosis.unphysical.iter().chain(&diagnosis.turned).cloned();
     votes
         .chain(varying)
         .chain(unphysical)
