@@ -90,7 +90,8 @@
 //! | | `unphysical` | what speaks against the model with everything added, as a whole |
 //! | | `unseen` | held-out maneuvers that show what no other does |
 //! | | `verdict` | what is known in the end |
-//! | | `diagnose` | round after round, forward and back; the verdict |
+//! | | `ending` | what is left with everything that was named, and the verdict |
+//! | | `diagnose` | round after round, forward and back |
 
 mod base;
 pub mod effect;

@@ -190,6 +190,15 @@ thresholds! {
     /// damage done there is not seen.
     loss_sds: f64 = 3.0, "sd";
 
+    /// An effect that takes noise out of a record gains so many sd less on a held-out maneuver than it
+    /// predicts. *Set* on flights of another simulator: (realised - predicted)/sqrt(2 predicted) has the
+    /// mean -0.84 over 34 of them.
+    noise_bias: f64 = 0.84, "sd";
+
+    /// ... and scatters so many times more. *Set* on the same: sd 1.45. Lower: noise of a record that is there
+    /// is contradicted. Higher: what only imitates it passes.
+    noise_scatter: f64 = 1.45, "times";
+
     /// A name takes this many times the gain that chance gives the best candidate of its round.
     /// That gain supposes the noise to be known; where slow noise is stronger than it is taken for,
     /// every gain is larger by that factor. *Set* on null campaigns (docs/thresholds.md). Lower:

@@ -23,6 +23,7 @@ mod figures;
 mod filter_error;
 mod flightdata;
 mod floors;
+mod foreign;
 mod fragments;
 mod ground;
 mod hfb320;

@@ -157,6 +157,7 @@ fn candidate<'a>(
         separate: binding.prose(&file.separate),
         family: file.family,
         series: file.series,
+        noise: file.noise,
         model,
         added,
         block,

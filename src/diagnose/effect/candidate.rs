@@ -35,6 +35,8 @@ pub struct Candidate {
     /// The maneuver that separates it from its rivals; empty where none is known.
     pub separate: String,
     pub family: Family,
+    /// It takes noise out of a record.
+    pub noise: bool,
     /// A term of a series.
     pub series: bool,
     /// The base model with the effect: same inputs and outputs, the parameters of the effect behind

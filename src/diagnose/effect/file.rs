@@ -29,6 +29,10 @@ pub struct EffectFile {
     /// It is a term of a series, which names no cause: an effect that does and explains as much is told first.
     #[serde(default)]
     pub series: bool,
+    /// It takes noise out of a record. No filter takes out all of it and nothing else, and what it mistakes goes with
+    /// what it takes out: gains on held-out maneuvers are less than predicted, and scatter more.
+    #[serde(default)]
+    pub noise: bool,
     /// What it does to a flight: how a person recognises it.
     pub signature: String,
     /// Effects that look alike.

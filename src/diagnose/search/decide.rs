@@ -44,7 +44,7 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     if let Some(name) = undetermined(&refit.values) {
         return Some((Standing::Unidentifiable, format!("the flights do not determine {name}")));
     }
-    if let Some(objection) = held_out_objection(&refit.held_out, settings) {
+    if let Some(objection) = held_out_objection(&refit.held_out, settings, judged.noise) {
         return Some(objection);
     }
     let scatter = refit
@@ -78,10 +78,14 @@ fn undetermined(values: &[Value]) -> Option<&str> {
 /// `sqrt(2 g)`: where more than `decisive` is predicted, it must be a gain, or lie within what
 /// noise allows all `count` of them together in 99 of 100 cases (only below `g = 11` can that be a
 /// loss for one, below 17 for six); elsewhere it must be no loss beyond noise.
-fn least(predicted: f64, settings: &Settings, count: usize) -> f64 {
+fn least(predicted: f64, settings: &Settings, count: usize, of_noise: bool) -> f64 {
     let thresholds = &settings.thresholds;
     let noise = (2.0 * predicted.max(thresholds.least_predicted)).sqrt();
-    let allowed = normal_quantile(1.0 - thresholds.held_out_p / count as f64);
+    let normal = normal_quantile(1.0 - thresholds.held_out_p / count as f64);
+    let allowed = match of_noise {
+        true => thresholds.noise_bias + thresholds.noise_scatter * normal,
+        false => normal,
+    };
     match predicted > settings.decisive {
         true => (predicted - allowed * noise).min(0.0),
         false => -allowed.max(thresholds.loss_sds) * noise,
@@ -89,7 +93,11 @@ fn least(predicted: f64, settings: &Settings, count: usize) -> f64 {
 }
 
 /// The rule of the held-out maneuvers, one by one and together.
-pub fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standing, String)> {
+pub fn held_out_objection(
+    gains: &[Gain],
+    settings: &Settings,
+    of_noise: bool,
+) -> Option<(Standing, String)> {
     if gains.is_empty() {
         return Some((Standing::Untold, "no maneuver is held out".into()));
     }
@@ -113,7 +121,7 @@ pub fn held_out_objection(gains: &[Gain], settings: &Settings) -> Option<(Standi
             format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted"),
         ));
     }
-    let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings, gains.len()));
+    let fails = |g: &&Gain| !(g.realised > least(g.predicted, settings, gains.len(), of_noise));
     let worst = gains.iter().filter(fails).min_by(|a, b| a.realised.total_cmp(&b.realised))?;
     let why = format!(
         "a held-out maneuver gains {:.1} where {:.1} is predicted",
@@ -198,7 +206,7 @@ mod tests {
             .iter()
             .map(|&(predicted, realised)| Gain { segment: 0, predicted, realised })
             .collect();
-        held_out_objection(&gains, &Settings::default()).is_some()
+        held_out_objection(&gains, &Settings::default(), false).is_some()
     }
 
     /// A parameter of value 1 between 0 and 10: a size where `null` says so.
@@ -253,6 +261,7 @@ mod tests {
             name,
             family,
             series: false,
+            noise: false,
             sentence: text(),
             signature: text(),
             separate: text(),
@@ -311,8 +320,16 @@ mod tests {
             realised: predicted - 1.0,
         });
         let (standing, why) =
-            held_out_objection(&broken, &Settings::default()).expect("an objection");
+            held_out_objection(&broken, &Settings::default(), false).expect("an objection");
         assert!(standing == Standing::Untold && !why.contains("NaN"), "{why}");
+        // Of noise that is taken out a loss of three sd is one of many; of anything else it is none.
+        let loss = [(40.0, 38.0), (20.0, -1.0)].map(|(predicted, realised)| Gain {
+            segment: 0,
+            predicted,
+            realised,
+        });
+        let of = |noise| held_out_objection(&loss, &Settings::default(), noise).is_some();
+        assert!(of(false) && !of(true));
         // They cannot tell, or tell nothing in sum.
         assert!(objects(&[(1.0, 1.5)]) && objects(&[]) && objects(&[(4.0, 1.0), (4.0, 1.0)]));
     }

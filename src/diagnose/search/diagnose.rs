@@ -9,27 +9,21 @@
 //! on. One that explains most and is contradicted all the same stays in the model without being
 //! named: the others are judged with it in place.
 
+use super::ending::ended;
 use super::judged::Standing;
 use super::judged::{Judged, Round};
 use super::refit::joined;
 use super::round::held_against;
 use super::stability::{Stability, stability};
 use super::surrogate::times;
-use super::turbulence::turbulence;
-use super::unphysical::{turned, unphysical};
-use super::unseen::missed;
 use super::verdict::{Diagnosis, Finding, Verdict};
-use crate::diagnose::base::found::{Found, at_first, at_next, values};
+use crate::diagnose::base::found::{Found, at_first, at_next};
 use crate::diagnose::base::stand::{Known, Stand};
 use crate::diagnose::effect::Candidate;
 use crate::diagnose::gap::comparison::Comparison;
-use crate::diagnose::gap::comparison::comparison;
-use crate::diagnose::gap::left::left;
-use crate::diagnose::gap::varying::varying;
 use crate::diagnose::residual::located::locate;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
-use crate::diagnose::thresholds::Thresholds;
 use crate::error::Errors;
 use crate::model::Model;
 
@@ -160,43 +154,12 @@ impl Search<'_> {
             ))));
         }
         let last = last.as_ref().unwrap_or(&base);
-        let case = last.case();
-        let settings = self.subject.settings;
-        let located = locate(&case, &last.noise, &last.places, &|s| last.theta(s), settings);
         let out = &mut self.out;
-        out.values = values(&case, &stand, &last.fit.theta);
-        out.located = located.into_iter().filter(|l| l.is_real()).collect();
-        out.missed = missed(last, &case, settings);
-        out.varying = varying(last, &case, self.subject);
         out.added = added;
-        out.comparison = comparison(self.subject, &base, last)?;
         out.doubts =
             self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
-        out.turned = turned(&out.comparison.shifts, &settings.thresholds);
-        out.unphysical = unphysical(last, &settings.thresholds);
-        out.complete = out.located.is_empty()
-            && out.doubts.is_empty()
-            && out.missed.is_empty()
-            && out.varying.is_empty()
-            && out.unphysical.is_empty();
         let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
-        out.verdict = verdict(out, doubted, &settings.thresholds);
-        out.left = left(last);
-        let poor = out.left.iter().any(|l| l.adequacy.is_poor());
-        if poor && out.verdict != Verdict::Located {
-            (self.progress)("more than noise is left: does turbulence account for it?");
-            let turbulence = turbulence(self.subject, &stand, last, &out.left);
-            // Beside a name gusts may be left that last, which noise on the rates does not account
-            // for; but nothing that goes with an input.
-            out.verdict = match (&turbulence.objection, &out.verdict) {
-                (None, Verdict::NothingMissing) => Verdict::ButTurbulence,
-                (Some(_), Verdict::NothingMissing) => Verdict::Located,
-                (_, named) if turbulence.with_input.is_none() => named.clone(),
-                _ => Verdict::Located,
-            };
-            out.complete &= turbulence.objection.is_none();
-            out.turbulence = Some(turbulence);
-        }
+        ended(out, self.subject, (&stand, &base, last), doubted, self.progress)?;
         Ok(Ok(()))
     }
 
@@ -455,30 +418,4 @@ fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
         doubt: None,
         known: refit.known.clone(),
     })
-}
-
-/// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be
-/// little beside what is named: a name given while more than that is not understood would be one
-/// among other things that are wrong.
-fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
-    let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
-    let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
-    let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
-    let left = out.varying.iter().map(|v| v.gain).fold(left, f64::max);
-    if out.findings.is_empty() {
-        let much = |r: &Round, j: &Judged| {
-            times(thresholds.shown_factor, r.limit, j.screened.taken, thresholds)
-        };
-        let shows = |r: &Round| {
-            r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r, j))
-        };
-        let shown = out.rounds.first().is_some_and(shows);
-        return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
-    }
-    let alone = |f: &Finding| f.class.len() == 1;
-    match left > thresholds.rest_share * explained || !out.unphysical.is_empty() {
-        true => Verdict::Located,
-        false if out.findings.iter().all(alone) => Verdict::Named,
-        false => Verdict::OneOfThese,
-    }
 }

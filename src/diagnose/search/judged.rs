@@ -68,6 +68,8 @@ pub struct Judged {
     pub name: String,
     pub effect: String,
     pub family: effect::Family,
+    /// It takes noise out of a record.
+    pub noise: bool,
     /// A term of a series, which names no cause.
     pub series: bool,
     pub sentence: String,

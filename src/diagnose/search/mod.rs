@@ -3,6 +3,7 @@
 
 pub mod decide;
 pub mod diagnose;
+pub mod ending;
 pub mod ground;
 pub mod judged;
 pub mod probe;

@@ -199,6 +199,7 @@ fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &S
         effect: candidate.effect.clone(),
         family: candidate.family,
         series: candidate.series,
+        noise: candidate.noise,
         sentence: candidate.sentence.clone(),
         signature: candidate.signature.clone(),
         separate: candidate.separate.clone(),

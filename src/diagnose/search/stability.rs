@@ -351,7 +351,7 @@ fn vote(
         let alone = chance(judged.screened.taken.max(fitted), thresholds.false_alarm);
         let this = without.cost - with.cost - alone + sum(|g| g.realised);
         evidence.push((judged.name.clone(), this, sum(|g| g.predicted)));
-        let passes = this > limit && held_out_objection(&gains, settings).is_none();
+        let passes = this > limit && held_out_objection(&gains, settings, judged.noise).is_none();
         if passes && best.is_none_or(|(most, _)| this > most) {
             best = Some((this, &judged.name));
         }
