@@ -125,7 +125,7 @@ pub use search::diagnose::diagnose;
 pub use search::judged::{Judged, Round, Standing};
 pub use search::refit::{Heterogeneity, Refit};
 pub use search::screen::{Imitator, Screened};
-pub use search::stability::{Count, Stability, Vote};
+pub use search::stability::{Count, Stability, Vote, Weighed};
 pub use search::surrogate::chance;
 pub use search::turbulence::{Accounted, Density, Turbulence};
 pub use search::unseen::Missed;

@@ -23,14 +23,14 @@ use std::rc::Rc;
 /// (per s) and `w`.
 pub struct Smooth(Rc<[[f64; 3]]>);
 
-/// Inputs that were filtered, with `dt`, `T` and `w`, and what came out.
-type Kept = VecDeque<(Vec<f64>, [f64; 3], Rc<[[f64; 3]]>)>;
+/// An input that was filtered, with `dt`, `T` and `w`, and what came out.
+type Kept = (Vec<f64>, [f64; 3], Rc<[[f64; 3]]>);
 
 /// How many a thread keeps: the surfaces of a campaign's maneuvers.
 const KEPT: usize = 256;
 
 thread_local! {
-    static KEEP: RefCell<Kept> = const { RefCell::new(VecDeque::new()) };
+    static KEEP: RefCell<VecDeque<Kept>> = const { RefCell::new(VecDeque::new()) };
 }
 
 impl Smooth {
@@ -52,7 +52,7 @@ impl Smooth {
             return Smooth(u.into_iter().map(|u| [u, 0.0, 0.0]).collect());
         }
         let by = [dt, reach, within];
-        let same = |kept: &&(Vec<f64>, [f64; 3], Rc<[[f64; 3]]>)| kept.1 == by && kept.0 == u;
+        let same = |kept: &&Kept| kept.1 == by && kept.0 == u;
         let known = KEEP.with_borrow(|kept| kept.iter().find(same).map(|kept| kept.2.clone()));
         if let Some(known) = known {
             return Smooth(known);

@@ -34,21 +34,29 @@ use crate::estimate::{Case, Prepared};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
+/// A candidate in one variant; not a number where its model does not run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Weighed {
+    pub name: String,
+    pub evidence: f64,
+    /// Gain that it predicts on the held-out maneuvers.
+    pub predicted: f64,
+}
+
 /// What one variant says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vote {
     pub variant: String,
     /// The candidate of most evidence; none where none passes.
     pub chosen: Option<String>,
-    /// Evidence of each candidate that took part, and the gain that it predicts held out; not a
-    /// number where its model does not run.
-    pub evidence: Vec<(String, f64, f64)>,
+    /// The candidates that took part.
+    pub weighed: Vec<Weighed>,
 }
 
 impl Vote {
     /// Whether it can say anything about a candidate.
     fn is_cast(&self, candidate: &str, decisive: f64) -> bool {
-        self.evidence.iter().any(|(name, _, predicted)| name == candidate && *predicted > decisive)
+        self.weighed.iter().any(|w| w.name == candidate && w.predicted > decisive)
     }
 }
 
@@ -80,7 +88,7 @@ impl Stability {
         let own = rivals.remove(candidate).unwrap_or_default();
         let mut rivals: Vec<(String, usize)> =
             rivals.into_iter().map(|(name, n)| (name.to_string(), n)).collect();
-        rivals.sort_by(|a, b| b.1.cmp(&a.1));
+        rivals.sort_by_key(|rival| std::cmp::Reverse(rival.1));
         Count { cast: cast.len(), own, rivals }
     }
 }
@@ -333,12 +341,12 @@ fn vote(
     let (settings, places) = (subject.settings, &variant.places);
     let thresholds = &settings.thresholds;
     let without = base.moved(noise, places, settings)?;
-    let (mut best, mut evidence): (Option<(f64, &str)>, Vec<(String, f64, f64)>) =
-        (None, Vec::new());
+    let (mut best, mut weighed): (Option<(f64, &str)>, Vec<Weighed>) = (None, Vec::new());
     for model in models {
         let Some(judged) = model.judged else { continue };
         let Some(with) = model.moved(noise, places, settings) else {
-            evidence.push((judged.name.clone(), f64::NAN, f64::NAN));
+            let (name, none) = (judged.name.clone(), f64::NAN);
+            weighed.push(Weighed { name, evidence: none, predicted: none });
             continue;
         };
         let pairs = without.frozen.iter().zip(&with.frozen).zip(&places.held_out);
@@ -350,12 +358,13 @@ fn vote(
             judged.refit.as_ref().map_or(0, |r| r.values.iter().filter(|v| !v.held).count());
         let alone = chance(judged.screened.taken.max(fitted), thresholds.false_alarm);
         let this = without.cost - with.cost - alone + sum(|g| g.realised);
-        evidence.push((judged.name.clone(), this, sum(|g| g.predicted)));
+        let (name, predicted) = (judged.name.clone(), sum(|g| g.predicted));
+        weighed.push(Weighed { name, evidence: this, predicted });
         let passes = this > limit && held_out_objection(&gains, settings, judged.noise).is_none();
         if passes && best.is_none_or(|(most, _)| this > most) {
             best = Some((this, &judged.name));
         }
     }
     let chosen = best.map(|(_, name)| name.to_string());
-    Some(Vote { variant: variant.name.clone(), chosen, evidence })
+    Some(Vote { variant: variant.name.clone(), chosen, weighed })
 }

@@ -1,7 +1,7 @@
 //! A diagnosis in; its tables out.
 
 use super::{Outcome, comparison, left, words};
-use crate::diagnose::{Finding, Gain, Judged, Round, Varying, Vote};
+use crate::diagnose::{Finding, Gain, Judged, Round, Varying, Vote, Weighed};
 use crate::error::Result;
 use crate::table::Table;
 
@@ -139,9 +139,9 @@ fn votes(outcome: &Outcome) -> Result<Table> {
     let all: Vec<_> = found.chain(unstable).collect();
     let rows: Vec<_> =
         all.iter().flat_map(|(name, s)| s.votes.iter().map(move |vote| (name, vote))).collect();
-    let own = |of: fn(&(String, f64, f64)) -> f64| -> Vec<f64> {
+    let own = |of: fn(&Weighed) -> f64| -> Vec<f64> {
         let one = |(name, vote): &(&String, &Vote)| {
-            vote.evidence.iter().find(|e| e.0 == **name).map_or(f64::NAN, of)
+            vote.weighed.iter().find(|w| w.name == **name).map_or(f64::NAN, of)
         };
         rows.iter().map(one).collect()
     };
@@ -150,8 +150,8 @@ fn votes(outcome: &Outcome) -> Result<Table> {
         .strings("candidate", rows.iter().map(|r| r.0))
         .strings("variant", rows.iter().map(|r| &r.1.variant))
         .opt_strings("chosen", rows.iter().map(|r| r.1.chosen.as_deref()))
-        .f64("evidence", own(|e| e.1))
-        .f64("predicted", own(|e| e.2))
+        .f64("evidence", own(|w| w.evidence))
+        .f64("predicted", own(|w| w.predicted))
         .finish()
 }
 

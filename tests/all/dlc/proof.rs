@@ -39,19 +39,21 @@ struct Used {
     maneuvers: usize,
 }
 
-fn tolerances(out: &Path) -> (String, BTreeMap<(String, String, String, String), Used>) {
+/// Test, output, what of it, unit.
+type Key = [String; 4];
+
+fn tolerances(out: &Path) -> (String, BTreeMap<Key, Used>) {
     let table = table(out, "tolerances");
     let text = |name: &str| table.strings(name).expect("texts");
     let number = |name: &str| table.f64(name).expect("numbers");
     let (tests, outputs, of, units) = (text("test"), text("output"), text("of"), text("unit"));
     let (by, verdicts) = (text("validation"), text("verdict"));
     let (used, tolerance) = (number("used"), number("tolerance"));
-    let mut all = BTreeMap::<(String, String, String, String), Used>::new();
+    let mut all = BTreeMap::<Key, Used>::new();
     for k in 0..table.rows() {
         let model = usize::from(by[k].starts_with("a-"));
         let key = [tests[k], outputs[k], of[k], units[k]].map(str::to_string);
-        let [test, output, what, unit] = key;
-        let row = all.entry((test, output, what, unit)).or_default();
+        let row = all.entry(key).or_default();
         row.most[model] =
             row.most[model].max(if used[k].is_nan() { f64::INFINITY } else { used[k] });
         row.outside[model] += usize::from(verdicts[k] != "within");
@@ -67,7 +69,7 @@ fn tolerances(out: &Path) -> (String, BTreeMap<(String, String, String, String),
     let mut told = String::from(
         "| test | output | of it | tolerance, SI | maneuvers | model B uses | model A uses |\n|---|---|---|---|---|---|---|\n",
     );
-    for ((test, output, what, _), row) in &all {
+    for ([test, output, what, _], row) in &all {
         let cell = |model: usize| {
             let most = 100.0 * row.most[model];
             match row.outside[model] {

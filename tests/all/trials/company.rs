@@ -14,6 +14,7 @@ use koehler::diagnose::{self, Verdict};
 use koehler::estimate::Segment;
 use rand::RngExt;
 use rand_distr::StandardNormal;
+use std::f64::consts::TAU;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -109,10 +110,10 @@ fn recorded(segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
             row[0] += 2e-4 * r.sample::<f64, _>(StandardNormal);
             row[1] += 2e-4 * r.sample::<f64, _>(StandardNormal);
         }
-        let (phase, period) = (r.random_range(0.0..6.28f64), r.random_range(10.0..30.0f64));
+        let (phase, period) = (r.random_range(0.0..TAU), r.random_range(10.0..30.0f64));
         for channel in segment.record.channels.iter_mut().filter(|c| c.output == 1) {
             for (t, z) in channel.t.iter().zip(&mut channel.z) {
-                *z += 5e-4 * (6.28 * t / period + phase).sin();
+                *z += 5e-4 * (TAU * t / period + phase).sin();
             }
         }
     }
