@@ -33,14 +33,17 @@ impl Noise {
     pub fn whiten(&self, segment: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
         let directions =
             blocks.iter().find(|b| !b.e.is_empty()).map_or(0, |b| b.g.len() / b.e.len());
-        let mut columns = vec![Vec::new(); directions + 1];
+        let samples: usize = blocks.iter().map(|b| b.e.len()).sum();
+        let mut columns: Vec<Vec<f64>> =
+            (0..=directions).map(|_| Vec::with_capacity(samples)).collect();
         let mut rows: Vec<Option<Rows>> = Vec::new();
         for block in blocks {
             let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
             let Some(filter) = self.filter(segment, block.output) else { continue };
-            let mut series: Vec<Vec<f64>> = (0..directions)
-                .map(|d| block.g.iter().skip(d).step_by(directions).copied().collect())
-                .collect();
+            let mut series = vec![vec![0.0; block.e.len()]; directions];
+            for (k, row) in block.g.chunks_exact(directions.max(1)).enumerate() {
+                series.iter_mut().zip(row).for_each(|(series, g)| series[k] = *g);
+            }
             series.push(block.e.clone());
             filter.whiten_all(&mut series, &masked);
             rows.resize(rows.len().max(block.output + 1), None);
