@@ -41,7 +41,6 @@ pub fn ended(
     out.complete = out.located.is_empty()
         && out.doubts.is_empty()
         && out.missed.is_empty()
-        && out.varying.is_empty()
         && out.unphysical.is_empty();
     out.verdict = verdict(out, doubted, &settings.thresholds);
     out.left = left(last);
@@ -69,7 +68,6 @@ fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
     let judged = |f: &Finding| out.rounds.get(f.round).and_then(|r| r.judged.get(f.added));
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
-    let left = out.varying.iter().map(|v| v.gain).fold(left, f64::max);
     if out.findings.is_empty() {
         let much = |r: &Round, j: &Judged| {
             times(thresholds.shown_factor, r.limit, j.screened.taken, thresholds)

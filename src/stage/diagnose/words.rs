@@ -3,7 +3,7 @@
 use super::{Outcome, left};
 use crate::diagnose::effect::Family;
 use crate::diagnose::{
-    Diagnosis, Finding, Judged, Missed, Round, Standing, Trouble, Value, Varying, Verdict,
+    Diagnosis, Finding, Judged, Missed, Round, Standing, Trouble, Value, Verdict,
 };
 use crate::math::digits;
 use crate::math::distribution::INTERVAL_95;
@@ -177,10 +177,8 @@ fn unexplained(outcome: &Outcome) -> String {
     let missed = d.missed.iter().map(|m| missed(outcome, m));
     // Where nothing is named the evidence has them.
     let poor = d.is_named().then(|| left::outputs(d)).filter(|text| !text.is_empty());
-    let varying = d.varying.iter().take(3).map(varies);
     let unphysical = d.unphysical.iter().map(|why| format!("with it {why}, which is not physical"));
-    varying
-        .chain(responses)
+    responses
         .chain(doubts)
         .chain(unphysical)
         .chain(missed)
@@ -236,15 +234,4 @@ fn often(finding: &Finding, round: &Round) -> String {
         format!(" ({})", crate::config::list(&rivals))
     };
     format!("; chosen from {} of {} choices of the maneuvers{instead}", count.own, count.cast)
-}
-
-/// A parameter that is not one number.
-fn varies(v: &Varying) -> String {
-    let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
-    format!(
-        "{} varies with {} by {}{unit} over the maneuvers: estimate it for each, or let it be linear",
-        v.parameter,
-        v.with,
-        digits(v.spread)
-    )
 }
