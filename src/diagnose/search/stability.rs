@@ -91,9 +91,7 @@ impl Stability {
         rivals.sort_by_key(|rival| std::cmp::Reverse(rival.1));
         Count { cast: cast.len(), own, rivals }
     }
-}
 
-impl Stability {
     /// The class of an effect, with those that are chosen in its place; or why it may not be named.
     ///
     /// # Errors
@@ -169,7 +167,7 @@ pub fn stability(
 ) -> Result<Stability, Errors> {
     let base = base(stand, found);
     let mut models = Vec::new();
-    for judged in contenders(round, &subject.settings.thresholds) {
+    for judged in contenders(round, this, &subject.settings.thresholds) {
         let Some(candidate) = candidates.iter().find(|c| c.name == judged.name) else { continue };
         models.extend(solved(stand, found, candidate, judged, subject)?);
     }
@@ -202,8 +200,8 @@ pub fn stability(
 }
 
 /// Candidates with a full fit against which nothing speaks but, at most, one split of the maneuvers;
-/// the best ones.
-fn contenders<'r>(round: &'r Round, thresholds: &Thresholds) -> Vec<&'r Judged> {
+/// the best ones, and `this` in any case.
+fn contenders<'r>(round: &'r Round, this: usize, thresholds: &Thresholds) -> Vec<&'r Judged> {
     let able = [
         Standing::Chosen,
         Standing::Alike,
@@ -218,6 +216,7 @@ fn contenders<'r>(round: &'r Round, thresholds: &Thresholds) -> Vec<&'r Judged> 
         .filter(|j| able.contains(&j.standing) && j.evidence > round.limit)
         .collect();
     all.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    all.sort_by_key(|j| j.name != round.judged[this].name);
     all.truncate(thresholds.contenders);
     all
 }

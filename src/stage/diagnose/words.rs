@@ -120,7 +120,7 @@ fn missed(outcome: &Outcome, m: &Missed) -> String {
 
 fn missing(outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
-    let classes = || counted(d.findings.iter().map(|f| class(d, f)));
+    let classes = || counted(d.findings.iter().map(|f| class(outcome, f)));
     let (left, evidence) = (unexplained(outcome), left::evidence(d));
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
@@ -195,10 +195,10 @@ fn best(d: &Diagnosis) -> String {
 }
 
 /// An effect that is missing, with those that are not distinguishable from it.
-fn class(d: &Diagnosis, finding: &Finding) -> String {
-    let Some(round) = d.rounds.get(finding.round) else { return String::new() };
+fn class(outcome: &Outcome, finding: &Finding) -> String {
+    let Some(round) = outcome.diagnosis.rounds.get(finding.round) else { return String::new() };
     let all: Vec<&Judged> = finding.class.iter().filter_map(|&c| round.judged.get(c)).collect();
-    let often = often(finding, round);
+    let often = often(outcome, finding, round);
     match &all[..] {
         [one] => format!("{} ({}{often})", one.sentence, values(one)),
         several => {
@@ -221,11 +221,11 @@ fn class(d: &Diagnosis, finding: &Finding) -> String {
 }
 
 /// `; chosen from 19 of 21 choices of the maneuvers`, with those chosen in its place.
-fn often(finding: &Finding, round: &Round) -> String {
+fn often(outcome: &Outcome, finding: &Finding, round: &Round) -> String {
     let Some(name) = round.judged.get(finding.added).map(|j| &j.name) else {
         return String::new();
     };
-    let count = finding.stability.count(name, &Default::default());
+    let count = finding.stability.count(name, &outcome.config.settings.method);
     let rivals: Vec<String> =
         count.rivals.iter().map(|(name, n)| format!("{name} from {n}")).collect();
     let instead = if rivals.is_empty() {
