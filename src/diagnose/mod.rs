@@ -10,7 +10,8 @@
 //! 1. *Base fit* of the training maneuvers by the estimator; an autoregressive model per output of
 //!    what is left. `W` makes residuals and sensitivities white, segment by segment;
 //!    `J = |W (z - y)|^2 / 2` is the cost everything below is measured in, so that differences of
-//!    `J` are gains in log-likelihood.
+//!    `J` are gains in log-likelihood. Constants that the model assumes with an sd, and that the
+//!    flights see, are free from here on, that sd being their prior.
 //! 2. *Screening*: every candidate adds parameters `b` that are nothing at their null. With
 //!    `H = W dy/db` and `G = W dy/dtheta` of all that is free in the base (shared parameters and
 //!    what belongs to a maneuver), `H~ = (1 - G (G'G)^-1 G') H`, `u = H~'e`, `F = H~'H~`: the gain
@@ -63,6 +64,7 @@
 //! | | `training` | maximum of the likelihood of the whitened residuals, bounds kept |
 //! | | `stand` | the base as it stands, its fit |
 //! | | `frozen` | held-out maneuvers with the derivatives of the training |
+//! | | `constants` | assumed constants that the flights see, free with their sd for a prior |
 //! | | `found` | the base fitted as it stands, with the noise it leaves |
 //! | `gap` | | **how large the gap is, and where** |
 //! | | `looks` | windows and bands of the description of the gap |

@@ -188,6 +188,31 @@ pub fn told(d: &Diagnosis) -> String {
     text
 }
 
+/// A vane that reads 1.025 times the angle where the model assumes once, with this sd.
+fn scaled(sd: f64) -> Diagnosis {
+    let with = |value: f64, sd: f64| {
+        let constant = format!("k_vane = {{ unit = \"-\", value = {value:?}, sd = {sd:?} }}");
+        parsed(&(text("", "", "k_vane*alpha") + "[constants]\n" + &constant + "\n"))
+    };
+    let flown = campaign(&with(1.025, 0.0), 1, 0.0);
+    let (method, settings) = (estimate::Settings::default(), Settings::default());
+    judged(&with(1.0, sd), &flown, &method, &settings)
+}
+
+#[test]
+fn recovery_an_error_of_an_assumed_constant_within_its_sd_is_nothing_missing() {
+    let d = scaled(0.02);
+    assert_eq!(d.verdict, Verdict::NothingMissing, "{}", told(&d));
+    let shift = d.comparison.shifts.iter().find(|s| s.name == "k_vane").expect("it is free");
+    assert!((shift.after - 1.025).abs() < 3e-3, "{shift:?}");
+    // Known exactly, it is another thing that is missing; known to be smaller, it is told.
+    let d = scaled(0.0);
+    assert_eq!(d.added[0].name, "sensor-scale:alpha", "{}", told(&d));
+    assert!(d.comparison.shifts.iter().all(|s| s.name != "k_vane"));
+    let d = scaled(0.004);
+    assert!(d.unphysical.iter().any(|words| words.starts_with("k_vane")), "{:?}", d.unphysical);
+}
+
 #[test]
 fn recovery_a_hidden_lag_is_named_with_its_size() {
     let p = "L = { unit = \"1/s^2\", start = 1.5 }\nr_H = { unit = \"m\", start = 16.0 }\n";

@@ -304,6 +304,10 @@ thresholds! {
     /// is turned is not told.
     turned_sds: f64 = 4.0, "sd";
 
+    /// A constant that is assumed with an sd is estimated where the flights tell this share of what
+    /// is known of it. *First guess*: an error of two sd gains half a unit of log-likelihood there.
+    constant_share: f64 = 0.25, "of the information 1/sd^2";
+
     /// A parameter may be moved so many sd of what is known of it before. *Convention*.
     prior_sds: f64 = 3.0, "sd";
 

@@ -129,7 +129,7 @@ impl<'a> Sigma<'a> {
             let mut series: Vec<Vec<f64>> =
                 (0..nd).map(|d| block.g.iter().skip(d).step_by(nd).copied().collect()).collect();
             series.push(block.e.clone());
-            self.filter(s, block).whiten_all(&mut series, &masked);
+            self.filter(s, block).whiten_all(series.iter_mut().map(|x| &mut x[..]), &masked);
             columns
                 .iter_mut()
                 .zip(&series)

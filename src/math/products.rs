@@ -5,6 +5,9 @@
 //! products of what they cannot imitate: `H~'H~`, `H~'e~`, `e~'e~`. Only the upper triangle is
 //! kept. A column that depends on those before it is left out, not divided by.
 
+use crate::math::simd::{Eight, Width, by_width};
+use std::ops::Range;
+
 /// A pivot below this share of its column's own sum of squares is rounding: the column depends on
 /// those before it.
 pub const DEPENDENT: f64 = 1e-11;
@@ -29,17 +32,15 @@ impl Gram {
     /// Products of columns of equal length.
     pub fn of(columns: &[Vec<f64>]) -> Gram {
         let mut gram = Gram::zero(columns.len());
-        let (n, rows) = (gram.n, columns.first().map_or(0, Vec::len));
+        let (n, rows) = (gram.n, columns.iter().map(Vec::len).min().unwrap_or(0));
+        let width = Width::detect();
         // Rows in pieces that stay in the cache while every column meets every other.
         for from in (0..rows).step_by(PIECE) {
-            let piece = |column: &Vec<f64>| -> std::ops::Range<usize> {
-                from..(from + PIECE).min(column.len())
-            };
-            for (i, a) in columns.iter().enumerate() {
-                let a = &a[piece(a)];
-                for (sum, b) in gram.sums[i * n + i..(i + 1) * n].iter_mut().zip(&columns[i..]) {
-                    *sum += dot(a, &b[piece(b)]);
-                }
+            let rows = from..(from + PIECE).min(rows);
+            for i in 0..n {
+                let sums = &mut gram.sums[i * n + i..(i + 1) * n];
+                // SAFETY: the width is this machine's.
+                unsafe { add_products(width, &columns[i..], rows.clone(), sums) };
             }
         }
         (0..n).for_each(|i| gram.scale[i] = gram.sums[i * n + i]);
@@ -114,6 +115,56 @@ impl Gram {
         rest.add(self, first, &(0..self.n - first).collect::<Vec<_>>());
         rest
     }
+}
+
+by_width! {
+    /// Adds the products of the first column with each, over some rows that all of them have.
+    fn add_products(columns: &[Vec<f64>], rows: Range<usize>, sums: &mut [f64]) = add_products_body
+}
+
+/// # Safety
+/// The machine has the width.
+#[inline(always)]
+unsafe fn add_products_body<V: Eight>(columns: &[Vec<f64>], rows: Range<usize>, sums: &mut [f64]) {
+    let Some(first) = columns.first() else { return };
+    let a = &first[rows.clone()];
+    let (mut fours, mut sums_of) = (columns.chunks_exact(4), sums.chunks_exact_mut(4));
+    for (b, sums) in (&mut fours).zip(&mut sums_of) {
+        let b: [&[f64]; 4] = std::array::from_fn(|k| &b[k][rows.clone()]);
+        // SAFETY: the machine has the width.
+        let of = unsafe { dots::<V, 4>(a, b) };
+        sums.iter_mut().zip(of).for_each(|(sum, x)| *sum += x);
+    }
+    for (b, sum) in fours.remainder().iter().zip(sums_of.into_remainder()) {
+        // SAFETY: the machine has the width.
+        *sum += unsafe { dots::<V, 1>(a, [&b[rows.clone()]]) }[0];
+    }
+}
+
+/// Products of `a` with `N` others of its length.
+///
+/// # Safety
+/// The machine has the width.
+#[inline(always)]
+unsafe fn dots<V: Eight, const N: usize>(a: &[f64], b: [&[f64]; N]) -> [f64; N] {
+    let whole = a.len() - a.len() % 8;
+    assert!(b.iter().all(|b| b.len() == a.len()));
+    let mut lanes = [[0.0; 8]; N];
+    // SAFETY: eight numbers from every such place on lie in all of them.
+    unsafe {
+        let mut sums = [V::splat(0.0); N];
+        for k in (0..whole).step_by(8) {
+            let a = V::load(a.as_ptr().add(k));
+            for (sum, b) in sums.iter_mut().zip(&b) {
+                *sum = a.fma(V::load(b.as_ptr().add(k)), *sum);
+            }
+        }
+        sums.iter().zip(&mut lanes).for_each(|(sum, lanes)| sum.store(lanes.as_mut_ptr()));
+    }
+    std::array::from_fn(|n| {
+        let rest = a[whole..].iter().zip(&b[n][whole..]);
+        rest.fold(lanes[n].iter().sum::<f64>(), |sum, (a, b)| a.mul_add(*b, sum))
+    })
 }
 
 /// Number of sums that run side by side; fixed, so that the result is the same on every machine.

@@ -74,9 +74,9 @@ pub(super) struct Compiler<'a> {
 
 /// What becomes of constants with an sd.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Uncertain {
-    /// Numbers like all others.
-    Folded,
+pub enum Uncertain<'a> {
+    /// Numbers like all others, but for these: parameters with the sd for a prior.
+    Estimated(&'a [String]),
     /// Fixed parameters, so that there are derivatives with respect to them.
     Open,
 }
@@ -87,7 +87,7 @@ pub fn compile(
     name: &str,
     sources: &[Source],
     constants: &Constants,
-    uncertain: Uncertain,
+    uncertain: Uncertain<'_>,
 ) -> Result<Model, Errors> {
     let mut c = Compiler {
         sources,
@@ -109,9 +109,7 @@ pub fn compile(
     }
     c.declare(constants);
     c.amendments();
-    if uncertain == Uncertain::Open {
-        c.open_constants();
-    }
+    c.open_constants(uncertain);
     c.tables();
     c.movers();
     c.states();

@@ -1,7 +1,7 @@
 //! The names that a model's sources declare: inputs, constants, parameters, equations, states,
 //! tables.
 
-use super::compile::{At, Compiler, Symbol, TableInfo};
+use super::compile::{At, Compiler, Symbol, TableInfo, Uncertain};
 use super::file::{Constant, Input, Values};
 use super::functions;
 use super::tables::Table;
@@ -183,11 +183,16 @@ impl Compiler<'_> {
         }
     }
 
-    /// Makes fixed parameters of the constants that have an sd.
-    pub(super) fn open_constants(&mut self) {
+    /// Makes parameters of constants that have an sd: of all of them fixed ones, or of those that are
+    /// estimated.
+    pub(super) fn open_constants(&mut self, uncertain: Uncertain) {
         for i in 0..self.model.constants.len() {
             let Assumed { quantity, value, sd, .. } = self.model.constants[i].clone();
-            if !(sd > 0.0 && value.is_finite()) {
+            let (opens, fixed) = match uncertain {
+                Uncertain::Estimated(names) => (names.contains(&quantity.name), false),
+                Uncertain::Open => (true, true),
+            };
+            if !(opens && sd > 0.0 && value.is_finite()) {
                 continue;
             }
             if let Some((symbol, _)) = self.symbols.get_mut(&quantity.name) {
@@ -201,8 +206,8 @@ impl Compiler<'_> {
                 min,
                 max,
                 scope,
-                fixed: true,
-                prior_sd: f64::INFINITY,
+                fixed,
+                prior_sd: if fixed { f64::INFINITY } else { sd },
             });
         }
     }

@@ -258,11 +258,13 @@ pub struct Model {
 }
 
 /// What a model is compiled from.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Recipe {
     name: String,
     sources: Vec<fragments::Source>,
     constants: Constants,
+    /// Names of the constants that are parameters with their sd for a prior.
+    estimated: Vec<String>,
 }
 
 /// What a model is compiled from, as text.
@@ -272,6 +274,8 @@ pub struct Text {
     /// Name and text of every file, those it uses first.
     files: Vec<(String, String)>,
     constants: Constants,
+    /// Names of the constants that are parameters.
+    estimated: Vec<String>,
 }
 
 impl Text {
@@ -285,7 +289,12 @@ impl Text {
             let (file, doc) = config::parse(name, text)?;
             sources.extend(fragments::sources_of(file, doc));
         }
-        Model::compiled(Recipe { name: self.name, sources, constants: self.constants })
+        Model::compiled(Recipe {
+            name: self.name,
+            sources,
+            constants: self.constants,
+            estimated: self.estimated,
+        })
     }
 }
 
@@ -304,7 +313,12 @@ impl Model {
             .to_string();
         let folder = path.parent().unwrap_or(Path::new("."));
         let sources = fragments::gather(&path.to_string_lossy(), &text, Folder::At(folder))?;
-        Model::compiled(Recipe { name, sources, constants: constants.clone() })
+        Model::compiled(Recipe {
+            name,
+            sources,
+            constants: constants.clone(),
+            estimated: Vec::new(),
+        })
     }
 
     /// The outputs that a model file and its fragments declare, whether or not they compile; none
@@ -322,7 +336,12 @@ impl Model {
     /// As `load`.
     pub fn parse(name: &str, text: &str, constants: &Constants) -> Result<Model, Errors> {
         let sources = fragments::gather(name, text, Folder::None)?;
-        Model::compiled(Recipe { name: name.to_string(), sources, constants: constants.clone() })
+        Model::compiled(Recipe {
+            name: name.to_string(),
+            sources,
+            constants: constants.clone(),
+            estimated: Vec::new(),
+        })
     }
 
     fn compiled(recipe: Recipe) -> Result<Model, Errors> {
@@ -330,7 +349,7 @@ impl Model {
             &recipe.name,
             &recipe.sources,
             &recipe.constants,
-            compile::Uncertain::Folded,
+            compile::Uncertain::Estimated(&recipe.estimated),
         )?;
         Ok(Model { recipe: Some(Arc::new(recipe)), ..model })
     }
@@ -372,7 +391,18 @@ impl Model {
             name: recipe.name.clone(),
             sources,
             constants: recipe.constants.clone(),
+            estimated: recipe.estimated.clone(),
         })
+    }
+
+    /// The same model with these constants as parameters to estimate, behind its own ones: value and
+    /// sd of each are its prior.
+    ///
+    /// # Errors
+    /// None that compiling the model itself would not have found.
+    pub fn with_estimated(&self, constants: &[String]) -> Result<Model, Errors> {
+        let Some(recipe) = &self.recipe else { return Ok(self.clone()) };
+        Model::compiled(Recipe { estimated: constants.to_vec(), ..(**recipe).clone() })
     }
 
     /// What the model is compiled from, as text; none if it was not compiled from text.
@@ -383,7 +413,13 @@ impl Model {
             name: recipe.name.clone(),
             files: files.map(|s| (s.doc.file().to_string(), s.doc.text().to_string())).collect(),
             constants: recipe.constants.clone(),
+            estimated: recipe.estimated.clone(),
         })
+    }
+
+    /// Names of the constants that are parameters (see `with_estimated`).
+    pub fn estimated(&self) -> &[String] {
+        self.recipe.as_ref().map_or(&[], |recipe| &recipe.estimated)
     }
 
     /// The text of the model's own file, without what it uses; empty if it was not compiled from

@@ -8,6 +8,7 @@
 use super::ar::Ar;
 use super::gaps::{Gaps, innovation};
 use crate::math::products::dot;
+use crate::math::simd::{Eight, Width, by_width};
 
 /// The predictors of a process, of every order.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,40 +34,41 @@ impl Filter {
     }
 
     /// A series made white, `D^-1/2 A x`; `masked[i]` tells which samples were not measured.
-    pub fn whiten(&self, x: &mut Vec<f64>, masked: &[bool]) {
-        self.whiten_all(std::slice::from_mut(x), masked);
+    pub fn whiten(&self, x: &mut [f64], masked: &[bool]) {
+        self.whiten_all([&mut x[..]].into_iter(), masked);
     }
 
     /// Series that were measured at the same samples, each made white: what was measured comes out
     /// with unit covariance (`gaps`), and what was not as 0, whatever it held.
-    pub fn whiten_all(&self, columns: &mut [Vec<f64>], masked: &[bool]) {
+    pub fn whiten_all<'a>(&self, columns: impl Iterator<Item = &'a mut [f64]>, masked: &[bool]) {
         let gaps = Gaps::new(&self.predictors, &self.variances, masked);
+        let mut measured = Vec::new();
         for x in columns {
-            masked
-                .iter()
-                .zip(x.iter_mut())
-                .filter(|(masked, _)| **masked)
-                .for_each(|(_, x)| *x = 0.0);
-            let mut white = self.ordinary(x);
-            gaps.bridge(&self.predictors, x, &mut white);
-            *x = white;
+            if gaps.are_none() {
+                self.ordinary(x);
+                continue;
+            }
+            let unmeasured = masked.iter().zip(x.iter_mut()).filter(|(masked, _)| **masked);
+            unmeasured.for_each(|(_, x)| *x = 0.0);
+            measured.clear();
+            measured.extend_from_slice(x);
+            self.ordinary(x);
+            gaps.bridge(&self.predictors, &mut measured, x);
         }
     }
 
-    /// Every sample less its prediction from measured ones, over the sd of that.
-    fn ordinary(&self, x: &[f64]) -> Vec<f64> {
-        let (last, n) = (self.predictors.len() - 1, x.len());
-        let mut white: Vec<f64> = (0..last.min(n))
-            .map(|i| innovation(&self.predictors[i], &x[..=i]) / self.variances[i].sqrt())
-            .collect();
-        // From order p on the predictor stays the same: lag by lag over the whole series.
-        white.extend_from_slice(&x[last.min(n)..]);
-        for (j, a) in self.predictors[last].iter().enumerate().filter(|_| n > last) {
-            white[last..].iter_mut().zip(&x[last - 1 - j..]).for_each(|(w, x)| *w -= a * x);
+    /// Every sample less its prediction from measured ones, over the sd of that; in place.
+    fn ordinary(&self, x: &mut [f64]) {
+        let last = self.predictors.len() - 1;
+        // From order p on the predictor stays the same.
+        if x.len() > last {
+            let scale = 1.0 / self.variances[last].sqrt();
+            predicted(x, &self.predictors[last], scale);
         }
-        let scale = 1.0 / self.variances[last].sqrt();
-        white.iter_mut().skip(last).for_each(|w| *w *= scale);
-        white
+        // Samples are predicted from those before them: from the last one down.
+        for i in (0..last.min(x.len())).rev() {
+            x[i] = innovation(&self.predictors[i], &x[..=i]) / self.variances[i].sqrt();
+        }
     }
 
     /// `A^-T g` for rows `[sample][nd]`.
@@ -109,6 +111,66 @@ impl Filter {
     }
 }
 
+/// Every sample from that on of which enough lie behind, less its prediction by `a`, times `scale`; in
+/// place.
+fn predicted(x: &mut [f64], a: &[f64], scale: f64) {
+    // SAFETY: the width is this machine's, and there are more samples than coefficients.
+    unsafe { predicted_by(Width::detect(), x, a, scale) }
+}
+
+by_width! {
+    /// `x[i] = (x[i] - sum_j a[j] x[i-1-j]) scale` for `i` from the length of `a` on.
+    fn predicted_by(x: &mut [f64], a: &[f64], scale: f64) = predicted_body
+}
+
+/// Vectors of eight samples that are predicted side by side.
+const SIDE: usize = 4;
+
+/// # Safety
+/// The machine has the width.
+#[inline(always)]
+unsafe fn predicted_body<V: Eight>(x: &mut [f64], a: &[f64], scale: f64) {
+    let mut end = x.len();
+    // From the end: a sample is needed by those behind it as it was.
+    // SAFETY: all samples from `first - a.len()` to `first + 8 N` lie in `x`.
+    unsafe {
+        while end >= a.len() + 8 * SIDE {
+            end -= 8 * SIDE;
+            samples::<V, SIDE>(x, end, a, scale);
+        }
+        while end >= a.len() + 8 {
+            end -= 8;
+            samples::<V, 1>(x, end, a, scale);
+        }
+    }
+    for i in (a.len()..end).rev() {
+        let mut w = x[i];
+        a.iter().zip(x[..i].iter().rev()).for_each(|(a, x)| w = (-a).mul_add(*x, w));
+        x[i] = w * scale;
+    }
+}
+
+/// # Safety
+/// The machine has the width; the samples `first - a.len() .. first + 8 N` are there.
+#[inline(always)]
+unsafe fn samples<V: Eight, const N: usize>(x: &mut [f64], first: usize, a: &[f64], scale: f64) {
+    let at = x.as_mut_ptr();
+    // SAFETY: the caller's promises.
+    unsafe {
+        let mut w: [V; N] = std::array::from_fn(|k| V::load(at.add(first + 8 * k)));
+        for (j, a) in a.iter().enumerate() {
+            let a = V::splat(-a);
+            for (k, w) in w.iter_mut().enumerate() {
+                *w = a.fma(V::load(at.add(first + 8 * k - 1 - j)), *w);
+            }
+        }
+        let (scale, zero) = (V::splat(scale), V::splat(0.0));
+        for (k, w) in w.iter().enumerate() {
+            w.fma(scale, zero).store(at.add(first + 8 * k));
+        }
+    }
+}
+
 /// When an impulse is forgotten, and the number of samples after which it is given up.
 const LEFT: f64 = 1e-9;
 const LONGEST: usize = 1 << 14;
@@ -131,6 +193,27 @@ mod tests {
         Filter::new(&model).whiten(&mut mine, &[false; 12]);
         forward(&cholesky(&sigma, n).expect("definite"), n, &mut want);
         assert!(mine.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-9), "{mine:?} {want:?}");
+    }
+
+    #[test]
+    fn all_widths_predict_the_same_bits() {
+        for (n, p) in [(3, 0), (3, 2), (5, 7), (40, 9), (203, 30)] {
+            let a: Vec<f64> = (0..p).map(|j| 0.3 * libm::cos(0.7 * j as f64)).collect();
+            let x: Vec<f64> = (0..n).map(|k| libm::sin(1.7 * k as f64)).collect();
+            let by = |width: Width| {
+                let mut x = x.clone();
+                // SAFETY: the machine has the width.
+                unsafe { predicted_by(width, &mut x, &a, 0.6) };
+                x
+            };
+            let plain = by(Width::Plain);
+            assert!(Width::available().iter().all(|width| by(*width) == plain), "{n} {p}");
+            for (k, w) in plain.iter().enumerate() {
+                let foretold: f64 = (0..p.min(k)).map(|j| a[j] * x[k - 1 - j]).sum();
+                let want = if k < p { x[k] } else { 0.6 * (x[k] - foretold) };
+                assert!((w - want).abs() < 1e-12, "{n} {p} {k}: {w} {want}");
+            }
+        }
     }
 
     #[test]
@@ -194,7 +277,7 @@ mod tests {
                 .zip(&masked)
                 .filter(|(_, masked)| **masked)
                 .for_each(|(x, _)| *x = f64::NAN);
-            Filter::new(&model).whiten_all(&mut columns, &masked);
+            Filter::new(&model).whiten_all(columns.iter_mut().map(|x| &mut x[..]), &masked);
             for (k, want) in there.iter().zip(&want) {
                 assert!(
                     (columns[0][*k] - want).abs() < 1e-9,

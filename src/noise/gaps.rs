@@ -62,6 +62,11 @@ impl Gaps {
         Gaps(steps)
     }
 
+    /// Whether every sample was measured.
+    pub(super) fn are_none(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Puts estimates in place of the masked samples of `x`, and makes `white` what `Gaps` is
     /// about.
     pub(super) fn bridge(&self, predictors: &[Vec<f64>], x: &mut [f64], white: &mut [f64]) {

@@ -2,6 +2,7 @@
 //! out.
 
 use super::training::Task;
+use crate::least_squares::give_back;
 use crate::math::products::{DEPENDENT, Gram};
 use rayon::prelude::*;
 
@@ -17,6 +18,15 @@ pub struct Spread {
     /// Per segment: `(slope, information)` of each of them with all other shared parameters held,
     /// own ones free.
     pub by_segment: Vec<Vec<(f64, f64)>>,
+}
+
+/// White columns of one segment.
+pub struct Columns {
+    /// Its own parameters', then those of the free shared ones that it sees.
+    pub columns: Vec<Vec<f64>>,
+    /// Place of each shared one in `Task::free`.
+    pub to: Vec<usize>,
+    pub residuals: Vec<f64>,
 }
 
 /// Sums of one segment: own parameters eliminated, then shared ones, then the residuals.
@@ -88,25 +98,42 @@ impl Task<'_> {
     }
 
     pub fn part(&self, s: usize, theta: &[f64]) -> Option<Part> {
+        let Columns { mut columns, mut to, residuals } = self.columns(s, theta)?;
+        columns.push(residuals);
+        to.push(self.free.len());
+        let gram = self.products(s, theta, &columns);
+        let own = self.case.layout.parts[s].own;
+        gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own, to, gram })
+    }
+
+    /// White sensitivities and residuals of segment `s`; none where the model is not finite.
+    pub fn columns(&self, s: usize, theta: &[f64]) -> Option<Columns> {
         let layout = &self.case.layout;
         let blocks = self.case.evaluate(s, &layout.local(s, theta), true)?;
-        let mut white = self.noise.whiten(s, &blocks);
         let part = &layout.parts[s];
-        let (mut columns, mut to) = (Vec::new(), Vec::new());
-        columns.extend(white.drain(part.shared.len()..part.directions()));
+        let mut wanted: Vec<usize> = (part.shared.len()..part.directions()).collect();
+        let mut to = Vec::new();
         for (place, index) in self.free.iter().enumerate() {
             if let Some(at) = part.shared.iter().position(|i| i == index) {
-                columns.push(std::mem::take(&mut white[at]));
+                wanted.push(at);
                 to.push(place);
             }
         }
-        columns.extend(white.pop());
-        to.push(self.free.len());
-        let mut gram = Gram::of(&columns);
+        let mut columns = self.noise.whiten(s, &blocks, &wanted);
+        give_back(blocks);
+        let residuals = columns.pop()?;
+        Some(Columns { columns, to, residuals })
+    }
+
+    /// Products of columns that begin with the own ones of segment `s`, these eliminated.
+    pub fn products(&self, s: usize, theta: &[f64], columns: &[Vec<f64>]) -> Gram {
+        let layout = &self.case.layout;
+        let part = &layout.parts[s];
+        let mut gram = Gram::of(columns);
         (0..part.own)
             .for_each(|k| gram.pull(k, layout.prior(part.offset + k, theta[part.offset + k])));
         gram.eliminate(0, part.own);
-        gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own: part.own, to, gram })
+        gram
     }
 
     /// All segments together, priors included: free shared parameters, then the residuals.

@@ -29,6 +29,9 @@ impl Stand {
         if base == Kind::Predicted {
             method.free = Some(free_of_predictions(model, &method));
         }
+        if let Some(free) = &mut method.free {
+            free.extend(model.estimated().iter().cloned());
+        }
         Stand { model: model.clone(), method, added: Vec::new(), nulls: BTreeMap::new() }
     }
 

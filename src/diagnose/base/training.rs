@@ -7,7 +7,7 @@
 //! (`crate::least_squares`) whose `R` is one, over some of the segments and of the shared
 //! parameters.
 
-use crate::diagnose::residual::whitening::Noise;
+use crate::diagnose::residual::whitening::{Noise, rows_of};
 use crate::diagnose::thresholds::Thresholds;
 use crate::estimate::Case;
 use crate::least_squares::{
@@ -137,16 +137,11 @@ impl Task<'_> {
             let mut all = fixed[k].clone();
             places[k].iter().zip(local).for_each(|(&place, value)| all[place] = *value);
             let blocks = self.case.evaluate(self.segments[k], &all, sensitivities)?;
-            let mut columns = self.noise.whiten(self.segments[k], &blocks);
+            let wanted = if sensitivities { &places[k][..] } else { &[] };
+            let mut columns = self.noise.whiten(self.segments[k], &blocks, wanted);
             give_back(blocks);
             let e = columns.pop().filter(|e| e.iter().all(|e| e.is_finite()))?;
-            let mut g = Vec::new();
-            if sensitivities {
-                g.reserve(e.len() * places[k].len());
-                (0..e.len())
-                    .for_each(|row| g.extend(places[k].iter().map(|&place| columns[place][row])));
-            }
-            Some(vec![Block::new(0, e, g)])
+            Some(vec![Block::new(0, e, rows_of(&columns))])
         }
     }
 

@@ -83,7 +83,9 @@ impl<'a> Fitted<'a> {
             part.shared.iter().map(place).chain(own.clone().map(|_| Direction::Own)).collect();
         let priors: Vec<Prior> =
             part.shared.iter().copied().chain(own).map(|i| self.prior(i)).collect();
-        Part::new(&directions, &noise.whiten(self.segments[at], &self.blocks(at)?), &priors)
+        let all: Vec<usize> = (0..directions.len()).collect();
+        let white = noise.whiten(self.segments[at], &self.blocks(at)?, &all);
+        Part::new(&directions, &white, &priors)
     }
 
     /// The series of one segment.

@@ -98,7 +98,9 @@ fn lagged(
     let mut series = fitted.series(at);
     for one in &mut series {
         match noise.filter(s, one.output) {
-            Some(filter) => filter.whiten_all(&mut one.columns, &one.masked),
+            Some(filter) => {
+                filter.whiten_all(one.columns.iter_mut().map(|x| &mut x[..]), &one.masked)
+            }
             None => one.columns.clear(),
         }
     }

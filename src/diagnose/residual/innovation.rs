@@ -45,7 +45,7 @@ pub fn sums(
     };
     let (times, blocks): (Vec<&[f64]>, Vec<Block>) =
         traces.iter().filter(known).filter_map(|t| Some((&t.t[..], block(t)?))).unzip();
-    let white = noise.whiten(s, &blocks).pop().unwrap_or_default();
+    let white = noise.whiten(s, &blocks, &[]).pop().unwrap_or_default();
     let mut all = Vec::new();
     // Outputs that are sampled together have the same columns, and the same products of these.
     let (mut of, mut made): ((&[f64], Vec<bool>), Made) = Default::default();

@@ -105,7 +105,7 @@ pub fn sums(
         filter.whiten(&mut e, &masked);
         for (source, columns) in made.1.iter().enumerate() {
             let mut white = columns.clone();
-            filter.whiten_all(&mut white, &masked);
+            filter.whiten_all(white.iter_mut().map(|x| &mut x[..]), &masked);
             let unknown = |x: &&mut Vec<f64>| !x.iter().all(|v| v.is_finite());
             white.iter_mut().filter(unknown).for_each(|x| x.fill(0.0));
             all.push(Sums { output, source, gram: size.products(white, &e) });

@@ -11,6 +11,7 @@ use crate::estimate::Block;
 use crate::math::products::dot;
 use crate::noise::Filter;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// The noise of a base fit: a filter per group of segments and output.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,31 +28,25 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Residuals and sensitivities of a segment's blocks, made white: one column per direction,
-    /// then the residuals; rows block by block. Outputs of unknown noise are left out; rows of
-    /// samples that were not measured are 0.
-    pub fn whiten(&self, segment: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
-        let directions =
-            blocks.iter().find(|b| !b.e.is_empty()).map_or(0, |b| b.g.len() / b.e.len());
-        let samples: usize = blocks.iter().map(|b| b.e.len()).sum();
-        let mut columns: Vec<Vec<f64>> =
-            (0..=directions).map(|_| Vec::with_capacity(samples)).collect();
+    /// Residuals and sensitivities of a segment's blocks, made white: a column for each of the
+    /// directions `wanted`, then the residuals; rows block by block. Outputs of unknown noise are
+    /// left out; rows of samples that were not measured are 0.
+    pub fn whiten(&self, segment: usize, blocks: &[Block], wanted: &[usize]) -> Vec<Vec<f64>> {
+        let known = |block: &&Block| self.filter(segment, block.output).is_some();
+        let samples: usize = blocks.iter().filter(known).map(|b| b.e.len()).sum();
+        let mut columns = vec![vec![0.0; samples]; wanted.len() + 1];
         let mut rows: Vec<Option<Rows>> = Vec::new();
+        let mut from = 0;
         for block in blocks {
-            let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
             let Some(filter) = self.filter(segment, block.output) else { continue };
-            let mut series = vec![vec![0.0; block.e.len()]; directions];
-            for (k, row) in block.g.chunks_exact(directions.max(1)).enumerate() {
-                series.iter_mut().zip(row).for_each(|(series, g)| series[k] = *g);
-            }
-            series.push(block.e.clone());
-            filter.whiten_all(&mut series, &masked);
+            let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
+            let to = from + masked.len();
+            columns_of(&block.g, wanted, from..to, &mut columns);
+            columns[wanted.len()][from..to].copy_from_slice(&block.e);
+            filter.whiten_all(columns.iter_mut().map(|column| &mut column[from..to]), &masked);
             rows.resize(rows.len().max(block.output + 1), None);
-            rows[block.output] = Some(Rows { from: columns[0].len(), masked });
-            columns
-                .iter_mut()
-                .zip(&series)
-                .for_each(|(column, series)| column.extend_from_slice(series));
+            rows[block.output] = Some(Rows { from, masked });
+            from = to;
         }
         let joint = self.groups.get(segment).and_then(|&g| self.joint.get(g));
         for joint in joint
@@ -86,7 +81,36 @@ impl Noise {
 
     /// Half the sum of squares of a segment's white residuals: its part of the cost.
     pub fn cost(&self, segment: usize, blocks: &[Block]) -> f64 {
-        let columns = self.whiten(segment, blocks);
+        let columns = self.whiten(segment, blocks, &[]);
         columns.last().map_or(0.0, |e| 0.5 * dot(e, e))
     }
+}
+
+/// Rows of sensitivities `[sample][direction]` into the rows `to` of columns, those wanted.
+fn columns_of(g: &[f64], wanted: &[usize], to: Range<usize>, columns: &mut [Vec<f64>]) {
+    let directions = g.len().checked_div(to.len()).unwrap_or(0);
+    // Samples in pieces that stay in the cache while every column takes its own.
+    for (piece, rows) in g.chunks(PIECE * directions.max(1)).enumerate() {
+        let from = to.start + piece * PIECE;
+        for (&k, column) in wanted.iter().zip(columns.iter_mut()) {
+            let row = rows.chunks_exact(directions.max(1));
+            column[from..to.end].iter_mut().zip(row).for_each(|(x, row)| *x = row[k]);
+        }
+    }
+}
+
+/// Samples that are turned at a time.
+const PIECE: usize = 64;
+
+/// Columns as rows `[sample][column]`.
+pub fn rows_of(columns: &[Vec<f64>]) -> Vec<f64> {
+    let (n, samples) = (columns.len(), columns.first().map_or(0, Vec::len));
+    let mut rows = vec![0.0; n * samples];
+    for (piece, rows) in rows.chunks_mut(PIECE * n.max(1)).enumerate() {
+        for (k, column) in columns.iter().enumerate() {
+            let of = rows.chunks_exact_mut(n);
+            of.zip(&column[piece * PIECE..]).for_each(|(row, x)| row[k] = *x);
+        }
+    }
+    rows
 }

@@ -17,6 +17,7 @@ use super::round::held_against;
 use super::stability::{Stability, stability};
 use super::surrogate::times;
 use super::verdict::{Diagnosis, Finding, Verdict};
+use crate::diagnose::base::constants::with_constants;
 use crate::diagnose::base::found::{Found, at_first, at_next};
 use crate::diagnose::base::stand::{Known, Stand};
 use crate::diagnose::effect::Candidate;
@@ -102,6 +103,20 @@ pub fn diagnose(
             Trouble::Segments("there must be maneuvers to train on and maneuvers held out".into());
         return Ok(Diagnosis { verdict: Verdict::None(why), ..out });
     }
+    progress("estimating the base from the training maneuvers");
+    let stand = |model| Stand::first(model, subject.method, subject.settings.base);
+    let base = match at_first(&stand(subject.model), subject)? {
+        Ok(base) => base,
+        Err(trouble) => return Ok(Diagnosis { verdict: Verdict::None(trouble), ..out }),
+    };
+    // With constants free that the flights see, where the model runs so.
+    let free = with_constants(&base, subject)?;
+    let with = match &free {
+        Some(model) => at_next(&stand(model), &Subject { model, ..*subject }, &base, None)?,
+        None => None,
+    };
+    let model = free.as_ref().filter(|_| with.is_some()).unwrap_or(subject.model);
+    let (subject, base) = (&Subject { model, ..*subject }, with.unwrap_or(base));
     let mut search = Search {
         subject,
         offer,
@@ -111,7 +126,7 @@ pub fn diagnose(
         ending: false,
         out,
     };
-    match search.run()? {
+    match search.run(base)? {
         Ok(()) => {}
         Err(trouble) => search.out.verdict = Verdict::None(trouble),
     }
@@ -119,12 +134,7 @@ pub fn diagnose(
 }
 
 impl Search<'_> {
-    fn run(&mut self) -> Result<Result<(), Trouble>, Errors> {
-        (self.progress)("estimating the base from the training maneuvers");
-        let base = match at_first(&self.first(), self.subject)? {
-            Ok(base) => base,
-            Err(trouble) => return Ok(Err(trouble)),
-        };
+    fn run(&mut self, base: Found) -> Result<Result<(), Trouble>, Errors> {
         self.out.left_out = base.prepared.left_out.clone();
         self.out.unsure_noise = base.unsure_noise();
         if base.places.training.is_empty() || base.places.held_out.is_empty() {

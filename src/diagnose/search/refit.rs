@@ -157,7 +157,7 @@ pub fn shared(base: &Left, one: &Left, other: &Left) -> f64 {
 }
 
 fn left(ground: &Ground, case: &Case, theta: &[f64], held_out: &[Option<Frozen>]) -> Left {
-    let white = |s: usize, blocks: &[Block]| ground.noise.whiten(s, blocks).pop();
+    let white = |s: usize, blocks: &[Block]| ground.noise.whiten(s, blocks, &[]).pop();
     let trained = |&s: &usize| white(s, &case.evaluate(s, &case.layout.local(s, theta), false)?);
     let unseen = |(&s, with): (&usize, &Option<Frozen>)| white(s, &with.as_ref()?.blocks);
     let trained = ground.places.training.par_iter().map(trained).map(Option::unwrap_or_default);
@@ -218,7 +218,7 @@ pub fn held_out_gain(
         Block::new(a.output, a.e.iter().zip(&b.e).map(|(a, b)| a - b).collect(), Vec::new())
     };
     let blocks: Vec<Block> = base.blocks.iter().zip(&with.blocks).map(difference).collect();
-    let white = noise.whiten(s, &blocks);
+    let white = noise.whiten(s, &blocks, &[]);
     let predicted = white.last().map_or(f64::NAN, |d| 0.5 * dot(d, d));
     Gain { segment, predicted, realised: base.cost - with.cost }
 }

@@ -15,6 +15,8 @@
 
 use super::ground::Ground;
 use super::probe::Probe;
+use crate::diagnose::base::spread::Columns;
+use crate::diagnose::base::training::Task;
 use crate::diagnose::effect::{Added, Candidate};
 use crate::diagnose::residual::gain::gain;
 use crate::error::Errors;
@@ -186,19 +188,9 @@ fn segment(
     columns: &[Column],
     s: usize,
 ) -> Option<(Gram, Vec<usize>)> {
-    let (case, layout) = (ground.case, &ground.case.layout);
-    let blocks = case.evaluate(s, &layout.local(s, ground.theta), true)?;
-    let mut white = ground.noise.whiten(s, &blocks);
-    let part = &layout.parts[s];
-    let (mut used, mut to) = (Vec::new(), Vec::new());
-    used.extend(white.drain(part.shared.len()..part.directions()));
-    for (place, index) in ground.free.iter().enumerate() {
-        if let Some(at) = part.shared.iter().position(|i| i == index) {
-            used.push(std::mem::take(&mut white[at]));
-            to.push(place);
-        }
-    }
-    let e = white.pop()?;
+    let Ground { case, noise, theta, free, thresholds, .. } = *ground;
+    let task = Task { case, noise, segments: ground.segments, free, thresholds };
+    let Columns { columns: mut used, mut to, residuals: e } = task.columns(s, theta)?;
     for (t, trial) in trials.iter().enumerate() {
         let made = of_trial(ground, &probes[trial.candidate], trial, s);
         for &c in &trial.columns {
@@ -218,11 +210,7 @@ fn segment(
     }
     to.push(ground.free.len() + columns.len());
     used.push(e);
-    let mut gram = Gram::of(&used);
-    (0..part.own)
-        .for_each(|k| gram.pull(k, layout.prior(part.offset + k, ground.theta[part.offset + k])));
-    gram.eliminate(0, part.own);
-    Some((gram, to))
+    Some((task.products(s, theta, &used), to))
 }
 
 /// Whitened columns of one trial in one segment, by size; `None` where the model does not run.
@@ -233,7 +221,8 @@ fn of_trial(
     s: usize,
 ) -> Option<Vec<(usize, Vec<f64>)>> {
     let blocks = probe.run(ground, s, &trial.at, trial.row)?;
-    Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks)).collect())
+    let all: Vec<usize> = (0..probe.sizes.len()).collect();
+    Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks, &all)).collect())
 }
 
 impl Screening {

@@ -291,7 +291,7 @@ impl Solution<'_> {
     fn left(&self, noise: &Noise) -> Left {
         let of = |s: usize| {
             let local = self.case.layout.local(s, &self.theta);
-            noise.whiten(s, &self.case.evaluate(s, &local, false)?).pop()
+            noise.whiten(s, &self.case.evaluate(s, &local, false)?, &[]).pop()
         };
         (0..self.case.records.len()).map(|s| of(s).unwrap_or_default()).collect()
     }
