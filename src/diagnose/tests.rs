@@ -213,6 +213,39 @@ fn recovery_an_error_of_an_assumed_constant_within_its_sd_is_nothing_missing() {
     assert!(d.unphysical.iter().any(|words| words.starts_with("k_vane")), "{:?}", d.unphysical);
 }
 
+/// Parameters that vary in maneuvers of three flights, of which the second one has its own truth.
+fn varying(truth: &Model, second: &Model) -> Vec<(String, String, f64)> {
+    let mut segments = campaign(truth, 1, 0.0);
+    segments[3..6].clone_from_slice(&campaign(second, 1, 0.0)[3..6]);
+    for (s, segment) in segments.iter_mut().enumerate() {
+        segment.labels.insert("flight".into(), format!("f{}", s / 3));
+    }
+    let (method, settings) = (estimate::Settings::default(), Settings::default());
+    let d = judged(&model("", "", "alpha"), &segments, &method, &settings);
+    d.varying.into_iter().map(|v| (v.parameter, v.with, v.spread)).collect()
+}
+
+#[test]
+fn recovery_what_is_not_one_number_is_told_with_what_it_goes_with() {
+    let plain = model("", "", "alpha");
+    assert_eq!(varying(&plain, &plain), []);
+    // The control's moment is a tenth more in one flight.
+    let found = varying(&plain, &model("", "- 0.6*de", "alpha"));
+    let (name, with, spread) = &found[0];
+    assert_eq!((name.as_str(), with.as_str()), ("M_d", "flight"), "{found:?}");
+    assert!((spread - 0.6).abs() < 0.15, "{found:?}");
+    // It goes with airspeed, 80 or 110 m/s: by a fifth.
+    let with_speed = model(
+        "k = { unit = \"1/(m s)\", start = -0.04 }\nV_0 = { unit = \"m/s\", start = 95.0 }\n",
+        "+ k*(V - V_0)*de",
+        "alpha",
+    );
+    let found = varying(&with_speed, &with_speed);
+    let (name, with, spread) = &found[0];
+    assert_eq!((name.as_str(), with.as_str()), ("M_d", "V"), "{found:?}");
+    assert!((spread - 1.2).abs() < 0.2, "{found:?}");
+}
+
 #[test]
 fn recovery_a_hidden_lag_is_named_with_its_size() {
     let p = "L = { unit = \"1/s^2\", start = 1.5 }\nr_H = { unit = \"m\", start = 16.0 }\n";

@@ -3,6 +3,7 @@
 //!
 //! Slow: needs `KOEHLER_SLOW=1`, in release mode. `KOEHLER_SEEDS` chooses how many recordings the bands are judged by.
 
+use crate::flightdata::slow;
 use koehler::pipeline::{Plan, RunResult, Store, run};
 use koehler::simulate::{Campaign, Truth, write_log};
 use koehler::stage::Severity;
@@ -14,14 +15,6 @@ use tempfile::TempDir;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/attas")
-}
-
-fn slow() -> bool {
-    let slow = std::env::var("KOEHLER_SLOW").as_deref() == Ok("1");
-    if !slow {
-        println!("skipped: set KOEHLER_SLOW=1 (some minutes in release mode)");
-    }
-    slow
 }
 
 fn campaign() -> &'static Campaign {

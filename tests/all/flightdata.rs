@@ -3,6 +3,27 @@
 
 use std::path::{Path, PathBuf};
 
+/// Whether slow tests are asked for; a printed reason where not.
+pub fn slow() -> bool {
+    let slow = std::env::var("KOEHLER_SLOW").as_deref() == Ok("1");
+    if !slow {
+        println!("skipped: set KOEHLER_SLOW=1 (some minutes in release mode)");
+    }
+    slow
+}
+
+/// The recordings that slow tests are judged by: `KOEHLER_SEEDS=20` says how many, `20-39` which.
+pub fn seeds() -> std::ops::Range<u64> {
+    let said = std::env::var("KOEHLER_SEEDS").unwrap_or_else(|_| "100".into());
+    let number = |text: &str| -> u64 {
+        text.parse().unwrap_or_else(|_| panic!("KOEHLER_SEEDS is 20 or 20-39, not {said:?}"))
+    };
+    match said.split_once('-') {
+        Some((first, last)) => number(first)..number(last) + 1,
+        None => 0..number(&said),
+    }
+}
+
 /// The folder of the public data if it holds `file`; a printed reason where not.
 pub fn data(file: &str) -> Option<PathBuf> {
     let named = std::env::var_os("KOEHLER_DATA").map(PathBuf::from);

@@ -8,6 +8,7 @@ mod attas_readme;
 mod campaign;
 mod chosen;
 mod citation_ground;
+mod citation_hidden;
 mod citation_joint;
 mod citation_motions;
 mod closure;

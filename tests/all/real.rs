@@ -29,6 +29,21 @@ pub fn findings(out: &Path) -> (String, Vec<String>) {
     )
 }
 
+/// What was named, each with those that the flights do not tell from it.
+pub fn classes(out: &Path) -> Vec<Vec<String>> {
+    let table = read_dataset(out, "findings").expect("findings");
+    let column = |name: &str| table.strings(name).expect("texts");
+    let mut classes: Vec<Vec<String>> = Vec::new();
+    for (name, role) in column("candidate").iter().zip(column("role")) {
+        match (role, classes.last_mut()) {
+            ("alike", Some(class)) => class.push(name.to_string()),
+            ("added", _) => classes.push(vec![name.to_string()]),
+            _ => {}
+        }
+    }
+    classes
+}
+
 #[test]
 fn recovery_of_the_stall_of_the_attas() {
     let Some(data) = data("attas/fAttas_qst01.asc") else { return };

@@ -9,6 +9,7 @@ mod proof;
 mod readme;
 mod results;
 
+use crate::flightdata::{seeds, slow};
 use koehler::math::distribution::t_quantile;
 use koehler::pipeline::{Plan, Store, run};
 use koehler::simulate::{Campaign, Truth, write_log};
@@ -17,26 +18,6 @@ use results::{Results, Row, folder};
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 use tempfile::TempDir;
-
-fn slow() -> bool {
-    let slow = std::env::var("KOEHLER_SLOW").as_deref() == Ok("1");
-    if !slow {
-        println!("skipped: set KOEHLER_SLOW=1 (some minutes in release mode)");
-    }
-    slow
-}
-
-/// The recordings that the pooled coverage is judged by: `KOEHLER_SEEDS=20` says how many, `20-39` which.
-fn seeds() -> std::ops::Range<u64> {
-    let said = std::env::var("KOEHLER_SEEDS").unwrap_or_else(|_| "100".into());
-    let number = |text: &str| -> u64 {
-        text.parse().unwrap_or_else(|_| panic!("KOEHLER_SEEDS is 20 or 20-39, not {said:?}"))
-    };
-    match said.split_once('-') {
-        Some((first, last)) => number(first)..number(last) + 1,
-        None => 0..number(&said),
-    }
-}
 
 /// The flights as they were, and the analysis of the shipped recording of them.
 struct Flown {

@@ -1,8 +1,9 @@
 //! What flight shows of the flaps beside what a wind tunnel predicts (paper, Fig. 11), and what a simulation with the
 //! predicted values lacks.
 
+use super::flown;
 use super::results::{folder, true_value};
-use super::{flown, slow};
+use crate::flightdata::slow;
 use koehler::table::{Table, read_dataset};
 
 /// Both curves at both settings: equation, deflection, landing flap.

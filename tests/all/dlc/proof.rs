@@ -1,8 +1,9 @@
 //! The proof of match (paper, Fig. 10) with model B as shipped, and with model A by the same sections: which tolerances are kept,
 //! where is the rest noise? The two tables of the README are held against it.
 
+use super::flown;
 use super::results::folder;
-use super::{flown, slow};
+use crate::flightdata::slow;
 use koehler::pipeline::{Plan, Store, run};
 use koehler::table::{Table, read_dataset};
 use std::collections::BTreeMap;
