@@ -85,6 +85,13 @@ pub struct SignalMap {
     /// Which way the signal can go at most, where that is known: fuel on board only falls. One that
     /// goes the other way, by more than its noise, is noted.
     pub trend: Option<Trend>,
+    /// Range outside of which the signal cannot be, in SI units, lowest and highest: a sample outside
+    /// is dropped and counted.
+    pub range: Option<[f64; 2]>,
+    /// What becomes of single samples that stand far out of both neighbours, as nothing else in the
+    /// signal does: "drop" (they are counted, and told) or "keep". Default "drop".
+    #[serde(default)]
+    pub spikes: Spikes,
     /// Whether a log may lack it: that log then is one without a sample of this signal, which is
     /// noted, instead of a mistake.
     #[serde(default)]
@@ -92,6 +99,15 @@ pub struct SignalMap {
     /// What the signal is, with its sign convention.
     #[serde(default)]
     pub doc: String,
+}
+
+/// What becomes of single samples that stand far out of both neighbours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Spikes {
+    #[default]
+    Drop,
+    Keep,
 }
 
 /// Which way a signal can go at most.
@@ -156,6 +172,10 @@ impl ChannelMap {
                         format!("{key} is a finite number, not {value}"),
                     ));
                 }
+            }
+            if let Some([low, high]) = signal.range.filter(|[low, high]| !(low < high)) {
+                let what = format!("range is lowest and highest, but {low} is not below {high}");
+                errors.push(Error::at(place("range"), what));
             }
             if signal.scale == 0.0 {
                 errors.push(Error::at(place("scale"), "a scale of 0 would make every value 0"));

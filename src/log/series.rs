@@ -30,6 +30,12 @@ pub struct Account {
     pub dropped_nan: u64,
     /// Messages without a number in this field (or without a time stamp).
     pub dropped_unreadable: u64,
+    /// Samples dropped because they are outside the range that the map gives.
+    pub dropped_out_of_range: u64,
+    /// Samples dropped because each stands far out of both neighbours.
+    pub dropped_spikes: u64,
+    /// Samples dropped because their stamps are more than a day from the others.
+    pub dropped_times: u64,
     /// Places where the stamp moved against the log time (or the log time moved backwards) by more
     /// than a second.
     pub clock_jumps: u64,
@@ -79,6 +85,19 @@ pub(super) fn order(samples: &mut Vec<(i64, f64)>, account: &mut Account) {
     let before = samples.len();
     samples.dedup_by_key(|s| s.0);
     account.dropped_duplicate = (before - samples.len()) as u64;
+}
+
+/// No flight lasts longer, ns.
+const DAY_NS: i64 = 86_400_000_000_000;
+
+/// Drops samples whose stamps are more than a day from the middle one: a clock that was wrong for a
+/// message would make years of a flight.
+pub(super) fn drop_stray_times(samples: &mut Vec<(i64, f64)>, account: &mut Account) {
+    let before = samples.len();
+    if let Some(&(middle, _)) = samples.get(before / 2) {
+        samples.retain(|s| s.0.saturating_sub(middle).saturating_abs() <= DAY_NS);
+    }
+    account.dropped_times = (before - samples.len()) as u64;
 }
 
 /// Files spacing, range and extent of ordered samples.

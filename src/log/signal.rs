@@ -1,14 +1,15 @@
 //! The decoded columns of a flight and one entry of the channel map in; that signal in SI with its
 //! account and notes out.
 
-use super::channel_map::{ChannelMap, SignalMap, TimeSource, TimeZero, Trend};
+use super::channel_map::{ChannelMap, SignalMap, Spikes, TimeSource, TimeZero, Trend};
 use super::decode::is_unreadable;
 use super::file::LogFile;
 use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
-use super::series::{Account, Series, clock_jumps, describe, order, seconds};
+use super::series::{Account, Series, clock_jumps, describe, drop_stray_times, order, seconds};
 use super::{Note, agree, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
+use crate::signal::spikes;
 use crate::units::Unit;
 
 /// Time stamps, ns since the flight's zero; `None` where a message has none.
@@ -70,13 +71,17 @@ impl Context<'_> {
             }
         }
         order(&mut samples, &mut account);
+        drop_stray_times(&mut samples, &mut account);
         let factor = f64::from(signal.sign) * signal.scale;
+        samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
+        let spikes = drop_bad(signal, &mut samples, &mut account);
         let series = Series {
             t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
-            value: samples.iter().map(|s| factor * unit.to_si(s.1) + signal.offset).collect(),
+            value: samples.iter().map(|s| s.1).collect(),
         };
         describe(&series, &samples, &mut account);
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
+        notes.extend(told(name, signal, &unit, &spikes));
         notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
         Ok((SignalLog { series, account }, notes))
     }
@@ -182,6 +187,11 @@ impl Context<'_> {
             // a recorder that now and then writes a message twice loses nothing
             few.push(Note::info(name, a.dropped_duplicate, format!("{from}: {repeated}")));
         }
+        let range = format!("{} {of} outside its range, dropped", a.dropped_out_of_range);
+        say(a.dropped_out_of_range, range);
+        let times =
+            format!("{} {of} with times more than a day from the others, dropped", a.dropped_times);
+        say(a.dropped_times, times);
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
         say(
             a.gaps,
@@ -221,6 +231,56 @@ impl Context<'_> {
         }
         notes
     }
+}
+
+/// Drops samples outside the range and spikes; these are returned, time and value.
+fn drop_bad(
+    signal: &SignalMap,
+    samples: &mut Vec<(i64, f64)>,
+    account: &mut Account,
+) -> Vec<(i64, f64)> {
+    let before = samples.len();
+    if let Some([low, high]) = signal.range {
+        samples.retain(|s| s.1 >= low && s.1 <= high);
+    }
+    account.dropped_out_of_range = (before - samples.len()) as u64;
+    if signal.spikes == Spikes::Keep {
+        return Vec::new();
+    }
+    let (t, y): (Vec<i64>, Vec<f64>) = samples.iter().copied().unzip();
+    let is_angle = ["deg", "degree", "degrees", "°", "rad", "radian", "radians"]
+        .contains(&signal.unit.as_str());
+    let round = is_angle.then_some(2.0 * std::f64::consts::PI * signal.scale.abs());
+    let found = spikes::found(&t, &y, round);
+    account.dropped_spikes = found.len() as u64;
+    let mut at = 0;
+    samples.retain(|_| {
+        at += 1;
+        found.binary_search(&(at - 1)).is_err()
+    });
+    found.into_iter().map(|k| (t[k], y[k])).collect()
+}
+
+/// Spikes that a note tells one by one.
+const TOLD: usize = 3;
+
+/// What is said of spikes, in the log's unit.
+fn told(name: &str, signal: &SignalMap, unit: &Unit, spikes: &[(i64, f64)]) -> Option<Note> {
+    let one = |(t, y): &(i64, f64)| {
+        let value = crate::math::digits(unit.from_si(*y));
+        format!("{value} {} at {:.3} s", signal.unit, seconds(*t) - signal.delay)
+    };
+    let first: Vec<String> = spikes.iter().take(TOLD).map(one).collect();
+    let more = if spikes.len() > TOLD { ", ..." } else { "" };
+    let text = format!(
+        "{} {}: {} of its samples stand{} far out of both neighbours, dropped (spikes = \"keep\" in the channel map keeps them): {}{more}",
+        signal.topic,
+        signal.field,
+        spikes.len(),
+        if spikes.len() == 1 { "s" } else { "" },
+        first.join(", ")
+    );
+    (!spikes.is_empty()).then(|| Note::warning(name, spikes.len() as u64, text))
 }
 
 /// What a signal does that goes against what the map says of it, in the log's unit.

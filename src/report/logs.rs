@@ -27,12 +27,15 @@ pub const NOTES: Section = Section {
 };
 
 /// Counts of what was lost, with the words for them.
-const DROPPED: [(&str, &str); 5] = [
+const DROPPED: [(&str, &str); 8] = [
     ("dropped_duplicate", "duplicate"),
     ("dropped_out_of_order", "out of order"),
     ("reordered", "reordered"),
     ("dropped_nan", "NaN"),
     ("dropped_unreadable", "unreadable"),
+    ("dropped_out_of_range", "out of range"),
+    ("dropped_spikes", "spikes"),
+    ("dropped_times", "wrong times"),
 ];
 /// A gap is remarkable when it is longer than this many sample periods.
 const LONG_GAP: f64 = 10.0;

@@ -121,6 +121,9 @@ mod tests {
             "dropped_out_of_order",
             "dropped_nan",
             "dropped_unreadable",
+            "dropped_out_of_range",
+            "dropped_spikes",
+            "dropped_times",
         ]
         .into_iter()
         .fold(channels, |table, name| table.i64(name, [0, 0]));

@@ -282,6 +282,9 @@ fn channels() -> Table {
         .i64("dropped_out_of_order", vec![0; n])
         .i64("dropped_nan", vec![0; n])
         .i64("dropped_unreadable", vec![0; n])
+        .i64("dropped_out_of_range", vec![0; n])
+        .i64("dropped_spikes", vec![0; n])
+        .i64("dropped_times", vec![0; n])
         .f64(
             "longest_gap_s",
             rows.iter()

@@ -6,5 +6,6 @@ pub mod oscillation;
 pub mod resample;
 pub mod robust;
 pub mod smooth;
+pub mod spikes;
 pub mod still;
 pub mod trend;

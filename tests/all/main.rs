@@ -5,6 +5,7 @@ mod actuators;
 mod adequacy;
 mod attas;
 mod attas_readme;
+mod bad_samples;
 mod campaign;
 mod chosen;
 mod citation_ground;

@@ -1,0 +1,187 @@
+//! A sampled signal in; single samples that stand far out of both neighbours, as no motion and no
+//! noise of this signal does, out.
+//!
+//! A bit that flips, or a message that is half written, leaves one sample that has nothing to do with
+//! those beside it. With `m_j = |y_j - (y_(j-1) + y_(j+1))/2|` over half a hundred samples around, of
+//! which nine tenths are below `q` (1.645 of its sd in white noise), sample `k` is a spike where
+//!
+//! - it is above both neighbours, or below both, by more than `10 q` (more than twelve sd of the noise),
+//! - both neighbours agree to half of that: a step goes one way,
+//! - that is more than four times the smallest change around: readings that flicker by one step of
+//!   their resolution are none.
+//!
+//! Signals of four values or fewer (switches, commanded steps), and samples that do not come at a steady
+//! rate (one message at each change), are not judged.
+
+/// Samples on each side that show how much the signal moves.
+const AROUND: usize = 25;
+/// Those beside a spike that show nothing: the spike is in their neighbourhood.
+const BESIDE: usize = 1;
+/// A spike stands out by so many times what nine tenths of the others do.
+const FACTOR: f64 = 10.0;
+const SHARE: f64 = 0.9;
+/// Neighbours of a spike differ by less than this share of it.
+const BACK: f64 = 0.5;
+/// Steps of the resolution that are no spike.
+const RESOLUTION: f64 = 4.0;
+/// Of a signal that stands still, a spike is at least this share of its value.
+const OF_VALUE: f64 = 0.1;
+/// A signal of so many values is a switch.
+const SWITCH: usize = 4;
+/// A rate is steady where this share of the spacings is within half of the median.
+const STEADY: f64 = 0.9;
+/// Fewer samples show nothing.
+const FEWEST: usize = 20;
+
+/// Indices of the spikes. Times ascend, in any unit; `period` is that of an angle, which neither
+/// rises nor falls where it goes round.
+pub fn found(t: &[i64], y: &[f64], period: Option<f64>) -> Vec<usize> {
+    let Some(longest) = longest_spacing(t) else { return Vec::new() };
+    if y.len() < FEWEST || values(y) <= SWITCH {
+        return Vec::new();
+    }
+    let step = |from: usize, to: usize| match period {
+        Some(period) => {
+            let step = y[to] - y[from];
+            step - period * (step / period).round()
+        }
+        None => y[to] - y[from],
+    };
+    let bend = |k: usize| 0.5 * (step(k, k - 1) + step(k, k + 1)).abs();
+    let is_spike = |k: &usize| {
+        let k = *k;
+        let (before, after) = (step(k - 1, k), step(k + 1, k));
+        let size = before.abs().min(after.abs());
+        if before * after <= 0.0 || (before - after).abs() >= BACK * size {
+            return false;
+        }
+        let near = t[k] - t[k - 1] <= longest && t[k + 1] - t[k] <= longest;
+        let others: Vec<usize> = (k.saturating_sub(AROUND).max(1)..k - BESIDE)
+            .chain(k + BESIDE + 1..(k + AROUND + 1).min(y.len() - 1))
+            .collect();
+        near && size > FACTOR * most(others.iter().map(|&j| bend(j)).collect())
+            && size > resolved(others.iter().map(|&j| step(j - 1, j).abs()), y[k - 1])
+    };
+    (1..y.len() - 1).filter(is_spike).collect()
+}
+
+/// Spacing beyond which samples are no neighbours; none where the rate is not steady.
+fn longest_spacing(t: &[i64]) -> Option<i64> {
+    let mut steps: Vec<i64> = t.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
+    if steps.is_empty() {
+        return None;
+    }
+    let middle = steps.len() / 2;
+    let median = *steps.select_nth_unstable(middle).1;
+    let steady = steps.iter().filter(|step| (2 * **step - 2 * median).abs() <= median).count();
+    (steady as f64 >= STEADY * steps.len() as f64).then_some(median + median / 2)
+}
+
+/// How many different values there are, as far as it matters.
+fn values(y: &[f64]) -> usize {
+    let mut known: Vec<f64> = Vec::new();
+    for &value in y {
+        if !known.contains(&value) {
+            known.push(value);
+            if known.len() > SWITCH {
+                break;
+            }
+        }
+    }
+    known.len()
+}
+
+/// What nine tenths of the numbers stay below.
+fn most(mut of: Vec<f64>) -> f64 {
+    let at = ((of.len() as f64 * SHARE) as usize).min(of.len().saturating_sub(1));
+    if of.is_empty() { f64::INFINITY } else { *of.select_nth_unstable_by(at, f64::total_cmp).1 }
+}
+
+/// What is more than the resolution, of which the smallest change tells, or the value where nothing
+/// changes.
+fn resolved(changes: impl Iterator<Item = f64>, value: f64) -> f64 {
+    let smallest = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
+    if smallest.is_finite() { RESOLUTION * smallest } else { OF_VALUE * value.abs() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::Stream;
+
+    fn times(n: usize) -> Vec<i64> {
+        (0..n as i64).map(|k| k * 10_000_000).collect()
+    }
+
+    /// A motion with noise of this sd.
+    fn motion(n: usize, sd: f64, seed: u64) -> Vec<f64> {
+        let mut stream = Stream::new(seed, &["spikes"]);
+        (0..n).map(|k| 0.1 * libm::sin(0.05 * k as f64) + sd * stream.normal()).collect()
+    }
+
+    #[test]
+    fn one_wrong_sample_is_found_in_noise_without_noise_and_at_rest() {
+        for sd in [0.0, 1e-4, 1e-3, 5e-3] {
+            let mut y = motion(2000, sd, 1);
+            y[700] = 0.35;
+            y[1500] = -0.2;
+            assert_eq!(found(&times(2000), &y, None), [700, 1500], "{sd}");
+        }
+        let mut thrust: Vec<f64> = (0..500).map(|k| 5000.0 + f64::from(k / 100)).collect();
+        thrust[250] = 0.0;
+        assert_eq!(found(&times(500), &thrust, None), [250]);
+    }
+
+    #[test]
+    fn nothing_is_found_where_nothing_is_wrong() {
+        let mut stream = Stream::new(3, &["spikes"]);
+        for seed in 0..200 {
+            let y = motion(1000, 10f64.powf(-5.0 + 0.02 * seed as f64), seed);
+            assert_eq!(found(&times(1000), &y, None), [0; 0], "{seed}");
+            // Heavier tails than noise has: Laplace.
+            let y: Vec<f64> = (0..1000)
+                .map(|_| -libm::log(1.0 - stream.uniform()) * stream.normal().signum())
+                .collect();
+            assert_eq!(found(&times(1000), &y, None), [0; 0], "{seed}");
+            // Coarse readings.
+            let y: Vec<f64> =
+                motion(1000, 1e-3, seed).iter().map(|v| (v / 4e-3).round() * 4e-3).collect();
+            assert_eq!(found(&times(1000), &y, None), [0; 0], "{seed}");
+        }
+    }
+
+    #[test]
+    fn steps_pulses_switches_and_angles_that_go_round_are_no_spikes() {
+        let n = 1000;
+        let noise = motion(n, 1e-4, 5);
+        let with = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            noise.iter().enumerate().map(|(k, v)| v + of(k)).collect()
+        };
+        let step = with(&|k| if k < 500 { 0.0 } else { 1.0 });
+        let pulse = with(&|k| if (500..502).contains(&k) { 1.0 } else { 0.0 });
+        for y in [step, pulse] {
+            assert_eq!(found(&times(n), &y, None), [0; 0]);
+        }
+        let switch: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == 500))).collect();
+        assert_eq!(found(&times(n), &switch, None), [0; 0]);
+        // A heading about north.
+        let full = 2.0 * std::f64::consts::PI;
+        let heading: Vec<f64> =
+            motion(n, 1e-2, 6).iter().map(|v| (0.001 * v).rem_euclid(full)).collect();
+        assert_eq!(found(&times(n), &heading, Some(full)), [0; 0]);
+        // A message at each change: every value stands out of its neighbours.
+        let changes: Vec<i64> = (0..n as i64).map(|k| k * k * 1000).collect();
+        let y: Vec<f64> = (0..n).map(|k| ((k * 7) % 11) as f64).collect();
+        assert_eq!(found(&changes, &y, None), [0; 0]);
+    }
+
+    #[test]
+    fn a_spike_within_a_gap_is_not_judged() {
+        let mut t = times(100);
+        t[51..].iter_mut().for_each(|t| *t += 1_000_000_000);
+        let mut y = motion(100, 1e-4, 7);
+        y[50] = 3.0;
+        assert_eq!(found(&t, &y, None), [0; 0]);
+        assert!(found(&[], &[], None).is_empty() && found(&[1], &[1.0], None).is_empty());
+    }
+}

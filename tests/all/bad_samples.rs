@@ -1,0 +1,71 @@
+//! Samples that have nothing to do with the signal: found, counted, told, and without effect on results.
+
+use crate::campaign::{Campaign, write_log_seen};
+use koehler::table::read_dataset;
+
+/// The second flight with one sample of y that reads 20 deg, in the middle of a maneuver.
+fn with_a_spike() -> Campaign {
+    let c = Campaign::new();
+    let mut hit = false;
+    write_log_seen(&c.path("logs/flight-2.mcap"), 1, 4, |t, y| {
+        let now = t > 26.0 && !hit;
+        hit |= now;
+        if now { 20.0 } else { y }
+    });
+    c
+}
+
+/// The gain and its sd in every maneuver.
+fn gains(c: &Campaign) -> Vec<(f64, f64)> {
+    let table = read_dataset(&c.path("out"), "estimates").expect("estimates");
+    let [value, sd] = ["value", "sd"].map(|name| table.f64(name).expect("numbers"));
+    let names = table.strings("parameter").expect("names");
+    (0..table.rows()).filter(|&row| names[row] == "K").map(|row| (value[row], sd[row])).collect()
+}
+
+/// How many samples of y were dropped for this reason, over all flights.
+fn dropped(c: &Campaign, column: &str) -> i64 {
+    let table = read_dataset(&c.path("out"), "channels").expect("channels");
+    let (signals, counts) = (table.strings("signal"), table.i64(column));
+    let both = signals.expect("names").into_iter().zip(counts.expect("counts"));
+    both.filter(|(signal, _)| *signal == "y").map(|(_, count)| count).sum()
+}
+
+#[test]
+fn fault_one_wrong_sample_is_told_and_changes_no_estimate() {
+    let clean = Campaign::new();
+    clean.run().ended(0);
+    let c = with_a_spike();
+    let run = c.run().ended(0);
+    assert!(run.err.contains("1 of its samples stands far out of both neighbours"), "{}", run.err);
+    assert!(run.err.contains("20.0 deg at 26.0"), "{}", run.err);
+    assert_eq!(dropped(&c, "dropped_spikes"), 1);
+    let (without, with) = (gains(&clean), gains(&c));
+    assert_eq!(without.len(), 12);
+    for ((a, sd), (b, _)) in without.iter().zip(&with) {
+        assert!((a - b).abs() < 0.2 * sd, "{a} {b} +- {sd}");
+    }
+    // Kept, it does.
+    c.edit("channels.toml", "field = \"angle\"", "field = \"angle\"\nspikes = \"keep\"");
+    c.run();
+    assert_eq!(dropped(&c, "dropped_spikes"), 0);
+    let off = |((a, sd), (b, _)): (&(f64, f64), &(f64, f64))| (a - b).abs() / sd;
+    let most = without.iter().zip(&gains(&c)).map(off).fold(0.0, f64::max);
+    assert!(most > 1.0, "{most}");
+}
+
+#[test]
+fn fault_samples_outside_their_range_are_dropped_and_counted() {
+    let c = with_a_spike();
+    c.edit(
+        "channels.toml",
+        "field = \"angle\"",
+        "field = \"angle\"\nspikes = \"keep\"\nrange = [-0.2, 0.2]",
+    );
+    let run = c.run().ended(0);
+    assert!(run.err.contains("outside its range, dropped"), "{}", run.err);
+    assert_eq!(dropped(&c, "dropped_out_of_range"), 1);
+    c.edit("channels.toml", "[-0.2, 0.2]", "[0.2, -0.2]");
+    let run = c.koehler("check", &[]).ended(2);
+    assert!(run.err.contains("0.2 is not below -0.2"), "{}", run.err);
+}
