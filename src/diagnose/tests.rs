@@ -207,7 +207,7 @@ fn recovery_an_error_of_an_assumed_constant_within_its_sd_is_nothing_missing() {
     assert!((shift.after - 1.025).abs() < 3e-3, "{shift:?}");
     // Known exactly, it is another thing that is missing; known to be smaller, it is told.
     let d = scaled(0.0);
-    assert_eq!(d.added[0].name, "sensor-scale:alpha", "{}", told(&d));
+    assert_eq!(d.added[0].effect, "sensor-scale", "{}", told(&d));
     assert!(d.comparison.shifts.iter().all(|s| s.name != "k_vane"));
     let d = scaled(0.004);
     assert!(d.unphysical.iter().any(|words| words.starts_with("k_vane")), "{:?}", d.unphysical);
@@ -230,7 +230,8 @@ fn recovery_what_is_not_one_number_is_told_with_what_it_goes_with() {
     let plain = model("", "", "alpha");
     assert_eq!(varying(&plain, &plain), []);
     // The control's moment is a tenth more in one flight.
-    let found = varying(&plain, &model("", "- 0.6*de", "alpha"));
+    let more = model("D = { unit = \"1/s^2\", start = -0.6 }\n", "+ D*de", "alpha");
+    let found = varying(&plain, &more);
     let (name, with, spread) = &found[0];
     assert_eq!((name.as_str(), with.as_str()), ("M_d", "flight"), "{found:?}");
     assert!((spread - 0.6).abs() < 0.15, "{found:?}");
