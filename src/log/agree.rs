@@ -136,11 +136,9 @@ impl Eye<'_> {
 fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> bool {
     let mut readers = BTreeMap::new();
     for &id in ids {
-        let reader = log
-            .channels
-            .get(&id)
-            .and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &[path.to_string()]).ok());
-        readers.extend(reader.map(|reader| (id, reader)));
+        let channel = log.channels.get(&id);
+        let prepared = channel.and_then(|c| decode::prepare(c, &[path.to_string()])?.ok());
+        readers.extend(prepared.map(|prepared| (id, prepared())));
     }
     let (mut buffer, mut found) = (Vec::new(), false);
     for part in 0..log.parts() {

@@ -6,7 +6,7 @@
 //! stamp a signal uses.
 
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
-use super::decode::{self, FieldInfo, Reader};
+use super::decode::{self, FieldInfo, Prepared, Reader};
 use super::file::{Channel, LogFile};
 use super::series::{Account, Series};
 use super::signal::Context;
@@ -192,7 +192,7 @@ pub(super) fn topic_fields(
     let mut fields: Vec<FieldInfo> = Vec::new();
     for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
         let Some(encoding) = decode::encoding_of(channel) else { continue };
-        for field in (encoding.fields)(&channel.schema, samples.get(id).map(Vec::as_slice)) {
+        for field in (encoding.fields)(channel, samples.get(id).map(Vec::as_slice)) {
             if !fields.iter().any(|f| f.path == field.path) {
                 fields.push(field);
             }
@@ -219,37 +219,46 @@ pub(super) fn stamp_paths(path: &str, unit: Option<f64>, fields: &[FieldInfo]) -
     vec![path.to_string()]
 }
 
+/// Per channel: the place of its topic's plan, and how its messages are read.
+type Ready = Vec<(u16, usize, Prepared)>;
+
 fn decode_parts(log: &LogFile, plans: &[TopicPlan]) -> Result<Vec<PartData>, Errors> {
-    let parts: Vec<Result<PartData, Error>> = (0..log.parts())
+    let ready = ready(log, plans)?;
+    Ok((0..log.parts())
         .into_par_iter()
-        .map_init(Vec::new, |buffer, part| decode_part(log, plans, part, buffer))
-        .collect();
-    let mut errors = Errors::default();
-    let parts: Vec<PartData> = parts.into_iter().filter_map(|p| errors.take(p)).collect();
-    errors.0.truncate(1);
-    errors.or(parts)
+        .map_init(Vec::new, |buffer, part| decode_part(log, plans, &ready, part, buffer))
+        .collect())
+}
+
+fn ready(log: &LogFile, plans: &[TopicPlan]) -> Result<Ready, Errors> {
+    let (mut ready, mut errors) = (Vec::new(), Errors::default());
+    for (i, plan) in plans.iter().enumerate() {
+        for (&id, channel) in plan.channels.iter().filter_map(|id| log.channels.get_key_value(id)) {
+            let Some(prepared) = decode::prepare(channel, &plan.paths) else { continue };
+            let what = |e| {
+                Error::new(format!("topic \"{}\" of {}: {e}", plan.topic, log.name()))
+                    .help("take the topic out of the channel map, or convert the log")
+            };
+            ready.extend(errors.take(prepared.map_err(what)).map(|p| (id, i, p)));
+        }
+    }
+    errors.or(ready)
 }
 
 fn decode_part(
     log: &LogFile,
     plans: &[TopicPlan],
+    ready: &Ready,
     part: usize,
     buffer: &mut Vec<u8>,
-) -> Result<PartData, Error> {
+) -> PartData {
     let mut readers: Vec<Option<(usize, Reader)>> = Vec::new();
-    for (i, plan) in plans.iter().enumerate() {
-        for &id in &plan.channels {
-            let Some(channel) = log.channels.get(&id) else { continue };
-            let Some(encoding) = decode::encoding_of(channel) else { continue };
-            let reader = (encoding.reader)(&channel.schema, &plan.paths).map_err(|e| {
-                Error::new(format!("topic \"{}\" of {}: {e}", plan.topic, log.name()))
-            })?;
-            let at = usize::from(id);
-            if readers.len() <= at {
-                readers.resize_with(at + 1, || None);
-            }
-            readers[at] = Some((i, reader));
+    for (id, i, prepared) in ready {
+        let at = usize::from(*id);
+        if readers.len() <= at {
+            readers.resize_with(at + 1, || None);
         }
+        readers[at] = Some((*i, prepared()));
     }
     let mut topics: Vec<Columns> = plans.iter().map(|_| Columns::default()).collect();
     let mut row = vec![0.0; plans.iter().map(|p| p.paths.len()).max().unwrap_or(0)];
@@ -266,7 +275,7 @@ fn decode_part(
             columns.values.extend_from_slice(row);
         }
     });
-    Ok(PartData { topics, earliest, damage: read.err() })
+    PartData { topics, earliest, damage: read.err() }
 }
 
 fn damage_note(log: &LogFile, parts: &[PartData]) -> Option<Note> {

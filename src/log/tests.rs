@@ -398,22 +398,31 @@ fn unsupported_encodings_are_named_and_inspect_still_lists_the_topic() {
 }
 
 #[test]
-fn truth_a_real_recording_with_another_encoding_is_listed_and_refused() {
+fn truth_a_real_ros2_recording_gives_what_another_reader_gives() {
     let Some(path) = data("logs/cub_stabilize_2025_11_13.mcap") else { return };
     let survey = inspect::survey(&path).unwrap();
     assert_eq!(survey.messages, 21258);
     let pose = survey.topics.iter().find(|t| t.topic == "/cub1/pose").unwrap();
-    assert_eq!((pose.message_encoding.as_str(), pose.decodable), ("cdr", false));
+    assert_eq!((pose.message_encoding.as_str(), pose.decodable), ("cdr", true));
     assert!(
         (pose.rate_hz - 99.5).abs() < 1.5 && (pose.longest_gap_s - 0.168).abs() < 0.002,
         "{pose:?}"
     );
-    let e = read(
-        &path,
-        "[signal.x]\ntopic = \"/cub1/pose\"\nfield = \"pose.position.x\"\nunit = \"m\"\n",
-    )
-    .unwrap_err();
-    assert!(e.contains("is encoded as cdr with ros2msg schema, which cannot be decoded"), "{e}");
+    let map = "[signal.x]\ntopic = \"/cub1/pose\"\nfield = \"pose.position.x\"\nunit = \"m\"\ntime = \"header.stamp\"\n\
+        [signal.w]\ntopic = \"/cub1/pose\"\nfield = \"pose.orientation.w\"\nunit = \"1\"\n\
+        [signal.elevator]\ntopic = \"/cub1/joy_serial_status\"\nfield = \"data.1\"\nunit = \"1\"\n";
+    let flight = read(&path, map).unwrap();
+    // Messages 0, 10 000 and the last by the Python package mcap-ros2-support 0.6.0.
+    let (x, w) = (&flight.signals["x"].series, &flight.signals["w"].series);
+    let at = |values: &[f64]| [values[0], values[10_000], values[19_702]];
+    assert_eq!(x.value.len(), 19_703);
+    assert_eq!(at(&x.value), [5.77776611328125, -7.4418837890625, -6.70045556640625]);
+    assert_eq!(at(&w.value), [0.6785335041264413, 0.39392209353188473, 0.3785369333396763]);
+    let stamp = |ns: i64| (ns - flight.start_ns as i64) as f64 / 1e9;
+    let stamps = [1763073169920561822, 1763073270809432694, 1763073367948418373].map(stamp);
+    assert_eq!(at(&x.t_s), stamps);
+    let elevator = &flight.signals["elevator"].series.value;
+    assert_eq!((elevator[0], elevator[777]), (1318.0, 1179.0));
 }
 
 #[test]

@@ -16,6 +16,7 @@ mod delays;
 mod design;
 mod diagnosis;
 mod dlc;
+mod encodings;
 mod engines;
 mod equation_error;
 mod faults;
