@@ -1,5 +1,5 @@
 //! How fast logs are read: made-up flights of twenty channels in every encoding in; ns per field and
-//! the ratio to bare decompression of the same chunks out. `cargo bench --bench logs -- [minutes]`.
+//! the ratio to bare decompression of the same chunks out. `cargo bench --bench logs -- [minutes] [encoding]`.
 //!
 //! One thread, the file in the page cache, checksums verified, numbers into columns. Times are the
 //! least of many runs in turn, so that others on the machine count little.
@@ -36,7 +36,11 @@ fn main() {
         "{:9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>8} {:>7}",
         "encoding", "MB", "zstd ms", "columns", "flight", "ns/field", "ratio", "wanted"
     );
+    let only = std::env::args().skip(1).find(|a| ROWS.iter().any(|row| row.0 == a));
     for (encoding, schema, wanted) in ROWS {
+        if only.as_ref().is_some_and(|only| only != encoding) {
+            continue;
+        }
         let path = folder.path().join(encoding);
         write(&path, encoding, schema, minutes);
         one.install(|| row(&path, encoding, wanted));

@@ -29,7 +29,10 @@ fn prepare(channel: &Channel, paths: &[String]) -> Result<Prepared, String> {
         let mut counts = vec![0; plan.lists];
         Box::new(move |message, out| {
             out.fill(UNREADABLE);
-            counts.fill(0);
+            // To fill nothing is a slow call where there is nothing to fill.
+            if !counts.is_empty() {
+                counts.fill(0);
+            }
             if plan.read(message, &mut counts, out).is_none() {
                 out.fill(UNREADABLE);
             }

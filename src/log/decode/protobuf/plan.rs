@@ -21,12 +21,20 @@ pub(super) struct Plan {
 struct Node {
     /// Slots of the fields that are a number where the message does not have them.
     absent: Vec<(usize, f64)>,
-    fields: Vec<(u32, Take)>,
+    fields: Vec<Field>,
     /// Place in `fields` by field number, for the small ones; `NONE` for fields that nobody wants.
     small: Vec<u8>,
 }
 
 const NONE: u8 = u8::MAX;
+
+struct Field {
+    number: u32,
+    /// How writers write it: the key where that is one byte, 0 where it is longer.
+    lead: u8,
+    form: Form,
+    take: Take,
+}
 
 enum Take {
     Number(Number, usize),
@@ -97,7 +105,7 @@ fn node(
             }
             (Kind::Other, _) => continue,
         };
-        made.fields.push((field.number, take));
+        made.fields.push(Field::new(field.number, take));
     }
     made.index();
     Ok(made)
@@ -105,21 +113,22 @@ fn node(
 
 impl Node {
     fn index(&mut self) {
-        let small = |&(number, _): &(u32, Take)| number < 64;
-        let size = self.fields.iter().filter(|f| small(f)).map(|f| f.0 as usize + 1).max();
-        self.small = vec![NONE; size.unwrap_or(0)];
-        for (i, (number, _)) in self.fields.iter().enumerate() {
-            if let Some(at) = self.small.get_mut(*number as usize) {
+        let small = self.fields.iter().map(|f| f.number as usize + 1).filter(|n| *n <= 64);
+        self.small = vec![NONE; small.max().unwrap_or(0)];
+        for (i, field) in self.fields.iter().enumerate() {
+            if let Some(at) = self.small.get_mut(field.number as usize) {
                 *at = u8::try_from(i).unwrap_or(NONE);
             }
         }
     }
 
+    /// Where in `fields` a number is.
     #[inline]
-    fn take(&self, number: u32) -> Option<&Take> {
+    fn place(&self, number: u32) -> Option<usize> {
         match self.small.get(number as usize) {
-            Some(&at) => self.fields.get(usize::from(at)).map(|f| &f.1),
-            None => self.fields.iter().find(|f| f.0 == number).map(|f| &f.1),
+            Some(&NONE) => None,
+            Some(&at) => Some(usize::from(at)),
+            None => self.fields.iter().position(|f| f.number == number),
         }
     }
 
@@ -132,24 +141,39 @@ impl Node {
         }
         let (mut rest, mut next) = (Bytes(message), 0);
         while !rest.0.is_empty() {
-            let (number, form) = wire::key(&mut rest)?;
             // Fields mostly come in the order of the schema.
-            let take = match self.fields.get(next) {
-                Some((expected, take)) if *expected == number => {
-                    next += 1;
-                    Some(take)
+            if let (Some(field), [first, tail @ ..]) = (self.fields.get(next), rest.0)
+                && field.lead == *first
+            {
+                (rest.0, next) = (tail, next + 1);
+                if let Take::Number(number, slot) = &field.take {
+                    *out.get_mut(*slot)? = number.read(field.form, &mut rest)?;
+                } else {
+                    field.take.read(field.form, &mut rest, counts, out)?;
                 }
-                _ => self.take(number),
-            };
-            match take {
-                Some(Take::Number(number, slot)) => {
-                    *out.get_mut(*slot)? = number.read(form, &mut rest)?;
+                continue;
+            }
+            let (number, form) = wire::key(&mut rest)?;
+            match self.place(number) {
+                Some(place) => {
+                    next = place + 1;
+                    self.fields.get(place)?.take.read(form, &mut rest, counts, out)?;
                 }
-                Some(take) => take.read(form, &mut rest, counts, out)?,
                 None => wire::skip(&mut rest, number, form)?,
             }
         }
         Some(())
+    }
+}
+
+impl Field {
+    fn new(number: u32, take: Take) -> Field {
+        let form = match &take {
+            Take::Number(number, _) => number.form(),
+            Take::Numbers(..) | Take::Message(_) | Take::Messages(..) => Form::Stretch,
+        };
+        let lead = if number < 16 { (number as u8) << 3 | form as u8 } else { 0 };
+        Field { number, lead, form, take }
     }
 }
 
@@ -199,7 +223,7 @@ fn set(count: &mut usize, wanted: &[(usize, usize)], value: f64, out: &mut [f64]
 
 impl Number {
     /// None where such a number is not written so.
-    #[inline]
+    #[inline(always)]
     fn read(self, form: Form, rest: &mut Bytes) -> Option<f64> {
         let x = match (self, form) {
             (Number::Double, Form::Eight) => f64::from_bits(rest.u64()?),
@@ -218,6 +242,14 @@ impl Number {
             _ => return None,
         };
         Some(finite(x))
+    }
+
+    fn form(self) -> Form {
+        match self.size() {
+            Some(8) => Form::Eight,
+            Some(_) => Form::Four,
+            None => Form::Varint,
+        }
     }
 
     /// Bytes of one, where all are of the same size.
@@ -247,7 +279,7 @@ impl Number {
         if !packed.len().is_multiple_of(size) {
             return None;
         }
-        let (n, form) = (packed.len() / size, if size == 8 { Form::Eight } else { Form::Four });
+        let (n, form) = (packed.len() / size, self.form());
         for &(place, slot) in wanted {
             let Some(i) = place.checked_sub(*count).filter(|&i| i < n) else { continue };
             *out.get_mut(slot)? = self.read(form, &mut Bytes(packed.get(i * size..)?))?;

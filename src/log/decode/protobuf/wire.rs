@@ -6,16 +6,17 @@ use crate::log::bytes::Bytes;
 /// Groups nested deeper than this are not read.
 const DEEPEST: usize = 64;
 
-/// What stands behind a field number.
+/// What stands behind a field number, with the number that names it on the wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
 pub(super) enum Form {
-    Varint,
-    Eight,
+    Varint = 0,
+    Eight = 1,
     /// A text, a message, or numbers in a row, its length in front.
-    Stretch,
+    Stretch = 2,
     /// What stands up to the end of the group; nothing is read from it.
-    Group,
-    Four,
+    Group = 3,
+    Four = 5,
 }
 
 /// The number of the next field and the form of what follows.
