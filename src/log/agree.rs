@@ -4,9 +4,10 @@
 //! `look` reads the summary section at the end of a log, and messages only where the summary cannot
 //! tell whether a field is there. The same comparisons are made when a flight is read.
 
+use super::channel::Channel;
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::decode::{self, FieldInfo, is_unreadable};
-use super::file::{Channel, LogFile};
+use super::file::LogFile;
 use super::flight::{first_messages, stamp_paths, topic_fields};
 use super::words;
 use crate::config::Doc;

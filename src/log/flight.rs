@@ -5,9 +5,11 @@
 //! computed in integer nanoseconds; one zero for all topics and signals of a flight, whichever time
 //! stamp a signal uses.
 
+use super::channel::Channel;
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
+use super::counts::Counts;
 use super::decode::{self, FieldInfo, Prepared, Reader};
-use super::file::{Channel, LogFile};
+use super::file::LogFile;
 use super::series::{Account, Series};
 use super::signal::Context;
 use super::{Note, agree};
@@ -59,6 +61,7 @@ pub(super) struct Columns {
 pub(super) struct PartData {
     pub topics: Vec<Columns>,
     pub earliest: Option<u64>,
+    pub counts: Counts,
     pub damage: Option<String>,
 }
 
@@ -74,6 +77,7 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     let start_ns = parts.iter().filter_map(|p| p.earliest).min().unwrap_or(0);
     let mut notes = log.notes.clone();
     notes.extend(damage_note(&log, &parts));
+    notes.extend(count_notes(&log, &plans, &parts));
     notes.extend(remarks);
 
     let signals: Vec<(&String, &SignalMap)> = map.signal.iter().collect();
@@ -262,8 +266,9 @@ fn decode_part(
     }
     let mut topics: Vec<Columns> = plans.iter().map(|_| Columns::default()).collect();
     let mut row = vec![0.0; plans.iter().map(|p| p.paths.len()).max().unwrap_or(0)];
-    let mut earliest: Option<u64> = None;
+    let (mut earliest, mut counts): (Option<u64>, _) = (None, Counts::default());
     let read = log.messages(part, buffer, |m| {
+        counts.add(m.channel);
         if log.channels.contains_key(&m.channel) {
             earliest = Some(earliest.map_or(m.log_time, |e| e.min(m.log_time)));
         }
@@ -275,7 +280,15 @@ fn decode_part(
             columns.values.extend_from_slice(row);
         }
     });
-    PartData { topics, earliest, damage: read.err() }
+    PartData { topics, earliest, counts, damage: read.err() }
+}
+
+/// Where the messages of the topics that are read are not as many as the log counts.
+fn count_notes(log: &LogFile, plans: &[TopicPlan], parts: &[PartData]) -> Vec<Note> {
+    let mut counts = Counts::default();
+    parts.iter().for_each(|part| counts.merge(&part.counts));
+    let concerns = |n: &Note| n.subject == "file" || plans.iter().any(|p| p.topic == n.subject);
+    log.counted(&counts).into_iter().filter(concerns).collect()
 }
 
 fn damage_note(log: &LogFile, parts: &[PartData]) -> Option<Note> {

@@ -1,6 +1,8 @@
 //! A log file in; what is in it (topics, fields, rates, gaps, ranges) out, as data and as a table
 //! for a person.
 
+use super::channel::Channel;
+use super::counts::Counts;
 use super::decode::{self, FieldInfo, Prepared, Reader, is_unreadable};
 use super::file::LogFile;
 use super::flight::{first_messages, topic_fields};
@@ -105,15 +107,18 @@ pub fn survey(path: &Path) -> Result<Survey, Errors> {
         }
     }
 
-    let parts: Vec<(Vec<Tally>, Option<String>)> = (0..log.parts())
+    let parts: Vec<(Vec<Tally>, Counts, Option<String>)> = (0..log.parts())
         .into_par_iter()
         .map_init(Vec::new, |buffer, part| tally(&log, &fields, &index, part, buffer))
         .collect();
 
-    let damaged = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.1.as_ref()?)));
+    let damaged = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.2.as_ref()?)));
     notes.extend(damaged.map(|(i, why)| {
         Note::warning("file", 1, format!("the chunk at byte {} is damaged: {why}", log.offset(i)))
     }));
+    let mut counts = Counts::default();
+    parts.iter().for_each(|part| counts.merge(&part.1));
+    notes.extend(log.counted(&counts));
     let all_times = || parts.iter().flat_map(|p| p.0.iter().flat_map(|t| t.log.iter().copied()));
     let make = |(i, (topic, ids)): (usize, (&&str, &Vec<u16>))| {
         let tallies: Vec<&Tally> = parts.iter().filter_map(|p| p.0.get(i)).collect();
@@ -136,7 +141,7 @@ fn tally(
     index: &BTreeMap<u16, Source>,
     part: usize,
     buffer: &mut Vec<u8>,
-) -> (Vec<Tally>, Option<String>) {
+) -> (Vec<Tally>, Counts, Option<String>) {
     let empty = |f: &Vec<FieldInfo>| Tally {
         log: Vec::new(),
         published: false,
@@ -145,8 +150,9 @@ fn tally(
     let mut tallies: Vec<Tally> = fields.iter().map(empty).collect();
     let mut readers: BTreeMap<u16, Reader> =
         index.iter().filter_map(|(&id, source)| Some((id, source.prepared.as_ref()?()))).collect();
-    let mut row = Vec::new();
+    let (mut row, mut counts) = (Vec::new(), Counts::default());
     let read = log.messages(part, buffer, |m| {
+        counts.add(m.channel);
         let tally = index.get(&m.channel).and_then(|source| tallies.get_mut(source.topic));
         let Some(tally) = tally else { return };
         tally.log.push(m.log_time);
@@ -161,7 +167,7 @@ fn tally(
             (*min, *max) = (min.min(x), max.max(x));
         }
     });
-    (tallies, read.err())
+    (tallies, counts, read.err())
 }
 
 fn topic_survey(
@@ -172,8 +178,7 @@ fn topic_survey(
     fields: &[FieldInfo],
 ) -> TopicSurvey {
     let channel = ids.first().and_then(|id| log.channels.get(id));
-    let text =
-        |f: fn(&super::file::Channel) -> &String| channel.map(|c| f(c).clone()).unwrap_or_default();
+    let text = |f: fn(&Channel) -> &String| channel.map(|c| f(c).clone()).unwrap_or_default();
     let mut times: Vec<i64> = tallies
         .iter()
         .flat_map(|t| t.log.iter().map(|&ns| i64::try_from(ns).unwrap_or(i64::MAX)))

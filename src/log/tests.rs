@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 const MS: u64 = 1_000_000;
-const START: u64 = 1_700_000_000_000_000_000;
+pub(super) const START: u64 = 1_700_000_000_000_000_000;
 
 /// A folder of test data that is not part of the project: `$KOEHLER_DATA`, or `shared/data` in a
 /// folder above the project.
@@ -25,7 +25,7 @@ fn data(name: &str) -> Option<PathBuf> {
 }
 
 /// Writes messages (topic, log time, publish time, text) as they are, in small chunks.
-fn raw(path: &Path, encoding: &str, messages: &[(&str, u64, u64, String)], chunk: u64) {
+pub(super) fn raw(path: &Path, encoding: &str, messages: &[(&str, u64, u64, String)], chunk: u64) {
     let file = std::fs::File::create(path).unwrap();
     let options = mcap::WriteOptions::new().chunk_size(Some(chunk)).compression_threads(0);
     let mut w = options.create(std::io::BufWriter::new(file)).unwrap();
@@ -42,19 +42,19 @@ fn raw(path: &Path, encoding: &str, messages: &[(&str, u64, u64, String)], chunk
     w.finish().unwrap();
 }
 
-fn read(path: &Path, channels: &str) -> std::result::Result<FlightLog, String> {
+pub(super) fn read(path: &Path, channels: &str) -> std::result::Result<FlightLog, String> {
     let (map, doc) =
         config::parse::<ChannelMap>("channels.toml", channels).map_err(|e| e.to_string())?;
     map.check(&doc).map_err(|e| e.to_string())?;
     read_flight(path, &map, &doc).map_err(|e| e.to_string())
 }
 
-fn one_signal(time: &str) -> String {
+pub(super) fn one_signal(time: &str) -> String {
     format!("[signal.x]\ntopic = \"/t\"\nfield = \"x\"\nunit = \"1\"\ntime = \"{time}\"\n")
 }
 
 /// `n` messages every 10 ms with x = 0, 1, 2, ...
-fn regular(n: u64) -> Vec<(&'static str, u64, u64, String)> {
+pub(super) fn regular(n: u64) -> Vec<(&'static str, u64, u64, String)> {
     (0..n)
         .map(|i| {
             ("/t", START + i * 10 * MS, START + i * 10 * MS, format!("{{\"x\":{i},\"y\":0.5}}"))
@@ -62,7 +62,7 @@ fn regular(n: u64) -> Vec<(&'static str, u64, u64, String)> {
         .collect()
 }
 
-fn texts(log: &FlightLog) -> Vec<&str> {
+pub(super) fn texts(log: &FlightLog) -> Vec<&str> {
     log.notes.iter().map(|n| n.text.as_str()).collect()
 }
 

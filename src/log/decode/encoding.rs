@@ -1,6 +1,6 @@
 //! What an encoding is: a channel and paths of fields in, readers of its messages out.
 
-use crate::log::file::Channel;
+use crate::log::channel::Channel;
 
 /// How messages of one encoding are read.
 pub struct Encoding {

@@ -5,7 +5,7 @@
 //! another layout is learnt anew.
 
 use super::encoding::{Encoding, FieldInfo, Prepared, Reader, UNREADABLE, finite};
-use crate::log::file::Channel;
+use crate::log::channel::Channel;
 use std::sync::Arc;
 
 pub const ENCODING: Encoding =

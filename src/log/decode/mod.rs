@@ -8,7 +8,7 @@ mod json;
 mod paths;
 mod protobuf;
 
-use super::file::Channel;
+use super::channel::Channel;
 
 pub use encoding::{Encoding, FieldInfo, Prepared, Reader, UNREADABLE, is_unreadable};
 

@@ -3,9 +3,9 @@
 use super::plan::{Cursor, Flow, Planner};
 use super::schema;
 use super::types::{Kind, Member, Types};
+use crate::log::channel::Channel;
 use crate::log::decode::encoding::{FieldInfo, MOST_FIELDS, MOST_ITEMS};
 use crate::log::decode::paths::joined;
-use crate::log::file::Channel;
 
 /// The fields in the order of the definition. The message says how long its lists are; without one
 /// their places are `*`, as are those behind the first `MOST_ITEMS`.

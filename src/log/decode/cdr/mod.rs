@@ -14,7 +14,7 @@ mod types;
 
 use super::encoding::{Encoding, Prepared, Reader, UNREADABLE};
 use super::paths;
-use crate::log::file::Channel;
+use crate::log::channel::Channel;
 use plan::{Cursor, Flow, Planner, Step};
 use std::sync::Arc;
 use types::Kind;

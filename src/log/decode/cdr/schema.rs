@@ -2,7 +2,7 @@
 
 use super::types::Types;
 use super::{ros2idl, ros2msg};
-use crate::log::file::Channel;
+use crate::log::channel::Channel;
 
 /// # Errors
 /// In words: what is wrong with the definition.

@@ -3,9 +3,9 @@
 use super::schema::{Field, Kind, Number, Schema};
 use super::wire::{self, Form};
 use crate::log::bytes::Bytes;
+use crate::log::channel::Channel;
 use crate::log::decode::encoding::{FieldInfo, MOST_FIELDS, MOST_ITEMS};
 use crate::log::decode::paths::joined;
-use crate::log::file::Channel;
 use std::collections::BTreeMap;
 
 /// Messages nested deeper than this are not listed.

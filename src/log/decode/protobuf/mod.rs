@@ -13,7 +13,7 @@ mod tests;
 mod wire;
 
 use super::encoding::{Encoding, Prepared, UNREADABLE};
-use crate::log::file::Channel;
+use crate::log::channel::Channel;
 use plan::Plan;
 use schema::Schema;
 use std::sync::Arc;
