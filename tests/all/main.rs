@@ -31,6 +31,7 @@ mod hfb320;
 mod language;
 mod models;
 mod modes;
+mod odd_logs;
 mod pages;
 mod path;
 mod phlab;
