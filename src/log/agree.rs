@@ -4,9 +4,10 @@
 //! `look` reads the summary section at the end of a log, and messages only where the summary cannot
 //! tell whether a field is there. The same comparisons are made when a flight is read.
 
+use super::channel::Channel;
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::decode::{self, FieldInfo, is_unreadable};
-use super::file::{Channel, LogFile};
+use super::file::LogFile;
 use super::flight::{first_messages, stamp_paths, topic_fields};
 use super::words;
 use crate::config::Doc;
@@ -136,11 +137,9 @@ impl Eye<'_> {
 fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> bool {
     let mut readers = BTreeMap::new();
     for &id in ids {
-        let reader = log
-            .channels
-            .get(&id)
-            .and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &[path.to_string()]).ok());
-        readers.extend(reader.map(|reader| (id, reader)));
+        let channel = log.channels.get(&id);
+        let prepared = channel.and_then(|c| decode::prepare(c, &[path.to_string()])?.ok());
+        readers.extend(prepared.map(|prepared| (id, prepared())));
     }
     let (mut buffer, mut found) = (Vec::new(), false);
     for part in 0..log.parts() {

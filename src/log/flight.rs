@@ -5,9 +5,11 @@
 //! computed in integer nanoseconds; one zero for all topics and signals of a flight, whichever time
 //! stamp a signal uses.
 
+use super::channel::Channel;
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
-use super::decode::{self, FieldInfo, Reader};
-use super::file::{Channel, LogFile};
+use super::counts::Counts;
+use super::decode::{self, FieldInfo, Prepared, Reader};
+use super::file::LogFile;
 use super::series::{Account, Series};
 use super::signal::Context;
 use super::{Note, agree};
@@ -59,6 +61,7 @@ pub(super) struct Columns {
 pub(super) struct PartData {
     pub topics: Vec<Columns>,
     pub earliest: Option<u64>,
+    pub counts: Counts,
     pub damage: Option<String>,
 }
 
@@ -74,6 +77,7 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     let start_ns = parts.iter().filter_map(|p| p.earliest).min().unwrap_or(0);
     let mut notes = log.notes.clone();
     notes.extend(damage_note(&log, &parts));
+    notes.extend(count_notes(&log, &plans, &parts));
     notes.extend(remarks);
 
     let signals: Vec<(&String, &SignalMap)> = map.signal.iter().collect();
@@ -192,7 +196,7 @@ pub(super) fn topic_fields(
     let mut fields: Vec<FieldInfo> = Vec::new();
     for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
         let Some(encoding) = decode::encoding_of(channel) else { continue };
-        for field in (encoding.fields)(&channel.schema, samples.get(id).map(Vec::as_slice)) {
+        for field in (encoding.fields)(channel, samples.get(id).map(Vec::as_slice)) {
             if !fields.iter().any(|f| f.path == field.path) {
                 fields.push(field);
             }
@@ -219,42 +223,52 @@ pub(super) fn stamp_paths(path: &str, unit: Option<f64>, fields: &[FieldInfo]) -
     vec![path.to_string()]
 }
 
+/// Per channel: the place of its topic's plan, and how its messages are read.
+type Ready = Vec<(u16, usize, Prepared)>;
+
 fn decode_parts(log: &LogFile, plans: &[TopicPlan]) -> Result<Vec<PartData>, Errors> {
-    let parts: Vec<Result<PartData, Error>> = (0..log.parts())
+    let ready = ready(log, plans)?;
+    Ok((0..log.parts())
         .into_par_iter()
-        .map_init(Vec::new, |buffer, part| decode_part(log, plans, part, buffer))
-        .collect();
-    let mut errors = Errors::default();
-    let parts: Vec<PartData> = parts.into_iter().filter_map(|p| errors.take(p)).collect();
-    errors.0.truncate(1);
-    errors.or(parts)
+        .map_init(Vec::new, |buffer, part| decode_part(log, plans, &ready, part, buffer))
+        .collect())
+}
+
+fn ready(log: &LogFile, plans: &[TopicPlan]) -> Result<Ready, Errors> {
+    let (mut ready, mut errors) = (Vec::new(), Errors::default());
+    for (i, plan) in plans.iter().enumerate() {
+        for (&id, channel) in plan.channels.iter().filter_map(|id| log.channels.get_key_value(id)) {
+            let Some(prepared) = decode::prepare(channel, &plan.paths) else { continue };
+            let what = |e| {
+                Error::new(format!("topic \"{}\" of {}: {e}", plan.topic, log.name()))
+                    .help("take the topic out of the channel map, or convert the log")
+            };
+            ready.extend(errors.take(prepared.map_err(what)).map(|p| (id, i, p)));
+        }
+    }
+    errors.or(ready)
 }
 
 fn decode_part(
     log: &LogFile,
     plans: &[TopicPlan],
+    ready: &Ready,
     part: usize,
     buffer: &mut Vec<u8>,
-) -> Result<PartData, Error> {
+) -> PartData {
     let mut readers: Vec<Option<(usize, Reader)>> = Vec::new();
-    for (i, plan) in plans.iter().enumerate() {
-        for &id in &plan.channels {
-            let Some(channel) = log.channels.get(&id) else { continue };
-            let Some(encoding) = decode::encoding_of(channel) else { continue };
-            let reader = (encoding.reader)(&channel.schema, &plan.paths).map_err(|e| {
-                Error::new(format!("topic \"{}\" of {}: {e}", plan.topic, log.name()))
-            })?;
-            let at = usize::from(id);
-            if readers.len() <= at {
-                readers.resize_with(at + 1, || None);
-            }
-            readers[at] = Some((i, reader));
+    for (id, i, prepared) in ready {
+        let at = usize::from(*id);
+        if readers.len() <= at {
+            readers.resize_with(at + 1, || None);
         }
+        readers[at] = Some((*i, prepared()));
     }
     let mut topics: Vec<Columns> = plans.iter().map(|_| Columns::default()).collect();
     let mut row = vec![0.0; plans.iter().map(|p| p.paths.len()).max().unwrap_or(0)];
-    let mut earliest: Option<u64> = None;
+    let (mut earliest, mut counts): (Option<u64>, _) = (None, Counts::default());
     let read = log.messages(part, buffer, |m| {
+        counts.add(m.channel);
         if log.channels.contains_key(&m.channel) {
             earliest = Some(earliest.map_or(m.log_time, |e| e.min(m.log_time)));
         }
@@ -266,7 +280,15 @@ fn decode_part(
             columns.values.extend_from_slice(row);
         }
     });
-    Ok(PartData { topics, earliest, damage: read.err() })
+    PartData { topics, earliest, counts, damage: read.err() }
+}
+
+/// Where the messages of the topics that are read are not as many as the log counts.
+fn count_notes(log: &LogFile, plans: &[TopicPlan], parts: &[PartData]) -> Vec<Note> {
+    let mut counts = Counts::default();
+    parts.iter().for_each(|part| counts.merge(&part.counts));
+    let concerns = |n: &Note| n.subject == "file" || plans.iter().any(|p| p.topic == n.subject);
+    log.counted(&counts).into_iter().filter(concerns).collect()
 }
 
 fn damage_note(log: &LogFile, parts: &[PartData]) -> Option<Note> {

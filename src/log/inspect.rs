@@ -1,7 +1,9 @@
 //! A log file in; what is in it (topics, fields, rates, gaps, ranges) out, as data and as a table
 //! for a person.
 
-use super::decode::{self, FieldInfo, Reader, is_unreadable};
+use super::channel::Channel;
+use super::counts::Counts;
+use super::decode::{self, FieldInfo, Prepared, Reader, is_unreadable};
 use super::file::LogFile;
 use super::flight::{first_messages, topic_fields};
 use super::series::Spacing;
@@ -67,6 +69,12 @@ struct Tally {
     fields: Vec<(u64, u64, u64, f64, f64)>,
 }
 
+/// A channel: the place of its topic, and how its messages are read where they can be.
+struct Source {
+    topic: usize,
+    prepared: Option<Prepared>,
+}
+
 /// Reads a whole log and says what is in it.
 ///
 /// # Errors
@@ -85,22 +93,32 @@ pub fn survey(path: &Path) -> Result<Survey, Errors> {
             topic_fields(&log.channels, ids, &samples).into_iter().filter(concrete).collect()
         })
         .collect();
-    let index: BTreeMap<u16, usize> = topics
-        .values()
-        .enumerate()
-        .flat_map(|(i, ids)| ids.iter().map(move |&id| (id, i)))
-        .collect();
+    let mut notes = log.notes.clone();
+    let mut index: BTreeMap<u16, Source> = BTreeMap::new();
+    for (topic, (name, ids)) in topics.iter().enumerate() {
+        let paths: Vec<String> = fields[topic].iter().map(|f| f.path.clone()).collect();
+        for &id in ids {
+            let prepared = log.channels.get(&id).and_then(|c| decode::prepare(c, &paths));
+            let prepared = prepared.transpose().unwrap_or_else(|e| {
+                notes.push(Note::warning(*name, 1, format!("topic \"{name}\": {e}")));
+                None
+            });
+            index.insert(id, Source { topic, prepared });
+        }
+    }
 
-    let parts: Vec<(Vec<Tally>, Option<String>)> = (0..log.parts())
+    let parts: Vec<(Vec<Tally>, Counts, Option<String>)> = (0..log.parts())
         .into_par_iter()
         .map_init(Vec::new, |buffer, part| tally(&log, &fields, &index, part, buffer))
         .collect();
 
-    let mut notes = log.notes.clone();
-    let damaged = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.1.as_ref()?)));
+    let damaged = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.2.as_ref()?)));
     notes.extend(damaged.map(|(i, why)| {
         Note::warning("file", 1, format!("the chunk at byte {} is damaged: {why}", log.offset(i)))
     }));
+    let mut counts = Counts::default();
+    parts.iter().for_each(|part| counts.merge(&part.1));
+    notes.extend(log.counted(&counts));
     let all_times = || parts.iter().flat_map(|p| p.0.iter().flat_map(|t| t.log.iter().copied()));
     let make = |(i, (topic, ids)): (usize, (&&str, &Vec<u16>))| {
         let tallies: Vec<&Tally> = parts.iter().filter_map(|p| p.0.get(i)).collect();
@@ -120,28 +138,23 @@ pub fn survey(path: &Path) -> Result<Survey, Errors> {
 fn tally(
     log: &LogFile,
     fields: &[Vec<FieldInfo>],
-    index: &BTreeMap<u16, usize>,
+    index: &BTreeMap<u16, Source>,
     part: usize,
     buffer: &mut Vec<u8>,
-) -> (Vec<Tally>, Option<String>) {
+) -> (Vec<Tally>, Counts, Option<String>) {
     let empty = |f: &Vec<FieldInfo>| Tally {
         log: Vec::new(),
         published: false,
         fields: vec![(0, 0, 0, f64::NAN, f64::NAN); f.len()],
     };
     let mut tallies: Vec<Tally> = fields.iter().map(empty).collect();
-    let mut readers: BTreeMap<u16, Reader> = BTreeMap::new();
-    for (&id, &i) in index {
-        let paths: Vec<String> = fields[i].iter().map(|f| f.path.clone()).collect();
-        let reader = log
-            .channels
-            .get(&id)
-            .and_then(|c| (decode::encoding_of(c)?.reader)(&c.schema, &paths).ok());
-        readers.extend(reader.map(|r| (id, r)));
-    }
-    let mut row = Vec::new();
+    let mut readers: BTreeMap<u16, Reader> =
+        index.iter().filter_map(|(&id, source)| Some((id, source.prepared.as_ref()?()))).collect();
+    let (mut row, mut counts) = (Vec::new(), Counts::default());
     let read = log.messages(part, buffer, |m| {
-        let Some(tally) = index.get(&m.channel).and_then(|&i| tallies.get_mut(i)) else { return };
+        counts.add(m.channel);
+        let tally = index.get(&m.channel).and_then(|source| tallies.get_mut(source.topic));
+        let Some(tally) = tally else { return };
         tally.log.push(m.log_time);
         tally.published |= m.publish_time != 0 && m.publish_time != m.log_time;
         let Some(reader) = readers.get_mut(&m.channel) else { return };
@@ -154,7 +167,7 @@ fn tally(
             (*min, *max) = (min.min(x), max.max(x));
         }
     });
-    (tallies, read.err())
+    (tallies, counts, read.err())
 }
 
 fn topic_survey(
@@ -165,8 +178,7 @@ fn topic_survey(
     fields: &[FieldInfo],
 ) -> TopicSurvey {
     let channel = ids.first().and_then(|id| log.channels.get(id));
-    let text =
-        |f: fn(&super::file::Channel) -> &String| channel.map(|c| f(c).clone()).unwrap_or_default();
+    let text = |f: fn(&Channel) -> &String| channel.map(|c| f(c).clone()).unwrap_or_default();
     let mut times: Vec<i64> = tallies
         .iter()
         .flat_map(|t| t.log.iter().map(|&ns| i64::try_from(ns).unwrap_or(i64::MAX)))

@@ -3,15 +3,22 @@
 
 pub mod agree;
 mod bytes;
+mod channel;
 pub mod channel_map;
 mod chunk;
+mod counts;
+#[cfg(test)]
+mod damage_tests;
 pub mod decode;
 pub mod file;
 pub mod flight;
 mod guess;
 pub mod import;
 pub mod inspect;
+mod layout;
+pub mod memory;
 mod recorded;
+mod records;
 mod series;
 mod signal;
 pub mod starter;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 const MS: u64 = 1_000_000;
-const START: u64 = 1_700_000_000_000_000_000;
+pub(super) const START: u64 = 1_700_000_000_000_000_000;
 
 /// A folder of test data that is not part of the project: `$KOEHLER_DATA`, or `shared/data` in a
 /// folder above the project.
@@ -25,7 +25,7 @@ fn data(name: &str) -> Option<PathBuf> {
 }
 
 /// Writes messages (topic, log time, publish time, text) as they are, in small chunks.
-fn raw(path: &Path, encoding: &str, messages: &[(&str, u64, u64, String)], chunk: u64) {
+pub(super) fn raw(path: &Path, encoding: &str, messages: &[(&str, u64, u64, String)], chunk: u64) {
     let file = std::fs::File::create(path).unwrap();
     let options = mcap::WriteOptions::new().chunk_size(Some(chunk)).compression_threads(0);
     let mut w = options.create(std::io::BufWriter::new(file)).unwrap();
@@ -42,19 +42,19 @@ fn raw(path: &Path, encoding: &str, messages: &[(&str, u64, u64, String)], chunk
     w.finish().unwrap();
 }
 
-fn read(path: &Path, channels: &str) -> std::result::Result<FlightLog, String> {
+pub(super) fn read(path: &Path, channels: &str) -> std::result::Result<FlightLog, String> {
     let (map, doc) =
         config::parse::<ChannelMap>("channels.toml", channels).map_err(|e| e.to_string())?;
     map.check(&doc).map_err(|e| e.to_string())?;
     read_flight(path, &map, &doc).map_err(|e| e.to_string())
 }
 
-fn one_signal(time: &str) -> String {
+pub(super) fn one_signal(time: &str) -> String {
     format!("[signal.x]\ntopic = \"/t\"\nfield = \"x\"\nunit = \"1\"\ntime = \"{time}\"\n")
 }
 
 /// `n` messages every 10 ms with x = 0, 1, 2, ...
-fn regular(n: u64) -> Vec<(&'static str, u64, u64, String)> {
+pub(super) fn regular(n: u64) -> Vec<(&'static str, u64, u64, String)> {
     (0..n)
         .map(|i| {
             ("/t", START + i * 10 * MS, START + i * 10 * MS, format!("{{\"x\":{i},\"y\":0.5}}"))
@@ -62,7 +62,7 @@ fn regular(n: u64) -> Vec<(&'static str, u64, u64, String)> {
         .collect()
 }
 
-fn texts(log: &FlightLog) -> Vec<&str> {
+pub(super) fn texts(log: &FlightLog) -> Vec<&str> {
     log.notes.iter().map(|n| n.text.as_str()).collect()
 }
 
@@ -398,22 +398,31 @@ fn unsupported_encodings_are_named_and_inspect_still_lists_the_topic() {
 }
 
 #[test]
-fn truth_a_real_recording_with_another_encoding_is_listed_and_refused() {
+fn truth_a_real_ros2_recording_gives_what_another_reader_gives() {
     let Some(path) = data("logs/cub_stabilize_2025_11_13.mcap") else { return };
     let survey = inspect::survey(&path).unwrap();
     assert_eq!(survey.messages, 21258);
     let pose = survey.topics.iter().find(|t| t.topic == "/cub1/pose").unwrap();
-    assert_eq!((pose.message_encoding.as_str(), pose.decodable), ("cdr", false));
+    assert_eq!((pose.message_encoding.as_str(), pose.decodable), ("cdr", true));
     assert!(
         (pose.rate_hz - 99.5).abs() < 1.5 && (pose.longest_gap_s - 0.168).abs() < 0.002,
         "{pose:?}"
     );
-    let e = read(
-        &path,
-        "[signal.x]\ntopic = \"/cub1/pose\"\nfield = \"pose.position.x\"\nunit = \"m\"\n",
-    )
-    .unwrap_err();
-    assert!(e.contains("is encoded as cdr with ros2msg schema, which cannot be decoded"), "{e}");
+    let map = "[signal.x]\ntopic = \"/cub1/pose\"\nfield = \"pose.position.x\"\nunit = \"m\"\ntime = \"header.stamp\"\n\
+        [signal.w]\ntopic = \"/cub1/pose\"\nfield = \"pose.orientation.w\"\nunit = \"1\"\n\
+        [signal.elevator]\ntopic = \"/cub1/joy_serial_status\"\nfield = \"data.1\"\nunit = \"1\"\n";
+    let flight = read(&path, map).unwrap();
+    // Messages 0, 10 000 and the last by the Python package mcap-ros2-support 0.6.0.
+    let (x, w) = (&flight.signals["x"].series, &flight.signals["w"].series);
+    let at = |values: &[f64]| [values[0], values[10_000], values[19_702]];
+    assert_eq!(x.value.len(), 19_703);
+    assert_eq!(at(&x.value), [5.77776611328125, -7.4418837890625, -6.70045556640625]);
+    assert_eq!(at(&w.value), [0.6785335041264413, 0.39392209353188473, 0.3785369333396763]);
+    let stamp = |ns: i64| (ns - flight.start_ns as i64) as f64 / 1e9;
+    let stamps = [1763073169920561822, 1763073270809432694, 1763073367948418373].map(stamp);
+    assert_eq!(at(&x.t_s), stamps);
+    let elevator = &flight.signals["elevator"].series.value;
+    assert_eq!((elevator[0], elevator[777]), (1318.0, 1179.0));
 }
 
 #[test]

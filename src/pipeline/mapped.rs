@@ -26,11 +26,13 @@ impl Deref for Bytes {
 /// # Errors
 /// The file is not there or cannot be read.
 pub fn map(path: &Path) -> Result<Bytes> {
-    let file = File::open(path).map_err(|e| cannot("read", path, &e))?;
-    let meta = file.metadata().map_err(|e| cannot("read", path, &e))?;
+    // A pipe would be waited for: what a path leads to is asked before it is opened.
+    let meta = std::fs::metadata(path).map_err(|e| cannot("read", path, &e))?;
     if !meta.is_file() {
-        return Err(Error::new(format!("{} is not a file", path.display())));
+        let what = if meta.is_dir() { "a folder" } else { "a pipe or a device" };
+        return Err(Error::new(format!("{} is {what}, not a file", path.display())));
     }
+    let file = File::open(path).map_err(|e| cannot("read", path, &e))?;
     if meta.len() == 0 {
         return Ok(Bytes::Empty);
     }

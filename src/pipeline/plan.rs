@@ -93,9 +93,11 @@ impl Plan {
             .ok_or_else(|| Error::new(format!("flight {flight} has no log")))
     }
 
-    /// Hash of a flight's log; none where the log is not there.
+    /// Hash of a flight's log; none where the log is not there, and in its place why where it cannot
+    /// be read: the stage that reads it then fails for this flight alone.
     pub fn log_hash(&self, store: &Store, flight: &str) -> Result<Option<String>> {
-        store.memo.hash(&self.log(flight)?.path)
+        let hash = store.memo.hash(&self.log(flight)?.path);
+        Ok(hash.unwrap_or_else(|e| Some(format!("unreadable: {}", e.what))))
     }
 }
 

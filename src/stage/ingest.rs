@@ -1,15 +1,19 @@
 //! A flight's log and the channel map come in; its signals in SI, an account of every channel, and
 //! notes go out.
 
-use super::{Campaign, Inputs, Note, Output, Severity, Stage, Unit, slice_of};
+use super::{Campaign, Inputs, Key, Known, Note, Output, Severity, Stage, Told, Unit, slice_of};
 use crate::error::{Error, Errors, Result};
 use crate::log::{self, FlightLog};
 use crate::table::Table;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 pub const STAGE: Stage = Stage {
     name: "ingest",
     about: "read the logs",
+    key: Some(Key::of::<Settings>()),
+    check,
     units: Unit::flights,
     writes: &["signals", "channels"],
     reads_log: true,
@@ -18,13 +22,44 @@ pub const STAGE: Stage = Stage {
     ..Stage::PLAIN
 };
 
+/// How logs are read.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// What the decompressed chunks of all logs may take at a time, over all threads, MiB. A larger chunk is left out, and a
+    /// note says so. Default 1024.
+    #[serde(default = "chunk_memory")]
+    pub chunk_memory_mib: u64,
+}
+
+fn chunk_memory() -> u64 {
+    log::memory::DEFAULT_MIB
+}
+
+fn settings(told: &Told) -> Option<&Settings> {
+    told.get("ingest")
+}
+
+fn check(told: &mut Told, known: &mut Known) {
+    if settings(told).is_some_and(|s| s.chunk_memory_mib == 0) {
+        known.given.push(
+            "ingest.chunk_memory_mib",
+            "chunks need some memory: 1 or more, not 0",
+            "",
+        );
+    }
+}
+
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
-    slice_of(&campaign.channels.map)
+    slice_of(&(&campaign.channels.map, settings(&campaign.told)))
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let channels = &campaign.channels;
     let log = inputs.log.ok_or_else(|| Error::new(format!("flight {} has no log", unit.name)))?;
+    log::memory::limit_chunks(
+        settings(&campaign.told).map_or_else(chunk_memory, |s| s.chunk_memory_mib),
+    );
     let flight = log::read_flight(log, &channels.map, &channels.doc)?;
     let tables = vec![
         ("signals", signals(&unit.name, &flight)?),

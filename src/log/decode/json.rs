@@ -4,18 +4,24 @@
 //! layout are compared with it bytewise, and only the wanted scalars are parsed. A message of
 //! another layout is learnt anew.
 
-use super::{Encoding, FieldInfo, Reader, UNREADABLE};
+use super::encoding::{Encoding, FieldInfo, Prepared, Reader, UNREADABLE, finite};
+use crate::log::channel::Channel;
+use std::sync::Arc;
 
 pub const ENCODING: Encoding =
-    Encoding { message: "json", schemas: &["jsonschema", ""], fields, reader };
+    Encoding { message: "json", schemas: &["jsonschema", ""], fields: channel_fields, prepare };
 
 /// Messages nested deeper than this are not read.
 const DEEPEST: usize = 64;
 
-fn reader(_schema: &[u8], paths: &[String]) -> Result<Reader, String> {
-    let paths = paths.to_vec();
+fn prepare(_: &Channel, paths: &[String]) -> Result<Prepared, String> {
+    let paths: Arc<[String]> = paths.into();
+    Ok(Box::new(move || reader(paths.clone())))
+}
+
+fn reader(paths: Arc<[String]>) -> Reader {
     let mut layout: Option<Layout> = None;
-    Ok(Box::new(move |message, out| {
+    Box::new(move |message, out| {
         if layout.as_ref().is_some_and(|l| l.read(message, out)) {
             return;
         }
@@ -23,7 +29,7 @@ fn reader(_schema: &[u8], paths: &[String]) -> Result<Reader, String> {
         if !layout.as_ref().is_some_and(|l| l.read(message, out)) {
             out.fill(UNREADABLE);
         }
-    }))
+    })
 }
 
 /// The text of a message with its scalars taken out.
@@ -96,10 +102,6 @@ fn quoted(inner: &[u8]) -> Option<f64> {
         return Some(f64::NAN);
     }
     fast_float2::parse::<f64, _>(inner).ok().map(finite)
-}
-
-fn finite(x: f64) -> f64 {
-    if x.is_finite() { x } else { f64::NAN }
 }
 
 /// What follows the scalar at the start of `text`; `None` where there is none (a list, an object,
@@ -238,6 +240,10 @@ fn sound_scalar(token: &[u8]) -> bool {
     }
 }
 
+fn channel_fields(channel: &Channel, message: Option<&[u8]>) -> Vec<FieldInfo> {
+    fields(&channel.schema, message)
+}
+
 /// Fields from the schema, in its order, then those that only the message has. Texts that hold no
 /// number are left out.
 fn fields(schema: &[u8], message: Option<&[u8]>) -> Vec<FieldInfo> {
@@ -318,10 +324,14 @@ mod tests {
     use super::*;
 
     fn read_all(messages: &[&str], paths: &[&str]) -> Vec<Vec<String>> {
-        let paths: Vec<String> = paths.iter().map(|p| p.to_string()).collect();
-        let mut read = reader(b"", &paths).unwrap();
+        let paths: Arc<[String]> = paths.iter().map(|p| p.to_string()).collect();
+        let mut read = reader(paths.clone());
         let word = |x: &f64| {
-            if super::super::is_unreadable(*x) { "unreadable".to_string() } else { x.to_string() }
+            if crate::log::decode::is_unreadable(*x) {
+                "unreadable".to_string()
+            } else {
+                x.to_string()
+            }
         };
         let one = |m: &&str| {
             let mut out = vec![0.0; paths.len()];
@@ -413,7 +423,7 @@ mod tests {
     proptest::proptest! {
         #[test]
         fn any_bytes_are_read_without_panic(bytes in proptest::collection::vec(proptest::prelude::any::<u8>(), 0..60)) {
-            let mut read = reader(b"", &["a".to_string()]).unwrap();
+            let mut read = reader(["a".to_string()].into());
             let mut out = [0.0];
             read(br#"{"a":1,"b":"x"}"#, &mut out);
             read(&bytes, &mut out);
@@ -425,7 +435,7 @@ mod tests {
 
         #[test]
         fn numbers_are_read_to_the_last_bit(x in proptest::num::f64::NORMAL, y in proptest::num::f64::NORMAL) {
-            let mut read = reader(b"", &["a".to_string(), "b".to_string()]).unwrap();
+            let mut read = reader(["a".to_string(), "b".to_string()].into());
             let mut out = [0.0; 2];
             read(br#"{"a":1,"b":2}"#, &mut out);
             read(format!("{{\"a\":{x:e},\"b\":{y}}}").as_bytes(), &mut out);

@@ -34,9 +34,19 @@ pub struct Import {
     /// What stands between two columns.
     #[serde(default)]
     pub separator: Separator,
-    /// Lines before the data. With names in the last of them, columns may be given by name.
+    /// How numbers are written in a text file.
+    #[serde(default)]
+    pub decimal: Decimal,
+    /// What stands in a cell without a value, besides nothing: `["n/a", "-9999"]`.
+    #[serde(default)]
+    pub missing: Vec<String>,
+    /// Lines before the data. With names in one of them, columns may be given by name.
     #[serde(default)]
     pub header_lines: usize,
+    /// The line (from 1) that has the names, where it is not the last one before the data: units may
+    /// stand below them.
+    #[serde(default)]
+    pub names_line: Option<usize>,
     /// The column of time.
     pub time: TimeColumn,
     /// The topics of the log.
@@ -55,13 +65,25 @@ pub enum Separator {
     Tab,
 }
 
+/// How numbers are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Decimal {
+    /// `1.5`
+    #[default]
+    Point,
+    /// `1,5`
+    Comma,
+}
+
 /// The column of time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimeColumn {
     /// Number (from 1) or name of the column.
     pub column: Column,
-    /// Unit of the column, for example "s" or "ms".
+    /// Unit of the column, for example "s" or "ms"; "iso8601" for dates with times, such as
+    /// 2024-05-06T10:00:00.25Z (UTC where they name no zone).
     pub unit: String,
     /// Seconds from 1970 to time zero of the column, where that is known.
     #[serde(default)]
@@ -177,7 +199,18 @@ fn check(settings: &Import, doc: &Doc, one_output: bool) -> Result<(), Errors> {
                 .help("put {name} into `output`, and give no --out"),
         );
     }
+    if settings.names_line.is_some_and(|n| n == 0 || n > settings.header_lines) {
+        let what = format!("the names stand in one of the {} header_lines", settings.header_lines);
+        errors.push(doc.error("names_line", what).help("lines count from 1"));
+    }
+    if settings.decimal == Decimal::Comma && settings.separator == Separator::Comma {
+        errors.push(
+            doc.error("decimal", "a comma stands both in numbers and between columns")
+                .help("what separates the columns then: separator = \"semicolon\" or \"tab\"?"),
+        );
+    }
     match Unit::parse(&settings.time.unit) {
+        _ if settings.time.unit == text::ISO => {}
         Ok(unit) if unit.dim == Unit::parse("s").map(|s| s.dim).unwrap_or_default() => {}
         Ok(_) => errors
             .push(doc.error("time.unit", format!("\"{}\" is no unit of time", settings.time.unit))),
@@ -260,7 +293,12 @@ fn convert(settings: &Import, doc: &Doc, source: &Source, output: &Path) -> Resu
                 ),
             )
         })?;
-        text::read(settings, file, text, &wanted(settings, doc, &text::header(settings, text))?)?
+        text::read(
+            settings,
+            file,
+            text,
+            &wanted(settings, doc, &names(&text::header(settings, text)))?,
+        )?
     };
     if rows.stamp.is_empty() {
         return Err(Error::at(Place::file(file), "the file holds no row of data").into());
@@ -320,6 +358,10 @@ fn matrix_rows(
         }
     }
     errors.or(rows)
+}
+
+fn names(header: &[String]) -> Vec<&str> {
+    header.iter().map(String::as_str).collect()
 }
 
 /// The stamp of a time in the file, ns.

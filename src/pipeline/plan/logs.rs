@@ -5,7 +5,7 @@ use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::pipeline::settings::Settings;
 use crate::pipeline::simulate::Simulation;
-use crate::table::check_flight;
+use crate::table::{check_flight, flight_id};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -46,7 +46,7 @@ pub fn find(
             .take(matches(doc, &key, folder, pattern, to_simulate.as_deref()))
             .unwrap_or_default()
         {
-            let flight = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let flight = flight_of(&path);
             if let Err(e) = check_flight(&flight) {
                 let what = format!("the log {} names no flight: {}", path.display(), e.what);
                 errors.push(doc.error(&key, what).help(e.help.unwrap_or_default()));
@@ -60,7 +60,7 @@ pub fn find(
                     );
                     errors.push(
                         doc.error(&key, what)
-                            .help("rename one: the file's name is the flight's id"),
+                            .help("rename one: the file's name, with \"flight-\" in front of a digit and \"-\" for what is no letter, digit, '.', '_' or '-', is the flight's id"),
                     );
                 }
                 _ => {
@@ -75,6 +75,27 @@ pub fn find(
         );
     }
     errors.or(found.into_iter().map(|(flight, path)| FlightLog { flight, path }).collect())
+}
+
+/// The id of a log's flight: the file's name, made an id where it is none (recorders like to call
+/// files `2024-05-06-10-00`).
+fn flight_of(path: &Path) -> String {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    if check_flight(&name).is_ok() { name.into_owned() } else { flight_id(&name) }
+}
+
+/// The files of a pattern's folder whose names are no text, which patterns pass over.
+fn no_text(pattern: &glob::Pattern) -> Vec<PathBuf> {
+    let folder = Path::new(pattern.as_str()).parent().map(Path::to_path_buf);
+    let entries = folder.and_then(|folder| {
+        let plain = folder.to_string_lossy().replace("[[]", "[").replace("[]]", "]");
+        std::fs::read_dir(plain.replace("[*]", "*").replace("[?]", "?")).ok()
+    });
+    let strange = |path: &PathBuf| {
+        path.file_name().is_some_and(|n| n.to_str().is_none())
+            && pattern.matches(&path.to_string_lossy())
+    };
+    entries.into_iter().flatten().flatten().map(|e| e.path()).filter(strange).collect()
 }
 
 /// The logs that one pattern stands for, simulated ones included; where it is not known which are
@@ -108,11 +129,15 @@ fn matches(
     let compiled = glob::Pattern::new(&escaped).map_err(|e| bad(&e))?;
     let mut paths: Vec<PathBuf> = if is_pattern {
         glob::glob(&escaped).map_err(|e| bad(&e))?.collect::<Result<_, _>>().map_err(|e| bad(&e))?
-    } else if full.is_file() {
+    } else if full.symlink_metadata().is_ok() {
+        // What is there and no file is told when it is read.
         vec![full.clone()]
     } else {
         Vec::new()
     };
+    if is_pattern {
+        paths.extend(no_text(&compiled));
+    }
     let simulated = to_simulate
         .into_iter()
         .flatten()

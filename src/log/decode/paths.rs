@@ -1,0 +1,54 @@
+//! Paths of fields (`pose.position.x`, `states.0.value`) in; what of them lies below a field or an
+//! item of a list out.
+
+/// A path that is wanted (what is left of it) and the slot that its number goes to.
+pub(super) type Wanted<'a> = (&'a [&'a str], usize);
+
+/// The names on each path.
+pub(super) fn split(paths: &[String]) -> Vec<Vec<&str>> {
+    paths.iter().map(|path| path.split('.').collect()).collect()
+}
+
+/// The paths with the slots that they have from the start: their own places.
+pub(super) fn all<'a>(split: &'a [Vec<&'a str>]) -> Vec<Wanted<'a>> {
+    split.iter().enumerate().map(|(slot, names)| (&names[..], slot)).collect()
+}
+
+/// The wanted paths that begin with a name, without it.
+pub(super) fn below<'a>(wanted: &[Wanted<'a>], name: &str) -> Vec<Wanted<'a>> {
+    let under = |w: &Wanted<'a>| {
+        let (head, tail) = w.0.split_first()?;
+        (*head == name).then_some((tail, w.1))
+    };
+    wanted.iter().filter_map(under).collect()
+}
+
+/// The slot of the number that a path ends at.
+pub(super) fn here(wanted: &[Wanted]) -> Option<usize> {
+    wanted.iter().find(|w| w.0.is_empty()).map(|w| w.1)
+}
+
+/// Slots of the wanted numbers of a list, by place in the list, ascending.
+pub(super) fn numbers(wanted: &[Wanted]) -> Vec<(usize, usize)> {
+    let one = |(place, below): (usize, Vec<Wanted>)| Some((place, here(&below)?));
+    items(wanted).into_iter().filter_map(one).collect()
+}
+
+/// What is wanted of the items of a list, by place in the list, ascending.
+pub(super) fn items<'a>(wanted: &[Wanted<'a>]) -> Vec<(usize, Vec<Wanted<'a>>)> {
+    let head = |w: &Wanted<'a>| w.0.first().and_then(|h| Some((place(h)?, *h)));
+    let mut heads: Vec<_> = wanted.iter().filter_map(head).collect();
+    heads.sort_unstable();
+    heads.dedup();
+    heads.into_iter().map(|(place, head)| (place, below(wanted, head))).collect()
+}
+
+/// A place in a list, written as it is written everywhere: `03` is none.
+fn place(text: &str) -> Option<usize> {
+    text.parse::<usize>().ok().filter(|n| n.to_string() == text)
+}
+
+/// The path of a field, or of an item of a list.
+pub(super) fn joined(path: &str, name: &str) -> String {
+    if path.is_empty() { name.to_string() } else { format!("{path}.{name}") }
+}

@@ -1,0 +1,121 @@
+//! Codes and bodies of MCAP records in; whether they are what they say, schemas, channels and
+//! statistics out.
+
+use super::bytes::Bytes;
+use super::channel::Channel;
+use std::collections::BTreeMap;
+
+/// Operation codes of records.
+pub(super) mod op {
+    pub const HEADER: u8 = 0x01;
+    pub const FOOTER: u8 = 0x02;
+    pub const SCHEMA: u8 = 0x03;
+    pub const CHANNEL: u8 = 0x04;
+    pub const MESSAGE: u8 = 0x05;
+    pub const CHUNK: u8 = 0x06;
+    pub const MESSAGE_INDEX: u8 = 0x07;
+    pub const CHUNK_INDEX: u8 = 0x08;
+    pub const STATISTICS: u8 = 0x0B;
+    pub const SUMMARY_OFFSET: u8 = 0x0E;
+    pub const DATA_END: u8 = 0x0F;
+}
+
+/// Whether a body (but for a chunk's) is laid out as its code says; `behind` is what follows it.
+pub(super) fn sound(code: u8, body: &[u8], behind: &[u8]) -> bool {
+    match code {
+        op::FOOTER => body.len() == 20 && behind.starts_with(mcap::MAGIC),
+        op::SCHEMA | op::CHANNEL => mcap::parse_record(code, body).is_ok(),
+        op::MESSAGE => body.len() >= 22,
+        op::MESSAGE_INDEX => {
+            let mut b = Bytes(body);
+            b.u16().and_then(|_| b.u32()).is_some_and(|n| n as usize == b.0.len())
+        }
+        op::DATA_END => body.len() == 4,
+        // 0 and the reserved codes are no records; codes from 0x80 are anybody's own.
+        op::HEADER..=op::SUMMARY_OFFSET => code != op::CHUNK,
+        code => code >= 0x80,
+    }
+}
+
+/// Schemas and channels, by id.
+#[derive(Default)]
+pub(super) struct Definitions {
+    schemas: BTreeMap<u16, (String, String, Vec<u8>)>,
+    channels: BTreeMap<u16, mcap::records::Channel>,
+}
+
+impl Definitions {
+    /// Takes up a record if it is one of a schema or a channel.
+    pub fn define(&mut self, code: u8, body: &[u8]) {
+        match mcap::parse_record(code, body) {
+            Ok(mcap::records::Record::Schema { header, data }) => {
+                self.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
+            }
+            Ok(mcap::records::Record::Channel(channel)) => {
+                self.channels.insert(channel.id, channel);
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes up the schemas and channels among the records of a chunk.
+    pub fn of_chunk(&mut self, records: &[u8]) {
+        let mut rest = Bytes(records);
+        while let Some((code, body)) = rest.record() {
+            if code == op::SCHEMA || code == op::CHANNEL {
+                self.define(code, body);
+            }
+        }
+    }
+
+    /// Takes up others; theirs count where both have one.
+    pub fn extend(&mut self, others: Definitions) {
+        self.schemas.extend(others.schemas);
+        self.channels.extend(others.channels);
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.channels.is_empty()
+    }
+
+    /// The channels with their schemas, by id.
+    pub fn joined(&self) -> BTreeMap<u16, Channel> {
+        let join = |c: &mcap::records::Channel| {
+            let (schema_name, schema_encoding, schema) =
+                self.schemas.get(&c.schema_id).cloned().unwrap_or_default();
+            Channel {
+                topic: c.topic.clone(),
+                message_encoding: c.message_encoding.clone(),
+                schema_name,
+                schema_encoding,
+                schema,
+            }
+        };
+        self.channels.iter().map(|(&id, c)| (id, join(c))).collect()
+    }
+}
+
+/// What a log says of its own size.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Statistics {
+    /// Messages by channel id.
+    pub messages: BTreeMap<u16, u64>,
+}
+
+impl Statistics {
+    pub fn parse(body: &[u8]) -> Option<Statistics> {
+        let mut b = Bytes(body);
+        let total = b.u64()?;
+        // Counts of schemas, channels, attachments, metadata and chunks, first and last log time.
+        b.take(2 + 4 * 4 + 2 * 8)?;
+        let length = usize::try_from(b.u32()?).ok()?;
+        let mut counts = Bytes(b.take(length)?);
+        let mut messages = BTreeMap::new();
+        while let (Some(channel), Some(n)) = (counts.u16(), counts.u64()) {
+            messages.insert(channel, n);
+        }
+        // A recorder need not count by channel.
+        let sum = messages.values().try_fold(0u64, |sum, n| sum.checked_add(*n));
+        (sum == Some(total)).then_some(Statistics { messages })
+    }
+}
