@@ -51,6 +51,8 @@ struct Link {
     rivals: Vec<String>,
     /// Why it is not believed although nothing explains more.
     doubt: Option<String>,
+    /// It takes noise out of a record.
+    noise: bool,
     /// Everything that the fit found in which it was added.
     known: Known,
 }
@@ -168,7 +170,10 @@ impl Search<'_> {
         out.added = added;
         out.doubts =
             self.links.iter().filter_map(|l| Some((l.name.clone(), l.doubt.clone()?))).collect();
-        let doubted = self.links.iter().filter(|l| l.doubt.is_some()).map(|l| l.evidence).sum();
+        // Small movements of a record that happened here and not there: that is a doubt about the
+        // record, and none about what the model was found to lack.
+        let doubted = self.links.iter().filter(|l| l.doubt.is_some() && !l.noise);
+        let doubted = doubted.map(|l| l.evidence).sum();
         ended(out, self.subject, (&stand, &base, last), doubted, self.progress)?;
         Ok(Ok(()))
     }
@@ -426,6 +431,7 @@ fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
         limit: round.limit,
         rivals: near.iter().take(rivals).map(|j| j.name.clone()).collect(),
         doubt: None,
+        noise: judged.noise,
         known: refit.known.clone(),
     })
 }
