@@ -271,7 +271,7 @@ mod tests {
                 (0..m * m).map(|k| c[there[k / m].abs_diff(there[k % m])]).collect();
             let mut want: Vec<f64> = there.iter().map(|&k| x[k]).collect();
             forward(&cholesky(&sigma, m).expect("definite"), m, &mut want);
-            let mut columns = vec![x.clone(), x.iter().map(|v| 3.0 * v).collect()];
+            let mut columns = [x.clone(), x.iter().map(|v| 3.0 * v).collect()];
             columns[0]
                 .iter_mut()
                 .zip(&masked)
