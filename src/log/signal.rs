@@ -264,10 +264,11 @@ fn drop_bad(
 /// Spikes that a note tells one by one.
 const TOLD: usize = 3;
 
-/// What is said of spikes, in the log's unit.
+/// What is said of spikes, as the log has them.
 fn told(name: &str, signal: &SignalMap, unit: &Unit, spikes: &[(i64, f64)]) -> Option<Note> {
+    let factor = f64::from(signal.sign) * signal.scale;
     let one = |(t, y): &(i64, f64)| {
-        let value = crate::math::digits(unit.from_si(*y));
+        let value = crate::math::digits(unit.from_si((y - signal.offset) / factor));
         format!("{value} {} at {:.3} s", signal.unit, seconds(*t) - signal.delay)
     };
     let first: Vec<String> = spikes.iter().take(TOLD).map(one).collect();

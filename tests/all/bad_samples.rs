@@ -46,6 +46,11 @@ fn fault_one_wrong_sample_is_told_and_changes_no_estimate() {
     for ((a, sd), (b, _)) in without.iter().zip(&with) {
         assert!((a - b).abs() < 0.2 * sd, "{a} {b} +- {sd}");
     }
+    // The note has it as the log has it, whatever the map makes of it.
+    c.edit("channels.toml", "field = \"angle\"", "field = \"angle\"\nsign = -1");
+    let run = c.run();
+    assert!(run.out.contains("20.0 deg at 26.0") || run.err.contains("20.0 deg at 26.0"));
+    c.edit("channels.toml", "\nsign = -1", "");
     // Kept, it does.
     c.edit("channels.toml", "field = \"angle\"", "field = \"angle\"\nspikes = \"keep\"");
     c.run();

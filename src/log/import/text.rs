@@ -138,6 +138,8 @@ fn number(settings: &Import, cell: &str) -> Option<f64> {
     }
     match settings.decimal {
         super::Decimal::Point => fast_float2::parse::<f64, _>(cell).ok(),
+        // A point would be one of thousands: read as a decimal point, it makes 1.234 a thousandth of itself.
+        super::Decimal::Comma if cell.contains('.') => None,
         super::Decimal::Comma => fast_float2::parse::<f64, _>(cell.replacen(',', ".", 1)).ok(),
     }
 }
@@ -200,6 +202,8 @@ mod tests {
         assert!(v[0] == 1.25 && v[4] == 3.5 && v[1..4].iter().all(|x| x.is_nan()), "{v:?}");
         let e = read_all(&settings, &text.replace("\"3,5\"", "\"3,5x\"")).err().unwrap();
         assert!(e.contains("a.csv:8:6: column 3: \"3,5x\" is no number"), "{e}");
+        let e = read_all(&settings, &text.replace("\"3,5\"", "1.234")).err().unwrap();
+        assert!(e.contains("\"1.234\" is no number"), "{e}");
     }
 
     #[test]
