@@ -2,6 +2,7 @@
 //! standard error is no terminal, only lines of what a unit tells.
 
 use crate::pipeline::Event;
+use crate::stage::Stage;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -54,10 +55,10 @@ impl Bars {
             return;
         }
         match event {
-            Event::Stage { stage, to_run } => {
+            Event::Stage { stage, to_run, flights } => {
                 state.steps.clear();
                 state.units = to_run;
-                state.bar = (to_run > 0).then(|| bar(stage.name, stage.about, to_run));
+                state.bar = (to_run > 0).then(|| bar(stage, flights, to_run));
             }
             Event::Step { unit, done, of } => {
                 // Work inside a unit runs in parallel: the count may arrive out of order.
@@ -111,13 +112,18 @@ impl State {
     }
 }
 
-fn bar(name: &'static str, about: &'static str, units: usize) -> ProgressBar {
+fn bar(stage: &Stage, flights: Option<&[String]>, units: usize) -> ProgressBar {
     let bar =
         ProgressBar::with_draw_target(Some(GRAIN * units as u64), ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{prefix:<12} {bar:30} {msg:>7} {elapsed:>4}") {
         bar.set_style(style);
     }
-    bar.set_prefix(format!("{name} ({about})"));
+    let of = match flights {
+        Some([first, .., last]) => format!(", {first} to {last}"),
+        Some([only]) => format!(", {only}"),
+        _ => String::new(),
+    };
+    bar.set_prefix(format!("{} ({}{of})", stage.name, stage.about));
     bar.set_message(format!("0/{units}"));
     bar.enable_steady_tick(std::time::Duration::from_millis(200));
     bar

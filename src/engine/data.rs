@@ -69,28 +69,48 @@ pub enum Said {
     Words(String),
 }
 
-type Entry = (u64, Arc<dyn Any + Send + Sync>);
+/// One thing that is kept.
+struct Entry {
+    /// When it was last used, counted in uses.
+    used: u64,
+    bytes: usize,
+    value: Arc<dyn Any + Send + Sync>,
+}
+
+#[derive(Default)]
+struct Entries {
+    /// All uses so far.
+    uses: u64,
+    /// Memory of all entries.
+    bytes: usize,
+    by_key: BTreeMap<Key, Entry>,
+}
+
+impl Entries {
+    fn remove(&mut self, key: &Key) {
+        self.bytes -= self.by_key.remove(key).map_or(0, |entry| entry.bytes);
+    }
+}
 
 /// What a process made of data, by their key.
 #[derive(Default)]
 pub struct Kept {
-    /// Entries with the time of their last use, counted in uses.
-    entries: Mutex<(u64, BTreeMap<Key, Entry>)>,
-    /// At most so many; none without a limit.
+    entries: Mutex<Entries>,
+    /// At most so many bytes, of what has a size; none without a limit.
     limit: Option<usize>,
 }
 
 impl Kept {
-    /// Forgets what was used longest ago once there are more than `limit`.
-    pub fn at_most(limit: usize) -> Kept {
-        Kept { limit: Some(limit), ..Kept::default() }
+    /// Forgets what was used longest ago once all take more than `bytes`.
+    pub fn at_most(bytes: usize) -> Kept {
+        Kept { limit: Some(bytes), ..Kept::default() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, (u64, BTreeMap<Key, Entry>)> {
+    fn lock(&self) -> MutexGuard<'_, Entries> {
         self.entries.lock().unwrap_or_else(|p| p.into_inner())
     }
 
-    /// What is kept under a key, or is made now.
+    /// What is kept under a key, or is made now. It has no size: no limit counts it.
     ///
     /// # Errors
     /// Those of `make`.
@@ -99,37 +119,55 @@ impl Kept {
         key: &Key,
         make: impl FnOnce() -> Result<T>,
     ) -> Result<Arc<T>> {
+        self.get_sized(key, make, |_| 0)
+    }
+
+    /// The same for something that takes `bytes` of memory.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn get_sized<T: Send + Sync + 'static>(
+        &self,
+        key: &Key,
+        make: impl FnOnce() -> Result<T>,
+        bytes: impl FnOnce(&T) -> usize,
+    ) -> Result<Arc<T>> {
         if let Some(found) = self.find(key) {
             return Ok(found);
         }
         let made = Arc::new(make()?);
-        self.put(key.clone(), made.clone());
+        self.put(key.clone(), made.clone(), bytes(&made));
         Ok(made)
     }
 
     fn find<T: Send + Sync + 'static>(&self, key: &Key) -> Option<Arc<T>> {
-        let (uses, entries) = &mut *self.lock();
-        let (last, value) = entries.get_mut(key)?;
-        *uses += 1;
-        *last = *uses;
-        value.clone().downcast().ok()
+        let entries = &mut *self.lock();
+        entries.uses += 1;
+        let entry = entries.by_key.get_mut(key)?;
+        entry.used = entries.uses;
+        entry.value.clone().downcast().ok()
     }
 
-    /// Keeps a value under a key.
-    pub fn put<T: Send + Sync + 'static>(&self, key: Key, value: Arc<T>) {
-        let (uses, entries) = &mut *self.lock();
-        *uses += 1;
-        entries.insert(key, (*uses, value));
-        while self.limit.is_some_and(|limit| entries.len() > limit) {
-            let oldest = entries.iter().min_by_key(|(_, (last, _))| *last);
-            let Some(oldest) = oldest.map(|(key, _)| key.clone()) else { break };
+    /// Keeps a value of so many bytes under a key.
+    pub fn put<T: Send + Sync + 'static>(&self, key: Key, value: Arc<T>, bytes: usize) {
+        let entries = &mut *self.lock();
+        entries.uses += 1;
+        entries.remove(&key);
+        entries.bytes += bytes;
+        entries.by_key.insert(key, Entry { used: entries.uses, bytes, value });
+        while self.limit.is_some_and(|limit| entries.bytes > limit) {
+            let sized = entries.by_key.iter().filter(|(_, entry)| entry.bytes > 0);
+            let Some((oldest, _)) = sized.min_by_key(|(_, entry)| entry.used) else { break };
+            let oldest = oldest.clone();
             entries.remove(&oldest);
         }
     }
 
     /// Forgets all whose key is not wanted.
     pub fn retain(&self, wanted: impl Fn(&Key) -> bool) {
-        self.lock().1.retain(|key, _| wanted(key));
+        let entries = &mut *self.lock();
+        entries.by_key.retain(|key, _| wanted(key));
+        entries.bytes = entries.by_key.values().map(|entry| entry.bytes).sum();
     }
 }
 
@@ -141,9 +179,9 @@ mod tests {
     fn what_was_used_longest_ago_is_forgotten() {
         let kept = Kept::at_most(2);
         let key = |n: u8| Key::of(&[n]);
-        (0..2).for_each(|n| kept.put(key(n), Arc::new(n)));
+        (0..2).for_each(|n| kept.put(key(n), Arc::new(n), 1));
         assert_eq!(kept.get(&key(0), || Ok(9u8)).ok().as_deref(), Some(&0));
-        kept.put(key(2), Arc::new(2u8));
+        kept.put(key(2), Arc::new(2u8), 1);
         assert_eq!(kept.get(&key(1), || Ok(9u8)).ok().as_deref(), Some(&9));
     }
 }

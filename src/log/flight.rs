@@ -1,16 +1,16 @@
 //! A log file and a channel map in; every signal as an SI series on the flight's time base, with
 //! its account, out.
 //!
-//! Time base: `t_s` is seconds since the earliest log time of any intact message of the file,
-//! computed in integer nanoseconds; one zero for all topics and signals of a flight, whichever time
-//! stamp a signal uses.
+//! Time base: `t_s` is seconds since the earliest log time of any intact message of the file, of
+//! those that are not more than a day before the others; computed in integer nanoseconds, one zero
+//! for all topics and signals of a flight, whichever time stamp a signal uses.
 
 use super::channel::Channel;
 use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::counts::Counts;
 use super::decode::{self, FieldInfo, Prepared, Reader};
 use super::file::LogFile;
-use super::series::{Account, Series};
+use super::series::{Account, DAY_NS, Series};
 use super::signal::Context;
 use super::{Note, agree};
 use crate::config::Doc;
@@ -74,7 +74,7 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     let log = LogFile::open(path)?;
     let (plans, remarks) = plan(&log, map, doc)?;
     let parts = decode_parts(&log, &plans)?;
-    let start_ns = parts.iter().filter_map(|p| p.earliest).min().unwrap_or(0);
+    let start_ns = start(&parts);
     let mut notes = log.notes.clone();
     notes.extend(damage_note(&log, &parts));
     notes.extend(count_notes(&log, &plans, &parts));
@@ -93,6 +93,20 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
         }
     }
     errors.or(FlightLog { name: log.name(), start_ns, signals: out, notes })
+}
+
+/// The earliest log time of a flight. What stands more than a day before the middle one was given by a
+/// clock that was wrong, and would put the whole flight a day late.
+fn start(parts: &[PartData]) -> u64 {
+    let earliest = parts.iter().filter_map(|part| part.earliest);
+    let topics = parts.iter().flat_map(|part| &part.topics);
+    let mut times: Vec<u64> = topics.flat_map(|topic| &topic.log).copied().collect();
+    let middle = times.len() / 2;
+    let first = match times.is_empty() {
+        true => 0,
+        false => times.select_nth_unstable(middle).1.saturating_sub(DAY_NS.unsigned_abs()),
+    };
+    earliest.chain(times).filter(|t| *t >= first).min().unwrap_or(0)
 }
 
 /// A signal of a flight; one that may be lacking, and is, has no sample, and a note says why.

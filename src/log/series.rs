@@ -88,7 +88,7 @@ pub(super) fn order(samples: &mut Vec<(i64, f64)>, account: &mut Account) {
 }
 
 /// No flight lasts longer, ns.
-const DAY_NS: i64 = 86_400_000_000_000;
+pub(super) const DAY_NS: i64 = 86_400_000_000_000;
 
 /// Drops samples whose stamps are more than a day from the middle one: a clock that was wrong for a
 /// message would make years of a flight.

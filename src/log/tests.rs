@@ -711,3 +711,17 @@ fn truth_the_hfb320_record_is_imported_unchanged() {
         }
     }
 }
+
+#[test]
+fn a_message_from_another_year_moves_no_other_sample() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let mut messages = regular(400);
+    messages[200].1 -= 365 * 86_400_000 * MS;
+    raw(&path, "json", &messages, 2000);
+    let flight = read(&path, &one_signal("log")).unwrap();
+    let x = &flight.signals["x"];
+    assert_eq!((flight.start_ns, x.account.dropped_times, x.account.count), (START, 1, 399));
+    assert!(x.series.t_s.iter().zip(&x.series.value).all(|(t, x)| (t * 100.0 - x).abs() < 1e-6));
+    assert!(texts(&flight).iter().any(|text| text.contains("more than a day")));
+}

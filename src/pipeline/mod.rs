@@ -4,6 +4,7 @@
 mod assess;
 mod mapped;
 mod memo;
+mod order;
 mod own;
 mod plan;
 mod provenance;

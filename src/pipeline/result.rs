@@ -5,8 +5,8 @@ use crate::stage::{Note, Severity, Stage, Unit};
 
 /// What a watcher of a run hears. Flights run in parallel, so units of one stage interleave.
 pub enum Event<'a> {
-    /// A stage begins with so many units to run.
-    Stage { stage: &'a Stage, to_run: usize },
+    /// A stage begins with so many units to run, those of some flights alone where they are named.
+    Stage { stage: &'a Stage, to_run: usize, flights: Option<&'a [String]> },
     /// So many steps of so many inside a unit are done.
     Step { unit: &'a Unit, done: usize, of: usize },
     /// What a unit is doing, in words.

@@ -1,15 +1,17 @@
-//! The run: a plan and an output folder come in; stale units are run in order of stages, in
-//! parallel over flights, where the engine says; tables go out.
+//! The run: a plan and an output folder come in; stale units are run, those of a few flights at a
+//! time and then those of the campaign stage by stage, in parallel, where the engine says; tables
+//! go out.
 
 use super::assess::{Assessment, Content, Contents, State, assess};
+use super::order;
 use super::own::{failure_note, own_tables};
 use super::plan::Plan;
 use super::provenance::Provenance;
 use super::result::{Event, RunResult, StageResult, Watch};
 use super::status::gone;
 use super::store::Store;
-use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep, place};
-use crate::engine::{self, Engine, Here, Kept, Key, Said};
+use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep};
+use crate::engine::{self, Engine, Here, Kept, Said};
 use crate::error::{Error, Errors, Result};
 use crate::stage::{NOTES, Output, Part, Read, STAGES_TABLE, Stage, Unit};
 use std::collections::{BTreeMap, BTreeSet};
@@ -68,18 +70,20 @@ pub fn run(plan: &Plan, store: &Store, engine: &dyn Engine, watch: Watch) -> Res
         engine,
         watch,
         contents: Contents::new(),
-        kept: Kept::default(),
+        kept: Kept::at_most(order::KEPT_BYTES),
         records: Vec::new(),
         result: RunResult::default(),
     };
     run.remove_what_is_gone()?;
     let stages = plan.campaign.stages;
-    for (i, stage) in stages.iter().enumerate() {
+    let (of_flights, of_campaign) = stages.split_at(order::of_flights(&plan.campaign, stages));
+    run.flights(of_flights)?;
+    for stage in of_campaign {
         if stage.reads_records {
             run.file_own_tables()?;
         }
-        run.stage(stage)?;
-        run.drop_tables(&stages[i + 1..]);
+        let taken = run.stage(stage, None)?;
+        run.settle(stage, taken);
     }
     run.sweep()?;
     store.put_memo()?;
@@ -88,29 +92,33 @@ pub fn run(plan: &Plan, store: &Store, engine: &dyn Engine, watch: Watch) -> Res
 }
 
 impl Run<'_> {
-    /// Forgets the tables that no later stage reads: signals are most of the memory.
-    fn drop_tables(&mut self, later: &[Stage]) {
-        let reads = |stage: &Stage| -> BTreeSet<String> {
-            let of = |unit: Unit| {
-                (stage.reads)(&self.plan.campaign, &unit).into_iter().map(|r| r.part.path(r.table))
-            };
-            (stage.units)(&self.plan.campaign).into_iter().flat_map(of).collect()
-        };
-        let place = |path: String| match self.contents.get(&path) {
-            Some(Content::Hash(hash)) => Some(place(&path, hash)),
-            _ => None,
-        };
-        let wanted: BTreeSet<Key> = later.iter().flat_map(reads).filter_map(place).collect();
-        self.kept.retain(|key| wanted.contains(key));
+    /// Takes the flights through the stages of their own, a few at a time. What came of it is told
+    /// stage by stage: in the same order however many go together.
+    fn flights(&mut self, stages: &'static [Stage]) -> Result<()> {
+        let mut taken: Vec<Vec<(Unit, Outcome)>> = stages.iter().map(|_| Vec::new()).collect();
+        for block in order::blocks(&self.plan.campaign, rayon::current_num_threads()) {
+            for (stage, taken) in stages.iter().zip(&mut taken) {
+                taken.extend(self.stage(stage, Some(block))?);
+            }
+        }
+        stages.iter().zip(taken).for_each(|(stage, taken)| self.settle(stage, taken));
+        Ok(())
     }
 
-    fn stage(&mut self, stage: &'static Stage) -> Result<()> {
-        let assessments = assess(self.plan, self.store, &self.contents, stage)?;
+    /// Runs the units of a stage, of these flights alone where there are some; what came of each.
+    fn stage(
+        &mut self,
+        stage: &'static Stage,
+        flights: Option<&[String]>,
+    ) -> Result<Vec<(Unit, Outcome)>> {
+        let mut units = (stage.units)(&self.plan.campaign);
+        units.retain(|unit| flights.is_none_or(|flights| flights.contains(&unit.name)));
+        let assessments = assess(self.plan, self.store, &self.contents, stage, units)?;
         if assessments.is_empty() {
-            return Ok(());
+            return Ok(Vec::new());
         }
         let to_run: Vec<&Assessment> = assessments.iter().filter(|a| self.is_run(a)).collect();
-        (self.watch)(Event::Stage { stage, to_run: to_run.len() });
+        (self.watch)(Event::Stage { stage, to_run: to_run.len(), flights });
         let owners = Owners::of(stage, &assessments);
         // What is taken away goes first: its place may be another unit's now.
         let mut outcomes: Vec<Option<Outcome>> = assessments
@@ -121,14 +129,32 @@ impl Run<'_> {
         let left = outcomes.iter_mut().filter(|outcome| outcome.is_none());
         left.zip(ran).for_each(|(outcome, ran)| *outcome = Some(ran));
         (self.watch)(Event::End);
+        let units = assessments.iter().map(|a| a.unit.clone());
+        let taken: Vec<(Unit, Outcome)> =
+            units.zip(outcomes).filter_map(|(unit, outcome)| Some((unit, outcome?))).collect();
+        taken.iter().for_each(|(_, outcome)| self.know(outcome));
+        Ok(taken)
+    }
+
+    /// Later stages find what a unit has made.
+    fn know(&mut self, outcome: &Outcome) {
+        if let Outcome::Fresh(record) | Outcome::Ran(record) = outcome {
+            let made = record.outputs.iter();
+            self.contents
+                .extend(made.map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))));
+        }
+    }
+
+    /// Files what became of the units of a stage in the run's result.
+    fn settle(&mut self, stage: &Stage, taken: Vec<(Unit, Outcome)>) {
+        if taken.is_empty() {
+            return;
+        }
         let mut counts = StageResult { name: stage.name, ran: 0, fresh: 0, failed: 0, blocked: 0 };
-        for (a, outcome) in assessments.iter().zip(outcomes) {
-            if let Some(outcome) = outcome {
-                self.take(stage, &a.unit, outcome, &mut counts);
-            }
+        for (unit, outcome) in taken {
+            self.take(stage, &unit, outcome, &mut counts);
         }
         self.result.stages.push(counts);
-        Ok(())
     }
 
     /// Whether a unit is run: it is neither blocked nor fresh.
@@ -242,9 +268,6 @@ impl Run<'_> {
     }
 
     fn keep(&mut self, record: Provenance) {
-        self.contents.extend(
-            record.outputs.iter().map(|(path, hash)| (path.clone(), Content::Hash(hash.clone()))),
-        );
         self.result.notes.extend(record.notes.iter().cloned());
         self.records.push(record);
     }

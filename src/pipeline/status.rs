@@ -49,7 +49,7 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
                 })),
             }
         }
-        let of_stage = assess(plan, store, &contents, stage)?;
+        let of_stage = assess(plan, store, &contents, stage, (stage.units)(&plan.campaign))?;
         for a in &of_stage {
             contents_after(stage, a, &mut contents);
             match (&mut fresh, &a.state, &a.record) {

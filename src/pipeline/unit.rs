@@ -4,7 +4,7 @@
 use super::plan::Plan;
 use crate::engine::{Blobs, Function, Kept, Key, Said, Source, decode, encode};
 use crate::error::{Error, Errors, Place, Result};
-use crate::stage::{self, Inputs, Note, Part, Unit};
+use crate::stage::{self, Inputs, Note, Only, Part, Unit};
 use crate::table::Table;
 use bytes::Bytes;
 use serde::de::Error as _;
@@ -62,7 +62,7 @@ impl Needed {
         place(&self.part.path(&self.table), &self.key)
     }
 
-    fn read(&self, folder: &Path) -> Result<Table> {
+    fn read(&self, folder: &Path, only: Only) -> Result<Table> {
         let path = folder.join(self.part.path(&self.table));
         let bytes = std::fs::read(&path)
             .map_err(|e| Error::new(format!("cannot read {}: {e}", path.display())))?;
@@ -71,7 +71,7 @@ impl Needed {
         }
         let flight = if let Part::Flight(id) = &self.part { Some(id.as_str()) } else { None };
         let place = Place::file(path.to_string_lossy());
-        Table::from_parquet(&self.table, bytes, flight)
+        Table::columns_of_parquet(&self.table, bytes, flight, only)
             .map_err(|e| Error { place: Some(place), ..e })
     }
 }
@@ -116,11 +116,25 @@ impl Function for UnitOfStage {
         let mut tables = BTreeMap::new();
         for needed in &item.tables {
             let name = crate::table::schema(&needed.table)?.name.as_str();
-            let table = source.kept.get(&needed.place(), || needed.read(work.folder))?;
-            tables.insert((name, needed.part.clone()), table);
+            tables.insert((name, needed.part.clone()), needed);
         }
+        let table = |name, part: &Part, only: Only| {
+            let needed = tables.get(&(name, part.clone()));
+            let needed = needed.ok_or_else(|| Error::new(format!("no {}", part.words(name))))?;
+            let read = || needed.read(work.folder, only);
+            match only {
+                // Each asks for columns of its own, and once.
+                Some(_) => read(),
+                None => Ok(Table::clone(&*source.kept.get_sized(
+                    &needed.place(),
+                    read,
+                    Table::bytes,
+                )?)),
+            }
+        };
         let inputs = Inputs {
-            tables,
+            parts: tables.keys().cloned().collect(),
+            table: &table,
             log,
             progress: &|done, of| (source.tell)(Said::Step(done, of)),
             tell: &|text| (source.tell)(Said::Words(text.to_string())),
@@ -244,5 +258,6 @@ impl<'de> Deserialize<'de> for Made {
 
 /// Keeps a table where a unit that reads it finds it.
 pub fn keep(kept: &Kept, path: &str, hash: &str, table: Table) {
-    kept.put(place(path, hash), Arc::new(table));
+    let bytes = table.bytes();
+    kept.put(place(path, hash), Arc::new(table), bytes);
 }

@@ -2,6 +2,7 @@
 //! never a failure of the page.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use crate::table::{self, Kind, Table};
 
@@ -10,7 +11,8 @@ use crate::table::{self, Kind, Table};
 pub struct Columns {
     rows: usize,
     numbers: BTreeMap<String, Vec<f64>>,
-    texts: BTreeMap<String, Vec<String>>,
+    /// Equal neighbours are one text: ids of flights repeat on every row.
+    texts: BTreeMap<String, Vec<Arc<str>>>,
     flags: BTreeMap<String, Vec<bool>>,
     units: BTreeMap<String, String>,
 }
@@ -20,11 +22,21 @@ fn no_dash(unit: &str) -> &str {
     if unit == "-" { "" } else { unit }
 }
 
+/// Texts, of which equal neighbours are one.
+fn shared(texts: &[&str]) -> Vec<Arc<str>> {
+    let mut all: Vec<Arc<str>> = Vec::with_capacity(texts.len());
+    for text in texts {
+        let one = all.last().filter(|last| &***last == *text).cloned();
+        all.push(one.unwrap_or_else(|| Arc::from(*text)));
+    }
+    all
+}
+
 /// The values of one column.
 #[derive(Debug, Clone)]
 enum Column {
     Number(Vec<f64>),
-    Text(Vec<String>),
+    Text(Vec<Arc<str>>),
     Flag(Vec<bool>),
 }
 
@@ -41,9 +53,7 @@ impl Columns {
                     )
                 }),
                 Kind::Bool => table.bools(name).map(Column::Flag),
-                Kind::String => table
-                    .strings(name)
-                    .map(|v| Column::Text(v.into_iter().map(String::from).collect())),
+                Kind::String => table.strings(name).map(|v| Column::Text(shared(&v))),
             };
             // "SI" says that another column names the unit.
             let unit = if column.unit == "SI" { "" } else { no_dash(&column.unit) };
@@ -98,7 +108,7 @@ impl Columns {
     /// numbered).
     pub fn text(&self, name: &str, row: usize) -> String {
         if let Some(text) = self.texts.get(name).and_then(|v| v.get(row)) {
-            return text.clone();
+            return text.to_string();
         }
         match self.numbers.get(name).and_then(|v| v.get(row)) {
             Some(v) if v.is_finite() => format!("{v}"),

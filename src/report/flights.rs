@@ -111,6 +111,11 @@ pub struct Overview {
 /// Signals of the overview: the first name of a row that is in `flightpath` or `samples` is drawn.
 const OVERVIEW: [&[&str]; 3] =
     [&["V", "tas", "V_t", "airspeed"], &["h", "altitude"], &["alpha", "alpha_vane", "alpha_v"]];
+/// The columns that the overview looks for.
+pub fn overview_columns() -> impl Iterator<Item = &'static str> {
+    OVERVIEW.into_iter().flatten().copied()
+}
+
 /// Samples drawn per trace, at most about.
 const LIMIT: usize = 2400;
 

@@ -43,6 +43,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 pub use checks::Check;
 pub use columns::Columns;
+pub use flights::overview_columns;
 pub use grid::{Cell, Grid, Level};
 pub use section::{Body, Given, ReportInput, Section};
 

@@ -7,9 +7,8 @@ use crate::error::{Error, Result};
 use crate::table::Table;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::Arc;
 
 /// A part of a table: one file of the dataset.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -39,10 +38,16 @@ impl Part {
     }
 }
 
+/// The columns that are wanted besides those of a table's schema; all of them without a choice.
+pub type Only<'a> = Option<&'a [String]>;
+
 /// What a unit of a stage is given.
 pub struct Inputs<'a> {
-    /// Tables by name and part, as far as they exist.
-    pub tables: BTreeMap<(&'static str, Part), Arc<Table>>,
+    /// Which parts of which tables there are.
+    pub parts: BTreeSet<(&'static str, Part)>,
+    /// Brings one of them. A stage asks when it needs one and lets it go when it is done: not all
+    /// flights of a campaign fit into memory at once.
+    pub table: &'a (dyn Fn(&'static str, &Part, Only) -> Result<Table> + Sync),
     /// The flight's log, for a stage that reads it.
     pub log: Option<&'a Path>,
     /// Reports work done to whoever watches: so many steps done of so many.
@@ -59,27 +64,46 @@ impl Inputs<'_> {
     /// This flight's part of a table.
     ///
     /// # Errors
-    /// It is not among the unit's inputs.
-    pub fn of(&self, table: &'static str, flight: &str) -> Result<&Table> {
-        self.get(table, Part::Flight(flight.to_string())).ok_or_else(|| {
+    /// It is not among the unit's inputs, or cannot be read.
+    pub fn of(&self, table: &'static str, flight: &str) -> Result<Table> {
+        self.flight(table, flight)?.ok_or_else(|| {
             Error::new(format!("there is no table `{table}` of flight {flight}"))
                 .help("run the pipeline again")
         })
     }
 
     /// This flight's part of a table, if there is one.
-    pub fn flight(&self, table: &'static str, flight: &str) -> Option<&Table> {
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn flight(&self, table: &'static str, flight: &str) -> Result<Option<Table>> {
         self.get(table, Part::Flight(flight.to_string()))
     }
 
     /// One part of a table, if there is one.
-    pub fn get(&self, table: &'static str, part: Part) -> Option<&Table> {
-        self.tables.get(&(table, part)).map(|t| &**t)
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn get(&self, table: &'static str, part: Part) -> Result<Option<Table>> {
+        let wanted = (table, part);
+        self.parts.contains(&wanted).then(|| (self.table)(table, &wanted.1, None)).transpose()
     }
 
     /// All parts of a table that exist, in order.
-    pub fn all(&self, table: &'static str) -> Vec<&Table> {
-        self.tables.iter().filter(|((name, _), _)| *name == table).map(|(_, t)| &**t).collect()
+    ///
+    /// # Errors
+    /// One cannot be read.
+    pub fn all(&self, table: &'static str) -> Result<Vec<Table>> {
+        self.all_with(table, None)
+    }
+
+    /// The same, with these columns alone besides those of the schema.
+    ///
+    /// # Errors
+    /// One cannot be read.
+    pub fn all_with(&self, table: &'static str, only: Only) -> Result<Vec<Table>> {
+        let parts = self.parts.iter().filter(|(name, _)| *name == table);
+        parts.map(|(_, part)| (self.table)(table, part, only)).collect()
     }
 }
 

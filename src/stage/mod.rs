@@ -26,7 +26,7 @@ pub mod segment;
 pub mod validate;
 
 pub use channels::Channels;
-pub use inputs::{Inputs, Output, Part};
+pub use inputs::{Inputs, Only, Output, Part};
 pub use kind::{Campaign, Check, Known, Named, Read, Stage, Unit, code};
 pub use notes::{NOTES, Note, STAGES_TABLE, Severity, notes_table};
 pub use told::{Key, Told};

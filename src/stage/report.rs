@@ -3,7 +3,7 @@
 use super::{
     Campaign, Inputs, Key, NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit,
 };
-use crate::error::Errors;
+use crate::error::{Error, Errors};
 use crate::report::{self, ReportInput, Section};
 use crate::table::Table;
 use schemars::JsonSchema;
@@ -80,8 +80,13 @@ fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
 
 fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let mut tables = BTreeMap::new();
+    let drawn = drawn(campaign, inputs)?;
     for name in report::tables(&sections(campaign)) {
-        let parts: Vec<Table> = inputs.all(name).into_iter().cloned().collect();
+        // Histories of whole flights are most of what there is: only what is drawn of them is read.
+        let parts = match ["samples", "flightpath"].contains(&name) {
+            true => inputs.all_with(name, Some(&drawn))?,
+            false => inputs.all(name)?,
+        };
         if !parts.is_empty() {
             tables.insert(name.to_string(), Table::concat(name, &parts)?);
         }
@@ -106,6 +111,25 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
         files: vec![("report/index.html".to_string(), report.page.into_bytes())],
         notes,
     })
+}
+
+/// Columns of flights' histories that the page draws, or of which it tells the unit.
+fn drawn(campaign: &Campaign, inputs: &Inputs) -> Result<Vec<String>, Error> {
+    let mut names: Vec<String> = report::overview_columns().map(String::from).collect();
+    names.extend(inputs_of_models(campaign).into_values().flatten());
+    for (input, signal) in searched(campaign) {
+        names.extend([input, signal]);
+    }
+    for segments in inputs.all("segments")? {
+        names.extend(segments.strings("input")?.into_iter().map(String::from));
+    }
+    for gaps in inputs.all("gaps")? {
+        let by = gaps.strings("by")?.into_iter();
+        names.extend(by.map(|by| by.strip_prefix("modelled ").unwrap_or(by).to_string()));
+    }
+    names.sort();
+    names.dedup();
+    Ok(names)
 }
 
 /// What the page calls a problem, for the screen and the exit code.

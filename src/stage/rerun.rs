@@ -71,14 +71,14 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
     let Some((place, base)) = parts(campaign, unit) else { return Ok(Output::default()) };
-    let Some(table) = inputs.get("next_models", Part::Number(place)) else {
+    let Some(table) = inputs.get("next_models", Part::Number(place))? else {
         return Ok(Output::default());
     };
     let Some(added) = table.strings("added")?.first().map(ToString::to_string) else {
         return Ok(Output::default());
     };
     let mut config = amended(base, &unit.name, &added, is_predicted(campaign, place))?;
-    if let Some(shifts) = inputs.get("shifts", Part::Number(place)) {
+    if let Some(shifts) = inputs.get("shifts", Part::Number(place))? {
         // The diagnosis has a fit with what was added: thresholds and delays are far from anything
         // the model's own starts fit.
         let found = shifts.strings("parameter")?.into_iter().zip(shifts.f64("after")?);
@@ -95,12 +95,12 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         // failure of the campaign.
         note.severity = note.severity.min(Severity::Warning);
     }
-    if let Some(additions) = inputs.get("additions", Part::Number(place)) {
+    if let Some(additions) = inputs.get("additions", Part::Number(place))? {
         let again =
             output.tables.iter().find(|(name, _)| *name == "estimates").map(|(_, table)| table);
         let values = recommended::values(
             table.strings("diagnosis")?.first().copied().unwrap_or_default(),
-            additions,
+            &additions,
             again,
         )?;
         output.tables.push(("recommended", values));

@@ -47,6 +47,11 @@ impl Table {
         Builder::new(name)
     }
 
+    /// Memory that its columns take.
+    pub fn bytes(&self) -> usize {
+        self.batch.get_array_memory_size()
+    }
+
     /// The table `name` without rows (and without dynamic columns).
     ///
     /// # Errors

@@ -6,9 +6,11 @@
 
 use std::sync::Arc;
 
+use arrow_array::RecordBatchReader;
 use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch};
 use arrow_schema::{DataType, Field};
 use parquet::arrow::ArrowWriter;
+use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::file::metadata::KeyValue;
@@ -86,6 +88,19 @@ impl Table {
     /// # Errors
     /// The bytes are no Parquet file, or not one of the table `name`.
     pub fn from_parquet(name: &str, bytes: Vec<u8>, flight: Option<&str>) -> Result<Table> {
+        Table::columns_of_parquet(name, bytes, flight, None)
+    }
+
+    /// The same with these alone of the columns that the schema does not have; all without a choice.
+    ///
+    /// # Errors
+    /// As `from_parquet`. A column that is not there is left out.
+    pub fn columns_of_parquet(
+        name: &str,
+        bytes: Vec<u8>,
+        flight: Option<&str>,
+        only: Option<&[String]>,
+    ) -> Result<Table> {
         let schema = schema(name)?;
         let fail = |e: &dyn std::fmt::Display| {
             Error::new(format!("this is no readable file of the table \"{name}\": {e}"))
@@ -93,8 +108,17 @@ impl Table {
         };
         let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes))
             .map_err(|e| fail(&e))?;
-        let file_schema = reader.schema().clone();
+        let reader = match only {
+            Some(only) => {
+                let own = schema.columns.iter().map(|column| column.name.as_str());
+                let names = own.chain(only.iter().map(String::as_str));
+                let mask = ProjectionMask::columns(reader.parquet_schema(), names);
+                reader.with_projection(mask)
+            }
+            None => reader,
+        };
         let batches = reader.with_batch_size(ROW_GROUP).build().map_err(|e| fail(&e))?;
+        let file_schema = batches.schema();
         let batches = batches.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
         let batch =
             arrow_select::concat::concat_batches(&file_schema, &batches).map_err(|e| fail(&e))?;

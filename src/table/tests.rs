@@ -500,3 +500,23 @@ mod campaign_level {
         assert!(counts::<Table>("segments", &[], &["kind"]).unwrap().is_empty());
     }
 }
+
+#[test]
+fn a_choice_of_columns_is_read_as_all_of_them_are() {
+    let table = Table::build("samples")
+        .repeat("flight", "one")
+        .f64("t_s", vec![0.0, 0.1])
+        .dynamic("V", "m/s", "airspeed", vec![80.0, f64::NAN])
+        .dynamic("h", "m", "altitude", vec![1.0, 2.0])
+        .finish()
+        .expect("a table");
+    let bytes = table.to_parquet().expect("bytes");
+    let only = ["h".to_string(), "not there".to_string()];
+    let some = Table::columns_of_parquet("samples", bytes.clone(), Some("one"), Some(&only));
+    let some = some.expect("two of its columns");
+    let all = Table::from_parquet("samples", bytes, Some("one")).expect("all of them");
+    assert!(all.has("V") && !some.has("V") && some.rows() == 2);
+    assert_eq!(some.column("h").ok(), all.column("h").ok());
+    assert_eq!(some.f64("h").ok(), all.f64("h").ok());
+    assert_eq!(some.strings("flight").ok(), all.strings("flight").ok());
+}

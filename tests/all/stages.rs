@@ -36,7 +36,8 @@ const TOY: Stage = Stage {
     reads: |_, unit| Read::flight(&["samples"], &unit.name),
     slice: |_, _| json!({ "what": "length" }),
     run: |_, unit, inputs| {
-        let t = inputs.of("samples", &unit.name)?.f64("t_s")?;
+        let samples = inputs.of("samples", &unit.name)?;
+        let t = samples.f64("t_s")?;
         let (begin, end) = (t[0], t[t.len() - 1]);
         let table = Table::build("biases")
             .strings("flight", [&unit.name])

@@ -157,6 +157,7 @@ fn candidate<'a>(
         separate: binding.prose(&file.separate),
         family: file.family,
         series: file.series,
+        form: file.form.clone(),
         noise: file.noise,
         model,
         added,
@@ -241,8 +242,18 @@ impl<'a> Binding<'a> {
         middles.get(&b.text).or(middles.get(&b.ident)).copied().unwrap_or(0.0)
     }
 
+    /// The middle of the range of what is bound to `key`, or the number that stands in for it.
+    fn usual(&self, key: &str) -> f64 {
+        let stand_in = match self.effect.file.bind.get(key) {
+            Some(Bind::Or(with)) => with.or,
+            _ => 1.0,
+        };
+        Some(self.middle(key)).filter(|v| *v > 0.0).unwrap_or(stand_in)
+    }
+
     fn added(&self, key: &str, size: &Size) -> Added {
-        let scale = size.of.as_ref().map_or(1.0, |of| self.size(of));
+        let scale = size.of.as_ref().map_or(1.0, |of| self.size(of))
+            / size.over.as_ref().map_or(1.0, |over| self.usual(over));
         let middle = size.about.as_ref().map_or(0.0, |of| self.middle(of));
         let check = size.near.as_ref().and_then(|near| {
             let constant = roles::find(&near.role, self.base, self.context).into_iter().next()?;

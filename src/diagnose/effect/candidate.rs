@@ -39,6 +39,8 @@ pub struct Candidate {
     pub noise: bool,
     /// A term of a series.
     pub series: bool,
+    /// The cause that it is a form of.
+    pub form: Option<String>,
     /// The base model with the effect: same inputs and outputs, the parameters of the effect behind
     /// its own, sizes at null, shapes at their first start, none fixed.
     pub model: Model,
@@ -48,6 +50,12 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Whether it is another form of the same cause, of the same thing: only one of them can be true.
+    pub fn is_form_of(&self, other: &Candidate) -> bool {
+        let thing = |c: &Candidate| c.name.split_once(':').map(|(_, bound)| bound.to_string());
+        self.form.is_some() && self.form == other.form && thing(self) == thing(other)
+    }
+
     /// How many rows of starts the shapes have, or of steps the sizes; 1 without both.
     pub fn rows(&self) -> usize {
         self.added.iter().map(|a| a.starts.len().max(a.steps.len())).max().unwrap_or(0).max(1)

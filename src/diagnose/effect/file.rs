@@ -29,6 +29,10 @@ pub struct EffectFile {
     /// It is a term of a series, which names no cause: an effect that does and explains as much is told first.
     #[serde(default)]
     pub series: bool,
+    /// Effects with the same word here are forms of one cause (a delay of constant time, of constant
+    /// distance, a lag): once one is in a model, the others are not added for the same thing.
+    #[serde(default)]
+    pub form: Option<String>,
     /// It takes noise out of a record. No filter takes out all of it and nothing else, and what it mistakes goes with
     /// what it takes out: gains on held-out maneuvers are less than predicted, and scatter more.
     #[serde(default)]
@@ -165,6 +169,9 @@ pub struct Size {
     /// Starts are counted from the middle of the range of what is bound to this name; known better
     /// than that range, it is determined.
     pub about: Option<String>,
+    /// Starts, bounds and typical value are divided by the middle of the range of what is bound to
+    /// this name: the time of a distance at the airspeed flown.
+    pub over: Option<String>,
     /// Physical bounds.
     pub min: Option<f64>,
     pub max: Option<f64>,
@@ -342,8 +349,9 @@ fn check_sizes(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
         {
             wrong("null, hold, steps and starts lie within the bounds");
         }
-        if size.of.iter().chain(&size.about).any(|of| !file.bind.contains_key(of)) {
-            wrong("`of` and `about` are names of something bound");
+        if size.of.iter().chain(&size.about).chain(&size.over).any(|of| !file.bind.contains_key(of))
+        {
+            wrong("`of`, `about` and `over` are names of something bound");
         }
         if size.near.as_ref().is_some_and(|near| !roles::exists(&near.role)) {
             wrong("`near` is a role of a constant");

@@ -204,7 +204,7 @@ impl Search<'_> {
     /// Adds what has most evidence until nothing has.
     fn forward(&mut self, base: &Found) -> Result<(), Errors> {
         while self.links.len() < self.subject.settings.effects {
-            let Some((stand, _)) = self.chained(&self.links)? else { return Ok(()) };
+            let Some((stand, added)) = self.chained(&self.links)? else { return Ok(()) };
             let made = self.with(&stand, base)?;
             if made.is_none() && !self.links.is_empty() {
                 return Ok(());
@@ -215,7 +215,8 @@ impl Search<'_> {
                 self.out.skipped = skipped;
             }
             candidates.retain(|c| {
-                !self.dropped.contains(&c.name) && self.links.iter().all(|l| l.name != c.name)
+                let new = self.links.iter().all(|l| l.name != c.name);
+                new && !self.dropped.contains(&c.name) && !added.iter().any(|a| c.is_form_of(a))
             });
             let number = self.out.rounds.len() + 1;
             let round = self.round(&stand, found, (&candidates, 0.0, None))?;

@@ -67,7 +67,8 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = all(campaign).get(unit.index) else { return Ok(Output::default()) };
     let get = |table| inputs.get(table, Part::Number(config.estimate));
-    let tables = [get("estimates"), get("correlations"), get("budget")];
+    let tables = [get("estimates")?, get("correlations")?, get("budget")?];
+    let tables = tables.each_ref().map(Option::as_ref);
     let mut groups: Vec<&str> = Vec::new();
     if let [Some(estimates), ..] = tables {
         groups = estimates.strings("group")?;

@@ -55,7 +55,8 @@ pub struct Column {
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let config = &campaign.derive;
     let signals = inputs.of("signals", &unit.name)?;
-    let path = inputs.flight("flightpath", &unit.name);
+    let path = inputs.flight("flightpath", &unit.name)?;
+    let (signals, path) = (&signals, path.as_ref());
     let series = super::series(signals)?;
     let dt = 1.0 / config.settings.rate_hz;
     let first =

@@ -57,11 +57,12 @@ fn of_flight<'a>(
     (tally, notes): (&mut Tally<'a>, &mut Vec<Note>),
 ) -> Result<Vec<Ready>> {
     let (Some(samples), Some(signals)) =
-        (inputs.flight("samples", flight), inputs.flight("signals", flight))
+        (inputs.flight("samples", flight)?, inputs.flight("signals", flight)?)
     else {
         tally.empty(flight);
         return Ok(Vec::new());
     };
+    let (samples, signals) = (&samples, &signals);
     let t = samples.f64("t_s")?;
     if t.len() < 2 {
         tally.empty(flight);
@@ -73,7 +74,8 @@ fn of_flight<'a>(
         .into_iter()
         .chain(config.outputs.iter().map(|s| s.measured.clone()))
         .collect();
-    let conditions = inputs.flight("conditions", flight);
+    let conditions = inputs.flight("conditions", flight)?;
+    let conditions = conditions.as_ref();
     let mut ready = Vec::new();
     for stretch in stretches(config, flight, (inputs, samples), (tally, notes))? {
         let segment = stretch.names.first().cloned().unwrap_or_default();
@@ -179,9 +181,9 @@ fn stretches(
 ) -> Result<Vec<Stretch>> {
     let (settings, t) = (&config.settings, samples.f64("t_s")?);
     if let Some(input) = &settings.input {
-        let Some(segments) = inputs.flight("segments", flight) else { return Ok(Vec::new()) };
+        let Some(segments) = inputs.flight("segments", flight)? else { return Ok(Vec::new()) };
         segments.strings("segment")?.iter().for_each(|name| tally.meet(name));
-        return stretches::maneuvers(settings, input, (flight, t.len()), segments);
+        return stretches::maneuvers(settings, input, (flight, t.len()), &segments);
     }
     // A column that is not there is said where a record is made.
     let columns = config.columns();

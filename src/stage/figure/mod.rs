@@ -77,8 +77,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let (mut figure, mut notes) = (Figure::default(), Vec::new());
     for series in &settings.series {
         let parts = tables(campaign, settings).into_iter().find(|name| *name == series.table);
-        let parts: Vec<Table> =
-            parts.map(|name| inputs.all(name).into_iter().cloned().collect()).unwrap_or_default();
+        let parts = parts.map(|name| inputs.all(name)).transpose()?.unwrap_or_default();
         let before = figure.drawn.len();
         if !parts.is_empty() {
             let table = Table::concat(&series.table, &parts)?;
@@ -144,7 +143,7 @@ struct Span {
 impl Span {
     /// That of a maneuver; none where there is none of this name.
     fn of(segment: &str, inputs: &Inputs) -> Result<Option<Span>> {
-        for table in inputs.all(SEGMENTS) {
+        for table in inputs.all(SEGMENTS)? {
             let Some(row) = table.strings("segment")?.iter().position(|s| *s == segment) else {
                 continue;
             };

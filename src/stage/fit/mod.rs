@@ -66,22 +66,22 @@ impl Line<'_> {
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = campaign.fits.get(unit.index) else { return Ok(Output::default()) };
     let settings = &config.settings;
-    let Some(estimates) = inputs.get("estimates", Part::Number(config.estimate)) else {
+    let Some(estimates) = inputs.get("estimates", Part::Number(config.estimate))? else {
         return Ok(Output::default());
     };
-    let (segments, conditions) = (inputs.all("segments"), inputs.all("conditions"));
-    let known = inputs.get("correlations", Part::Number(config.estimate));
-    let known = known.map(Known::read).transpose()?.unwrap_or_default();
+    let (segments, conditions) = (inputs.all("segments")?, inputs.all("conditions")?);
+    let known = inputs.get("correlations", Part::Number(config.estimate))?;
+    let known = known.as_ref().map(Known::read).transpose()?.unwrap_or_default();
+    let budget = inputs.get("budget", Part::Number(config.estimate))?;
     let mut lines = Vec::new();
     let mut notes = Vec::new();
     for (parameter, unit) in settings.parameters.iter().zip(&config.units) {
         let wanted =
             campaign::Line { model: &settings.estimate, parameter, against: &settings.against };
-        let found = campaign::points(&[estimates], &segments, &conditions, wanted)?;
+        let found =
+            campaign::points(std::slice::from_ref(&estimates), &segments, &conditions, wanted)?;
         let mut line = line(config, parameter, unit, found.table, &known)?;
-        if let (Ok(fit), Some(budget)) =
-            (&line.fit, inputs.get("budget", Part::Number(config.estimate)))
-        {
+        if let (Ok(fit), Some(budget)) = (&line.fit, &budget) {
             line.assumed = assumed(budget, &line, fit)?;
         }
         notes.extend(note(config, &line, &found.left_out));

@@ -31,7 +31,8 @@ fn slice(campaign: &Campaign, _: &Unit) -> Value {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
     let Some(config) = &campaign.reconstruct else { return Ok(Output::default()) };
-    let signals = super::series(inputs.of("signals", &unit.name)?)?;
+    let signals = inputs.of("signals", &unit.name)?;
+    let signals = super::series(&signals)?;
     let path = reconstruct::reconstruct(
         &config.model,
         |name| signals.get(name).copied(),

@@ -182,7 +182,8 @@ fn validated(
 ) -> std::result::Result<std::result::Result<Validated, String>, Errors> {
     let labels = &one.labelled.labels;
     let label = |name: &str| labels.get(name).cloned().unwrap_or_default();
-    let conditions = ready::held(inputs.flight("conditions", &one.flight), &one.segment)?;
+    let conditions = inputs.flight("conditions", &one.flight)?;
+    let conditions = ready::held(conditions.as_ref(), &one.segment)?;
     let along = along(config, &one.labelled);
     let maneuver = Maneuver { flight: &one.flight, labels, conditions, along };
     let (input, kind) = (label("input"), label("kind"));
@@ -243,7 +244,7 @@ fn with_bands(config: &Config, segment: &Segment) -> Segment {
 
 /// By output, the root of the estimate's `R`: that of the mean square of its residuals.
 fn scatter(config: &Config, inputs: &Inputs) -> Result<BTreeMap<String, f64>> {
-    let Some(table) = inputs.get("residuals", Part::Number(config.estimate)) else {
+    let Some(table) = inputs.get("residuals", Part::Number(config.estimate))? else {
         return Ok(BTreeMap::new());
     };
     let (names, n, rms) = (table.strings("output")?, table.i64("n")?, table.f64("rms")?);

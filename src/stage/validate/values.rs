@@ -58,8 +58,9 @@ pub fn values(
     inputs: &Inputs,
     maneuver: &Maneuver,
 ) -> Result<std::result::Result<Values, String>> {
-    let estimates = inputs.get("estimates", inputs::Part::Number(config.estimate));
-    let correlations = inputs.get("correlations", inputs::Part::Number(config.estimate));
+    let estimates = inputs.get("estimates", inputs::Part::Number(config.estimate))?;
+    let correlations = inputs.get("correlations", inputs::Part::Number(config.estimate))?;
+    let (estimates, correlations) = (estimates.as_ref(), correlations.as_ref());
     let mut found = Values::default();
     let mut numbers: Vec<Number> = Vec::new();
     let mut slopes: Vec<[f64; 2]> = Vec::new();
@@ -73,8 +74,8 @@ pub fn values(
             },
             Source::Line { fit, parameter, part } => {
                 let against = &campaign.fits[*fit].settings.against;
-                let at = inputs.get("fits", inputs::Part::Number(*fit));
-                let line = match at {
+                let at = inputs.get("fits", inputs::Part::Number(*fit))?;
+                let line = match &at {
                     Some(table) => Line::read(table, parameter)?,
                     None => Err(format!("there is no line of {parameter}")),
                 };
@@ -230,9 +231,10 @@ fn covariance(
                 (Owner::Line(fit, row), Owner::Line(other, same))
                     if (fit, row) == (other, same) =>
                 {
-                    let table = inputs.get("fits", inputs::Part::Number(fit));
+                    let table = inputs.get("fits", inputs::Part::Number(fit))?;
                     let Source::Line { parameter, .. } = &config.sources[i].1 else { continue };
-                    let line = table.map(|table| Line::read(table, parameter)).transpose()?;
+                    let line =
+                        table.as_ref().map(|table| Line::read(table, parameter)).transpose()?;
                     line.and_then(std::result::Result::ok)
                         .map_or(0.0, |line| line.between(weights[i], weights[j]))
                 }
@@ -256,7 +258,7 @@ fn covariance(
 fn lines(fit: usize, inputs: &Inputs, of: [(&Source, [f64; 2]); 2]) -> Result<f64> {
     let number = inputs::Part::Number(fit);
     let (Some(fits), Some(table)) =
-        (inputs.get("fits", number.clone()), inputs.get("line_correlations", number))
+        (inputs.get("fits", number.clone())?, inputs.get("line_correlations", number)?)
     else {
         return Ok(0.0);
     };
@@ -264,7 +266,7 @@ fn lines(fit: usize, inputs: &Inputs, of: [(&Source, [f64; 2]); 2]) -> Result<f6
     else {
         return Ok(0.0);
     };
-    let (Ok(one), Ok(other)) = (Line::read(fits, a)?, Line::read(fits, b)?) else {
+    let (Ok(one), Ok(other)) = (Line::read(&fits, a)?, Line::read(&fits, b)?) else {
         return Ok(0.0);
     };
     let names = ["parameter", "term", "other", "other_term"];
