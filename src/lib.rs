@@ -7,6 +7,7 @@
 //! | floor | what it does |
 //! |---|---|
 //! | `error` | the one error type: where, what was wanted, what was there, what to do |
+//! | `guard` | what may be written over: no input, and without `--force` nothing that is not ours |
 //! | `units` | unit strings, dimensions, conversions to SI |
 //! | `config` | TOML files with positions, checked against the schema of their settings struct, all errors at once |
 //! | `math` | small linear algebra, distributions |
@@ -124,6 +125,7 @@ mod units;
 
 mod design;
 mod fit;
+mod guard;
 mod least_squares;
 mod noise;
 mod segment;

@@ -46,7 +46,7 @@ pub enum Verb {
         #[arg(long, default_value = "campaign")]
         out: PathBuf,
     },
-    /// Turn text columns into an MCAP log, as a small description file says
+    /// Turn text columns, MAT files, Parquet or ULog into MCAP logs, as a small description file says
     #[command(after_help = text::IMPORT)]
     Import {
         /// The description file
@@ -54,6 +54,9 @@ pub enum Verb {
         /// The log to write, if another than the description says
         #[arg(long)]
         out: Option<PathBuf>,
+        /// Write over files that are no logs written by koehler (never over an input)
+        #[arg(long)]
+        force: bool,
     },
     /// Simulate a campaign into MCAP logs
     #[command(after_help = text::SIMULATE)]
@@ -79,6 +82,9 @@ pub enum Verb {
         /// Number of threads; the table is the same bytes for any number [default: one per core]
         #[arg(long, value_name = "N")]
         jobs: Option<usize>,
+        /// Take an output folder that has files of others
+        #[arg(long)]
+        force: bool,
     },
     /// Print the JSON Schema of a configuration file, or write all of them, for editors
     #[command(after_help = text::SCHEMA)]
@@ -88,6 +94,9 @@ pub enum Verb {
         /// Folder to write all schemas to
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Write over files that are not these schemas
+        #[arg(long)]
+        force: bool,
     },
 }
 
@@ -113,6 +122,9 @@ pub struct RunArgs {
     /// Tell what would be run and why, and run nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Take an output folder that has files of others: those of the names of results are removed
+    #[arg(long)]
+    pub force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -134,4 +146,7 @@ pub struct DiagnoseArgs {
     /// What does the work, for programs that bring engines of their own
     #[arg(long, value_name = "NAME", hide = true)]
     pub engine: Option<String>,
+    /// Take an output folder that has files of others: those of the names of results are removed
+    #[arg(long)]
+    pub force: bool,
 }

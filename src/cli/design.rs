@@ -6,14 +6,21 @@ use super::summary::count;
 use super::words::{End, on_threads, print_errors, say};
 use crate::design::{self, Judged, Outcome, Results, Study};
 use crate::error::Errors;
+use crate::guard;
 use crate::table::{write_atomic, write_part};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 /// `koehler design`
-pub fn design(study: &Path, out: Option<PathBuf>, jobs: Option<usize>) -> Result<End, Errors> {
+pub fn design(
+    study: &Path,
+    out: Option<PathBuf>,
+    jobs: Option<usize>,
+    force: bool,
+) -> Result<End, Errors> {
     let out = out_folder(&PipelineArgs { pipeline: study.to_path_buf(), out });
+    guard::folder(&out, force)?;
     let study = Study::load(study)?;
     let bar = std::io::stderr().is_terminal().then(bar);
     let watch = |done: usize, of: usize| {
@@ -26,6 +33,7 @@ pub fn design(study: &Path, out: Option<PathBuf>, jobs: Option<usize>) -> Result
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
+    guard::mark(&out)?;
     let path = write_part(&out, &design::designs(&results)?, None, 0)?;
     let page = out.join("figures.html");
     write_atomic(&page, design::page(&study, &results)?.as_bytes())?;

@@ -16,7 +16,7 @@ use crate::table::Table;
 /// `koehler diagnose`
 pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result<End, Errors> {
     let out = out_folder(&args.files);
-    let store = Store::open(&out);
+    let store = Store::claim(&out, args.force)?;
     let read = || Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store));
     let (plan, mut end) = planned(read, args.jobs, engine)?;
     if diagnose::all(&plan.campaign).is_empty() {

@@ -60,16 +60,18 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
         Verb::Check { pipeline } => run::check(&pipeline),
         Verb::Inspect { log } => shown(&log::inspect::run(&log)?),
         Verb::Init { logs, out } => shown(&log::starter::run(&logs, &out)?),
-        Verb::Import { description, out } => {
-            let done: Vec<String> = log::import::run(&description, out.as_deref())?
-                .iter()
-                .map(|one| one.to_string())
-                .collect();
-            shown(&done.join("\n"))
+        Verb::Import { description, out, force } => {
+            let done = log::import::run(&description, out.as_deref(), force)?;
+            for one in &done {
+                let note = |note: &String| eprintln!("note: {}: {note}", one.input.display());
+                one.notes.iter().for_each(note);
+            }
+            let lines: Vec<String> = done.iter().map(|one| one.to_string()).collect();
+            shown(&lines.join("\n"))
         }
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),
-        Verb::Design { study, out, jobs } => design::design(&study, out, jobs),
-        Verb::Schema { file, out } => schema::schema(file.as_deref(), out.as_deref()),
+        Verb::Design { study, out, jobs, force } => design::design(&study, out, jobs, force),
+        Verb::Schema { file, out, force } => schema::schema(file.as_deref(), out.as_deref(), force),
     }
 }
 

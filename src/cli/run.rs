@@ -84,7 +84,7 @@ pub(super) fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
 pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
     let begin = Instant::now();
     let out = out_folder(&args.files);
-    let store = Store::open(&out);
+    let store = Store::claim(&out, args.force)?;
     let read = || Plan::read_with(&args.files.pipeline, |settings| settings.keep(&store));
     let (plan, end) = planned(read, args.jobs, engine)?;
     let _lock = store.lock()?;
@@ -205,7 +205,8 @@ pub(super) fn planned(
     for source in &plan.sources {
         say(&format!("{}: its results are taken", source.pipeline.display()));
         let files = PipelineArgs { pipeline: source.pipeline.clone(), out: None };
-        end = end.max(run(&RunArgs { files, jobs, engine: None, dry_run: false }, engine)?);
+        let args = RunArgs { files, jobs, engine: None, dry_run: false, force: false };
+        end = end.max(run(&args, engine)?);
         say("");
     }
     let plan = read()?;

@@ -4,6 +4,7 @@
 use super::words::{End, say};
 use crate::config::schema_text;
 use crate::error::{Error, Errors};
+use crate::guard;
 use crate::stage::validate;
 use crate::{design, diagnose, log, model, pipeline, simulate, table};
 use std::path::Path;
@@ -24,7 +25,7 @@ fn schemas() -> Vec<(&'static str, String)> {
 }
 
 /// `koehler schema`
-pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
+pub fn schema(file: Option<&str>, out: Option<&Path>, force: bool) -> Result<End, Errors> {
     let schemas = schemas();
     let names: Vec<&str> = schemas.iter().map(|(name, _)| *name).collect();
     let chosen: Vec<&(&str, String)> =
@@ -35,8 +36,14 @@ pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
             Err(Error::new(what).help(format!("there are {}", names.join(", "))).into())
         }
         (_, Some(folder), chosen) => {
+            let path = |name: &str| folder.join(format!("{name}.schema.json"));
+            let mut errors = Errors::default();
             for (name, text) in chosen {
-                let path = folder.join(format!("{name}.schema.json"));
+                errors.take(guard::file(&path(name), &[], force, |there| foreign(there, text)));
+            }
+            errors.or(())?;
+            for (name, text) in chosen {
+                let path = path(name);
                 table::write_atomic(&path, text.as_bytes())?;
                 say(&path.display().to_string());
             }
@@ -53,6 +60,24 @@ pub fn schema(file: Option<&str>, out: Option<&Path>) -> Result<End, Errors> {
             chosen.iter().for_each(|(_, text)| say(text));
             Ok(End::Complete)
         }
+    }
+}
+
+/// What a file is that is not the schema `ours` of this or another version of the program: those
+/// have the same title.
+fn foreign(path: &Path, ours: &str) -> Option<String> {
+    let title = |text: &str| {
+        let value: serde_json::Value = serde_json::from_str(text).ok()?;
+        value.get("$schema")?;
+        Some(value.get("title")?.as_str()?.to_string())
+    };
+    let Ok(text) = std::fs::read_to_string(path) else { return Some("no text".into()) };
+    match title(&text) {
+        Some(other) if Some(&other) != title(ours).as_ref() => {
+            Some(format!("the schema \"{other}\""))
+        }
+        Some(_) => None,
+        None => Some("no JSON Schema".into()),
     }
 }
 

@@ -32,7 +32,8 @@ Exit codes:
 
 pub const RUN: &str = "\
 Each table becomes a Parquet dataset OUT/<table>/, by flight where it is per flight. A stage whose inputs, settings and program are
-unchanged is not run again. A run can be stopped at any time: files are written whole or not at all.
+unchanged is not run again. A run can be stopped at any time: files are written whole or not at all. A folder that is not empty and was not
+made by koehler is taken only with --force: files of others that have the names of results are removed.
 
 Examples:
   koehler run pipelines/citation/pipeline.toml
@@ -75,6 +76,8 @@ Example:
   koehler check my-campaign/pipeline.toml";
 
 pub const IMPORT: &str = "\
+docs/import.md says what stands in a description. An input is never written over, a file that is no log of koehler's only with --force.
+
 Example:
   koehler import pipelines/hfb320/import.toml";
 

@@ -7,6 +7,9 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+/// How headers of our logs begin to name the program that wrote them.
+const PROGRAM: &str = "koehler";
+
 /// One field of a topic: every message holds one number for it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldSpec {
@@ -84,10 +87,11 @@ impl Seek for Shared {
 impl LogWriter {
     /// Opens a temporary file beside `path`; missing folders are made.
     pub fn create(path: &Path) -> Result<LogWriter> {
-        LogWriter::create_as(path, "koehler")
+        LogWriter::create_as(path, PROGRAM)
     }
 
-    /// The same; the header names `writer` as the program that wrote the log.
+    /// The same; the header names `writer` (which begins with "koehler") as the program that wrote
+    /// the log.
     pub fn create_as(path: &Path, writer: &str) -> Result<LogWriter> {
         let failed = |e: std::io::Error| cannot_write(path, e);
         let folder = folder_of(path);
@@ -233,6 +237,16 @@ impl LogWriter {
         }
         self.file.persist(&path).map_err(|e| cannot_write(&path, e.error))?;
         File::open(folder_of(&path)).and_then(|d| d.sync_all()).map_err(failed)
+    }
+}
+
+/// What the file at `path` is, where it is no log that a `koehler` wrote.
+pub fn foreign(path: &Path) -> Option<String> {
+    match super::file::writer(path) {
+        Ok(Some(writer)) if writer.starts_with(PROGRAM) => None,
+        Ok(Some(writer)) => Some(format!("a log written by \"{writer}\"")),
+        Ok(None) => Some("a log that does not say who wrote it".into()),
+        Err(_) => Some("no MCAP log".into()),
     }
 }
 

@@ -5,14 +5,12 @@ use super::mapped::cannot;
 use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
 use crate::error::{Error, Result};
+use crate::guard::{self, MARK};
 use crate::stage::Part;
 use crate::table::{Table, read_part, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
-
-/// The folder below the output folder that holds records, memory and lock.
-const HOUSEKEEPING: &str = ".koehler";
 
 /// How the names of files begin that are being written (`table::write_atomic`).
 const UNFINISHED: &str = ".unfinished-";
@@ -41,10 +39,17 @@ pub struct Lock {
 impl Store {
     /// The output folder at `root`, which need not exist yet: nothing is written by opening it.
     pub fn open(root: &Path) -> Store {
-        Store {
-            root: root.to_path_buf(),
-            memo: Memo::read(&root.join(HOUSEKEEPING).join("memo.json")),
-        }
+        Store { root: root.to_path_buf(), memo: Memo::read(&root.join(MARK).join("memo.json")) }
+    }
+
+    /// The same for a run that will write: the folder has to be one of ours, or new, or empty, unless
+    /// `force` says that files of others may go.
+    ///
+    /// # Errors
+    /// It has files of others.
+    pub fn claim(root: &Path, force: bool) -> Result<Store> {
+        guard::folder(root, force)?;
+        Ok(Store::open(root))
     }
 
     /// The folder itself.
@@ -61,7 +66,7 @@ impl Store {
     /// # Errors
     /// Another run holds it, or the folder cannot be made.
     pub fn lock(&self) -> Result<Lock> {
-        let path = self.root.join(HOUSEKEEPING).join("lock");
+        let path = self.root.join(MARK).join("lock");
         make_parent(&path)?;
         let file = File::options()
             .create(true)
@@ -80,7 +85,7 @@ impl Store {
     }
 
     fn record_path(&self, stage: &str, unit: &str) -> PathBuf {
-        self.root.join(HOUSEKEEPING).join(stage).join(format!("{unit}.json"))
+        self.root.join(MARK).join(stage).join(format!("{unit}.json"))
     }
 
     /// The record of the last run of a stage for a unit; an unreadable one counts as absent.
@@ -92,7 +97,7 @@ impl Store {
     /// Every record in the folder, by stage and unit.
     pub fn records(&self) -> Vec<Provenance> {
         let mut all = Vec::new();
-        for stage in entries(&self.root.join(HOUSEKEEPING)).into_iter().filter(|p| p.is_dir()) {
+        for stage in entries(&self.root.join(MARK)).into_iter().filter(|p| p.is_dir()) {
             for path in entries(&stage) {
                 if let Some(record) =
                     std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok())
@@ -188,7 +193,7 @@ impl Store {
 
     /// Writes the memory of content hashes.
     pub fn put_memo(&self) -> Result<()> {
-        write_atomic(&self.root.join(HOUSEKEEPING).join("memo.json"), &self.memo.bytes())
+        write_atomic(&self.root.join(MARK).join("memo.json"), &self.memo.bytes())
     }
 }
 

@@ -30,6 +30,7 @@ mod foreign;
 mod fragments;
 mod ground;
 mod hfb320;
+mod imports;
 mod language;
 mod models;
 mod modes;

@@ -1,16 +1,14 @@
-//! Text columns in; time stamps and rows of numbers out.
+//! A text file of columns in; the rows of its topics out.
 
-use super::{Import, Rows, Separator, Wanted, stamp};
+use super::cells::{column_of, each_row, is_missing, moment, number, plain};
+use super::rows::{Clock, Read, Rows, SHOWN, at_rate, timeless};
+use super::settings::{Column, ISO, Import, Time};
+use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
-
-/// Mistakes shown before reading stops.
-const SHOWN: usize = 10;
-
-/// The unit of a column of dates with times.
-pub const ISO: &str = "iso8601";
+use crate::log::words::nearest_first;
 
 /// Names of the columns, from the line that has them; none without one.
-pub fn header(settings: &Import, text: &str) -> Vec<String> {
+fn header(settings: &Import, text: &str) -> Vec<String> {
     let line = settings.names_line.unwrap_or(settings.header_lines).checked_sub(1);
     let Some(line) = line.and_then(|n| plain(text).lines().nth(n)) else { return Vec::new() };
     let mut names = Vec::new();
@@ -21,16 +19,129 @@ pub fn header(settings: &Import, text: &str) -> Vec<String> {
     names
 }
 
-/// Reads the wanted columns.
+/// Where the time of a row comes from.
+enum Origin {
+    Column { at: usize, of: Cells },
+    Rate(f64),
+}
+
+/// What the cells of a column of time are.
+enum Cells {
+    Numbers(Clock),
+    Moments,
+}
+
+/// A time that topics have; their own one may be missing in a row.
+struct Timed {
+    from: Origin,
+    start_s: f64,
+    is_own: bool,
+}
+
+/// What is read of each row: times, and by topic which of them it has and its columns.
+struct Wanted {
+    times: Vec<Timed>,
+    topics: Vec<(usize, Vec<usize>)>,
+}
+
+impl Wanted {
+    /// Finds the columns by the names in the header.
+    ///
+    /// # Errors
+    /// All that are not there.
+    fn new(settings: &Import, doc: &Doc, header: &[String]) -> Result<Wanted, Errors> {
+        let names: Vec<&str> = header.iter().map(String::as_str).collect();
+        let mut errors = Errors::default();
+        let mut wanted = Wanted { times: Vec::new(), topics: Vec::new() };
+        if let Some(time) = &settings.time {
+            wanted.times.extend(errors.take(Timed::new(time, "time", false, doc, &names)));
+        }
+        for (i, topic) in settings.topic.iter().enumerate() {
+            let mut which = 0;
+            if let Some(time) = &topic.time {
+                which = wanted.times.len();
+                let key = format!("topic.{i}.time");
+                wanted.times.extend(errors.take(Timed::new(time, &key, true, doc, &names)));
+            }
+            let columns = topic.fields.iter().enumerate().filter_map(|(k, field)| {
+                let key = format!("topic.{i}.fields.{k}");
+                errors.take(index(&field.column, field.matrix.is_some(), &key, doc, &names))
+            });
+            wanted.topics.push((which, columns.collect()));
+        }
+        errors.or(wanted)
+    }
+}
+
+impl Timed {
+    fn new(
+        time: &Time,
+        key: &str,
+        is_own: bool,
+        doc: &Doc,
+        names: &[&str],
+    ) -> Result<Timed, Errors> {
+        let from = match (&time.column, time.rate_hz, time.unit.as_deref()) {
+            (Some(column), _, Some(unit)) => {
+                let at = index(column, time.matrix.is_some(), key, doc, names)?;
+                let of = match unit {
+                    ISO => Cells::Moments,
+                    unit => {
+                        let clock = Clock::new(unit, time.start_s);
+                        Cells::Numbers(clock.map_err(|e| doc.error(&format!("{key}.unit"), e))?)
+                    }
+                };
+                Origin::Column { at, of }
+            }
+            (None, Some(rate), _) => Origin::Rate(rate),
+            _ => {
+                return Err(doc
+                    .error(key, "the unit of the column of time is not said")
+                    .help("unit = \"s\", or \"iso8601\" for dates with times")
+                    .into());
+            }
+        };
+        Ok(Timed { from, start_s: time.start_s, is_own })
+    }
+}
+
+/// The position of a column.
+fn index(
+    column: &Column,
+    matrix: bool,
+    key: &str,
+    doc: &Doc,
+    names: &[&str],
+) -> Result<usize, Error> {
+    let wrong = |what: String| doc.error(&format!("{key}.column"), what);
+    match column {
+        _ if matrix => Err(doc.error(&format!("{key}.matrix"), "a text file has no matrices")),
+        Column::Number(0) => Err(wrong("columns count from 1".into())),
+        Column::Number(n) => Ok(n - 1),
+        Column::Name(name) if names.is_empty() => {
+            Err(wrong(format!("there is no header to find column \"{name}\" in: give its number")))
+        }
+        Column::Name(name) => names.iter().position(|h| h == name).ok_or_else(|| {
+            let has = nearest_first(name, names);
+            wrong(format!("there is no column \"{name}\"; the header has {has}"))
+        }),
+    }
+}
+
+/// Reads the columns that the description names; `file` is the file's name in messages.
 ///
 /// # Errors
-/// Cells that are no numbers, rows that are too short, no row at all: all at once, up to ten.
-pub fn read(settings: &Import, file: &str, text: &str, wanted: &Wanted) -> Result<Rows, Errors> {
+/// Columns that the header lacks; cells that are no numbers, rows that are too short: all at once,
+/// up to ten.
+pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read, Errors> {
+    let wanted = Wanted::new(settings, doc, &header(settings, text))?;
     let text = plain(text);
     let data: usize = text.split_inclusive('\n').take(settings.header_lines).map(str::len).sum();
     let data = text.get(data..).unwrap_or("");
-    let mut rows = Rows::new(wanted);
+    let mut topics: Vec<Rows> = wanted.topics.iter().map(|_| Rows::default()).collect();
+    let mut lost = vec![0; topics.len()];
     let mut errors = Errors::default();
+    let mut row_number = 0;
     each_row(settings.separator, data, &mut |start, cells| {
         let (before, row) = data.split_at_checked(start).unwrap_or((data, ""));
         let at = |i: usize| Place {
@@ -49,142 +160,57 @@ pub fn read(settings: &Import, file: &str, text: &str, wanted: &Wanted) -> Resul
             let wrong = || Error::at(at(i), format!("column {}: \"{cell}\" is no number", i + 1));
             number(settings, cell).ok_or_else(wrong)
         };
-        let time = if settings.time.unit == ISO {
-            cell(wanted.time).and_then(|c| {
-                moment(c, settings.time.start_s).map_err(|e| Error::at(at(wanted.time), e))
-            })
-        } else {
-            value(wanted.time)
-                .and_then(|t| stamp(settings, t).map_err(|e| Error::at(at(wanted.time), e)))
+        let stamp = |time: &Timed| -> Result<Option<u64>, Error> {
+            let (i, of) = match &time.from {
+                Origin::Rate(rate) => {
+                    let stamp = at_rate(*rate, time.start_s, row_number);
+                    return stamp.map(Some).map_err(|e| Error::at(at(0), e));
+                }
+                Origin::Column { at, of } => (*at, of),
+            };
+            if time.is_own && cells.get(i).is_none_or(|cell| is_missing(settings, cell)) {
+                return Ok(None);
+            }
+            let stamp = match of {
+                Cells::Moments => moment(cell(i)?, time.start_s),
+                Cells::Numbers(clock) => clock.stamp(value(i)?),
+            };
+            stamp.map(Some).map_err(|e| Error::at(at(i), e))
         };
-        if let Some(time) = errors.take(time) {
-            rows.push_time(time);
+        let stamps: Vec<Option<u64>> =
+            wanted.times.iter().map(|time| errors.take(stamp(time)).flatten()).collect();
+        for (((which, of), rows), lost) in wanted.topics.iter().zip(&mut topics).zip(&mut lost) {
+            match stamps.get(*which).copied().flatten() {
+                Some(stamp) => rows.push(stamp, of.iter().filter_map(|&i| errors.take(value(i)))),
+                // A row of another clock, or one that has an error already.
+                None => {
+                    let here = |&i: &usize| cells.get(i).is_some_and(|c| !is_missing(settings, c));
+                    *lost += usize::from(of.iter().any(here));
+                }
+            }
         }
-        for (of, out) in wanted.topics.iter().zip(&mut rows.values) {
-            out.extend(of.iter().filter_map(|&i| errors.take(value(i))));
-        }
+        row_number += 1;
         errors.0.len() < SHOWN
     });
-    errors.or(rows)
-}
-
-/// The text without the mark that some programs put in front of it.
-fn plain(text: &str) -> &str {
-    text.strip_prefix('\u{feff}').unwrap_or(text)
-}
-
-/// Calls `each` with the first byte and the cells of every row that is not blank, as long as it says
-/// to go on.
-fn each_row(separator: Separator, text: &str, each: &mut dyn FnMut(usize, &[&str]) -> bool) {
-    let Some(by) = separator.byte() else {
-        let mut start = 0;
-        for line in text.split_inclusive('\n') {
-            let cells: Vec<&str> = line.split_whitespace().collect();
-            if !cells.is_empty() && !each(start, &cells) {
-                return;
-            }
-            start += line.len();
-        }
-        return;
-    };
-    let mut reader = csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .delimiter(by)
-        .trim(csv::Trim::All)
-        .from_reader(text.as_bytes());
-    let mut record = csv::StringRecord::new();
-    while let Ok(true) = reader.read_record(&mut record) {
-        let from = record.position().map_or(0, |p| p.byte() as usize);
-        // Blank lines before a row count as its beginning.
-        let row = text.get(from..).unwrap_or("").trim_start_matches(['\r', '\n']);
-        let cells: Vec<&str> = record.iter().collect();
-        if cells != [""] && !each(text.len() - row.len(), &cells) {
-            return;
-        }
-    }
-}
-
-/// Where a cell of a line begins, in letters from 1; behind the line where it has no such cell.
-fn column_of(separator: Separator, line: &str, cell: usize) -> usize {
-    let (mut before, mut quoted, mut blank) = (0, false, true);
-    for (i, c) in line.chars().enumerate() {
-        match separator.byte() {
-            Some(by) => {
-                let starts = before == cell && (i == 0 || !c.is_whitespace());
-                if starts && c != char::from(by) {
-                    return i + 1;
-                }
-                quoted ^= c == '"';
-                before += usize::from(c == char::from(by) && !quoted);
-            }
-            None => {
-                let begins = blank && !c.is_whitespace();
-                if begins && before == cell {
-                    return i + 1;
-                }
-                before += usize::from(begins);
-                blank = c.is_whitespace();
-            }
-        }
-    }
-    line.chars().count() + 1
-}
-
-/// A number, or NaN where the cell is empty or says that it is missing.
-fn number(settings: &Import, cell: &str) -> Option<f64> {
-    if cell.is_empty() || settings.missing.iter().any(|m| m == cell) {
-        return Some(f64::NAN);
-    }
-    match settings.decimal {
-        super::Decimal::Point => fast_float2::parse::<f64, _>(cell).ok(),
-        // A point would be one of thousands: read as a decimal point, it makes 1.234 a thousandth of itself.
-        super::Decimal::Comma if cell.contains('.') => None,
-        super::Decimal::Comma => fast_float2::parse::<f64, _>(cell.replacen(',', ".", 1)).ok(),
-    }
-}
-
-/// The stamp of a date with its time, ns since 1970; one without a time zone is UTC.
-fn moment(cell: &str, start_s: f64) -> Result<u64, String> {
-    let utc = || {
-        let civil = cell.parse::<jiff::civil::DateTime>().ok()?;
-        civil.to_zoned(jiff::tz::TimeZone::UTC).ok().map(|z| z.timestamp())
-    };
-    let at = cell.parse::<jiff::Timestamp>().ok().or_else(utc).ok_or_else(|| {
-        format!("\"{cell}\" is no date with time, such as 2024-05-06T10:00:00.25Z")
-    })?;
-    let ns = at.as_nanosecond().saturating_add(libm::round(start_s * 1e9) as i128);
-    u64::try_from(ns).map_err(|_| format!("\"{cell}\" lies before 1970 or too late"))
-}
-
-impl Separator {
-    /// The letter between two columns; none for blanks of any number.
-    fn byte(self) -> Option<u8> {
-        match self {
-            Separator::Whitespace => None,
-            Separator::Comma => Some(b','),
-            Separator::Semicolon => Some(b';'),
-            Separator::Tab => Some(b'\t'),
-        }
-    }
+    let notes = settings.topic.iter().zip(lost).filter_map(|(t, n)| timeless(&t.name, n)).collect();
+    errors.or(Read { topics, notes })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn settings(more: &str) -> Import {
+    fn settings(more: &str) -> (Import, Doc) {
         let text = format!(
             "input = [\"a.csv\"]\noutput = \"a.mcap\"\n{more}\n[[topic]]\nname = \"/t\"\nfields = [{{ column = \"v\", name = \"v\", unit = \"1\" }}]\n"
         );
-        crate::config::parse::<Import>("import.toml", &text).unwrap().0
+        crate::config::parse::<Import>("import.toml", &text).unwrap()
     }
 
-    fn read_all(settings: &Import, text: &str) -> Result<Rows, String> {
-        let names = header(settings, text);
-        let place = |name: &str| names.iter().position(|n| n == name).unwrap();
-        let wanted = Wanted { time: place("t"), topics: vec![vec![place("v")]] };
-        read(settings, "a.csv", text, &wanted).map_err(|e| e.to_string())
+    fn read_all((settings, doc): &(Import, Doc), text: &str) -> Result<Rows, String> {
+        read(settings, doc, "a.csv", text)
+            .map(|mut read| read.topics.remove(0))
+            .map_err(|e| e.to_string())
     }
 
     #[test]
@@ -198,7 +224,7 @@ mod tests {
             rows.stamp,
             [500_000_000, 1_000_000_000, 1_500_000_000, 2_000_000_000, 2_500_000_000]
         );
-        let v = &rows.values[0];
+        let v = &rows.values;
         assert!(v[0] == 1.25 && v[4] == 3.5 && v[1..4].iter().all(|x| x.is_nan()), "{v:?}");
         let e = read_all(&settings, &text.replace("\"3,5\"", "\"3,5x\"")).err().unwrap();
         assert!(e.contains("a.csv:8:6: column 3: \"3,5x\" is no number"), "{e}");

@@ -1,0 +1,111 @@
+//! Text in; its rows as cells, and what is in a cell, out.
+
+use super::rows::later;
+use super::settings::{Decimal, Import, Separator};
+
+/// The text without the mark that some programs put in front of it.
+pub fn plain(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
+}
+
+/// Calls `each` with the first byte and the cells of every row that is not blank, as long as it says
+/// to go on.
+pub fn each_row(separator: Separator, text: &str, each: &mut dyn FnMut(usize, &[&str]) -> bool) {
+    let Some(by) = separator.byte() else {
+        let mut start = 0;
+        for line in text.split_inclusive('\n') {
+            let cells: Vec<&str> = line.split_whitespace().collect();
+            if !cells.is_empty() && !each(start, &cells) {
+                return;
+            }
+            start += line.len();
+        }
+        return;
+    };
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .delimiter(by)
+        .trim(csv::Trim::All)
+        .from_reader(text.as_bytes());
+    let mut record = csv::StringRecord::new();
+    while let Ok(true) = reader.read_record(&mut record) {
+        let from = record.position().map_or(0, |p| p.byte() as usize);
+        // Blank lines before a row count as its beginning.
+        let row = text.get(from..).unwrap_or("").trim_start_matches(['\r', '\n']);
+        let cells: Vec<&str> = record.iter().collect();
+        if cells != [""] && !each(text.len() - row.len(), &cells) {
+            return;
+        }
+    }
+}
+
+/// Where a cell of a line begins, in letters from 1; behind the line where it has no such cell.
+pub fn column_of(separator: Separator, line: &str, cell: usize) -> usize {
+    let (mut before, mut quoted, mut blank) = (0, false, true);
+    for (i, c) in line.chars().enumerate() {
+        match separator.byte() {
+            Some(by) => {
+                let starts = before == cell && (i == 0 || !c.is_whitespace());
+                // An empty cell begins where it ends.
+                if starts {
+                    return i + 1;
+                }
+                quoted ^= c == '"';
+                before += usize::from(c == char::from(by) && !quoted);
+            }
+            None => {
+                let begins = blank && !c.is_whitespace();
+                if begins && before == cell {
+                    return i + 1;
+                }
+                before += usize::from(begins);
+                blank = c.is_whitespace();
+            }
+        }
+    }
+    line.chars().count() + 1
+}
+
+/// Whether a cell has no value.
+pub fn is_missing(settings: &Import, cell: &str) -> bool {
+    cell.is_empty() || settings.missing.iter().any(|m| m == cell)
+}
+
+/// A number, or NaN where the cell is empty or says that it is missing.
+pub fn number(settings: &Import, cell: &str) -> Option<f64> {
+    if is_missing(settings, cell) {
+        return Some(f64::NAN);
+    }
+    match settings.decimal {
+        Decimal::Point => fast_float2::parse::<f64, _>(cell).ok(),
+        // A point would be one of thousands: read as a decimal point, it makes 1.234 a thousandth of itself.
+        Decimal::Comma if cell.contains('.') => None,
+        Decimal::Comma => fast_float2::parse::<f64, _>(cell.replacen(',', ".", 1)).ok(),
+    }
+}
+
+/// The stamp of a date with its time, ns since 1970; one without a time zone is UTC.
+pub fn moment(cell: &str, start_s: f64) -> Result<u64, String> {
+    let utc = || {
+        let civil = cell.parse::<jiff::civil::DateTime>().ok()?;
+        civil.to_zoned(jiff::tz::TimeZone::UTC).ok().map(|z| z.timestamp())
+    };
+    let at = cell.parse::<jiff::Timestamp>().ok().or_else(utc).ok_or_else(|| {
+        format!("\"{cell}\" is no date with time, such as 2024-05-06T10:00:00.25Z")
+    })?;
+    later(start_s, at.as_nanosecond())
+        .map_err(|_| format!("\"{cell}\" lies before 1970 or too late"))
+}
+
+impl Separator {
+    /// The letter between two columns; none for blanks of any number.
+    fn byte(self) -> Option<u8> {
+        match self {
+            Separator::Whitespace => None,
+            Separator::Comma => Some(b','),
+            Separator::Semicolon => Some(b';'),
+            Separator::Tab => Some(b'\t'),
+        }
+    }
+}

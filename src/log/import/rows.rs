@@ -1,0 +1,284 @@
+//! Columns of numbers and times in; the messages of each topic, with their stamps, out: the form in
+//! which every kind of file is handed on.
+
+use super::settings::{Column, ISO, Import, Time, Topic};
+use crate::config::Doc;
+use crate::error::{Error, Errors, Place};
+use crate::units::Unit;
+
+/// Mistakes in the data that are shown before reading stops.
+pub const SHOWN: usize = 10;
+
+/// What is read of one file.
+#[derive(Debug, Default)]
+pub struct Read {
+    /// By topic of the description.
+    pub topics: Vec<Rows>,
+    /// What was lost, or is worth knowing.
+    pub notes: Vec<String>,
+}
+
+/// The messages of one topic.
+#[derive(Debug, Default)]
+pub struct Rows {
+    /// ns since 1970, or since whatever the time counts from.
+    pub stamp: Vec<u64>,
+    /// The stamp, never going back: a row that stands after a later one was also received after it.
+    pub received: Vec<u64>,
+    /// `[rows][fields]`, in the units of the description.
+    pub values: Vec<f64>,
+}
+
+impl Rows {
+    /// Adds a row.
+    pub fn push(&mut self, stamp: u64, values: impl IntoIterator<Item = f64>) {
+        self.received.push(self.received.last().copied().unwrap_or(0).max(stamp));
+        self.stamp.push(stamp);
+        self.values.extend(values);
+    }
+}
+
+/// How times become stamps.
+#[derive(Debug, Clone)]
+pub struct Clock {
+    unit: Unit,
+    start_s: f64,
+}
+
+impl Clock {
+    /// The clock of a time in `unit`.
+    ///
+    /// # Errors
+    /// It is no unit.
+    pub fn new(unit: &str, start_s: f64) -> Result<Clock, String> {
+        Ok(Clock { unit: Unit::parse(unit)?, start_s })
+    }
+
+    /// The stamp of a time in the unit of the clock, ns.
+    ///
+    /// # Errors
+    /// It is negative, too large or no number.
+    pub fn stamp(&self, t: f64) -> Result<u64, String> {
+        let ns = libm::round((self.unit.to_si(t) + self.start_s) * 1e9);
+        let fits = (0.0..9e18).contains(&ns);
+        if fits {
+            Ok(ns as u64)
+        } else {
+            Err("the time is negative, not a number or too large".into())
+        }
+    }
+}
+
+/// The stamp of a whole number of ns after the start, ns.
+///
+/// # Errors
+/// It lies before 1970 or too late.
+pub fn later(start_s: f64, ns: i128) -> Result<u64, String> {
+    let ns = ns.saturating_add(libm::round(start_s * 1e9) as i128);
+    u64::try_from(ns).map_err(|_| "the time lies before 1970 or too late".into())
+}
+
+/// The stamp of row `row` (from 0) at `rate_hz`.
+///
+/// # Errors
+/// It is too large.
+pub fn at_rate(rate_hz: f64, start_s: f64, row: usize) -> Result<u64, String> {
+    Clock { unit: Unit::parse("s")?, start_s }.stamp(row as f64 / rate_hz)
+}
+
+/// A topic's rows that have values but no time.
+pub fn timeless(topic: &str, count: usize) -> Option<String> {
+    (count > 0).then(|| format!("topic {topic}: {count} rows with values and no time, left out"))
+}
+
+/// What a file has in a column.
+#[derive(Debug, Clone)]
+pub enum Values {
+    Numbers(Vec<f64>),
+    /// ns since 1970; none where there is no value.
+    Stamps(Vec<Option<i64>>),
+}
+
+impl Values {
+    fn len(&self) -> usize {
+        match self {
+            Values::Numbers(all) => all.len(),
+            Values::Stamps(all) => all.len(),
+        }
+    }
+}
+
+/// A column that a description asks for.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted<'a> {
+    pub column: &'a Column,
+    pub matrix: Option<&'a str>,
+}
+
+impl Wanted<'_> {
+    fn words(&self) -> String {
+        match (self.column, self.matrix) {
+            (Column::Name(name), _) => format!("\"{name}\""),
+            (Column::Number(n), Some(matrix)) => format!("column {n} of \"{matrix}\""),
+            (Column::Number(n), None) => format!("column {n}"),
+        }
+    }
+}
+
+/// A file that holds whole columns.
+pub trait Columns {
+    /// A column of it.
+    ///
+    /// # Errors
+    /// There is none, with what there is; it has no numbers.
+    fn column(&mut self, wanted: Wanted) -> Result<Values, String>;
+}
+
+/// A column of time and what makes stamps of it.
+#[derive(Debug, Clone)]
+struct Times {
+    words: String,
+    values: Values,
+    clock: Clock,
+}
+
+impl Times {
+    /// The column of the time that stands at `key`.
+    fn read(time: &Time, key: &str, doc: &Doc, columns: &mut dyn Columns) -> Result<Times, Error> {
+        let at = format!("{key}.column");
+        let Some(column) = &time.column else { return Err(doc.error(key, "there is no column")) };
+        let wanted = Wanted { column, matrix: time.matrix.as_deref() };
+        let values = columns.column(wanted).map_err(|e| doc.error(&at, e))?;
+        let unit = match (&values, time.unit.as_deref()) {
+            // Stamps are ns already.
+            (Values::Stamps(_), _) => "s",
+            (Values::Numbers(_), Some(ISO)) => {
+                let what = format!("{} has numbers, no dates with times", wanted.words());
+                return Err(doc.error(&format!("{key}.unit"), what));
+            }
+            (Values::Numbers(_), Some(unit)) => unit,
+            (Values::Numbers(_), None) => {
+                let what = format!("{} has numbers: their unit is not said", wanted.words());
+                return Err(doc.error(key, what).help("unit = \"s\""));
+            }
+        };
+        let clock = Clock::new(unit, time.start_s).map_err(|e| doc.error(key, e))?;
+        Ok(Times { words: wanted.words(), values, clock })
+    }
+
+    /// The stamp of a row, ns; none where its time is missing.
+    fn stamp(&self, row: usize) -> Result<Option<u64>, String> {
+        match &self.values {
+            Values::Stamps(all) => {
+                let ns = all.get(row).copied().flatten();
+                ns.map(|ns| later(self.clock.start_s, i128::from(ns))).transpose()
+            }
+            Values::Numbers(all) => {
+                let t = all.get(row).filter(|t| !t.is_nan());
+                t.map(|&t| self.clock.stamp(t)).transpose()
+            }
+        }
+    }
+}
+
+/// Puts the topics of a description together from whole columns; `file` is its name in messages.
+///
+/// # Errors
+/// Columns that are not there, columns of different lengths, times that are none.
+pub fn gather(
+    settings: &Import,
+    doc: &Doc,
+    file: &str,
+    columns: &mut dyn Columns,
+) -> Result<Read, Errors> {
+    let mut errors = Errors::default();
+    let mut read = Read::default();
+    let mut times = |time: &Option<Time>, key: &str| {
+        let time = time.as_ref().filter(|time| time.column.is_some())?;
+        errors.take(Times::read(time, key, doc, columns))
+    };
+    let shared = times(&settings.time, "time");
+    let own: Vec<Option<Times>> = (settings.topic.iter().enumerate())
+        .map(|(i, topic)| times(&topic.time, &format!("topic.{i}.time")))
+        .collect();
+    for (i, own) in own.iter().enumerate() {
+        let fields = fields(settings, doc, i, columns);
+        let Some(fields) = errors.take(fields) else { continue };
+        let Some(topic) = settings.topic.get(i) else { continue };
+        let (Some(time), is_own) = settings.time_of(topic) else { continue };
+        let times = if is_own { own } else { &shared };
+        if time.column.is_some() && times.is_none() {
+            // Told above.
+            continue;
+        }
+        let made = rows(topic, time, times.as_ref().map(|t| (t, is_own)), &fields);
+        let at = |what| Error::at(Place::file(file), what);
+        let made = made.map_err(|e| Errors(e.into_iter().map(at).collect()));
+        let Some((rows, lost)) = errors.take(made) else { continue };
+        read.notes.extend(timeless(&topic.name, lost));
+        read.topics.push(rows);
+    }
+    errors.or(read)
+}
+
+/// The columns of a topic's fields, each with what it is called in messages.
+fn fields(
+    settings: &Import,
+    doc: &Doc,
+    topic: usize,
+    columns: &mut dyn Columns,
+) -> Result<Vec<(String, Vec<f64>)>, Errors> {
+    let mut errors = Errors::default();
+    let fields = settings.topic.get(topic).map_or(&[][..], |t| &t.fields);
+    let mut all = Vec::with_capacity(fields.len());
+    for (k, field) in fields.iter().enumerate() {
+        let wanted = Wanted { column: &field.column, matrix: field.matrix.as_deref() };
+        let values = columns.column(wanted).and_then(|values| match values {
+            Values::Numbers(all) => Ok((wanted.words(), all)),
+            Values::Stamps(_) => Err(format!("{} has times, no numbers", wanted.words())),
+        });
+        let at = format!("topic.{topic}.fields.{k}.column");
+        all.extend(errors.take(values.map_err(|e| doc.error(&at, e))));
+    }
+    errors.or(all)
+}
+
+/// The rows of a topic, and how many were left out that have values and no time. A row without the
+/// time of all topics is a mistake, one without the topic's own is none of the topic.
+fn rows(
+    topic: &Topic,
+    time: &Time,
+    times: Option<(&Times, bool)>,
+    fields: &[(String, Vec<f64>)],
+) -> Result<(Rows, usize), Vec<String>> {
+    let known = times.map(|(t, _)| (t.words.as_str(), t.values.len()));
+    let mut lengths = known.into_iter().chain(fields.iter().map(|(w, v)| (w.as_str(), v.len())));
+    let (first, n) = lengths.next().unwrap_or_default();
+    if let Some((other, m)) = lengths.find(|(_, m)| *m != n) {
+        return Err(vec![format!(
+            "topic \"{}\" has columns of different lengths: {first} has {n} values, {other} has {m}",
+            topic.name
+        )]);
+    }
+    let (mut rows, mut lost, mut errors) = (Rows::default(), 0, Vec::new());
+    for row in 0..n {
+        let values = || fields.iter().filter_map(|(_, values)| values.get(row).copied());
+        let stamp = match (times, time.rate_hz) {
+            (Some((times, _)), _) => times.stamp(row),
+            (None, Some(rate)) => at_rate(rate, time.start_s, row).map(Some),
+            (None, None) => Ok(None),
+        };
+        match stamp {
+            Ok(Some(stamp)) => rows.push(stamp, values()),
+            Ok(None) if times.is_some_and(|(_, is_own)| is_own) => {
+                lost += usize::from(values().any(|v| !v.is_nan()));
+            }
+            Ok(None) => errors.push(format!("row {}: its time is missing", row + 1)),
+            Err(e) => errors.push(format!("row {}: {e}", row + 1)),
+        }
+        if errors.len() >= SHOWN {
+            break;
+        }
+    }
+    if errors.is_empty() { Ok((rows, lost)) } else { Err(errors) }
+}
