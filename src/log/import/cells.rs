@@ -46,13 +46,14 @@ pub fn column_of(separator: Separator, line: &str, cell: usize) -> usize {
     for (i, c) in line.chars().enumerate() {
         match separator.byte() {
             Some(by) => {
-                let starts = before == cell && (i == 0 || !c.is_whitespace());
+                let is_by = c == char::from(by);
+                let starts = before == cell && (i == 0 || is_by || !c.is_whitespace());
                 // An empty cell begins where it ends.
                 if starts {
                     return i + 1;
                 }
                 quoted ^= c == '"';
-                before += usize::from(c == char::from(by) && !quoted);
+                before += usize::from(is_by && !quoted);
             }
             None => {
                 let begins = blank && !c.is_whitespace();
