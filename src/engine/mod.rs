@@ -33,4 +33,4 @@ pub use data::{Blobs, Folder, Kept, Key, Said};
 pub use function::{Function, Source};
 pub use job::{Engine, Job};
 pub use serve::Served;
-pub use threads::Threads;
+pub use threads::{Threads, threads};

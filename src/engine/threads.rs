@@ -12,3 +12,8 @@ impl Engine for Threads {
         (0..job.count()).into_par_iter().for_each(|i| job.here(i));
     }
 }
+
+/// How many items are done at a time.
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}

@@ -96,7 +96,7 @@ impl Run<'_> {
     /// stage by stage: in the same order however many go together.
     fn flights(&mut self, stages: &'static [Stage]) -> Result<()> {
         let mut taken: Vec<Vec<(Unit, Outcome)>> = stages.iter().map(|_| Vec::new()).collect();
-        for block in order::blocks(&self.plan.campaign, rayon::current_num_threads()) {
+        for block in order::blocks(&self.plan.campaign, engine::threads()) {
             for (stage, taken) in stages.iter().zip(&mut taken) {
                 taken.extend(self.stage(stage, Some(block))?);
             }
