@@ -61,13 +61,16 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
         Verb::Inspect { log } => shown(&log::inspect::run(&log)?),
         Verb::Init { logs, out } => shown(&log::starter::run(&logs, &out)?),
         Verb::Import { description, out, force } => {
-            let done = log::import::run(&description, out.as_deref(), force)?;
+            let (done, errors) = log::import::run(&description, out.as_deref(), force)?;
             for one in &done {
                 let note = |note: &String| eprintln!("note: {}: {note}", one.input.display());
                 one.notes.iter().for_each(note);
             }
             let lines: Vec<String> = done.iter().map(|one| one.to_string()).collect();
-            shown(&lines.join("\n"))
+            if !lines.is_empty() {
+                shown(&lines.join("\n"))?;
+            }
+            errors.or(End::Complete)
         }
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),
         Verb::Design { study, out, jobs, force } => design::design(&study, out, jobs, force),

@@ -162,13 +162,6 @@ impl Kept {
             entries.remove(&oldest);
         }
     }
-
-    /// Forgets all whose key is not wanted.
-    pub fn retain(&self, wanted: impl Fn(&Key) -> bool) {
-        let entries = &mut *self.lock();
-        entries.by_key.retain(|key, _| wanted(key));
-        entries.bytes = entries.by_key.values().map(|entry| entry.bytes).sum();
-    }
 }
 
 #[cfg(test)]

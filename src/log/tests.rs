@@ -651,7 +651,7 @@ name = "/air"
 fields = [{ column = "V", name = "tas", unit = "kt", doc = "True airspeed" }, { column = 2, name = "alpha", unit = "deg" }]
 "#;
     std::fs::write(at("import.toml"), description).unwrap();
-    let done = import::run(&at("import.toml"), None, false).unwrap().remove(0);
+    let done = import::run(&at("import.toml"), None, false).unwrap().0.remove(0);
     assert_eq!((done.rows, done.topics, done.fields), (3, 1, 2));
     let map = "[signal.V]\ntopic = \"/air\"\nfield = \"tas\"\nunit = \"m/s\"\ndespite = \"kt\"\n[signal.alpha]\ntopic = \"/air\"\nfield = \"alpha\"\nunit = \"deg\"\n";
     let flight = read(&done.output, map).unwrap();
@@ -666,7 +666,7 @@ fields = [{ column = "V", name = "tas", unit = "kt", doc = "True airspeed" }, { 
     );
 
     std::fs::write(at("a.csv"), "x\ntime,alpha,V\n0.00,1.5,100\n0.1O,1,101\n0.20,2\n").unwrap();
-    let e = import::run(&at("import.toml"), None, false).unwrap_err().to_string();
+    let e = import::run(&at("import.toml"), None, false).unwrap().1.to_string();
     assert!(
         e.contains("a.csv:4:1: column 1: \"0.1O\" is no number")
             && e.contains("a.csv:5:7: column 3 is wanted, the row has 2"),
@@ -691,7 +691,7 @@ fn truth_the_hfb320_record_is_imported_unchanged() {
     let description = folder.path().join("import.toml");
     std::fs::write(&description, text.replace("data/hfb320_1_10.asc", &input.to_string_lossy()))
         .unwrap();
-    let done = import::run(&description, None, false).unwrap().remove(0);
+    let done = import::run(&description, None, false).unwrap().0.remove(0);
     assert_eq!((done.rows, done.fields), (601, 19));
     let channels = std::fs::read_to_string(pipeline.join("channels.toml")).unwrap();
     let flight = read(&done.output, &channels).unwrap();

@@ -170,7 +170,8 @@ pub struct Size {
     /// than that range, it is determined.
     pub about: Option<String>,
     /// Starts, bounds and typical value are divided by the middle of the range of what is bound to
-    /// this name: the time of a distance at the airspeed flown.
+    /// this name, or by the number that stands in for it: the time of a distance at the airspeed
+    /// flown.
     pub over: Option<String>,
     /// Physical bounds.
     pub min: Option<f64>,
@@ -349,9 +350,12 @@ fn check_sizes(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
         {
             wrong("null, hold, steps and starts lie within the bounds");
         }
-        if size.of.iter().chain(&size.about).chain(&size.over).any(|of| !file.bind.contains_key(of))
-        {
-            wrong("`of`, `about` and `over` are names of something bound");
+        if size.of.iter().chain(&size.about).any(|of| !file.bind.contains_key(of)) {
+            wrong("`of` and `about` are names of something bound");
+        }
+        let stands_in = |over| matches!(file.bind.get(over), Some(Bind::Or(with)) if with.or > 0.0);
+        if size.over.as_ref().is_some_and(|over| !stands_in(over)) {
+            wrong("what `over` names is bound with a positive number that stands in for it (`or`)");
         }
         if size.near.as_ref().is_some_and(|near| !roles::exists(&near.role)) {
             wrong("`near` is a role of a constant");

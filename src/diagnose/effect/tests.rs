@@ -290,11 +290,8 @@ fn fault_effect_files_say_what_is_wrong() {
             "null = 0.0, max = -1.0",
             "null, hold, steps and starts lie within the bounds",
         ),
-        (
-            "null = 0.0",
-            "null = 0.0, of = \"y\"",
-            "`of`, `about` and `over` are names of something bound",
-        ),
+        ("null = 0.0", "null = 0.0, of = \"y\"", "`of` and `about` are names of something bound"),
+        ("null = 0.0", "null = 0.0, over = \"y\"", "a positive number that stands in for it"),
         ("[add]\n\"{x}\" = \"{k}*{x}\"\n", "", "an effect adds to something or replaces something"),
     ] {
         let got = message(&good.replace(from, to));

@@ -59,13 +59,13 @@ impl std::fmt::Display for Imported {
 ///
 /// # Errors
 /// Mistakes in the description; no input found (the message says where it was looked for); outputs
-/// that may not be written, before anything is read. Then what is wrong with each file: the logs of
-/// the others are written.
+/// that may not be written, before anything is read. What is wrong with a file after that stands
+/// beside what was done: the logs of the others are written.
 pub fn run(
     description: &Path,
     output: Option<&Path>,
     force: bool,
-) -> Result<Vec<Imported>, Errors> {
+) -> Result<(Vec<Imported>, Errors), Errors> {
     let (settings, doc) = config::load::<Import>(description)?;
     settings.check(&doc, output.is_some())?;
     let folder = description.parent().unwrap_or(Path::new(""));
@@ -85,7 +85,7 @@ pub fn run(
         .iter()
         .filter_map(|source| errors.take(convert(&settings, &doc, source, output(source))))
         .collect();
-    errors.or(done)
+    Ok((done, errors))
 }
 
 /// Reads a file and writes its log.
