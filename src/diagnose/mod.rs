@@ -51,6 +51,7 @@
 //! | | `sensor` | the noise on a measured signal |
 //! | | `timescale` | how fast the motion is: what lags, windows and bands are counted in |
 //! | | `noise` | the noise of the base's residuals, and whitening by it |
+//! | | `evaluation` | residuals and sensitivities at one point, for many who ask |
 //! | | `absorbed` | what the fit took of it |
 //! | | `joint` | what several outputs' residuals have in common |
 //! | | `colour` | the noise that a fit leaves |

@@ -123,10 +123,7 @@ impl Propagator {
                 out.dy.push(match sampling {
                     Sampling::Grid if again => rows[column].clone(),
                     Sampling::Grid => std::mem::take(&mut rows[column]),
-                    Sampling::Between(weights) => weights
-                        .iter()
-                        .flat_map(|w| between(w.as_ref(), &rows[column], nd))
-                        .collect(),
+                    Sampling::Between(weights) => between(weights, &rows[column], nd),
                 });
             }
         }
@@ -135,13 +132,14 @@ impl Propagator {
     }
 }
 
-/// Sensitivities at one sample; zero outside the grid.
-fn between(weights: Option<&Weights>, rows: &[f64], nd: usize) -> Vec<f64> {
-    let mut out = vec![0.0; nd];
-    if let Some(w) = weights {
-        for k in 0..w.len {
-            let row = &rows[(w.first + k) * nd..(w.first + k + 1) * nd];
-            out.iter_mut().zip(row).for_each(|(d, g)| *d += w.w[k] * g);
+/// Sensitivities at the samples, `[sample][direction]`; zero outside the grid.
+fn between(weights: &[Option<Weights>], rows: &[f64], nd: usize) -> Vec<f64> {
+    let mut out = pool::take(weights.len() * nd);
+    out.fill(0.0);
+    for (out, w) in out.chunks_exact_mut(nd.max(1)).zip(weights) {
+        let Some(w) = w else { continue };
+        for (w, row) in w.w[..w.len].iter().zip(rows[w.first * nd..].chunks_exact(nd)) {
+            out.iter_mut().zip(row).for_each(|(d, g)| *d += w * g);
         }
     }
     out

@@ -11,7 +11,7 @@ use crate::model::graph::Leaf;
 use crate::model::{Model, Scope};
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A variance is never taken smaller than this share of the mean square of the measurements; the
 /// second where outputs may be correlated, since a combination of outputs can vanish altogether.
@@ -31,11 +31,16 @@ pub struct Unknown {
     pub group: Option<Label>,
 }
 
+/// A propagator with fewer directions, made when it is first asked for; none where the model has none.
+pub(super) type Narrow = Arc<OnceLock<Option<Propagator>>>;
+
 /// The segments that are used together.
 pub struct Case {
     pub model: Arc<Model>,
     pub(super) chosen: Arc<Chosen>,
     pub propagator: Arc<Propagator>,
+    /// The same with the directions of what belongs to a segment alone.
+    pub(super) narrow: Narrow,
     /// Of a model whose states are driven by noise.
     filter: Option<Filter>,
     pub records: Vec<Record>,
@@ -82,6 +87,7 @@ impl Case {
             model,
             chosen,
             propagator,
+            narrow: Narrow::default(),
             records,
             sampling,
             automatic,
@@ -193,14 +199,44 @@ impl Case {
         if let Some(filter) = &self.filter {
             return self.innovations(filter, s, local, sensitivities);
         }
+        let mut blocks = self.residuals(&self.propagator, s, local, sensitivities)?;
+        blocks.iter_mut().for_each(|b| b.g = self.with_slopes(s, std::mem::take(&mut b.g)));
+        Some(blocks)
+    }
+
+    /// The same with sensitivities to what belongs to the segment alone.
+    pub fn evaluate_own(&self, s: usize, local: &[f64]) -> Option<Vec<Block>> {
+        let made = || {
+            let directions = Directions {
+                parameters: self.chosen.own.clone(),
+                starts: self.chosen.initial.clone(),
+            };
+            Propagator::of_outputs(&self.model, directions, self.outputs.clone()).ok()
+        };
+        if let (None, Some(narrow)) = (&self.filter, self.narrow.get_or_init(made)) {
+            return self.residuals(narrow, s, local, true);
+        }
+        let part = &self.layout.parts[s];
+        let (shared, all) = (part.shared.len(), part.directions());
+        let mut blocks = self.evaluate(s, local, true)?;
+        for block in &mut blocks {
+            block.g =
+                block.g.chunks_exact(all.max(1)).flat_map(|row| row[shared..].to_vec()).collect();
+        }
+        Some(blocks)
+    }
+
+    /// Residuals per channel, with sensitivities to the propagator's directions.
+    fn residuals(
+        &self,
+        propagator: &Propagator,
+        s: usize,
+        local: &[f64],
+        sensitivities: bool,
+    ) -> Option<Vec<Block>> {
         let (parameters, starts) = self.place(s, local);
-        let response = self.propagator.respond_at(
-            &parameters,
-            &starts,
-            &self.records[s],
-            &self.sampling[s],
-            sensitivities,
-        );
+        let (record, sampling) = (&self.records[s], &self.sampling[s]);
+        let response = propagator.respond_at(&parameters, &starts, record, sampling, sensitivities);
         if !response.finite {
             return None;
         }
@@ -212,11 +248,7 @@ impl Case {
             e.iter_mut()
                 .zip(&channel.z)
                 .for_each(|(e, z)| *e = if z.is_finite() { z - *e } else { f64::NAN });
-            Some(Block::new(
-                output,
-                e,
-                self.with_slopes(s, sensitivities.next().unwrap_or_default()),
-            ))
+            Some(Block::new(output, e, sensitivities.next().unwrap_or_default()))
         };
         channels.map(block).collect()
     }

@@ -1,7 +1,7 @@
 //! A model, segments and settings in; the model as it would be estimated, over the segments that
 //! can be used, out: for those who evaluate it themselves.
 
-use super::case::{Case, PASSES, propagator};
+use super::case::{Case, Narrow, PASSES, propagator};
 use super::choice::{Chosen, choose};
 use super::extend::prepare;
 use super::segment::Segment;
@@ -24,6 +24,7 @@ pub struct Prepared {
     pub left_out: Vec<LeftOut>,
     chosen: Arc<Chosen>,
     propagator: Arc<Propagator>,
+    narrow: Narrow,
     /// Of all segments.
     given: Vec<Result<Vec<f64>, String>>,
     settings: Settings,
@@ -60,6 +61,7 @@ impl Prepared {
             left_out,
             chosen: Arc::new(chosen),
             propagator: Arc::new(propagator),
+            narrow: Narrow::default(),
             given,
             settings: settings.clone(),
         })
@@ -76,7 +78,9 @@ impl Prepared {
         let given = used.iter().filter_map(|&s| self.given[s].as_ref().ok().cloned()).collect();
         let (model, chosen, propagator) =
             (self.model.clone(), self.chosen.clone(), self.propagator.clone());
-        Case::new(model, chosen, propagator, &these, given, &self.settings)
+        let mut case = Case::new(model, chosen, propagator, &these, given, &self.settings);
+        case.narrow = self.narrow.clone();
+        case
     }
 
     /// Whether a segment (index) has start values for all states that need one from outside.

@@ -4,7 +4,7 @@
 //! A **problem** (`Level::Bad`) is printed by `koehler run` and makes its exit code 1, so it is one
 //! only where something asked for is not there or a result stands on a sensor that is wrong,
 //! whatever the threshold: a channel that is dead, reversed, late, scaled, rejected by the tenth,
-//! or still through a maneuver; a flight without a maneuver that is used; an estimation that did
+//! or still for a tenth of a maneuver; a flight without a maneuver that is used; an estimation that did
 //! not converge; a missing result; a validated maneuver outside its tolerances; a diagnosis without
 //! a verdict. What is a matter of degree (noise larger than predicted, samples at a stop, scatter,
 //! correlations, an estimate that leaves more than noise, a model that lacks something) is worth a look (`Level::Warn`): the numbers

@@ -13,8 +13,12 @@ struct Estimated {
     to: f64,
 }
 
-/// The sentence of the checks. A maneuver that was flown while a sensor stood still from end to end
-/// stands on nothing. What the sensors' own comparison (`consistency`) calls frozen is said there.
+/// A maneuver of which this share or more was flown while a sensor stood still stands on it: as much as
+/// of a channel that is rejected makes a problem.
+const STANDS_ON_IT: f64 = 0.1;
+
+/// The sentence of the checks. What the sensors' own comparison (`consistency`) calls frozen is said
+/// there.
 pub fn summary(
     channels: Option<&Columns>,
     consistency: Option<&Columns>,
@@ -31,22 +35,23 @@ pub fn summary(
             continue;
         }
         let mine = || estimated.iter().filter(|e| e.flight == flight);
-        let inside = mine().filter(|e| from <= e.from && e.to <= to).count();
-        let touched = mine().filter(|e| from < e.to && e.from < to).count();
+        let share = |e: &Estimated| (to.min(e.to) - from.max(e.from)) / (e.to - e.from);
+        let stands = mine().filter(|e| share(e) >= STANDS_ON_IT).count();
+        let touched = mine().filter(|e| share(e) > 0.0).count();
         let when =
             format!("{flight} {signal} (from {} s for {} s", plain(from, 1), plain(to - from, 1));
-        match (inside, touched) {
+        match (stands, touched) {
             (0, 0) => idle.push(format!("{when})")),
-            (0, n) => odd.push(format!("{when}, in part of {n})")),
-            (n, _) => bad.push(format!("{when}, {})", count(n, "maneuver"))),
+            (0, n) => odd.push(format!("{when}, less than a tenth of {})", count(n, "maneuver"))),
+            (n, _) => bad.push(format!("{when}, a tenth or more of {})", count(n, "maneuver"))),
         }
     }
     let told = |names: &[String], words: &str| {
         (!names.is_empty()).then(|| format!("{words}: {}.", few(names)))
     };
     let sentences = [
-        told(&bad, "Sensors that stand still in maneuvers that are estimated"),
-        told(&odd, "Sensors that stand still for a part of what is estimated"),
+        told(&bad, "Sensors that stand still in what is estimated"),
+        told(&odd, "Sensors that stand still for a small part of what is estimated"),
         told(&idle, "Sensors that stand still where nothing is estimated"),
     ];
     let level = [(&bad, Level::Bad), (&odd, Level::Warn), (&idle, Level::Info)]
@@ -164,11 +169,15 @@ mod tests {
     fn a_sensor_that_stands_still_is_a_problem_where_something_is_estimated_in_it() {
         let level = |from, to| said(from, to, "good").map(|(level, _)| level);
         assert_eq!(level(10.0, 40.0), Some(Level::Bad));
-        assert_eq!(level(25.0, 40.0), Some(Level::Warn));
+        assert_eq!(level(25.0, 40.0), Some(Level::Bad), "half of it");
+        assert_eq!(level(29.5, 40.0), Some(Level::Warn), "a twentieth of it");
         assert_eq!(level(40.0, 90.0), Some(Level::Info));
         assert_eq!(level(f64::NAN, f64::NAN), None);
         assert_eq!(said(10.0, 40.0, "frozen"), None, "said where the sensors are compared");
         let (_, text) = said(10.0, 40.0, "good").expect("a sentence");
-        assert!(text.contains("f servo (from 10.0 s for 30.0 s, 1 maneuver)"), "{text}");
+        assert!(
+            text.contains("f servo (from 10.0 s for 30.0 s, a tenth or more of 1 maneuver)"),
+            "{text}"
+        );
     }
 }

@@ -6,6 +6,7 @@ use super::stand::{Known, Stand, estimation, fitted, placed, seen, settle_steps}
 use super::training::{Task, Trained};
 use crate::diagnose::residual::absorbed::Fitted;
 use crate::diagnose::residual::colour::noise_of;
+use crate::diagnose::residual::evaluation::Evaluation;
 use crate::diagnose::residual::responses::Responses;
 use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::subject::Places;
@@ -73,7 +74,7 @@ pub fn at_first(stand: &Stand, subject: &Subject) -> Result<Result<Found, Troubl
     if estimated.stop == Stop::NotFinite {
         return Ok(Err(Trouble::Base("the base model is not finite at its start".into())));
     }
-    let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
+    let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?.compiled();
     let start =
         |case: &Case| (vec![placed(case, &prepared, subject, &estimated)], None, Vec::new());
     let found = fit(stand, subject, &prepared, &start);
@@ -91,7 +92,7 @@ pub fn at_next(
     from: &Found,
     known: Option<&Known>,
 ) -> Result<Option<Found>, Errors> {
-    let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?;
+    let prepared = Prepared::new(&stand.model, subject.segments, &stand.method)?.compiled();
     if prepared.used != from.prepared.used {
         return Ok(None);
     }
@@ -122,37 +123,37 @@ fn fit(stand: &Stand, subject: &Subject, prepared: &Prepared, start: &Start) -> 
     let free = seen(&case, &places.training);
     let nothing = Responses::default();
     let rule = stand.method.colour();
-    let again = |theta: &[f64], noise: &Noise, responses: &Responses| {
-        Some(noise_of(
-            &Fitted::new(&case, &places.training, &free, theta, &responses.values, rule)
-                .weighted(noise)?,
-            thresholds,
-        ))
+    let again = |at: &Evaluation, noise: &Noise, responses: &Responses| {
+        let fitted = Fitted::new(at, &places.training, &free, &responses.values, rule);
+        Some(noise_of(&fitted.weighted(noise)?, thresholds))
     };
     // What demonstrably responds to something is taken out before, as long as anything does.
-    let settled = |theta: &[f64], mut noise: Noise| {
-        let fitted = Fitted::new(&case, &places.training, &free, theta, &nothing.values, rule);
+    let settled = |at: &Evaluation, mut noise: Noise| {
+        let fitted = Fitted::new(at, &places.training, &free, &nothing.values, rule);
         let mut responses = Responses::default();
         while responses.more(&fitted, &noise, subject.settings) {
-            noise = again(theta, &noise, &responses)?;
+            noise = again(at, &noise, &responses)?;
         }
         Some(noise)
     };
     let noise = match known {
         Some(noise) => noise,
         None => {
+            let at = Evaluation::new(&case, &theta, &places.training);
             let plain = noise_of(
-                &Fitted::new(&case, &places.training, &free, &theta, &nothing.values, rule),
+                &Fitted::new(&at, &places.training, &free, &nothing.values, rule),
                 thresholds,
             );
             // With what the estimation absorbed of it.
-            (0..thresholds.noise_passes)
-                .try_fold(plain, |noise, _| again(&theta, &noise, &nothing))?
+            (0..thresholds.noise_passes).try_fold(plain, |noise, _| again(&at, &noise, &nothing))?
         }
     };
     let (_, first) = fitted(&case, &noise, &places, theta, &stand.added, thresholds);
     let first = first?;
-    let noise = settled(&first.theta, again(&first.theta, &noise, &nothing)?)?;
+    let noise = {
+        let at = Evaluation::new(&case, &first.theta, &places.training);
+        settled(&at, again(&at, &noise, &nothing)?)?
+    };
     let (free, fit) = fitted(&case, &noise, &places, first.theta, &stand.added, thresholds);
     let fit = fit?;
     Some(Found {

@@ -2,6 +2,8 @@
 //! out.
 
 use super::training::Task;
+use crate::diagnose::residual::evaluation::Evaluation;
+use crate::estimate::Block;
 use crate::least_squares::give_back;
 use crate::math::products::{DEPENDENT, Gram};
 use rayon::prelude::*;
@@ -69,10 +71,12 @@ impl Task<'_> {
         Some(Spread { sd, information, left, by_segment })
     }
 
-    /// One Gauss-Newton step from `theta`, bounds kept: shared parameters and those of the segments; none
-    /// where the model is not finite.
-    pub fn stepped(&self, theta: &[f64]) -> Option<Vec<f64>> {
-        let (parts, n, layout) = (self.parts(theta)?, self.free.len(), &self.case.layout);
+    /// One Gauss-Newton step from where the segments were evaluated, bounds kept: shared parameters and
+    /// those of the segments; none where the model is not finite.
+    pub fn stepped(&self, at: &Evaluation) -> Option<Vec<f64>> {
+        let (theta, n, layout) = (at.theta, self.free.len(), &self.case.layout);
+        let part = |&s: &usize| self.part_of(s, theta, at.blocks(s)?);
+        let parts: Vec<Part> = self.segments.par_iter().map(part).collect::<Option<_>>()?;
         let mut all = self.together(&parts, theta);
         all.eliminate(0, n);
         let mut shared = vec![0.0; n + 1];
@@ -98,7 +102,14 @@ impl Task<'_> {
     }
 
     pub fn part(&self, s: usize, theta: &[f64]) -> Option<Part> {
-        let Columns { mut columns, mut to, residuals } = self.columns(s, theta)?;
+        let blocks = self.case.evaluate(s, &self.case.layout.local(s, theta), true)?;
+        let part = self.part_of(s, theta, &blocks);
+        give_back(blocks);
+        part
+    }
+
+    fn part_of(&self, s: usize, theta: &[f64], blocks: &[Block]) -> Option<Part> {
+        let Columns { mut columns, mut to, residuals } = self.white_columns(s, blocks)?;
         columns.push(residuals);
         to.push(self.free.len());
         let gram = self.products(s, theta, &columns);
@@ -108,9 +119,14 @@ impl Task<'_> {
 
     /// White sensitivities and residuals of segment `s`; none where the model is not finite.
     pub fn columns(&self, s: usize, theta: &[f64]) -> Option<Columns> {
-        let layout = &self.case.layout;
-        let blocks = self.case.evaluate(s, &layout.local(s, theta), true)?;
-        let part = &layout.parts[s];
+        let blocks = self.case.evaluate(s, &self.case.layout.local(s, theta), true)?;
+        let columns = self.white_columns(s, &blocks);
+        give_back(blocks);
+        columns
+    }
+
+    fn white_columns(&self, s: usize, blocks: &[Block]) -> Option<Columns> {
+        let part = &self.case.layout.parts[s];
         let mut wanted: Vec<usize> = (part.shared.len()..part.directions()).collect();
         let mut to = Vec::new();
         for (place, index) in self.free.iter().enumerate() {
@@ -119,8 +135,7 @@ impl Task<'_> {
                 to.push(place);
             }
         }
-        let mut columns = self.noise.whiten(s, &blocks, &wanted);
-        give_back(blocks);
+        let mut columns = self.noise.whiten(s, blocks, &wanted);
         let residuals = columns.pop()?;
         Some(Columns { columns, to, residuals })
     }

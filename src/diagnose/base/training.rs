@@ -136,9 +136,16 @@ impl Task<'_> {
         move |k: usize, local: &[f64], sensitivities: bool| {
             let mut all = fixed[k].clone();
             places[k].iter().zip(local).for_each(|(&place, value)| all[place] = *value);
-            let blocks = self.case.evaluate(self.segments[k], &all, sensitivities)?;
-            let wanted = if sensitivities { &places[k][..] } else { &[] };
-            let mut columns = self.noise.whiten(self.segments[k], &blocks, wanted);
+            let s = self.segments[k];
+            // Where nothing else moves, nothing else is propagated.
+            let own = 0..places[k].len();
+            let alone = own.len() == self.case.layout.parts[s].own;
+            let (blocks, wanted) = match (sensitivities, alone) {
+                (false, _) => (self.case.evaluate(s, &all, false)?, Vec::new()),
+                (true, true) => (self.case.evaluate_own(s, &all)?, own.collect()),
+                (true, false) => (self.case.evaluate(s, &all, true)?, places[k].clone()),
+            };
+            let mut columns = self.noise.whiten(s, &blocks, &wanted);
             give_back(blocks);
             let e = columns.pop().filter(|e| e.iter().all(|e| e.is_finite()))?;
             Some(vec![Block::new(0, e, rows_of(&columns))])

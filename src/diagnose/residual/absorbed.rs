@@ -1,19 +1,20 @@
 //! A fit in; the series that stand in for its noise, residuals and what was absorbed beside them
 //! (`crate::noise::absorbed`), out.
 
+use super::evaluation::Evaluation;
 use super::whitening::Noise;
-use crate::estimate::{Block, Case};
+use crate::estimate::Block;
 use crate::noise::{Absorbed, Direction, Part, Prior, Rule, Taken};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// A fit as the noise sees it.
 pub struct Fitted<'a> {
-    pub case: &'a Case,
+    pub at: &'a Evaluation<'a>,
     /// Places among the segments of the case.
     pub segments: &'a [usize],
     /// Shared parameters that were free.
     pub free: &'a [usize],
-    pub theta: &'a [f64],
     /// What is no noise in the residuals, `[segment of the fit][output]`.
     pub responses: &'a [Vec<Option<Vec<f64>>>],
     /// How the noise's colour is modelled.
@@ -33,14 +34,13 @@ pub struct Series {
 
 impl<'a> Fitted<'a> {
     pub fn new(
-        case: &'a Case,
+        at: &'a Evaluation<'a>,
         segments: &'a [usize],
         free: &'a [usize],
-        theta: &'a [f64],
         responses: &'a [Vec<Option<Vec<f64>>>],
         rule: Rule,
     ) -> Fitted<'a> {
-        Fitted { case, segments, free, theta, responses, rule, taken: Vec::new() }
+        Fitted { at, segments, free, responses, rule, taken: Vec::new() }
     }
 
     /// With what a fit weighted by `noise` absorbs; `None` where the model is not finite.
@@ -56,25 +56,26 @@ impl<'a> Fitted<'a> {
     }
 
     fn prior(&self, i: usize) -> Prior {
-        let (weight, pull) = self.case.layout.prior(i, self.theta[i]);
+        let (weight, pull) = self.at.case.layout.prior(i, self.at.theta[i]);
         Prior { weight, pull }
     }
 
     /// The blocks of a segment, without what the residuals respond to.
-    fn blocks(&self, at: usize) -> Option<Vec<Block>> {
-        let s = self.segments[at];
-        let mut blocks = self.case.evaluate(s, &self.case.layout.local(s, self.theta), true)?;
-        for block in &mut blocks {
-            if let Some(Some(response)) = self.responses.get(at).and_then(|of| of.get(block.output))
+    fn blocks(&self, at: usize) -> Option<Cow<'a, [Block]>> {
+        let mut blocks = Cow::Borrowed(self.at.blocks(self.segments[at])?);
+        for i in 0..blocks.len() {
+            if let Some(Some(response)) =
+                self.responses.get(at).and_then(|of| of.get(blocks[i].output))
             {
-                block.e.iter_mut().zip(response).for_each(|(e, response)| *e -= response);
+                let e = &mut blocks.to_mut()[i].e;
+                e.iter_mut().zip(response).for_each(|(e, response)| *e -= response);
             }
         }
         Some(blocks)
     }
 
     fn part(&self, noise: &Noise, at: usize) -> Option<Part> {
-        let part = &self.case.layout.parts[self.segments[at]];
+        let part = &self.at.case.layout.parts[self.segments[at]];
         let place = |i: &usize| {
             self.free.iter().position(|free| free == i).map_or(Direction::Held, Direction::Shared)
         };
@@ -90,14 +91,14 @@ impl<'a> Fitted<'a> {
 
     /// The series of one segment.
     pub fn series(&self, at: usize) -> Vec<Series> {
-        let one = |block: Block| {
+        let one = |block: &Block| {
             let masked: Vec<bool> = block.e.iter().map(|e| !e.is_finite()).collect();
             let columns = match self.taken.get(at) {
                 Some(taken) => taken.series(&block.e, &block.g),
-                None => vec![block.e],
+                None => vec![block.e.clone()],
             };
             Series { output: block.output, masked, columns }
         };
-        self.blocks(at).unwrap_or_default().into_iter().map(one).collect()
+        self.blocks(at).unwrap_or_default().iter().map(one).collect()
     }
 }

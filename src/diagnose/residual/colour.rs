@@ -16,7 +16,7 @@ use std::ops::Range;
 /// group of which it has nothing the joint models of the first one.
 pub fn noise_of(fitted: &Fitted, thresholds: &Thresholds) -> Noise {
     let order = thresholds.joint_order;
-    let case = fitted.case;
+    let case = fitted.at.case;
     let groups: Vec<usize> = case.layout.parts.iter().map(|part| part.group).collect();
     let count = groups.iter().copied().max().map_or(1, |g| g + 1);
     let mut noise = Noise {
@@ -72,8 +72,8 @@ fn fall_back(filters: &mut [Vec<Option<Filter>>]) {
 fn sets(noise: &Noise, fitted: &Fitted, group: usize) -> Vec<Set> {
     let segments: Vec<usize> = members(noise, fitted, fitted.segments, group).copied().collect();
     let outputs: Vec<usize> =
-        (0..fitted.case.outputs.len()).filter(|&o| noise.filters[group][o].is_some()).collect();
-    together(fitted.case, &segments, &outputs)
+        (0..fitted.at.case.outputs.len()).filter(|&o| noise.filters[group][o].is_some()).collect();
+    together(fitted.at.case, &segments, &outputs)
 }
 
 /// Those of `of` (one per segment of the fit) that belong to a group.
@@ -146,6 +146,7 @@ fn modelled<'t>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::residual::evaluation::Evaluation;
     use crate::dynamics::{Channel, Record};
     use crate::estimate::{Prepared, Segment, Settings};
     use crate::model::{Constants, Model};
@@ -219,8 +220,9 @@ c = { unit = "rad", value = "x" }
         let case = prepared.case();
         let theta = case.layout.start.clone();
         // The last one is held out.
+        let at = Evaluation::new(&case, &theta, &[0, 1, 2, 3]);
         let noise = noise_of(
-            &Fitted::new(&case, &[0, 1, 2, 3], &[0], &theta, &[], Rule::default()),
+            &Fitted::new(&at, &[0, 1, 2, 3], &[0], &[], Rule::default()),
             &Thresholds::default(),
         );
         let told = |group: usize| -> Vec<(&[usize], &[usize])> {

@@ -2,6 +2,7 @@
 
 pub mod absorbed;
 pub mod colour;
+pub mod evaluation;
 pub mod gain;
 pub mod innovation;
 pub mod instants;

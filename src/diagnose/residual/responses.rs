@@ -25,7 +25,7 @@ impl Responses {
     /// One more for every output that responds above the limit of chance under this noise; false
     /// where none does.
     pub fn more(&mut self, fitted: &Fitted, noise: &Noise, settings: &Settings) -> bool {
-        let (case, thresholds) = (fitted.case, &settings.thresholds);
+        let (case, thresholds) = (fitted.at.case, &settings.thresholds);
         let sources =
             Sources::of(case, fitted.segments, 1.0 - settings.quantile, false, thresholds);
         self.values.resize(fitted.segments.len(), vec![None; case.outputs.len()]);
@@ -34,7 +34,7 @@ impl Responses {
         let of = |s: usize| {
             let at = fitted.segments.iter().position(|&of| of == s).unwrap_or_default();
             let less = |output: usize| self.values[at].get(output).filter(|_| !self.done[output]);
-            sums(case, noise, &sources, s, fitted.theta, &less, Size::Alike)
+            sums(case, noise, &sources, s, fitted.at.theta, &less, Size::Alike)
         };
         let grams = together(case, &sources, fitted.segments, &of);
         let n = sources.all.len();
@@ -49,7 +49,7 @@ impl Responses {
             chosen.extend(most.map(|(_, source, b)| (output, source, b)));
         }
         for (at, &s) in fitted.segments.iter().enumerate() {
-            let traces = case.traces(s, fitted.theta);
+            let traces = case.traces(s, fitted.at.theta);
             let signals = signals(case, s, &traces);
             for (output, source, b) in &chosen {
                 let Some(trace) = traces.iter().find(|t| t.output == case.outputs[*output]) else {

@@ -27,6 +27,8 @@ use crate::diagnose::settings::Settings;
 use crate::diagnose::subject::{Subject, Trouble};
 use crate::error::Errors;
 use crate::model::Model;
+use std::cell::RefCell;
+use std::rc::Rc;
 
 /// What the library has for a model: candidates, and effects that could not be attached with the
 /// reason.
@@ -57,12 +59,22 @@ struct Link {
     known: Known,
 }
 
+/// The base with what was added, as it was fitted once.
+struct Made {
+    /// The parameters added, and where they started.
+    added: Vec<(String, Option<f64>)>,
+    known: Option<Known>,
+    found: Option<Rc<Found>>,
+}
+
 /// The search while it goes on.
 struct Search<'a> {
     subject: &'a Subject<'a>,
     offer: &'a Offer<'a>,
     progress: &'a (dyn Fn(&str) + Sync),
     links: Vec<Link>,
+    /// The models that were fitted so far.
+    made: RefCell<Vec<Made>>,
     dropped: Vec<String>,
     /// Links are only taken out any more.
     ending: bool,
@@ -124,6 +136,7 @@ pub fn diagnose(
         offer,
         progress,
         links: Vec::new(),
+        made: RefCell::default(),
         dropped: Vec::new(),
         ending: false,
         out,
@@ -165,7 +178,7 @@ impl Search<'_> {
                 names.join(" and ")
             ))));
         }
-        let last = last.as_ref().unwrap_or(&base);
+        let last = last.as_deref().unwrap_or(&base);
         let out = &mut self.out;
         out.added = added;
         out.doubts =
@@ -209,7 +222,7 @@ impl Search<'_> {
             if made.is_none() && !self.links.is_empty() {
                 return Ok(());
             }
-            let found = made.as_ref().unwrap_or(base);
+            let found = made.as_deref().unwrap_or(base);
             let (mut candidates, skipped) = (self.offer)(&stand.model)?;
             if self.out.rounds.is_empty() {
                 self.out.skipped = skipped;
@@ -237,10 +250,23 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// The base with what was added; none where nothing was, or where it does not run.
-    fn with(&self, stand: &Stand, base: &Found) -> Result<Option<Found>, Errors> {
+    /// The base with what was added; none where nothing was, or where it does not run. What was
+    /// fitted from there once is not fitted again.
+    fn with(&self, stand: &Stand, base: &Found) -> Result<Option<Rc<Found>>, Errors> {
+        if stand.added.is_empty() {
+            return Ok(None);
+        }
         let known = self.links.last().map(|link| &link.known);
-        if stand.added.is_empty() { Ok(None) } else { at_next(stand, self.subject, base, known) }
+        let start = |name: &String| (name.clone(), stand.method.starts.get(name).copied());
+        let added: Vec<_> = stand.added.iter().map(start).collect();
+        let is = |made: &&Made| made.added == added && made.known.as_ref() == known;
+        if let Some(made) = self.made.borrow().iter().find(is) {
+            return Ok(made.found.clone());
+        }
+        let found = at_next(stand, self.subject, base, known)?.map(Rc::new);
+        let made = Made { added, known: known.cloned(), found: found.clone() };
+        self.made.borrow_mut().push(made);
+        Ok(found)
     }
 
     /// Tests every link with all others in place, the weakest first; true where all of them hold.
@@ -317,7 +343,7 @@ impl Search<'_> {
             let others: Vec<Link> = self.links.iter().filter(|l| l.name != name).cloned().collect();
             if let Some((stand, _)) = self.chained(&others)? {
                 let made = self.with(&stand, base)?;
-                let found = made.as_ref().unwrap_or(base);
+                let found = made.as_deref().unwrap_or(base);
                 let (candidates, _) = (self.offer)(&stand.model)?;
                 finding.stability =
                     stability((&stand, found), (round, finding.added), &candidates, self.subject)?;
@@ -365,7 +391,7 @@ impl Search<'_> {
         // Few take part, but it was found as the best of all.
         let mut round = self.round(
             &stand,
-            made.as_ref().unwrap_or(base),
+            made.as_deref().unwrap_or(base),
             (&candidates, this.limit, Some(&this.name)),
         )?;
         round.base = others.iter().map(|l| l.name.clone()).collect();

@@ -77,7 +77,8 @@ pub fn refit(
     at: &[f64],
 ) -> Result<Option<(Refit, Left)>, Errors> {
     let stand = joined(ground.stand, candidate, at);
-    let prepared = Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?;
+    let prepared =
+        Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?.compiled();
     if prepared.used != ground.prepared.used {
         return Ok(None);
     }

@@ -24,6 +24,7 @@ use crate::diagnose::base::training::Task;
 use crate::diagnose::effect::Candidate;
 use crate::diagnose::residual::absorbed::Fitted;
 use crate::diagnose::residual::colour::noise_of;
+use crate::diagnose::residual::evaluation::Evaluation;
 use crate::diagnose::residual::responses::Responses;
 use crate::diagnose::residual::whitening::Noise;
 use crate::diagnose::settings::Settings;
@@ -176,27 +177,45 @@ pub fn stability(
     let all: Vec<usize> = (0..found.prepared.used.len()).collect();
     let free = seen(&base.case, &all);
     let rule = stand.method.colour();
-    let fitted = Fitted::new(&base.case, &all, &free, &base.theta, &[], rule);
+    let at = Evaluation::new(&base.case, &base.theta, &all);
+    let fitted = Fitted::new(&at, &all, &free, &[], rule);
     let mut responses = Responses::default();
     let mut noise = found.noise.clone();
     while responses.more(&fitted, &noise, subject.settings) {
-        let again = Fitted::new(&base.case, &all, &free, &base.theta, &responses.values, rule);
+        let again = Fitted::new(&at, &all, &free, &responses.values, rule);
         match again.weighted(&noise) {
             Some(fitted) => noise = noise_of(&fitted, &subject.settings.thresholds),
             None => break,
         }
     }
-    let one = |variant: &Variant| {
+    let noise = |variant: Variant| {
         let training = &variant.places.training;
         let without: Vec<_> =
             training.iter().filter_map(|&s| responses.values.get(s).cloned()).collect();
         let free = seen(&base.case, training);
-        let fitted = Fitted::new(&base.case, training, &free, &base.theta, &without, rule);
+        let fitted = Fitted::new(&at, training, &free, &without, rule);
         let noise = noise_of(&fitted.weighted(&noise)?, &subject.settings.thresholds);
-        vote(&base, &models, &noise, (&found.prepared, variant), round.limit, subject)
+        Some((variant, noise))
     };
-    let votes = variants(&found.prepared, subject.settings).par_iter().filter_map(one).collect();
-    Ok(Stability { votes })
+    let draws: Vec<(Variant, Noise)> =
+        variants(&found.prepared, subject.settings).into_par_iter().filter_map(noise).collect();
+    drop(at);
+    // A model is run once where it stands, and asked by every draw.
+    let moved = |model: &Solution| -> Vec<Option<Moved>> {
+        let at = Evaluation::new(&model.case, &model.theta, &all);
+        let one = |(variant, noise): &(Variant, Noise)| {
+            model.moved(&at, noise, &variant.places, subject.settings)
+        };
+        draws.par_iter().map(one).collect()
+    };
+    let without = moved(&base);
+    let with: Vec<Vec<Option<Moved>>> = models.iter().map(moved).collect();
+    let one = |(k, (variant, noise)): (usize, &(Variant, Noise))| {
+        let models = models.iter().zip(&with).map(|(model, moved)| (model, moved[k].as_ref()));
+        let without = without[k].as_ref()?;
+        Some(vote(without, models, noise, (&found.prepared, variant), round.limit, subject))
+    };
+    Ok(Stability { votes: draws.iter().enumerate().filter_map(one).collect() })
 }
 
 /// Candidates with a full fit against which nothing speaks but, at most, one split of the maneuvers;
@@ -269,7 +288,7 @@ fn solved<'a>(
     let Some(refit) = &judged.refit else { return Ok(None) };
     let values: Vec<f64> = refit.values.iter().map(|v| v.value).collect();
     let stand = joined(stand, candidate, &values);
-    let prepared = Prepared::new(&stand.model, &found.prepared.segments, &stand.method)?;
+    let prepared = Prepared::new(&stand.model, &found.prepared.segments, &stand.method)?.compiled();
     if prepared.used != found.prepared.used {
         return Ok(None);
     }
@@ -297,7 +316,13 @@ impl Solution<'_> {
     }
 
     /// Fitted to a variant's training maneuvers; none where the model is not finite.
-    fn moved(&self, noise: &Noise, places: &Places, settings: &Settings) -> Option<Moved> {
+    fn moved(
+        &self,
+        at: &Evaluation,
+        noise: &Noise,
+        places: &Places,
+        settings: &Settings,
+    ) -> Option<Moved> {
         let thresholds = &settings.thresholds;
         let free = seen(&self.case, &places.training);
         let segments = &places.training[..];
@@ -307,15 +332,15 @@ impl Solution<'_> {
             let cost = fit.cost();
             (fit.theta, cost)
         } else {
-            self.stepped(&task)?
+            self.stepped(at, &task)?
         };
         let frozen = frozen(&self.case, noise, places, &theta, (&self.nulls, thresholds));
         Some(Moved { cost, frozen })
     }
 
     /// The best of a step, half of it, a quarter, and none.
-    fn stepped(&self, task: &Task) -> Option<(Vec<f64>, f64)> {
-        let whole = task.stepped(&self.theta)?;
+    fn stepped(&self, at: &Evaluation, task: &Task) -> Option<(Vec<f64>, f64)> {
+        let whole = task.stepped(at)?;
         let at = |share: f64| -> Vec<f64> {
             self.theta.iter().zip(&whole).map(|(from, to)| from + share * (to - from)).collect()
         };
@@ -329,21 +354,21 @@ impl Solution<'_> {
     }
 }
 
-fn vote(
-    base: &Solution,
-    models: &[Solution],
+/// `without`: the base as the variant moved it; `models`: the candidates', likewise.
+fn vote<'m>(
+    without: &Moved,
+    models: impl Iterator<Item = (&'m Solution<'m>, Option<&'m Moved>)>,
     noise: &Noise,
     (prepared, variant): (&Prepared, &Variant),
     limit: f64,
     subject: &Subject,
-) -> Option<Vote> {
+) -> Vote {
     let (settings, places) = (subject.settings, &variant.places);
     let thresholds = &settings.thresholds;
-    let without = base.moved(noise, places, settings)?;
     let (mut best, mut weighed): (Option<(f64, &str)>, Vec<Weighed>) = (None, Vec::new());
-    for model in models {
+    for (model, with) in models {
         let Some(judged) = model.judged else { continue };
-        let Some(with) = model.moved(noise, places, settings) else {
+        let Some(with) = with else {
             let (name, none) = (judged.name.clone(), f64::NAN);
             weighed.push(Weighed { name, evidence: none, predicted: none });
             continue;
@@ -365,5 +390,5 @@ fn vote(
         }
     }
     let chosen = best.map(|(_, name)| name.to_string());
-    Some(Vote { variant: variant.name.clone(), chosen, weighed })
+    Vote { variant: variant.name.clone(), chosen, weighed }
 }
