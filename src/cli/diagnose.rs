@@ -81,13 +81,22 @@ fn ask(settings: &mut Settings, args: &DiagnoseArgs, store: &Store) {
         (true, false) => said.iter().map(|d| d.estimate.clone()).collect(),
     };
     settings.keep(store);
-    let Some(mut all) = settings.read::<Vec<diagnose::Settings>>(name) else { return };
+    let Some(all) = settings.read::<Vec<diagnose::Settings>>(name) else { return };
+    // What the pipeline file leaves to this command is asked for as it says.
+    let (left, mut all): (Vec<_>, Vec<_>) = all.into_iter().partition(|d| !d.run);
     for name in &wanted {
-        let fresh = diagnose::Settings::of(name);
-        match all.iter_mut().find(|d| d.estimate == *name) {
-            Some(earlier) if earlier.asked => *earlier = fresh,
-            Some(_) => {}
-            None => all.push(fresh),
+        let left: Vec<_> = left.iter().filter(|d| d.estimate == *name).collect();
+        let fresh = match left.is_empty() {
+            true => vec![diagnose::Settings::of(name)],
+            false => left.iter().map(|d| diagnose::Settings { asked: true, ..d.plain() }).collect(),
+        };
+        let said = all.iter().any(|d| !d.asked && d.estimate == *name);
+        for fresh in fresh {
+            match all.iter_mut().find(|d| d.asked && d.name() == fresh.name()) {
+                Some(earlier) => *earlier = fresh,
+                None if said => {}
+                None => all.push(fresh),
+            }
         }
     }
     for d in &mut all {

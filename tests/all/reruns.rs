@@ -256,6 +256,30 @@ fn what_a_diagnosis_adds_is_estimated_as_the_pipeline_does() {
     assert!(!c.path("out/findings").exists() && !c.path("out/models").exists());
 }
 
+/// What takes long is left to `koehler diagnose`; a run keeps it until something behind it changes.
+#[test]
+fn a_diagnosis_that_is_left_to_the_command_is_made_by_it_alone() {
+    let c = with_effect();
+    let asked = "[[diagnose]]\nestimate = \"all\"\neffects = [\"effects\"]\nrun = false\n";
+    c.edit("pipeline.toml", "\n[[fit]]", &format!("\n{asked}\n[[fit]]"));
+    c.run().ended(0);
+    assert!(!c.path("out/findings").exists());
+    let told = c.koehler("diagnose", &[]).ended(3);
+    assert!(told.out.contains("all: NAMED") && !told.out.contains("\nlag\n"), "{}", told.out);
+    let made = tables(&c.path("out"));
+    assert!(c.run().ended(0).out.contains("nothing to do"));
+    assert!(c.koehler("diagnose", &[]).ended(3).out.contains("all: NAMED"));
+    assert_eq!(made, tables(&c.path("out")));
+    // Other settings of it, and it is another one.
+    c.edit("pipeline.toml", "run = false", "run = false\nrerun = false");
+    let run = c.run().ended(0);
+    assert!(run.out.contains("removed: diagnose of all"), "{}", run.out);
+    assert!(!c.path("out/findings").exists());
+    // Its mistakes are mistakes of the pipeline.
+    c.edit("pipeline.toml", "[\"effects\"]", "[\"nowhere\"]");
+    assert!(c.koehler("check", &[]).ended(2).err.contains("nowhere"));
+}
+
 /// The gain is one number in "all", and grows with airspeed. In "lag" every maneuver has its own,
 /// and the pipeline says that they lie on a line: nothing is missing in that, and nothing in
 /// maneuvers that have a value each without a line.

@@ -45,6 +45,10 @@ pub struct Settings {
     /// diagnosis, with `.next` behind.
     #[serde(default = "default_rerun")]
     pub rerun: bool,
+    /// Whether `koehler run` makes it. Without, only `koehler diagnose` does, because it takes long,
+    /// and a run keeps it as long as nothing behind it changes.
+    #[serde(default = "default_run")]
+    pub run: bool,
     /// A command asked for it, not the pipeline file, which cannot say so.
     #[serde(default)]
     #[schemars(skip)]
@@ -59,6 +63,10 @@ fn default_rerun() -> bool {
     true
 }
 
+fn default_run() -> bool {
+    true
+}
+
 fn one_or_several<'de, D: Deserializer<'de>>(given: D) -> Result<Vec<String>, D::Error> {
     estimate::Used::deserialize(given).map(|used| used.names().to_vec())
 }
@@ -70,7 +78,7 @@ impl Settings {
 
     /// Without who asked for it, and when it is run: what its results depend on.
     pub fn plain(&self) -> Settings {
-        Settings { asked: false, idle: false, ..self.clone() }
+        Settings { run: true, asked: false, idle: false, ..self.clone() }
     }
 
     /// Name of the estimate with what was added.
@@ -87,6 +95,7 @@ impl Settings {
             roles: IndexMap::new(),
             method: diagnose::Settings::default(),
             rerun: default_rerun(),
+            run: default_run(),
             asked: true,
             idle: false,
         }
@@ -95,27 +104,31 @@ impl Settings {
 
 /// Adds the diagnoses that a command asked for earlier and whose results are in the output folder:
 /// they are kept as long as they are fresh. One whose name the pipeline file gives away, or whose
-/// estimate is gone, is not.
+/// estimate is gone, is not; nor one that the pipeline file leaves to commands and says otherwise
+/// now.
 pub fn again(told: &mut Value, earlier: Vec<Value>, estimates: &[String]) {
     let Ok(mut all) = serde_json::from_value::<Vec<Settings>>(told.take()) else { return };
     for kept in earlier.into_iter().filter_map(|value| serde_json::from_value(value).ok()) {
         let kept = Settings { asked: true, idle: true, ..kept };
         let known = estimates.contains(&kept.estimate);
-        if known && all.iter().all(|d| d.name() != kept.name()) {
+        let same = |d: &Settings| !d.run && slice_of(&d.plain()) == slice_of(&kept.plain());
+        if known && all.iter().all(|d| d.name() != kept.name() || same(d)) {
             all.push(kept);
         }
     }
     *told = slice_of(&all);
 }
 
-/// Checks all `[[diagnose]]` and keeps those that can be run.
+/// Checks all `[[diagnose]]` and keeps those that can be run, and are: what is left to a command is
+/// checked all the same.
 pub fn check(told: &mut Told, known: &mut Known) {
     let Some(all) = told.get::<Vec<Settings>>(NAME).cloned() else { return };
     let Known { given, estimates, .. } = known;
     let checked = given.entries(NAME, all, Settings::name, |given, key, settings| {
         Config::read(settings, (given, key), (estimates.names, estimates.checked))
     });
-    told.keep(NAME, checked.into_iter().flatten().collect::<Vec<Config>>());
+    let run = checked.into_iter().flatten().filter(|config| config.settings.run);
+    told.keep(NAME, run.collect::<Vec<Config>>());
 }
 
 /// The diagnoses of a campaign.
