@@ -23,10 +23,14 @@ A first contact with your own logs:
   koehler check mine/pipeline.toml        every mistake at once, with file, line and column
   koehler run mine/pipeline.toml          tables in mine/out/, pages in mine/out/report/index.html
 
+What is said:
+  --quiet says answers, warnings and errors alone, --verbose each unit of work as well. With --json standard output is one JSON document
+  and nothing else; what could not be done is in its `errors`, and always on standard error. NO_COLOR=1 takes the colours away.
+
 Exit codes:
   0  everything asked for is there
   1  the run ended, and something asked for is missing (it is named on the screen and in the table `notes`), or the report calls
-     something a problem (it is printed as well)
+     something a problem (it is printed as well); files are not as they were recorded (verify); two runs differ (diff)
   2  nothing could be done: a mistake in the command, the configuration, or the output folder; no log has what the channel map names
   3  a diagnosis found that a model lacks something";
 
@@ -39,6 +43,13 @@ Examples:
   koehler run pipelines/citation/pipeline.toml
   koehler run pipelines/citation/pipeline.toml --out trial --jobs 4
   koehler run pipelines/citation/pipeline.toml --dry-run
+  koehler run pipelines/citation/pipeline.toml --flight flight-1 --until segment     quick trials of settings on one flight
+  koehler run pipelines/citation/pipeline.toml --from report                         the report again
+  koehler run pipelines/citation/pipeline.toml --json --quiet                        for scripts
+
+A part of a run leaves everything else as it is, stale or fresh, and says so; the next run without these options makes up for it. --until
+ends after a stage. --flight takes these flights alone through the stages of single flights; what takes all flights together (estimates,
+lines, the report) is not run. --from runs a stage and those behind it again although they are fresh. They go together.
 
 What a [[diagnose]] section found stands in a box at the end. It is a result and leaves the exit code alone; `koehler diagnose`
 ends with 3 where a model lacks something.
@@ -57,17 +68,37 @@ Examples:
 Exit codes: 0 nothing is missing, or nothing but turbulence; 1 no verdict, or something asked for is missing; 2 configuration or usage error; 3 a model lacks something.";
 
 pub const STATUS: &str = "\
-For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file).
+For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file). `koehler explain` says more of one.
+--json has the same as `units`, each with `stage`, `unit`, `state` and `reasons`; `to_run` is how many a run would take.
+
+Examples:
+  koehler status pipelines/citation/pipeline.toml
+  koehler status pipelines/citation/pipeline.toml --json | jq .to_run";
+
+pub const VERIFY: &str = "\
+One line for each file that differs from its record, is missing, cannot be read, or that no record names. Every byte is read: sizes and times
+are not taken for it. The records are those of the last run; a run makes again what differs or is missing.
 
 Example:
-  koehler status pipelines/citation/pipeline.toml";
+  koehler verify pipelines/citation/pipeline.toml
+
+Exit codes: 0 every file is as recorded, 1 some are not, 2 there is no record.";
 
 pub const CHECK: &str = "\
 Every mistake is told at once, with file, line and column. Of the logs only the summary section at the end of each is read (what topics there
-are, and what their schemas say of fields and units); `koehler run` does the same before it begins.
+are, and what their schemas say of fields and units); `koehler run` does the same before it begins. --json has the mistakes as `errors`, each
+with `place` (file, line, column), `what` and `help`.
 
-Example:
-  koehler check pipelines/citation/pipeline.toml";
+Examples:
+  koehler check pipelines/citation/pipeline.toml
+  koehler check pipelines/citation/pipeline.toml --json";
+
+pub const INSPECT: &str = "\
+Reads the whole log. --json has `topics` with `fields`, their rates, gaps, counts and ranges, and `notes` on what is damaged or lost.
+
+Examples:
+  koehler inspect logs/flight-01.mcap
+  koehler inspect logs/flight-01.mcap --json";
 
 pub const INIT: &str = "\
 Example:

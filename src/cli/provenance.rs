@@ -1,0 +1,35 @@
+//! The verbs about where results come from: a pipeline file or a file of an output folder comes in,
+//! lines or a JSON document go out.
+
+use super::args::{Form, PipelineArgs};
+use super::run::out_folder;
+use super::summary::count;
+use super::words::{End, document, say};
+use crate::error::Errors;
+use crate::pipeline::{self, Fault, Store};
+
+/// `koehler verify`
+pub fn verify(args: &PipelineArgs, form: Form) -> Result<End, Errors> {
+    let store = Store::look(&out_folder(args))?;
+    let verified = pipeline::verify(&store, &args.pipeline)?;
+    let end = if verified.faults.is_empty() { End::Complete } else { End::Partial };
+    if form.json {
+        document(&verified)?;
+        return Ok(end);
+    }
+    for unlike in &verified.faults {
+        let what = match unlike.fault {
+            Fault::Differs => "differs from its record",
+            Fault::Missing => "is missing",
+            Fault::Unknown => "is unknown",
+            Fault::Unreadable => "cannot be read",
+        };
+        say(&format!("{}: {what} ({})", unlike.path, unlike.role));
+    }
+    let sound = count(verified.sound, "file");
+    say(&match verified.faults.len() {
+        0 => format!("{sound} as recorded, and no others"),
+        n => format!("{sound} as recorded, {n} not"),
+    });
+    Ok(end)
+}

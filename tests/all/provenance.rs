@@ -1,0 +1,116 @@
+//! Where results come from: what the commands say of an output folder whose history is known.
+
+use crate::campaign::Campaign;
+
+#[test]
+fn every_file_of_a_run_is_held_against_its_record() {
+    let c = Campaign::new();
+    let none = c.koehler("verify", &[]).ended(2);
+    assert!(none.err.contains("out is no output folder"), "{}", none.err);
+    c.run().ended(0);
+    let sound = c.koehler("verify", &[]).ended(0);
+    assert!(sound.out.contains("files as recorded, and no others"), "{}", sound.out);
+
+    c.edit("lag.model.toml", "start = 0.3", "start = 0.31");
+    std::fs::write(c.path("out/report/index.html"), b"mine").expect("written");
+    std::fs::write(c.path("out/estimates/part-7.parquet"), b"mine").expect("written");
+    std::fs::remove_file(c.path("out/fits/part-0.parquet")).expect("removed");
+    std::fs::remove_file(c.path("logs/flight-2.mcap")).expect("removed");
+    let run = c.koehler("verify", &[]).ended(1);
+    let lines: Vec<&str> = run.out.lines().collect();
+    assert_eq!(
+        lines[..5],
+        [
+            "lag.model.toml: differs from its record (settings)",
+            "logs/flight-2.mcap: is missing (log of flight flight-2)",
+            "out/estimates/part-7.parquet: is unknown (no record names it)",
+            "out/fits/part-0.parquet: is missing (made by fit of lag-V)",
+            "out/report/index.html: differs from its record (made by report of campaign)",
+        ]
+    );
+    let json = c.koehler("verify", &["--json"]).ended(1);
+    let said: serde_json::Value = serde_json::from_str(&json.out).expect("JSON");
+    assert_eq!(said["faults"].as_array().map(Vec::len), Some(5), "{}", json.out);
+    assert_eq!(said["faults"][0]["fault"], "differs");
+}
+
+#[test]
+fn a_part_of_a_run_leaves_the_rest_as_it_is() {
+    let c = Campaign::new();
+    let part = c.koehler("run", &["--until", "derive", "--flight", "flight-2"]).ended(0);
+    assert_eq!((part.stage("ingest"), part.stage("derive")), ((1, 0), (1, 0)), "{}", part.out);
+    assert!(part.out.contains("because the run ends with derive: segment, estimate, fit, report"));
+    assert!(!c.path("out/segments").exists() && !c.path("out/samples/flight=flight-1").exists());
+    let flights = c.koehler("run", &["--flight", "flight-2", "--flight", "flight-3"]).ended(0);
+    let skipped = "all flights together (--flight names flight-2, flight-3): estimate, fit, report";
+    assert!(flights.out.contains(skipped), "{}", flights.out);
+    assert_eq!(flights.stage("ingest"), (1, 1), "{}", flights.out);
+    c.run().ended(0);
+
+    // What is not taken stays: tables of the campaign, and of other flights.
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
+    c.koehler("run", &["--flight", "flight-1"]).ended(0);
+    assert!(c.path("out/fits/part-0.parquet").exists());
+    assert!(c.path("out/samples/flight=flight-3/part-0.parquet").exists());
+    c.koehler("verify", &[]).ended(0);
+    let status = c.koehler("status", &[]).ended(0);
+    assert!(status.out.contains("derive       flight-3             stale"), "{}", status.out);
+    assert!(status.out.contains("derive       flight-1             fresh"), "{}", status.out);
+    c.run().ended(0);
+
+    let dry = c.koehler("run", &["--from", "fit", "--dry-run"]).ended(0);
+    assert!(dry.out.contains("fit          lag-V                stale: it is asked for"));
+    let again = c.koehler("run", &["--from", "fit"]).ended(0);
+    assert_eq!((again.stage("estimate"), again.stage("fit")), ((0, 1), (1, 0)), "{}", again.out);
+    assert!(c.run().ended(0).out.contains("nothing to do"));
+    let wrong =
+        c.koehler("run", &["--from", "fits", "--flight", "f", "--until", "ingest"]).ended(2);
+    for wanted in ["--from: there is no stage \"fits\"", "the campaign has no flight \"f\""] {
+        assert!(wrong.err.contains(wanted), "{}", wrong.err);
+    }
+    let order = c.koehler("run", &["--from", "fit", "--until", "ingest"]).ended(2);
+    assert!(order.err.contains("--from names a stage behind"), "{}", order.err);
+}
+
+#[test]
+fn a_command_says_less_more_or_one_json_document() {
+    let c = Campaign::new();
+    let json = |run: &crate::campaign::Outcome| -> serde_json::Value {
+        serde_json::from_str(&run.out).unwrap_or_else(|e| panic!("{e}: {}", run.out))
+    };
+    let missing = json(&c.koehler("status", &["--json"]).ended(0));
+    assert_eq!(missing["units"][0]["state"], "missing");
+    let run = json(&c.koehler("run", &["--json"]).ended(0));
+    assert_eq!((&run["stages"][0]["ran"], &run["exit_code"]), (&3.into(), &0.into()), "{run}");
+    assert_eq!(run["report"], "out/report/index.html");
+    let quiet = c.koehler("run", &["--quiet", "--from", "fit"]).ended(0);
+    assert_eq!((quiet.out.as_str(), quiet.err.as_str()), ("", ""));
+    let verbose = c.koehler("run", &["-v", "--from", "fit"]).ended(0);
+    assert!(verbose.err.contains("fit of lag-V: done"), "{}", verbose.err);
+    let check = json(&c.koehler("check", &["--json"]).ended(0));
+    assert_eq!((&check["flights"], &check["errors"]), (&3.into(), &serde_json::json!([])));
+    let log = json(&c.command("inspect", &["logs/flight-1.mcap", "--json"]).ended(0));
+    assert_eq!(log["topics"][0]["fields"][0]["path"], "speed", "{log}");
+
+    c.edit("pipeline.toml", "against = \"V\"", "against = \"Mach\"");
+    for verb in ["check", "run", "status"] {
+        let wrong = json(&c.koehler(verb, &["--json"]).ended(2));
+        assert_eq!(wrong["exit_code"], 2);
+        assert_eq!(wrong["errors"][0]["place"]["line"], 22, "{wrong}");
+    }
+}
+
+#[test]
+fn nothing_is_coloured_where_no_colour_is_wanted() {
+    let c = Campaign::new();
+    for args in [&["--help"][..], &["run"], &["status", "pipeline.toml"]] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"))
+            .current_dir(c.folder.path())
+            .args(args)
+            .env("NO_COLOR", "1")
+            .env("CLICOLOR_FORCE", "0")
+            .output()
+            .expect("started");
+        assert!(![output.stdout, output.stderr].concat().contains(&0x1b), "{args:?}");
+    }
+}
