@@ -48,6 +48,19 @@ pub enum Verb {
         #[command(flatten)]
         form: Form,
     },
+    /// Say why units are fresh, stale or missing; of a setting that changed the old and the new value
+    #[command(after_help = text::EXPLAIN)]
+    Explain {
+        /// The pipeline file
+        pipeline: PathBuf,
+        /// A stage, as `status` names it in its first column [default: all]
+        stage: Option<String>,
+        /// A flight, an estimate, `campaign`: what `status` names in its second column [default: all]
+        unit: Option<String>,
+        /// Output folder [default: out/ beside pipeline.toml, out/NAME/ beside NAME.toml]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Hold every file of a run (tables, report, logs, settings) against its recorded hash
     #[command(after_help = text::VERIFY)]
     Verify {

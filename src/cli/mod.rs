@@ -19,7 +19,7 @@ use crate::engine::{Engine, Threads};
 use crate::error::Errors;
 use crate::log;
 use crate::pipeline::Limits;
-use args::{Cli, Form, Verb};
+use args::{Cli, Form, PipelineArgs, Verb};
 use clap::Parser;
 use std::ffi::OsString;
 use std::path::Path;
@@ -69,6 +69,10 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
         Verb::Run(args) => run::run(&args, chosen(engines, args.engine.as_deref())?),
         Verb::Diagnose(args) => diagnose::diagnose(&args, chosen(engines, args.engine.as_deref())?),
         Verb::Status { files, form } => status::status(&files, &Limits::default(), form),
+        Verb::Explain { pipeline, stage, unit, out } => {
+            let files = PipelineArgs { pipeline, out };
+            provenance::explain(&files, stage.as_deref(), unit.as_deref())
+        }
         Verb::Verify { files, form } => provenance::verify(&files, form),
         Verb::Check { pipeline, form } => run::check(&pipeline, form),
         Verb::Inspect { log, form } => inspect(&log, form),

@@ -6,7 +6,7 @@ use super::run::out_folder;
 use super::summary::count;
 use super::words::{End, document, say};
 use crate::error::Errors;
-use crate::pipeline::{self, Fault, Store};
+use crate::pipeline::{self, Explained, Fault, Plan, Store, named};
 
 /// `koehler verify`
 pub fn verify(args: &PipelineArgs, form: Form) -> Result<End, Errors> {
@@ -32,4 +32,27 @@ pub fn verify(args: &PipelineArgs, form: Form) -> Result<End, Errors> {
         n => format!("{sound} as recorded, {n} not"),
     });
     Ok(end)
+}
+
+/// `koehler explain`
+pub fn explain(
+    args: &PipelineArgs,
+    stage: Option<&str>,
+    unit: Option<&str>,
+) -> Result<End, Errors> {
+    let store = Store::look(&out_folder(args))?;
+    let plan = Plan::read_with(&args.pipeline, |settings| settings.keep(&store))?;
+    for explained in pipeline::explain(&plan, &store, stage, unit)? {
+        say(&format!("{} {}: {}", explained.stage, named(&explained.units), explained.state));
+        lines(&explained, "  ");
+        for root in &explained.roots {
+            say(&format!("  because {} of {} is {}:", root.stage, named(&root.units), root.state));
+            lines(root, "    ");
+        }
+    }
+    Ok(End::Complete)
+}
+
+fn lines(explained: &Explained, indent: &str) {
+    explained.causes.iter().for_each(|cause| say(&format!("{indent}{cause}")));
 }

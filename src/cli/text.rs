@@ -75,6 +75,19 @@ Examples:
   koehler status pipelines/citation/pipeline.toml
   koehler status pipelines/citation/pipeline.toml --json | jq .to_run";
 
+pub const EXPLAIN: &str = "\
+The first two words of a line of `koehler status` name a unit; its first word alone, all units of a stage. What waits for others is followed
+back to where the change began. Lines of a model's text are told one by one.
+
+Examples:
+  koehler status pipelines/citation/pipeline.toml
+  koehler explain pipelines/citation/pipeline.toml estimate elevator
+  koehler explain pipelines/citation/pipeline.toml derive
+  koehler explain pipelines/citation/pipeline.toml
+
+A folder that an earlier koehler made has hashes of settings and no values: that a setting changed is told, and not what it was. The next
+run adds the values to the records of what it finds fresh.";
+
 pub const VERIFY: &str = "\
 One line for each file that differs from its record, is missing, cannot be read, or that no record names. Every byte is read: sizes and times
 are not taken for it. The records are those of the last run; a run makes again what differs or is missing.

@@ -2,6 +2,7 @@
 //! stage by stage as far as not fresh.
 
 mod assess;
+mod explain;
 mod files;
 mod limits;
 mod mapped;
@@ -20,11 +21,13 @@ mod status;
 mod store;
 mod summaries;
 mod unit;
+mod values;
 mod verify;
 
 use crate::engine::Served;
 
 pub use assess::{Assessment, State};
+pub use explain::{Explained, explain, named};
 pub use limits::Limits;
 pub use plan::{FlightLog, Plan, Source, lacking};
 pub use result::{Event, RunResult, StageResult, Watch};
@@ -35,6 +38,7 @@ pub use status::{gone, status, status_within};
 pub use store::{Lock, Store, out_folder};
 pub use summaries::{Summaries, summaries};
 use unit::UnitOfStage;
+pub use values::shown;
 pub use verify::{Fault, Verified, verify};
 
 /// All work that an engine may move elsewhere.

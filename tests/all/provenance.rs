@@ -35,6 +35,78 @@ fn every_file_of_a_run_is_held_against_its_record() {
 }
 
 #[test]
+fn a_setting_that_changed_is_told_with_its_old_and_new_value() {
+    let c = Campaign::new();
+    let new = c.koehler("explain", &["estimate", "lag"]).ended(0);
+    assert_eq!(new.out, "estimate lag: missing\n  never run here\n");
+    c.run().ended(0);
+    let fresh = c.koehler("explain", &["ingest"]).ended(0);
+    assert!(fresh.out.starts_with("ingest flight-1, flight-2, flight-3: fresh\n"), "{}", fresh.out);
+    assert!(fresh.out.contains("  the log is as it was\n"), "{}", fresh.out);
+
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
+    c.edit("lag.model.toml", "start = 0.3", "start = 0.31");
+    let stale = c.koehler("explain", &["derive", "flight-2"]).ended(0);
+    assert_eq!(stale.out, "derive flight-2: stale\n  setting `rate_hz`: 100.0 -> 50.0\n");
+    let estimate = c.koehler("explain", &["estimate", "lag"]).ended(0);
+    let [old, new] = ["0.3", "0.31"]
+        .map(|start| format!("\"T = {{ unit = \\\"s\\\", start = {start}, min = 0.01 }}\""));
+    let wanted = format!("estimate lag: stale\n  setting `model`.text: {old} -> {new}\n");
+    let because = "  because derive of flight-1, flight-2, flight-3 is stale:\n";
+    assert_eq!(estimate.out, format!("{wanted}{because}    setting `rate_hz`: 100.0 -> 50.0\n"));
+    // What only waits is followed back to the beginning.
+    let segment = c.koehler("explain", &["segment"]).ended(0);
+    assert!(
+        segment
+            .out
+            .contains("  because derive of flight-1 is stale:\n    setting `rate_hz`: 100.0"),
+        "{}",
+        segment.out
+    );
+    let none = c.koehler("explain", &["derive", "flight-9"]).ended(2);
+    assert!(none.err.contains("it is run for flight-1, flight-2, flight-3"), "{}", none.err);
+    assert!(c.koehler("explain", &["derivative"]).ended(2).err.contains("the stages are ingest"));
+}
+
+/// Every record as a program wrote it that kept no values of settings.
+fn without_values(c: &Campaign) {
+    for stage in std::fs::read_dir(c.path("out/.koehler")).expect("records").flatten() {
+        for record in std::fs::read_dir(stage.path()).into_iter().flatten().flatten() {
+            let text = std::fs::read_to_string(record.path()).expect("a record");
+            let mut value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+            let all = value.as_object_mut().expect("an object");
+            (all.remove("settings"), all.remove("version"));
+            std::fs::write(record.path(), value.to_string()).expect("written");
+        }
+    }
+    std::fs::remove_file(c.path("out/.koehler/form")).expect("removed");
+    std::fs::remove_file(c.path("out/.koehler/run.json")).expect("removed");
+}
+
+#[test]
+fn a_folder_of_an_earlier_program_is_read_and_completed_and_one_of_a_later_is_refused() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    without_values(&c);
+    assert!(c.koehler("status", &[]).ended(0).out.contains("everything is fresh"));
+    assert!(c.koehler("verify", &[]).ended(2).err.contains("`koehler run PIPELINE` keeps it"));
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
+    let unknown = c.koehler("explain", &["derive"]).ended(0);
+    assert!(unknown.out.contains("it is 50.0 now; what it was is not known"), "{}", unknown.out);
+    c.edit("pipeline.toml", "rate_hz = 50.0", "rate_hz = 100.0");
+    assert!(c.run().ended(0).out.contains("nothing to do"));
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
+    let known = c.koehler("explain", &["derive"]).ended(0);
+    assert!(known.out.contains("setting `rate_hz`: 100.0 -> 50.0"), "{}", known.out);
+
+    std::fs::write(c.path("out/.koehler/form"), "3\n").expect("written");
+    for verb in ["run", "status", "verify", "explain"] {
+        let run = c.koehler(verb, &[]).ended(2);
+        assert!(run.err.contains("have form 3; this program reads 1 to 2"), "{}", run.err);
+    }
+}
+
+#[test]
 fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     let c = Campaign::new();
     let part = c.koehler("run", &["--until", "derive", "--flight", "flight-2"]).ended(0);
