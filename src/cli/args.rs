@@ -61,6 +61,18 @@ pub enum Verb {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Compare the results of two runs: values and lines that moved by more than 2 sd, other verdicts
+    #[command(after_help = text::DIFF)]
+    Diff {
+        /// Output folder of the first run, or its pipeline file
+        #[arg(value_name = "RUN")]
+        first: PathBuf,
+        /// That of the second
+        #[arg(value_name = "RUN")]
+        second: PathBuf,
+        #[command(flatten)]
+        form: Form,
+    },
     /// Hold every file of a run (tables, report, logs, settings) against its recorded hash
     #[command(after_help = text::VERIFY)]
     Verify {
@@ -159,6 +171,7 @@ impl Verb {
             Verb::Status { form, .. }
             | Verb::Check { form, .. }
             | Verb::Inspect { form, .. }
+            | Verb::Diff { form, .. }
             | Verb::Verify { form, .. } => form.json,
             _ => false,
         }

@@ -3,6 +3,7 @@
 mod args;
 mod design;
 mod diagnose;
+mod diff;
 mod progress;
 mod provenance;
 mod ran;
@@ -73,6 +74,7 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
             let files = PipelineArgs { pipeline, out };
             provenance::explain(&files, stage.as_deref(), unit.as_deref())
         }
+        Verb::Diff { first, second, form } => diff::diff(&first, &second, form),
         Verb::Verify { files, form } => provenance::verify(&files, form),
         Verb::Check { pipeline, form } => run::check(&pipeline, form),
         Verb::Inspect { log, form } => inspect(&log, form),

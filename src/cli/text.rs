@@ -88,6 +88,20 @@ Examples:
 A folder that an earlier koehler made has hashes of settings and no values: that a setting changed is told, and not what it was. The next
 run adds the values to the records of what it finds fresh.";
 
+pub const DIFF: &str = "\
+A parameter has moved where its values differ by more than twice the larger of its two standard deviations (`sd` of the tables, without what
+constants add); slope and intercept of a line likewise. One without sd (it is held, or did not converge) has moved where it is not the same
+number. Verdicts are those of validation and diagnosis, and why an estimate stopped. What one run alone has is told as well.
+
+Examples:
+  koehler run mine/pipeline.toml --out before
+  (edit mine/pipeline.toml)
+  koehler run mine/pipeline.toml --out after
+  koehler diff before after
+  koehler diff before after --json > differences.json
+
+Exit codes: 0 no differences, 1 some, 2 a folder has no results that can be read.";
+
 pub const VERIFY: &str = "\
 One line for each file that differs from its record, is missing, cannot be read, or that no record names. Every byte is read: sizes and times
 are not taken for it. The records are those of the last run; a run makes again what differs or is missing.

@@ -2,6 +2,7 @@
 //! stage by stage as far as not fresh.
 
 mod assess;
+mod diff;
 mod explain;
 mod files;
 mod limits;
@@ -27,6 +28,7 @@ mod verify;
 use crate::engine::Served;
 
 pub use assess::{Assessment, State};
+pub use diff::{Difference, Kind, Side, diff};
 pub use explain::{Explained, explain, named};
 pub use limits::Limits;
 pub use plan::{FlightLog, Plan, Source, lacking};

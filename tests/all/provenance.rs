@@ -107,6 +107,38 @@ fn a_folder_of_an_earlier_program_is_read_and_completed_and_one_of_a_later_is_re
 }
 
 #[test]
+fn two_runs_differ_in_what_moved_and_in_what_one_alone_has() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    c.koehler("run", &["--out", "same", "--jobs", "1"]).ended(0);
+    let same = c.command("diff", &["out", "same"]).ended(0);
+    assert!(same.out.starts_with("no differences; compared were "), "{}", same.out);
+
+    c.fly("flight-2", 7, 4);
+    let more = "[[estimate]]\nname = \"all\"\nmodel = \"lag.model.toml\"\ninput = \"drive\"\ngroup = \"all\"\n\n[[fit]]";
+    c.edit("pipeline.toml", "[[fit]]", more);
+    c.koehler("run", &["--out", "other"]).ended(0);
+    let other = c.command("diff", &["pipeline.toml", "other"]).ended(1);
+    let moved = other.out.lines().find(|line| line.starts_with("estimate lag, flight-2"));
+    let moved = moved.unwrap_or_else(|| panic!("{}", other.out));
+    assert!(
+        moved.contains(", K: ") && moved.contains(" -> ") && moved.ends_with(" sd)"),
+        "{moved}"
+    );
+    assert!(!other.out.contains("estimate lag, flight-1"), "{}", other.out);
+    assert!(other.out.contains("estimate all: only in other: "), "{}", other.out);
+
+    let json = c.command("diff", &["out", "other", "--json"]).ended(1);
+    let said: serde_json::Value = serde_json::from_str(&json.out).expect("JSON");
+    let first = &said["differences"][0];
+    assert_eq!((&first["kind"], &first["of"][0]), (&"estimate".into(), &"lag".into()), "{first}");
+    assert!(first["sds"].as_f64().expect("a number") > 2.0, "{first}");
+    assert!(
+        c.command("diff", &["out", "logs"]).ended(2).err.contains("logs: this is no output folder")
+    );
+}
+
+#[test]
 fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     let c = Campaign::new();
     let part = c.koehler("run", &["--until", "derive", "--flight", "flight-2"]).ended(0);
