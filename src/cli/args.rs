@@ -73,6 +73,14 @@ pub enum Verb {
         #[command(flatten)]
         form: Form,
     },
+    /// Say which logs, stages, settings and program a table or the report was made from
+    #[command(after_help = text::LINEAGE)]
+    Lineage {
+        /// A file of an output folder, or the folder of a table
+        file: PathBuf,
+        #[command(flatten)]
+        form: Form,
+    },
     /// Hold every file of a run (tables, report, logs, settings) against its recorded hash
     #[command(after_help = text::VERIFY)]
     Verify {
@@ -172,6 +180,7 @@ impl Verb {
             | Verb::Check { form, .. }
             | Verb::Inspect { form, .. }
             | Verb::Diff { form, .. }
+            | Verb::Lineage { form, .. }
             | Verb::Verify { form, .. } => form.json,
             _ => false,
         }

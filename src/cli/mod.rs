@@ -4,6 +4,7 @@ mod args;
 mod design;
 mod diagnose;
 mod diff;
+mod lineage;
 mod progress;
 mod provenance;
 mod ran;
@@ -75,6 +76,7 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
             provenance::explain(&files, stage.as_deref(), unit.as_deref())
         }
         Verb::Diff { first, second, form } => diff::diff(&first, &second, form),
+        Verb::Lineage { file, form } => lineage::lineage(&file, form),
         Verb::Verify { files, form } => provenance::verify(&files, form),
         Verb::Check { pipeline, form } => run::check(&pipeline, form),
         Verb::Inspect { log, form } => inspect(&log, form),

@@ -102,6 +102,16 @@ Examples:
 
 Exit codes: 0 no differences, 1 some, 2 a folder has no results that can be read.";
 
+pub const LINEAGE: &str = "\
+From the file back to the logs: which stages made it and what they read, with the version of the program and a hash of its sources, the
+values of their settings (long ones are cut and empty ones left out; --json has all of them), the logs with their hashes and what was kept of
+them, and the settings files of the last run. The records alone are read: nothing is run, and the pipeline file may be elsewhere.
+
+Examples:
+  koehler lineage pipelines/citation/out/fits/part-0.parquet
+  koehler lineage pipelines/citation/out/report/index.html
+  koehler lineage pipelines/citation/out/estimates --json";
+
 pub const VERIFY: &str = "\
 One line for each file that differs from its record, is missing, cannot be read, or that no record names. Every byte is read: sizes and times
 are not taken for it. The records are those of the last run; a run makes again what differs or is missing.

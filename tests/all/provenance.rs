@@ -139,6 +139,36 @@ fn two_runs_differ_in_what_moved_and_in_what_one_alone_has() {
 }
 
 #[test]
+fn a_table_is_followed_back_to_its_logs_over_settings_with_values() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let line = c.command("lineage", &["out/fits/part-0.parquet"]).ended(0);
+    for wanted in [
+        "  fit of lag-V (koehler ",
+        "  estimate of lag (koehler ",
+        "  ingest of flight-1, flight-2, flight-3 (koehler ",
+        "    setting `rate_hz`: 100.0",
+        "  lag.model.toml  ",
+    ] {
+        assert!(line.out.contains(wanted), "{wanted:?} is not in\n{}", line.out);
+    }
+    let log = line.out.lines().find(|line| line.starts_with("  logs/flight-2.mcap  "));
+    assert!(log.is_some_and(|log| log.contains(" samples of 3 signals, 0.0")), "{}", line.out);
+    assert!(!line.out.contains("report of campaign"), "{}", line.out);
+
+    let json = c.command("lineage", &["out/samples/flight=flight-1", "--json"]).ended(0);
+    let said: serde_json::Value = serde_json::from_str(&json.out).expect("JSON");
+    assert_eq!(said["logs"].as_array().map(Vec::len), Some(1), "{}", json.out);
+    assert_eq!(said["stages"][1]["settings"]["setting `rate_hz`"], 100.0, "{}", json.out);
+
+    std::fs::write(c.path("out/fits/mine.txt"), b"mine").expect("written");
+    let unknown = c.command("lineage", &["out/fits/mine.txt"]).ended(2);
+    assert!(unknown.err.contains("no record names this file"), "{}", unknown.err);
+    let outside = c.command("lineage", &["pipeline.toml"]).ended(2);
+    assert!(outside.err.contains("no folder above it is an output folder"), "{}", outside.err);
+}
+
+#[test]
 fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     let c = Campaign::new();
     let part = c.koehler("run", &["--until", "derive", "--flight", "flight-2"]).ended(0);
