@@ -81,6 +81,15 @@ pub enum Verb {
         #[command(flatten)]
         form: Form,
     },
+    /// Remove what an output folder keeps that no unit of the campaign needs
+    #[command(after_help = text::GC)]
+    Gc {
+        #[command(flatten)]
+        files: PipelineArgs,
+        /// Say what would be removed, and remove nothing
+        #[arg(long)]
+        dry_run: bool,
+    },
     /// Hold every file of a run (tables, report, logs, settings) against its recorded hash
     #[command(after_help = text::VERIFY)]
     Verify {

@@ -77,6 +77,7 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
         }
         Verb::Diff { first, second, form } => diff::diff(&first, &second, form),
         Verb::Lineage { file, form } => lineage::lineage(&file, form),
+        Verb::Gc { files, dry_run } => provenance::gc(&files, dry_run),
         Verb::Verify { files, form } => provenance::verify(&files, form),
         Verb::Check { pipeline, form } => run::check(&pipeline, form),
         Verb::Inspect { log, form } => inspect(&log, form),

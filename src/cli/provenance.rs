@@ -6,6 +6,7 @@ use super::run::out_folder;
 use super::summary::count;
 use super::words::{End, document, say};
 use crate::error::Errors;
+use crate::guard::MARK;
 use crate::pipeline::{self, Explained, Fault, Plan, Store, named};
 
 /// `koehler verify`
@@ -55,4 +56,28 @@ pub fn explain(
 
 fn lines(explained: &Explained, indent: &str) {
     explained.causes.iter().for_each(|cause| say(&format!("{indent}{cause}")));
+}
+
+/// `koehler gc`
+pub fn gc(args: &PipelineArgs, dry_run: bool) -> Result<End, Errors> {
+    let store = Store::look(&out_folder(args))?;
+    let plan = Plan::read_with(&args.pipeline, |settings| settings.keep(&store))?;
+    // An output folder that is not there is not made by looking for what is in it.
+    let is_there = store.root().join(MARK).is_dir();
+    let _lock = (is_there && !dry_run).then(|| store.lock()).transpose()?;
+    let unneeded = pipeline::unneeded(&plan, &store);
+    for file in &unneeded {
+        say(&format!("{}: {} bytes ({})", file.path.display(), file.bytes, file.why));
+    }
+    if !unneeded.is_empty() && !dry_run {
+        pipeline::remove(&store, &unneeded)?;
+    }
+    let bytes: u64 = unneeded.iter().map(|file| file.bytes).sum();
+    let files = count(unneeded.len(), "file");
+    say(&match (unneeded.is_empty(), dry_run) {
+        (true, _) => "nothing to remove: every file is needed, or not ours".to_string(),
+        (false, true) => format!("{files}, {bytes} bytes, would be removed"),
+        (false, false) => format!("{files}, {bytes} bytes, removed"),
+    });
+    Ok(End::Complete)
 }

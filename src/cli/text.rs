@@ -112,6 +112,15 @@ Examples:
   koehler lineage pipelines/citation/out/report/index.html
   koehler lineage pipelines/citation/out/estimates --json";
 
+pub const GC: &str = "\
+What goes: tables, files and records of flights, estimates, fits and other units that the pipeline file has no more, and what runs left that
+were stopped. What a command asked for (`koehler diagnose`) stays as long as the campaign has it; files of others stay. `koehler run` removes
+the same before it works.
+
+Examples:
+  koehler gc pipelines/citation/pipeline.toml --dry-run
+  koehler gc pipelines/citation/pipeline.toml";
+
 pub const VERIFY: &str = "\
 One line for each file that differs from its record, is missing, cannot be read, or that no record names. Every byte is read: sizes and times
 are not taken for it. The records are those of the last run; a run makes again what differs or is missing.

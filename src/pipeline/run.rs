@@ -3,6 +3,7 @@
 //! go out.
 
 use super::assess::{Assessment, Content, Contents, State, assess};
+use super::gc;
 use super::limits::Limits;
 use super::order;
 use super::origin::Origin;
@@ -16,7 +17,7 @@ use super::store::Store;
 use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep};
 use crate::engine::{self, Engine, Here, Kept, Said};
 use crate::error::{Error, Errors, Result};
-use crate::stage::{NOTES, Output, Part, Read, STAGES_TABLE, Stage, Unit};
+use crate::stage::{Output, Part, Read, Stage, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
@@ -373,8 +374,6 @@ impl Run<'_> {
             known.extend(records.flat_map(|record| record.outputs.into_keys()));
             known.extend(self.own.keys().cloned());
         }
-        let written = self.plan.campaign.stages.iter().flat_map(|stage| stage.writes).copied();
-        let tables: BTreeSet<&str> = written.chain([NOTES, STAGES_TABLE]).collect();
-        self.store.sweep(&tables, &known)
+        self.store.sweep(&gc::tables(self.plan), &known)
     }
 }

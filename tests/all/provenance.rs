@@ -169,6 +169,35 @@ fn a_table_is_followed_back_to_its_logs_over_settings_with_values() {
 }
 
 #[test]
+fn what_no_unit_needs_is_removed_and_nothing_else() {
+    let c = Campaign::new();
+    assert!(c.koehler("gc", &[]).ended(0).out.contains("nothing to remove"));
+    assert!(!c.path("out").exists());
+    c.run().ended(0);
+    assert!(c.koehler("gc", &[]).ended(0).out.contains("nothing to remove"));
+    std::fs::remove_file(c.path("logs/flight-2.mcap")).expect("removed");
+    std::fs::write(c.path("out/fits/part-5.parquet"), b"half").expect("written");
+    std::fs::write(c.path("out/report/.unfinished-1"), b"half").expect("written");
+    std::fs::write(c.path("out/fits/mine.txt"), b"mine").expect("written");
+    let of_2 = c.path("out/signals/flight=flight-2/part-0.parquet");
+    let bytes = of_2.metadata().expect("a table").len();
+
+    let dry = c.koehler("gc", &["--dry-run"]).ended(0);
+    let line = format!(
+        "out/signals/flight=flight-2/part-0.parquet: {bytes} bytes (ingest of flight-2 is no longer part of the campaign)"
+    );
+    assert!(dry.out.contains(&line), "{}", dry.out);
+    assert!(dry.out.contains("would be removed") && of_2.exists(), "{}", dry.out);
+    let done = c.koehler("gc", &[]).ended(0);
+    assert_eq!(done.out.replace(", removed", ", would be removed"), dry.out);
+    assert!(!of_2.exists() && !c.path("out/.koehler/ingest/flight-2.json").exists());
+    assert!(!c.path("out/fits/part-5.parquet").exists());
+    assert!(!c.path("out/report/.unfinished-1").exists());
+    assert!(c.path("out/fits/mine.txt").exists() && c.path("out/fits/part-0.parquet").exists());
+    assert!(c.koehler("gc", &[]).ended(0).out.contains("nothing to remove"));
+}
+
+#[test]
 fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     let c = Campaign::new();
     let part = c.koehler("run", &["--until", "derive", "--flight", "flight-2"]).ended(0);
