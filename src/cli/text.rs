@@ -23,6 +23,14 @@ A first contact with your own logs:
   koehler check mine/pipeline.toml        every mistake at once, with file, line and column
   koehler run mine/pipeline.toml          tables in mine/out/, pages in mine/out/report/index.html
 
+Where results come from (docs/provenance.md):
+  koehler status mine/pipeline.toml                     what is fresh, stale or missing
+  koehler explain mine/pipeline.toml estimate NAME      why, with old and new values of settings
+  koehler verify mine/pipeline.toml                     is every file as the run left it?
+  koehler lineage mine/out/fits/part-0.parquet          from a table back to the logs
+  koehler diff before after                             what moved between two runs
+  koehler gc mine/pipeline.toml                         remove what nothing needs
+
 What is said:
   --quiet says answers, warnings and errors alone, --verbose each unit of work as well. With --json standard output is one JSON document
   and nothing else; what could not be done is in its `errors`, and always on standard error. NO_COLOR=1 takes the colours away.
