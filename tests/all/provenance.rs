@@ -75,7 +75,7 @@ fn without_values(c: &Campaign) {
             let text = std::fs::read_to_string(record.path()).expect("a record");
             let mut value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
             let all = value.as_object_mut().expect("an object");
-            (all.remove("settings"), all.remove("version"));
+            ["settings", "version"].iter().for_each(|key| drop(all.remove(*key)));
             std::fs::write(record.path(), value.to_string()).expect("written");
         }
     }
