@@ -1,6 +1,8 @@
 //! The arguments of the command line, as people write them.
 
 use super::text;
+use super::words::Volume;
+use crate::pipeline::Limits;
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -10,6 +12,24 @@ use std::path::PathBuf;
 pub struct Cli {
     #[command(subcommand)]
     pub verb: Verb,
+    /// Say nothing but answers, warnings and errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say each unit of work as it is done
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+}
+
+impl Cli {
+    /// How much is said.
+    pub fn volume(&self) -> Volume {
+        match (self.quiet, self.verb.is_json(), self.verbose) {
+            (true, ..) => Volume::Quiet,
+            (_, true, _) => Volume::Document,
+            (.., true) => Volume::Verbose,
+            _ => Volume::Usual,
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -22,18 +42,78 @@ pub enum Verb {
     Diagnose(DiagnoseArgs),
     /// Tell what a run would do and why: fresh, stale or missing
     #[command(after_help = text::STATUS)]
-    Status(PipelineArgs),
+    Status {
+        #[command(flatten)]
+        files: PipelineArgs,
+        #[command(flatten)]
+        form: Form,
+    },
+    /// Say why units are fresh, stale or missing; of a setting that changed the old and the new value
+    #[command(after_help = text::EXPLAIN)]
+    Explain {
+        /// The pipeline file
+        pipeline: PathBuf,
+        /// A stage, as `status` names it in its first column [default: all]
+        stage: Option<String>,
+        /// A flight, an estimate, `campaign`: what `status` names in its second column [default: all]
+        unit: Option<String>,
+        /// Output folder [default: out/ beside pipeline.toml, out/NAME/ beside NAME.toml]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Compare the results of two runs: values and lines that moved by more than 2 sd, other verdicts
+    #[command(after_help = text::DIFF)]
+    Diff {
+        /// Output folder of the first run, or its pipeline file
+        #[arg(value_name = "RUN")]
+        first: PathBuf,
+        /// That of the second
+        #[arg(value_name = "RUN")]
+        second: PathBuf,
+        #[command(flatten)]
+        form: Form,
+    },
+    /// Say which logs, stages, settings and program a table or the report was made from
+    #[command(after_help = text::LINEAGE)]
+    Lineage {
+        /// A file of an output folder, or the folder of a table
+        file: PathBuf,
+        #[command(flatten)]
+        form: Form,
+    },
+    /// Remove what an output folder keeps that no unit of the campaign needs
+    #[command(after_help = text::GC)]
+    Gc {
+        #[command(flatten)]
+        files: PipelineArgs,
+        /// Say what would be removed, and remove nothing
+        #[arg(long)]
+        dry_run: bool,
+    },
+    /// Hold every file of a run (tables, report, logs, settings) against its recorded hash
+    #[command(after_help = text::VERIFY)]
+    Verify {
+        #[command(flatten)]
+        files: PipelineArgs,
+        #[command(flatten)]
+        form: Form,
+    },
     /// Check all configuration files of a campaign, and that its logs have the topics, fields and
     /// units they name
     #[command(after_help = text::CHECK)]
     Check {
         /// The pipeline file
         pipeline: PathBuf,
+        #[command(flatten)]
+        form: Form,
     },
     /// Show what is in a log: topics, fields, rates, gaps, ranges
+    #[command(after_help = text::INSPECT)]
     Inspect {
         /// An MCAP log
         log: PathBuf,
+        #[command(flatten)]
+        form: Form,
     },
     /// Write a starter campaign folder from logs: a channel map to be completed, with candidates
     /// named in comments
@@ -100,6 +180,22 @@ pub enum Verb {
     },
 }
 
+impl Verb {
+    /// Whether the answer is to be a JSON document.
+    pub fn is_json(&self) -> bool {
+        match self {
+            Verb::Run(args) => args.form.json,
+            Verb::Status { form, .. }
+            | Verb::Check { form, .. }
+            | Verb::Inspect { form, .. }
+            | Verb::Diff { form, .. }
+            | Verb::Lineage { form, .. }
+            | Verb::Verify { form, .. } => form.json,
+            _ => false,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub struct PipelineArgs {
     /// The pipeline file
@@ -107,6 +203,14 @@ pub struct PipelineArgs {
     /// Output folder [default: out/ beside pipeline.toml, out/NAME/ beside NAME.toml]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// In which form a command answers.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct Form {
+    /// Answer with one JSON document on standard output
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, Args)]
@@ -122,9 +226,43 @@ pub struct RunArgs {
     /// Tell what would be run and why, and run nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Run this stage and those behind it again, fresh or not
+    #[arg(long, value_name = "STAGE")]
+    pub from: Option<String>,
+    /// End after this stage; those behind it are left as they are
+    #[arg(long, value_name = "STAGE")]
+    pub until: Option<String>,
+    /// Take this flight alone through the stages of single flights (repeat it for several); what takes
+    /// all flights together is left as it is
+    #[arg(long, value_name = "NAME")]
+    pub flight: Vec<String>,
+    #[command(flatten)]
+    pub form: Form,
     /// Take an output folder that has files of others: those of the names of results are removed
     #[arg(long)]
     pub force: bool,
+}
+
+impl RunArgs {
+    /// A run of everything.
+    pub fn of(files: PipelineArgs, jobs: Option<usize>) -> RunArgs {
+        RunArgs {
+            files,
+            jobs,
+            engine: None,
+            dry_run: false,
+            from: None,
+            until: None,
+            flight: Vec::new(),
+            form: Form { json: false },
+            force: false,
+        }
+    }
+
+    /// The part of the run that is wanted.
+    pub fn limits(&self) -> Limits {
+        Limits { from: self.from.clone(), until: self.until.clone(), flights: self.flight.clone() }
+    }
 }
 
 #[derive(Debug, Args)]

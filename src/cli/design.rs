@@ -3,7 +3,7 @@
 use super::args::PipelineArgs;
 use super::run::out_folder;
 use super::summary::count;
-use super::words::{End, on_threads, print_errors, say};
+use super::words::{End, on_threads, print_errors, tell};
 use crate::design::{self, Judged, Outcome, Results, Study};
 use crate::error::Errors;
 use crate::guard;
@@ -39,8 +39,8 @@ pub fn design(
     write_atomic(&page, design::page(&study, &results)?.as_bytes())?;
     print_errors(&results.errors);
     print(&study, &results);
-    say(&format!("\nfigures: {}", page.display()));
-    say(&format!("table: {}", path.display()));
+    tell(&format!("\nfigures: {}", page.display()));
+    tell(&format!("table: {}", path.display()));
     Ok(if results.errors.is_empty() { End::Complete } else { End::Partial })
 }
 
@@ -58,36 +58,36 @@ fn bar() -> ProgressBar {
 
 /// The designs of each estimate by rank, each with a bar as long as its trace.
 fn print(study: &Study, results: &Results) {
-    say(&study.settings.title);
+    tell(&study.settings.title);
     for judged in &results.estimates {
         let mut order: Vec<&Judged> = judged.iter().collect();
         order.sort_by_key(|j| j.rank.unwrap_or(usize::MAX));
         let name = order.first().map_or("", |j| j.estimate.as_str());
-        say(&format!(
+        tell(&format!(
             "\n{name}: {}, {} each; ranked by the trace of the Cramer-Rao bound",
             count(judged.len(), "design"),
             count(study.settings.seeds as usize, "recording"),
         ));
-        say(&format!(
+        tell(&format!(
             "{:>4}  {:<10} {:<42} {:>9} {:>9} {:>8} {:>6} {:>6} {:>6} {:>6}",
             "", "", "", "", "squared", "airspeed", "pitch", "alpha", "load", "servo"
         ));
-        say(&format!(
+        tell(&format!(
             "{:>4}  {:<10} {:<42} {:>9} {:>9} {:>8} {:>6} {:>6} {:>6} {:>6}",
             "rank", "design", "", "trace", "error", "m/s", "deg", "deg", "factor", "A"
         ));
         let largest = judged.iter().map(|j| j.trace).filter(|t| t.is_finite()).fold(0.0, f64::max);
-        order.iter().for_each(|j| say(&line(j, largest)));
+        order.iter().for_each(|j| tell(&line(j, largest)));
     }
     for text in moved(results) {
-        say(&text);
+        tell(&text);
     }
     if let Some(found) = &results.found {
-        say(&format!("\n{}", found.words()));
+        tell(&format!("\n{}", found.words()));
     }
     let lost = results.errors.0.len();
     if lost > 0 {
-        say(&format!("\n{} could not be flown", count(lost, "design")));
+        tell(&format!("\n{} could not be flown", count(lost, "design")));
     }
 }
 

@@ -4,7 +4,7 @@
 use super::args::DiagnoseArgs;
 use super::progress::Bars;
 use super::run::{look_at_logs, out_folder, planned};
-use super::words::{End, on_threads, print_errors, say};
+use super::words::{End, on_threads, print_errors, say, tell};
 use super::{summary, verdict};
 use crate::diagnose::Base;
 use crate::engine::Engine;
@@ -35,7 +35,7 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
         Ok(pipeline::run(&plan, &store, engine, &|event| bars.hear(event))?)
     })??;
     print_errors(&result.errors);
-    result.removed.iter().for_each(|unit| say(&format!("removed: {unit}")));
+    result.removed.iter().for_each(|unit| tell(&format!("removed: {unit}")));
     // What makes the exit code 1 is named.
     summary::failing(&result.notes);
     end = if result.complete() { end } else { End::Partial.max(end) };
@@ -61,9 +61,9 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
     }
     let report = "report/index.html";
     if result.files.iter().any(|file| file == report) {
-        say(&format!("\nreport: {}", out.join(report).display()));
+        tell(&format!("\nreport: {}", out.join(report).display()));
     }
-    say(&format!("tables: {}", out.display()));
+    tell(&format!("tables: {}", out.display()));
     Ok(end)
 }
 

@@ -3,10 +3,15 @@
 mod args;
 mod design;
 mod diagnose;
+mod diff;
+mod lineage;
 mod progress;
+mod provenance;
+mod ran;
 mod run;
 mod schema;
 mod simulate;
+mod status;
 mod summary;
 mod text;
 mod verdict;
@@ -15,11 +20,16 @@ mod words;
 use crate::engine::{Engine, Threads};
 use crate::error::Errors;
 use crate::log;
-use args::{Cli, Verb};
+use crate::pipeline::Limits;
+use args::{Cli, Form, PipelineArgs, Verb};
 use clap::Parser;
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
-use words::{End, print_errors, shown};
+use words::{End, document, note, print_errors, shown, tell};
+
+/// The exit code where nothing could be done.
+const FAILED: u8 = 2;
 
 /// Runs the command of this process, with threads.
 pub fn main() -> ExitCode {
@@ -40,41 +50,62 @@ pub fn main_with(
             return if e.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
         }
     };
+    cli.volume().set();
+    let is_json = cli.verb.is_json();
     match dispatch(cli.verb, engines) {
-        Ok(End::Complete) => ExitCode::SUCCESS,
-        Ok(End::Found) => ExitCode::from(3),
-        Ok(End::Partial) => ExitCode::from(1),
+        Ok(end) => ExitCode::from(end.code()),
         Err(errors) => {
             print_errors(&errors);
-            ExitCode::from(2)
+            if is_json {
+                let answer = serde_json::json!({ "errors": errors, "exit_code": FAILED });
+                document(&answer).unwrap_or_else(|e| print_errors(&e));
+            }
+            ExitCode::from(FAILED)
         }
     }
 }
 
 fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> {
     match verb {
-        Verb::Run(args) if args.dry_run => run::status(&args.files),
+        Verb::Run(args) if args.dry_run => status::status(&args.files, &args.limits(), args.form),
         Verb::Run(args) => run::run(&args, chosen(engines, args.engine.as_deref())?),
         Verb::Diagnose(args) => diagnose::diagnose(&args, chosen(engines, args.engine.as_deref())?),
-        Verb::Status(args) => run::status(&args),
-        Verb::Check { pipeline } => run::check(&pipeline),
-        Verb::Inspect { log } => shown(&log::inspect::run(&log)?),
+        Verb::Status { files, form } => status::status(&files, &Limits::default(), form),
+        Verb::Explain { pipeline, stage, unit, out } => {
+            let files = PipelineArgs { pipeline, out };
+            provenance::explain(&files, stage.as_deref(), unit.as_deref())
+        }
+        Verb::Diff { first, second, form } => diff::diff(&first, &second, form),
+        Verb::Lineage { file, form } => lineage::lineage(&file, form),
+        Verb::Gc { files, dry_run } => provenance::gc(&files, dry_run),
+        Verb::Verify { files, form } => provenance::verify(&files, form),
+        Verb::Check { pipeline, form } => run::check(&pipeline, form),
+        Verb::Inspect { log, form } => inspect(&log, form),
         Verb::Init { logs, out } => shown(&log::starter::run(&logs, &out)?),
         Verb::Import { description, out, force } => {
             let (done, errors) = log::import::run(&description, out.as_deref(), force)?;
             for one in &done {
-                let note = |note: &String| eprintln!("note: {}: {note}", one.input.display());
-                one.notes.iter().for_each(note);
+                let said = |text: &String| note(&format!("{}: {text}", one.input.display()));
+                one.notes.iter().for_each(said);
             }
             let lines: Vec<String> = done.iter().map(|one| one.to_string()).collect();
             if !lines.is_empty() {
-                shown(&lines.join("\n"))?;
+                tell(&lines.join("\n"));
             }
             errors.or(End::Complete)
         }
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),
         Verb::Design { study, out, jobs, force } => design::design(&study, out, jobs, force),
         Verb::Schema { file, out, force } => schema::schema(file.as_deref(), out.as_deref(), force),
+    }
+}
+
+/// `koehler inspect`
+fn inspect(path: &Path, form: Form) -> Result<End, Errors> {
+    let survey = log::inspect::survey(path)?;
+    match form.json {
+        true => document(&survey).map(|()| End::Complete),
+        false => shown(&survey.to_string()),
     }
 }
 

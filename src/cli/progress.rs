@@ -1,6 +1,8 @@
 //! Progress of a run: events come in, bars on the terminal and the time of each stage go out; where
 //! standard error is no terminal, only lines of what a unit tells.
 
+use super::summary::count;
+use super::words::{Volume, detail};
 use crate::pipeline::Event;
 use crate::stage::Stage;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -32,7 +34,8 @@ const GRAIN: u64 = 1000;
 
 impl Bars {
     pub fn new() -> Bars {
-        Bars { visible: std::io::stderr().is_terminal(), state: Mutex::default() }
+        let visible = std::io::stderr().is_terminal() && Volume::Document.is_heard();
+        Bars { visible, state: Mutex::default() }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -47,9 +50,12 @@ impl Bars {
     /// Shows an event.
     pub fn hear(&self, event: Event) {
         let mut state = self.state();
+        state.detail(&event);
         state.clock(&event);
         if !self.visible {
-            if let Event::Told { unit, text } = event {
+            if let Event::Told { unit, text } = event
+                && Volume::Document.is_heard()
+            {
                 eprintln!("{}: {text}", unit.name);
             }
             return;
@@ -86,6 +92,22 @@ impl Bars {
 }
 
 impl State {
+    /// Says each unit of work, where that is asked for.
+    fn detail(&self, event: &Event) {
+        let running = self.running.map_or("", |(stage, _)| stage);
+        let line = match event {
+            Event::Stage { stage, to_run, .. } if *to_run > 0 => {
+                format!("{}: {}", stage.name, count(*to_run, "unit"))
+            }
+            Event::Unit { unit } => format!("{running} of {}: done", unit.name),
+            _ => return,
+        };
+        match &self.bar {
+            Some(bar) => bar.suspend(|| detail(&line)),
+            None => detail(&line),
+        }
+    }
+
     fn clock(&mut self, event: &Event) {
         match event {
             Event::Stage { stage, .. } => self.running = Some((stage.name, Instant::now())),

@@ -1,63 +1,106 @@
-//! The verbs run, status and check: a pipeline file comes in, tables or words about them go out.
+//! The verbs run and check: a pipeline file comes in, tables or words about them go out.
 
-use super::args::{PipelineArgs, RunArgs};
+use super::args::{Form, PipelineArgs, RunArgs};
 use super::progress::Bars;
+use super::ran::Ran;
 use super::summary;
-use super::words::{End, on_threads, print_errors, say};
+use super::words::{End, Volume, document, note, on_threads, print_errors, say, tell, warn};
 use crate::config;
 use crate::engine::Engine;
-use crate::error::Errors;
-use crate::pipeline::{self, Assessment, Plan, Source, State, Store, Summaries};
+use crate::error::{Error, Errors};
+use crate::pipeline::{self, Plan, Store, Summaries};
 use crate::stage::Unit;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// What a check has counted.
+#[derive(Serialize)]
+struct Checked {
+    /// None here: where there are mistakes, they are the answer.
+    errors: [(); 0],
+    flights: usize,
+    estimates: usize,
+    fits: usize,
+    /// How many entries the lists of stages have that have a key of their own.
+    lists: BTreeMap<&'static str, usize>,
+    logs_looked_at: usize,
+    logs_to_simulate: usize,
+    /// Names of logs about which nothing is known before they are read.
+    logs_without_summary: Vec<String>,
+    remarks: Vec<Error>,
+    exit_code: u8,
+}
+
 /// `koehler check`
-pub fn check(pipeline: &Path) -> Result<End, Errors> {
+pub fn check(pipeline: &Path, form: Form) -> Result<End, Errors> {
     let plan = Plan::read(pipeline)?;
     let seen = pipeline::summaries(&plan);
     said(&seen);
     for source in &plan.sources {
-        source.lacking.0.iter().for_each(|e| eprintln!("note: {}; a run makes it first", e.what));
+        source.lacking.0.iter().for_each(|e| note(&format!("{}; a run makes it first", e.what)));
     }
-    let mut errors = seen.mistakes;
-    errors.0.extend(seen.unreadable.0);
+    let mut errors = seen.mistakes.clone();
+    errors.0.extend(seen.unreadable.0.iter().cloned());
     errors.or(())?;
-    let campaign = &plan.campaign;
-    let mut there = vec![
-        summary::count(campaign.flights.len(), "flight"),
-        summary::count(campaign.estimates.len(), "estimate"),
-        summary::count(campaign.fits.len(), "fit"),
-    ];
-    // The lists of stages that have a key of their own.
-    for stage in campaign.stages.iter().filter(|stage| stage.key.is_some()) {
-        let units = (stage.units)(campaign);
-        let listed = units.first().is_some_and(|unit| *unit != Unit::campaign()[0]);
-        if listed {
-            there.push(format!("{} [[{}]]", units.len(), stage.name));
-        }
+    let checked = checked(&plan, seen);
+    match form.json {
+        true => document(&checked)?,
+        false => counted(pipeline, &checked),
     }
+    Ok(End::Complete)
+}
+
+fn checked(plan: &Plan, seen: Summaries) -> Checked {
+    let campaign = &plan.campaign;
+    let with_key = campaign.stages.iter().filter(|stage| stage.key.is_some());
+    let listed = with_key.map(|stage| (stage.name, (stage.units)(campaign)));
+    let is_list = |(_, units): &(&str, Vec<Unit>)| {
+        units.first().is_some_and(|unit| Some(unit) != Unit::campaign().first())
+    };
+    Checked {
+        errors: [],
+        flights: campaign.flights.len(),
+        estimates: campaign.estimates.len(),
+        fits: campaign.fits.len(),
+        lists: listed.filter(is_list).map(|(name, units)| (name, units.len())).collect(),
+        logs_looked_at: seen.looked_at,
+        logs_to_simulate: plan.logs.len() - seen.looked_at - seen.without.len(),
+        logs_without_summary: seen.without,
+        remarks: seen.remarks,
+        exit_code: End::Complete.code(),
+    }
+}
+
+fn counted(pipeline: &Path, checked: &Checked) {
+    let mut there = vec![
+        summary::count(checked.flights, "flight"),
+        summary::count(checked.estimates, "estimate"),
+        summary::count(checked.fits, "fit"),
+    ];
+    there.extend(checked.lists.iter().map(|(name, n)| format!("{n} [[{name}]]")));
     say(&format!("{}: no mistakes found; {}", pipeline.display(), there.join(", ")));
-    let later = plan.logs.len() - seen.looked_at - seen.without.len();
-    let later =
-        if later > 0 { format!("; {later} more to be simulated first") } else { String::new() };
+    let later = match checked.logs_to_simulate {
+        0 => String::new(),
+        n => format!("; {n} more to be simulated first"),
+    };
     say(&format!(
         "topics, fields and units of the channel map are those of {}{later}",
-        summary::count(seen.looked_at, "log")
+        summary::count(checked.logs_looked_at, "log")
     ));
-    Ok(End::Complete)
 }
 
 /// Says what is no mistake of the configuration: units that cannot be compared, logs without a
 /// summary.
 fn said(seen: &Summaries) {
-    seen.remarks.iter().for_each(|remark| eprintln!("note: {remark}"));
+    seen.remarks.iter().for_each(|remark| note(&remark.to_string()));
     if !seen.without.is_empty() {
-        eprintln!(
-            "note: not checked before they are read, because they have no summary section at their end (cut off, or their recorder \
+        note(&format!(
+            "not checked before they are read, because they have no summary section at their end (cut off, or their recorder \
              writes none): {}",
             config::list(&seen.without)
-        );
+        ));
     }
 }
 
@@ -76,110 +119,53 @@ pub(super) fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
     seen.mistakes
         .0
         .iter()
-        .for_each(|mistake| eprintln!("warning: no results of this flight: {mistake}"));
+        .for_each(|mistake| warn(&format!("no results of this flight: {mistake}")));
     Ok(())
 }
 
 /// `koehler run`
 pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
     let begin = Instant::now();
+    let limits = args.limits();
     let out = out_folder(&args.files);
     let store = Store::claim(&out, args.force)?;
-    let read = || Plan::read_with(&args.files.pipeline, |settings| settings.keep(&store));
-    let (plan, end) = planned(read, args.jobs, engine)?;
+    let read = || {
+        let plan = Plan::read_with(&args.files.pipeline, |settings| settings.keep(&store))?;
+        limits.check(&plan)?;
+        Ok(plan)
+    };
+    let (mut plan, end) = planned(read, args.jobs, engine)?;
     let _lock = store.lock()?;
     let bars = Bars::new();
+    let left_out = limits.words(&plan);
+    let flights = limits.flights(&plan);
+    plan.simulation = plan.simulation.take().and_then(|s| s.for_flights(&flights));
     let result = on_threads(args.jobs, || -> Result<_, Errors> {
         if let Some(simulation) = &plan.simulation {
             super::simulate::make(simulation)?;
         }
         look_at_logs(&plan)?;
-        Ok(pipeline::run(&plan, &store, engine, &|event| bars.hear(event))?)
+        Ok(pipeline::run_within(&plan, &store, engine, &|event| bars.hear(event), &limits)?)
     })??;
     print_errors(&result.errors);
+    let end = if result.complete() { end } else { End::Partial.max(end) };
+    let ran = Ran { result: &result, seconds: &bars.seconds(), left_out: &left_out };
+    if args.form.json {
+        document(&ran.answer(&out, end))?;
+        return Ok(end);
+    }
     if result.nothing_done() {
+        let fresh = if left_out.is_empty() { "every stage" } else { "what is asked for" };
         let seconds = begin.elapsed().as_secs_f64();
-        say(&format!("nothing to do: every stage is fresh ({seconds:.2} s)"));
+        tell(&format!("nothing to do: {fresh} is fresh ({seconds:.2} s)"));
     }
-    summary::print(&plan, &store, &out, (&result, &bars.seconds()))?;
-    Ok(if result.complete() { end } else { End::Partial.max(end) })
-}
-
-/// `koehler status` and `koehler run --dry-run`
-pub fn status(args: &PipelineArgs) -> Result<End, Errors> {
-    let store = Store::open(&out_folder(args));
-    let plan = Plan::read_with(&args.pipeline, |settings| settings.keep(&store))?;
-    if let Some(simulation) = &plan.simulation {
-        for flight in &simulation.missing {
-            say(&format!("{:<12} {:<20} missing: would be simulated", "log", flight));
-        }
-        if let Some(warning) = super::simulate::outdated(simulation) {
-            eprintln!("warning: {warning}");
-        }
+    if Volume::Usual.is_heard() {
+        summary::print(&plan, &store, &out, &ran)?;
+    } else if !Volume::Document.is_heard() {
+        // What makes the exit code 1 is named.
+        summary::failing(&result.notes);
     }
-    let mut to_run = 0;
-    for source in &plan.sources {
-        to_run += usize::from(tell_source(source)?);
-    }
-    for (stage, assessments) in pipeline::status(&plan, &store)? {
-        for a in &assessments {
-            to_run += usize::from(!matches!(a.state, State::Fresh | State::Blocked(_)));
-            for line in lines(stage.name, a) {
-                say(&line);
-            }
-        }
-    }
-    let gone = pipeline::gone(&plan, &store);
-    for record in &gone {
-        say(&format!(
-            "{:<12} {:<20} no longer part of the campaign: its outputs would be removed",
-            record.stage, record.unit
-        ));
-    }
-    say(&match (to_run, gone.len()) {
-        (0, 0) => "everything is fresh: a run would do nothing".to_string(),
-        (1, _) => "a run would do 1 unit of work".to_string(),
-        (n, _) => format!("a run would do {n} units of work"),
-    });
-    Ok(End::Complete)
-}
-
-/// Says of a pipeline whose results are taken whether a run would make it first, and why.
-fn tell_source(source: &Source) -> Result<bool, Errors> {
-    let store = Store::open(&pipeline::out_folder(&source.pipeline));
-    let plan = Plan::read_with(&source.pipeline, |settings| settings.keep(&store))?;
-    let mut to_run = 0;
-    for (_, assessments) in pipeline::status(&plan, &store)? {
-        let fresh = |a: &&Assessment| matches!(a.state, State::Fresh | State::Blocked(_));
-        to_run += assessments.len() - assessments.iter().filter(fresh).count();
-    }
-    let name = source.pipeline.display();
-    source.lacking.0.iter().for_each(|e| say(&format!("{:<12} {}", "aircraft", e.what)));
-    if to_run > 0 {
-        let units = summary::count(to_run, "unit");
-        say(&format!(
-            "{:<12} {name}: stale: a run would make it first, {units} of work, and what its values change after it",
-            "aircraft"
-        ));
-    } else if source.lacking.is_empty() {
-        say(&format!("{:<12} {name}: fresh", "aircraft"));
-    }
-    Ok(to_run > 0)
-}
-
-/// One line per reason.
-fn lines(stage: &str, a: &Assessment) -> Vec<String> {
-    let line = |word: &str, why: &str| format!("{stage:<12} {:<20} {word}{why}", a.unit.name);
-    let all = |word: &str, reasons: &[String]| {
-        reasons.iter().map(|why| line(word, &format!(": {why}"))).collect()
-    };
-    match &a.state {
-        State::Fresh => vec![line("fresh", "")],
-        State::New => vec![line("missing", ": never run")],
-        State::Stale(reasons) => all("stale", reasons),
-        State::Waits(reasons) => all("stale", reasons),
-        State::Blocked(what) => vec![line("blocked", &format!(": {what}"))],
-    }
+    Ok(end)
 }
 
 /// Where the results go.
@@ -203,11 +189,10 @@ pub(super) fn planned(
         return Ok((plan, end));
     }
     for source in &plan.sources {
-        say(&format!("{}: its results are taken", source.pipeline.display()));
+        tell(&format!("{}: its results are taken", source.pipeline.display()));
         let files = PipelineArgs { pipeline: source.pipeline.clone(), out: None };
-        let args = RunArgs { files, jobs, engine: None, dry_run: false, force: false };
-        end = end.max(run(&args, engine)?);
-        say("");
+        end = end.max(run(&RunArgs::of(files, jobs), engine)?);
+        tell("");
     }
     let plan = read()?;
     pipeline::lacking(&plan.sources).or(())?;

@@ -1,7 +1,7 @@
 //! The verb simulate: a campaign file comes in, MCAP logs of its flights go out.
 
 use super::summary;
-use super::words::{End, on_threads, say};
+use super::words::{End, on_threads, tell, warn};
 use crate::error::Errors;
 use crate::pipeline::Simulation;
 use std::io::IsTerminal;
@@ -15,7 +15,7 @@ pub fn simulate(campaign: &Path, force: bool, jobs: Option<usize>) -> Result<End
         false => [&simulation.missing[..], &simulation.outdated[..]].concat(),
     };
     if ids.is_empty() {
-        say("all logs are there already, simulated from this campaign; --force writes them again");
+        tell("all logs are there already, simulated from this campaign; --force writes them again");
         return Ok(End::Complete);
     }
     on_threads(jobs, || fly(&simulation, &ids))??;
@@ -26,7 +26,7 @@ pub fn simulate(campaign: &Path, force: bool, jobs: Option<usize>) -> Result<End
 /// leaves a log that is there as it is.
 pub fn make(simulation: &Simulation) -> Result<(), Errors> {
     if let Some(warning) = outdated(simulation) {
-        eprintln!("warning: {warning}");
+        warn(&warning);
     }
     match simulation.missing.is_empty() {
         true => Ok(()),
@@ -58,7 +58,7 @@ fn fly(simulation: &Simulation, ids: &[String]) -> Result<(), Errors> {
     }
     for f in flown? {
         let maneuvers = summary::count(f.maneuvers, "maneuver");
-        say(&format!(
+        tell(&format!(
             "simulated {}: {:.0} s, {maneuvers}, {} messages in {}",
             f.flight,
             f.duration_s,

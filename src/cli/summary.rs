@@ -1,6 +1,7 @@
 //! The closing words of a run: its result and its tables come in, a page of text on the screen goes
 //! out.
 
+use super::ran::Ran;
 use super::verdict;
 use super::words::say;
 use crate::error::Result;
@@ -17,25 +18,27 @@ const GROUPS_SHOWN: usize = 20;
 /// Outputs named of which an estimate leaves more than noise.
 const POOR: usize = 4;
 
-/// What became of a run, and the time that passed in each stage, s.
-type Ran<'a> = (&'a RunResult, &'a BTreeMap<&'static str, f64>);
-
 /// Prints stages, flights, estimates, lines, notes, verdicts, and where the report is.
 ///
 /// # Errors
 /// A table cannot be read back.
-pub fn print(plan: &Plan, store: &Store, out: &Path, (result, seconds): Ran) -> Result<()> {
-    stages(result, seconds);
-    flights(plan, store)?;
-    estimates(plan, store)?;
-    lines(plan, store)?;
+pub fn print(plan: &Plan, store: &Store, out: &Path, ran: &Ran) -> Result<()> {
+    let result = ran.result;
+    stages(result, ran.seconds);
+    ran.left_out.iter().for_each(|words| say(words));
+    // Of what was left out nothing is known but what an earlier run made.
+    if ran.left_out.is_empty() {
+        flights(plan, store)?;
+        estimates(plan, store)?;
+        lines(plan, store)?;
+    }
     notes(&result.notes);
-    for i in 0..crate::stage::diagnose::all(&plan.campaign).len() {
+    let diagnoses = crate::stage::diagnose::all(&plan.campaign).len();
+    for i in (0..diagnoses).filter(|_| ran.left_out.is_empty()) {
         verdict::of(store, plan, i)?.into_iter().flatten().for_each(|line| say(&line));
     }
-    let report = "report/index.html";
-    if result.files.iter().any(|f| f == report) {
-        say(&format!("\nreport: {}", out.join(report).display()));
+    if let Some(report) = ran.report(out) {
+        say(&format!("\nreport: {report}"));
     }
     say(&format!("tables: {}", out.display()));
     Ok(())
@@ -176,7 +179,7 @@ fn lines(plan: &Plan, store: &Store) -> Result<()> {
 }
 
 /// Four significant digits.
-fn number(value: f64) -> String {
+pub fn number(value: f64) -> String {
     match value {
         v if !v.is_finite() => "-".to_string(),
         v if v == 0.0 || (1e-4..1e5).contains(&v.abs()) => {

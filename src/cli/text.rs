@@ -23,10 +23,22 @@ A first contact with your own logs:
   koehler check mine/pipeline.toml        every mistake at once, with file, line and column
   koehler run mine/pipeline.toml          tables in mine/out/, pages in mine/out/report/index.html
 
+Where results come from (docs/provenance.md):
+  koehler status mine/pipeline.toml                     what is fresh, stale or missing
+  koehler explain mine/pipeline.toml estimate NAME      why, with old and new values of settings
+  koehler verify mine/pipeline.toml                     is every file as the run left it?
+  koehler lineage mine/out/fits/part-0.parquet          from a table back to the logs
+  koehler diff before after                             what moved between two runs
+  koehler gc mine/pipeline.toml                         remove what nothing needs
+
+What is said:
+  --quiet says answers, warnings and errors alone, --verbose each unit of work as well. With --json standard output is one JSON document
+  and nothing else; what could not be done is in its `errors`, and always on standard error. NO_COLOR=1 takes the colours away.
+
 Exit codes:
   0  everything asked for is there
   1  the run ended, and something asked for is missing (it is named on the screen and in the table `notes`), or the report calls
-     something a problem (it is printed as well)
+     something a problem (it is printed as well); files are not as they were recorded (verify); two runs differ (diff)
   2  nothing could be done: a mistake in the command, the configuration, or the output folder; no log has what the channel map names
   3  a diagnosis found that a model lacks something";
 
@@ -39,6 +51,13 @@ Examples:
   koehler run pipelines/citation/pipeline.toml
   koehler run pipelines/citation/pipeline.toml --out trial --jobs 4
   koehler run pipelines/citation/pipeline.toml --dry-run
+  koehler run pipelines/citation/pipeline.toml --flight flight-1 --until segment     quick trials of settings on one flight
+  koehler run pipelines/citation/pipeline.toml --from report                         the report again
+  koehler run pipelines/citation/pipeline.toml --json --quiet                        for scripts
+
+A part of a run leaves everything else as it is, stale or fresh, and says so; the next run without these options makes up for it. --until
+ends after a stage. --flight takes these flights alone through the stages of single flights; what takes all flights together (estimates,
+lines, the report) is not run. --from runs a stage and those behind it again although they are fresh. They go together.
 
 What a [[diagnose]] section found stands in a box at the end. It is a result and leaves the exit code alone; `koehler diagnose`
 ends with 3 where a model lacks something.
@@ -57,17 +76,83 @@ Examples:
 Exit codes: 0 nothing is missing, or nothing but turbulence; 1 no verdict, or something asked for is missing; 2 configuration or usage error; 3 a model lacks something.";
 
 pub const STATUS: &str = "\
-For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file).
+For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file). `koehler explain` says more of one.
+--json has the same as `units`, each with `stage`, `unit`, `state` and `reasons`; `to_run` is how many a run would take.
+
+Examples:
+  koehler status pipelines/citation/pipeline.toml
+  koehler status pipelines/citation/pipeline.toml --json | jq .to_run";
+
+pub const EXPLAIN: &str = "\
+The first two words of a line of `koehler status` name a unit; its first word alone, all units of a stage. What waits for others is followed
+back to where the change began. Lines of a model's text are told one by one.
+
+Examples:
+  koehler status pipelines/citation/pipeline.toml
+  koehler explain pipelines/citation/pipeline.toml estimate elevator
+  koehler explain pipelines/citation/pipeline.toml derive
+  koehler explain pipelines/citation/pipeline.toml
+
+A folder that an earlier koehler made has hashes of settings and no values: that a setting changed is told, and not what it was. The next
+run adds the values to the records of what it finds fresh.";
+
+pub const DIFF: &str = "\
+A parameter has moved where its values differ by more than twice the larger of its two standard deviations (`sd` of the tables, without what
+constants add); slope and intercept of a line likewise. One without sd (it is held, or did not converge) has moved where it is not the same
+number. Verdicts are those of validation and diagnosis, and why an estimate stopped. What one run alone has is told as well.
+
+Examples:
+  koehler run mine/pipeline.toml --out before
+  (edit mine/pipeline.toml)
+  koehler run mine/pipeline.toml --out after
+  koehler diff before after
+  koehler diff before after --json > differences.json
+
+Exit codes: 0 no differences, 1 some, 2 a folder has no results that can be read.";
+
+pub const LINEAGE: &str = "\
+From the file back to the logs: which stages made it and what they read, with the version of the program and a hash of its sources, the
+values of their settings (long ones are cut and empty ones left out; --json has all of them), the logs with their hashes and what was kept of
+them, and the settings files of the last run. The records alone are read: nothing is run, and the pipeline file may be elsewhere.
+
+Examples:
+  koehler lineage pipelines/citation/out/fits/part-0.parquet
+  koehler lineage pipelines/citation/out/report/index.html
+  koehler lineage pipelines/citation/out/estimates --json";
+
+pub const GC: &str = "\
+What goes: tables, files and records of flights, estimates, fits and other units that the pipeline file has no more, and what runs left that
+were stopped. What a command asked for (`koehler diagnose`) stays as long as the campaign has it; files of others stay. `koehler run` removes
+the same before it works.
+
+Examples:
+  koehler gc pipelines/citation/pipeline.toml --dry-run
+  koehler gc pipelines/citation/pipeline.toml";
+
+pub const VERIFY: &str = "\
+One line for each file that differs from its record, is missing, cannot be read, or that no record names. Every byte is read: sizes and times
+are not taken for it. The records are those of the last run; a run makes again what differs or is missing.
 
 Example:
-  koehler status pipelines/citation/pipeline.toml";
+  koehler verify pipelines/citation/pipeline.toml
+
+Exit codes: 0 every file is as recorded, 1 some are not, 2 there is no record.";
 
 pub const CHECK: &str = "\
 Every mistake is told at once, with file, line and column. Of the logs only the summary section at the end of each is read (what topics there
-are, and what their schemas say of fields and units); `koehler run` does the same before it begins.
+are, and what their schemas say of fields and units); `koehler run` does the same before it begins. --json has the mistakes as `errors`, each
+with `place` (file, line, column), `what` and `help`.
 
-Example:
-  koehler check pipelines/citation/pipeline.toml";
+Examples:
+  koehler check pipelines/citation/pipeline.toml
+  koehler check pipelines/citation/pipeline.toml --json";
+
+pub const INSPECT: &str = "\
+Reads the whole log. --json has `topics` with `fields`, their rates, gaps, counts and ranges, and `notes` on what is damaged or lost.
+
+Examples:
+  koehler inspect logs/flight-01.mcap
+  koehler inspect logs/flight-01.mcap --json";
 
 pub const INIT: &str = "\
 Example:

@@ -2,6 +2,32 @@
 //! out. The one place that prints errors.
 
 use crate::error::{Error, Errors};
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// How much is said besides answers, warnings and errors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Volume {
+    Quiet,
+    /// Standard output belongs to a JSON document.
+    Document,
+    Usual,
+    Verbose,
+}
+
+// That of the command that runs: every line would have to be handed it otherwise.
+static VOLUME: AtomicU8 = AtomicU8::new(Volume::Usual as u8);
+
+impl Volume {
+    /// Makes it that of this process.
+    pub fn set(self) {
+        VOLUME.store(self as u8, Ordering::Relaxed);
+    }
+
+    /// Whether so much is said.
+    pub fn is_heard(self) -> bool {
+        self as u8 <= VOLUME.load(Ordering::Relaxed)
+    }
+}
 
 /// How a command ended, where it did not fail outright.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -9,14 +35,37 @@ pub enum End {
     Complete,
     /// A diagnosis found that something is missing in a model: exit code 3.
     Found,
-    /// Results are there, and something asked for is missing: exit code 1.
+    /// Results are there, and something asked for is missing; or files are not as recorded, or runs
+    /// differ: exit code 1.
     Partial,
+}
+
+impl End {
+    /// The exit code.
+    pub fn code(self) -> u8 {
+        match self {
+            End::Complete => 0,
+            End::Partial => 1,
+            End::Found => 3,
+        }
+    }
 }
 
 /// Prints what a verb has to say.
 pub fn shown(text: &str) -> Result<End, Errors> {
     say(text.trim_end());
     Ok(End::Complete)
+}
+
+/// Prints what a verb has to say as one JSON document.
+///
+/// # Errors
+/// It cannot be written as JSON.
+pub fn document<T: serde::Serialize>(what: &T) -> Result<(), Errors> {
+    let text = serde_json::to_string_pretty(what)
+        .map_err(|e| Error::new(format!("cannot write the answer as JSON: {e}")))?;
+    say(&text);
+    Ok(())
 }
 
 /// The one place that prints errors.
@@ -29,7 +78,33 @@ pub fn print_errors(errors: &Errors) {
     }
 }
 
-/// Prints a line to standard output; a reader who has closed the pipe wants no more.
+/// Prints a line about what a command does or has done, for a person who watches.
+pub fn tell(line: &str) {
+    if Volume::Usual.is_heard() {
+        say(line);
+    }
+}
+
+/// Prints what may be of interest and is no mistake.
+pub fn note(text: &str) {
+    if Volume::Document.is_heard() {
+        eprintln!("note: {text}");
+    }
+}
+
+/// Prints what is likely to be a mistake and stops nothing.
+pub fn warn(text: &str) {
+    eprintln!("warning: {text}");
+}
+
+/// Prints a line of what is asked for by `--verbose` alone.
+pub fn detail(line: &str) {
+    if Volume::Verbose.is_heard() {
+        eprintln!("{line}");
+    }
+}
+
+/// Prints an answer to standard output, however quiet; a reader who has closed the pipe wants no more.
 pub fn say(line: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stdout(), "{line}");

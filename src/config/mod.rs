@@ -9,6 +9,7 @@
 mod check;
 mod doc;
 mod union;
+mod watch;
 mod words;
 
 use std::ops::Range;
@@ -22,6 +23,7 @@ use toml::de::{DeTable, DeValue};
 use crate::error::{Error, Errors, Place};
 use check::Key;
 pub use doc::Doc;
+pub use watch::{Texts, watched};
 pub use words::{list, nearest, quoted};
 
 /// Reads and checks a configuration file; the name in messages is the path as given.
@@ -48,12 +50,14 @@ pub fn read_text(path: &Path) -> crate::error::Result<String> {
         Error::at(Place::file(name.as_ref()), what)
             .help("check the path; paths in a file are relative to the folder of that file")
     })?;
-    String::from_utf8(bytes).map_err(|e| {
+    let text = String::from_utf8(bytes).map_err(|e| {
         let good =
             String::from_utf8_lossy(&e.as_bytes()[..e.utf8_error().valid_up_to()]).into_owned();
         Error::at(Place::in_text(&name, &good, good.len()), "the text is not UTF-8 from here on")
             .help("save the file as UTF-8")
-    })
+    })?;
+    watch::seen(path, &text);
+    Ok(text)
 }
 
 /// Checks configuration text; `file_name` is the name that messages carry.

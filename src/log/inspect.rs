@@ -10,12 +10,13 @@ use super::series::Spacing;
 use super::{Note, Severity};
 use crate::error::Errors;
 use rayon::prelude::*;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
 /// What is in a log.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Survey {
     /// The file's name.
     pub name: String,
@@ -30,7 +31,7 @@ pub struct Survey {
 }
 
 /// One topic of a log.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TopicSurvey {
     pub topic: String,
     pub message_encoding: String,
@@ -51,8 +52,9 @@ pub struct TopicSurvey {
 }
 
 /// One field of a topic.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FieldSurvey {
+    #[serde(flatten)]
     pub info: FieldInfo,
     pub count: u64,
     pub nan: u64,
@@ -222,14 +224,6 @@ fn topic_survey(
         has_publish_time: tallies.iter().any(|t| t.published),
         fields: fields.iter().enumerate().map(field).collect(),
     }
-}
-
-/// What is in a log, as a table for a person.
-///
-/// # Errors
-/// As `survey`.
-pub fn run(path: &Path) -> Result<String, Errors> {
-    Ok(survey(path)?.to_string())
 }
 
 impl std::fmt::Display for Survey {

@@ -36,8 +36,11 @@ pub use recorded::Recorded;
 pub use series::{Account, Series};
 pub use write::{FieldSpec, LogWriter, Stream, TopicId};
 
+use serde::Serialize;
+
 /// How much a note matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// Worth knowing.
     Info,
@@ -47,7 +50,7 @@ pub enum Severity {
 
 /// Something lost or noticed while reading a log: what (a topic, a signal, `file`), how often, and
 /// in words.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Note {
     pub severity: Severity,
     pub subject: String,

@@ -392,7 +392,7 @@ fn unsupported_encodings_are_named_and_inspect_still_lists_the_topic() {
     raw(&path, "protobuf", &regular(10), 4000);
     let e = read(&path, &one_signal("log")).unwrap_err();
     assert!(e.starts_with("channels.toml:2:9: topic \"/t\" of a.mcap is encoded as protobuf with no schema, which cannot be decoded; supported: json"), "{e}");
-    let text = inspect::run(&path).unwrap();
+    let text = inspect::survey(&path).unwrap().to_string();
     assert!(text.contains("/t  protobuf (no schema)  10 messages, 100 Hz, no gaps"), "{text}");
     assert!(text.contains("cannot be decoded"), "{text}");
 }

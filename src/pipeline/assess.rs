@@ -2,12 +2,12 @@
 //! of every stage goes out.
 
 use super::plan::Plan;
-use super::provenance::{Ingredients, PLACE, Provenance};
+use super::provenance::{Ingredients, LOG, PLACE, Provenance, Reason};
 use super::store::Store;
 use crate::error::Result;
 use crate::stage::{Part, Stage, Unit};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The state of one unit of a stage.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +17,7 @@ pub enum State {
     /// It was never run here.
     New,
     /// It would be run again: the reasons.
-    Stale(Vec<String>),
+    Stale(Vec<Reason>),
     /// What it reads is being made anew; whether it is run again depends on what comes out. The
     /// reasons.
     Waits(Vec<String>),
@@ -78,7 +78,7 @@ fn assess_unit(
     let mut blocked = None;
     if stage.reads_log {
         match plan.log_hash(store, &unit.name)? {
-            Some(hash) => ingredients.add("log".into(), hash),
+            Some(hash) => ingredients.add(LOG.into(), hash),
             None => waits.push("its log is not there yet".to_string()),
         }
     }
@@ -91,7 +91,9 @@ fn assess_unit(
             None => blocked = blocked.or(Some(format!("{words} is missing"))),
         }
     }
-    waits.dedup();
+    // Several tables of one unit are one reason.
+    let mut met = BTreeSet::new();
+    waits.retain(|why| met.insert(why.clone()));
     let state = match (blocked, &record) {
         (Some(what), _) => State::Blocked(what),
         (None, None) => State::New,
@@ -114,20 +116,18 @@ fn compare(
 ) -> Result<State> {
     let mut why = Vec::new();
     if let Some(error) = &record.error {
-        why.push(format!("it failed: {}", error.lines().next().unwrap_or_default()));
+        why.push(Reason::Failed(error.lines().next().unwrap_or_default().to_string()));
     }
     // What is being made anew is no difference yet.
     why.extend(
         now.differences(&record.ingredients)
             .into_iter()
-            .filter(|d| waits.is_empty() || !d.ends_with(" is gone")),
+            .filter(|d| waits.is_empty() || !matches!(d, Reason::Gone(_))),
     );
     for (path, hash) in &record.outputs {
         match store.memo.hash(&store.path(path))? {
-            None => why.push(format!("{path} is gone")),
-            Some(found) if found != *hash => {
-                why.push(format!("{path} was changed by something else"))
-            }
+            None => why.push(Reason::Removed(path.clone())),
+            Some(found) if found != *hash => why.push(Reason::Touched(path.clone())),
             Some(_) => {}
         }
     }
@@ -135,7 +135,7 @@ fn compare(
         (false, _) => State::Stale(why),
         (true, false) => State::Waits(waits),
         (true, true) if now.key(stage.name, &unit.name) != record.key => {
-            State::Stale(vec!["its record does not match its key".into()])
+            State::Stale(vec![Reason::Key])
         }
         (true, true) => State::Fresh,
     })

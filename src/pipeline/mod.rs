@@ -2,10 +2,18 @@
 //! stage by stage as far as not fresh.
 
 mod assess;
+mod diff;
+mod explain;
+mod files;
+mod gc;
+mod limits;
+mod lineage;
 mod mapped;
 mod memo;
 mod order;
+mod origin;
 mod own;
+mod owners;
 mod plan;
 mod provenance;
 mod result;
@@ -16,19 +24,28 @@ mod status;
 mod store;
 mod summaries;
 mod unit;
+mod values;
+mod verify;
 
 use crate::engine::Served;
 
 pub use assess::{Assessment, State};
+pub use diff::{Difference, Kind, Side, diff};
+pub use explain::{Explained, explain, named};
+pub use gc::{remove, unneeded};
+pub use limits::Limits;
+pub use lineage::{Lineage, lineage};
 pub use plan::{FlightLog, Plan, Source, lacking};
 pub use result::{Event, RunResult, StageResult, Watch};
-pub use run::run;
+pub use run::{run, run_within};
 pub use settings::Settings;
 pub use simulate::Simulation;
-pub use status::{gone, status};
+pub use status::{gone, status, status_within};
 pub use store::{Lock, Store, out_folder};
 pub use summaries::{Summaries, summaries};
 use unit::UnitOfStage;
+pub use values::shown;
+pub use verify::{Fault, Verified, verify};
 
 /// All work that an engine may move elsewhere.
 pub const FUNCTIONS: &[Served] =

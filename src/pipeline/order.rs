@@ -23,8 +23,8 @@ pub fn of_flights(campaign: &Campaign, stages: &[Stage]) -> usize {
 }
 
 /// The flights that go through their own stages together, by `threads` threads.
-pub fn blocks(campaign: &Campaign, threads: usize) -> impl Iterator<Item = &[String]> {
-    campaign.flights.chunks(PER_THREAD * threads.max(1))
+pub fn blocks(flights: &[String], threads: usize) -> impl Iterator<Item = &[String]> {
+    flights.chunks(PER_THREAD * threads.max(1))
 }
 
 #[cfg(test)]
@@ -41,7 +41,7 @@ mod tests {
         let own = &campaign.stages[..of_flights(campaign, campaign.stages)];
         let names: Vec<&str> = own.iter().map(|stage| stage.name).collect();
         assert_eq!(names, ["ingest", "reconstruct", "derive", "segment"]);
-        let blocks: Vec<&[String]> = blocks(campaign, 2).collect();
+        let blocks: Vec<&[String]> = blocks(&campaign.flights, 2).collect();
         assert!(blocks.iter().all(|block| block.len() <= 4));
         assert_eq!(blocks.concat(), campaign.flights);
     }

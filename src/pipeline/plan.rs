@@ -6,6 +6,7 @@ mod logs;
 mod loose;
 mod once;
 
+use super::provenance::hash_bytes;
 use super::settings::Settings;
 use super::simulate::Simulation;
 use super::store::Store;
@@ -38,6 +39,8 @@ pub struct Plan {
     pub told: BTreeMap<String, Value>,
     /// The pipelines whose results it takes, in the order of the file.
     pub sources: Vec<Source>,
+    /// Every configuration file that was read for it, with the hash of its text.
+    pub files: BTreeMap<PathBuf, String>,
 }
 
 impl Plan {
@@ -57,7 +60,11 @@ impl Plan {
         pipeline: &Path,
         change: impl FnOnce(&mut Settings),
     ) -> std::result::Result<Plan, Errors> {
-        Plan::read_in(pipeline, &[], change)
+        let (plan, texts) = config::watched(|| Plan::read_in(pipeline, &[], change));
+        let mut plan = plan?;
+        plan.files =
+            texts.into_iter().map(|(path, text)| (path, hash_bytes(text.as_bytes()))).collect();
+        Ok(plan)
     }
 
     /// The same for the pipelines in `chain`, which take its results.
@@ -179,6 +186,7 @@ impl Reader {
                     stages: STAGES,
                 },
                 told: said,
+                files: BTreeMap::new(),
                 sources,
                 simulation,
                 logs,

@@ -6,6 +6,7 @@ use crate::stage::Note;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// The record of one stage for one unit (a flight, an estimate, the campaign), kept beside the
 /// tables.
@@ -26,6 +27,13 @@ pub struct Provenance {
     /// Settings that a command asked for, not the pipeline file: see [`crate::stage::Stage::asked`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub asked: Option<Value>,
+    /// The settings behind the hashes, by the name of their ingredient; none where an earlier
+    /// program kept no values and no run has found the unit fresh since.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settings: Option<BTreeMap<String, Value>>,
+    /// Version of the program that made the outputs; none where it did not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub version: Option<String>,
 }
 
 /// The ingredient that says which part of its tables a unit writes.
@@ -34,33 +42,75 @@ pub const PLACE: &str = "place in the list";
 /// The ingredient that says which code a unit was made by.
 pub const PROGRAM: &str = "program";
 
+/// The ingredient that is the flight's log.
+pub const LOG: &str = "log";
+
+/// The version of this program.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Why a unit would be run again.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reason {
+    /// It failed; why.
+    Failed(String),
+    /// An ingredient was not there when it ran.
+    New(String),
+    /// An ingredient has other content.
+    Changed(String),
+    /// An ingredient is not there any more.
+    Gone(String),
+    /// A file that it made was removed.
+    Removed(String),
+    /// A file that it made is another now.
+    Touched(String),
+    /// Its record says one key and has the ingredients of another.
+    Key,
+    /// The command wants it run.
+    Asked,
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Reason::Failed(why) => write!(f, "it failed: {why}"),
+            Reason::New(name) => write!(f, "{name} is new"),
+            Reason::Changed(name) => write!(f, "{name} changed"),
+            Reason::Gone(name) | Reason::Removed(name) => write!(f, "{name} is gone"),
+            Reason::Touched(path) => write!(f, "{path} was changed by something else"),
+            Reason::Key => f.write_str("its record does not match its key"),
+            Reason::Asked => f.write_str("it is asked for"),
+        }
+    }
+}
+
 /// The ingredients of one unit, gathered by name.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Ingredients(pub BTreeMap<String, String>);
+pub struct Ingredients {
+    /// Hashes: what the cache key covers.
+    pub hashes: BTreeMap<String, String>,
+    /// The values of those that are settings.
+    pub settings: BTreeMap<String, Value>,
+}
 
 impl Ingredients {
     /// The code of the stage and the configuration slice. Every top-level entry of the slice
     /// becomes an ingredient of its own, so that `status` can say which setting changed.
     pub fn new(code: &str, slice: &Value) -> Self {
-        let mut all = BTreeMap::from([(PROGRAM.to_string(), code.to_string())]);
-        match slice {
+        let settings: BTreeMap<String, Value> = match slice {
             Value::Object(entries) => {
-                for (name, value) in entries {
-                    all.insert(
-                        format!("setting `{name}`"),
-                        hash_bytes(canonical(value).as_bytes()),
-                    );
-                }
+                entries.iter().map(|(k, v)| (format!("setting `{k}`"), v.clone())).collect()
             }
-            other => {
-                all.insert("settings".to_string(), hash_bytes(canonical(other).as_bytes()));
-            }
-        }
-        Ingredients(all)
+            other => BTreeMap::from([("settings".to_string(), other.clone())]),
+        };
+        let hash = |value: &Value| hash_bytes(canonical(value).as_bytes());
+        let mut hashes: BTreeMap<String, String> =
+            settings.iter().map(|(name, value)| (name.clone(), hash(value))).collect();
+        hashes.insert(PROGRAM.to_string(), code.to_string());
+        Ingredients { hashes, settings }
     }
 
     pub fn add(&mut self, name: String, hash: String) {
-        self.0.insert(name, hash);
+        self.hashes.insert(name, hash);
     }
 
     /// The cache key: stage and unit names with every ingredient.
@@ -70,7 +120,7 @@ impl Ingredients {
             hasher.update(part.as_bytes());
             hasher.update(&[0]);
         }
-        for (name, hash) in &self.0 {
+        for (name, hash) in &self.hashes {
             hasher.update(name.as_bytes());
             hasher.update(&[0]);
             hasher.update(hash.as_bytes());
@@ -79,22 +129,18 @@ impl Ingredients {
         Key::from(hasher.finalize()).0
     }
 
-    /// What differs from the ingredients of an earlier run, in words.
-    pub fn differences(&self, earlier: &BTreeMap<String, String>) -> Vec<String> {
+    /// What differs from the ingredients of an earlier run.
+    pub fn differences(&self, earlier: &BTreeMap<String, String>) -> Vec<Reason> {
         let mut all = Vec::new();
-        for (name, hash) in &self.0 {
+        for (name, hash) in &self.hashes {
             match earlier.get(name) {
-                None => all.push(format!("{name} is new")),
-                Some(old) if old != hash => all.push(format!("{name} changed")),
+                None => all.push(Reason::New(name.clone())),
+                Some(old) if old != hash => all.push(Reason::Changed(name.clone())),
                 Some(_) => {}
             }
         }
-        all.extend(
-            earlier
-                .keys()
-                .filter(|name| !self.0.contains_key(*name))
-                .map(|name| format!("{name} is gone")),
-        );
+        let gone = earlier.keys().filter(|name| !self.hashes.contains_key(*name));
+        all.extend(gone.map(|name| Reason::Gone(name.clone())));
         all
     }
 }
@@ -142,11 +188,11 @@ mod tests {
         let mut after = Ingredients::new("0", &json!({ "rate_hz": 50.0, "gap_s": 0.5 }));
         assert_ne!(before.key("derive", "f1"), after.key("derive", "f1"));
         assert_ne!(before.key("derive", "f1"), before.key("derive", "f2"));
-        assert_eq!(after.differences(&before.0), ["setting `rate_hz` changed"]);
+        let rate = || Reason::Changed("setting `rate_hz`".into());
+        assert_eq!(after.differences(&before.hashes), [rate()]);
         after.add("signals of f1".into(), "00".into());
-        assert_eq!(
-            after.differences(&before.0),
-            ["setting `rate_hz` changed", "signals of f1 is new"]
-        );
+        let signals = Reason::New("signals of f1".into());
+        assert_eq!(after.differences(&before.hashes), [rate(), signals]);
+        assert_eq!(rate().to_string(), "setting `rate_hz` changed");
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::error::Errors;
 use crate::stage::{Note, Severity, Stage, Unit};
+use serde::Serialize;
 
 /// What a watcher of a run hears. Flights run in parallel, so units of one stage interleave.
 pub enum Event<'a> {
@@ -21,7 +22,7 @@ pub enum Event<'a> {
 pub type Watch<'a> = &'a (dyn Fn(Event) + Sync);
 
 /// What became of one stage.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StageResult {
     pub name: &'static str,
     pub ran: usize,

@@ -3,23 +3,28 @@
 //! go out.
 
 use super::assess::{Assessment, Content, Contents, State, assess};
+use super::gc;
+use super::limits::Limits;
 use super::order;
+use super::origin::Origin;
 use super::own::{failure_note, own_tables};
+use super::owners::Owners;
 use super::plan::Plan;
-use super::provenance::Provenance;
+use super::provenance::{Provenance, VERSION};
 use super::result::{Event, RunResult, StageResult, Watch};
 use super::status::gone;
 use super::store::Store;
 use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep};
 use crate::engine::{self, Engine, Here, Kept, Said};
 use crate::error::{Error, Errors, Result};
-use crate::stage::{NOTES, Output, Part, Read, STAGES_TABLE, Stage, Unit};
+use crate::stage::{Output, Part, Read, Stage, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
 /// The state of a run while it goes through the stages.
 struct Run<'a> {
     plan: &'a Plan,
+    limits: &'a Limits,
     store: &'a Store,
     engine: &'a dyn Engine,
     watch: Watch<'a>,
@@ -28,6 +33,8 @@ struct Run<'a> {
     kept: Kept,
     /// Records of the units that succeeded.
     records: Vec<Provenance>,
+    /// The pipeline's own tables, with the hash of their bytes.
+    own: BTreeMap<String, String>,
     result: RunResult,
 }
 
@@ -40,43 +47,40 @@ enum Outcome {
     Blocked(Option<String>),
 }
 
-/// Which unit of a stage a file belongs to, by its path: what one unit gives up may be another's.
-struct Owners(BTreeMap<String, String>);
-
-impl Owners {
-    fn of(stage: &Stage, assessments: &[Assessment]) -> Owners {
-        let paths = |unit: &Unit| {
-            let (part, name) = (unit.part.clone(), unit.name.clone());
-            stage.writes.iter().map(move |table| (part.path(table), name.clone()))
-        };
-        Owners(assessments.iter().flat_map(|a| paths(&a.unit)).collect())
-    }
-
-    /// Whether a unit may remove a file that it made earlier.
-    fn leave(&self, path: &str, unit: &Unit) -> bool {
-        self.0.get(path).is_none_or(|owner| *owner == unit.name)
-    }
-}
-
 /// Runs what is not fresh. The caller holds the folder's lock.
 ///
 /// # Errors
 /// The output folder cannot be read or written. What fails inside a stage does not stop the others
 /// and is in the result.
 pub fn run(plan: &Plan, store: &Store, engine: &dyn Engine, watch: Watch) -> Result<RunResult> {
+    run_within(plan, store, engine, watch, &Limits::default())
+}
+
+/// The same for a part of a run; what it leaves out stays as it is.
+///
+/// # Errors
+/// As `run`.
+pub fn run_within(
+    plan: &Plan,
+    store: &Store,
+    engine: &dyn Engine,
+    watch: Watch,
+    limits: &Limits,
+) -> Result<RunResult> {
     let mut run = Run {
         plan,
+        limits,
         store,
         engine,
         watch,
         contents: Contents::new(),
         kept: Kept::at_most(order::KEPT_BYTES),
         records: Vec::new(),
+        own: Origin::read(store).map(|origin| origin.tables).unwrap_or_default(),
         result: RunResult::default(),
     };
     run.remove_what_is_gone()?;
-    let stages = plan.campaign.stages;
-    let (of_flights, of_campaign) = stages.split_at(order::of_flights(&plan.campaign, stages));
+    let (of_flights, of_campaign) = limits.stages(plan);
     run.flights(of_flights)?;
     for stage in of_campaign {
         if stage.reads_records {
@@ -87,6 +91,7 @@ pub fn run(plan: &Plan, store: &Store, engine: &dyn Engine, watch: Watch) -> Res
     }
     run.sweep()?;
     store.put_memo()?;
+    Origin::of(plan, std::mem::take(&mut run.own)).keep(store)?;
     run.result.files = run.contents.into_keys().collect();
     Ok(run.result)
 }
@@ -96,7 +101,7 @@ impl Run<'_> {
     /// stage by stage: in the same order however many go together.
     fn flights(&mut self, stages: &'static [Stage]) -> Result<()> {
         let mut taken: Vec<Vec<(Unit, Outcome)>> = stages.iter().map(|_| Vec::new()).collect();
-        for block in order::blocks(&self.plan.campaign, engine::threads()) {
+        for block in order::blocks(&self.limits.flights(self.plan), engine::threads()) {
             for (stage, taken) in stages.iter().zip(&mut taken) {
                 taken.extend(self.stage(stage, Some(block))?);
             }
@@ -113,7 +118,8 @@ impl Run<'_> {
     ) -> Result<Vec<(Unit, Outcome)>> {
         let mut units = (stage.units)(&self.plan.campaign);
         units.retain(|unit| flights.is_none_or(|flights| flights.contains(&unit.name)));
-        let assessments = assess(self.plan, self.store, &self.contents, stage, units)?;
+        let mut assessments = assess(self.plan, self.store, &self.contents, stage, units)?;
+        self.limits.anew(self.plan, stage, &mut assessments);
         if assessments.is_empty() {
             return Ok(Vec::new());
         }
@@ -174,8 +180,20 @@ impl Run<'_> {
                 record.iter().try_for_each(|record| self.store.remove_record(record))?;
                 Ok(Outcome::Blocked(record.as_ref().map(|_| what.clone())))
             }
-            (_, record) => Ok(record.clone().map_or(Outcome::Blocked(None), Outcome::Fresh)),
+            (_, None) => Ok(Outcome::Blocked(None)),
+            (_, Some(record)) => Ok(Outcome::Fresh(self.with_settings(a, record)?)),
         }
+    }
+
+    /// The record of a fresh unit. One of an earlier program is given the values of its settings:
+    /// their hashes say that they are these.
+    fn with_settings(&self, a: &Assessment, record: &Provenance) -> Result<Provenance> {
+        let mut record = record.clone();
+        if record.settings.is_none() {
+            record.settings = Some(a.ingredients.settings.clone());
+            self.store.put_record(&record)?;
+        }
+        Ok(record)
     }
 
     /// Removes what a unit made earlier and does not make now.
@@ -284,11 +302,13 @@ impl Run<'_> {
             stage: stage.name.to_string(),
             unit: a.unit.name.clone(),
             key: a.ingredients.key(stage.name, &a.unit.name),
-            ingredients: a.ingredients.0.clone(),
+            ingredients: a.ingredients.hashes.clone(),
             outputs: BTreeMap::new(),
             notes: Vec::new(),
             error: None,
             asked: (stage.asked)(&self.plan.campaign, &a.unit),
+            settings: Some(a.ingredients.settings.clone()),
+            version: Some(VERSION.to_string()),
         };
         let outcome = match made {
             Ok(output) => {
@@ -328,6 +348,7 @@ impl Run<'_> {
             let path = Part::Number(0).path(table.name());
             let hash = self.store.put(&path, &table.to_parquet()?)?;
             keep(&self.kept, &path, &hash, table);
+            self.own.insert(path.clone(), hash.clone());
             self.contents.insert(path, Content::Hash(hash));
         }
         Ok(())
@@ -347,16 +368,12 @@ impl Run<'_> {
     }
 
     fn sweep(&self) -> Result<()> {
-        let tables: BTreeSet<&str> = self
-            .plan
-            .campaign
-            .stages
-            .iter()
-            .flat_map(|s| s.writes)
-            .copied()
-            .chain([NOTES, STAGES_TABLE])
-            .collect();
-        let known: BTreeSet<String> = self.contents.keys().cloned().collect();
-        self.store.sweep(&tables, &known)
+        let mut known: BTreeSet<String> = self.contents.keys().cloned().collect();
+        if self.limits.leave_out() {
+            let records = self.store.records().into_iter();
+            known.extend(records.flat_map(|record| record.outputs.into_keys()));
+            known.extend(self.own.keys().cloned());
+        }
+        self.store.sweep(&gc::tables(self.plan), &known)
     }
 }

@@ -1,6 +1,7 @@
 //! What a run would do: the state of every unit, and what is no longer part of the campaign.
 
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
+use super::limits::Limits;
 use super::own::own_tables;
 use super::plan::Plan;
 use super::provenance::{Provenance, hash_bytes};
@@ -30,10 +31,23 @@ pub fn gone(plan: &Plan, store: &Store) -> Vec<Provenance> {
 /// # Errors
 /// A log or an output file is there and cannot be read.
 pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Assessment>)>> {
+    status_within(plan, store, &Limits::default())
+}
+
+/// The same of what a part of a run would take.
+///
+/// # Errors
+/// As `status`.
+pub fn status_within(
+    plan: &Plan,
+    store: &Store,
+    limits: &Limits,
+) -> Result<Vec<(&'static Stage, Vec<Assessment>)>> {
     let mut contents = Contents::new();
     let mut all = Vec::new();
     let mut fresh = Some((Vec::new(), Vec::new()));
-    for stage in plan.campaign.stages {
+    let (of_flights, of_campaign) = limits.stages(plan);
+    for stage in of_flights.iter().chain(of_campaign) {
         if stage.reads_records {
             match &fresh {
                 Some((notes, records)) => {
@@ -49,7 +63,10 @@ pub fn status(plan: &Plan, store: &Store) -> Result<Vec<(&'static Stage, Vec<Ass
                 })),
             }
         }
-        let of_stage = assess(plan, store, &contents, stage, (stage.units)(&plan.campaign))?;
+        let mut units = (stage.units)(&plan.campaign);
+        units.retain(|unit| limits.has(unit.flight()) || unit.flight().is_empty());
+        let mut of_stage = assess(plan, store, &contents, stage, units)?;
+        limits.anew(plan, stage, &mut of_stage);
         for a in &of_stage {
             contents_after(stage, a, &mut contents);
             match (&mut fresh, &a.state, &a.record) {

@@ -1,19 +1,17 @@
 //! The output folder: records, tables and pages go in atomically, and come out as bytes; one run at
 //! a time.
 
+use super::files::{UNFINISHED, entries, make_parent, name, remove_file};
 use super::mapped::cannot;
 use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
-use crate::error::{Error, Result};
+use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
 use crate::stage::Part;
 use crate::table::{Table, read_part, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
-
-/// How the names of files begin that are being written (`table::write_atomic`).
-const UNFINISHED: &str = ".unfinished-";
 
 /// Where a pipeline's results go unless a command says otherwise: `out/` beside `pipeline.toml`;
 /// pipelines of other names beside it keep theirs apart, in `out/<name>/`.
@@ -22,6 +20,10 @@ pub fn out_folder(pipeline: &Path) -> PathBuf {
     let name = pipeline.file_stem().filter(|name| *name != "pipeline");
     name.map_or_else(|| out.clone(), |name| out.join(name))
 }
+
+/// The form of the records that this program writes. It reads those of form 1 as well, which have
+/// no values of settings; their folders do not say their form.
+const FORM: u32 = 2;
 
 /// An output folder.
 #[derive(Debug)]
@@ -46,10 +48,35 @@ impl Store {
     /// `force` says that files of others may go.
     ///
     /// # Errors
-    /// It has files of others.
+    /// It has files of others, or records of a form that only a later program reads.
     pub fn claim(root: &Path, force: bool) -> Result<Store> {
         guard::folder(root, force)?;
-        Ok(Store::open(root))
+        Store::look(root)
+    }
+
+    /// The same for reading alone.
+    ///
+    /// # Errors
+    /// It has records of a form that only a later program reads.
+    pub fn look(root: &Path) -> Result<Store> {
+        let store = Store::open(root);
+        let path = store.form_path();
+        let said = std::fs::read_to_string(&path).unwrap_or_else(|_| "1".into());
+        match said.trim().parse::<u32>() {
+            Ok(form) if form <= FORM => Ok(store),
+            _ => Err(Error::at(
+                Place::file(path.to_string_lossy()),
+                format!(
+                    "the records of this output folder have form {}; this program reads 1 to {FORM}",
+                    said.trim()
+                ),
+            )
+            .help("a later koehler wrote them: use that one, or another folder with --out")),
+        }
+    }
+
+    fn form_path(&self) -> PathBuf {
+        self.root.join(MARK).join("form")
     }
 
     /// The folder itself.
@@ -75,7 +102,10 @@ impl Store {
             .open(&path)
             .map_err(|e| cannot("open", &path, &e))?;
         match file.try_lock() {
-            Ok(()) => Ok(Lock { _file: file }),
+            Ok(()) => {
+                write_atomic(&self.form_path(), format!("{FORM}\n").as_bytes())?;
+                Ok(Lock { _file: file })
+            }
             Err(std::fs::TryLockError::WouldBlock) => {
                 Err(Error::new(format!("another run is writing into {}", self.root.display()))
                     .help("wait for it to end, or give this run its own folder with --out"))
@@ -84,7 +114,8 @@ impl Store {
         }
     }
 
-    fn record_path(&self, stage: &str, unit: &str) -> PathBuf {
+    /// Where a record is kept.
+    pub fn record_path(&self, stage: &str, unit: &str) -> PathBuf {
         self.root.join(MARK).join(stage).join(format!("{unit}.json"))
     }
 
@@ -169,9 +200,15 @@ impl Store {
         Ok(())
     }
 
-    /// Removes the part files of the named tables that no record knows, and unfinished files:
-    /// leftovers of a run that was stopped.
+    /// Removes what runs left in the named tables that were stopped.
     pub fn sweep(&self, tables: &BTreeSet<&str>, known: &BTreeSet<String>) -> Result<()> {
+        self.leftovers(tables, known).iter().try_for_each(|path| self.remove(path))
+    }
+
+    /// The part files of the named tables that no record knows, and unfinished files there: leftovers
+    /// of a run that was stopped. Relative to the folder.
+    pub fn leftovers(&self, tables: &BTreeSet<&str>, known: &BTreeSet<String>) -> Vec<String> {
+        let mut left = Vec::new();
         for table in tables {
             let mut parts = Vec::new();
             for path in entries(&self.root.join(table)) {
@@ -180,42 +217,20 @@ impl Store {
             for path in parts {
                 let Ok(relative) = path.strip_prefix(&self.root) else { continue };
                 let relative = relative.to_string_lossy().replace('\\', "/");
-                let name =
-                    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+                let name = name(&path);
                 let is_part = name.starts_with("part-") && name.ends_with(".parquet");
                 if (is_part && !known.contains(&relative)) || name.starts_with(UNFINISHED) {
-                    self.remove(&relative)?;
+                    left.push(relative);
                 }
             }
         }
-        Ok(())
+        left
     }
 
     /// Writes the memory of content hashes.
     pub fn put_memo(&self) -> Result<()> {
         write_atomic(&self.root.join(MARK).join("memo.json"), &self.memo.bytes())
     }
-}
-
-fn make_parent(path: &Path) -> Result<PathBuf> {
-    let folder = path.parent().map_or_else(|| PathBuf::from("."), Path::to_path_buf);
-    std::fs::create_dir_all(&folder).map_err(|e| cannot("make the folder", &folder, &e))?;
-    Ok(folder)
-}
-
-fn remove_file(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(cannot("remove", path, &e)),
-        _ => Ok(()),
-    }
-}
-
-/// The entries of a folder in order of name; none where there is no such folder.
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let mut all: Vec<PathBuf> =
-        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
-    all.sort();
-    all
 }
 
 #[cfg(test)]

@@ -28,6 +28,17 @@ impl Part {
         }
     }
 
+    /// The table and the part that a file is, by its path relative to the output folder; none for a
+    /// file that is no part of a table.
+    pub fn of_path(path: &str) -> Option<(&str, Part)> {
+        let (folder, file) = path.rsplit_once('/')?;
+        let number = file.strip_prefix("part-")?.strip_suffix(".parquet")?.parse().ok()?;
+        match folder.split_once("/flight=") {
+            Some((table, flight)) => Some((table, Part::Flight(flight.to_string()))),
+            None => Some((folder, Part::Number(number))),
+        }
+    }
+
     /// The part in words.
     pub fn words(&self, table: &str) -> String {
         match self {

@@ -112,14 +112,14 @@ impl Campaign {
 
     /// `koehler VERB pipeline.toml ARGS` in the campaign's folder.
     pub fn koehler(&self, verb: &str, args: &[&str]) -> Outcome {
+        self.command(verb, &[&["pipeline.toml"], args].concat())
+    }
+
+    /// `koehler VERB ARGS` in the campaign's folder.
+    pub fn command(&self, verb: &str, args: &[&str]) -> Outcome {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_koehler"));
-        let output = command
-            .current_dir(self.folder.path())
-            .arg(verb)
-            .arg("pipeline.toml")
-            .args(args)
-            .output()
-            .expect("started");
+        let output =
+            command.current_dir(self.folder.path()).arg(verb).args(args).output().expect("started");
         Outcome::of(output)
     }
 

@@ -39,6 +39,7 @@ mod pages;
 mod path;
 mod phlab;
 mod prediction;
+mod provenance;
 mod readers;
 mod real;
 mod recovery;

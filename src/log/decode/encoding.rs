@@ -1,6 +1,7 @@
 //! What an encoding is: a channel and paths of fields in, readers of its messages out.
 
 use crate::log::channel::Channel;
+use serde::Serialize;
 
 /// How messages of one encoding are read.
 pub struct Encoding {
@@ -47,7 +48,7 @@ pub(super) fn finite(value: f64) -> f64 {
 }
 
 /// A field of a topic, with what its schema says about it (empty where it says nothing).
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct FieldInfo {
     pub path: String,
     pub unit: String,

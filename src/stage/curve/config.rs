@@ -2,6 +2,7 @@
 //! mistakes, go out.
 
 use super::prediction::{self, Prediction, Wanted};
+use crate::config;
 use crate::model::{Model, Parameter, Scope};
 use crate::stage::check::{Columns, Given, agree};
 use crate::stage::estimate;
@@ -226,10 +227,10 @@ fn predicted(
         return None;
     }
     let file = given.path(path);
-    let text = match std::fs::read_to_string(&file) {
+    let text = match config::read_text(&file) {
         Ok(text) => text,
         Err(error) => {
-            given.push(&at, format!("{} cannot be read: {error}", file.display()), "");
+            given.push(&at, format!("{} cannot be read: {}", file.display(), error.what), "");
             return None;
         }
     };

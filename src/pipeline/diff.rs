@@ -1,0 +1,252 @@
+//! Two output folders come in; what their results differ in beyond their standard deviations goes
+//! out: values, lines, verdicts, and what only one of them has.
+
+use crate::error::{Errors, Result};
+use crate::table::{Table, read_dataset};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A value has moved where it has by more than so many of the larger of its two standard deviations.
+const MOVED: f64 = 2.0;
+
+/// What kind of result differs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    Estimate,
+    Line,
+    Verdict,
+}
+
+/// What one run says; a quantity without a value was asked for and not found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Side {
+    Quantity {
+        value: Option<f64>,
+        sd: Option<f64>,
+    },
+    Words(String),
+    /// So many values, none of which the other run has.
+    All {
+        values: usize,
+    },
+}
+
+/// A difference of two runs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Difference {
+    pub kind: Kind,
+    /// Names from the estimate, fit, validation or diagnosis on.
+    pub of: Vec<String>,
+    /// None where the first run does not have it.
+    pub first: Option<Side>,
+    pub second: Option<Side>,
+    /// How far it moved, in the larger of both standard deviations; none without one.
+    pub sds: Option<f64>,
+}
+
+/// What came of comparing two runs.
+#[derive(Debug, Default, Serialize)]
+pub struct Compared {
+    /// How many values and verdicts both have.
+    pub both: usize,
+    pub differences: Vec<Difference>,
+}
+
+/// A table whose rows are compared: the columns that name a row, and what is taken of it.
+struct Wanted {
+    kind: Kind,
+    table: &'static str,
+    names: &'static [&'static str],
+    /// Value and standard deviation; the name of the value is told where there are several.
+    values: &'static [(&'static str, &'static str)],
+    words: &'static [&'static str],
+}
+
+const WANTED: [Wanted; 5] = [
+    Wanted {
+        kind: Kind::Estimate,
+        table: "estimates",
+        names: &["model", "group", "segment", "of", "parameter"],
+        values: &[("value", "sd")],
+        words: &[],
+    },
+    Wanted {
+        kind: Kind::Line,
+        table: "fits",
+        names: &["model", "parameter", "against"],
+        values: &[("slope", "slope_sd"), ("intercept", "intercept_sd")],
+        words: &[],
+    },
+    Wanted {
+        kind: Kind::Verdict,
+        table: "estimates",
+        names: &["model", "group"],
+        values: &[],
+        words: &["stop"],
+    },
+    Wanted {
+        kind: Kind::Verdict,
+        table: "validation",
+        names: &["validation", "flight", "segment", "output"],
+        values: &[],
+        words: &["verdict", "noise_verdict"],
+    },
+    Wanted {
+        kind: Kind::Verdict,
+        table: "findings",
+        names: &["diagnosis", "candidate", "role"],
+        values: &[],
+        words: &["verdict"],
+    },
+];
+
+/// What one run has of a table, by names.
+type Sides = BTreeMap<Vec<String>, Side>;
+
+/// Compares the results of two runs.
+///
+/// # Errors
+/// A table cannot be read.
+pub fn diff(first: &Path, second: &Path) -> std::result::Result<Compared, Errors> {
+    let mut compared = Compared::default();
+    for wanted in &WANTED {
+        let [a, b] = [sides(first, wanted)?, sides(second, wanted)?];
+        compared.both += a.keys().filter(|names| b.contains_key(*names)).count();
+        compared.differences.extend(differences(wanted.kind, &a, &b));
+    }
+    compared.differences.sort_by_key(|d| d.kind);
+    Ok(compared)
+}
+
+fn sides(folder: &Path, wanted: &Wanted) -> std::result::Result<Sides, Errors> {
+    let table = read_dataset(folder, wanted.table)?;
+    let rows = names(&table, wanted.names)?;
+    let named = |row: &[String], what: &str, several: bool| -> Vec<String> {
+        row.iter().cloned().chain(several.then(|| what.to_string())).collect()
+    };
+    let mut sides = Sides::new();
+    for (value, sd) in wanted.values {
+        let known = |x: f64| x.is_finite().then_some(x);
+        let each = table.f64(value)?.iter().zip(table.f64(sd)?);
+        let each = each.map(|(&value, &sd)| Side::Quantity { value: known(value), sd: known(sd) });
+        let several = wanted.values.len() > 1;
+        sides.extend(rows.iter().map(|row| named(row, value, several)).zip(each));
+    }
+    for column in wanted.words {
+        let each = rows.iter().zip(table.opt_strings(column)?);
+        let several = wanted.words.len() > 1;
+        sides.extend(each.filter_map(|(row, words)| {
+            Some((named(row, column, several), Side::Words(words?.to_string())))
+        }));
+    }
+    Ok(sides)
+}
+
+/// What every row is called: each name once, and none that is not said.
+fn names(table: &Table, columns: &[&str]) -> Result<Vec<Vec<String>>> {
+    let mut rows: Vec<Vec<String>> = vec![Vec::new(); table.rows()];
+    for column in columns {
+        for (row, name) in rows.iter_mut().zip(table.opt_strings(column)?) {
+            let name = name.unwrap_or_default();
+            if !name.is_empty() && row.last().is_none_or(|last| last != name) {
+                row.push(name.to_string());
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn differences(kind: Kind, a: &Sides, b: &Sides) -> Vec<Difference> {
+    let mut all = Vec::new();
+    for (of, first) in a {
+        if let Some(second) = b.get(of)
+            && let Some(sds) = moved(first, second)
+        {
+            let (first, second) = (Some(first.clone()), Some(second.clone()));
+            all.push(Difference { kind, of: of.clone(), first, second, sds });
+        }
+    }
+    let alone = |of, side| Difference { kind, of, first: Some(side), second: None, sds: None };
+    all.extend(only(a, b).into_iter().map(|(of, side)| alone(of, side)));
+    let alone = |of, side| Difference { kind, of, first: None, second: Some(side), sds: None };
+    all.extend(only(b, a).into_iter().map(|(of, side)| alone(of, side)));
+    all
+}
+
+/// Whether two sides differ, and by how many standard deviations where there are some.
+fn moved(a: &Side, b: &Side) -> Option<Option<f64>> {
+    match (a, b) {
+        (
+            Side::Quantity { value: Some(a), sd: sd_a },
+            Side::Quantity { value: Some(b), sd: sd_b },
+        ) => {
+            let sd = sd_a.unwrap_or(0.0).max(sd_b.unwrap_or(0.0));
+            let sds = (sd > 0.0).then(|| (b - a).abs() / sd);
+            // A value that is held has no sd: any change of it is one.
+            let is_moved = sds.map_or(a != b, |sds| sds > MOVED);
+            is_moved.then_some(sds)
+        }
+        (Side::Quantity { value: None, .. }, Side::Quantity { value: None, .. }) => None,
+        (a, b) => (a != b).then_some(None),
+    }
+}
+
+/// What one run alone has: an estimate, fit, validation or diagnosis of which the other has nothing
+/// is one of these.
+fn only(a: &Sides, b: &Sides) -> Vec<(Vec<String>, Side)> {
+    let mut all: Vec<(Vec<String>, Side)> = Vec::new();
+    for (of, side) in a.iter().filter(|(of, _)| !b.contains_key(*of)) {
+        let whole = of.get(..1).unwrap_or_default();
+        if b.keys().any(|other| other.starts_with(whole)) {
+            all.push((of.clone(), side.clone()));
+        } else if let Some((known, Side::All { values })) = all.last_mut()
+            && known == whole
+        {
+            *values += 1;
+        } else {
+            all.push((whole.to_vec(), Side::All { values: 1 }));
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quantity(value: f64, sd: f64) -> Side {
+        let known = |x: f64| x.is_finite().then_some(x);
+        Side::Quantity { value: known(value), sd: known(sd) }
+    }
+
+    #[test]
+    fn a_value_moves_by_more_than_twice_the_larger_sd() {
+        let none = f64::NAN;
+        assert_eq!(moved(&quantity(1.0, 0.1), &quantity(1.3, 0.2)), None);
+        let sds = moved(&quantity(1.0, 0.1), &quantity(1.3, 0.1)).flatten().expect("moved");
+        assert!((sds - 3.0).abs() < 1e-9, "{sds}");
+        assert_eq!(moved(&quantity(1.0, none), &quantity(1.0, none)), None);
+        assert_eq!(moved(&quantity(1.0, none), &quantity(1.1, none)), Some(None));
+        assert_eq!(moved(&quantity(1.0, 0.1), &quantity(none, none)), Some(None));
+        assert_eq!(moved(&quantity(none, none), &quantity(none, none)), None);
+    }
+
+    #[test]
+    fn what_the_other_run_has_nothing_of_is_told_once() {
+        let of = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
+        let side = || quantity(1.0, 0.1);
+        let a = Sides::from([
+            (of(&["all", "K"]), side()),
+            (of(&["all", "T"]), side()),
+            (of(&["lag", "K"]), side()),
+            (of(&["lag", "T"]), side()),
+        ]);
+        let b = Sides::from([(of(&["lag", "K"]), side())]);
+        let expected = [(of(&["all"]), Side::All { values: 2 }), (of(&["lag", "T"]), side())];
+        assert_eq!(only(&a, &b), expected);
+        assert!(only(&b, &a).is_empty());
+    }
+}

@@ -1,0 +1,84 @@
+//! A plan and its output folder come in; the files that no unit of the plan needs go out, to be
+//! removed.
+
+use super::files::{self, UNFINISHED};
+use super::plan::Plan;
+use super::provenance::Provenance;
+use super::status::gone;
+use super::store::Store;
+use crate::error::Result;
+use crate::guard::MARK;
+use crate::stage::{NOTES, Part, STAGES_TABLE};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// A file that nothing needs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unneeded {
+    pub path: PathBuf,
+    pub bytes: u64,
+    pub why: String,
+}
+
+/// The files of an output folder that no unit of the plan needs, in order of their paths: what units
+/// made that are no longer part of the campaign with their records, and what runs left that were
+/// stopped. Files of others are none of these.
+pub fn unneeded(plan: &Plan, store: &Store) -> Vec<Unneeded> {
+    let gone = gone(plan, store);
+    let is_gone = |r: &Provenance| gone.iter().any(|g| (&g.stage, &g.unit) == (&r.stage, &r.unit));
+    let kept = store.records().into_iter().filter(|record| !is_gone(record));
+    let known: BTreeSet<String> = kept
+        .flat_map(|record| record.outputs.into_keys())
+        .chain([NOTES, STAGES_TABLE].map(|table| Part::Number(0).path(table)))
+        .collect();
+    let mut all = BTreeMap::new();
+    for path in store.leftovers(&tables(plan), &known) {
+        all.insert(store.path(&path), "left by a run that was stopped".to_string());
+    }
+    let every = files::all(store.root()).into_iter().chain(in_the_mark(store.root()));
+    for path in every.filter(|path| files::name(path).starts_with(UNFINISHED)) {
+        all.insert(path, "left by a run that was stopped".to_string());
+    }
+    for record in &gone {
+        let why = format!("{} of {} is no longer part of the campaign", record.stage, record.unit);
+        for path in record.outputs.keys().filter(|path| !known.contains(*path)) {
+            all.insert(store.path(path), why.clone());
+        }
+        all.insert(store.record_path(&record.stage, &record.unit), why);
+    }
+    all.into_iter().filter_map(|(path, why)| file(path, why)).collect()
+}
+
+/// Removes such files, and folders that are empty then.
+///
+/// # Errors
+/// One cannot be removed.
+pub fn remove(store: &Store, unneeded: &[Unneeded]) -> Result<()> {
+    for file in unneeded {
+        match file.path.strip_prefix(store.root()) {
+            Ok(relative) => store.remove(&relative.to_string_lossy())?,
+            Err(_) => files::remove_file(&file.path)?,
+        }
+    }
+    store.put_memo()
+}
+
+/// The tables that a run of this plan writes.
+pub fn tables(plan: &Plan) -> BTreeSet<&'static str> {
+    let written = plan.campaign.stages.iter().flat_map(|stage| stage.writes).copied();
+    written.chain([NOTES, STAGES_TABLE]).collect()
+}
+
+fn in_the_mark(root: &Path) -> Vec<PathBuf> {
+    let mark = root.join(MARK);
+    let (folders, mut files): (Vec<_>, Vec<_>) =
+        files::entries(&mark).into_iter().partition(|path| path.is_dir());
+    files.extend(folders.iter().flat_map(|folder| files::entries(folder)));
+    files
+}
+
+/// None where the file is not there.
+fn file(path: PathBuf, why: String) -> Option<Unneeded> {
+    let bytes = path.symlink_metadata().ok()?.len();
+    Some(Unneeded { path, bytes, why })
+}
