@@ -81,15 +81,16 @@ fn ask(settings: &mut Settings, args: &DiagnoseArgs, store: &Store) {
         (true, false) => said.iter().map(|d| d.estimate.clone()).collect(),
     };
     settings.keep(store);
-    let Some(all) = settings.read::<Vec<diagnose::Settings>>(name) else { return };
+    let Some(mut all) = settings.read::<Vec<diagnose::Settings>>(name) else { return };
     // What the pipeline file leaves to this command is asked for as it says.
-    let (left, mut all): (Vec<_>, Vec<_>) = all.into_iter().partition(|d| !d.run);
+    all.retain(|d| d.run);
     for name in &wanted {
-        let left: Vec<_> = left.iter().filter(|d| d.estimate == *name).collect();
-        let fresh = match left.is_empty() {
-            true => vec![diagnose::Settings::of(name)],
-            false => left.iter().map(|d| diagnose::Settings { asked: true, ..d.plain() }).collect(),
-        };
+        let left = said.iter().filter(|d| !d.run && d.estimate == *name);
+        let mut fresh: Vec<diagnose::Settings> =
+            left.map(|d| diagnose::Settings { asked: true, ..d.plain() }).collect();
+        if fresh.is_empty() {
+            fresh.push(diagnose::Settings::of(name));
+        }
         let said = all.iter().any(|d| !d.asked && d.estimate == *name);
         for fresh in fresh {
             match all.iter_mut().find(|d| d.asked && d.name() == fresh.name()) {

@@ -116,7 +116,22 @@ impl Propagator {
         directions: Directions,
         outputs: Vec<usize>,
     ) -> Result<Propagator> {
-        let starts = model.starts(&directions.starts, &directions.parameters)?;
+        let placed = directions.starts.clone();
+        Propagator::placed(model, directions, outputs, &placed)
+    }
+
+    /// The same with start values of the states `placed` from outside, of which not all need be
+    /// directions.
+    ///
+    /// # Errors
+    /// As `new`.
+    pub fn placed(
+        model: &Model,
+        directions: Directions,
+        outputs: Vec<usize>,
+        placed: &[usize],
+    ) -> Result<Propagator> {
+        let starts = model.starts(placed, &directions.parameters)?;
         let begin = starts.given.iter().map(|&i| {
             let name = &model.states[i].quantity.name;
             (model.states[i].start, model.output(name), name.clone())

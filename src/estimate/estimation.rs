@@ -3,6 +3,7 @@
 
 use super::budget::Influence;
 use super::decision::Decision;
+use super::influential::Influential;
 use super::modes::Mode;
 use super::preroll::TooShort;
 use super::profile::Profile;
@@ -152,6 +153,8 @@ pub struct Estimation {
     pub crossed: Vec<String>,
     /// Delays that reach back to before the record of a segment, whose input moves there.
     pub too_short: Vec<TooShort>,
+    /// The sample on which a common parameter hangs, if it hangs on one.
+    pub influential: Option<Influential>,
     /// Parameters of the model that times of delays depend on.
     pub delaying: Vec<String>,
     /// Another start that ended elsewhere.

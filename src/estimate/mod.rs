@@ -47,6 +47,7 @@
 //! | `tries` | several starts, of which the best is kept |
 //! | `plateaus` | what was measured of a state on its limit |
 //! | `idle` | why nothing shows a parameter |
+//! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
 //! | `estimation` | the result |
 //! | `result` | names put to the solution |
@@ -64,6 +65,7 @@ mod equations;
 mod estimation;
 mod extend;
 mod idle;
+mod influential;
 mod measured_limits;
 mod modes;
 mod neighbours;
@@ -105,6 +107,7 @@ pub use estimation::{
 };
 pub use extend::extended;
 pub use idle::Idle;
+pub use influential::Influential;
 pub use modes::{Mode, Uncertain};
 pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use plateaus::Piece;

@@ -6,6 +6,7 @@ use super::case::{Case, PASSES, propagator};
 use super::choice::choose;
 use super::equations::Origin;
 use super::extend::prepare;
+use super::influential::Influential;
 use super::preroll::TooShort;
 use super::profile::{Profile, profiles};
 use super::rank::{NONE, weak_words};
@@ -142,7 +143,7 @@ fn once(
                     told(&case, &solution, (settings, &used), budget, (&origin, here))?
                 }
             };
-            let Told { budget, profiles, stuck, reached, crossed, too_short } = told;
+            let Told { budget, profiles, stuck, reached, crossed, too_short, influential } = told;
             let traced = match settings.by {
                 By::Motion => Traced::of_motion(&case, &solution),
                 By::EquationError => Traced::of_equations(&case, &solution, settings)?,
@@ -157,6 +158,7 @@ fn once(
                 reached,
                 crossed,
                 too_short,
+                influential,
                 delaying: case.delaying(),
                 elsewhere,
                 modes,
@@ -180,6 +182,7 @@ struct Told {
     reached: Vec<Reached>,
     crossed: Vec<String>,
     too_short: Vec<TooShort>,
+    influential: Option<Influential>,
 }
 
 fn told(
@@ -199,6 +202,7 @@ fn told(
             reached: case.reached(theta, used)?,
             crossed: case.crossed(theta)?,
             too_short,
+            influential: case.influential(solution, used),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.
         By::EquationError => {

@@ -96,6 +96,7 @@ pub fn name(
         reached: Vec::new(),
         crossed: Vec::new(),
         too_short: Vec::new(),
+        influential: None,
         delaying: Vec::new(),
         elsewhere: None,
         tried: Vec::new(),

@@ -587,7 +587,7 @@ fn fault_a_sensor_that_froze_is_a_problem_that_is_named() {
     let run = c.run().ended(1);
     let said = format!("{}\n{}", run.out, run.err);
     assert!(
-        said.contains("stand still in maneuvers that are estimated: flight-2 y (from 40.0 s for 40.0 s, 2 maneuvers)"),
+        said.contains("stand still in what is estimated: flight-2 y (from 40.0 s for 40.0 s, a tenth or more of 2 maneuvers)"),
         "{said}"
     );
     let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");

@@ -131,11 +131,12 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 27] = [
+const THREADS: [(&str, &str); 29] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
     ("estimate/colour.rs", "series of residuals of one estimate, once at its end"),
+    ("estimate/influential.rs", "segments of one estimate, once at its end"),
     ("estimate/neighbours.rs", "segments of one estimate, each alone"),
     ("estimate/profile.rs", "the two sides of an interval of one estimate"),
     ("stage/estimate/mod.rs", "groups of maneuvers of one estimate, whose sums go to the engine"),
@@ -152,6 +153,7 @@ const THREADS: [(&str, &str); 27] = [
     ("diagnose/gap/coefficient.rs", "maneuvers of one diagnosis"),
     ("diagnose/residual/absorbed.rs", "maneuvers of one diagnosis"),
     ("diagnose/residual/colour.rs", "maneuvers of one diagnosis"),
+    ("diagnose/residual/evaluation.rs", "maneuvers of one diagnosis"),
     ("diagnose/residual/sums.rs", "maneuvers of one diagnosis"),
     ("diagnose/search/refit.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/screen.rs", "candidates of one round of a diagnosis"),

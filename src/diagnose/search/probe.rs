@@ -57,11 +57,9 @@ impl Probe {
             .filter_map(|name| model.state(name))
             .filter(|&i| model.states[i].start != StartKind::Measured)
             .collect();
-        let directions = Directions {
-            parameters: sizes.iter().filter_map(|&i| added.get(i).copied()).collect(),
-            starts: free,
-        };
-        let propagator = Propagator::of_outputs(&model, directions, case.outputs.clone())?;
+        let parameters = sizes.iter().filter_map(|&i| added.get(i).copied()).collect();
+        let directions = Directions { parameters, starts: Vec::new() };
+        let propagator = Propagator::placed(&model, directions, case.outputs.clone(), &free)?;
         let place = |&state: &usize| {
             let name = &model.states[state].quantity.name;
             case.propagator
@@ -143,13 +141,7 @@ impl Probe {
                 .zip(y)
                 .map(|(z, y)| if z.is_finite() { z - y } else { f64::NAN })
                 .collect();
-            // Only the sizes' directions: those of the initial states stand behind them.
-            let g = dy.next().unwrap_or_default();
-            let g = g
-                .chunks_exact(all.max(1))
-                .flat_map(|row| row[..self.sizes.len().min(row.len())].iter().copied())
-                .collect();
-            Some(Block::new(output, e, g))
+            Some(Block::new(output, e, dy.next().unwrap_or_default()))
         };
         case.records[s].channels.iter().zip(response.y).map(block).collect()
     }

@@ -8,11 +8,11 @@ use crate::model::{Constants, Model};
 
 const DT: f64 = 0.05;
 
-fn model(text: &str) -> Model {
+pub fn model(text: &str) -> Model {
     Model::parse("hazard", text, &Constants::default()).unwrap()
 }
 
-const DELAYED: &str = r#"
+pub const DELAYED: &str = r#"
 title = "A lag driven late, and the same read late"
 
 [inputs]
@@ -41,7 +41,7 @@ fn input(t: f64) -> f64 {
     (1.3 * t).sin() + 0.6 * (2.9 * t + 0.4).cos()
 }
 
-fn empty(n: usize, start: usize, count: usize) -> Record {
+pub fn empty(n: usize, start: usize, count: usize) -> Record {
     let t = |k: usize| (start + k) as f64 * DT;
     let channels = (0..count)
         .map(|output| Channel {
@@ -61,7 +61,7 @@ fn empty(n: usize, start: usize, count: usize) -> Record {
 }
 
 /// A record of what the model says at `parameters`, with noise.
-fn flown(model: &Model, parameters: &[f64], mut record: Record, seed: u64, sd: f64) -> Record {
+pub fn flown(model: &Model, parameters: &[f64], mut record: Record, seed: u64, sd: f64) -> Record {
     let propagator = Propagator::new(model, Directions::default()).unwrap();
     let y = propagator.respond(parameters, &[], &record, false).y;
     let mut rng = rng(seed);

@@ -8,6 +8,7 @@ mod groups;
 mod hazards;
 mod hfb320;
 mod honest;
+mod influential;
 mod limits;
 mod linear_algebra;
 mod modes;

@@ -113,6 +113,7 @@ pub fn again(told: &mut Value, earlier: Vec<Value>, estimates: &[String]) {
         let known = estimates.contains(&kept.estimate);
         let same = |d: &Settings| !d.run && slice_of(&d.plain()) == slice_of(&kept.plain());
         if known && all.iter().all(|d| d.name() != kept.name() || same(d)) {
+            all.retain(|d| d.name() != kept.name());
             all.push(kept);
         }
     }

@@ -225,6 +225,7 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         let text = format!("{}: {text}", batch.group);
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
+    notes.extend(influential_note(config, batch, estimation));
     notes.extend(moved_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(elsewhere_note(config, batch, estimation));
@@ -250,6 +251,24 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         ));
     }
     notes
+}
+
+/// The sample on which the estimate hangs.
+fn influential_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let sample = estimation.influential.as_ref()?;
+    let (row, segment) =
+        (estimation.rows.get(sample.row)?, batch.segments.get(sample.segment)?.clone());
+    let text = format!(
+        "{}: {} hangs on one sample: without {} of {segment} at {:.3} s, {:.0} sd of the others' noise off the model, it would be {:.2} sd {}",
+        batch.group,
+        row.name,
+        sample.output,
+        sample.t,
+        sample.residual.abs(),
+        sample.shift.abs(),
+        if sample.shift > 0.0 { "larger" } else { "smaller" },
+    );
+    Some(config.note("", Severity::Warning, segment, 1, text))
 }
 
 /// Estimates by equation error that the noise of the regressors is expected to have moved.
