@@ -17,7 +17,7 @@ use crate::config::Doc;
 use crate::error::{Error, Errors};
 use indexmap::IndexMap;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// One flight: the signals of the channel map, in its order.
@@ -213,11 +213,12 @@ pub(super) fn topic_fields(
     channels: &[u16],
     samples: &BTreeMap<u16, Vec<u8>>,
 ) -> Vec<FieldInfo> {
-    let mut fields: Vec<FieldInfo> = Vec::new();
+    // A list of a million numbers is a million fields.
+    let (mut fields, mut taken) = (Vec::new(), BTreeSet::new());
     for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
         let Some(encoding) = decode::encoding_of(channel) else { continue };
         for field in (encoding.fields)(channel, samples.get(id).map(Vec::as_slice)) {
-            if !fields.iter().any(|f| f.path == field.path) {
+            if taken.insert(field.path.clone()) {
                 fields.push(field);
             }
         }

@@ -24,6 +24,8 @@ mod signal;
 mod source;
 pub mod starter;
 #[cfg(test)]
+mod storm_tests;
+#[cfg(test)]
 mod tests;
 mod walk;
 mod window;
