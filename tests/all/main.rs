@@ -28,6 +28,7 @@ mod flightdata;
 mod floors;
 mod foreign;
 mod fragments;
+mod fuzz;
 mod ground;
 mod hfb320;
 mod imports;
