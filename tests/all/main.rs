@@ -33,6 +33,7 @@ mod ground;
 mod hfb320;
 mod imports;
 mod language;
+mod machine_faults;
 mod models;
 mod modes;
 mod odd_logs;
