@@ -6,7 +6,7 @@
 
 use koehler::config;
 use koehler::log::decode::{self, Prepared};
-use koehler::log::{ChannelMap, LogFile, read_flight};
+use koehler::log::{Buffer, ChannelMap, LogFile, read_flight};
 use rand::{RngExt, SeedableRng};
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -72,17 +72,15 @@ fn row(path: &Path, encoding: &str, wanted: f64) {
 
 /// Decompresses all chunks, and nothing else; the bytes that came out.
 fn bare(path: &Path) -> usize {
-    let file = std::fs::File::open(path).expect("a log");
-    // The log is this program's own and stays as it is.
-    let map = unsafe { memmap2::Mmap::map(&file) }.expect("a mapping");
-    let summary = mcap::Summary::read(&map).expect("a summary").expect("a summary");
+    let log = std::fs::read(path).expect("a log");
+    let summary = mcap::Summary::read(&log).expect("a summary").expect("a summary");
     let mut zstd = zstd::bulk::Decompressor::new().expect("a decompressor");
     let (mut buffer, mut bytes) = (Vec::new(), 0);
     for chunk in &summary.chunk_indexes {
         buffer.clear();
         buffer.reserve(chunk.uncompressed_size as usize);
         let start = chunk.compressed_data_offset().expect("an offset") as usize;
-        let packed = &map[start..start + chunk.compressed_size as usize];
+        let packed = &log[start..start + chunk.compressed_size as usize];
         bytes += zstd.decompress_to_buffer(packed, &mut buffer).expect("a sound chunk");
         black_box(&buffer);
     }
@@ -103,7 +101,7 @@ fn columns(path: &Path) -> usize {
             (id, decode::prepare(channel, &paths).expect("known").expect("a sound schema"))
         })
         .collect();
-    let (mut buffer, mut row, mut numbers) = (Vec::new(), [0.0; 8], 0);
+    let (mut buffer, mut row, mut numbers) = (Buffer::default(), [0.0; 8], 0);
     for part in 0..log.parts() {
         let mut readers: Vec<_> = prepared
             .iter()

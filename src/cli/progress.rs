@@ -2,7 +2,7 @@
 //! standard error is no terminal, only lines of what a unit tells.
 
 use super::summary::count;
-use super::words::{Volume, detail};
+use super::words::{Volume, aside, detail, plain};
 use crate::pipeline::Event;
 use crate::stage::Stage;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -56,7 +56,7 @@ impl Bars {
             if let Event::Told { unit, text } = event
                 && Volume::Document.is_heard()
             {
-                eprintln!("{}: {text}", unit.name);
+                aside(&format!("{}: {text}", unit.name));
             }
             return;
         }
@@ -75,7 +75,7 @@ impl Bars {
             // Above the bar, which goes on.
             Event::Told { unit, text } => {
                 if let Some(bar) = &state.bar {
-                    bar.println(format!("{}: {text}", unit.name));
+                    bar.println(plain(&format!("{}: {text}", unit.name)));
                 }
             }
             Event::Unit { unit } => {

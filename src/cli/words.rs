@@ -2,6 +2,7 @@
 //! out. The one place that prints errors.
 
 use crate::error::{Error, Errors};
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// How much is said besides answers, warnings and errors.
@@ -71,10 +72,10 @@ pub fn document<T: serde::Serialize>(what: &T) -> Result<(), Errors> {
 /// The one place that prints errors.
 pub fn print_errors(errors: &Errors) {
     for error in &errors.0 {
-        eprintln!("error: {error}");
+        aside(&format!("error: {error}"));
     }
     if errors.0.len() > 1 {
-        eprintln!("{} errors", errors.0.len());
+        aside(&format!("{} errors", errors.0.len()));
     }
 }
 
@@ -88,26 +89,44 @@ pub fn tell(line: &str) {
 /// Prints what may be of interest and is no mistake.
 pub fn note(text: &str) {
     if Volume::Document.is_heard() {
-        eprintln!("note: {text}");
+        aside(&format!("note: {text}"));
     }
 }
 
 /// Prints what is likely to be a mistake and stops nothing.
 pub fn warn(text: &str) {
-    eprintln!("warning: {text}");
+    aside(&format!("warning: {text}"));
 }
 
 /// Prints a line of what is asked for by `--verbose` alone.
 pub fn detail(line: &str) {
     if Volume::Verbose.is_heard() {
-        eprintln!("{line}");
+        aside(line);
     }
 }
 
 /// Prints an answer to standard output, however quiet; a reader who has closed the pipe wants no more.
 pub fn say(line: &str) {
     use std::io::Write;
-    let _ = writeln!(std::io::stdout(), "{line}");
+    let _ = writeln!(std::io::stdout(), "{}", plain(line));
+}
+
+/// Prints a line to standard error; where nobody can read it, the work goes on.
+pub fn aside(line: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{}", plain(line));
+}
+
+/// Text without what a terminal would obey: names that came out of a log or a file may hold anything.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    // Marks that turn the direction of writing show another text than there is.
+    let turns = |c: char| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let obeyed = |c: char| c.is_control() && !matches!(c, '\n' | '\t') || turns(c);
+    if !text.contains(obeyed) {
+        return Cow::Borrowed(text);
+    }
+    let shown = |c: char| if obeyed(c) { c.escape_unicode().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(shown).collect())
 }
 
 /// Does `work` on `jobs` threads.
@@ -120,4 +139,17 @@ pub fn on_threads<T: Send>(
         .build()
         .map_err(|e| Error::new(format!("cannot start the threads: {e}")))?;
     Ok(pool.install(work))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fault_a_terminal_obeys_nothing_that_is_said() {
+        assert_eq!(plain("/t\u{1b}[2J\u{7}\r\u{9b}"), "/t\\u{1b}[2J\\u{7}\\u{d}\\u{9b}");
+        assert_eq!(plain("a\u{202e}b"), "a\\u{202e}b");
+        let sound = "flight-1:\tα = 3°\n    help";
+        assert!(matches!(plain(sound), Cow::Borrowed(text) if text == sound));
+    }
 }

@@ -9,7 +9,7 @@ use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::decode::{self, FieldInfo, is_unreadable};
 use super::file::LogFile;
 use super::flight::{first_messages, stamp_paths, topic_fields};
-use super::words;
+use super::{Buffer, words};
 use crate::config::Doc;
 use crate::error::{Error, Place, Result};
 use crate::units::Unit;
@@ -73,7 +73,7 @@ pub fn look(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<Look> {
             continue;
         }
         let known = fields.entry(topic).or_insert_with(|| eye.schema(topic));
-        if eye.lacks(topic, &signal.field, known) {
+        if eye.lacks(topic, &signal.field, known)? {
             let mistake = no_field(topic, &signal.field, known, place("field"));
             look.file(mistake, signal.optional);
         } else {
@@ -87,7 +87,7 @@ pub fn look(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<Look> {
         let at = if signal.time.is_some() { place("time") } else { doc.place("defaults.time") };
         for stamp in stamp_paths(&path, unit, known) {
             let mistake = no_field(topic, &stamp, known, at.clone());
-            if !look.mistakes.contains(&mistake) && eye.lacks(topic, &stamp, known) {
+            if !look.mistakes.contains(&mistake) && eye.lacks(topic, &stamp, known)? {
                 look.mistakes.push(mistake);
             }
         }
@@ -115,46 +115,46 @@ impl Eye<'_> {
     /// Whether no message of the topic has a value at this path. A schema that names the field is
     /// believed; one that does not need not be complete, so messages are asked. Then `known` holds
     /// what they have.
-    fn lacks(&mut self, topic: &str, path: &str, known: &mut Vec<FieldInfo>) -> bool {
+    fn lacks(&mut self, topic: &str, path: &str, known: &mut Vec<FieldInfo>) -> Result<bool> {
         if field(known, path).is_some() {
-            return false;
+            return Ok(false);
         }
         let ids = self.ids(topic);
         if self.log.is_none() {
             self.log = LogFile::open(self.path).ok();
         }
-        let Some(log) = &self.log else { return false };
-        let samples = first_messages(log, &ids);
+        let Some(log) = &self.log else { return Ok(false) };
+        let samples = first_messages(log, &ids)?;
         if samples.is_empty() {
-            return false;
+            return Ok(false);
         }
         *known = topic_fields(self.channels, &ids, &samples);
-        field(known, path).is_none() && !anywhere(log, &ids, path)
+        Ok(field(known, path).is_none() && !anywhere(log, &ids, path)?)
     }
 }
 
 /// Whether any message of these channels has a number, or a NaN, at the path.
-fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> bool {
+fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> Result<bool> {
     let mut readers = BTreeMap::new();
     for &id in ids {
         let channel = log.channels.get(&id);
         let prepared = channel.and_then(|c| decode::prepare(c, &[path.to_string()])?.ok());
         readers.extend(prepared.map(|prepared| (id, prepared())));
     }
-    let (mut buffer, mut found) = (Vec::new(), false);
+    let (mut buffer, mut found) = (Buffer::default(), false);
     for part in 0..log.parts() {
         let mut value = [0.0];
-        let _ = log.messages(part, &mut buffer, |m| {
+        log.messages(part, &mut buffer, |m| {
             if let Some(reader) = readers.get_mut(&m.channel).filter(|_| !found) {
                 reader(m.data, &mut value);
                 found = !is_unreadable(value[0]);
             }
-        });
+        })?;
         if found {
             break;
         }
     }
-    found
+    Ok(found)
 }
 
 /// The field at a path; a schema has `*` where the path has a place in a list.

@@ -4,14 +4,15 @@
 use super::Note;
 use super::bytes::Bytes;
 use super::channel::Channel;
-use super::chunk::{open_chunk, release};
+use super::chunk::{Buffer, Closed, open_chunk};
 use super::counts::Counts;
 use super::layout::{Layout, Summary};
 use super::records::{Statistics, op};
+use super::source::Source;
 use super::walk::Part;
+use super::window::Window;
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// One message of an intact chunk.
@@ -31,27 +32,24 @@ pub struct Message<'a> {
 /// # Errors
 /// The file cannot be read, is empty or is no MCAP.
 pub fn writer(path: &Path) -> Result<Option<String>> {
-    let log = LogFile::map(path)?;
-    let mut bytes = Bytes(log.bytes().get(mcap::MAGIC.len()..).unwrap_or(&[]));
-    let mut header = || {
-        let (code, length) = (bytes.u8()?, bytes.u64()?);
-        let body = bytes.0.get(..usize::try_from(length).ok()?)?;
-        match mcap::parse_record(code, body).ok()? {
-            mcap::records::Record::Header(header) => Some(header.library),
-            _ => None,
-        }
-    };
-    Ok(header())
+    let log = LogFile::begin(path)?;
+    let mut window = Window::of(&log.source);
+    let Some(record) = window.record(mcap::MAGIC.len())? else { return Ok(None) };
+    let Some(body) = window.body(record)? else { return Ok(None) };
+    Ok(match mcap::parse_record(record.code, body) {
+        Ok(mcap::records::Record::Header(header)) => Some(header.library),
+        _ => None,
+    })
 }
 
-/// A mapped log file and where its parts are. The file must not be changed by others while it is
-/// open.
+/// A log file and where its parts are. Where another program changes it while it is open, what
+/// cannot be read any more is an error, and what reads differently is damage.
 pub struct LogFile {
-    map: Option<memmap2::Mmap>,
+    source: Source,
     pub path: PathBuf,
     /// By channel id.
     pub channels: BTreeMap<u16, Channel>,
-    /// Bodies of the chunk records, in file order, and at last (if any) the stretch of messages
+    /// The chunks, in file order, and at last (if any) the stretch of messages
     /// outside chunks.
     parts: Vec<Part>,
     /// What the log says of its size.
@@ -61,11 +59,11 @@ pub struct LogFile {
 }
 
 impl LogFile {
-    /// Maps the file and walks its records. A damaged or cut-off file yields its intact part and
+    /// Opens the file and walks its records. A damaged or cut-off file yields its intact part and
     /// notes; a file that is empty, no MCAP, or has nothing intact is an error.
     pub fn open(path: &Path) -> Result<LogFile> {
-        let mut log = LogFile::map(path)?;
-        let Layout { parts, channels, statistics, notes } = Layout::of(log.bytes());
+        let mut log = LogFile::begin(path)?;
+        let Layout { parts, channels, statistics, notes } = Layout::of(&log.source)?;
         if parts.is_empty() && channels.is_empty() {
             return Err(Error::new(format!(
                 "the log {} holds no intact chunk and no message",
@@ -84,45 +82,29 @@ impl LogFile {
     /// # Errors
     /// The file cannot be read, is empty or is no MCAP.
     pub fn summary(path: &Path) -> Result<Option<BTreeMap<u16, Channel>>> {
-        let log = LogFile::map(path)?;
-        Ok(Summary::of(log.bytes()).filter(Summary::is_trusted).map(|s| s.walk.data.joined()))
+        let log = LogFile::begin(path)?;
+        let summary = Summary::of(&mut Window::of(&log.source))?;
+        Ok(summary.filter(Summary::is_trusted).map(|s| s.walk.data.joined()))
     }
 
-    /// Maps a file that begins as MCAP files do.
-    fn map(path: &Path) -> Result<LogFile> {
-        let failed =
-            |e: std::io::Error| Error::new(format!("cannot read the log {}: {e}", path.display()));
-        // A pipe would be waited for: what a path leads to is asked before it is opened.
-        let about = std::fs::metadata(path).map_err(failed)?;
-        if !about.is_file() {
-            let what = if about.is_dir() { "a folder" } else { "a pipe or a device, no file" };
-            return Err(Error::new(format!("the log {} is {what}", path.display()))
-                .help("take it out of the campaign, or name a file"));
-        }
-        let file = File::open(path).map_err(failed)?;
-        let size = file.metadata().map_err(failed)?.len();
-        if size == 0 {
-            return Err(Error::new(format!("the log {} is empty (0 bytes)", path.display()))
-                .help("the recorder did not write anything: copy the file again, or take it out of the campaign"));
-        }
-        // The mapping is only read, and the file is documented to stay as it is while it is open.
-        let map = unsafe { memmap2::Mmap::map(&file) }.map_err(failed)?;
-        let log = LogFile {
-            map: Some(map),
-            path: path.to_path_buf(),
-            channels: BTreeMap::new(),
-            parts: Vec::new(),
-            statistics: None,
-            notes: Vec::new(),
-        };
-        if !log.bytes().starts_with(mcap::MAGIC) {
+    /// Opens a file that begins as MCAP files do.
+    fn begin(path: &Path) -> Result<LogFile> {
+        let source = Source::open(path)?;
+        if !Window::of(&source).bytes(0, mcap::MAGIC.len())?.starts_with(mcap::MAGIC) {
             return Err(Error::new(format!(
                 "{} is not an MCAP file (its first 8 bytes are not the MCAP magic)",
                 path.display()
             ))
             .help("`koehler import` brings columns of text into MCAP"));
         }
-        Ok(log)
+        Ok(LogFile {
+            source,
+            path: path.to_path_buf(),
+            channels: BTreeMap::new(),
+            parts: Vec::new(),
+            statistics: None,
+            notes: Vec::new(),
+        })
     }
 
     /// The file's name, as it appears in messages to people.
@@ -137,36 +119,53 @@ impl LogFile {
         self.parts.len()
     }
 
-    fn bytes(&self) -> &[u8] {
-        self.map.as_deref().unwrap_or(&[])
-    }
-
     /// Calls `each` for every message of one part, in file order. `buffer` is scratch. A damaged
-    /// chunk yields nothing but the reason.
+    /// chunk yields nothing but the reason, which is returned.
+    ///
+    /// # Errors
+    /// The part cannot be read any more.
     pub fn messages(
         &self,
         part: usize,
-        buffer: &mut Vec<u8>,
+        buffer: &mut Buffer,
         mut each: impl FnMut(Message),
-    ) -> std::result::Result<(), String> {
-        let bytes = |start, end| self.bytes().get(start..end).unwrap_or(&[]);
+    ) -> Result<Option<String>> {
         let read = match self.parts.get(part) {
             None => Ok(()),
-            Some(&Part::Loose(start, end)) => {
-                each_message(bytes(start, end), &mut each);
-                Ok(())
-            }
-            Some(&Part::Chunk(start, end)) => {
-                open_chunk(bytes(start, end), buffer).and_then(|opened| {
-                    match each_message(opened.records, &mut each) {
-                        0 => Ok(()),
-                        left => Err(format!("{left} bytes at its end are no record")),
-                    }
-                })
-            }
+            Some(&Part::Loose(start, end)) => self.loose(start, end, &mut each),
+            Some(&Part::Chunk(chunk)) => open_chunk(&self.source, chunk, buffer)
+                .and_then(|opened| each_message(opened.records, &mut each)),
         };
-        release(buffer);
-        read
+        buffer.release();
+        read.map_or_else(Closed::noted, |()| Ok(None))
+    }
+
+    /// Calls `each` for every message outside chunks in a stretch of the file.
+    fn loose(
+        &self,
+        start: usize,
+        end: usize,
+        each: &mut impl FnMut(Message),
+    ) -> std::result::Result<(), Closed> {
+        let (mut log, mut at, mut large) = (Window::of(&self.source), start, 0u64);
+        while at < end
+            && let Some(record) = log.record(at)?
+        {
+            if record.code == op::MESSAGE {
+                match log.body(record)? {
+                    Some(body) => message(body, each),
+                    None => large += 1,
+                }
+            }
+            at = record.end;
+        }
+        match large {
+            0 => Ok(()),
+            n => Err(format!(
+                "{n} messages outside chunks are larger than [ingest] chunk_memory_mib"
+            )
+            .into()),
+        }
     }
 
     /// Says where the messages that were read are not as many as the log counts.
@@ -180,19 +179,26 @@ impl LogFile {
     }
 }
 
-/// Calls `each` for every message among records; how many bytes at the end are no record.
-fn each_message(records: &[u8], each: &mut impl FnMut(Message)) -> usize {
+/// Calls `each` for every message among the records of a chunk.
+fn each_message(records: &[u8], each: &mut impl FnMut(Message)) -> std::result::Result<(), Closed> {
     let mut rest = Bytes(records);
     while let Some((code, body)) = rest.record() {
-        let mut b = Bytes(body);
-        if code != op::MESSAGE {
-            continue;
-        }
-        if let (Some(channel), Some(_), Some(log_time), Some(publish_time)) =
-            (b.u16(), b.u32(), b.u64(), b.u64())
-        {
-            each(Message { channel, log_time, publish_time, data: b.0 });
+        if code == op::MESSAGE {
+            message(body, each);
         }
     }
-    rest.0.len()
+    match rest.0.len() {
+        0 => Ok(()),
+        left => Err(format!("{left} bytes at its end are no record").into()),
+    }
+}
+
+/// Calls `each` for the message of a record.
+fn message(body: &[u8], each: &mut impl FnMut(Message)) {
+    let mut b = Bytes(body);
+    if let (Some(channel), Some(_), Some(log_time), Some(publish_time)) =
+        (b.u16(), b.u32(), b.u64(), b.u64())
+    {
+        each(Message { channel, log_time, publish_time, data: b.0 });
+    }
 }

@@ -12,12 +12,12 @@ use super::decode::{self, FieldInfo, Prepared, Reader};
 use super::file::LogFile;
 use super::series::{Account, DAY_NS, Series};
 use super::signal::Context;
-use super::{Note, agree};
+use super::{Buffer, Note, agree};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use indexmap::IndexMap;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// One flight: the signals of the channel map, in its order.
@@ -155,7 +155,7 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
         log.channels.iter().filter(|(_, c)| c.topic == topic).map(|(&id, _)| id).collect::<Vec<_>>()
     };
     let all: Vec<u16> = wanted.keys().flat_map(|t| ids(t)).collect();
-    let samples = first_messages(log, &all);
+    let samples = first_messages(log, &all)?;
     let make = |(topic, signals): (&str, Vec<(&String, &SignalMap)>)| {
         let channels = ids(topic);
         let fields = topic_fields(&log.channels, &channels, &samples);
@@ -185,20 +185,26 @@ fn plan(log: &LogFile, map: &ChannelMap, doc: &Doc) -> Result<(Vec<TopicPlan>, V
 }
 
 /// The first intact message of each of the given channels.
-pub(super) fn first_messages(log: &LogFile, channels: &[u16]) -> BTreeMap<u16, Vec<u8>> {
+///
+/// # Errors
+/// The log cannot be read any more.
+pub(super) fn first_messages(
+    log: &LogFile,
+    channels: &[u16],
+) -> Result<BTreeMap<u16, Vec<u8>>, Error> {
     let mut found = BTreeMap::new();
-    let mut buffer = Vec::new();
+    let mut buffer = Buffer::default();
     for part in 0..log.parts() {
         if found.len() == channels.len() {
             break;
         }
-        let _ = log.messages(part, &mut buffer, |m| {
+        log.messages(part, &mut buffer, |m| {
             if channels.contains(&m.channel) && !found.contains_key(&m.channel) {
                 found.insert(m.channel, m.data.to_vec());
             }
-        });
+        })?;
     }
-    found
+    Ok(found)
 }
 
 /// The fields of all channels of a topic together.
@@ -207,11 +213,12 @@ pub(super) fn topic_fields(
     channels: &[u16],
     samples: &BTreeMap<u16, Vec<u8>>,
 ) -> Vec<FieldInfo> {
-    let mut fields: Vec<FieldInfo> = Vec::new();
+    // A list of a million numbers is a million fields.
+    let (mut fields, mut taken) = (Vec::new(), BTreeSet::new());
     for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
         let Some(encoding) = decode::encoding_of(channel) else { continue };
         for field in (encoding.fields)(channel, samples.get(id).map(Vec::as_slice)) {
-            if !fields.iter().any(|f| f.path == field.path) {
+            if taken.insert(field.path.clone()) {
                 fields.push(field);
             }
         }
@@ -242,10 +249,12 @@ type Ready = Vec<(u16, usize, Prepared)>;
 
 fn decode_parts(log: &LogFile, plans: &[TopicPlan]) -> Result<Vec<PartData>, Errors> {
     let ready = ready(log, plans)?;
-    Ok((0..log.parts())
+    let parts: Vec<Result<PartData, Error>> = (0..log.parts())
         .into_par_iter()
-        .map_init(Vec::new, |buffer, part| decode_part(log, plans, &ready, part, buffer))
-        .collect())
+        .map_init(Buffer::default, |buffer, part| decode_part(log, plans, &ready, part, buffer))
+        .collect();
+    // The first error in file order, whichever thread met one first.
+    Ok(parts.into_iter().collect::<Result<_, _>>()?)
 }
 
 fn ready(log: &LogFile, plans: &[TopicPlan]) -> Result<Ready, Errors> {
@@ -268,8 +277,8 @@ fn decode_part(
     plans: &[TopicPlan],
     ready: &Ready,
     part: usize,
-    buffer: &mut Vec<u8>,
-) -> PartData {
+    buffer: &mut Buffer,
+) -> Result<PartData, Error> {
     let mut readers: Vec<Option<(usize, Reader)>> = Vec::new();
     for (id, i, prepared) in ready {
         let at = usize::from(*id);
@@ -281,7 +290,7 @@ fn decode_part(
     let mut topics: Vec<Columns> = plans.iter().map(|_| Columns::default()).collect();
     let mut row = vec![0.0; plans.iter().map(|p| p.paths.len()).max().unwrap_or(0)];
     let (mut earliest, mut counts): (Option<u64>, _) = (None, Counts::default());
-    let read = log.messages(part, buffer, |m| {
+    let damage = log.messages(part, buffer, |m| {
         counts.add(m.channel);
         if log.channels.contains_key(&m.channel) {
             earliest = Some(earliest.map_or(m.log_time, |e| e.min(m.log_time)));
@@ -293,8 +302,8 @@ fn decode_part(
             columns.publish.push(m.publish_time);
             columns.values.extend_from_slice(row);
         }
-    });
-    PartData { topics, earliest, counts, damage: read.err() }
+    })?;
+    Ok(PartData { topics, earliest, counts, damage })
 }
 
 /// Where the messages of the topics that are read are not as many as the log counts.

@@ -7,8 +7,8 @@ use super::decode::{self, FieldInfo, Prepared, Reader, is_unreadable};
 use super::file::LogFile;
 use super::flight::{first_messages, topic_fields};
 use super::series::Spacing;
-use super::{Note, Severity};
-use crate::error::Errors;
+use super::{Buffer, Note, Severity};
+use crate::error::{Errors, Result};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -81,13 +81,13 @@ struct Source {
 ///
 /// # Errors
 /// The file cannot be read, is empty or is no MCAP.
-pub fn survey(path: &Path) -> Result<Survey, Errors> {
+pub fn survey(path: &Path) -> std::result::Result<Survey, Errors> {
     let log = LogFile::open(path)?;
     let mut topics: BTreeMap<&str, Vec<u16>> = BTreeMap::new();
     for (&id, channel) in &log.channels {
         topics.entry(&channel.topic).or_default().push(id);
     }
-    let samples = first_messages(&log, &log.channels.keys().copied().collect::<Vec<_>>());
+    let samples = first_messages(&log, &log.channels.keys().copied().collect::<Vec<_>>())?;
     let concrete = |f: &FieldInfo| !f.path.contains('*');
     let fields: Vec<Vec<FieldInfo>> = topics
         .values()
@@ -109,10 +109,11 @@ pub fn survey(path: &Path) -> Result<Survey, Errors> {
         }
     }
 
-    let parts: Vec<(Vec<Tally>, Counts, Option<String>)> = (0..log.parts())
+    let parts: Vec<Result<Read>> = (0..log.parts())
         .into_par_iter()
-        .map_init(Vec::new, |buffer, part| tally(&log, &fields, &index, part, buffer))
+        .map_init(Buffer::default, |buffer, part| tally(&log, &fields, &index, part, buffer))
         .collect();
+    let parts: Vec<Read> = parts.into_iter().collect::<Result<_>>()?;
 
     let damaged = parts.iter().enumerate().filter_map(|(i, p)| Some((i, p.2.as_ref()?)));
     notes.extend(damaged.map(|(i, why)| {
@@ -137,13 +138,16 @@ pub fn survey(path: &Path) -> Result<Survey, Errors> {
     })
 }
 
+/// What one part holds: by topic, by channel, and its damage.
+type Read = (Vec<Tally>, Counts, Option<String>);
+
 fn tally(
     log: &LogFile,
     fields: &[Vec<FieldInfo>],
     index: &BTreeMap<u16, Source>,
     part: usize,
-    buffer: &mut Vec<u8>,
-) -> (Vec<Tally>, Counts, Option<String>) {
+    buffer: &mut Buffer,
+) -> Result<Read> {
     let empty = |f: &Vec<FieldInfo>| Tally {
         log: Vec::new(),
         published: false,
@@ -153,7 +157,7 @@ fn tally(
     let mut readers: BTreeMap<u16, Reader> =
         index.iter().filter_map(|(&id, source)| Some((id, source.prepared.as_ref()?()))).collect();
     let (mut row, mut counts) = (Vec::new(), Counts::default());
-    let read = log.messages(part, buffer, |m| {
+    let damage = log.messages(part, buffer, |m| {
         counts.add(m.channel);
         let tally = index.get(&m.channel).and_then(|source| tallies.get_mut(source.topic));
         let Some(tally) = tally else { return };
@@ -168,8 +172,8 @@ fn tally(
             *count += u64::from(!x.is_nan());
             (*min, *max) = (min.min(x), max.max(x));
         }
-    });
-    (tallies, counts, read.err())
+    })?;
+    Ok((tallies, counts, damage))
 }
 
 fn topic_survey(

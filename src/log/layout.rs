@@ -1,12 +1,15 @@
-//! The bytes of a log in; where its messages are, its channels, what it says of its size, and notes
+//! A log in; where its messages are, its channels, what it says of its size, and notes
 //! of everything that is not as it should be, out.
 
 use super::Note;
 use super::bytes::Bytes;
 use super::channel::Channel;
-use super::chunk::{self, open_chunk, release};
+use super::chunk::{Buffer, open_chunk};
 use super::records::{Definitions, Statistics, op};
+use super::source::Source;
 use super::walk::{Part, Walk};
+use super::window::{Record, Window};
+use crate::error::Result;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What is where in a log.
@@ -35,22 +38,22 @@ enum Checksum {
 
 impl Summary {
     /// None where the file has no footer at its end, or one that tells of no summary.
-    pub fn of(bytes: &[u8]) -> Option<Summary> {
+    pub fn of(log: &mut Window) -> Result<Option<Summary>> {
         // Footer record: operation code, length 20, three numbers; then the closing magic.
-        let at = bytes.len().checked_sub(29 + mcap::MAGIC.len())?;
-        let mut b = Bytes(bytes.get(at..)?.strip_suffix(mcap::MAGIC)?);
-        if b.u8()? != op::FOOTER || b.u64()? != 20 {
-            return None;
+        let Some(at) = log.size().checked_sub(29 + mcap::MAGIC.len()) else { return Ok(None) };
+        let Some((start, crc)) = footer(log.bytes(at, 29 + mcap::MAGIC.len())?) else {
+            return Ok(None);
+        };
+        if start == 0 || start >= at {
+            return Ok(None);
         }
-        let start = usize::try_from(b.u64()?).ok().filter(|&s| s > 0 && s < at)?;
-        b.u64()?;
         // Covers everything from the start of the summary to the checksum itself; 0: not recorded.
-        let checksum = match b.u32()? {
+        let checksum = match crc {
             0 => Checksum::None,
-            crc if crc32fast::hash(bytes.get(start..at + 25)?) == crc => Checksum::Right,
+            crc if log.source().checksum(start, at + 25)? == crc => Checksum::Right,
             _ => Checksum::Wrong,
         };
-        Some(Summary { walk: Walk::summary(bytes, start), start, checksum })
+        Ok(Some(Summary { walk: Walk::summary(log, start)?, start, checksum }))
     }
 
     /// Whether it is as it was written, as far as can be seen, and names channels.
@@ -64,52 +67,70 @@ impl Summary {
     }
 }
 
+/// Where the summary starts and its checksum, from a footer with the closing magic.
+fn footer(bytes: &[u8]) -> Option<(usize, u32)> {
+    let mut b = Bytes(bytes.strip_suffix(mcap::MAGIC)?);
+    let (code, length) = (b.u8()?, b.u64()?);
+    let (start, _) = (usize::try_from(b.u64()?).ok()?, b.u64()?);
+    let crc = b.u32()?;
+    (code == op::FOOTER && length == 20).then_some((start, crc))
+}
+
 impl Layout {
     /// Walks the records of a file, over damage if there is any.
-    pub fn of(bytes: &[u8]) -> Layout {
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of(source: &Source) -> Result<Layout> {
+        let log = &mut Window::of(source);
         let mut notes = Vec::new();
-        let summary = Summary::of(bytes);
+        let summary = Summary::of(log)?;
         let indexed = summary.as_ref().map_or(&[][..], |s| &s.walk.indexed);
         let mut walk = Walk::default();
-        walk.records(bytes, mcap::MAGIC.len());
+        walk.records(log, mcap::MAGIC.len())?;
         let sound = summary.as_ref().is_some_and(Summary::is_sound);
-        walk.resume(bytes, summary.as_ref().filter(|_| sound).map(|s| s.start), indexed);
-        notes.extend(end(bytes, &walk, summary.as_ref()));
+        walk.resume(log, summary.as_ref().filter(|_| sound).map(|s| s.start), indexed)?;
+        notes.extend(end(log.size(), &walk, summary.as_ref()));
         let named: BTreeSet<usize> = indexed.iter().map(|i| i.0.saturating_add(9)).collect();
-        let outside = |p: &&Part| matches!(p, Part::Chunk(start, _) if !named.contains(start));
+        let outside = |p: &&Part| matches!(p, Part::Chunk(chunk) if !named.contains(&chunk.start));
         let outside = walk.parts.iter().filter(outside).count() as u64;
-        let (added, lost) = walk.add_indexed(bytes, indexed);
+        let (added, lost) = walk.add_indexed(log, indexed)?;
         notes.extend(broken(&walk));
         if sound && !indexed.is_empty() {
             notes.extend(index(indexed.len(), outside, added, lost));
         }
-        notes.extend(checksums(bytes, &walk, summary.as_ref()));
+        notes.extend(checksums(source, &walk, summary.as_ref())?);
         let trusted = summary.as_ref().is_some_and(Summary::is_trusted);
         let statistics = summary.as_ref().filter(|_| sound).and_then(|s| s.walk.statistics.clone());
         let mut defined = std::mem::take(&mut walk.data);
         match summary {
             Some(summary) if trusted => defined.extend(summary.walk.data),
-            _ => of_chunks(bytes, &walk, &mut defined),
+            _ => of_chunks(source, walk.chunks(), &mut defined)?,
         }
-        Layout { parts: walk.parts, channels: defined.joined(), statistics, notes }
+        Ok(Layout { parts: walk.parts, channels: defined.joined(), statistics, notes })
     }
 }
 
 /// Schemas and channels stand in the chunks as well.
-fn of_chunks(bytes: &[u8], walk: &Walk, defined: &mut Definitions) {
-    let mut buffer = Vec::new();
-    for part in &walk.parts {
-        let Part::Chunk(start, end) = *part else { continue };
-        if let Ok(opened) = open_chunk(bytes.get(start..end).unwrap_or(&[]), &mut buffer) {
-            defined.of_chunk(opened.records);
+fn of_chunks(
+    log: &Source,
+    chunks: impl Iterator<Item = Record>,
+    defined: &mut Definitions,
+) -> Result<()> {
+    let mut buffer = Buffer::default();
+    for chunk in chunks {
+        match open_chunk(log, chunk, &mut buffer) {
+            Ok(opened) => defined.of_chunk(opened.records),
+            Err(closed) => drop(closed.noted()?),
         }
-        release(&mut buffer);
+        buffer.release();
     }
+    Ok(())
 }
 
 /// What is wrong with the end of the file.
-fn end(bytes: &[u8], walk: &Walk, summary: Option<&Summary>) -> Option<Note> {
-    let lost = bytes.len() - walk.end;
+fn end(size: usize, walk: &Walk, summary: Option<&Summary>) -> Option<Note> {
+    let lost = size - walk.end;
     let text = match summary {
         Some(s) if s.checksum == Checksum::Wrong => {
             "the summary's checksum does not match: channels are taken from the chunks".to_string()
@@ -165,35 +186,29 @@ fn index(named: usize, outside: u64, added: u64, lost: u64) -> Vec<Note> {
 }
 
 /// Checksums that are not there or do not match.
-fn checksums(bytes: &[u8], walk: &Walk, summary: Option<&Summary>) -> Vec<Note> {
+fn checksums(log: &Source, walk: &Walk, summary: Option<&Summary>) -> Result<Vec<Note>> {
     let mut notes = Vec::new();
-    let chunk = |p: &Part| match *p {
-        Part::Chunk(start, end) => bytes.get(start..end),
-        Part::Loose(..) => None,
-    };
-    let chunks: Vec<&[u8]> = walk.parts.iter().filter_map(chunk).collect();
-    let without = chunks.iter().filter(|body| chunk::lacks_checksum(body)).count();
-    if without > 0 {
-        let all = chunks.len();
+    if walk.unchecked > 0 {
+        let (without, all) = (walk.unchecked, walk.chunks().count());
         let text =
             format!("{without} of {all} chunks have no checksum: damage in them may not be seen");
-        notes.push(Note::info("file", without as u64, text));
+        notes.push(Note::info("file", without, text));
     }
     if summary.is_some_and(|s| s.checksum == Checksum::None) {
         let text = "the summary has no checksum: damage to names and schemas may not be seen";
         notes.push(Note::info("file", 1, text));
     }
     if walk.parts.iter().any(|p| matches!(p, Part::Loose(..))) {
-        notes.extend(loose(bytes, walk.checksum));
+        notes.extend(loose(log, walk.checksum)?);
     }
-    notes
+    Ok(notes)
 }
 
 /// Messages outside chunks are covered by the checksum of the whole data section only.
-fn loose(bytes: &[u8], checksum: Option<(usize, u32)>) -> Option<Note> {
-    match checksum {
+fn loose(log: &Source, checksum: Option<(usize, u32)>) -> Result<Option<Note>> {
+    Ok(match checksum {
         Some((end, crc)) if crc != 0 => {
-            let wrong = bytes.get(..end).is_some_and(|b| crc32fast::hash(b) != crc);
+            let wrong = log.checksum(0, end)? != crc;
             let text = "the data section's checksum does not match: messages outside chunks may be damaged";
             wrong.then(|| Note::warning("file", 1, text))
         }
@@ -201,5 +216,5 @@ fn loose(bytes: &[u8], checksum: Option<(usize, u32)>) -> Option<Note> {
             let text = "messages outside chunks have no checksum: damage in them may not be seen";
             Some(Note::info("file", 1, text))
         }
-    }
+    })
 }

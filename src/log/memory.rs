@@ -1,10 +1,12 @@
 //! Sizes of chunks in; leave to take that much memory for one, as soon as there is so much, out.
+//!
+//! A chunk takes memory twice: as it stands in the file, and decompressed.
 
 use std::sync::{Condvar, Mutex, MutexGuard};
 
 const MIB: u64 = 1 << 20;
 
-/// What decompressed chunks may take where nothing else is said, MiB.
+/// What chunks may take where nothing else is said, MiB.
 pub const DEFAULT_MIB: u64 = 1024;
 
 /// Memory that all threads share.
@@ -14,11 +16,11 @@ pub(super) struct Memory {
     freed: Condvar,
 }
 
-/// The memory for the decompressed chunks of all logs that this process reads.
+/// The memory for the chunks of all logs that this process reads.
 pub(super) static CHUNKS: Memory = Memory::of(DEFAULT_MIB * MIB);
 
-/// Sets how much memory the decompressed chunks of all logs may take at a time, MiB, over all
-/// threads of this process.
+/// Sets how much memory the chunks of all logs may take at a time, as they are read and decompressed,
+/// MiB, over all threads of this process.
 pub fn limit_chunks(mib: u64) {
     CHUNKS.state().0 = mib.saturating_mul(MIB);
 }
@@ -33,6 +35,11 @@ impl Memory {
 
     fn state(&self) -> MutexGuard<'_, (u64, u64)> {
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    /// Whether there can ever be so much.
+    pub fn has_room_for(&self, bytes: u64) -> bool {
+        bytes <= self.state().0
     }
 
     /// Waits until there is so much. Who has taken some must not ask again before it is given back.

@@ -21,15 +21,20 @@ mod recorded;
 mod records;
 mod series;
 mod signal;
+mod source;
 pub mod starter;
+#[cfg(test)]
+mod storm_tests;
 #[cfg(test)]
 mod tests;
 mod walk;
+mod window;
 mod words;
 pub mod write;
 
 pub use agree::{Look, Mistake, look};
 pub use channel_map::{ChannelMap, SignalMap, TimeZero};
+pub use chunk::Buffer;
 pub use file::LogFile;
 pub use flight::{FlightLog, SignalLog, read_flight};
 pub use recorded::Recorded;

@@ -1,8 +1,10 @@
-//! Codes and bodies of MCAP records in; whether they are what they say, schemas, channels and
+//! MCAP records in; whether they are what they say, schemas, channels and
 //! statistics out.
 
 use super::bytes::Bytes;
 use super::channel::Channel;
+use super::window::{Record, Window};
+use crate::error::Result;
 use std::collections::BTreeMap;
 
 /// Operation codes of records.
@@ -20,21 +22,26 @@ pub(super) mod op {
     pub const DATA_END: u8 = 0x0F;
 }
 
-/// Whether a body (but for a chunk's) is laid out as its code says; `behind` is what follows it.
-pub(super) fn sound(code: u8, body: &[u8], behind: &[u8]) -> bool {
-    match code {
-        op::FOOTER => body.len() == 20 && behind.starts_with(mcap::MAGIC),
-        op::SCHEMA | op::CHANNEL => mcap::parse_record(code, body).is_ok(),
-        op::MESSAGE => body.len() >= 22,
-        op::MESSAGE_INDEX => {
-            let mut b = Bytes(body);
-            b.u16().and_then(|_| b.u32()).is_some_and(|n| n as usize == b.0.len())
+/// Whether a record (but for a chunk) is laid out as its code says.
+pub(super) fn sound(log: &mut Window, record: Record) -> Result<bool> {
+    let length = record.length();
+    Ok(match record.code {
+        op::FOOTER => {
+            length == 20 && log.bytes(record.end, mcap::MAGIC.len())?.starts_with(mcap::MAGIC)
         }
-        op::DATA_END => body.len() == 4,
+        op::SCHEMA | op::CHANNEL => {
+            log.body(record)?.is_some_and(|body| mcap::parse_record(record.code, body).is_ok())
+        }
+        op::MESSAGE => length >= 22,
+        op::MESSAGE_INDEX => {
+            let mut b = Bytes(log.head(record)?);
+            b.u16().and_then(|_| b.u32()).is_some_and(|n| n as usize == length - 6)
+        }
+        op::DATA_END => length == 4,
         // 0 and the reserved codes are no records; codes from 0x80 are anybody's own.
-        op::HEADER..=op::SUMMARY_OFFSET => code != op::CHUNK,
+        op::HEADER..=op::SUMMARY_OFFSET => record.code != op::CHUNK,
         code => code >= 0x80,
-    }
+    })
 }
 
 /// Schemas and channels, by id.

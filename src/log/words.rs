@@ -16,14 +16,24 @@ pub(super) fn nearest_first(name: &str, known: &[&str]) -> String {
     all(&names)
 }
 
+/// Names are compared and told as far as this, in characters: a damaged log may have any.
+const LONGEST: usize = 200;
+
+/// The beginning of a name that is too long to be told.
+fn short(name: &str) -> &str {
+    name.char_indices().nth(LONGEST).map_or(name, |(end, _)| &name[..end])
+}
+
 fn all(names: &[&str]) -> String {
-    if names.is_empty() { "nothing".into() } else { config::quoted(names) }
+    let names: Vec<&str> = names.iter().map(|name| short(name)).collect();
+    if names.is_empty() { "nothing".into() } else { config::quoted(&names) }
 }
 
 fn ranked<'a>(name: &str, known: &[&'a str]) -> Vec<(&'a str, f64)> {
     // "/airdata" and "/Air_Data" are the same words.
-    let plain =
-        |s: &str| s.chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase();
+    let plain = |s: &str| {
+        short(s).chars().filter(|c| c.is_alphanumeric()).collect::<String>().to_lowercase()
+    };
     let name = plain(name);
     let mut ranked: Vec<(&str, f64)> = known
         .iter()

@@ -31,11 +31,15 @@ pub type Syntax = (usize, String);
 /// Deepest nesting accepted, so that a hostile file cannot exhaust the stack.
 const DEPTH: usize = 200;
 
+/// Most operations of one expression: a sum of many terms is a tree as deep as it is long, and all
+/// that walks over it takes the stack for every term.
+const OPERATIONS: usize = 1000;
+
 /// Parses one expression. Precedence from low to high: `+ -`, `* /`, unary `-`, `^` (right to
 /// left).
 pub fn parse(text: &str) -> Result<Expr, Syntax> {
     let tokens = tokens(text)?;
-    let mut parser = Parser { tokens: &tokens, at: 0, depth: 0 };
+    let mut parser = Parser { tokens: &tokens, at: 0, depth: 0, operations: 0 };
     let expr = parser.sum()?;
     match parser.peek() {
         Token::End => Ok(expr),
@@ -123,6 +127,7 @@ struct Parser<'a> {
     tokens: &'a [(usize, Token)],
     at: usize,
     depth: usize,
+    operations: usize,
 }
 
 impl Parser<'_> {
@@ -148,14 +153,29 @@ impl Parser<'_> {
         found
     }
 
-    fn sum(&mut self) -> Result<Expr, Syntax> {
+    fn deeper(&mut self) -> Result<(), Syntax> {
         self.depth += 1;
-        if self.depth > DEPTH {
-            return Err((
-                self.offset(),
-                format!("the expression is nested deeper than {DEPTH} levels"),
-            ));
+        if self.depth <= DEPTH {
+            return Ok(());
         }
+        Err((self.offset(), format!("the expression is nested deeper than {DEPTH} levels")))
+    }
+
+    /// Steps over an operator.
+    fn operator(&mut self) -> Result<(), Syntax> {
+        self.operations += 1;
+        if self.operations > OPERATIONS {
+            let why = format!(
+                "the expression has more than {OPERATIONS} operations: give parts of it names of their own"
+            );
+            return Err((self.offset(), why));
+        }
+        self.advance();
+        Ok(())
+    }
+
+    fn sum(&mut self) -> Result<Expr, Syntax> {
+        self.deeper()?;
         let mut left = self.product()?;
         loop {
             let op = match self.peek() {
@@ -163,7 +183,7 @@ impl Parser<'_> {
                 Token::Symbol('-') => Operator::Sub,
                 _ => break,
             };
-            self.advance();
+            self.operator()?;
             let right = self.product()?;
             left = binary(op, left, right);
         }
@@ -179,7 +199,7 @@ impl Parser<'_> {
                 Token::Symbol('/') => Operator::Div,
                 _ => return Ok(left),
             };
-            self.advance();
+            self.operator()?;
             let right = self.unary()?;
             left = binary(op, left, right);
         }
@@ -198,16 +218,11 @@ impl Parser<'_> {
 
     fn power(&mut self) -> Result<Expr, Syntax> {
         let base = self.atom()?;
-        if !self.accept('^') {
+        if *self.peek() != Token::Symbol('^') {
             return Ok(base);
         }
-        self.depth += 1;
-        if self.depth > DEPTH {
-            return Err((
-                self.offset(),
-                format!("the expression is nested deeper than {DEPTH} levels"),
-            ));
-        }
+        self.operator()?;
+        self.deeper()?;
         let exponent = self.unary()?; // right to left, and 2^-1 is allowed
         self.depth -= 1;
         Ok(binary(Operator::Pow, base, exponent))
@@ -311,5 +326,31 @@ mod tests {
         assert!(parse("").is_err());
         assert!(parse(&"(".repeat(10_000)).unwrap_err().1.contains("nested"));
         assert!(parse(&"2^".repeat(10_000)).unwrap_err().1.contains("nested"));
+    }
+
+    #[test]
+    fn fault_a_very_long_or_very_deep_expression_is_refused_with_its_place() {
+        const N: usize = 100_000;
+        for joint in [" + ", " - ", " * ", " / "] {
+            let (at, why) = parse(&vec!["a"; N].join(joint)).unwrap_err();
+            assert_eq!(at, 4 * OPERATIONS + 2, "{why}");
+            assert!(why.contains("more than 1000 operations"), "{why}");
+            assert!(parse(&vec!["a"; OPERATIONS + 1].join(joint)).is_ok());
+        }
+        let deep = [
+            format!("{}a{}", "(".repeat(N), ")".repeat(N)),
+            format!("{}a{}", "sin(".repeat(N), ")".repeat(N)),
+            format!("{}a", "a^".repeat(N)),
+            format!("{}a{}", "-(".repeat(N), ")".repeat(N)),
+            format!("{}a{}", "a*(".repeat(N), ")".repeat(N)),
+        ];
+        assert!(
+            deep.iter().all(|text| parse(text).unwrap_err().1.contains("nested deeper than 200"))
+        );
+        assert!(parse(&format!("{}a", "-".repeat(N))).is_ok());
+        // A long sum inside a long sum, as often as nesting goes.
+        let sum = vec!["a"; 900].join("+");
+        let nested = format!("{}a{}", format!("({sum} + ").repeat(150), ")".repeat(150));
+        assert!(parse(&nested).unwrap_err().1.contains("operations"));
     }
 }

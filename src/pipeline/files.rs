@@ -1,7 +1,7 @@
 //! Paths come in; their folders are made and read and files removed, and what an output folder holds
 //! goes out.
 
-use super::mapped::cannot;
+use super::hashed::cannot;
 use crate::error::Result;
 use crate::guard::MARK;
 use std::path::{Path, PathBuf};

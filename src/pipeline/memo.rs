@@ -4,7 +4,6 @@
 //! The memory only saves reading: it is never part of a key, and a lost or broken memory file costs
 //! time, nothing else.
 
-use super::provenance::hash_bytes;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -66,7 +65,7 @@ impl Memo {
         {
             return Ok(Some(entry.hash.clone()));
         }
-        let hash = hash_bytes(&super::mapped::map(path)?);
+        let hash = super::hashed::hash(path)?;
         let settled = SystemTime::now().duration_since(modified).is_ok_and(|age| age > SETTLED);
         if settled {
             let entry = Entry { bytes: meta.len(), modified_ns, hash: hash.clone() };
@@ -78,6 +77,7 @@ impl Memo {
 
 #[cfg(test)]
 mod tests {
+    use super::super::provenance::hash_bytes;
     use super::*;
 
     #[test]

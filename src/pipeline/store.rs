@@ -2,7 +2,7 @@
 //! a time.
 
 use super::files::{UNFINISHED, entries, make_parent, name, remove_file};
-use super::mapped::cannot;
+use super::hashed::cannot;
 use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
 use crate::error::{Error, Place, Result};

@@ -1,9 +1,9 @@
 //! An output folder comes in; every file of its last run that is not as it was recorded goes out.
 
 use super::files;
-use super::mapped;
+use super::hashed;
 use super::origin::{Origin, folder};
-use super::provenance::{LOG, hash_bytes};
+use super::provenance::LOG;
 use super::store::Store;
 use crate::error::Result;
 use serde::Serialize;
@@ -107,8 +107,8 @@ fn fault(path: &Path, hash: &str) -> Option<Fault> {
     if !path.exists() {
         return Some(Fault::Missing);
     }
-    match mapped::map(path) {
+    match hashed::hash(path) {
         Err(_) => Some(Fault::Unreadable),
-        Ok(bytes) => (hash_bytes(&bytes) != hash).then_some(Fault::Differs),
+        Ok(found) => (found != hash).then_some(Fault::Differs),
     }
 }

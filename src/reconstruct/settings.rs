@@ -25,7 +25,7 @@ pub struct Settings {
     /// How the path is found.
     pub by: Method,
     /// Rate of the flight path's grid, Hz.
-    #[schemars(range(min = 1.0))]
+    #[schemars(range(min = 1.0, max = 10000.0))]
     pub rate_hz: f64,
     /// The sensor errors are estimated on a grid with every so many points of the flight path's.
     #[schemars(range(min = 1, max = 20))]

@@ -26,8 +26,8 @@ pub const STAGE: Stage = Stage {
 #[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// What the decompressed chunks of all logs may take at a time, over all threads, MiB. A larger chunk is left out, and a
-    /// note says so. Default 1024.
+    /// What the chunks of all logs may take at a time, as they stand in the log and decompressed, over all threads, MiB. A
+    /// larger chunk is left out, and a note says so. Default 1024.
     #[serde(default = "chunk_memory")]
     pub chunk_memory_mib: u64,
 }

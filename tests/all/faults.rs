@@ -22,6 +22,26 @@ fn mistakes_of_all_files_are_reported_at_once_and_before_any_log_is_read() {
 }
 
 #[test]
+fn fault_absurd_settings_are_refused_by_name() {
+    let c = Campaign::new();
+    c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 1e12");
+    let run = c.koehler("check", &[]).ended(2);
+    for wanted in ["pipeline.toml:7:11", "10000 at most", "1000000000000"] {
+        assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
+    }
+    const N: usize = 100_000;
+    let deep = format!("{}x{}", "(".repeat(N), ")".repeat(N));
+    for (value, wanted) in [(deep, "nested deeper"), (vec!["x"; N].join("+"), "1000 operations")] {
+        let c = Campaign::new();
+        c.edit("lag.model.toml", "x + y_0", &value);
+        let run = c.koehler("check", &[]).ended(2);
+        for wanted in ["lag.model.toml:16:", wanted] {
+            assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
+        }
+    }
+}
+
+#[test]
 fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
     let c = Campaign::new();
     c.edit(

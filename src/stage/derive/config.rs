@@ -63,15 +63,18 @@ pub struct Config {
     pub inputs: Vec<String>,
 }
 
+/// A grid that is finer than this holds no more of any flight, and more than fits into memory.
+const FASTEST_HZ: f64 = 10_000.0;
+
 impl Config {
     /// Checks the settings against their model and the columns that there are before, which learn
     /// what was said to be missing; none where the model has mistakes.
     pub fn read(settings: Settings, given: &mut Given, columns: &mut Columns) -> Option<Config> {
-        if !(settings.rate_hz > 0.0 && settings.rate_hz.is_finite()) {
+        if !(settings.rate_hz > 0.0 && settings.rate_hz <= FASTEST_HZ) {
             given.push(
                 "derive.rate_hz",
                 format!(
-                    "the rate of the grid is a positive number of Hz, not {}",
+                    "the rate of the grid is a positive number of Hz, {FASTEST_HZ} at most, not {}",
                     settings.rate_hz
                 ),
                 "",
