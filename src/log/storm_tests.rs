@@ -7,7 +7,6 @@ use super::{FlightLog, LogFile};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 const LOGS: u64 = 1000;
 const COUNT: u64 = 1200;
@@ -209,34 +208,25 @@ fn fault_hostile_names_cost_nothing_but_themselves() {
     assert!(hostile.iter().all(|name| log.channels.values().any(|c| c.topic == *name)));
     let flight = read(&path, &one_signal("log")).unwrap();
     assert_eq!((flight.signals["x"].series.value.len() as u64, made_up(&flight)), (COUNT, 0));
-    // A name that is not there is compared with all that are, and none fills the screen.
-    let clock = Instant::now();
+    // A name that is not there is compared with all that are (by the product of their lengths, this
+    // would not end), and none fills the screen.
     let near = "/the/topic/of/another/recorder".repeat(4);
     let e = read(&path, &one_signal("log").replace("/t", &near)).unwrap_err();
     assert!(e.len() < 2000 && e.contains("\"/t\""), "{} bytes", e.len());
-    assert!(clock.elapsed() < Duration::from_secs(60));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
+/// Read in time that grows with the square of its length, this would not end.
 #[test]
-fn fault_a_list_of_a_million_numbers_takes_ten_times_as_long_as_one_of_a_tenth() {
+fn fault_a_list_of_a_million_numbers_is_read() {
+    const N: usize = 1_000_000;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
-    let least = |n: usize| {
-        let list = "1.5,".repeat(n);
-        let text = format!("{{\"list\":[{}2],\"x\":7}}", list);
-        raw(&path, "json", &[("/t", START, START, text)], 4000);
-        let map = one_signal("log") + &one_signal("log").replace("signal.x", "signal.y");
-        let map = map.replacen("\"x\"", &format!("\"list.{n}\""), 1);
-        let run = |_| {
-            let clock = Instant::now();
-            let flight = read(&path, &map).unwrap();
-            let values = flight.signals.values().map(|s| s.series.value[0]);
-            assert_eq!(values.collect::<Vec<_>>(), [2.0, 7.0]);
-            clock.elapsed()
-        };
-        (0..3).map(run).min().unwrap()
-    };
-    let (tenth, all) = (least(100_000), least(1_000_000));
-    assert!(all < 40 * tenth, "{tenth:?} and {all:?}");
+    let text = format!("{{\"list\":[{}2],\"x\":7}}", "1.5,".repeat(N));
+    raw(&path, "json", &[("/t", START, START, text)], 4000);
+    let map = one_signal("log") + &one_signal("log").replace("signal.x", "signal.y");
+    let map = map.replacen("\"x\"", &format!("\"list.{N}\""), 1);
+    let flight = read(&path, &map).unwrap();
+    let values = flight.signals.values().map(|s| s.series.value[0]);
+    assert_eq!(values.collect::<Vec<_>>(), [2.0, 7.0]);
 }
