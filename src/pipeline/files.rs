@@ -49,6 +49,14 @@ pub fn all(root: &Path) -> Vec<PathBuf> {
     all
 }
 
+/// The files in the hidden folder that marks an output folder.
+pub fn in_the_mark(root: &Path) -> Vec<PathBuf> {
+    let (folders, mut files): (Vec<_>, Vec<_>) =
+        entries(&root.join(MARK)).into_iter().partition(|path| path.is_dir());
+    files.extend(folders.iter().flat_map(|folder| entries(folder)));
+    files
+}
+
 /// The name of a file, without its folder.
 pub fn name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()

@@ -1,16 +1,15 @@
 //! A plan and its output folder come in; the files that no unit of the plan needs go out, to be
 //! removed.
 
-use super::files::{self, UNFINISHED};
+use super::files;
 use super::plan::Plan;
 use super::provenance::Provenance;
 use super::status::gone;
 use super::store::Store;
 use crate::error::Result;
-use crate::guard::MARK;
 use crate::stage::{NOTES, Part, STAGES_TABLE};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A file that nothing needs.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,10 +33,6 @@ pub fn unneeded(plan: &Plan, store: &Store) -> Vec<Unneeded> {
     let mut all = BTreeMap::new();
     for path in store.leftovers(&tables(plan), &known) {
         all.insert(store.path(&path), "left by a run that was stopped".to_string());
-    }
-    let every = files::all(store.root()).into_iter().chain(in_the_mark(store.root()));
-    for path in every.filter(|path| files::name(path).starts_with(UNFINISHED)) {
-        all.insert(path, "left by a run that was stopped".to_string());
     }
     for record in &gone {
         let why = format!("{} of {} is no longer part of the campaign", record.stage, record.unit);
@@ -67,14 +62,6 @@ pub fn remove(store: &Store, unneeded: &[Unneeded]) -> Result<()> {
 pub fn tables(plan: &Plan) -> BTreeSet<&'static str> {
     let written = plan.campaign.stages.iter().flat_map(|stage| stage.writes).copied();
     written.chain([NOTES, STAGES_TABLE]).collect()
-}
-
-fn in_the_mark(root: &Path) -> Vec<PathBuf> {
-    let mark = root.join(MARK);
-    let (folders, mut files): (Vec<_>, Vec<_>) =
-        files::entries(&mark).into_iter().partition(|path| path.is_dir());
-    files.extend(folders.iter().flat_map(|folder| files::entries(folder)));
-    files
 }
 
 /// None where the file is not there.

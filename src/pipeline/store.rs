@@ -1,7 +1,7 @@
 //! The output folder: records, tables and pages go in atomically, and come out as bytes; one run at
 //! a time.
 
-use super::files::{UNFINISHED, entries, make_parent, name, remove_file};
+use super::files::{self, UNFINISHED, entries, make_parent, name, remove_file};
 use super::hashed::cannot;
 use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
@@ -205,26 +205,30 @@ impl Store {
         self.leftovers(tables, known).iter().try_for_each(|path| self.remove(path))
     }
 
-    /// The part files of the named tables that no record knows, and unfinished files there: leftovers
-    /// of a run that was stopped. Relative to the folder.
+    /// The part files of the named tables that no record knows, and unfinished files wherever they are:
+    /// leftovers of a run that was stopped. Relative to the folder.
     pub fn leftovers(&self, tables: &BTreeSet<&str>, known: &BTreeSet<String>) -> Vec<String> {
-        let mut left = Vec::new();
+        let mut left = BTreeSet::new();
         for table in tables {
             let mut parts = Vec::new();
             for path in entries(&self.root.join(table)) {
                 if path.is_dir() { parts.extend(entries(&path)) } else { parts.push(path) }
             }
             for path in parts {
-                let Ok(relative) = path.strip_prefix(&self.root) else { continue };
-                let relative = relative.to_string_lossy().replace('\\', "/");
                 let name = name(&path);
                 let is_part = name.starts_with("part-") && name.ends_with(".parquet");
-                if (is_part && !known.contains(&relative)) || name.starts_with(UNFINISHED) {
-                    left.push(relative);
-                }
+                left.extend(self.relative(&path).filter(|r| is_part && !known.contains(r)));
             }
         }
-        left
+        let every = files::all(&self.root).into_iter().chain(files::in_the_mark(&self.root));
+        let begun = every.filter(|path| name(path).starts_with(UNFINISHED));
+        left.extend(begun.filter_map(|path| self.relative(&path)));
+        left.into_iter().collect()
+    }
+
+    fn relative(&self, path: &Path) -> Option<String> {
+        let relative = path.strip_prefix(&self.root).ok()?;
+        Some(relative.to_string_lossy().replace('\\', "/"))
     }
 
     /// Writes the memory of content hashes.
@@ -255,10 +259,12 @@ mod tests {
         store.put("signals/flight=b/part-0.parquet", b"left over").expect("written");
         store.put("signals/flight=a/.unfinished-1", b"half").expect("written");
         store.put("signals/readme.txt", b"somebody's").expect("written");
+        store.put(".koehler/derive/.unfinished-2", b"half").expect("written");
         let known = BTreeSet::from(["signals/flight=a/part-0.parquet".to_string()]);
         store.sweep(&BTreeSet::from(["signals"]), &known).expect("swept");
         assert!(store.path("signals/flight=a/part-0.parquet").exists());
         assert!(!store.path("signals/flight=a/.unfinished-1").exists());
+        assert!(!store.path(".koehler/derive/.unfinished-2").exists());
         assert!(!store.path("signals/flight=b").exists());
         assert!(store.path("signals/readme.txt").exists());
     }
