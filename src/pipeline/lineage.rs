@@ -66,7 +66,11 @@ pub struct Kept {
 /// It is not there, or in no output folder.
 fn placed(file: &Path) -> Result<(PathBuf, String)> {
     let at = |what: String| Error::at(Place::file(file.to_string_lossy()), what);
-    let path = file.canonicalize().map_err(|e| at(format!("cannot find the file: {e}")))?;
+    let path = file.canonicalize().map_err(|e| {
+        at(format!("cannot find the file: {e}")).help(
+            "name a table or a file of an output folder, as out/fits or out/report/index.html",
+        )
+    })?;
     let root = path.ancestors().skip(1).find(|folder| folder.join(MARK).is_dir());
     let relative = root.and_then(|root| path.strip_prefix(root).ok());
     match (root, relative) {
