@@ -44,6 +44,29 @@ impl Filter {
         record: &Record,
         derivatives: bool,
     ) -> Innovations {
+        self.walk(propagator, (parameters, given), record, (derivatives, true))
+    }
+
+    /// The same record without a look at what was measured: `y` is the motion by itself, `s` the
+    /// variance of a measurement about it, to first order along it.
+    pub fn alone(
+        &self,
+        propagator: &Propagator,
+        parameters: &[f64],
+        given: &[f64],
+        record: &Record,
+    ) -> Innovations {
+        self.walk(propagator, (parameters, given), record, (false, false))
+    }
+
+    /// `correct`: samples correct the states.
+    fn walk(
+        &self,
+        propagator: &Propagator,
+        (parameters, given): (&[f64], &[f64]),
+        record: &Record,
+        (derivatives, correct): (bool, bool),
+    ) -> Innovations {
         let n = record.n.saturating_sub(record.start);
         let nd = if derivatives { propagator.directions.len() } else { 0 };
         let mut out = Innovations::default();
@@ -60,6 +83,7 @@ impl Filter {
         let mut slopes = derivatives.then(|| Slopes::new(self, propagator, parameters, &file));
         let x = (0..propagator.layout.states).map(|i| starts.program.output(&file, i)[0]).collect();
         let mut walk = Walk::new(self, propagator, run, programs, parameters, x);
+        walk.correct = correct;
         let mut samples = schedule(record).into_iter().peekable();
         for k in 0..n {
             let mut from = 0.0;
@@ -72,7 +96,7 @@ impl Filter {
                 };
                 let first = k == 0 && sample.c == 0.0 && self.starts[j];
                 let z = channel.z[sample.at];
-                if z.is_finite() && !first {
+                if !correct || (z.is_finite() && !first) {
                     walk.take(j, &sample, z, &mut out.channels[sample.channel]);
                 }
             }
@@ -138,6 +162,8 @@ struct Walk<'p> {
     variances: Vec<f64>,
     x: Vec<f64>,
     lost: Option<Lost>,
+    /// Whether samples correct the states.
+    correct: bool,
     way: Way,
     /// Scratch.
     left: Vec<f64>,
@@ -170,6 +196,7 @@ impl<'p> Walk<'p> {
             programs,
             x,
             lost: None,
+            correct: true,
             left: Vec::new(),
             sum: Vec::new(),
         }
@@ -252,6 +279,9 @@ impl<'p> Walk<'p> {
         let seen: f64 = of.slopes.iter().map(|&b| c[b] * h[b]).sum();
         let (nu, s) = (z - y, seen + r);
         (out.y[sample.at], out.s[sample.at], out.e[sample.at]) = (y, s, nu / s.sqrt());
+        if !self.correct {
+            return;
+        }
         if !(s > 0.0 && nu.is_finite()) {
             self.lost = Some(Lost::Diverges);
         }

@@ -3,8 +3,11 @@
 
 use super::choice::Chosen;
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
+use super::trace::Filtered;
 use super::{Label, Line, NoiseKind, Settings, Trace};
-use crate::dynamics::{Channel, Directions, Filter, Lost, Propagator, Record, Sampling};
+use crate::dynamics::{
+    Channel, Directions, Filter, Innovation, Lost, Propagator, Record, Sampling,
+};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::graph::Leaf;
@@ -307,15 +310,28 @@ impl Case {
         let (parameters, starts) = self.place(s, &self.layout.local(s, theta));
         let record = &self.records[s];
         let simulated = self.propagator.respond(&parameters, &starts, record, false).y;
-        let both: Vec<(Vec<f64>, Vec<f64>)> = match &self.filter {
+        let all: Vec<(Vec<f64>, Option<Filtered>)> = match &self.filter {
             Some(filter) => {
-                let filtered = filter.run(&self.propagator, &parameters, &starts, record, false);
-                filtered.channels.into_iter().map(|c| c.y).zip(simulated).collect()
+                let at = (&parameters[..], &starts[..]);
+                let filtered = filter.run(&self.propagator, at.0, at.1, record, false).channels;
+                let alone = filter.alone(&self.propagator, at.0, at.1, record).channels;
+                let of = |((channel, simulated), (ahead, alone)): (
+                    (&Channel, Vec<f64>),
+                    (Innovation, Innovation),
+                )| {
+                    let noise = self.sensor_variance(channel, &parameters);
+                    let sd = |s: &f64| (s - noise).max(0.0).sqrt();
+                    let simulated_sd = alone.s.iter().map(sd).collect();
+                    let sd = ahead.s.iter().map(|s| s.sqrt()).collect();
+                    (ahead.y, Some(Filtered { sd, simulated, simulated_sd }))
+                };
+                let channels = record.channels.iter().zip(simulated);
+                channels.zip(filtered.into_iter().zip(alone)).map(of).collect()
             }
-            None => simulated.into_iter().map(|y| (y, Vec::new())).collect(),
+            None => simulated.into_iter().map(|y| (y, None)).collect(),
         };
-        let channels = record.channels.iter().zip(both);
-        let trace = |(channel, (modelled, simulated)): (&Channel, (Vec<f64>, Vec<f64>))| {
+        let channels = record.channels.iter().zip(all);
+        let trace = |(channel, (modelled, filtered)): (&Channel, (Vec<f64>, Option<Filtered>))| {
             let quantity = self.model.outputs.get(channel.output)?;
             Some(Trace {
                 output: channel.output,
@@ -324,10 +340,16 @@ impl Case {
                 t: channel.t.clone(),
                 measured: channel.z.clone(),
                 modelled,
-                simulated,
+                filtered,
             })
         };
         channels.filter_map(trace).collect()
+    }
+
+    /// Variance of the noise of a channel, where it is a parameter; else none.
+    fn sensor_variance(&self, channel: &Channel, parameters: &[f64]) -> f64 {
+        let sd = self.model.covariance.as_ref().and_then(|c| c.sd[channel.output]);
+        sd.map_or(0.0, |sd| parameters[sd] * parameters[sd])
     }
 
     /// Variance of the noise of output `j` (a place among the scored ones) in segment `s`, where it

@@ -7,7 +7,7 @@ use crate::dynamics::{Interpolation, Record};
 use crate::error::{Error, Errors};
 use crate::math::interpolate::held;
 use crate::math::median;
-use crate::model::{Model, Scope, Scored};
+use crate::model::{Model, Scope, Scored, noise_of};
 use crate::signal::robust::noise_sd;
 use std::borrow::Cow;
 
@@ -77,8 +77,12 @@ fn filtered(model: &Model, segments: &[Segment], settings: &Settings) -> Result<
         };
         let all: Vec<Vec<f64>> = segments.iter().map(of).filter(|z| !z.is_empty()).collect();
         let noise: Vec<f64> = all.iter().map(|z| noise_sd(z)).filter(|sd| *sd > 0.0).collect();
-        let given = settings.floor.get(&model.outputs[output].name).copied().unwrap_or(0.0);
+        let (name, own) = (&model.outputs[output].name, noise_of(&model.outputs[output].name));
+        // What is held was found elsewhere, from numbers that may have been finer.
+        let held = settings.starts.get(&own).filter(|_| settings.fixed.contains(&own));
+        let given = settings.floor.get(name).copied().unwrap_or(0.0);
         let floor = given.max(resolution(&all) / 12f64.sqrt());
+        let floor = held.map_or(floor, |held| held.min(floor));
         let start = if noise.is_empty() { floor } else { median(&noise) };
         (!all.is_empty()).then_some(Scored { output, start: start.max(floor), floor })
     });

@@ -122,4 +122,4 @@ pub use settings::{
     By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
 };
 pub use terms::Step;
-pub use trace::Trace;
+pub use trace::{Filtered, Trace};

@@ -307,7 +307,7 @@ impl<'a> Problem<'a> {
                 t: t.clone(),
                 measured: left.clone(),
                 modelled: left.iter().zip(&block.e).map(|(l, e)| l - e).collect(),
-                simulated: Vec::new(),
+                filtered: None,
             }
         };
         blocks.into_iter().zip(&self.sides).map(trace).collect()

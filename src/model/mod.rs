@@ -47,7 +47,7 @@ use serde::{Deserialize, Serialize};
 use crate::config;
 use crate::error::Errors;
 use crate::units::Dim;
-pub use covariance::{Covariance, Scored};
+pub use covariance::{Covariance, Scored, noise_of};
 use fragments::Folder;
 use graph::{Graph, Leaf, Node};
 pub use program::{Layout, Program};

@@ -37,6 +37,8 @@ struct Output {
     modelled: Vec<Option<f64>>,
     lower: Vec<Option<f64>>,
     upper: Vec<Option<f64>>,
+    /// Predicted one sample ahead; empty where no noise drives the states.
+    ahead: Vec<Option<f64>>,
     /// First and last time of each stretch in which lines are taken outside their points.
     beyond: Vec<[Option<f64>; 2]>,
 }
@@ -128,11 +130,14 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
     let verdict = rows.text("verdict", row);
     let level = if verdict == "good" { Level::Good } else { Level::Warn };
     let parts = ["theil_bias", "theil_variance", "theil_covariance"].map(|name| percent(of(name)));
-    let noise = format!(
+    let mut noise = format!(
         "noise {}, carried {}",
         number(factor * of("noise_sd"), 2),
         number(factor * of("carried_sd"), 2)
     );
+    if of("driven_sd").is_finite() {
+        noise += &format!(", driven {}", number(factor * of("driven_sd"), 2));
+    }
     Row {
         level: None,
         pick: Some(pick.to_string()),
@@ -159,8 +164,13 @@ fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
     let pick = |name: &str| of.iter().map(|&k| traces.number(name, k)).collect::<Vec<f64>>();
     let [t, measured, modelled, sd, band] =
         ["t_s", "measured", "modelled", "carried_sd", "band"].map(pick);
+    let [driven, ahead] = ["driven_sd", "ahead"].map(pick);
     let noise = rows.number("noise_sd", row);
-    let half = |k: usize| band[k] + INTERVAL_95 * (sd[k] * sd[k] + noise * noise).sqrt();
+    let half = |k: usize| {
+        let driven = if driven[k].is_finite() { driven[k] } else { 0.0 };
+        band[k] + INTERVAL_95 * (sd[k] * sd[k] + driven * driven + noise * noise).sqrt()
+    };
+    let is_driven = ahead.iter().any(|y| y.is_finite());
     let keep = thin(t.len(), &[&measured, &modelled], LIMIT);
     let (factor, unit) = display_unit(&rows.unit_in("unit", row));
     let drawn = |of: &dyn Fn(usize) -> f64| shorts(keep.iter().map(|&k| of(k)), factor);
@@ -172,6 +182,7 @@ fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
         modelled: drawn(&|k| modelled[k]),
         lower: drawn(&|k| modelled[k] - half(k)),
         upper: drawn(&|k| modelled[k] + half(k)),
+        ahead: if is_driven { drawn(&|k| ahead[k]) } else { Vec::new() },
         beyond: stretches(
             &t,
             &of.iter().map(|&k| traces.flag("beyond", k) == Some(true)).collect::<Vec<_>>(),

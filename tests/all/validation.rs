@@ -1,7 +1,7 @@
 //! Held values flown through maneuvers that they were not found from: what is refused, and what the
 //! table says.
 
-use crate::campaign::{Campaign, INTERCEPT, SLOPE};
+use crate::campaign::{Campaign, INTERCEPT, LAG, SLOPE, write_log_seen};
 use koehler::table::read_dataset;
 
 /// Lines through the maneuvers of two flights, flown through those of the third one.
@@ -127,6 +127,99 @@ fn fault_mistakes_of_a_validation_are_told_at_once() {
         "{}",
         run.err
     );
+}
+
+/// Standard deviation of the gusts that [`gusty`] adds to what moves, deg.
+const GUST: f64 = 0.5;
+
+/// What the model says of it: in gusts nobody starts at rest.
+const DRIVEN: &str = ", noise = \"F\", start_sd = \"F*sqrt(T/2)\"";
+
+/// Flights whose state is driven by white noise as well, estimated by a model that knows it (or,
+/// with `noise` empty, not), of all maneuvers of two flights together; the third one is held out.
+fn gusty(noise: &str, more: &str) -> Campaign {
+    let c = validated(&format!("flights = [\"flight-3\"]\nmodel = \"gain.model.toml\"\n{more}"));
+    c.edit("pipeline.toml", "lines = [\"lag-V\"]\n", "");
+    c.edit(
+        "pipeline.toml",
+        "model = \"lag.model.toml\"",
+        "model = \"gain.model.toml\"\ngroup = \"all\"",
+    );
+    c.edit(
+        "pipeline.toml",
+        "[[fit]]\nestimate = \"lag\"\nparameters = [\"K\", \"T\"]\nagainst = \"V\"\n",
+        "",
+    );
+    let model = crate::campaign::MODEL
+        .replace("u = \"rad\"", "u = \"rad\"\nV = \"m/s\"")
+        .replace(
+            "K = { unit = \"-\", start = 1.0 }",
+            "K_0 = { unit = \"-\", start = 0.3 }\nK_V = { unit = \"s/m\", start = 0.01 }\nF = { unit = \"rad/s^0.5\", start = 0.01, min = 0.0 }",
+        )
+        .replace("K*u", "(K_0 + K_V*V)*u")
+        .replace("start = 0.0 }\n\n[outputs]", &format!("start = 0.0{noise} }}\n\n[outputs]"));
+    let model =
+        if noise.is_empty() { model.replace("F = {", "F = { fixed = true,") } else { model };
+    c.write("gain.model.toml", &model);
+    for flight in 0..3u64 {
+        let mut random = rand_pcg::Pcg64::new(u128::from(flight) + 7, 1);
+        let (mut gust, mut before) = (0.0, f64::NAN);
+        let path = c.path(&format!("logs/flight-{}.mcap", flight + 1));
+        write_log_seen(&path, flight, 4, |t, y| {
+            // Exact over any step: first order, of standard deviation GUST.
+            let stays = if before.is_nan() { 0.0 } else { libm::exp((before - t) / LAG) };
+            let fresh: f64 =
+                rand_distr::Distribution::sample(&rand_distr::StandardNormal, &mut random);
+            gust = stays * gust + GUST * (1.0 - stays * stays).sqrt() * fresh;
+            before = t;
+            y + gust
+        });
+    }
+    c
+}
+
+#[test]
+fn recovery_a_model_that_noise_drives_is_validated_by_its_motion_and_by_its_filter() {
+    let c = gusty(DRIVEN, "");
+    c.run().ended(0);
+    let table = read_dataset(&c.path("out"), "validation").expect("a table");
+    assert_eq!(table.strings("flight").expect("column"), ["flight-3"; 4]);
+    let of = |name: &str| table.f64(name).expect("column");
+    assert_eq!(table.strings("verdict").expect("column"), ["good"; 4]);
+    assert_eq!(table.opt_strings("noise_verdict").expect("column"), [Some("noise"); 4]);
+    let mean = of("within").iter().sum::<f64>() / 4.0;
+    assert!((mean - 0.95).abs() < 0.06, "{mean}");
+    // The gusts begin with the record, and are all there after a few time constants.
+    let gust = of("driven_sd").iter().sum::<f64>() / 4.0;
+    assert!((gust / GUST.to_radians() - 1.0).abs() < 0.15, "{gust}");
+    let traces = read_dataset(&c.path("out"), "validation_traces").expect("a table");
+    let [z, y, sd] = ["measured", "ahead", "ahead_sd"].map(|n| traces.f64(n).expect("column"));
+    let e: Vec<f64> =
+        (0..z.len()).map(|k| (z[k] - y[k]) / sd[k]).filter(|e| e.is_finite()).collect();
+    let square = e.iter().map(|e| e * e).sum::<f64>() / e.len() as f64;
+    assert!(e.len() > 1000 && (square - 1.0).abs() < 0.2, "{square} of {}", e.len());
+    let page = std::fs::read_to_string(c.path("out/report/index.html")).expect("a page");
+    assert!(page.contains(", driven "), "what the noise does is on the page");
+}
+
+#[test]
+fn a_gust_that_the_model_does_not_know_is_not_good_and_neither_is_a_wrong_gain() {
+    let c = gusty("", "");
+    let run = c.run();
+    assert!(run.out.contains("within the predicted interval"), "{}", run.out);
+    let c = gusty(DRIVEN, "take = { K_0 = \"F_0\" }");
+    let run = c.koehler("check", &[]).ended(2);
+    assert!(run.err.contains("\"F_0\""), "{}", run.err);
+    let c = gusty(DRIVEN, "");
+    let model = std::fs::read_to_string(c.path("gain.model.toml")).expect("readable");
+    c.write("half.model.toml", &model.replace("(K_0 + K_V*V)*u", "0.3*(K_0 + K_V*V)*u"));
+    c.edit(
+        "pipeline.toml",
+        "flights = [\"flight-3\"]\nmodel = \"gain.model.toml\"",
+        "flights = [\"flight-3\"]\nmodel = \"half.model.toml\"",
+    );
+    let run = c.run();
+    assert!(run.out.contains("within the predicted interval"), "{}", run.out);
 }
 
 /// Tolerances of `y`, one of them for a test that the flights do not have.

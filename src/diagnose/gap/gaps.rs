@@ -249,7 +249,7 @@ mod tests {
             t,
             measured: values,
             modelled,
-            simulated: Vec::new(),
+            filtered: None,
         }
     }
 

@@ -141,6 +141,7 @@
         { x: o.t, y: o.modelled, name: free ? "predicted one sample ahead" : other, legendgroup: "modelled", showlegend: i === 0, line: { color: t.model, width: 1.6, dash: "5px,2px" } },
       ];
       if (free) traces.push({ x: o.t, y: o.simulated, name: "simulated, without the measurements", legendgroup: "simulated", showlegend: i === 0, line: { color: t.soft, width: 1.2, dash: "dot" } });
+      if (o.ahead && o.ahead.length > 0) traces.push({ x: o.t, y: o.ahead, name: "predicted one sample ahead", legendgroup: "ahead", showlegend: i === 0, line: { color: t.soft, width: 1.2, dash: "dot" } });
       rows.push({ title: withUnit(o.name, o.unit), height: outputs.length > 3 ? 130 : 200, traces: traces });
       rows.push({ title: "residual", height: 70, residual: true, traces: [{ x: o.t, y: residual, name: "residual", showlegend: false, line: { color: t.soft, width: 1 } }] });
     });

@@ -18,7 +18,7 @@ struct Judged<'a> {
 /// noise as the filter has it.
 fn of(estimation: &Estimation, segment: usize, trace: &Trace) -> Adequacy {
     let found = Adequacy::of(&trace.measured, &trace.modelled);
-    match (trace.simulated.is_empty(), estimation.scatter(segment, &trace.name)) {
+    match (trace.filtered.is_none(), estimation.scatter(segment, &trace.name)) {
         (false, Some(scatter)) => found.with_noise(scatter.r.sqrt()),
         _ => found,
     }

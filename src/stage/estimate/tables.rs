@@ -236,10 +236,8 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
 
 /// The free simulation beside a filter's predictions; none where there is no filter.
 fn simulated(trace: &Trace) -> Vec<f64> {
-    match trace.simulated.is_empty() {
-        true => vec![f64::NAN; trace.t.len()],
-        false => trace.simulated.clone(),
-    }
+    let known = trace.filtered.as_ref().map(|filtered| filtered.simulated.clone());
+    known.unwrap_or_else(|| vec![f64::NAN; trace.t.len()])
 }
 
 fn responses(model: &str, done: &[Done]) -> Result<Table> {

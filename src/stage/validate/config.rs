@@ -48,10 +48,6 @@ pub fn check(told: &mut Told, known: &mut Known) {
             })
             .collect();
         let base = estimates.checked.get(index)?.as_ref()?;
-        if let Err(error) = base.model.without_noise("a validation") {
-            given.push(&format!("{key}.estimate"), error.what, &error.help.unwrap_or_default());
-            return None;
-        }
         let run = s.run(&base.settings);
         let run =
             estimate::Config::read(run, (given, key), (searched, flights), columns, *channels)?;

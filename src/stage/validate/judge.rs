@@ -22,6 +22,8 @@ pub struct Output {
     pub carried_sd: Vec<f64>,
     /// Half-width of the band within which it is not known besides; 0 without one.
     pub band: Vec<f64>,
+    /// Where noise drives the states of the model.
+    pub driven: Option<Driven>,
     /// Whether a line that the values come from is taken outside its points.
     pub beyond: Vec<bool>,
     /// Standard deviation of its noise by the `R` of the estimate; not a number where that has no
@@ -31,11 +33,24 @@ pub struct Output {
     pub smooth_s: f64,
 }
 
+/// What noise that drives the states does to an output, at the times of the samples.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Driven {
+    /// Standard deviation of what it adds to the motion by itself.
+    pub sd: Vec<f64>,
+    /// What a filter predicts one sample ahead, and the standard deviation by which it says it errs.
+    pub ahead: Vec<f64>,
+    pub ahead_sd: Vec<f64>,
+}
+
 /// How well one output agrees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Agreement {
     /// Samples looked at.
     pub n: usize,
+    /// So many independent ones say as much of the share within: fewer where noise drives the
+    /// states, because what a gust does lasts.
+    pub independent: f64,
     pub rms: f64,
     /// `1 - rms/s`, with the standard deviation `s` of what was measured: 1 is a perfect fit.
     pub fit: f64,
@@ -48,8 +63,10 @@ pub struct Agreement {
     /// Root mean square of `carried_sd`, and mean of the band.
     pub carried_sd: f64,
     pub band: f64,
+    /// Root mean square of what noise that drives the states adds; not a number where none does.
+    pub driven_sd: f64,
     /// Share of the samples within the interval that is predicted for them: the band, and 95% by the
-    /// standard deviations of what is modelled and of the sensor's noise.
+    /// standard deviations of what is modelled, of what drives the states, and of the sensor's noise.
     pub within: f64,
     /// Standard deviation of the sensor's noise by the `R` of the estimate.
     pub r_sd: f64,
@@ -64,12 +81,12 @@ impl Output {
     /// has its standard deviation over the root of `m`.
     fn smoothed(&self) -> f64 {
         let steps: Vec<f64> = self.t.windows(2).map(|t| t[1] - t[0]).collect();
-        if steps.is_empty() || !(self.r_sd > 0.0) {
+        if steps.is_empty() {
             return f64::NAN;
         }
         let m = (self.smooth_s / crate::math::median(&steps)).round().max(1.0) as usize;
-        let e: Vec<f64> = self.measured.iter().zip(&self.modelled).map(|(z, y)| z - y).collect();
-        let limit = SIGMAS * self.r_sd / (m as f64).sqrt();
+        let limit = SIGMAS / (m as f64).sqrt();
+        let e = self.errors();
         let (mut inside, mut all) = (0.0, 0.0);
         for of in e.windows(m) {
             let mean = of.iter().sum::<f64>() / m as f64;
@@ -79,6 +96,22 @@ impl Output {
             }
         }
         if all > 0.0 { inside / all } else { f64::NAN }
+    }
+
+    /// Errors over the standard deviation that they have by the estimate: of the model, or of the
+    /// predictions of its filter.
+    fn errors(&self) -> Vec<f64> {
+        let error = |k: usize| match &self.driven {
+            Some(driven) => (self.measured[k] - driven.ahead[k]) / driven.ahead_sd[k],
+            None => (self.measured[k] - self.modelled[k]) / self.r_sd,
+        };
+        (0..self.t.len()).map(error).collect()
+    }
+
+    /// Standard deviation of a sample about what is modelled, but for the sensor's noise.
+    pub fn sd(&self, k: usize) -> f64 {
+        let driven = self.driven.as_ref().map_or(0.0, |driven| driven.sd[k]);
+        self.carried_sd[k].hypot(driven)
     }
 
     /// How well it agrees; none where nothing was measured.
@@ -97,11 +130,15 @@ impl Output {
         let noise = noise_sd(&self.measured);
         let noise = if noise.is_finite() { noise } else { 0.0 };
         let half = |k: usize| {
-            let sd = self.carried_sd[k];
+            let sd = self.sd(k);
             self.band[k] + INTERVAL_95 * (sd * sd + noise * noise).sqrt()
         };
         Some(Agreement {
             n: all.len(),
+            independent: match self.driven {
+                Some(_) => independent(&all.iter().map(|&k| e(k)).collect::<Vec<_>>()),
+                None => n,
+            },
             rms,
             fit: 1.0 - rms / spread,
             theil: theil(&self.modelled, &self.measured),
@@ -110,6 +147,10 @@ impl Output {
             noise_sd: noise,
             carried_sd: mean(&|k| self.carried_sd[k] * self.carried_sd[k]).sqrt(),
             band: mean(&|k| self.band[k]),
+            driven_sd: self
+                .driven
+                .as_ref()
+                .map_or(f64::NAN, |driven| mean(&|k| driven.sd[k] * driven.sd[k]).sqrt()),
             within: mean(&|k| f64::from(u8::from(e(k).abs() <= half(k)))),
             r_sd: self.r_sd,
             smoothed: self.smoothed(),
@@ -119,11 +160,12 @@ impl Output {
 
 impl Agreement {
     /// By how much the share within may fall short of a wanted one by chance: three standard
-    /// deviations of a share of `n`, and of the noise's size, which is known to `1.6/sqrt(n)` of it
+    /// deviations of a share of `n` independent ones, and of the noise's size, which is known to
+    /// `1.6/sqrt(n)` of it
     /// (a larger interval of 1% holds 0.23% more).
     fn chance(&self, wanted: f64) -> f64 {
         let square = wanted * (1.0 - wanted) + (0.23 * 1.6) * (0.23 * 1.6);
-        3.0 * (square / self.n as f64).sqrt()
+        3.0 * (square / self.independent).sqrt()
     }
 
     /// Whether what is left is the sensor's noise; none without `R`.
@@ -135,10 +177,11 @@ impl Agreement {
         }
     }
 
-    /// `good`, or what it falls short of.
+    /// `good`, or what it falls short of. Where noise drives the states Theil's coefficient is not
+    /// asked: a gust is no error of the model, and the interval knows how much it may do.
     pub fn verdict(&self, within: f64, theil: f64) -> String {
         let mut short = Vec::new();
-        if !(self.theil.coefficient <= theil) {
+        if self.driven_sd.is_nan() && !(self.theil.coefficient <= theil) {
             short.push(format!("Theil {:.3} above {theil}", self.theil.coefficient));
         }
         if !(self.within >= within - self.chance(within)) {
@@ -151,6 +194,15 @@ impl Agreement {
         }
         if short.is_empty() { "good".into() } else { short.join("; ") }
     }
+}
+
+/// Of how many independent numbers the mean varies as that of these: `n/(1 + 2 sum rho)`, with their
+/// autocorrelations up to the first that is not positive.
+fn independent(x: &[f64]) -> f64 {
+    let of = |lag: usize| x[lag..].iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+    let square = of(0);
+    let positive = (1..x.len()).map(|lag| of(lag) / square).take_while(|rho| *rho > 0.0);
+    x.len() as f64 / (1.0 + 2.0 * positive.sum::<f64>())
 }
 
 #[cfg(test)]
@@ -208,6 +260,26 @@ mod tests {
         let mut without = output(flip, 0.0, 0.0);
         without.r_sd = f64::NAN;
         assert_eq!(without.agreement().expect("samples").noise_verdict(), None);
+    }
+
+    #[test]
+    fn a_gust_is_no_error_of_the_model_where_its_size_is_known() {
+        let gust = |t: f64| 0.3 * libm::sin(1.5 * t);
+        let judged = |sd: f64, off: f64| {
+            let mut output = output(gust, 0.0, 0.0);
+            let n = output.t.len();
+            let ahead = output.measured.iter().map(|z| z - off).collect();
+            output.driven = Some(Driven { sd: vec![sd; n], ahead, ahead_sd: vec![0.01; n] });
+            let agreement = output.agreement().expect("samples");
+            (agreement.verdict(0.95, 0.1), agreement.noise_verdict(), agreement.independent)
+        };
+        let (verdict, noise, independent) = judged(0.25, 0.0);
+        assert_eq!((verdict.as_str(), noise), ("good", Some("noise")));
+        // Two periods in 8 s.
+        assert!(independent > 2.0 && independent < 20.0, "{independent}");
+        let (verdict, noise, _) = judged(0.02, 0.05);
+        assert!(verdict.contains("95% wanted"), "{verdict}");
+        assert_eq!(noise, Some("more than noise"));
     }
 
     #[test]

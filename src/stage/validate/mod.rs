@@ -1,6 +1,10 @@
 //! Values of estimates and lines, and maneuvers that these have not seen, come in; how well the
 //! model with these values held flies them, goes out.
 //!
+//! A model whose states are driven by noise flies without it: what is judged is the motion by itself,
+//! which noise of the size that was estimated moves about, and beside it whether the predictions of
+//! its filter, one sample ahead, err as they say.
+//!
 //! Every maneuver is run by itself with the one estimator, nothing of the model free but initial
 //! states and zero shifts. It is run again with the values moved by every column of a root of their
 //! covariance: the standard deviation that they carry into an output is the root of the sum of the
@@ -26,8 +30,9 @@ use super::{
 use crate::dynamics::Channel;
 use crate::engine::Here;
 use crate::error::{Errors, Result};
-use crate::estimate::{Estimation, Segment, Stop, estimate_where};
+use crate::estimate::{Estimation, Segment, Stop, Trace, estimate_where};
 use crate::math::products::factor;
+use crate::model::noise_of;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -197,7 +202,11 @@ fn validated(
         let why = first.why.unwrap_or_else(|| format!("it ended with \"{}\"", first.stop));
         return Ok(Err(why));
     }
-    let outputs = outputs(config, &first, &carried, &scatter(config, inputs)?, &|t| {
+    let scatter = match config.run.model.is_driven() {
+        true => noise(&first, &found),
+        false => scatter(config, inputs)?,
+    };
+    let outputs = outputs(config, &first, &carried, &scatter, &|t| {
         let record = &segment.record;
         let k = ((t - record.t0) / record.dt).round().clamp(0.0, record.n as f64 - 1.0);
         found.is_outside(k as usize)
@@ -257,6 +266,12 @@ fn scatter(config: &Config, inputs: &Inputs) -> Result<BTreeMap<String, f64>> {
     Ok(sums.into_iter().map(|(name, [n, sum])| (name.to_string(), (sum / n).sqrt())).collect())
 }
 
+/// By output, the standard deviation of its noise that is held.
+fn noise(first: &Estimation, values: &Values) -> BTreeMap<String, f64> {
+    let names = first.responses.iter().flatten().map(|trace| &trace.name);
+    names.filter_map(|name| Some((name.clone(), *values.at.get(&noise_of(name))?))).collect()
+}
+
 /// The maneuver at the values, and what of it changes with each column of a root of their
 /// covariance, `[column][trace][sample]`.
 type Flown = (Estimation, Vec<Vec<Vec<f64>>>);
@@ -270,8 +285,8 @@ fn flown(
     let model = &config.run.model;
     let mut method = config.run.settings.method.clone();
     method.briefly = true;
-    let names = model.parameters.iter().map(|p| p.quantity.name.clone());
-    method.fixed = names.filter(|name| !config.settings.free.contains(name)).collect();
+    let names = model.parameters.iter().map(|p| &p.quantity.name).chain(values.at.keys());
+    method.fixed = names.filter(|name| !config.settings.free.contains(name)).cloned().collect();
     let here = Here { engine: inputs.engine, kept: inputs.kept, hear: &|_, _| {} };
     let fly = |moved: &dyn Fn(usize) -> f64| {
         let mut method = method.clone();
@@ -291,10 +306,15 @@ fn flown(
     Ok((first, carried?))
 }
 
-/// By how much the traces of two runs of one segment differ.
+/// By how much the motions of two runs of one segment differ.
 fn change(first: &Estimation, moved: &Estimation) -> Vec<Vec<f64>> {
     let pairs = first.responses.iter().flatten().zip(moved.responses.iter().flatten());
-    pairs.map(|(a, b)| a.modelled.iter().zip(&b.modelled).map(|(a, b)| b - a).collect()).collect()
+    pairs.map(|(a, b)| motion(a).iter().zip(motion(b)).map(|(a, b)| b - a).collect()).collect()
+}
+
+/// The motion by itself, without a look at the measurements.
+fn motion(trace: &Trace) -> &[f64] {
+    trace.filtered.as_ref().map_or(&trace.modelled, |filtered| &filtered.simulated)
 }
 
 fn outputs(
@@ -319,7 +339,12 @@ fn outputs(
             unit: trace.unit.clone(),
             t: trace.t.clone(),
             measured: trace.measured.clone(),
-            modelled: trace.modelled.clone(),
+            modelled: motion(trace).to_vec(),
+            driven: trace.filtered.as_ref().map(|filtered| judge::Driven {
+                sd: filtered.simulated_sd.clone(),
+                ahead: trace.modelled.clone(),
+                ahead_sd: filtered.sd.clone(),
+            }),
             carried_sd: (0..n).map(|k| square(k).sqrt()).collect(),
             band: half.map_or_else(|| vec![0.0; n], |half| half.modelled.clone()),
             beyond: trace.t.iter().map(|t| beyond(*t)).collect(),

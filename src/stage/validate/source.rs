@@ -3,7 +3,7 @@
 
 use super::settings::Settings;
 use crate::estimate::Line;
-use crate::model::{Model, Scope};
+use crate::model::{Model, Scope, noise_of};
 use crate::stage::check::{Given, agree};
 use crate::stage::estimate::{self, Group};
 use crate::stage::fit;
@@ -90,7 +90,20 @@ pub fn find(
         let what = format!("no value is found for {}", crate::config::list(&without));
         given.push(&format!("{key}.estimate"), what, help);
     }
+    sources.extend(noise(settings, base, model));
     (given.errors.0.len() == before).then_some(sources)
+}
+
+/// Where noise drives a model's states, the noise of its outputs is a value as well: that of the
+/// estimate, of the outputs that it scores.
+fn noise(settings: &Settings, base: &estimate::Config, model: &Model) -> Vec<(String, Source)> {
+    let both = model.is_driven() && base.model.is_driven();
+    let scored = base.outputs.iter().filter(|_| both);
+    let names = scored.filter_map(|s| Some(noise_of(&base.model.outputs.get(s.output)?.name)));
+    names
+        .filter(|name| !settings.free.contains(name))
+        .map(|name| (name.clone(), Source::Estimate(name)))
+        .collect()
 }
 
 /// A source by its name, and its unit. A line comes before the estimate that it goes through.

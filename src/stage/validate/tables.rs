@@ -1,6 +1,6 @@
 //! Validated maneuvers come in, their tables go out.
 
-use super::judge::{Agreement, Output};
+use super::judge::{Agreement, Driven, Output};
 use super::proof::Judged;
 use super::settings::Settings;
 use super::tolerances::Checked;
@@ -67,6 +67,7 @@ pub fn all(
             "followed",
             rows.iter().map(|(one, ..)| Some(one.followed.as_str()).filter(|s| !s.is_empty())),
         )
+        .f64("driven_sd", number(&|a| a.driven_sd))
         .finish()?;
     let samples: Vec<(&Validated, &Output, usize)> = rows
         .iter()
@@ -74,6 +75,12 @@ pub fn all(
         .collect();
     let sample = |of: fn(&Output) -> &Vec<f64>| -> Vec<f64> {
         samples.iter().map(|(_, output, k)| of(output)[*k]).collect()
+    };
+    let driven = |of: fn(&Driven) -> &Vec<f64>| -> Vec<f64> {
+        let value = |output: &Output, k: usize| {
+            output.driven.as_ref().map_or(f64::NAN, |driven| of(driven)[k])
+        };
+        samples.iter().map(|(_, output, k)| value(output, *k)).collect()
     };
     let traces = Table::build("validation_traces")
         .repeat("validation", &settings.name())
@@ -86,6 +93,9 @@ pub fn all(
         .f64("carried_sd", sample(|o| &o.carried_sd))
         .f64("band", sample(|o| &o.band))
         .bools("beyond", samples.iter().map(|(_, output, k)| output.beyond[*k]).collect::<Vec<_>>())
+        .f64("driven_sd", driven(|d| &d.sd))
+        .f64("ahead", driven(|d| &d.ahead))
+        .f64("ahead_sd", driven(|d| &d.ahead_sd))
         .finish()?;
     let judged = tolerances(&settings.name(), all, done)?;
     Ok(vec![("validation", validation), ("validation_traces", traces), ("tolerances", judged)])
