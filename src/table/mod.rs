@@ -10,6 +10,8 @@ mod dataset;
 mod flight;
 mod page;
 mod parquet;
+pub mod query;
+mod refused;
 mod rows;
 mod schema;
 

@@ -48,6 +48,7 @@ mod recovery;
 mod reruns;
 mod simulator;
 mod simulator_derivatives;
+mod sql;
 mod stages;
 mod structure;
 mod taken;
