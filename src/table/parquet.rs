@@ -18,6 +18,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::reader::ChunkReader;
 use parquet::schema::types::ColumnPath;
 
+use super::version::{self, SCHEMA_VERSION};
 use super::{Column, Kind, Schema, Table, schema};
 use crate::error::{Error, Result};
 
@@ -33,8 +34,8 @@ impl Table {
     /// file's path.
     ///
     /// Units and meanings stand in the metadata of the columns and, for readers that do not look
-    /// there, as `unit.<column>` and `doc.<column>` in the metadata of the file, beside `table` and
-    /// `doc`.
+    /// there, as `unit.<column>` and `doc.<column>` in the metadata of the file, beside `table`, `doc`
+    /// and `schema_version`.
     ///
     /// # Errors
     /// The Parquet writer fails.
@@ -55,6 +56,7 @@ impl Table {
         let mut pairs = vec![
             ("table".to_string(), self.name().to_string()),
             ("doc".to_string(), self.schema.doc.clone()),
+            (version::KEY.to_string(), SCHEMA_VERSION.to_string()),
         ];
         let mut builder = WriterProperties::builder()
             .set_created_by(CREATED_BY.to_string())
@@ -126,11 +128,12 @@ impl<T: ChunkReader + 'static> TableFile<T> {
     /// A file of the table `name`.
     ///
     /// # Errors
-    /// It is no Parquet file, or not one of that table.
+    /// It is no Parquet file, of a later version, or not one of that table.
     pub fn open(name: &str, source: T) -> Result<TableFile<T>> {
         let schema = schema(name)?;
         let reader =
             ParquetRecordBatchReaderBuilder::try_new(source).map_err(|e| unreadable(schema, &e))?;
+        version::check(reader.metadata().file_metadata().key_value_metadata())?;
         let columns =
             columns(schema, reader.schema().fields()).map_err(|what| unreadable(schema, &what))?;
         Ok(TableFile { reader, schema, columns })
@@ -178,7 +181,15 @@ fn columns(schema: &Schema, fields: &[Arc<Field>]) -> std::result::Result<Vec<Co
     for column in &schema.columns {
         let in_path = schema.per_flight && column.name == "flight";
         match fields.iter().find(|f| *f.name() == column.name) {
-            Some(field) if *field.data_type() == column.kind.data_type() => {}
+            Some(field) if *field.data_type() == column.kind.data_type() => {
+                // Where other programs have written it, it may have none.
+                if let Some(unit) = field.metadata().get("unit").filter(|u| **u != column.unit) {
+                    return Err(format!(
+                        "its column \"{}\" is in {unit}, not {}",
+                        column.name, column.unit
+                    ));
+                }
+            }
             Some(field) => {
                 return Err(format!(
                     "its column \"{}\" is {}, not {}",
