@@ -32,6 +32,7 @@ mod fuzz;
 mod ground;
 mod hfb320;
 mod imports;
+mod journal;
 mod language;
 mod machine_faults;
 mod models;
