@@ -73,6 +73,19 @@ pub enum Verb {
         #[command(flatten)]
         form: Form,
     },
+    /// Ask the tables of a run with a query in SQL
+    #[command(after_help = text::SQL)]
+    Sql {
+        /// Output folder of the run, or its pipeline file
+        run: PathBuf,
+        /// One SELECT over the tables of the run, by their names
+        query: String,
+        /// Answer in CSV
+        #[arg(long, conflicts_with = "json")]
+        csv: bool,
+        #[command(flatten)]
+        form: Form,
+    },
     /// Say which logs, stages, settings and program a table or the report was made from
     #[command(after_help = text::LINEAGE)]
     Lineage {
@@ -189,6 +202,7 @@ impl Verb {
             | Verb::Check { form, .. }
             | Verb::Inspect { form, .. }
             | Verb::Diff { form, .. }
+            | Verb::Sql { form, .. }
             | Verb::Lineage { form, .. }
             | Verb::Verify { form, .. } => form.json,
             _ => false,

@@ -3,18 +3,20 @@
 
 use super::args::DiagnoseArgs;
 use super::progress::Bars;
-use super::run::{look_at_logs, out_folder, planned};
-use super::words::{End, on_threads, print_errors, say, tell};
+use super::run::{Work, out_folder, planned};
+use super::words::{End, print_errors, say, tell};
 use super::{summary, verdict};
 use crate::diagnose::Base;
 use crate::engine::Engine;
 use crate::error::{Error, Errors, Result};
-use crate::pipeline::{self, Plan, Settings, Store};
+use crate::pipeline::{Limits, Plan, Settings, Store};
 use crate::stage::diagnose;
 use crate::table::Table;
+use std::time::Instant;
 
 /// `koehler diagnose`
 pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result<End, Errors> {
+    let begin = Instant::now();
     let out = out_folder(&args.files);
     let store = Store::claim(&out, args.force)?;
     let read = || Plan::read_with(&args.files.pipeline, |settings| ask(settings, args, &store));
@@ -26,14 +28,16 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
         .into());
     }
     let _lock = store.lock()?;
-    let bars = Bars::new();
-    let result = on_threads(args.jobs, || -> std::result::Result<_, Errors> {
-        if let Some(simulation) = &plan.simulation {
-            super::simulate::make(simulation)?;
-        }
-        look_at_logs(&plan)?;
-        Ok(pipeline::run(&plan, &store, engine, &|event| bars.hear(event))?)
-    })??;
+    let work = Work {
+        command: "diagnose",
+        begin,
+        plan: &plan,
+        store: &store,
+        engine,
+        limits: &Limits::default(),
+        jobs: args.jobs,
+    };
+    let result = work.done(&Bars::new())?;
     print_errors(&result.errors);
     result.removed.iter().for_each(|unit| tell(&format!("removed: {unit}")));
     // What makes the exit code 1 is named.

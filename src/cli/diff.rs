@@ -31,7 +31,7 @@ pub fn diff(first: &Path, second: &Path, form: Form) -> std::result::Result<End,
 }
 
 /// The output folder that is meant: itself, or that of a pipeline file.
-fn folder(run: &Path) -> Result<PathBuf> {
+pub(super) fn folder(run: &Path) -> Result<PathBuf> {
     let folder = if run.is_file() { pipeline::out_folder(run) } else { run.to_path_buf() };
     if !folder.join(MARK).is_dir() {
         let place = Place::file(folder.to_string_lossy());

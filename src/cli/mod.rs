@@ -11,6 +11,7 @@ mod ran;
 mod run;
 mod schema;
 mod simulate;
+mod sql;
 mod status;
 mod summary;
 mod text;
@@ -77,6 +78,7 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
         }
         Verb::Diff { first, second, form } => diff::diff(&first, &second, form),
         Verb::Lineage { file, form } => lineage::lineage(&file, form),
+        Verb::Sql { run, query, csv, form } => sql::sql(&run, &query, sql::Rows::of(csv, form)),
         Verb::Gc { files, dry_run } => provenance::gc(&files, dry_run),
         Verb::Verify { files, form } => provenance::verify(&files, form),
         Verb::Check { pipeline, form } => run::check(&pipeline, form),

@@ -3,7 +3,7 @@
 
 use super::summary::count;
 use super::words::{Volume, aside, detail, plain};
-use crate::pipeline::Event;
+use crate::pipeline::{Ended, Event};
 use crate::stage::Stage;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::BTreeMap;
@@ -78,7 +78,8 @@ impl Bars {
                     bar.println(plain(&format!("{}: {text}", unit.name)));
                 }
             }
-            Event::Unit { unit } => {
+            Event::Unit { ended: Ended::Kept(_) | Ended::Blocked(_), .. } => {}
+            Event::Unit { unit, .. } => {
                 state.steps.insert(unit.name.clone(), (1, 1));
                 state.show();
             }
@@ -99,7 +100,8 @@ impl State {
             Event::Stage { stage, to_run, .. } if *to_run > 0 => {
                 format!("{}: {}", stage.name, count(*to_run, "unit"))
             }
-            Event::Unit { unit } => format!("{running} of {}: done", unit.name),
+            Event::Unit { ended: Ended::Kept(_) | Ended::Blocked(_), .. } => return,
+            Event::Unit { unit, .. } => format!("{running} of {}: done", unit.name),
             _ => return,
         };
         match &self.bar {

@@ -8,7 +8,7 @@ use super::words::{End, Volume, document, note, on_threads, print_errors, say, t
 use crate::config;
 use crate::engine::Engine;
 use crate::error::{Error, Errors};
-use crate::pipeline::{self, Plan, Store, Summaries};
+use crate::pipeline::{self, Event, Journal, Limits, Plan, RunResult, Store, Summaries};
 use crate::stage::Unit;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -110,7 +110,7 @@ fn said(seen: &Summaries) {
 ///
 /// # Errors
 /// No log fits: every mistake.
-pub(super) fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
+fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
     let seen = pipeline::summaries(plan);
     said(&seen);
     if seen.hopeless() {
@@ -140,13 +140,16 @@ pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
     let left_out = limits.words(&plan);
     let flights = limits.flights(&plan);
     plan.simulation = plan.simulation.take().and_then(|s| s.for_flights(&flights));
-    let result = on_threads(args.jobs, || -> Result<_, Errors> {
-        if let Some(simulation) = &plan.simulation {
-            super::simulate::make(simulation)?;
-        }
-        look_at_logs(&plan)?;
-        Ok(pipeline::run_within(&plan, &store, engine, &|event| bars.hear(event), &limits)?)
-    })??;
+    let work = Work {
+        command: "run",
+        begin,
+        plan: &plan,
+        store: &store,
+        engine,
+        limits: &limits,
+        jobs: args.jobs,
+    };
+    let result = work.done(&bars)?;
     print_errors(&result.errors);
     let end = if result.complete() { end } else { End::Partial.max(end) };
     let ran = Ran { result: &result, seconds: &bars.seconds(), left_out: &left_out };
@@ -166,6 +169,45 @@ pub fn run(args: &RunArgs, engine: &dyn Engine) -> Result<End, Errors> {
         summary::failing(&result.notes);
     }
     Ok(end)
+}
+
+/// What a command runs, and how.
+pub(super) struct Work<'a> {
+    pub command: &'static str,
+    /// When the command began.
+    pub begin: Instant,
+    pub plan: &'a Plan,
+    pub store: &'a Store,
+    pub engine: &'a dyn Engine,
+    pub limits: &'a Limits,
+    pub jobs: Option<usize>,
+}
+
+impl Work<'_> {
+    /// Makes the logs that are missing and runs what is not fresh, watched by the bars and by the
+    /// journal of the run, which ends however the run does.
+    ///
+    /// # Errors
+    /// No log fits; the output folder cannot be read or written.
+    pub fn done(&self, bars: &Bars) -> Result<RunResult, Errors> {
+        let words = format!("{} of {}", self.command, self.plan.pipeline.display());
+        let journal = Journal::begin(self.store, &words, self.begin);
+        let hear = |event: Event| {
+            journal.hear(&event);
+            bars.hear(event);
+        };
+        let result = on_threads(self.jobs, || {
+            if let Some(simulation) = &self.plan.simulation {
+                journal.timed("simulate", || super::simulate::make(simulation))?;
+            }
+            journal.timed("look at the logs", || look_at_logs(self.plan))?;
+            Ok(pipeline::run(self.plan, self.store, self.engine, &hear, self.limits)?)
+        });
+        let result = result.flatten();
+        let lost = journal.end(result.as_ref().map(RunResult::complete));
+        lost.iter().for_each(|e| warn(&format!("this run keeps no whole log of its times: {e}")));
+        result
+    }
 }
 
 /// Where the results go.

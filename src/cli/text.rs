@@ -31,6 +31,9 @@ Where results come from (docs/provenance.md):
   koehler diff before after                             what moved between two runs
   koehler gc mine/pipeline.toml                         remove what nothing needs
 
+What is in them (docs/tables.md):
+  koehler sql mine/pipeline.toml \"SELECT * FROM fits\"   a query in SQL over the tables of a run
+
 What is said:
   --quiet says answers, warnings and errors alone, --verbose each unit of work as well. With --json standard output is one JSON document
   and nothing else; what could not be done is in its `errors`, and always on standard error. NO_COLOR=1 takes the colours away.
@@ -109,6 +112,20 @@ Examples:
   koehler diff before after --json > differences.json
 
 Exit codes: 0 no differences, 1 some, 2 a folder has no results that can be read.";
+
+pub const SQL: &str = "\
+Every table of the output folder is one table of SQL, whatever the number of its files, and the flight is a column of it; docs/tables.md has
+all columns. Only the tables and columns that the query wants are read. Rows come in no certain order without ORDER BY. SHOW TABLES lists
+the tables of the run.
+
+The answer has six digits of a number; --csv and --json have all of them. What has no value is null, in CSV empty.
+
+Examples:
+  koehler sql mine/pipeline.toml \"SELECT flight, kind, count(*) AS n FROM segments WHERE included GROUP BY flight, kind ORDER BY flight\"
+  koehler sql mine/out --csv \"SELECT e.segment, e.value, e.sd, c.value AS V FROM estimates e JOIN conditions c ON e.segment = c.segment
+    WHERE e.parameter = 'C_m_alpha' AND c.signal = 'V'\" > points.csv
+
+Exit codes: 0 the query was answered, 2 it could not be.";
 
 pub const LINEAGE: &str = "\
 From the file back to the logs: which stages made it and what they read, with the version of the program and a hash of its sources, the

@@ -12,10 +12,22 @@ pub enum Event<'a> {
     Step { unit: &'a Unit, done: usize, of: usize },
     /// What a unit is doing, in words.
     Told { unit: &'a Unit, text: &'a str },
-    /// A unit is done, well or not.
-    Unit { unit: &'a Unit },
+    /// A unit is done with, and how.
+    Unit { unit: &'a Unit, ended: Ended<'a> },
     /// A stage ends.
     End,
+}
+
+/// What became of a unit.
+pub enum Ended<'a> {
+    /// It was run; what it notes.
+    Made(&'a [Note]),
+    /// It was fresh; what it noted when it was run.
+    Kept(&'a [Note]),
+    /// It was run and has no result.
+    Failed(&'a Errors),
+    /// It was not run; why.
+    Blocked(&'a str),
 }
 
 /// Called with every event, from any thread.

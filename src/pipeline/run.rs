@@ -11,7 +11,7 @@ use super::own::{failure_note, own_tables};
 use super::owners::Owners;
 use super::plan::Plan;
 use super::provenance::{Provenance, VERSION};
-use super::result::{Event, RunResult, StageResult, Watch};
+use super::result::{Ended, Event, RunResult, StageResult, Watch};
 use super::status::gone;
 use super::store::Store;
 use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep};
@@ -47,20 +47,13 @@ enum Outcome {
     Blocked(Option<String>),
 }
 
-/// Runs what is not fresh. The caller holds the folder's lock.
+/// Runs what is not fresh of a part of a campaign; what is left out stays as it is. The caller holds
+/// the folder's lock.
 ///
 /// # Errors
 /// The output folder cannot be read or written. What fails inside a stage does not stop the others
 /// and is in the result.
-pub fn run(plan: &Plan, store: &Store, engine: &dyn Engine, watch: Watch) -> Result<RunResult> {
-    run_within(plan, store, engine, watch, &Limits::default())
-}
-
-/// The same for a part of a run; what it leaves out stays as it is.
-///
-/// # Errors
-/// As `run`.
-pub fn run_within(
+pub fn run(
     plan: &Plan,
     store: &Store,
     engine: &dyn Engine,
@@ -131,6 +124,9 @@ impl Run<'_> {
             .iter()
             .map(|a| if self.is_run(a) { Ok(None) } else { self.spared(a, &owners).map(Some) })
             .collect::<Result<_>>()?;
+        for (a, outcome) in assessments.iter().zip(&outcomes) {
+            self.tell_spared(a, outcome.as_ref());
+        }
         let ran = self.ran(stage, &to_run, &owners)?;
         let left = outcomes.iter_mut().filter(|outcome| outcome.is_none());
         left.zip(ran).for_each(|(outcome, ran)| *outcome = Some(ran));
@@ -185,6 +181,16 @@ impl Run<'_> {
         }
     }
 
+    /// Tells what becomes of a unit that is not run.
+    fn tell_spared(&self, a: &Assessment, outcome: Option<&Outcome>) {
+        let ended = match (outcome, &a.state) {
+            (Some(Outcome::Fresh(record)), _) => Ended::Kept(&record.notes),
+            (Some(Outcome::Blocked(_)), State::Blocked(why)) => Ended::Blocked(why),
+            _ => return,
+        };
+        (self.watch)(Event::Unit { unit: &a.unit, ended });
+    }
+
     /// The record of a fresh unit. One of an earlier program is given the values of its settings:
     /// their hashes say that they are these.
     fn with_settings(&self, a: &Assessment, record: &Provenance) -> Result<Provenance> {
@@ -226,8 +232,16 @@ impl Run<'_> {
         let work = Work { plan: self.plan, folder: self.store.root(), elsewhere: false };
         let take = |i: usize, made: Result<Made>| {
             let made = made.map_or_else(|e| Err(e.into()), |made| made.0);
-            (self.watch)(Event::Unit { unit: &units[i].unit });
-            drop(outcomes[i].set(self.filed(stage, units[i], made, owners)));
+            let filed = self.filed(stage, units[i], made, owners);
+            let stopped =
+                filed.as_ref().map_or_else(|e| Errors::from(e.clone()), |_| Errors::default());
+            let ended = match &filed {
+                Ok(Outcome::Ran(record)) => Ended::Made(&record.notes),
+                Ok(Outcome::Failed(errors)) => Ended::Failed(errors),
+                _ => Ended::Failed(&stopped),
+            };
+            (self.watch)(Event::Unit { unit: &units[i].unit, ended });
+            drop(outcomes[i].set(filed));
         };
         match stage.spreads {
             true => engine::each_here::<UnitOfStage>(&here, &work, &items, &take),

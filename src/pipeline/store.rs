@@ -8,7 +8,7 @@ use super::provenance::{Provenance, hash_bytes};
 use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
 use crate::stage::Part;
-use crate::table::{Table, read_part, write_atomic};
+use crate::table::{self, SCHEMA_VERSION, Table, read_part, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
@@ -48,7 +48,7 @@ impl Store {
     /// `force` says that files of others may go.
     ///
     /// # Errors
-    /// It has files of others, or records of a form that only a later program reads.
+    /// It has files of others, or records or tables that only a later program reads.
     pub fn claim(root: &Path, force: bool) -> Result<Store> {
         guard::folder(root, force)?;
         Store::look(root)
@@ -57,9 +57,14 @@ impl Store {
     /// The same for reading alone.
     ///
     /// # Errors
-    /// It has records of a form that only a later program reads.
+    /// It has records of a form, or tables of a version, that only a later program reads.
     pub fn look(root: &Path) -> Result<Store> {
         let store = Store::open(root);
+        if let Ok(said) = std::fs::read_to_string(store.tables_path()) {
+            let place = Place::file(store.tables_path().to_string_lossy());
+            table::known(&said, "the tables of this output folder have")
+                .map_err(|e| Error { place: Some(place), ..e })?;
+        }
         let path = store.form_path();
         let said = std::fs::read_to_string(&path).unwrap_or_else(|_| "1".into());
         match said.trim().parse::<u32>() {
@@ -77,6 +82,12 @@ impl Store {
 
     fn form_path(&self) -> PathBuf {
         self.root.join(MARK).join("form")
+    }
+
+    /// Where the version of the tables stands, for programs that come upon the folder; those of
+    /// programs before the first version say none.
+    fn tables_path(&self) -> PathBuf {
+        self.root.join(MARK).join("tables")
     }
 
     /// The folder itself.
@@ -104,6 +115,7 @@ impl Store {
         match file.try_lock() {
             Ok(()) => {
                 write_atomic(&self.form_path(), format!("{FORM}\n").as_bytes())?;
+                write_atomic(&self.tables_path(), format!("{SCHEMA_VERSION}\n").as_bytes())?;
                 Ok(Lock { _file: file })
             }
             Err(std::fs::TryLockError::WouldBlock) => {

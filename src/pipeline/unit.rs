@@ -106,6 +106,8 @@ impl Function for UnitOfStage {
     type Output = Made;
 
     fn run(work: &Work, item: &Item, source: &Source) -> Result<Made> {
+        // Who watches hears that it has begun.
+        (source.tell)(Said::Step(0, 1));
         let campaign = &work.plan.campaign;
         let known = campaign.stages.iter().find(|stage| stage.name == item.stage);
         let stage = known.ok_or_else(|| Error::new(format!("no stage \"{}\"", item.stage)))?;

@@ -2,6 +2,7 @@
 
 use super::files;
 use super::hashed;
+use super::journal;
 use super::origin::{Origin, folder};
 use super::provenance::LOG;
 use super::store::Store;
@@ -68,7 +69,8 @@ pub fn verify(store: &Store, pipeline: &Path) -> Result<Verified> {
             }),
         }
     }
-    let unknown = files::all(store.root()).into_iter().filter(|path| !recorded.contains_key(path));
+    let is_known = |path: &PathBuf| recorded.contains_key(path) || is_journal(store, path);
+    let unknown = files::all(store.root()).into_iter().filter(|path| !is_known(path));
     verified.faults.extend(unknown.map(|path| Unlike {
         fault: Fault::Unknown,
         path: path.display().to_string(),
@@ -76,6 +78,11 @@ pub fn verify(store: &Store, pipeline: &Path) -> Result<Verified> {
     }));
     verified.faults.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(verified)
+}
+
+/// Whether a file is what a run tells of its times, which no record names.
+fn is_journal(store: &Store, path: &Path) -> bool {
+    path.parent() == Some(store.root()) && journal::is_ours(path)
 }
 
 /// Every file that the records name.

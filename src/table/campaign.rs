@@ -1,5 +1,5 @@
-//! Tables of many flights in; joins, selections and counts over the whole campaign out. The only
-//! module that uses polars.
+//! Tables of many flights in; joins, selections and counts over the whole campaign out. Only this and
+//! what answers queries use polars.
 //!
 //! polars joins, filters, sorts and counts; it never adds up numbers that end in a table, as its
 //! order of summation is its own.

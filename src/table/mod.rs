@@ -10,8 +10,11 @@ mod dataset;
 mod flight;
 mod page;
 mod parquet;
+pub mod query;
+mod refused;
 mod rows;
 mod schema;
+mod version;
 
 use std::sync::Arc;
 
@@ -26,6 +29,7 @@ pub use dataset::{part_path, parts, read_dataset, read_part, write_atomic, write
 pub use flight::{check_flight, flight_id};
 pub use page::page;
 pub use schema::{Column, Kind, Schema, schema, schemas};
+pub use version::{SCHEMA_VERSION, known};
 
 /// What stands in a `stop` column when all is well.
 pub const CONVERGED: &str = "converged";

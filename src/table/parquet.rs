@@ -15,8 +15,10 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
+use parquet::file::reader::ChunkReader;
 use parquet::schema::types::ColumnPath;
 
+use super::version::{self, SCHEMA_VERSION};
 use super::{Column, Kind, Schema, Table, schema};
 use crate::error::{Error, Result};
 
@@ -32,8 +34,8 @@ impl Table {
     /// file's path.
     ///
     /// Units and meanings stand in the metadata of the columns and, for readers that do not look
-    /// there, as `unit.<column>` and `doc.<column>` in the metadata of the file, beside `table` and
-    /// `doc`.
+    /// there, as `unit.<column>` and `doc.<column>` in the metadata of the file, beside `table`, `doc`
+    /// and `schema_version`.
     ///
     /// # Errors
     /// The Parquet writer fails.
@@ -54,6 +56,7 @@ impl Table {
         let mut pairs = vec![
             ("table".to_string(), self.name().to_string()),
             ("doc".to_string(), self.schema.doc.clone()),
+            (version::KEY.to_string(), SCHEMA_VERSION.to_string()),
         ];
         let mut builder = WriterProperties::builder()
             .set_created_by(CREATED_BY.to_string())
@@ -101,42 +104,76 @@ impl Table {
         flight: Option<&str>,
         only: Option<&[String]>,
     ) -> Result<Table> {
-        let schema = schema(name)?;
-        let fail = |e: &dyn std::fmt::Display| {
-            Error::new(format!("this is no readable file of the table \"{name}\": {e}"))
-                .help("delete the file and run again")
-        };
-        let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes))
-            .map_err(|e| fail(&e))?;
-        let reader = match only {
-            Some(only) => {
-                let own = schema.columns.iter().map(|column| column.name.as_str());
-                let names = own.chain(only.iter().map(String::as_str));
-                let mask = ProjectionMask::columns(reader.parquet_schema(), names);
-                reader.with_projection(mask)
-            }
-            None => reader,
-        };
-        let batches = reader.with_batch_size(ROW_GROUP).build().map_err(|e| fail(&e))?;
-        let file_schema = batches.schema();
-        let batches = batches.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
-        let batch =
-            arrow_select::concat::concat_batches(&file_schema, &batches).map_err(|e| fail(&e))?;
-        let columns = columns(schema, file_schema.fields()).map_err(|what| fail(&what))?;
-        let mut arrays = Vec::new();
-        for column in &columns {
-            let array = match (batch.column_by_name(&column.name), flight) {
-                (Some(array), _) => nan_for_nulls(array),
-                (None, Some(id)) => {
-                    super::build::texts(std::iter::repeat_n(Some(id), batch.num_rows()))
-                        .ok_or_else(|| fail(&"it has too many rows"))?
-                }
-                (None, None) => return Err(fail(&"its path does not say which flight it is of")),
-            };
-            arrays.push(array);
+        let mut file = TableFile::open(name, bytes::Bytes::from(bytes))?;
+        if let Some(only) = only {
+            let own = |c: &Column| file.schema.columns.iter().any(|own| own.name == c.name);
+            let kept = file.columns.iter().filter(|c| own(c) || only.contains(&c.name));
+            file.columns = kept.cloned().collect();
         }
+        let (schema, columns) = (file.schema, file.columns.clone());
+        let arrays = file.read(flight)?.iter().map(nan_for_nulls).collect();
         Table::from_arrays(schema, columns, arrays)
     }
+}
+
+/// A file of a table, opened and not read: its columns are known to be those of the schema.
+pub(super) struct TableFile<T: ChunkReader> {
+    reader: ParquetRecordBatchReaderBuilder<T>,
+    schema: &'static Schema,
+    /// What is read: all columns, unless some are taken out.
+    pub columns: Vec<Column>,
+}
+
+impl<T: ChunkReader + 'static> TableFile<T> {
+    /// A file of the table `name`.
+    ///
+    /// # Errors
+    /// It is no Parquet file, of a later version, or not one of that table.
+    pub fn open(name: &str, source: T) -> Result<TableFile<T>> {
+        let schema = schema(name)?;
+        let reader =
+            ParquetRecordBatchReaderBuilder::try_new(source).map_err(|e| unreadable(schema, &e))?;
+        version::check(reader.metadata().file_metadata().key_value_metadata())?;
+        let columns =
+            columns(schema, reader.schema().fields()).map_err(|what| unreadable(schema, &what))?;
+        Ok(TableFile { reader, schema, columns })
+    }
+
+    /// How many rows it has.
+    pub fn rows(&self) -> usize {
+        usize::try_from(self.reader.metadata().file_metadata().num_rows()).unwrap_or(0)
+    }
+
+    /// The values of its columns, in their order; that of the flight, which is not in the file, is
+    /// `flight` throughout. What has no value is null.
+    ///
+    /// # Errors
+    /// The file is damaged, or wants a flight.
+    pub fn read(self, flight: Option<&str>) -> Result<Vec<ArrayRef>> {
+        let rows = self.rows();
+        let (schema, columns) = (self.schema, self.columns);
+        let fail = |e: &dyn std::fmt::Display| unreadable(schema, e);
+        let names = columns.iter().map(|column| column.name.as_str());
+        let mask = ProjectionMask::columns(self.reader.parquet_schema(), names);
+        let reader = self.reader.with_projection(mask).with_batch_size(ROW_GROUP);
+        let batches = reader.build().map_err(|e| fail(&e))?;
+        let in_file = batches.schema();
+        let batches = batches.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
+        let batch =
+            arrow_select::concat::concat_batches(&in_file, &batches).map_err(|e| fail(&e))?;
+        let array = |column: &Column| match (batch.column_by_name(&column.name), flight) {
+            (Some(array), _) => Ok(array.clone()),
+            (None, Some(id)) => super::build::texts(std::iter::repeat_n(Some(id), rows))
+                .ok_or_else(|| fail(&"it has too many rows")),
+            (None, None) => Err(fail(&"its path does not say which flight it is of")),
+        };
+        columns.iter().map(array).collect()
+    }
+}
+
+fn unreadable(schema: &Schema, why: &dyn std::fmt::Display) -> Error {
+    Error::new(format!("this is no readable file of the table \"{}\": {why}", schema.name))
+        .help("delete the file and run again")
 }
 
 /// The table's columns, those of the schema first; says what does not fit.
@@ -144,7 +181,15 @@ fn columns(schema: &Schema, fields: &[Arc<Field>]) -> std::result::Result<Vec<Co
     for column in &schema.columns {
         let in_path = schema.per_flight && column.name == "flight";
         match fields.iter().find(|f| *f.name() == column.name) {
-            Some(field) if *field.data_type() == column.kind.data_type() => {}
+            Some(field) if *field.data_type() == column.kind.data_type() => {
+                // Where other programs have written it, it may have none.
+                if let Some(unit) = field.metadata().get("unit").filter(|u| **u != column.unit) {
+                    return Err(format!(
+                        "its column \"{}\" is in {unit}, not {}",
+                        column.name, column.unit
+                    ));
+                }
+            }
             Some(field) => {
                 return Err(format!(
                     "its column \"{}\" is {}, not {}",

@@ -9,7 +9,7 @@ use arrow_array::{
 };
 
 use super::schema::arrow;
-use super::{Column, Table, schema};
+use super::{Column, Schema, Table, schema};
 use crate::error::{Error, Result};
 
 impl Table {
@@ -21,30 +21,13 @@ impl Table {
     pub fn concat<T: Borrow<Table>>(name: &str, tables: &[T]) -> Result<Table> {
         let tables: Vec<&Table> = tables.iter().map(Borrow::borrow).collect();
         let schema = schema(name)?;
-        let mut columns = schema.columns.clone();
-        for table in &tables {
-            if table.schema != schema {
-                return Err(Error::new(format!(
-                    "table \"{}\" cannot be put together with \"{name}\"",
-                    table.name()
-                )));
-            }
-            for column in table.columns() {
-                match columns.iter().find(|c| c.name == column.name) {
-                    None => columns.push(column.clone()),
-                    Some(known) if known.unit != column.unit => {
-                        let what = format!(
-                            "column \"{}\" of \"{name}\" is in {} and in {}",
-                            column.name, known.unit, column.unit
-                        );
-                        return Err(
-                            Error::new(what).help("give the signal the same unit for all flights")
-                        );
-                    }
-                    Some(_) => {}
-                }
-            }
+        if let Some(table) = tables.iter().find(|table| table.schema != schema) {
+            return Err(Error::new(format!(
+                "table \"{}\" cannot be put together with \"{name}\"",
+                table.name()
+            )));
         }
+        let columns = united(schema, tables.iter().map(|table| table.columns()))?;
         if tables.is_empty() {
             return Table::empty(name);
         }
@@ -99,6 +82,31 @@ impl Table {
         });
         self.take(&rows)
     }
+}
+
+/// The columns of several tables of a schema: its own, then the dynamic ones that any of them has.
+///
+/// # Errors
+/// A dynamic column has two units.
+pub(super) fn united<'a>(
+    schema: &Schema,
+    all: impl Iterator<Item = &'a [Column]>,
+) -> Result<Vec<Column>> {
+    let mut columns = schema.columns.clone();
+    for column in all.flatten() {
+        match columns.iter().find(|c| c.name == column.name) {
+            None => columns.push(column.clone()),
+            Some(known) if known.unit != column.unit => {
+                let what = format!(
+                    "column \"{}\" of \"{}\" is in {} and in {}",
+                    column.name, schema.name, known.unit, column.unit
+                );
+                return Err(Error::new(what).help("give the signal the same unit for all flights"));
+            }
+            Some(_) => {}
+        }
+    }
+    Ok(columns)
 }
 
 fn compare(array: &ArrayRef, a: usize, b: usize) -> Ordering {

@@ -242,6 +242,7 @@ fn files_carry_units_meanings_and_the_encodings_meant() {
     let pairs = file.key_value_metadata().unwrap();
     let value = |key: &str| pairs.iter().find(|p| p.key == key).and_then(|p| p.value.clone());
     assert_eq!(value("table"), Some("segments".into()));
+    assert_eq!(value("schema_version"), Some(SCHEMA_VERSION.to_string()));
     assert_eq!(value("unit.t_start_s"), Some("s".into()));
     assert_eq!(
         value("doc.t_start_s"),
@@ -519,4 +520,39 @@ fn a_choice_of_columns_is_read_as_all_of_them_are() {
     assert_eq!(some.column("h").ok(), all.column("h").ok());
     assert_eq!(some.f64("h").ok(), all.f64("h").ok());
     assert_eq!(some.strings("flight").ok(), all.strings("flight").ok());
+}
+
+/// The bytes of a file with the columns of a table, whose arrow schema `change` makes another.
+fn rewritten(
+    table: &Table,
+    change: impl Fn(&::arrow_schema::Field) -> ::arrow_schema::Field,
+) -> Vec<u8> {
+    let batch = table.in_file().unwrap();
+    let fields: Vec<_> = batch.schema().fields().iter().map(|f| change(f)).collect();
+    let schema = Arc::new(::arrow_schema::Schema::new(fields));
+    let batch = RecordBatch::try_new(schema.clone(), batch.columns().to_vec()).unwrap();
+    let mut writer = ::parquet::arrow::ArrowWriter::try_new(Vec::new(), schema, None).unwrap();
+    writer.write(&batch).unwrap();
+    writer.into_inner().unwrap()
+}
+
+#[test]
+fn a_file_without_a_version_is_read_where_its_columns_are_those_of_now() {
+    let table = segments("f1", &["a"], vec![true]);
+    let read = |bytes| Table::from_parquet("segments", bytes, Some("f1"));
+    assert_eq!(read(rewritten(&table, Clone::clone)).unwrap(), table);
+    let bare = |f: &::arrow_schema::Field| f.clone().with_metadata([].into());
+    assert_eq!(read(rewritten(&table, bare)).unwrap(), table);
+    let e = read(rewritten(&table, |f| match f.name().as_str() {
+        "unit_time_s" => f.clone().with_metadata([("unit".into(), "min".into())].into()),
+        _ => f.clone(),
+    }));
+    let e = e.unwrap_err().to_string();
+    assert!(e.contains("its column \"unit_time_s\" is in min, not s"), "{e}");
+    let e = read(rewritten(&table, |f| match f.name().as_str() {
+        "unit_time_s" => f.clone().with_name("unit_time"),
+        _ => f.clone(),
+    }));
+    let e = e.unwrap_err().to_string();
+    assert!(e.contains("it lacks the column \"unit_time_s\""), "{e}");
 }

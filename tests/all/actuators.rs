@@ -93,8 +93,14 @@ fn ran(out: &TempDir, pipeline: &str) -> RunResult {
     let path = out.path().join("pipeline.toml");
     std::fs::write(&path, pipeline).expect("written");
     let plan = Plan::read(&path).unwrap_or_else(|e| panic!("{e}"));
-    run(&plan, &Store::open(&out.path().join("out")), &koehler::engine::Threads, &|_| {})
-        .unwrap_or_else(|e| panic!("{e}"))
+    run(
+        &plan,
+        &Store::open(&out.path().join("out")),
+        &koehler::engine::Threads,
+        &|_| {},
+        &Default::default(),
+    )
+    .unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn table(out: &TempDir, name: &str) -> Table {

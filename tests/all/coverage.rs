@@ -86,8 +86,9 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64) -> Outcome {
     }
     let plan = Plan::read(&folder.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
     let out = folder.path().join("out");
-    let result = run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {})
-        .unwrap_or_else(|e| panic!("{e}"));
+    let result =
+        run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {}, &Default::default())
+            .unwrap_or_else(|e| panic!("{e}"));
     let lost: Vec<_> =
         result.notes.iter().filter(|n| n.severity == koehler::stage::Severity::Missing).collect();
     assert!(result.complete(), "seed {seed}: {lost:?} {}", result.errors);
@@ -307,8 +308,9 @@ fn recovery_coverage_needs_no_truth_file() {
             simulation.fly(&simulation.missing, &|_| {}).unwrap_or_else(|e| panic!("{e}"));
         }
         let out = folder.path().join(out);
-        let result = run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {})
-            .unwrap_or_else(|e| panic!("{e}"));
+        let result =
+            run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {}, &Default::default())
+                .unwrap_or_else(|e| panic!("{e}"));
         assert!(result.complete(), "{}", result.errors);
         contents(&out)
     };

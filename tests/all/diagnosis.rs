@@ -43,6 +43,7 @@ fn out() -> Option<&'static TempDir> {
             &Store::open(&folder.path().join("out")),
             &koehler::engine::Threads,
             &|_| {},
+            &Default::default(),
         )
         .unwrap_or_else(|e| panic!("{e}"));
         assert!(result.errors.is_empty(), "{}", result.errors);

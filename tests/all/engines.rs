@@ -206,7 +206,7 @@ fn works_for_another_process() {
     }
 }
 
-/// All that a run left, by path, without lock and memory.
+/// All that a run left, by path, without lock, memory and the log with its times.
 fn left(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn walk(folder: &Path, root: &Path, all: &mut BTreeMap<PathBuf, Vec<u8>>) {
         for entry in std::fs::read_dir(folder).expect("a folder") {
@@ -214,7 +214,7 @@ fn left(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
             let name = path.strip_prefix(root).expect("below").to_path_buf();
             if path.is_dir() {
                 walk(&path, root, all);
-            } else if !["lock", "memo.json"]
+            } else if !["lock", "memo.json", "log.txt"]
                 .contains(&name.file_name().and_then(|n| n.to_str()).unwrap_or_default())
             {
                 all.insert(name, std::fs::read(&path).expect("readable"));

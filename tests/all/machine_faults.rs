@@ -21,13 +21,14 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     all
 }
 
-/// The results of a campaign, by path; hidden files are the program's own notes.
+/// The results of a campaign, by path; hidden files are the program's own notes, and its log has
+/// times.
 fn results(c: &Campaign) -> BTreeMap<PathBuf, Vec<u8>> {
     let out = c.path("out");
     let relative = |path: PathBuf| path.strip_prefix(&out).expect("below").to_path_buf();
     let hidden = |path: &Path| path.iter().any(|part| part.to_string_lossy().starts_with('.'));
     let named = files(&out).into_iter().map(|path| (relative(path.clone()), path));
-    let shown = named.filter(|(name, _)| !hidden(name));
+    let shown = named.filter(|(name, _)| !hidden(name) && name != Path::new("log.txt"));
     shown.map(|(name, path)| (name, std::fs::read(path).expect("readable"))).collect()
 }
 

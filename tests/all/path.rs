@@ -54,8 +54,9 @@ fn reconstruct(
     write_log(&recording, &folder.path().join("logs/short.mcap"), "koehler").expect("a log");
     let plan = Plan::read(&folder.path().join("pipeline.toml")).unwrap_or_else(|e| panic!("{e}"));
     let out = folder.path().join("out");
-    let result = run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {})
-        .unwrap_or_else(|e| panic!("{e}"));
+    let result =
+        run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {}, &Default::default())
+            .unwrap_or_else(|e| panic!("{e}"));
     assert!(result.complete(), "{}", result.errors);
     let table = read_dataset(&out, "flightpath").unwrap_or_else(|e| panic!("{e}"));
     (folder, table)

@@ -80,6 +80,7 @@ fn without_values(c: &Campaign) {
         }
     }
     std::fs::remove_file(c.path("out/.koehler/form")).expect("removed");
+    std::fs::remove_file(c.path("out/.koehler/tables")).expect("removed");
     std::fs::remove_file(c.path("out/.koehler/run.json")).expect("removed");
 }
 
@@ -104,6 +105,33 @@ fn a_folder_of_an_earlier_program_is_read_and_completed_and_one_of_a_later_is_re
         let run = c.koehler(verb, &[]).ended(2);
         assert!(run.err.contains("have form 3; this program reads 1 to 2"), "{}", run.err);
     }
+}
+
+#[test]
+fn fault_tables_of_a_later_program_are_refused_by_name() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let later = koehler::table::SCHEMA_VERSION + 1;
+    // One file of a folder whose last run was of this program.
+    let path = c.path("out/fits/part-0.parquet");
+    let mut bytes = std::fs::read(&path).expect("a table");
+    let key = b"schema_version";
+    let key = bytes.windows(key.len()).position(|w| w == key).expect("in its metadata") + key.len();
+    let digit = bytes[key..].iter().position(u8::is_ascii_digit).expect("a version") + key;
+    bytes[digit] += 1;
+    std::fs::write(&path, bytes).expect("written");
+    let sql = c.command("sql", &["out", "SELECT slope FROM fits"]).ended(2);
+    let wanted = format!("fits/part-0.parquet: this file of a table has schema_version {later};");
+    assert!(sql.err.contains(&wanted) && sql.err.contains("a later koehler"), "{}", sql.err);
+    c.command("sql", &["out", "SELECT value FROM estimates"]).ended(0);
+
+    // A folder that a later one began to write.
+    std::fs::write(c.path("out/.koehler/tables"), format!("{later}\n")).expect("written");
+    for verb in ["run", "status", "verify", "explain", "gc"] {
+        let run = c.koehler(verb, &[]).ended(2);
+        assert!(run.err.contains(&format!("have schema_version {later}")), "{}", run.err);
+    }
+    assert!(c.command("diff", &["out", "out"]).ended(2).err.contains("have schema_version"));
 }
 
 #[test]

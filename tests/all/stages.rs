@@ -64,7 +64,14 @@ fn a_new_stage_is_one_value() {
     plan.campaign.stages = &WITH_TOY;
     let store = Store::open(&c.path("out"));
     let run = |plan: &Plan| {
-        pipeline::run(plan, &store, &koehler::engine::Threads, &|_| {}).expect("a run")
+        pipeline::run(
+            plan,
+            &store,
+            &koehler::engine::Threads,
+            &|_| {},
+            &pipeline::Limits::default(),
+        )
+        .expect("a run")
     };
     let first = run(&plan);
     assert!(first.errors.is_empty(), "{}", first.errors);

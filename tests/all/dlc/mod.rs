@@ -89,9 +89,14 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
         without.iter().for_each(|stage| drop(settings.told.remove(*stage)));
     });
     let plan = plan.unwrap_or_else(|e| panic!("{e}"));
-    let result =
-        run(&plan, &Store::open(&out.path().join("out")), &koehler::engine::Threads, &|_| {})
-            .unwrap_or_else(|e| panic!("{e}"));
+    let result = run(
+        &plan,
+        &Store::open(&out.path().join("out")),
+        &koehler::engine::Threads,
+        &|_| {},
+        &Default::default(),
+    )
+    .unwrap_or_else(|e| panic!("{e}"));
     let lost: Vec<_> =
         result.notes.iter().filter(|n| n.severity == koehler::stage::Severity::Missing).collect();
     assert!(result.complete() && lost.is_empty(), "seed {seed}: {lost:?} {}", result.errors);

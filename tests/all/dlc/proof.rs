@@ -128,8 +128,9 @@ fn recovery_attas_proof_of_match_by_both_models() {
     });
     let plan = plan.unwrap_or_else(|e| panic!("{e}"));
     let out = shipped.out.path().join("proof");
-    let result = run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {})
-        .unwrap_or_else(|e| panic!("{e}"));
+    let result =
+        run(&plan, &Store::open(&out), &koehler::engine::Threads, &|_| {}, &Default::default())
+            .unwrap_or_else(|e| panic!("{e}"));
     // Model A is outside of tolerances, which makes the run one with problems.
     assert!(result.errors.is_empty(), "{}", result.errors);
     let ((kept, used), (rest, counts)) = (tolerances(&out), noise(&out));
