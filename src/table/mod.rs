@@ -12,6 +12,7 @@ mod page;
 mod parquet;
 mod rows;
 mod schema;
+mod want;
 
 use std::sync::Arc;
 
@@ -26,6 +27,7 @@ pub use dataset::{part_path, parts, read_dataset, read_part, write_atomic, write
 pub use flight::{check_flight, flight_id};
 pub use page::page;
 pub use schema::{Column, Kind, Schema, schema, schemas};
+pub use want::{Is, Rows, Want};
 
 /// What stands in a `stop` column when all is well.
 pub const CONVERGED: &str = "converged";

@@ -10,14 +10,13 @@ use arrow_array::RecordBatchReader;
 use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch};
 use arrow_schema::{DataType, Field};
 use parquet::arrow::ArrowWriter;
-use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::schema::types::ColumnPath;
 
-use super::{Column, Kind, Schema, Table, schema};
+use super::{Column, Kind, Schema, Table, Want, schema};
 use crate::error::{Error, Result};
 
 /// Rows of a row group, fixed so that the bytes depend on the rows alone.
@@ -88,35 +87,31 @@ impl Table {
     /// # Errors
     /// The bytes are no Parquet file, or not one of the table `name`.
     pub fn from_parquet(name: &str, bytes: Vec<u8>, flight: Option<&str>) -> Result<Table> {
-        Table::columns_of_parquet(name, bytes, flight, None)
+        Table::part_of_parquet(name, bytes.into(), flight, Want::default())
     }
 
-    /// The same with these alone of the columns that the schema does not have; all without a choice.
+    /// The same with what is wanted of the table alone.
     ///
     /// # Errors
     /// As `from_parquet`. A column that is not there is left out.
-    pub fn columns_of_parquet(
+    pub fn part_of_parquet(
         name: &str,
-        bytes: Vec<u8>,
+        bytes: bytes::Bytes,
         flight: Option<&str>,
-        only: Option<&[String]>,
+        want: Want,
     ) -> Result<Table> {
         let schema = schema(name)?;
         let fail = |e: &dyn std::fmt::Display| {
             Error::new(format!("this is no readable file of the table \"{name}\": {e}"))
                 .help("delete the file and run again")
         };
-        let reader = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes))
-            .map_err(|e| fail(&e))?;
-        let reader = match only {
-            Some(only) => {
-                let own = schema.columns.iter().map(|column| column.name.as_str());
-                let names = own.chain(only.iter().map(String::as_str));
-                let mask = ProjectionMask::columns(reader.parquet_schema(), names);
-                reader.with_projection(mask)
-            }
+        let reader = ParquetRecordBatchReaderBuilder::try_new(bytes).map_err(|e| fail(&e))?;
+        let mask = want.mask(schema, reader.parquet_schema());
+        let reader = match want.filter(reader.parquet_schema()) {
+            Some(filter) => reader.with_row_filter(filter),
             None => reader,
         };
+        let reader = reader.with_projection(mask);
         let batches = reader.with_batch_size(ROW_GROUP).build().map_err(|e| fail(&e))?;
         let file_schema = batches.schema();
         let batches = batches.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
