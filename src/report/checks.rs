@@ -132,7 +132,8 @@ pub fn tiles(given: &Given) -> Vec<Tile> {
             (good < all || all == 0).then_some(Level::Bad),
         ));
     }
-    if asked("fits") {
+    // Lines are through the maneuvers of all flights.
+    if asked("fits") && !matches!(given.input.form, Form::Flight(_)) {
         tiles.push(tile(
             given.get("fits").map_or(0, Columns::rows).to_string(),
             "fitted lines",

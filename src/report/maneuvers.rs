@@ -174,7 +174,7 @@ fn limit(from: &Sources, responses: &Columns, groups: &[(Key, Vec<usize>)]) -> u
         let inputs = from.inputs.get(&key[0]).map_or(1, |names| names.len().max(1));
         3 * by_output(responses, rows).len() + inputs
     };
-    from.room.samples(usize::MAX, 4, groups.iter().map(numbers).sum())
+    from.room.samples(usize::MAX, 5, groups.iter().map(numbers).sum())
 }
 
 fn by_output(responses: &Columns, rows: &[usize]) -> Vec<(String, Vec<usize>)> {

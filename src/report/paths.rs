@@ -23,7 +23,7 @@ pub fn paths(table: Option<&Columns>, room: Room) -> Vec<PathPlot> {
     let Some(table) = table else { return Vec::new() };
     let mut plots: Vec<PathPlot> = Vec::new();
     let groups = table.groups(["flight", "channel"]);
-    let limit = room.samples(LIMIT, 2, 3 * groups.len());
+    let limit = room.samples(LIMIT, 1, 3 * groups.len());
     for ([flight, name], rows) in groups {
         let (factor, unit) =
             display_unit(&rows.first().map(|&row| table.unit_in("unit", row)).unwrap_or_default());

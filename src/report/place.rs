@@ -41,14 +41,24 @@ pub struct Turn {
     pub flight: String,
     pub previous: Option<String>,
     pub next: Option<String>,
+    /// Whether there are so many flights that each has less room.
+    pub crowded: bool,
 }
+
+/// More flights than this have small pages.
+const CROWD: usize = 300;
 
 impl Turn {
     /// That of one of these flights.
     pub fn of(flight: &str, flights: &[String]) -> Turn {
         let at = flights.iter().position(|id| id == flight);
         let beside = |step: isize| flights.get(at?.checked_add_signed(step)?).cloned();
-        Turn { flight: flight.to_string(), previous: beside(-1), next: beside(1) }
+        Turn {
+            flight: flight.to_string(),
+            previous: beside(-1),
+            next: beside(1),
+            crowded: flights.len() > CROWD,
+        }
     }
 }
 
@@ -67,6 +77,7 @@ impl Form {
         match self {
             Form::One => Room::ALL,
             Form::Index(_) => Room::INDEX,
+            Form::Flight(turn) if turn.crowded => Room::SMALL,
             Form::Flight(_) => Room::FLIGHT,
         }
     }

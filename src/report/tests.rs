@@ -667,9 +667,10 @@ fn sections_are_named_once_and_their_tables_have_schemas() {
     }
     let html = page(&frame(campaign())).expect("page");
     let order = |pattern: &str| all_of(&html, pattern);
-    // This campaign has no diagnosis, no model with limits or states, no regression, and nothing was
+    // One page has no list of others; this campaign has no adequacy, no diagnosis, no model with limits or states, no regression, and nothing was
     // predicted.
-    let without = ["verdict", "limits", "predictions", "equation-error", "modes"];
+    let without =
+        ["verdict", "list", "matches", "limits", "predictions", "equation-error", "modes"];
     let there: Vec<&str> =
         SECTIONS.iter().map(|s| s.id).filter(|id| !without.contains(id)).collect();
     assert_eq!(order("<section id=\""), there, "the page has the order of the list");

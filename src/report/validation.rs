@@ -5,7 +5,7 @@ use super::columns::Columns;
 use super::format::{count, display_unit, number, plain, thin, times};
 use super::grid::{Cell, Grid, Level, Row};
 use super::packed::Packed;
-use super::place::On;
+use super::place::{Form, On};
 use super::section::{Body, Given, Section};
 use super::tolerances;
 use crate::error::Result;
@@ -60,6 +60,10 @@ fn build(given: &Given) -> Result<Option<Body>> {
     let template = include_str!("html/validation.html");
     let (rows, traces) = (given.get("validation"), given.get("validation_traces"));
     let Some(rows) = rows.filter(|rows| rows.rows() > 0) else {
+        // Of most flights nothing is to be validated.
+        if let Form::Flight(_) = given.input.form {
+            return Ok(None);
+        }
         let table = Grid::new([] as [&str; 0]);
         let (tolerances, judged) = (None, None);
         let shown = Shown {

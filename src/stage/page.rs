@@ -38,7 +38,7 @@ fn form(campaign: &Campaign, flight: &str) -> Form {
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let turn = Turn::of(&unit.name, &campaign.flights);
     let mut slice = slice_of_all(campaign);
-    slice["beside"] = json!([turn.previous, turn.next]);
+    slice["beside"] = json!([turn.previous, turn.next, turn.crowded]);
     slice
 }
 

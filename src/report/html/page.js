@@ -106,7 +106,6 @@
     const names = Math.ceil(width / Math.max(120, (element.clientWidth || 400) - 78));
     Plotly.react(element, traces, layout({ shapes: shapes, showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 }, traceorder: "normal", itemsizing: "constant" }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
   }
-  const drawFigures = () => data.figures.forEach(drawFigure);
 
   // ---- likelihood profiles ----
   function drawProfile(plot) {
@@ -342,18 +341,15 @@
     sift();
   }
 
+  // One plot after the other, so that the page answers between them; all at once for the printer.
+  let turn = 0;
   function drawAll() {
-    drawLines();
-    drawFigures();
-    drawProfiles();
-    drawManeuver();
-    drawValidation();
-    drawOverlay();
-    drawVerdicts();
-    drawCorrelation();
-    drawGap();
-    drawFlight();
-    drawPath();
+    const steps = [...data.lines.map((plot) => () => drawLine(plot)), ...data.figures.map((figure, i) => () => drawFigure(figure, i)),
+      drawProfiles, drawManeuver, drawValidation, drawOverlay, drawVerdicts, drawCorrelation, drawGap, drawFlight, drawPath];
+    turn += 1;
+    if (printing) return steps.forEach((step) => step());
+    const mine = turn, next = () => { if (turn === mine && steps.length > 0) { steps.shift()(); setTimeout(next); } };
+    setTimeout(next);
   }
   dark.addEventListener("change", drawAll);
   window.addEventListener("beforeprint", () => { printing = true; drawAll(); });
