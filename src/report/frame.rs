@@ -1,7 +1,7 @@
 //! Sections and what they are built from in, a page as HTML out: its frame, its navigation, the
 //! numbers of its plots, and the script that draws them.
 
-use super::checks;
+use super::checks::{SECTION as CHECKS, Tile, tiles};
 use super::columns::Columns;
 use super::format;
 use super::place::{self, Form};
@@ -17,7 +17,7 @@ struct Page<'a> {
     title: &'a str,
     heading: &'a str,
     subtitle: &'a str,
-    tiles: Vec<checks::Tile>,
+    tiles: Vec<Tile>,
     /// What an interval is, and which units stand where.
     meaning: &'static str,
     around: Around,
@@ -101,7 +101,7 @@ pub fn page(
         title: &input.title,
         heading,
         subtitle: &input.subtitle,
-        tiles: if of_campaign { checks::tiles(&given(&checks::SECTION)) } else { Vec::new() },
+        tiles: if of_campaign { tiles(&given(&CHECKS)) } else { Vec::new() },
         meaning: if of_campaign { format::MEANING } else { "" },
         around: Around::of(&input.form),
         sections: built,

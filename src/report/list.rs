@@ -1,7 +1,7 @@
 //! The tables of the checks in; the list of flights, each with what its own checks say and the link to
 //! its page, out.
 
-use super::checks;
+use super::checks::{LIST, SECTION as CHECKS, answers, word};
 use super::columns::Columns;
 use super::format::brief;
 use super::grid::Level;
@@ -14,11 +14,11 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 pub const SECTION: Section = Section {
-    id: checks::LIST,
+    id: LIST,
     heading: "Flights",
     on: On::Index,
     // Those of the checks: the list says what the pages of the flights say.
-    tables: checks::SECTION.tables,
+    tables: CHECKS.tables,
     build,
 };
 
@@ -69,7 +69,7 @@ fn one(given: &Given, flight: &str, flights: &[String], tables: BTreeMap<String,
     };
     let styles = flight_styles(&tables);
     let own = Given { input: &input, flights: &styles, tables: &tables, ..*given };
-    let answers = checks::answers(&own);
+    let answers = answers(&own);
     let worst = [Level::Bad, Level::Warn]
         .into_iter()
         .find(|level| answers.iter().any(|answer| answer.level == *level));
@@ -83,7 +83,7 @@ fn one(given: &Given, flight: &str, flights: &[String], tables: BTreeMap<String,
         flight: flight.to_string(),
         link,
         level,
-        word: checks::word(level),
+        word: word(level),
         maneuvers: tables.get("segments").map_or(0, Columns::rows),
         text: brief(&text.join(" ")),
     }

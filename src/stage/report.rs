@@ -10,7 +10,7 @@ use crate::table::{Rows, Table, Want};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub const STAGE: Stage = Stage {
     name: "report",
@@ -103,10 +103,13 @@ pub fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.
 fn unasked(campaign: &Campaign) -> Vec<&'static str> {
-    report::tables(&Form::One, &sections(campaign))
-        .into_iter()
-        .filter(|table| parts(campaign, table).is_empty())
-        .collect()
+    // Each stage is asked once: every page wants this.
+    let at_work = campaign.stages.iter().filter(|stage| !(stage.units)(campaign).is_empty());
+    let written: BTreeSet<&str> =
+        at_work.flat_map(|stage| stage.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+    let mut tables = report::tables(&Form::One, &sections(campaign));
+    tables.retain(|table| !written.contains(table));
+    tables
 }
 
 /// Histories of which the index takes something: units of columns, and where maneuvers begin and end.
