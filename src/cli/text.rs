@@ -21,7 +21,7 @@ A first contact with your own logs:
   koehler init logs/*.mcap --out mine     write a starter folder
   (complete mine/channels.toml and mine/pipeline.toml)
   koehler check mine/pipeline.toml        every mistake at once, with file, line and column
-  koehler run mine/pipeline.toml          tables in mine/out/, pages in mine/out/report/index.html
+  koehler run mine/pipeline.toml          tables in mine/out/, the report in mine/out/report/index.html
 
 Where results come from (docs/provenance.md):
   koehler status mine/pipeline.toml                     what is fresh, stale or missing
@@ -55,7 +55,7 @@ Examples:
   koehler run pipelines/citation/pipeline.toml --out trial --jobs 4
   koehler run pipelines/citation/pipeline.toml --dry-run
   koehler run pipelines/citation/pipeline.toml --flight flight-1 --until segment     quick trials of settings on one flight
-  koehler run pipelines/citation/pipeline.toml --from report                         the report again
+  koehler run pipelines/citation/pipeline.toml --from page                           the report again
   koehler run pipelines/citation/pipeline.toml --json --quiet                        for scripts
 
 A part of a run leaves everything else as it is, stale or fresh, and says so; the next run without these options makes up for it. --until

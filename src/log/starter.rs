@@ -271,7 +271,7 @@ logs = [
 [derive]
 rate_hz = {rate}
 
-# The page report/index.html in the folder out/.
+# The report: report/index.html in the folder out/, and a page per flight.
 [report]
 
 # The flight path from the inertial sensors: signals {inputs} are needed{missing}, and it is compared

@@ -14,10 +14,12 @@ const PER_THREAD: usize = 2;
 /// Memory for tables that later stages need not read back, bytes.
 pub const KEPT_BYTES: usize = 512 << 20;
 
-/// How many of the stages, from the first on, are run for single flights.
+/// How many of the stages, from the first on, are run for single flights, and need no other flight's
+/// records.
 pub fn of_flights(campaign: &Campaign, stages: &[Stage]) -> usize {
     let is = |stage: &&Stage| {
-        (stage.units)(campaign).iter().all(|unit| matches!(unit.part, Part::Flight(_)))
+        !stage.reads_records
+            && (stage.units)(campaign).iter().all(|unit| matches!(unit.part, Part::Flight(_)))
     };
     stages.iter().take_while(is).count()
 }

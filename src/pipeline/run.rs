@@ -77,7 +77,7 @@ pub fn run(
     run.flights(of_flights)?;
     for stage in of_campaign {
         if stage.reads_records {
-            run.file_own_tables()?;
+            run.file_own_tables(stage)?;
         }
         let taken = run.stage(stage, None)?;
         run.settle(stage, taken);
@@ -355,10 +355,12 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Writes the pipeline's own tables, notes and provenance so far, so that the report can show
-    /// them.
-    fn file_own_tables(&mut self) -> Result<()> {
-        for table in own_tables(&self.result.notes, &self.records)? {
+    /// Writes those of the pipeline's own tables, notes and provenance so far, that a stage shows.
+    fn file_own_tables(&mut self, stage: &Stage) -> Result<()> {
+        let unit = (stage.units)(&self.plan.campaign).into_iter().next();
+        let reads = unit.map(|unit| (stage.reads)(&self.plan.campaign, &unit)).unwrap_or_default();
+        let tables = own_tables(&self.result.notes, &self.records)?.into_iter();
+        for table in tables.filter(|table| reads.iter().any(|read| read.table == table.name())) {
             let path = Part::Number(0).path(table.name());
             let hash = self.store.put(&path, &table.to_parquet()?)?;
             keep(&self.kept, &path, &hash, table);

@@ -7,6 +7,7 @@ use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
 use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
+use crate::report::is_of_report;
 use crate::stage::Part;
 use crate::table::{self, SCHEMA_VERSION, Table, read_part, write_atomic};
 use std::collections::BTreeSet;
@@ -217,8 +218,8 @@ impl Store {
         self.leftovers(tables, known).iter().try_for_each(|path| self.remove(path))
     }
 
-    /// The part files of the named tables that no record knows, and unfinished files wherever they are:
-    /// leftovers of a run that was stopped. Relative to the folder.
+    /// The part files of the named tables and the pages that no record knows, and unfinished files
+    /// wherever they are: leftovers of a run that was stopped. Relative to the folder.
     pub fn leftovers(&self, tables: &BTreeSet<&str>, known: &BTreeSet<String>) -> Vec<String> {
         let mut left = BTreeSet::new();
         for table in tables {
@@ -233,8 +234,11 @@ impl Store {
             }
         }
         let every = files::all(&self.root).into_iter().chain(files::in_the_mark(&self.root));
-        let begun = every.filter(|path| name(path).starts_with(UNFINISHED));
-        left.extend(begun.filter_map(|path| self.relative(&path)));
+        for path in every {
+            let begun = name(&path).starts_with(UNFINISHED);
+            let is_left = |path: &String| begun || (is_of_report(path) && !known.contains(path));
+            left.extend(self.relative(&path).filter(is_left));
+        }
         left.into_iter().collect()
     }
 
@@ -272,13 +276,20 @@ mod tests {
         store.put("signals/flight=a/.unfinished-1", b"half").expect("written");
         store.put("signals/readme.txt", b"somebody's").expect("written");
         store.put(".koehler/derive/.unfinished-2", b"half").expect("written");
-        let known = BTreeSet::from(["signals/flight=a/part-0.parquet".to_string()]);
+        store.put("report/flights/a.html", b"kept").expect("written");
+        store.put("report/flights/b.html", b"left over").expect("written");
+        store.put("report/mine.html", b"somebody's").expect("written");
+        let known = ["signals/flight=a/part-0.parquet", "report/flights/a.html"].map(String::from);
+        let known = BTreeSet::from(known);
         store.sweep(&BTreeSet::from(["signals"]), &known).expect("swept");
         assert!(store.path("signals/flight=a/part-0.parquet").exists());
         assert!(!store.path("signals/flight=a/.unfinished-1").exists());
         assert!(!store.path(".koehler/derive/.unfinished-2").exists());
         assert!(!store.path("signals/flight=b").exists());
         assert!(store.path("signals/readme.txt").exists());
+        assert!(store.path("report/flights/a.html").exists());
+        assert!(!store.path("report/flights/b.html").exists());
+        assert!(store.path("report/mine.html").exists());
     }
 
     #[test]

@@ -4,8 +4,8 @@
 use super::plan::Plan;
 use crate::engine::{Blobs, Function, Kept, Key, Said, Source, decode, encode};
 use crate::error::{Error, Errors, Place, Result};
-use crate::stage::{self, Inputs, Note, Only, Part, Unit};
-use crate::table::Table;
+use crate::stage::{self, Inputs, Note, Part, Unit};
+use crate::table::{Table, Want};
 use bytes::Bytes;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -62,17 +62,23 @@ impl Needed {
         place(&self.part.path(&self.table), &self.key)
     }
 
-    fn read(&self, folder: &Path, only: Only) -> Result<Table> {
+    /// The bytes of its file.
+    fn bytes(&self, folder: &Path) -> Result<Bytes> {
         let path = folder.join(self.part.path(&self.table));
         let bytes = std::fs::read(&path)
             .map_err(|e| Error::new(format!("cannot read {}: {e}", path.display())))?;
         if Key::of(&bytes).0 != self.key {
             return Err(Error::new(format!("{} was changed meanwhile", path.display())));
         }
+        Ok(bytes.into())
+    }
+
+    fn read(&self, folder: &Path, bytes: Bytes, want: Want) -> Result<Table> {
         let flight = if let Part::Flight(id) = &self.part { Some(id.as_str()) } else { None };
-        let place = Place::file(path.to_string_lossy());
-        Table::columns_of_parquet(&self.table, bytes, flight, only)
-            .map_err(|e| Error { place: Some(place), ..e })
+        Table::part_of_parquet(&self.table, bytes, flight, want).map_err(|e| {
+            let path = folder.join(self.part.path(&self.table));
+            Error { place: Some(Place::file(path.to_string_lossy())), ..e }
+        })
     }
 }
 
@@ -120,19 +126,23 @@ impl Function for UnitOfStage {
             let name = crate::table::schema(&needed.table)?.name.as_str();
             tables.insert((name, needed.part.clone()), needed);
         }
-        let table = |name, part: &Part, only: Only| {
+        let table = |name, part: &Part, want: Want| {
             let needed = tables.get(&(name, part.clone()));
             let needed = needed.ok_or_else(|| Error::new(format!("no {}", part.words(name))))?;
-            let read = || needed.read(work.folder, only);
-            match only {
-                // Each asks for columns of its own, and once.
-                Some(_) => read(),
-                None => Ok(Table::clone(&*source.kept.get_sized(
-                    &needed.place(),
-                    read,
-                    Table::bytes,
-                )?)),
+            let bytes = || needed.bytes(work.folder);
+            if want.is_all() {
+                let read = || needed.read(work.folder, bytes()?, want);
+                let table = source.kept.get_sized(&needed.place(), read, Table::bytes)?;
+                return Ok(Table::clone(&table));
             }
+            if want.rows.is_none() {
+                // Each asks for columns of its own, and once.
+                return needed.read(work.folder, bytes()?, want);
+            }
+            // Many units look for their rows in one file.
+            let place = Key(format!("{} file", needed.place().0));
+            let file = source.kept.get_sized(&place, bytes, Bytes::len)?;
+            needed.read(work.folder, Bytes::clone(&file), want)
         };
         let inputs = Inputs {
             parts: tables.keys().cloned().collect(),

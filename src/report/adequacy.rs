@@ -3,7 +3,20 @@
 use super::columns::Columns;
 use super::format::{few, number, plain};
 use super::grid::{Cell, Grid, Level};
+use super::place::On;
+use super::section::{Body, Section};
 use crate::signal::adequacy::{COLOUR, Leaves, SHARE};
+
+pub const SECTION: Section = Section {
+    id: "matches",
+    heading: "What each estimate leaves",
+    on: On::Index,
+    tables: &["adequacy"],
+    build: |given| {
+        let grid = grid(given.get("adequacy"));
+        Ok((!grid.rows.is_empty()).then(|| Body::grid(grid)))
+    },
+};
 
 fn is_poor(table: &Columns, row: usize) -> bool {
     table.text("leaves", row) == Leaves::More.as_str()

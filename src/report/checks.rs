@@ -14,6 +14,7 @@ use super::columns::Columns;
 use super::format::{count, few, number};
 use super::grid::Level;
 use super::lines::EXCESS;
+use super::place::{Form, On};
 use super::section::{Body, Given, Section};
 use super::{
     adequacy, consistency, diagnosis, estimates, flights, lines, logs, still, tolerances,
@@ -25,6 +26,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "checks",
     heading: "Can these results be trusted?",
+    on: On::Both,
     tables: &[
         "notes",
         "channels",
@@ -41,6 +43,9 @@ pub const SECTION: Section = Section {
     ],
     build,
 };
+
+/// The section that leads to the pages of the flights.
+pub const LIST: &str = "list";
 
 /// One number of the header.
 #[derive(Debug, Serialize)]
@@ -84,11 +89,16 @@ fn build(given: &Given) -> Result<Option<Body>> {
 pub fn tiles(given: &Given) -> Vec<Tile> {
     let tile = |value: String, label: &str, level| Tile { value, label: label.into(), level };
     let asked = |table: &str| !given.input.unasked.contains(&table);
-    let mut tiles = vec![tile(
-        given.flights.len().to_string(),
-        if given.flights.len() == 1 { "flight" } else { "flights" },
-        None,
-    )];
+    let flights = match &given.input.form {
+        // Those without a row in any table, too.
+        Form::Index(all) => all.len(),
+        _ => given.flights.len(),
+    };
+    let mut tiles =
+        vec![tile(flights.to_string(), if flights == 1 { "flight" } else { "flights" }, None)];
+    if let Form::Flight(_) = given.input.form {
+        tiles.clear();
+    }
     let found = given.get("segments").map_or(0, Columns::rows);
     let used = flights::used(given.get("responses"), given.get("segments"));
     // Records that are estimated as they are need no maneuvers.
@@ -122,7 +132,8 @@ pub fn tiles(given: &Given) -> Vec<Tile> {
             (good < all || all == 0).then_some(Level::Bad),
         ));
     }
-    if asked("fits") {
+    // Lines are through the maneuvers of all flights.
+    if asked("fits") && !matches!(given.input.form, Form::Flight(_)) {
         tiles.push(tile(
             given.get("fits").map_or(0, Columns::rows).to_string(),
             "fitted lines",
@@ -149,7 +160,7 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (flights::summary(get("segments"), get("responses"), &given.ids()), "flights", "segments"),
         (by_hand(get("segments")), "flights", "segments"),
         (estimates::convergence(get("estimates")), "estimates", "estimates"),
-        (adequacy::summary(get("adequacy")), "maneuvers", "matches"),
+        (adequacy::summary(get("adequacy")), "matches", "matches"),
         (estimates::colour(get("estimates")), "estimates", "estimates"),
         (estimates::separation(get("correlations")), "correlations", "correlations"),
         (uncertainty::honesty(get("repeats")), "uncertainty", "repeats"),
@@ -159,17 +170,26 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (diagnosis::summary(get("findings"), get("estimates")), "verdict", "verdict"),
         (logs::remarks(get("notes")), "notes", "notes"),
     ];
+    let of = |id: &str| given.sections.iter().find(|s| s.id == id);
     let link = |section: &str, id| {
-        let section =
-            given.sections.iter().find(|s| s.id == section).filter(|s| given.input.asks_for(s))?;
-        Some(Link { id, heading: section.heading })
+        let section = of(section).filter(|s| given.input.asks_for(s))?;
+        // What stands on the pages of the flights is found by their list.
+        Some(match given.input.form.shows(section.on) {
+            true => Link { id, heading: section.heading },
+            false => of(LIST).map(|list| Link { id: LIST, heading: list.heading })?,
+        })
+    };
+    // The page of a flight answers for the flight.
+    let is_asked = |section: &str| match given.input.form {
+        Form::Flight(_) => of(section).is_none_or(|s| given.input.form.shows(s.on)),
+        _ => true,
     };
     // A check without a finding has nothing to show.
     let found = |id: &str| id != "verdict" || get("findings").is_some_and(|t| t.rows() > 0);
     let check = |(answer, section, id): (Option<(Level, String)>, &str, &'static str)| {
         answer.map(|(level, text)| check(level, text, link(section, id).filter(|_| found(id))))
     };
-    answers.into_iter().filter_map(check).collect()
+    answers.into_iter().filter(|(_, section, _)| is_asked(section)).filter_map(check).collect()
 }
 
 /// The sentences of those that are problems.
@@ -182,13 +202,23 @@ pub fn problems(checks: &[Check]) -> Vec<String> {
 }
 
 fn check(level: Level, text: String, link: Option<Link>) -> Check {
-    let (mark, word) = match level {
-        Level::Good => ("✓", "good"),
-        Level::Info | Level::Dim => ("·", "note"),
-        Level::Warn => ("!", "look"),
-        Level::Bad => ("✗", "problem"),
+    let mark = match level {
+        Level::Good => "✓",
+        Level::Info | Level::Dim => "·",
+        Level::Warn => "!",
+        Level::Bad => "✗",
     };
-    Check { level, mark, word, text, link }
+    Check { level, mark, word: word(level), text, link }
+}
+
+/// What a level is called.
+pub fn word(level: Level) -> &'static str {
+    match level {
+        Level::Good => "good",
+        Level::Info | Level::Dim => "note",
+        Level::Warn => "look",
+        Level::Bad => "problem",
+    }
 }
 
 /// Maneuvers that were left out, by hand or by the score.

@@ -1,7 +1,7 @@
 //! A table's columns by name, read without fear: a missing column or an empty cell is NaN or "",
 //! never a failure of the page.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::table::{self, Kind, Table};
@@ -62,6 +62,13 @@ impl Columns {
         Columns::from_columns(table.columns().iter().filter_map(column))
     }
 
+    /// The columns of those tables that are wanted.
+    pub fn of_all(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String, Columns> {
+        let each_once: BTreeSet<&str> = wanted.iter().copied().collect();
+        let named = each_once.into_iter().filter_map(|name| Some((name, tables.get(name)?)));
+        named.map(|(name, table)| (name.to_string(), Columns::of(table))).collect()
+    }
+
     /// Columns from name, unit and values; the shortest column decides how many rows there are.
     fn from_columns(columns: impl IntoIterator<Item = (String, String, Column)>) -> Self {
         let mut all = Columns::default();
@@ -77,6 +84,24 @@ impl Columns {
         }
         all.rows = rows.unwrap_or(0);
         all
+    }
+
+    /// These rows, in this order.
+    pub fn take(&self, rows: &[usize]) -> Columns {
+        fn of<T: Clone>(
+            all: &BTreeMap<String, Vec<T>>,
+            rows: &[usize],
+        ) -> BTreeMap<String, Vec<T>> {
+            let pick = |v: &[T]| rows.iter().filter_map(|&row| v.get(row).cloned()).collect();
+            all.iter().map(|(name, values)| (name.clone(), pick(values))).collect()
+        }
+        Columns {
+            rows: rows.len(),
+            numbers: of(&self.numbers, rows),
+            texts: of(&self.texts, rows),
+            flags: of(&self.flags, rows),
+            units: self.units.clone(),
+        }
     }
 
     pub fn rows(&self) -> usize {

@@ -5,6 +5,7 @@ use super::columns::Columns;
 use super::format::{count, few, number};
 use super::grid::{Cell, Grid, Level};
 use super::paths;
+use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
@@ -12,6 +13,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "consistency",
     heading: "Do the sensors agree?",
+    on: On::Flights,
     tables: &["consistency", "pathmatch"],
     build,
 };
@@ -24,7 +26,7 @@ struct Shown {
 }
 
 fn build(given: &Given) -> Result<Option<Body>> {
-    let paths = paths::paths(given.get("pathmatch"));
+    let paths = paths::paths(given.get("pathmatch"), given.room());
     let section =
         Shown { consistency: table(given.get("consistency")), compared: !paths.is_empty() };
     Body::new(include_str!("html/consistency.html"), section).plot("paths", &paths).map(Some)
@@ -111,7 +113,8 @@ pub fn table(table: Option<&Columns>) -> Grid {
     grid.or_missing("Nothing was checked.")
 }
 
-fn level(table: &Columns, row: usize) -> Level {
+/// How remarkable the verdict of a row is that is not good.
+pub fn level(table: &Columns, row: usize) -> Level {
     let verdict = table.text("verdict", row);
     let rejected = verdict == "outliers" && table.number("value", row) > MOST_REJECTED;
     match verdict.as_str() {

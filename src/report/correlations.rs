@@ -4,6 +4,8 @@
 use super::columns::Columns;
 use super::format::short;
 use super::maneuvers::name;
+use super::place::On;
+use super::room::Room;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
@@ -12,6 +14,7 @@ use std::collections::BTreeMap;
 pub const SECTION: Section = Section {
     id: "correlations",
     heading: "Which parameters go together",
+    on: On::Both,
     tables: &["correlations"],
     build,
 };
@@ -37,17 +40,48 @@ pub const CLOSE: f64 = 0.95;
 const LIMIT: usize = 40;
 
 fn build(given: &Given) -> Result<Option<Body>> {
-    let maps = maps(given.get("correlations"));
+    let (maps, left) = closest(maps(given.get("correlations")), given.room());
     let missing = maps
         .is_empty()
         .then(|| "No correlation: no estimation has two parameters and a covariance.".to_string());
     let shown = format!(
         "Initial values of states are left out unless they are correlated above {CLOSE} with a parameter; of more than {LIMIT} parameters \
-         those with the largest correlations are drawn."
+         those with the largest correlations are drawn.{left}"
     );
     Body::new(include_str!("html/correlations.html"), Shown { missing, shown })
         .plot("correlations", &maps)
         .map(Some)
+}
+
+/// The maps that a page has room for, those with the largest correlations, in their order; and a
+/// sentence about the others.
+fn closest(mut maps: Vec<Map>, room: Room) -> (Vec<Map>, String) {
+    let all = maps.len();
+    let largest = |map: &Map| {
+        let off = |(i, row): (usize, &Vec<Option<f64>>)| {
+            let others = row.iter().enumerate().filter(|(j, _)| i != *j);
+            others.filter_map(|(_, v)| v.map(f64::abs)).fold(0.0, f64::max)
+        };
+        map.values.iter().enumerate().map(off).fold(0.0, f64::max)
+    };
+    let mut order: Vec<usize> = (0..all).collect();
+    order.sort_by(|&a, &b| largest(&maps[b]).total_cmp(&largest(&maps[a])));
+    let mut left = room.count(1, 1);
+    order.retain(|&i| {
+        let numbers = maps[i].names.len().pow(2);
+        let fits = numbers <= left;
+        left -= if fits { numbers } else { 0 };
+        fits
+    });
+    let mut k = 0..;
+    maps.retain(|_| k.next().is_some_and(|k| order.contains(&k)));
+    let told = match all - maps.len() {
+        0 => String::new(),
+        n => format!(
+            " Of {all} estimations {n} are not drawn, whose largest correlations are smaller."
+        ),
+    };
+    (maps, told)
 }
 
 fn is_initial(name: &str) -> bool {

@@ -4,6 +4,7 @@
 use super::columns::Columns;
 use super::format::{display_unit, number, plus_minus, short, shorts, thin};
 use super::grid::{Cell, Grid, Level};
+use super::place::On;
 use super::section::{Body, Given, Section};
 use super::{adequacy, again, gap, used};
 use crate::error::Result;
@@ -12,6 +13,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "diagnosis",
     heading: "What the models lack: the evidence",
+    on: On::Index,
     tables: &[
         "findings",
         "candidates",
@@ -36,8 +38,16 @@ pub const SECTION: Section = Section {
 };
 
 fn build(given: &Given) -> Result<Option<Body>> {
-    let (section, overlays) = diagnosis(|table| given.get(table));
-    let gaps = gap::figures(|table| given.get(table));
+    let (section, mut overlays) = diagnosis(|table| given.get(table));
+    // They stand in the order of what changed most.
+    let mut room = given.room().count(2, 4);
+    overlays.retain(|overlay| {
+        let samples = overlay.outputs.iter().map(|curve| curve.t.len()).sum();
+        let fits = samples <= room;
+        room -= if fits { samples } else { 0 };
+        fits
+    });
+    let gaps = gap::figures(|table| given.get(table), given.room().rows);
     Body::new(include_str!("html/diagnosis.html"), section)
         .plot("overlays", &overlays)?
         .plot("gaps", &gaps)

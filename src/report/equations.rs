@@ -4,6 +4,7 @@
 use super::columns::Columns;
 use super::format::{number, plain, plus_minus};
 use super::grid::{Cell, Grid, Level};
+use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
@@ -11,6 +12,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "equation-error",
     heading: "Regression on equations",
+    on: On::Both,
     tables: &["equations", "regressions", "searches"],
     build,
 };

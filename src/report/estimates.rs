@@ -6,12 +6,14 @@ use super::correlations::CLOSE;
 use super::format::{count, every, few, number, plus_minus};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
+use super::place::On;
 use super::section::{Body, Section};
 use serde::Serialize;
 
 pub const SECTION: Section = Section {
     id: "estimates",
     heading: "Estimates",
+    on: On::Both,
     tables: &["estimates"],
     build: |given| {
         Ok(Some(Body::new(include_str!("html/estimates.html"), estimates(given.get("estimates")))))
@@ -205,7 +207,7 @@ fn mark_failed(grid: &mut Grid, table: &Columns, row: usize) {
     }
 }
 
-fn converged(table: &Columns, row: usize) -> bool {
+pub fn converged(table: &Columns, row: usize) -> bool {
     table.text("stop", row) == CONVERGED
 }
 

@@ -3,13 +3,14 @@
 
 use super::columns::Columns;
 use super::format::{count, display_unit, number, plain, shorts, thin};
+use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use crate::math::interpolate::held;
 use serde::Serialize;
 
 pub const SECTION: Section =
-    Section { id: "figures", heading: "Figures", tables: &["figures"], build };
+    Section { id: "figures", heading: "Figures", on: On::Index, tables: &["figures"], build };
 
 /// Points drawn of one series, at most about.
 const LIMIT: usize = 2000;
@@ -64,6 +65,7 @@ fn build(given: &Given) -> Result<Option<Body>> {
         return Ok(Some(Body::new(template, Shown { figures: Vec::new() })));
     };
     let (mut captions, mut figures) = (Vec::new(), Vec::new());
+    let limit = given.room().samples(LIMIT, 2, 4 * table.rows_by(["figure", "series"]).len());
     for ([_], rows) in table.groups(["figure"]) {
         let all = series(table, &rows);
         let text = |name: &str| table.text(name, rows[0]);
@@ -76,7 +78,7 @@ fn build(given: &Given) -> Result<Option<Body>> {
         figures.push(Figure {
             x: Axis { title: text("x_title"), unit: x_unit },
             y: Axis { title: text("y_title"), unit: y_unit },
-            series: all.iter().map(|one| drawn(one, fx, fy)).collect(),
+            series: all.iter().map(|one| drawn(one, fx, fy, limit)).collect(),
         });
     }
     Body::new(template, Shown { figures: captions }).plot("figures", &figures).map(Some)
@@ -97,8 +99,8 @@ fn series(table: &Columns, rows: &[usize]) -> Vec<Series> {
     all
 }
 
-fn drawn(one: &Series, fx: f64, fy: f64) -> Drawn {
-    let keep = thin(one.x.len(), &[&one.y], LIMIT);
+fn drawn(one: &Series, fx: f64, fy: f64, limit: usize) -> Drawn {
+    let keep = thin(one.x.len(), &[&one.y], limit);
     let of = |values: &[f64], factor| shorts(keep.iter().map(|&k| values[k]), factor);
     Drawn {
         label: one.label.clone(),

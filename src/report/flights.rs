@@ -2,8 +2,11 @@
 //! the table of maneuvers out.
 
 use super::columns::Columns;
-use super::format::{count, display_unit, every, number, plain, shorts, thin, times};
+use super::format::{count, display_unit, every, number, plain, thin};
 use super::grid::{Cell, Grid, Level, Row};
+use super::packed::Packed;
+use super::place::On;
+use super::room::Room;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
@@ -12,6 +15,7 @@ use std::collections::BTreeMap;
 pub const SECTION: Section = Section {
     id: "flights",
     heading: "Flights and the maneuvers found",
+    on: On::Flights,
     tables: &["samples", "flightpath", "segments", "channels", "responses"],
     build,
 };
@@ -26,7 +30,8 @@ fn build(given: &Given) -> Result<Option<Body>> {
     let (flightpath, samples, segments) =
         (given.get("flightpath"), given.get("samples"), given.get("segments"));
     let searched = &given.input.searched;
-    let (overview, flights) = overview(flightpath, samples, segments, searched, &given.ids());
+    let (overview, flights) =
+        overview(flightpath, samples, segments, searched, &given.ids(), given.room());
     let unit = |input: &str| {
         unit_of(searched.get(input).map_or(input, String::as_str), samples, given.get("channels"))
     };
@@ -88,8 +93,8 @@ pub struct Flight {
 pub struct Trace {
     pub name: String,
     pub unit: String,
-    pub t: Vec<Option<f64>>,
-    pub value: Vec<Option<f64>>,
+    pub t: Packed,
+    pub value: Packed,
 }
 
 #[derive(Debug, Serialize)]
@@ -126,6 +131,7 @@ pub fn overview(
     segments: Option<&Columns>,
     searched: &BTreeMap<String, String>,
     ids: &[String],
+    room: Room,
 ) -> (Overview, Vec<Flight>) {
     let tables: Vec<&Columns> =
         [flightpath, samples].into_iter().flatten().filter(|t| t.rows() > 0).collect();
@@ -151,10 +157,11 @@ pub fn overview(
             .iter()
             .map(|names| names.to_vec())
             .chain(inputs.iter().map(|name| vec![name.as_str()]));
+        let limit = room.samples(LIMIT, 1, 2 * (OVERVIEW.len() + inputs.len()));
         for names in wanted {
             let found = tables.iter().zip(&rows).find_map(|(table, rows)| {
                 let rows = rows.get(std::slice::from_ref(id))?;
-                names.iter().find_map(|name| trace(table, rows, name))
+                names.iter().find_map(|name| trace(table, rows, name, limit))
             });
             if let Some((trace, was_thinned)) = found {
                 thinned |= was_thinned;
@@ -180,7 +187,7 @@ pub fn overview(
     (Overview { missing: None, shown }, flights)
 }
 
-fn trace(table: &Columns, rows: &[usize], name: &str) -> Option<(Trace, bool)> {
+fn trace(table: &Columns, rows: &[usize], name: &str, limit: usize) -> Option<(Trace, bool)> {
     let (time, column) = (table.column("t_s"), table.column(name));
     let pick = |values: &[f64]| -> Vec<f64> {
         rows.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)).collect()
@@ -189,12 +196,17 @@ fn trace(table: &Columns, rows: &[usize], name: &str) -> Option<(Trace, bool)> {
     if !value.iter().any(|v| v.is_finite()) {
         return None;
     }
-    let keep = thin(t.len(), &[&value], LIMIT);
+    let keep = thin(t.len(), &[&value], limit);
     let thinned = keep.len() < t.len();
     let (factor, unit) = display_unit(table.unit(name));
     let kept = |v: &[f64]| -> Vec<f64> { keep.iter().filter_map(|&i| v.get(i).copied()).collect() };
     Some((
-        Trace { name: name.into(), unit, t: times(&kept(&t)), value: shorts(kept(&value), factor) },
+        Trace {
+            name: name.into(),
+            unit,
+            t: Packed::of(kept(&t), 1.0),
+            value: Packed::of(kept(&value), factor),
+        },
         thinned,
     ))
 }

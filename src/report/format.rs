@@ -152,6 +152,18 @@ pub fn thin(n: usize, curves: &[&[f64]], limit: usize) -> Vec<usize> {
     keep
 }
 
+/// A line of words, at most about.
+const LONG: usize = 170;
+
+/// Words that fit into a line; the rest stands elsewhere.
+pub fn brief(text: &str) -> String {
+    if text.chars().count() <= LONG {
+        return text.to_string();
+    }
+    let cut: String = text.chars().take(LONG).collect();
+    format!("{} …", cut.rsplit_once(' ').map_or(cut.as_str(), |(words, _)| words))
+}
+
 /// "1 flight", "3 flights".
 pub fn count(n: usize, what: &str) -> String {
     if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
@@ -171,6 +183,14 @@ pub fn few(names: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_line_ends_at_a_word() {
+        let long = "word ".repeat(60);
+        let short = brief(&long);
+        assert!(short.ends_with("word …") && short.chars().count() <= LONG + 2, "{short}");
+        assert_eq!(brief("a few words"), "a few words");
+    }
 
     #[test]
     fn the_sd_decides_the_digits() {

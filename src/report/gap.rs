@@ -35,7 +35,43 @@ pub struct Map {
     pub words: Vec<Vec<String>>,
 }
 
+impl Split {
+    /// The same with at most so many columns: those with the largest values before.
+    fn widest(mut self, most: usize) -> Split {
+        let largest = |j: usize| {
+            let column = self.before.values.iter().filter_map(|row| row[j]);
+            column.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let mut order: Vec<usize> = (0..self.before.columns.len()).collect();
+        order.sort_by(|&a, &b| largest(b).total_cmp(&largest(a)));
+        order.truncate(most);
+        let names: Vec<String> = order.iter().map(|&j| self.before.columns[j].clone()).collect();
+        if names.len() < self.before.columns.len() {
+            self.by += &format!(" ({most} with the largest gaps)");
+        }
+        self.before.keep(&names);
+        self.after.keep(&names);
+        self
+    }
+}
+
 impl Map {
+    /// Takes the columns of other names away.
+    fn keep(&mut self, names: &[String]) {
+        let kept: Vec<bool> = self.columns.iter().map(|name| names.contains(name)).collect();
+        let of = |k: &mut dyn Iterator<Item = &bool>| k.next().copied().unwrap_or(false);
+        let mut k = kept.iter();
+        self.columns.retain(|_| of(&mut k));
+        self.values.iter_mut().for_each(|row| {
+            let mut k = kept.iter();
+            row.retain(|_| of(&mut k));
+        });
+        self.words.iter_mut().for_each(|row| {
+            let mut k = kept.iter();
+            row.retain(|_| of(&mut k));
+        });
+    }
+
     /// Rows and columns in order of first appearance; `of` gives row, column, value and words of a
     /// table's row.
     fn of(rows: &[usize], of: impl Fn(usize) -> (String, String, f64, String)) -> Map {
@@ -64,7 +100,7 @@ impl Map {
 }
 
 /// The figures, one set per diagnosis.
-pub fn figures<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Vec<Where> {
+pub fn figures<'a>(get: impl Fn(&str) -> Option<&'a Columns>, most: usize) -> Vec<Where> {
     let Some(gaps) = get("gaps") else { return Vec::new() };
     let one = |([name], rows): ([String; 1], Vec<usize>)| {
         let split = |by: &str| split(gaps, &rows, by, &get);
@@ -80,7 +116,7 @@ pub fn figures<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Vec<Where> {
         let [driven, relations] = [("driven", driven as fn(_, _) -> _), ("relations", related)]
             .map(|(table, map)| get(table).map_or_else(Map::default, |t| map(t, &name)));
         Where {
-            maneuvers: split("all"),
+            maneuvers: split("all").widest(most),
             bands: split("band"),
             times: split("time since input"),
             regimes,
@@ -298,7 +334,7 @@ mod tests {
     #[test]
     fn figures_have_outputs_down_and_maneuvers_or_ranges_across() {
         let gaps = gaps();
-        let all = figures(|name| (name == "gaps").then_some(&gaps));
+        let all = figures(|name| (name == "gaps").then_some(&gaps), 9);
         let of = &all[0].maneuvers.before;
         assert_eq!((of.rows.join(" "), of.columns.join(" ")), ("q V".into(), "a b".into()));
         assert_eq!(of.values, [[Some(2.0), Some(3.0)], [None, Some(1.0)]]);

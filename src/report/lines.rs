@@ -4,6 +4,8 @@
 use super::columns::Columns;
 use super::format::{bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit};
 use super::grid::{Cell, Grid, Level};
+use super::place::On;
+use super::room::Room;
 use super::section::FlightStyle;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
@@ -13,6 +15,7 @@ use serde::Serialize;
 pub const PLOTS: Section = Section {
     id: "lines",
     heading: "Coefficients versus angle of attack",
+    on: On::Index,
     tables: &["fits", "bands", "points"],
     build,
 };
@@ -20,6 +23,7 @@ pub const PLOTS: Section = Section {
 pub const TABLE: Section = Section {
     id: "fits",
     heading: "Fitted lines",
+    on: On::Index,
     tables: &["fits"],
     build: |given| Ok(Some(Body::grid(table(given.get("fits"))))),
 };
@@ -27,12 +31,20 @@ pub const TABLE: Section = Section {
 #[derive(Serialize)]
 struct Shown<'a> {
     lines: Lines,
+    /// Whether every flight has a name beside the plots.
+    named: bool,
     flights: &'a [FlightStyle],
 }
 
 fn build(given: &Given) -> Result<Option<Body>> {
-    let (lines, plots) = lines(given.get("fits"), given.get("bands"), given.get("points"));
-    Body::new(include_str!("html/lines.html"), Shown { lines, flights: given.flights })
+    let (mut lines, mut plots) = lines(given.get("fits"), given.get("bands"), given.get("points"));
+    let flights = given.flights;
+    let named = flights.len() <= NAMED;
+    if !named {
+        plots.iter_mut().for_each(LinePlot::together);
+    }
+    lines.levels.extend(sampled(&mut plots, given.room()));
+    Body::new(include_str!("html/lines.html"), Shown { lines, named, flights })
         .plot("lines", &plots)
         .map(Some)
 }
@@ -92,6 +104,51 @@ pub struct Caption {
     pub against: String,
     pub equation: String,
     pub facts: String,
+}
+
+/// More flights than this are not told apart in a plot.
+const NAMED: usize = 24;
+
+impl LinePlot {
+    /// The points of all flights as one.
+    fn together(&mut self) {
+        let all = std::mem::take(&mut self.points);
+        self.points = vec![Points {
+            flight: String::new(),
+            segment: all.iter().flat_map(|p| p.segment.clone()).collect(),
+            x: all.iter().flat_map(|p| p.x.clone()).collect(),
+            value: all.iter().flat_map(|p| p.value.clone()).collect(),
+            bar: all.iter().flat_map(|p| p.bar.clone()).collect(),
+        }];
+    }
+}
+
+impl Points {
+    fn take_every(&mut self, step: usize) {
+        let mut k = 0..;
+        let mut taken = || k.next().is_some_and(|k: usize| k.is_multiple_of(step));
+        self.segment.retain(|_| taken());
+        for column in [&mut self.x, &mut self.value, &mut self.bar] {
+            let mut k = 0..;
+            column.retain(|_| k.next().is_some_and(|k: usize| k.is_multiple_of(step)));
+        }
+    }
+}
+
+/// Leaves out points for which the page has no room, and says so. Every so many-th is drawn, not the
+/// extremes, which would look like more scatter than there is.
+fn sampled(plots: &mut [LinePlot], room: Room) -> Option<String> {
+    // A point is three numbers, and a name that is as long as two.
+    let most = room.count(4, 5);
+    let all: usize = plots.iter().flat_map(|plot| &plot.points).map(|p| p.x.len()).sum();
+    let step = all.div_ceil(most);
+    if step < 2 {
+        return None;
+    }
+    plots.iter_mut().flat_map(|plot| &mut plot.points).for_each(|points| points.take_every(step));
+    Some(format!(
+        " One of {step} points is drawn; the lines are through all of them, which the table points has."
+    ))
 }
 
 /// A reduced chi-square above this says that the points scatter more than their standard deviations

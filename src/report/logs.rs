@@ -3,11 +3,13 @@
 use super::columns::Columns;
 use super::format::{count, few, number, plain, with_sd};
 use super::grid::{Cell, Grid, Level};
+use super::place::On;
 use super::section::{Body, Section};
 
 pub const CHANNELS: Section = Section {
     id: "channels",
     heading: "Channels as read from the logs",
+    on: On::Flights,
     tables: &["channels"],
     build: |given| Ok(Some(Body::grid(channels(given.get("channels"))))),
 };
@@ -15,6 +17,7 @@ pub const CHANNELS: Section = Section {
 pub const BIASES: Section = Section {
     id: "biases",
     heading: "Sensor biases from flight-path reconstruction",
+    on: On::Flights,
     tables: &["biases", "consistency"],
     build: |given| Ok(Some(Body::grid(biases(given.get("biases"), given.get("consistency"))))),
 };
@@ -22,6 +25,7 @@ pub const BIASES: Section = Section {
 pub const NOTES: Section = Section {
     id: "notes",
     heading: "Notes",
+    on: On::Both,
     tables: &["notes"],
     build: |given| Ok(Some(Body::grid(notes(given.get("notes"))))),
 };
@@ -233,7 +237,8 @@ pub fn notes(table: Option<&Columns>) -> Grid {
     grid.or_missing("Nothing to note.")
 }
 
-fn severity(table: &Columns, row: usize) -> Option<Level> {
+/// How remarkable a note is.
+pub fn severity(table: &Columns, row: usize) -> Option<Level> {
     match table.text("severity", row).as_str() {
         "warning" => Some(Level::Warn),
         "error" | "missing" => Some(Level::Bad),

@@ -1,11 +1,13 @@
 //! `responses`, `segments` and `samples` in, the time histories of every maneuver and the table of
 //! how well each one fits out.
 
-use super::adequacy;
 use super::columns::Columns;
 use super::flights;
-use super::format::{display_unit, number, plain, short, shorts, thin, times};
+use super::format::{display_unit, number, plain, short, thin};
 use super::grid::{Cell, Grid, Level, Row};
+use super::packed::Packed;
+use super::place::On;
+use super::room::Room;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use crate::signal::adequacy::Adequacy;
@@ -15,6 +17,7 @@ use std::collections::BTreeMap;
 pub const SECTION: Section = Section {
     id: "maneuvers",
     heading: "Measured and modelled, maneuver by maneuver",
+    on: On::Flights,
     tables: &["responses", "segments", "samples", "estimates", "residuals", "adequacy"],
     build,
 };
@@ -28,6 +31,7 @@ fn build(given: &Given) -> Result<Option<Body>> {
         residuals: given.get("residuals"),
         adequacy: given.get("adequacy"),
         inputs: &given.input.inputs,
+        room: given.room(),
     };
     let (section, histories) = maneuvers(&sources);
     Body::new(include_str!("html/maneuvers.html"), section).plot("maneuvers", &histories).map(Some)
@@ -48,19 +52,19 @@ pub struct Maneuver {
 pub struct Output {
     pub name: String,
     pub unit: String,
-    pub t: Vec<Option<f64>>,
-    pub measured: Vec<Option<f64>>,
-    pub modelled: Vec<Option<f64>>,
+    pub t: Packed,
+    pub measured: Packed,
+    pub modelled: Packed,
     /// The free simulation, where `modelled` is predicted sample by sample; empty elsewhere.
-    pub simulated: Vec<Option<f64>>,
+    pub simulated: Packed,
 }
 
 #[derive(Debug, Serialize)]
 pub struct Input {
     pub name: String,
     pub unit: String,
-    pub t: Vec<Option<f64>>,
-    pub value: Vec<Option<f64>>,
+    pub t: Packed,
+    pub value: Packed,
 }
 
 /// The text around the plot (template).
@@ -69,8 +73,6 @@ pub struct Maneuvers {
     pub missing: Option<String>,
     /// How the drawn samples relate to the recorded ones.
     pub shown: String,
-    /// What each estimate leaves, over all maneuvers.
-    pub left: Grid,
     pub table: Grid,
 }
 
@@ -84,10 +86,11 @@ pub struct Sources<'a> {
     pub adequacy: Option<&'a Columns>,
     /// Sample columns that drive each model.
     pub inputs: &'a BTreeMap<String, Vec<String>>,
+    pub room: Room,
 }
 
-/// Numbers drawn in all maneuvers together, at most about: keeps the page below some 10 MB however
-/// large the campaign is.
+/// Numbers drawn in all maneuvers of the one page together, at most about: keeps it below some 10 MB
+/// however large the campaign is.
 const BUDGET: usize = 600_000;
 /// Seconds of inputs drawn before and after a maneuver's own span when the responses do not say
 /// more.
@@ -115,7 +118,7 @@ fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>) {
         return (Maneuvers { missing, ..Maneuvers::default() }, Vec::new());
     };
     let groups = responses.groups(["model", "group", "segment"]);
-    let limit = (BUDGET / (3 * groups.len().max(1))).clamp(150, 1200);
+    let limit = limit(from, responses, &groups);
     let look = Lookup {
         from,
         responses,
@@ -158,7 +161,20 @@ fn maneuvers(from: &Sources) -> (Maneuvers, Vec<Maneuver>) {
     } else {
         "Every sample is drawn.".into()
     };
-    (Maneuvers { missing: None, shown, left: adequacy::grid(from.adequacy), table }, all)
+    (Maneuvers { missing: None, shown, table }, all)
+}
+
+/// Samples drawn per curve, at most about: all of them where the page has room.
+fn limit(from: &Sources, responses: &Columns, groups: &[(Key, Vec<usize>)]) -> usize {
+    if from.room.is_all() {
+        return (BUDGET / (3 * groups.len().max(1))).clamp(150, 1200);
+    }
+    // A sample of an output is three numbers, and every other one of an input two.
+    let numbers = |(key, rows): &(Key, Vec<usize>)| {
+        let inputs = from.inputs.get(&key[0]).map_or(1, |names| names.len().max(1));
+        3 * by_output(responses, rows).len() + inputs
+    };
+    from.room.samples(usize::MAX, 5, groups.iter().map(numbers).sum())
 }
 
 fn by_output(responses: &Columns, rows: &[usize]) -> Vec<(String, Vec<usize>)> {
@@ -239,14 +255,14 @@ impl Lookup<'_> {
                 .residual(key, &name)
                 .map_or(String::new(), |(table, row)| table.unit_in("unit", row)),
         );
-        let drawn = |v: &[f64]| shorts(pick(v, &keep), factor);
+        let drawn = |v: &[f64]| Packed::of(pick(v, &keep), factor);
         Output {
             name,
             unit,
-            t: times(&pick(&t, &keep)),
+            t: Packed::of(pick(&t, &keep), 1.0),
             measured: drawn(&measured),
             modelled: drawn(&modelled),
-            simulated: if free { drawn(&simulated) } else { Vec::new() },
+            simulated: if free { drawn(&simulated) } else { Packed::default() },
         }
     }
 
@@ -288,8 +304,8 @@ impl Lookup<'_> {
             Some(Input {
                 name: name.clone(),
                 unit,
-                t: times(&pick(&t, &keep)),
-                value: shorts(pick(&value, &keep), factor),
+                t: Packed::of(pick(&t, &keep), 1.0),
+                value: Packed::of(pick(&value, &keep), factor),
             })
         };
         names.iter().filter_map(curve).collect()

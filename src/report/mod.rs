@@ -1,10 +1,33 @@
-//! The tables of a run in, one self-contained HTML page for a flight-test engineer out; it works
-//! offline and holds no clock.
+//! The tables of a run in, the report that a flight-test engineer reads out: an index and a page per
+//! flight, or all on one page. It works offline, from a disk, and holds no clock.
 //!
-//! [`SECTIONS`] is the one list of what is on the page: its order, its navigation and the tables
-//! that it is made from follow. The templates in `html/` are filled with escaped text;
-//! `html/page.js` draws the plots from numbers embedded as JSON; the plotting script comes out of
-//! the `plotly` crate. What is not there is said on the page, it never fails it.
+//! [`SECTIONS`] is the one list of what is shown: its order, its navigation and the tables that it is
+//! made from follow. The templates in `html/` are filled with escaped text; `html/page.js` draws the
+//! plots from numbers embedded as JSON; the plotting script comes out of the `plotly` crate. What is
+//! not there is said on the page, it never fails it.
+//!
+//! # Many flights
+//!
+//! A page that holds the histories of all flights grows with their number, in memory and for whoever
+//! opens it. So the report is a folder:
+//!
+//! | file | what it has |
+//! |---|---|
+//! | `report/index.html` | what is of the campaign, all that is a problem, the list of flights with a box that filters it |
+//! | `report/flights/<flight>.html` | what is of one flight: its histories, maneuvers, fits, sensors, notes |
+//! | `report/plots-<hash>.js` | the script, once for all pages |
+//!
+//! - A section says by [`Section::on`] on which of them it is; `Form` says which page is made. One that is
+//!   on both is built from all rows for the index and from those of the flight for its page.
+//! - The page of a flight is a unit of the stage `page`. It brings what is drawn of this flight alone and
+//!   of the campaign's tables the flight's rows, so that memory does not grow with the number of flights. The
+//!   index is the unit of the stage `report`: it brings no histories, only where they begin and end.
+//! - Pages find each other and the script by relative paths, and the script is a plain one: both work from
+//!   `file://`. Its name has the hash of its bytes, so that a page runs the one that it was made with.
+//! - `Room` says what a page may hold. Tables on it are cut to what is remarkable, curves are thinned with their
+//!   extremes kept; both are said where it is done. Histories are packed (`Packed`).
+//! - A flight that is damaged has its page, which says why; where the page could not be made, the list says so.
+//! - `report.single_file = true` makes the one page that holds everything, the script too: to be sent.
 
 mod adequacy;
 mod again;
@@ -18,16 +41,22 @@ mod estimates;
 mod figures;
 mod flights;
 mod format;
+mod frame;
 mod gap;
 mod grid;
 mod limits;
 mod lines;
+mod list;
 mod logs;
 mod maneuvers;
 mod modes;
+mod owner;
+mod packed;
 mod paths;
+mod place;
 mod predictions;
 mod provenance;
+mod room;
 mod section;
 mod still;
 mod tolerances;
@@ -38,27 +67,30 @@ mod verdict;
 
 use crate::error::Result;
 use crate::table::Table;
-use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 pub use checks::Check;
 pub use columns::Columns;
 pub use flights::overview_columns;
 pub use grid::{Cell, Grid, Level};
+pub use owner::Owners;
+pub use place::{Form, INDEX, On, STAGE, Turn, is_of_report, of_flight};
 pub use section::{Body, Given, ReportInput, Section};
 
-use section::{fault, flight_styles, json};
+use section::flight_styles;
 
 /// The sections in the order of the page. Adding one is adding a file that has it, and a line here.
 pub const SECTIONS: &[Section] = &[
     checks::SECTION,
     verdict::SECTION,
+    list::SECTION,
     lines::PLOTS,
     lines::TABLE,
     figures::SECTION,
     predictions::SECTION,
     validation::SECTION,
     maneuvers::SECTION,
+    adequacy::SECTION,
     estimates::SECTION,
     equations::SECTION,
     modes::SECTION,
@@ -74,10 +106,15 @@ pub const SECTIONS: &[Section] = &[
     provenance::SECTION,
 ];
 
-/// The tables that the page is made from, each once; `more` sections stand behind [`SECTIONS`].
-pub fn tables(more: &[&'static Section]) -> Vec<&'static str> {
+/// Tables with a row per sample: the index has none of them drawn.
+pub const HISTORIES: [&str; 5] =
+    ["samples", "flightpath", "pathmatch", "responses", "validation_traces"];
+
+/// The tables that a page is made from, each once; `more` sections stand behind [`SECTIONS`].
+pub fn tables(form: &Form, more: &[&'static Section]) -> Vec<&'static str> {
     let mut all: Vec<&str> = Vec::new();
-    for table in SECTIONS.iter().chain(more.iter().copied()).flat_map(|s| s.tables) {
+    let sections = SECTIONS.iter().chain(more.iter().copied()).filter(|s| form.shows(s.on));
+    for table in sections.flat_map(|s| s.tables) {
         if !all.contains(table) {
             all.push(table);
         }
@@ -85,28 +122,9 @@ pub fn tables(more: &[&'static Section]) -> Vec<&'static str> {
     all
 }
 
-/// What the frame is filled with.
-#[derive(Serialize)]
-struct Page<'a> {
-    title: &'a str,
-    subtitle: &'a str,
-    tiles: Vec<checks::Tile>,
-    /// What an interval is, and which units stand where.
-    meaning: &'static str,
-    sections: Vec<Built>,
-    /// JSON: what the plots are drawn from, by name.
-    data: String,
-    style: &'static str,
-    script: &'static str,
-    plotly: String,
-}
-
-/// A section as it stands on the page.
-#[derive(Serialize)]
-struct Built {
-    id: &'static str,
-    heading: &'static str,
-    body: String,
+/// The script that pages share: its file, relative to the output folder, and what is in it.
+pub fn script() -> (&'static str, &'static str) {
+    (&frame::SCRIPT.path, &frame::SCRIPT.text)
 }
 
 /// A page, and what it calls a problem.
@@ -137,13 +155,13 @@ pub fn page(input: &ReportInput) -> Result<String> {
 /// # Errors
 /// As `page`.
 pub fn of_figures(input: &ReportInput) -> Result<String> {
-    page_of([&figures::SECTION], input, false)
+    frame::page([&figures::SECTION], SECTIONS, input, false)
 }
 
 /// The answers to "can these results be trusted?", in the order of the processing: tables by name
 /// in, as the page shows them out.
 pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
-    let columns = columns(checks::SECTION.tables, tables);
+    let columns = Columns::of_all(checks::SECTION.tables, tables);
     let flights = flight_styles(&columns);
     let input = ReportInput::default();
     checks::answers(&Given {
@@ -155,90 +173,14 @@ pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
     })
 }
 
-fn columns(wanted: &[&str], tables: &BTreeMap<String, Table>) -> BTreeMap<String, Columns> {
-    let each_once: BTreeSet<&str> = wanted.iter().copied().collect();
-    let named = each_once.into_iter().filter_map(|name| Some((name, tables.get(name)?)));
-    named.map(|(name, table)| (name.to_string(), Columns::of(table))).collect()
-}
-
 fn page_with(
     sections: impl IntoIterator<Item = &'static Section>,
     input: &ReportInput,
 ) -> Result<String> {
-    page_of(sections, input, true)
+    frame::page(sections, SECTIONS, input, true)
 }
 
-/// With the counts of a campaign and what its numbers mean at the top, or without.
-fn page_of(
-    sections: impl IntoIterator<Item = &'static Section>,
-    input: &ReportInput,
-    of_campaign: bool,
-) -> Result<String> {
-    let sections: Vec<&'static Section> = sections.into_iter().collect();
-    let named: Vec<&str> = sections.iter().flat_map(|s| s.tables).copied().collect();
-    let tables = columns(&named, &input.tables);
-    let flights = flight_styles(&tables);
-    let given = |section: &'static Section| Given {
-        input,
-        flights: &flights,
-        tables: &tables,
-        named: section.tables,
-        sections: SECTIONS,
-    };
-    let environment = environment()?;
-    let mut built = Vec::new();
-    let mut plots = vec![("flights", json(&flights)?)];
-    for section in sections.into_iter().filter(|s| input.asks_for(s)) {
-        if let Some(mut body) = (section.build)(&given(section))? {
-            built.push(Built {
-                id: section.id,
-                heading: section.heading,
-                body: body.html(&environment)?,
-            });
-            plots.append(&mut body.plots);
-        }
-    }
-    let page = Page {
-        title: &input.title,
-        subtitle: &input.subtitle,
-        tiles: if of_campaign { checks::tiles(&given(&checks::SECTION)) } else { Vec::new() },
-        meaning: if of_campaign { format::MEANING } else { "" },
-        sections: built,
-        data: object(&plots),
-        style: include_str!("html/page.css"),
-        script: include_str!("html/page.js"),
-        plotly: plotly_script(),
-    };
-    environment
-        .get_template("page.html")
-        .and_then(|template| template.render(minijinja::value::Serde(&page)))
-        .map_err(fault)
-}
-
-fn environment() -> Result<minijinja::Environment<'static>> {
-    let mut environment = minijinja::Environment::new();
-    for (name, text) in [
-        ("grid.html", include_str!("html/grid.html")),
-        ("page.html", include_str!("html/page.html")),
-    ] {
-        environment.add_template(name, text).map_err(fault)?;
-    }
-    Ok(environment)
-}
-
-/// JSON that may stand inside a script element: no `<` can end the element.
-fn object(plots: &[(&str, String)]) -> String {
-    let fields: Vec<String> =
-        plots.iter().map(|(name, text)| format!("\"{name}\":{text}")).collect();
-    format!("{{{}}}", fields.join(",")).replace('<', "\\u003c")
-}
-
-/// The plotting library without its formula typesetter, which is another 2 MB and not used.
-fn plotly_script() -> String {
-    let tags = plotly::Plot::offline_js_sources();
-    let first = tags.split("</script>").next().unwrap_or_default();
-    first.split_once('>').map_or("", |(_, script)| script).to_string()
-}
-
+#[cfg(test)]
+mod folder_tests;
 #[cfg(test)]
 mod tests;

@@ -3,11 +3,17 @@
 use super::columns::Columns;
 use super::format::{number, plain, plus_minus};
 use super::grid::{Cell, Grid, Level};
+use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 
-pub const SECTION: Section =
-    Section { id: "modes", heading: "Modes of the identified models", tables: &["modes"], build };
+pub const SECTION: Section = Section {
+    id: "modes",
+    heading: "Modes of the identified models",
+    on: On::Both,
+    tables: &["modes"],
+    build,
+};
 
 /// Rows shown per model.
 const MOST: usize = 24;

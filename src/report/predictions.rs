@@ -3,6 +3,7 @@
 use super::columns::Columns;
 use super::format::{display_unit, number, with_unit};
 use super::grid::{Cell, Grid, Level};
+use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
@@ -10,6 +11,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "predictions",
     heading: "Predicted and flown",
+    on: On::Index,
     tables: &["predictions", "unpredicted"],
     build,
 };

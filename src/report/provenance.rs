@@ -2,12 +2,13 @@
 
 use super::columns::Columns;
 use super::grid::{Cell, Grid};
+use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
 
 pub const SECTION: Section =
-    Section { id: "provenance", heading: "Provenance", tables: &["stages"], build };
+    Section { id: "provenance", heading: "Provenance", on: On::Index, tables: &["stages"], build };
 
 #[derive(Serialize)]
 struct Provenance {

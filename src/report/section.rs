@@ -3,6 +3,8 @@
 
 use super::columns::Columns;
 use super::grid::Grid;
+use super::place::{Form, On};
+use super::room::Room;
 use crate::error::{Error, Result};
 use crate::table::Table;
 use serde::Serialize;
@@ -11,6 +13,8 @@ use std::collections::BTreeMap;
 /// What a page is made from.
 #[derive(Debug, Default)]
 pub struct ReportInput {
+    /// Which page is made: all in one where nothing is said.
+    pub form: Form,
     /// Title of the campaign.
     pub title: String,
     /// One line under the title: what was run (pipeline, stages, models).
@@ -37,6 +41,11 @@ impl ReportInput {
     /// Whether this campaign asks for what a section is about.
     pub(super) fn asks_for(&self, section: &Section) -> bool {
         section.tables.first().is_none_or(|table| !self.unasked.contains(table))
+    }
+
+    /// Whether a section has its place on this page.
+    pub(super) fn has(&self, section: &Section) -> bool {
+        self.form.shows(section.on) && self.asks_for(section)
     }
 }
 
@@ -67,6 +76,8 @@ pub struct Section {
     /// Name of the section, and target of links to it.
     pub id: &'static str,
     pub heading: &'static str,
+    /// The pages that it is on, where the report has more than one.
+    pub on: On,
     /// Tables that it reads. The first one is what it is about: where no stage of a campaign writes
     /// that, the section has no place.
     pub tables: &'static [&'static str],
@@ -76,6 +87,7 @@ pub struct Section {
 }
 
 /// What a section is built from.
+#[derive(Clone, Copy)]
 pub struct Given<'a> {
     pub input: &'a ReportInput,
     /// All flights of all tables, in alphabetical order.
@@ -95,6 +107,11 @@ impl<'a> Given<'a> {
             "a section reads the table {table}, which it does not name"
         );
         self.tables.get(table).filter(|_| self.named.contains(&table))
+    }
+
+    /// What the page has room for.
+    pub(super) fn room(&self) -> Room {
+        self.input.form.room()
     }
 
     /// Ids of the flights.

@@ -11,10 +11,10 @@ const LINES: [(&str, &str, f64, f64, f64); 4] = [
     ("C_h_alpha", "1/rad", -0.4229, -0.0107, 0.006),
     ("C_h_0", "1", -0.39, 0.0216, 0.0006),
 ];
-const LEFT_OUT: &str = "flight-2-s4";
+pub const LEFT_OUT: &str = "flight-2-s4";
 const HOSTILE: &str = "<script>alert('x')</script>&\"";
 
-type Tables = BTreeMap<String, Table>;
+pub type Tables = BTreeMap<String, Table>;
 
 struct Maneuver {
     flight: String,
@@ -362,7 +362,7 @@ fn channels_that_do_not_fit_are_named() {
     assert_eq!(of("theta").level, Some(grid::Level::Info));
 }
 
-fn notes() -> Table {
+pub fn notes() -> Table {
     Table::build("notes")
         .strings("flight", ["flight-2", "flight-3"])
         .strings("stage", ["ingest", "estimate"])
@@ -509,7 +509,7 @@ fn correlations(all: &[Maneuver]) -> Table {
         .expect("correlations")
 }
 
-fn campaign() -> Tables {
+pub fn campaign() -> Tables {
     let mut noise = rand_pcg::Pcg64::seed_from_u64(7);
     let all = maneuvers();
     let (responses, samples) = histories(&all, &mut noise);
@@ -528,7 +528,7 @@ fn campaign() -> Tables {
     tables.map(|table| (table.name().to_string(), table)).collect()
 }
 
-fn frame(tables: Tables) -> ReportInput {
+pub fn frame(tables: Tables) -> ReportInput {
     ReportInput {
         tables,
         title: "Citation elevator campaign".into(),
@@ -606,7 +606,7 @@ fn what_is_not_asked_for_has_no_place_on_the_page() {
 }
 
 /// Everything between `before` and the next quotation mark.
-fn all_of<'a>(html: &'a str, before: &str) -> Vec<&'a str> {
+pub fn all_of<'a>(html: &'a str, before: &str) -> Vec<&'a str> {
     html.split(before).skip(1).filter_map(|rest| rest.split('"').next()).collect()
 }
 
@@ -662,14 +662,15 @@ fn sections_are_named_once_and_their_tables_have_schemas() {
     ids.sort_unstable();
     ids.dedup();
     assert_eq!(ids.len(), SECTIONS.len());
-    for table in tables(&[]) {
+    for table in tables(&Form::One, &[]) {
         assert!(crate::table::schema(table).is_ok(), "{table}");
     }
     let html = page(&frame(campaign())).expect("page");
     let order = |pattern: &str| all_of(&html, pattern);
-    // This campaign has no diagnosis, no model with limits or states, no regression, and nothing was
+    // One page has no list of others; this campaign has no adequacy, no diagnosis, no model with limits or states, no regression, and nothing was
     // predicted.
-    let without = ["verdict", "limits", "predictions", "equation-error", "modes"];
+    let without =
+        ["verdict", "list", "matches", "limits", "predictions", "equation-error", "modes"];
     let there: Vec<&str> =
         SECTIONS.iter().map(|s| s.id).filter(|id| !without.contains(id)).collect();
     assert_eq!(order("<section id=\""), there, "the page has the order of the list");
@@ -682,6 +683,7 @@ fn a_new_section_is_one_value() {
     const TOY: Section = Section {
         id: "toy",
         heading: "Iterations",
+        on: On::Both,
         tables: &["iterations"],
         build: |given| {
             let Some(table) = given.get("iterations") else { return Ok(None) };

@@ -5,6 +5,7 @@ use super::columns::Columns;
 use super::format::{bracketed, count, few, number, plus_minus, shorts};
 use super::grid::{Cell, Grid, Level};
 use super::maneuvers::name;
+use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use crate::math::distribution::chi2_cdf;
@@ -13,12 +14,16 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "uncertainty",
     heading: "What the uncertainties are made of",
+    on: On::Index,
     tables: &["budget", "separability", "repeats", "profiles", "estimates"],
     build,
 };
 
 fn build(given: &Given) -> Result<Option<Body>> {
-    let (section, profiles) = uncertainty(|table| given.get(table));
+    let (mut section, mut profiles) = uncertainty(|table| given.get(table));
+    section.left = profiles.len().saturating_sub(given.room().rows);
+    profiles.truncate(given.room().rows);
+    section.profiles.truncate(given.room().rows);
     Body::new(include_str!("html/uncertainty.html"), section).plot("profiles", &profiles).map(Some)
 }
 
@@ -30,6 +35,8 @@ pub struct Uncertainty {
     pub separability: Grid,
     pub repeats: Grid,
     pub profiles: Vec<Caption>,
+    /// Profiles that are not drawn.
+    pub left: usize,
 }
 
 #[derive(Debug, Serialize)]
@@ -72,6 +79,7 @@ fn uncertainty<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Uncertainty, V
             separability: separability(get("separability")),
             repeats: repeats(get("repeats")),
             profiles,
+            left: 0,
         },
         plots,
     )

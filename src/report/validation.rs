@@ -2,8 +2,10 @@
 //! they were not found from, as tables and as time histories with the predicted interval, out.
 
 use super::columns::Columns;
-use super::format::{count, display_unit, number, plain, shorts, thin, times};
+use super::format::{count, display_unit, number, plain, thin, times};
 use super::grid::{Cell, Grid, Level, Row};
+use super::packed::Packed;
+use super::place::{Form, On};
 use super::section::{Body, Given, Section};
 use super::tolerances;
 use crate::error::Result;
@@ -13,6 +15,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "validation",
     heading: "Validation: maneuvers that were not used",
+    on: On::Both,
     tables: &["validation", "validation_traces", "tolerances"],
     build,
 };
@@ -32,13 +35,13 @@ struct Maneuver {
 struct Output {
     name: String,
     unit: String,
-    t: Vec<Option<f64>>,
-    measured: Vec<Option<f64>>,
-    modelled: Vec<Option<f64>>,
-    lower: Vec<Option<f64>>,
-    upper: Vec<Option<f64>>,
-    /// Predicted one sample ahead; empty where no noise drives the states.
-    ahead: Vec<Option<f64>>,
+    t: Packed,
+    measured: Packed,
+    modelled: Packed,
+    lower: Packed,
+    upper: Packed,
+    /// Predicted one sample ahead; none where no noise drives the states.
+    ahead: Option<Packed>,
     /// First and last time of each stretch in which lines are taken outside their points.
     beyond: Vec<[Option<f64>; 2]>,
 }
@@ -46,6 +49,8 @@ struct Output {
 #[derive(Debug, Serialize)]
 struct Shown {
     missing: bool,
+    /// Whether there are histories to draw.
+    drawn: bool,
     table: Grid,
     summary: String,
     /// What is used of tolerances, and the sentence about it; none without tolerances.
@@ -57,30 +62,47 @@ fn build(given: &Given) -> Result<Option<Body>> {
     let template = include_str!("html/validation.html");
     let (rows, traces) = (given.get("validation"), given.get("validation_traces"));
     let Some(rows) = rows.filter(|rows| rows.rows() > 0) else {
+        // Of most flights nothing is to be validated.
+        if let Form::Flight(_) = given.input.form {
+            return Ok(None);
+        }
         let table = Grid::new([] as [&str; 0]);
         let (tolerances, judged) = (None, None);
-        let shown = Shown { missing: true, table, summary: String::new(), tolerances, judged };
+        let shown = Shown {
+            missing: true,
+            drawn: false,
+            table,
+            summary: String::new(),
+            tolerances,
+            judged,
+        };
         return Ok(Some(Body::new(template, shown)));
     };
-    let (mut table, mut all) = (grid(), Vec::new());
+    let limit = given.room().samples(LIMIT, 1, 5 * rows.rows());
+    let (mut table, mut all) = (grid(traces.is_some()), Vec::new());
     let mut good = 0;
     for ([validation, segment], of) in rows.groups(["validation", "segment"]) {
         let mut outputs = Vec::new();
         for row in of {
             good += usize::from(rows.text("verdict", row) == "good");
-            table.rows.push(line(rows, row, &format!("v{}", all.len())));
-            outputs.extend(traces.map(|traces| output(rows, row, traces)));
+            table.rows.push(line(rows, row, traces.map(|_| format!("v{}", all.len()))));
+            outputs.extend(traces.map(|traces| output(rows, row, traces, limit)));
         }
-        all.push(Maneuver { label: format!("{validation} / {segment}"), outputs });
+        all.extend(
+            traces.map(|_| Maneuver { label: format!("{validation} / {segment}"), outputs }),
+        );
     }
     let mut summary = format!("{good} of {} are good.", count(rows.rows(), "output"));
     summary.extend(noise(rows));
     let judged = given.get("tolerances").filter(|judged| judged.rows() > 0);
     let (tolerances, judged) =
         (judged.map(tolerances::grid), tolerances::summary(judged).map(|(_, text)| text));
-    Body::new(template, Shown { missing: false, table, summary, tolerances, judged })
-        .plot("validations", &all)
-        .map(Some)
+    Body::new(
+        template,
+        Shown { missing: false, drawn: traces.is_some(), table, summary, tolerances, judged },
+    )
+    .plot("validations", &all)
+    .map(Some)
 }
 
 /// How many outputs are told but for the sensor's noise, of those whose noise is known.
@@ -97,7 +119,7 @@ fn noise(rows: &Columns) -> Option<String> {
     })
 }
 
-fn grid() -> Grid {
+fn grid(drawn: bool) -> Grid {
     let mut table = Grid::new([
         "validation",
         "maneuver",
@@ -111,18 +133,18 @@ fn grid() -> Grid {
         "#within|%",
         "smoothed residuals",
     ]);
-    table.note = Some(
-        "Click a row to see its time history. Fit is 1 - r.m.s./s with the standard deviation s of what was measured. Theil's coefficient is 0 \
+    let click = if drawn { "Click a row to see its time history. " } else { "" };
+    table.note = Some(format!(
+        "{click}Fit is 1 - r.m.s./s with the standard deviation s of what was measured. Theil's coefficient is 0 \
          for equal signals, 1 for unrelated ones; its three parts say how much of the error is a shift, another size, another form. Within: \
          share of the samples inside the interval that the model predicts for them. Smoothed residuals: whether 95% of their moving averages are \
          within three standard deviations of what the noise of the estimate leaves of them. Under a maneuver: what was estimated in it. Grey in a time history: lines are taken outside the points \
          that they go through."
-            .into(),
-    );
+    ));
     table
 }
 
-fn line(rows: &Columns, row: usize, pick: &str) -> Row {
+fn line(rows: &Columns, row: usize, pick: Option<String>) -> Row {
     let (factor, unit) = display_unit(&rows.unit_in("unit", row));
     let of = |name: &str| rows.number(name, row);
     let with_unit = |value: f64| format!("{} {unit}", number(factor * value, 3));
@@ -140,7 +162,7 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
     }
     Row {
         level: None,
-        pick: Some(pick.to_string()),
+        pick,
         cells: vec![
             rows.text("validation", row).into(),
             Cell { text: rows.text("segment", row), sub: under(rows, row), level: None },
@@ -157,7 +179,7 @@ fn line(rows: &Columns, row: usize, pick: &str) -> Row {
     }
 }
 
-fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
+fn output(rows: &Columns, row: usize, traces: &Columns, limit: usize) -> Output {
     let key = ["validation", "segment", "output"];
     let own = key.map(|name| rows.text(name, row));
     let of = traces.rows_by(key).remove(&own).unwrap_or_default();
@@ -171,18 +193,18 @@ fn output(rows: &Columns, row: usize, traces: &Columns) -> Output {
         band[k] + INTERVAL_95 * (sd[k] * sd[k] + driven * driven + noise * noise).sqrt()
     };
     let is_driven = ahead.iter().any(|y| y.is_finite());
-    let keep = thin(t.len(), &[&measured, &modelled], LIMIT);
+    let keep = thin(t.len(), &[&measured, &modelled], limit);
     let (factor, unit) = display_unit(&rows.unit_in("unit", row));
-    let drawn = |of: &dyn Fn(usize) -> f64| shorts(keep.iter().map(|&k| of(k)), factor);
+    let drawn = |of: &dyn Fn(usize) -> f64| Packed::of(keep.iter().map(|&k| of(k)), factor);
     Output {
         name: own[2].clone(),
         unit,
-        t: times(&keep.iter().map(|&k| t[k]).collect::<Vec<_>>()),
+        t: Packed::of(keep.iter().map(|&k| t[k]), 1.0),
         measured: drawn(&|k| measured[k]),
         modelled: drawn(&|k| modelled[k]),
         lower: drawn(&|k| modelled[k] - half(k)),
         upper: drawn(&|k| modelled[k] + half(k)),
-        ahead: if is_driven { drawn(&|k| ahead[k]) } else { Vec::new() },
+        ahead: is_driven.then(|| drawn(&|k| ahead[k])),
         beyond: stretches(
             &t,
             &of.iter().map(|&k| traces.flag("beyond", k) == Some(true)).collect::<Vec<_>>(),

@@ -3,8 +3,9 @@
 
 use super::columns::Columns;
 use super::diagnosis::{self, Overlay};
-use super::format::number;
+use super::format::{brief, number};
 use super::grid::Level;
+use super::place::On;
 use super::section::{Body, Given, Section};
 use super::used::{self, Added};
 use crate::error::Result;
@@ -13,6 +14,7 @@ use serde::Serialize;
 pub const SECTION: Section = Section {
     id: "verdict",
     heading: "Verdict of the diagnosis",
+    on: On::Index,
     tables: &["findings", "candidates", "held_out", "overlays", "recommended"],
     build,
 };
@@ -47,8 +49,6 @@ struct Shown {
 const LINES: usize = 5;
 /// Outputs of the figure: those that what was added moved most.
 const OUTPUTS: usize = 3;
-/// A line of words, at most about.
-const LONG: usize = 170;
 
 fn build(given: &Given) -> Result<Option<Body>> {
     let Some(findings) = given.get("findings").filter(|t| t.rows() > 0) else { return Ok(None) };
@@ -171,15 +171,6 @@ fn found(
     lines
 }
 
-/// Words that fit into a line; the rest is in the evidence.
-fn brief(text: &str) -> String {
-    if text.chars().count() <= LONG {
-        return text.to_string();
-    }
-    let cut: String = text.chars().take(LONG).collect();
-    format!("{} …", cut.rsplit_once(' ').map_or(cut.as_str(), |(words, _)| words))
-}
-
 /// The outputs of an overlay that moved most, in their order.
 fn most_moved(overlay: &Overlay) -> Overlay {
     let mut order: Vec<usize> = (0..overlay.outputs.len()).collect();
@@ -189,18 +180,5 @@ fn most_moved(overlay: &Overlay) -> Overlay {
     Overlay {
         outputs: order.into_iter().map(|i| overlay.outputs[i].clone()).collect(),
         ..overlay.clone()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_long_line_ends_at_a_word() {
-        let long = "word ".repeat(60);
-        let short = brief(&long);
-        assert!(short.ends_with("word …") && short.chars().count() <= LONG + 2, "{short}");
-        assert_eq!(brief("a few words"), "a few words");
     }
 }

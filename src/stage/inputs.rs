@@ -4,7 +4,7 @@
 use super::notes::Note;
 use crate::engine::{Engine, Kept};
 use crate::error::{Error, Result};
-use crate::table::Table;
+use crate::table::{Table, Want};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -49,16 +49,13 @@ impl Part {
     }
 }
 
-/// The columns that are wanted besides those of a table's schema; all of them without a choice.
-pub type Only<'a> = Option<&'a [String]>;
-
 /// What a unit of a stage is given.
 pub struct Inputs<'a> {
     /// Which parts of which tables there are.
     pub parts: BTreeSet<(&'static str, Part)>,
     /// Brings one of them. A stage asks when it needs one and lets it go when it is done: not all
     /// flights of a campaign fit into memory at once.
-    pub table: &'a (dyn Fn(&'static str, &Part, Only) -> Result<Table> + Sync),
+    pub table: &'a (dyn Fn(&'static str, &Part, Want) -> Result<Table> + Sync),
     /// The flight's log, for a stage that reads it.
     pub log: Option<&'a Path>,
     /// Reports work done to whoever watches: so many steps done of so many.
@@ -97,7 +94,10 @@ impl Inputs<'_> {
     /// It cannot be read.
     pub fn get(&self, table: &'static str, part: Part) -> Result<Option<Table>> {
         let wanted = (table, part);
-        self.parts.contains(&wanted).then(|| (self.table)(table, &wanted.1, None)).transpose()
+        self.parts
+            .contains(&wanted)
+            .then(|| (self.table)(table, &wanted.1, Want::default()))
+            .transpose()
     }
 
     /// All parts of a table that exist, in order.
@@ -105,16 +105,16 @@ impl Inputs<'_> {
     /// # Errors
     /// One cannot be read.
     pub fn all(&self, table: &'static str) -> Result<Vec<Table>> {
-        self.all_with(table, None)
+        self.all_with(table, Want::default())
     }
 
-    /// The same, with these columns alone besides those of the schema.
+    /// The same, with what is wanted of them alone.
     ///
     /// # Errors
     /// One cannot be read.
-    pub fn all_with(&self, table: &'static str, only: Only) -> Result<Vec<Table>> {
+    pub fn all_with(&self, table: &'static str, want: Want) -> Result<Vec<Table>> {
         let parts = self.parts.iter().filter(|(name, _)| *name == table);
-        parts.map(|(_, part)| (self.table)(table, part, only)).collect()
+        parts.map(|(_, part)| (self.table)(table, part, want)).collect()
     }
 }
 

@@ -19,6 +19,7 @@ pub mod estimate;
 pub mod figure;
 pub mod fit;
 pub mod ingest;
+pub mod page;
 pub mod reconstruct;
 pub mod report;
 pub mod rerun;
@@ -26,7 +27,7 @@ pub mod segment;
 pub mod validate;
 
 pub use channels::Channels;
-pub use inputs::{Inputs, Only, Output, Part};
+pub use inputs::{Inputs, Output, Part};
 pub use kind::{Campaign, Check, Known, Named, Read, Stage, Unit, code};
 pub use notes::{NOTES, Note, STAGES_TABLE, Severity, notes_table};
 pub use told::{Key, Told};
@@ -47,5 +48,6 @@ pub const STAGES: &[Stage] = &[
     diagnose::STAGE,
     rerun::STAGE,
     figure::STAGE,
+    page::STAGE,
     report::STAGE,
 ];

@@ -1,15 +1,16 @@
-//! All tables come in, the pages that a person reads go out.
+//! All tables come in; the page that a person opens first goes out: the index of the report, or all of
+//! it.
 
 use super::{
     Campaign, Inputs, Key, NOTES, Note, Output, Part, Read, STAGES_TABLE, Severity, Stage, Unit,
 };
-use crate::error::{Error, Errors};
-use crate::report::{self, ReportInput, Section};
-use crate::table::Table;
+use crate::error::{Errors, Result};
+use crate::report::{self, Form, HISTORIES, ReportInput, Section};
+use crate::table::{Rows, Table, Want};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub const STAGE: Stage = Stage {
     name: "report",
@@ -23,26 +24,63 @@ pub const STAGE: Stage = Stage {
     ..Stage::PLAIN
 };
 
-/// The report `report/index.html` in the output folder; left out, there is none.
+/// The report in the output folder: `report/index.html`, and a page per flight in `report/flights`; left
+/// out, there is none.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// A line under the title.
     pub subtitle: String,
+    /// One page that holds everything, flights and script too: to be sent. It grows with the number of
+    /// flights, and so does the memory that it is made in.
+    pub single_file: bool,
 }
 
-fn settings(campaign: &Campaign) -> Option<&Settings> {
+pub fn settings(campaign: &Campaign) -> Option<&Settings> {
     campaign.told.get("report")
 }
 
 /// The sections that stages bring along.
-fn sections(campaign: &Campaign) -> Vec<&'static Section> {
+pub fn sections(campaign: &Campaign) -> Vec<&'static Section> {
     campaign.stages.iter().flat_map(|stage| stage.sections).collect()
 }
 
+/// Which page this stage makes.
+fn form(campaign: &Campaign) -> Form {
+    match settings(campaign).is_some_and(|settings| settings.single_file) {
+        true => Form::One,
+        false => Form::Index(campaign.flights.clone()),
+    }
+}
+
+/// What a page is made from, but for its tables.
+pub fn frame(campaign: &Campaign, form: Form) -> ReportInput {
+    ReportInput {
+        form,
+        title: campaign.title.clone(),
+        subtitle: settings(campaign).map(|r| r.subtitle.clone()).unwrap_or_default(),
+        inputs: inputs_of_models(campaign),
+        searched: searched(campaign),
+        more: sections(campaign),
+        unasked: unasked(campaign),
+        ..ReportInput::default()
+    }
+}
+
+/// What all pages depend on.
+pub fn slice_of_all(campaign: &Campaign) -> Value {
+    let frame = frame(campaign, Form::One);
+    json!({ "title": frame.title, "subtitle": frame.subtitle, "inputs": frame.inputs, "searched": frame.searched, "unasked": frame.unasked })
+}
+
 fn slice(campaign: &Campaign, _: &Unit) -> Value {
-    let subtitle = settings(campaign).map(|r| r.subtitle.clone()).unwrap_or_default();
-    json!({ "title": campaign.title, "subtitle": subtitle, "inputs": inputs_of_models(campaign), "searched": searched(campaign), "unasked": unasked(campaign) })
+    let mut slice = slice_of_all(campaign);
+    // The flights that the list names; none for the one page.
+    slice["flights"] = match form(campaign) {
+        Form::Index(flights) => json!(flights),
+        _ => Value::Null,
+    };
+    slice
 }
 
 /// Columns of the samples table that drive each model, by the model's name in the tables.
@@ -57,7 +95,7 @@ fn searched(campaign: &Campaign) -> BTreeMap<String, String> {
 }
 
 /// The parts of a table of this campaign.
-fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
+pub fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
     // The pipeline writes these itself.
     let own = [NOTES, STAGES_TABLE].contains(&table);
     if own { vec![Part::Number(0)] } else { campaign.parts(table) }
@@ -65,61 +103,93 @@ fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.
 fn unasked(campaign: &Campaign) -> Vec<&'static str> {
-    report::tables(&sections(campaign))
-        .into_iter()
-        .filter(|table| parts(campaign, table).is_empty())
-        .collect()
+    // Each stage is asked once: every page wants this.
+    let at_work = campaign.stages.iter().filter(|stage| !(stage.units)(campaign).is_empty());
+    let written: BTreeSet<&str> =
+        at_work.flat_map(|stage| stage.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+    let mut tables = report::tables(&Form::One, &sections(campaign));
+    tables.retain(|table| !written.contains(table));
+    tables
+}
+
+/// Histories of which the index takes something: units of columns, and where maneuvers begin and end.
+const OF_THE_INDEX: [&str; 2] = ["samples", "responses"];
+
+/// The tables of the page.
+fn tables(campaign: &Campaign) -> Vec<&'static str> {
+    let form = form(campaign);
+    let mut tables = report::tables(&form, &sections(campaign));
+    if let Form::Index(_) = form {
+        tables.retain(|table| !HISTORIES.contains(table) || OF_THE_INDEX.contains(table));
+    }
+    tables
 }
 
 fn reads(campaign: &Campaign, _: &Unit) -> Vec<Read> {
     let of = |table| {
         parts(campaign, table).into_iter().map(move |part| Read { table, part, optional: true })
     };
-    report::tables(&sections(campaign)).into_iter().flat_map(of).collect()
+    tables(campaign).into_iter().flat_map(of).collect()
 }
 
 fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
-    let mut tables = BTreeMap::new();
+    let form = form(campaign);
+    let mut found = BTreeMap::new();
     let drawn = drawn(campaign, inputs)?;
-    for name in report::tables(&sections(campaign)) {
-        // Histories of whole flights are most of what there is: only what is drawn of them is read.
-        let parts = match ["samples", "flightpath"].contains(&name) {
-            true => inputs.all_with(name, Some(&drawn))?,
-            false => inputs.all(name)?,
+    for name in tables(campaign) {
+        let parts = match form {
+            Form::Index(_) => of_index(name, &drawn, inputs)?,
+            _ => of_one(name, &drawn, inputs)?,
         };
         if !parts.is_empty() {
-            tables.insert(name.to_string(), Table::concat(name, &parts)?);
+            found.insert(name.to_string(), Table::concat(name, &parts)?);
         }
     }
+    let shared = matches!(form, Form::Index(_)).then(report::script);
     let input = ReportInput {
-        title: campaign.title.clone(),
-        subtitle: settings(campaign).map(|r| r.subtitle.clone()).unwrap_or_default(),
-        tables,
-        inputs: inputs_of_models(campaign),
-        searched: searched(campaign),
-        more: sections(campaign),
-        unasked: unasked(campaign),
+        tables: found,
         provenance: vec![
             ("program".to_string(), format!("koehler {}", env!("CARGO_PKG_VERSION"))),
             ("sources".to_string(), super::code(STAGE.name).to_string()),
         ],
+        ..frame(campaign, form)
     };
     let report = report::report(&input)?;
-    let notes = report.problems.into_iter().map(problem).collect();
+    let page = (report::INDEX.to_string(), report.page.into_bytes());
+    let script = shared.map(|(path, text)| (path.to_string(), text.as_bytes().to_vec()));
     Ok(Output {
         tables: Vec::new(),
-        files: vec![("report/index.html".to_string(), report.page.into_bytes())],
-        notes,
+        files: [page].into_iter().chain(script).collect(),
+        notes: report.problems.into_iter().map(problem).collect(),
     })
 }
 
-/// Columns of flights' histories that the page draws, or of which it tells the unit.
-fn drawn(campaign: &Campaign, inputs: &Inputs) -> Result<Vec<String>, Error> {
-    let mut names: Vec<String> = report::overview_columns().map(String::from).collect();
-    names.extend(inputs_of_models(campaign).into_values().flatten());
-    for (input, signal) in searched(campaign) {
-        names.extend([input, signal]);
+/// All parts of a table. Histories of whole flights are most of what there is: only what is drawn of
+/// them is read.
+fn of_one(name: &'static str, drawn: &[String], inputs: &Inputs) -> Result<Vec<Table>> {
+    let columns = ["samples", "flightpath"].contains(&name).then_some(drawn);
+    inputs.all_with(name, Want { columns, rows: None })
+}
+
+/// What the index takes of a table: of the samples their units, of histories their ends.
+fn of_index(name: &'static str, drawn: &[String], inputs: &Inputs) -> Result<Vec<Table>> {
+    match name {
+        "samples" => {
+            let first = inputs.parts.iter().find(|(table, _)| *table == name);
+            let want = Want { columns: Some(drawn), rows: None };
+            let units = first.map(|(_, part)| (inputs.table)(name, part, want)?.take(&[]));
+            units.into_iter().collect()
+        }
+        "responses" => {
+            inputs.all_with(name, Want { columns: None, rows: Some(&Rows::Ends("segment")) })
+        }
+        _ => inputs.all(name),
     }
+}
+
+/// Columns of flights' histories that a page draws, or of which it tells the unit.
+fn drawn(campaign: &Campaign, inputs: &Inputs) -> Result<Vec<String>> {
+    let mut names = Vec::new();
     for segments in inputs.all("segments")? {
         names.extend(segments.strings("input")?.into_iter().map(String::from));
     }
@@ -127,9 +197,19 @@ fn drawn(campaign: &Campaign, inputs: &Inputs) -> Result<Vec<String>, Error> {
         let by = gaps.strings("by")?.into_iter();
         names.extend(by.map(|by| by.strip_prefix("modelled ").unwrap_or(by).to_string()));
     }
+    Ok(drawn_of(campaign, names))
+}
+
+/// Columns that a page draws for any flight, and these.
+pub fn drawn_of(campaign: &Campaign, mut names: Vec<String>) -> Vec<String> {
+    names.extend(report::overview_columns().map(String::from));
+    names.extend(inputs_of_models(campaign).into_values().flatten());
+    for (input, signal) in searched(campaign) {
+        names.extend([input, signal]);
+    }
     names.sort();
     names.dedup();
-    Ok(names)
+    names
 }
 
 /// What the page calls a problem, for the screen and the exit code.
@@ -173,7 +253,7 @@ mod tests {
             for stage in STAGES {
                 for unit in (stage.units)(&campaign) {
                     for table in
-                        stage.writes.iter().filter(|table| report::tables(&[]).contains(table))
+                        stage.writes.iter().filter(|table| tables(&campaign).contains(table))
                     {
                         let part = unit.part.clone();
                         most = most.max(if let Part::Number(i) = part { i } else { 0 });

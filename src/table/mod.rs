@@ -15,6 +15,7 @@ mod refused;
 mod rows;
 mod schema;
 mod version;
+mod want;
 
 use std::sync::Arc;
 
@@ -30,6 +31,7 @@ pub use flight::{check_flight, flight_id};
 pub use page::page;
 pub use schema::{Column, Kind, Schema, schema, schemas};
 pub use version::{SCHEMA_VERSION, known};
+pub use want::{Is, Rows, Want};
 
 /// What stands in a `stop` column when all is well.
 pub const CONVERGED: &str = "converged";

@@ -9,9 +9,8 @@ use std::sync::Arc;
 use arrow_array::RecordBatchReader;
 use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch};
 use arrow_schema::{DataType, Field};
-use parquet::arrow::ArrowWriter;
-use parquet::arrow::ProjectionMask;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::arrow::arrow_reader::{ParquetRecordBatchReaderBuilder, RowFilter};
+use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
@@ -19,7 +18,7 @@ use parquet::file::reader::ChunkReader;
 use parquet::schema::types::ColumnPath;
 
 use super::version::{self, SCHEMA_VERSION};
-use super::{Column, Kind, Schema, Table, schema};
+use super::{Column, Kind, Schema, Table, Want, schema};
 use crate::error::{Error, Result};
 
 /// Rows of a row group, fixed so that the bytes depend on the rows alone.
@@ -91,25 +90,26 @@ impl Table {
     /// # Errors
     /// The bytes are no Parquet file, or not one of the table `name`.
     pub fn from_parquet(name: &str, bytes: Vec<u8>, flight: Option<&str>) -> Result<Table> {
-        Table::columns_of_parquet(name, bytes, flight, None)
+        Table::part_of_parquet(name, bytes.into(), flight, Want::default())
     }
 
-    /// The same with these alone of the columns that the schema does not have; all without a choice.
+    /// The same with what is wanted of the table alone.
     ///
     /// # Errors
     /// As `from_parquet`. A column that is not there is left out.
-    pub fn columns_of_parquet(
+    pub fn part_of_parquet(
         name: &str,
-        bytes: Vec<u8>,
+        bytes: bytes::Bytes,
         flight: Option<&str>,
-        only: Option<&[String]>,
+        want: Want,
     ) -> Result<Table> {
-        let mut file = TableFile::open(name, bytes::Bytes::from(bytes))?;
-        if let Some(only) = only {
+        let mut file = TableFile::open(name, bytes)?;
+        if let Some(only) = want.columns {
             let own = |c: &Column| file.schema.columns.iter().any(|own| own.name == c.name);
             let kept = file.columns.iter().filter(|c| own(c) || only.contains(&c.name));
             file.columns = kept.cloned().collect();
         }
+        file.filter = want.filter(file.reader.parquet_schema());
         let (schema, columns) = (file.schema, file.columns.clone());
         let arrays = file.read(flight)?.iter().map(nan_for_nulls).collect();
         Table::from_arrays(schema, columns, arrays)
@@ -122,6 +122,8 @@ pub(super) struct TableFile<T: ChunkReader> {
     schema: &'static Schema,
     /// What is read: all columns, unless some are taken out.
     pub columns: Vec<Column>,
+    /// Which rows are read; all of them without one.
+    filter: Option<RowFilter>,
 }
 
 impl<T: ChunkReader + 'static> TableFile<T> {
@@ -136,7 +138,7 @@ impl<T: ChunkReader + 'static> TableFile<T> {
         version::check(reader.metadata().file_metadata().key_value_metadata())?;
         let columns =
             columns(schema, reader.schema().fields()).map_err(|what| unreadable(schema, &what))?;
-        Ok(TableFile { reader, schema, columns })
+        Ok(TableFile { reader, schema, columns, filter: None })
     }
 
     /// How many rows it has.
@@ -150,12 +152,15 @@ impl<T: ChunkReader + 'static> TableFile<T> {
     /// # Errors
     /// The file is damaged, or wants a flight.
     pub fn read(self, flight: Option<&str>) -> Result<Vec<ArrayRef>> {
-        let rows = self.rows();
         let (schema, columns) = (self.schema, self.columns);
         let fail = |e: &dyn std::fmt::Display| unreadable(schema, e);
         let names = columns.iter().map(|column| column.name.as_str());
         let mask = ProjectionMask::columns(self.reader.parquet_schema(), names);
-        let reader = self.reader.with_projection(mask).with_batch_size(ROW_GROUP);
+        let reader = match self.filter {
+            Some(filter) => self.reader.with_row_filter(filter),
+            None => self.reader,
+        };
+        let reader = reader.with_projection(mask).with_batch_size(ROW_GROUP);
         let batches = reader.build().map_err(|e| fail(&e))?;
         let in_file = batches.schema();
         let batches = batches.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
@@ -163,8 +168,10 @@ impl<T: ChunkReader + 'static> TableFile<T> {
             arrow_select::concat::concat_batches(&in_file, &batches).map_err(|e| fail(&e))?;
         let array = |column: &Column| match (batch.column_by_name(&column.name), flight) {
             (Some(array), _) => Ok(array.clone()),
-            (None, Some(id)) => super::build::texts(std::iter::repeat_n(Some(id), rows))
-                .ok_or_else(|| fail(&"it has too many rows")),
+            (None, Some(id)) => {
+                super::build::texts(std::iter::repeat_n(Some(id), batch.num_rows()))
+                    .ok_or_else(|| fail(&"it has too many rows"))
+            }
             (None, None) => Err(fail(&"its path does not say which flight it is of")),
         };
         columns.iter().map(array).collect()

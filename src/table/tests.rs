@@ -513,7 +513,8 @@ fn a_choice_of_columns_is_read_as_all_of_them_are() {
         .expect("a table");
     let bytes = table.to_parquet().expect("bytes");
     let only = ["h".to_string(), "not there".to_string()];
-    let some = Table::columns_of_parquet("samples", bytes.clone(), Some("one"), Some(&only));
+    let want = Want { columns: Some(&only), rows: None };
+    let some = Table::part_of_parquet("samples", bytes.clone().into(), Some("one"), want);
     let some = some.expect("two of its columns");
     let all = Table::from_parquet("samples", bytes, Some("one")).expect("all of them");
     assert!(all.has("V") && !some.has("V") && some.rows() == 2);
@@ -555,4 +556,27 @@ fn a_file_without_a_version_is_read_where_its_columns_are_those_of_now() {
     }));
     let e = e.unwrap_err().to_string();
     assert!(e.contains("it lacks the column \"unit_time_s\""), "{e}");
+}
+
+#[test]
+fn a_choice_of_rows_is_read_as_it_is_taken_from_all_of_them() {
+    let names = ["a", "a", "b", "b", "b", "a", "c"];
+    let table = Table::build("conditions")
+        .strings("flight", ["one"; 7])
+        .strings("segment", names)
+        .repeat("signal", "V")
+        .repeat("unit", "m/s")
+        .f64("value", [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+        .finish()
+        .expect("a table");
+    let bytes = table.to_parquet().expect("bytes");
+    let read = |rows: Rows| {
+        let want = Want { columns: None, rows: Some(&rows) };
+        let read = Table::part_of_parquet("conditions", bytes.clone().into(), Some("one"), want);
+        read.expect("some of its rows").f64("value").expect("values").to_vec()
+    };
+    assert_eq!(read(Rows::Of("segment", std::sync::Arc::new(|s| s == "a"))), [0.0, 1.0, 5.0]);
+    assert_eq!(read(Rows::Of("segment", std::sync::Arc::new(|_| false))), [0.0; 0]);
+    assert_eq!(read(Rows::Ends("segment")), [0.0, 1.0, 2.0, 4.0, 5.0, 6.0]);
+    assert_eq!(read(Rows::Ends("not there")).len(), 7);
 }

@@ -26,6 +26,7 @@ mod figures;
 mod filter_error;
 mod flightdata;
 mod floors;
+mod folder;
 mod foreign;
 mod fragments;
 mod fuzz;

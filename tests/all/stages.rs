@@ -3,7 +3,7 @@
 
 use crate::campaign::Campaign;
 use koehler::pipeline::{self, Plan, State, Store};
-use koehler::report::{Body, Grid, Section};
+use koehler::report::{Body, Grid, On, Section};
 use koehler::stage::{
     Output, Read, STAGES, Stage, Unit, derive, estimate, fit, ingest, report, segment,
 };
@@ -15,6 +15,7 @@ use std::process::Command;
 const SECTION: Section = Section {
     id: "toy",
     heading: "Lengths of the flights",
+    on: On::Both,
     tables: &["biases"],
     build: |given| {
         let Some(table) = given.get("biases") else { return Ok(None) };

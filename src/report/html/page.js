@@ -1,7 +1,21 @@
 "use strict";
 // Draws the plots of the report from the numbers in #data. Everything else on the page is plain HTML.
 (function () {
-  const data = JSON.parse(document.getElementById("data").textContent);
+  const data = unpack(JSON.parse(document.getElementById("data").textContent));
+  // Histories are packed: 16 bits per value, steps above the least one; all ones where there is none.
+  function unpack(v) {
+    if (v === null || typeof v !== "object") return v;
+    if (typeof v.levels === "string") {
+      const bytes = atob(v.levels), values = [];
+      for (let i = 0; i < bytes.length; i += 2) {
+        const k = bytes.charCodeAt(i) + 256 * bytes.charCodeAt(i + 1);
+        values.push(k === 65535 ? null : v.low + k * v.step);
+      }
+      return values;
+    }
+    Object.keys(v).forEach((key) => { v[key] = unpack(v[key]); });
+    return v;
+  }
   // A section that has no place on the page leaves no numbers.
   ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths", "validations", "figures"].forEach((name) => { data[name] = data[name] || []; });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -57,8 +71,8 @@
     }
     plot.points.forEach((p) => traces.push({
       x: p.x, y: p.value, text: p.segment.map(escape), name: escape(p.flight), mode: "markers", type: "scatter",
-      marker: { color: colourOf[p.flight], symbol: symbolOf[p.flight], size: 8 },
-      error_y: { type: "data", array: p.bar, color: colourOf[p.flight], thickness: 1.2, width: 3 },
+      marker: { color: colourOf[p.flight] || t.measured, symbol: symbolOf[p.flight] || "circle", size: p.x.length > 200 ? 4 : 8 },
+      error_y: { type: "data", array: p.bar, color: colourOf[p.flight] || t.measured, thickness: p.x.length > 200 ? 0.5 : 1.2, width: p.x.length > 200 ? 0 : 3 },
       hovertemplate: "%{text}<br>%{x:.2f}, %{y:.4g} ± %{error_y.array:.2g}<extra>%{fullData.name}</extra>",
     }));
     Plotly.react(element, traces, layout({ xaxis: axis(withUnit(plot.against, plot.x_unit)), yaxis: axis(withUnit(plot.parameter, plot.unit)) }), config);
@@ -92,7 +106,6 @@
     const names = Math.ceil(width / Math.max(120, (element.clientWidth || 400) - 78));
     Plotly.react(element, traces, layout({ shapes: shapes, showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 }, traceorder: "normal", itemsizing: "constant" }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
   }
-  const drawFigures = () => data.figures.forEach(drawFigure);
 
   // ---- likelihood profiles ----
   function drawProfile(plot) {
@@ -161,6 +174,8 @@
     document.querySelectorAll("#maneuvers tr[data-pick]").forEach((row) => row.classList.toggle("chosen", row.dataset.pick === "m" + maneuver));
   }
   function fill(select, labels, pick) {
+    // One alone is no choice.
+    select.closest("label").hidden = labels.length < 2;
     labels.forEach((label, i) => {
       const option = document.createElement("option");
       option.value = String(i);
@@ -313,18 +328,29 @@
   }
   if (byId("path-select")) fill(byId("path-select"), data.paths.map((p) => p.flight), (i) => { path = i; drawPath(); });
 
+  // ---- the list of flights ----
+  const filter = byId("list-filter");
+  if (filter) {
+    const rows = Array.from(document.querySelectorAll("#list-rows tbody tr"), (row) => ({ row: row, text: row.textContent.toLowerCase() }));
+    const sift = () => {
+      const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
+      let n = 0;
+      rows.forEach((r) => { r.row.hidden = !words.every((w) => r.text.includes(w)); n += r.row.hidden ? 0 : 1; });
+      byId("list-count").textContent = n + " of " + rows.length;
+    };
+    filter.addEventListener("input", sift);
+    sift();
+  }
+
+  // One plot after the other, so that the page answers between them; all at once for the printer.
+  let turn = 0;
   function drawAll() {
-    drawLines();
-    drawFigures();
-    drawProfiles();
-    drawManeuver();
-    drawValidation();
-    drawOverlay();
-    drawVerdicts();
-    drawCorrelation();
-    drawGap();
-    drawFlight();
-    drawPath();
+    const steps = [...data.lines.map((plot) => () => drawLine(plot)), ...data.figures.map((figure, i) => () => drawFigure(figure, i)),
+      drawProfiles, drawManeuver, drawValidation, drawOverlay, drawVerdicts, drawCorrelation, drawGap, drawFlight, drawPath];
+    turn += 1;
+    if (printing) return steps.forEach((step) => step());
+    const mine = turn, next = () => { if (turn === mine && steps.length > 0) { steps.shift()(); setTimeout(next); } };
+    setTimeout(next);
   }
   dark.addEventListener("change", drawAll);
   window.addEventListener("beforeprint", () => { printing = true; drawAll(); });

@@ -2,7 +2,7 @@
 
 use super::{Campaign, Inputs, Key, Known, Output, Read, Stage, Told, Unit, slice_of};
 use crate::error::Errors;
-use crate::report::{Body, Given, Grid, Section};
+use crate::report::{Body, Given, Grid, On, Section};
 use crate::table::Table;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,7 +49,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     Ok(Output { tables: vec![("lengths", table)], ..Output::default() })
 }
 
-const SECTION: Section = Section { id: "lengths", heading: "Lengths of the flights", tables: &["lengths"], build };
+const SECTION: Section = Section { id: "lengths", heading: "Lengths of the flights", on: On::Index, tables: &["lengths"], build };
 
 fn build(given: &Given) -> crate::error::Result<Option<Body>> {
     let Some(table) = given.get("lengths") else { return Ok(None) };
