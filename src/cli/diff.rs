@@ -45,6 +45,8 @@ fn line(d: &Difference, first: &Path, second: &Path) -> String {
     let kind = match d.kind {
         Kind::Estimate => "estimate",
         Kind::Line => "line",
+        Kind::Curve => "curve",
+        Kind::Recommended => "recommended",
         Kind::Verdict => "verdict",
     };
     let name = format!("{kind} {}", d.of.join(", "));
@@ -62,9 +64,10 @@ fn line(d: &Difference, first: &Path, second: &Path) -> String {
 fn words(side: &Side) -> String {
     match side {
         Side::Quantity { value: None, .. } => "no value".to_string(),
-        Side::Quantity { value: Some(value), sd: None } => format!("{} without sd", number(*value)),
-        Side::Quantity { value: Some(value), sd: Some(sd) } => {
-            format!("{}, sd {}", number(*value), number(*sd))
+        Side::Quantity { value: Some(value), sd, unit } => {
+            let unit = if unit == "-" { String::new() } else { format!(" {unit}") };
+            let sd = sd.map_or(" without sd".to_string(), |sd| format!(", sd {}", number(sd)));
+            format!("{}{unit}{sd}", number(*value))
         }
         Side::Words(words) => words.clone(),
         Side::All { values } => count(*values, "row"),

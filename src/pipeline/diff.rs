@@ -1,7 +1,9 @@
 //! Two output folders come in; what their results differ in beyond their standard deviations goes
-//! out: values, lines, verdicts, and what only one of them has.
+//! out: values, lines, curves, verdicts, and what only one of them has.
 
 use crate::error::{Errors, Result};
+use crate::estimate::Line;
+use crate::math::digits;
 use crate::table::{Table, read_dataset};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -16,6 +18,9 @@ const MOVED: f64 = 2.0;
 pub enum Kind {
     Estimate,
     Line,
+    Curve,
+    /// What a diagnosis says is to be used.
+    Recommended,
     Verdict,
 }
 
@@ -26,6 +31,7 @@ pub enum Side {
     Quantity {
         value: Option<f64>,
         sd: Option<f64>,
+        unit: String,
     },
     Words(String),
     /// So many values, none of which the other run has.
@@ -60,24 +66,41 @@ struct Wanted {
     kind: Kind,
     table: &'static str,
     names: &'static [&'static str],
-    /// Value and standard deviation; the name of the value is told where there are several.
-    values: &'static [(&'static str, &'static str)],
+    /// Value, standard deviation and what it is per; the name of the value is told where there are
+    /// several.
+    values: &'static [(&'static str, &'static str, Per)],
     words: &'static [&'static str],
 }
 
-const WANTED: [Wanted; 5] = [
+/// The unit of a value.
+#[derive(Clone, Copy, PartialEq)]
+enum Per {
+    /// That of its row.
+    One,
+    /// That of its row over that of the abscissa.
+    X,
+}
+
+const WANTED: [Wanted; 6] = [
     Wanted {
         kind: Kind::Estimate,
         table: "estimates",
         names: &["model", "group", "segment", "of", "parameter"],
-        values: &[("value", "sd")],
+        values: &[("value", "sd", Per::One)],
+        words: &[],
+    },
+    Wanted {
+        kind: Kind::Recommended,
+        table: "recommended",
+        names: &["diagnosis", "candidate", "parameter"],
+        values: &[("value", "sd", Per::One)],
         words: &[],
     },
     Wanted {
         kind: Kind::Line,
         table: "fits",
         names: &["model", "parameter", "against"],
-        values: &[("slope", "slope_sd"), ("intercept", "intercept_sd")],
+        values: &[("slope", "slope_sd", Per::X), ("intercept", "intercept_sd", Per::One)],
         words: &[],
     },
     Wanted {
@@ -117,6 +140,12 @@ pub fn diff(first: &Path, second: &Path) -> std::result::Result<Compared, Errors
         compared.both += a.keys().filter(|names| b.contains_key(*names)).count();
         compared.differences.extend(differences(wanted.kind, &a, &b));
     }
+    let [a, b] = [curves(first)?, curves(second)?];
+    for (of, first) in &a {
+        let Some(second) = b.get(of) else { continue };
+        compared.both += 1;
+        compared.differences.extend(furthest(of, first, second));
+    }
     compared.differences.sort_by_key(|d| d.kind);
     Ok(compared)
 }
@@ -128,10 +157,9 @@ fn sides(folder: &Path, wanted: &Wanted) -> std::result::Result<Sides, Errors> {
         row.iter().cloned().chain(several.then(|| what.to_string())).collect()
     };
     let mut sides = Sides::new();
-    for (value, sd) in wanted.values {
-        let known = |x: f64| x.is_finite().then_some(x);
-        let each = table.f64(value)?.iter().zip(table.f64(sd)?);
-        let each = each.map(|(&value, &sd)| Side::Quantity { value: known(value), sd: known(sd) });
+    for (value, sd, per) in wanted.values {
+        let each = table.f64(value)?.iter().zip(table.f64(sd)?).zip(units(&table, *per)?);
+        let each = each.map(|((&value, &sd), unit)| quantity(value, sd, unit));
         let several = wanted.values.len() > 1;
         sides.extend(rows.iter().map(|row| named(row, value, several)).zip(each));
     }
@@ -143,6 +171,53 @@ fn sides(folder: &Path, wanted: &Wanted) -> std::result::Result<Sides, Errors> {
         }));
     }
     Ok(sides)
+}
+
+fn quantity(value: f64, sd: f64, unit: String) -> Side {
+    let known = |x: f64| x.is_finite().then_some(x);
+    Side::Quantity { value: known(value), sd: known(sd), unit }
+}
+
+/// The unit of every row.
+fn units(table: &Table, per: Per) -> Result<Vec<String>> {
+    let own = table.strings("unit")?.into_iter();
+    if per == Per::One {
+        return Ok(own.map(ToString::to_string).collect());
+    }
+    let over = |(unit, x): (&str, &str)| {
+        Line { against: String::new(), unit: x.to_string(), centre: 0.0 }.slope_unit(unit)
+    };
+    Ok(own.zip(table.strings("unit_x")?).map(over).collect())
+}
+
+/// The points of a curve: abscissa with its name and unit, value and standard deviation.
+type Points = Vec<(f64, String, Side)>;
+
+/// All curves of a run.
+fn curves(folder: &Path) -> std::result::Result<BTreeMap<Vec<String>, Points>, Errors> {
+    let table = read_dataset(folder, "curves")?;
+    let rows = names(&table, &["curve", "group", "equation", "at"])?;
+    let (input, unit_x, x) = (table.strings("input")?, table.strings("unit_x")?, table.f64("x")?);
+    let (value, sd, units) = (table.f64("value")?, table.f64("sd")?, units(&table, Per::One)?);
+    let mut curves: BTreeMap<Vec<String>, Points> = BTreeMap::new();
+    for (k, (names, unit)) in rows.into_iter().zip(units).enumerate() {
+        let at = format!("{} = {} {}", input[k], digits(x[k]), unit_x[k]);
+        curves.entry(names).or_default().push((x[k], at, quantity(value[k], sd[k], unit)));
+    }
+    Ok(curves)
+}
+
+/// The point at which two curves are furthest apart, where they are: of the abscissas that both have.
+fn furthest(of: &[String], a: &Points, b: &Points) -> Option<Difference> {
+    let pairs = a.iter().filter_map(|(x, at, first)| {
+        let (.., second) = b.iter().find(|(other, ..)| other == x)?;
+        Some((moved(first, second)?, at, first, second))
+    });
+    let by = |sds: Option<f64>| sds.unwrap_or(f64::INFINITY);
+    let (sds, at, first, second) = pairs.max_by(|a, b| by(a.0).total_cmp(&by(b.0)))?;
+    let of = of.iter().chain([at]).cloned().collect();
+    let (first, second) = (Some(first.clone()), Some(second.clone()));
+    Some(Difference { kind: Kind::Curve, of, first, second, sds })
 }
 
 /// What every row is called: each name once, and none that is not said.
@@ -180,8 +255,8 @@ fn differences(kind: Kind, a: &Sides, b: &Sides) -> Vec<Difference> {
 fn moved(a: &Side, b: &Side) -> Option<Option<f64>> {
     match (a, b) {
         (
-            Side::Quantity { value: Some(a), sd: sd_a },
-            Side::Quantity { value: Some(b), sd: sd_b },
+            Side::Quantity { value: Some(a), sd: sd_a, .. },
+            Side::Quantity { value: Some(b), sd: sd_b, .. },
         ) => {
             let sd = sd_a.unwrap_or(0.0).max(sd_b.unwrap_or(0.0));
             let sds = (sd > 0.0).then(|| (b - a).abs() / sd);
@@ -218,8 +293,24 @@ mod tests {
     use super::*;
 
     fn quantity(value: f64, sd: f64) -> Side {
-        let known = |x: f64| x.is_finite().then_some(x);
-        Side::Quantity { value: known(value), sd: known(sd) }
+        super::quantity(value, sd, "rad".into())
+    }
+
+    #[test]
+    fn curves_differ_where_they_are_furthest_apart() {
+        let of = ["lift".to_string()];
+        let points = |ys: [f64; 3]| -> Points {
+            let x = [0.0, 0.1, 0.2];
+            x.iter()
+                .zip(ys)
+                .map(|(x, y)| (*x, format!("eta = {x} rad"), quantity(y, 0.1)))
+                .collect()
+        };
+        let first = points([1.0, 2.0, 3.0]);
+        assert_eq!(furthest(&of, &first, &points([1.1, 2.1, 3.1])), None);
+        let found = furthest(&of, &first, &points([1.3, 2.6, 3.4])).expect("apart");
+        assert_eq!(found.of, ["lift", "eta = 0.1 rad"]);
+        assert!((found.sds.expect("sd") - 6.0).abs() < 1e-9);
     }
 
     #[test]
