@@ -2,18 +2,22 @@
 //! numbers, out.
 
 use super::columns::Columns;
-use super::format::{count, display_unit, number, plain, shorts, thin};
+use super::format::{count, display_unit, number, plain, thin};
+use super::packed::Packed;
 use super::place::On;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use crate::math::interpolate::held;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 pub const SECTION: Section =
     Section { id: "figures", heading: "Figures", on: On::Index, tables: &["figures"], build };
 
 /// Points drawn of one series, at most about.
 const LIMIT: usize = 2000;
+/// And at least.
+const LEAST: usize = 40;
 
 /// One figure (JSON).
 #[derive(Debug, Serialize)]
@@ -33,10 +37,11 @@ struct Axis {
 struct Drawn {
     label: String,
     kind: String,
-    x: Vec<Option<f64>>,
-    y: Vec<Option<f64>>,
-    lower: Vec<Option<f64>>,
-    upper: Vec<Option<f64>>,
+    x: Packed,
+    y: Packed,
+    /// Ends of bars or bands; empty where there are none.
+    lower: Packed,
+    upper: Packed,
 }
 
 #[derive(Debug, Serialize)]
@@ -65,7 +70,8 @@ fn build(given: &Given) -> Result<Option<Body>> {
         return Ok(Some(Body::new(template, Shown { figures: Vec::new() })));
     };
     let (mut captions, mut figures) = (Vec::new(), Vec::new());
-    let limit = given.room().samples(LIMIT, 2, 4 * table.rows_by(["figure", "series"]).len());
+    // Packed numbers take a third of the room.
+    let limit = shared(given.room().count(12, 1), &table.rows_by(["figure", "series"]));
     for ([_], rows) in table.groups(["figure"]) {
         let all = series(table, &rows);
         let text = |name: &str| table.text(name, rows[0]);
@@ -82,6 +88,23 @@ fn build(given: &Given) -> Result<Option<Body>> {
         });
     }
     Body::new(template, Shown { figures: captions }).plot("figures", &figures).map(Some)
+}
+
+/// Points drawn of every series where all of them share room for so many numbers: those of short ones are
+/// left to the long ones.
+fn shared(room: usize, series: &BTreeMap<[String; 2], Vec<usize>>) -> usize {
+    let mut lengths: Vec<usize> = series.values().map(|rows| rows.len().min(LIMIT)).collect();
+    lengths.sort_unstable();
+    // At most four numbers a point.
+    let (mut left, mut others) = (room / 4, lengths.len());
+    for length in lengths {
+        let each = left / others;
+        if each < length {
+            return each.max(LEAST);
+        }
+        (left, others) = (left - length, others - 1);
+    }
+    LIMIT
 }
 
 fn series(table: &Columns, rows: &[usize]) -> Vec<Series> {
@@ -101,14 +124,18 @@ fn series(table: &Columns, rows: &[usize]) -> Vec<Series> {
 
 fn drawn(one: &Series, fx: f64, fy: f64, limit: usize) -> Drawn {
     let keep = thin(one.x.len(), &[&one.y], limit);
-    let of = |values: &[f64], factor| shorts(keep.iter().map(|&k| values[k]), factor);
+    let of = |values: &[f64], factor| Packed::of(keep.iter().map(|&k| values[k]), factor);
+    let ends = |values: &[f64]| match values.iter().any(|v| v.is_finite()) {
+        true => of(values, fy),
+        false => Packed::default(),
+    };
     Drawn {
         label: one.label.clone(),
         kind: one.kind.clone(),
         x: of(&one.x, fx),
         y: of(&one.y, if one.kind == "strips" { fx } else { fy }),
-        lower: of(&one.ends[0], fy),
-        upper: of(&one.ends[1], fy),
+        lower: ends(&one.ends[0]),
+        upper: ends(&one.ends[1]),
     }
 }
 

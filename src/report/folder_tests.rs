@@ -85,7 +85,7 @@ fn every_link_of_every_page_leads_somewhere_and_nowhere_outside() {
             match link.strip_prefix('#') {
                 Some(id) => assert!(ids.contains(&id), "{path}: #{id} among {ids:?}"),
                 None => {
-                    let to = resolved(path, &link);
+                    let to = resolved(path, link);
                     assert!(files.contains_key(&to), "{path}: {link} is no file");
                     reached.insert((path.as_str(), to));
                 }

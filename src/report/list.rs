@@ -39,21 +39,23 @@ struct Shown {
     rows: Vec<Row>,
 }
 
+/// A table by its name, and its rows by flight.
+type Named<'a> = (&'a str, &'a Columns, BTreeMap<String, Vec<usize>>);
+
 fn build(given: &Given) -> Result<Option<Body>> {
     let Form::Index(flights) = &given.input.form else { return Ok(None) };
     let owners = Owners::of(flights, given.get("segments"));
     // What does not say which flight it is about answers for none.
     let tell = |table: &Columns| Owners::can_tell(|name| table.has(name));
-    let tables: Vec<(&str, &Columns, BTreeMap<String, Vec<usize>>)> = SECTION
+    let tables: Vec<Named> = SECTION
         .tables
         .iter()
         .filter_map(|name| Some((*name, given.get(name).filter(|t| tell(t))?)))
         .map(|(name, table)| (name, table, owners.rows(table)))
         .collect();
     let row = |flight: &String| {
-        let of = |(name, table, rows): &(&str, &Columns, BTreeMap<String, Vec<usize>>)| {
-            Some((name.to_string(), table.take(rows.get(flight)?)))
-        };
+        let of =
+            |(name, table, rows): &Named| Some((name.to_string(), table.take(rows.get(flight)?)));
         one(given, flight, flights, tables.iter().filter_map(of).collect())
     };
     let rows = flights.iter().map(row).collect();

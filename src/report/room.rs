@@ -34,7 +34,7 @@ impl Room {
 
     /// How many fit into so many eighths of the page of what takes `numbers` each.
     pub fn count(&self, eighths: usize, numbers: usize) -> usize {
-        self.numbers / 8 * eighths / numbers.max(1)
+        (self.numbers / 8).saturating_mul(eighths) / numbers.max(1)
     }
 
     /// Samples drawn of every curve, at most `most`, where one sample of all curves takes `numbers`.
