@@ -355,12 +355,16 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Writes those of the pipeline's own tables, notes and provenance so far, that a stage shows.
+    /// Writes those of the pipeline's own tables, notes and provenance so far, that a stage shows; all
+    /// of them where nothing is to be shown.
     fn file_own_tables(&mut self, stage: &Stage) -> Result<()> {
         let unit = (stage.units)(&self.plan.campaign).into_iter().next();
-        let reads = unit.map(|unit| (stage.reads)(&self.plan.campaign, &unit)).unwrap_or_default();
+        let reads = unit.map(|unit| (stage.reads)(&self.plan.campaign, &unit));
+        let shown = |table: &Table| {
+            reads.as_ref().is_none_or(|reads| reads.iter().any(|read| read.table == table.name()))
+        };
         let tables = own_tables(&self.result.notes, &self.records)?.into_iter();
-        for table in tables.filter(|table| reads.iter().any(|read| read.table == table.name())) {
+        for table in tables.filter(shown) {
             let path = Part::Number(0).path(table.name());
             let hash = self.store.put(&path, &table.to_parquet()?)?;
             keep(&self.kept, &path, &hash, table);
