@@ -18,6 +18,7 @@ use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep};
 use crate::engine::{self, Engine, Here, Kept, Said};
 use crate::error::{Error, Errors, Result};
 use crate::stage::{Output, Part, Read, Stage, Unit};
+use crate::table::Table;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 

@@ -23,6 +23,7 @@ use crate::engine::Here;
 use crate::error::Errors;
 use crate::estimate::regression::Regressed;
 use crate::estimate::{self, Estimation};
+use crate::math::digits;
 use crate::noise::Modelled;
 use batch::Batch;
 use rayon::prelude::*;
@@ -305,7 +306,8 @@ fn tried_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<N
     let mut said: Vec<String> = Vec::new();
     for rival in tried.iter().filter(|t| t.rivals(best)) {
         let ends = names.iter().zip(&rival.ends);
-        let at: Vec<String> = ends.map(|(name, end)| format!("{name} = {end:.3e}")).collect();
+        let at: Vec<String> =
+            ends.map(|(name, end)| format!("{name} = {}", digits(*end))).collect();
         let at = at.join(", ");
         if !said.contains(&at) {
             let more = rival.cost - best;
@@ -322,7 +324,7 @@ fn tried_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<N
 /// What is said of another start that ended in another minimum.
 fn elsewhere_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
     let other = estimation.elsewhere.as_ref()?;
-    let ends = other.ends.iter().map(|(name, value)| format!("{name} = {value:.4e}"));
+    let ends = other.ends.iter().map(|(name, value)| format!("{name} = {}", digits(*value)));
     let at = ends.collect::<Vec<_>>().join(", ");
     let (from, worse) = (other.from, other.worse);
     let text = match other.taken {
