@@ -93,7 +93,7 @@ impl<'a> Probes<'a> {
 fn adds_terms(candidate: &Candidate, base: &Model) -> bool {
     let model = &candidate.model;
     let counts = |m: &Model| [m.states.len(), m.delays.len(), m.moving.len(), m.layout.inputs];
-    let limited = |m: &Model| m.states.iter().map(|s| [s.min, s.max]).flatten().flatten().count();
+    let limited = |m: &Model| m.states.iter().flat_map(|s| [s.min, s.max]).flatten().count();
     counts(model) == counts(base)
         && limited(model) == limited(base)
         && candidate.added.iter().all(|a| a.steps.is_empty())
