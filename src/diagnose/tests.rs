@@ -50,7 +50,7 @@ pub fn parsed(text: &str) -> Model {
     Model::parse("short", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-pub fn model(parameters: &str, pitch: &str, vane: &str) -> Model {
+fn model(parameters: &str, pitch: &str, vane: &str) -> Model {
     parsed(&text(parameters, pitch, vane))
 }
 
