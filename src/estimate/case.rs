@@ -320,7 +320,8 @@ impl Case {
                     (Innovation, Innovation),
                 )| {
                     let noise = self.sensor_variance(channel, &parameters);
-                    let sd = |s: &f64| (s - noise).max(0.0).sqrt();
+                    // Rounding may leave less than the noise; what is not known stays unknown.
+                    let sd = |s: &f64| if *s < noise { 0.0 } else { (s - noise).sqrt() };
                     let simulated_sd = alone.s.iter().map(sd).collect();
                     let sd = ahead.s.iter().map(|s| s.sqrt()).collect();
                     (ahead.y, Some(Filtered { sd, simulated, simulated_sd }))

@@ -77,10 +77,9 @@ fn build(given: &Given) -> Result<Option<Body>> {
         let text = |name: &str| table.text(name, rows[0]);
         let (fx, x_unit) = display_unit(&text("x_unit"));
         let (fy, y_unit) = display_unit(&text("y_unit"));
-        captions.push(Caption {
-            title: text("title"),
-            facts: facts(&all, (fx, &x_unit), (fy, &y_unit)),
-        });
+        let mut facts = facts(&all, (fx, &x_unit), (fy, &y_unit));
+        facts.extend(thinned(&all, limit));
+        captions.push(Caption { title: text("title"), facts });
         figures.push(Figure {
             x: Axis { title: text("x_title"), unit: x_unit },
             y: Axis { title: text("y_title"), unit: y_unit },
@@ -88,6 +87,14 @@ fn build(given: &Given) -> Result<Option<Body>> {
         });
     }
     Body::new(template, Shown { figures: captions }).plot("figures", &figures).map(Some)
+}
+
+/// What is said where not all points are drawn.
+fn thinned(all: &[Series], limit: usize) -> Option<String> {
+    let longest = all.iter().map(|one| one.x.len()).max().filter(|n| *n > limit)?;
+    Some(format!(
+        "Of the {longest} points of the longest series about {limit} are drawn, smallest and largest kept; the table figures has all."
+    ))
 }
 
 /// Points drawn of every series where all of them share room for so many numbers: those of short ones are

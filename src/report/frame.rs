@@ -63,8 +63,8 @@ struct Built {
     body: String,
 }
 
-/// The page that `input` asks for, of these sections; links lead to all that are `known`. With the counts of a campaign and what its numbers mean at the
-/// top, or without.
+/// The page that `input` asks for, of these sections; links lead to all that are `known`. With the
+/// counts of a campaign and what its numbers mean at the top, or without.
 pub fn page(
     sections: impl IntoIterator<Item = &'static Section>,
     known: &'static [Section],

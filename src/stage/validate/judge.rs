@@ -277,6 +277,8 @@ mod tests {
         assert_eq!((verdict.as_str(), noise), ("good", Some("noise")));
         // Two periods in 8 s.
         assert!(independent > 2.0 && independent < 20.0, "{independent}");
+        // A motion that runs away has no interval, and nothing is within it.
+        assert!(judged(f64::NAN, 0.0).0.contains("0% within the predicted interval"));
         let (verdict, noise, _) = judged(0.02, 0.05);
         assert!(verdict.contains("95% wanted"), "{verdict}");
         assert_eq!(noise, Some("more than noise"));
