@@ -51,7 +51,7 @@ fn guarded(folder: &Path, sql: &str) -> std::result::Result<Answer, Errors> {
     std::panic::set_hook(hook);
     answer.unwrap_or_else(|_| {
         let what = "the query is more than the library that answers it can do";
-        Err(Error::new(what).help("say it in another way, in smaller parts").into())
+        Err(Error::new(what).help(query::HELP).into())
     })
 }
 

@@ -17,9 +17,13 @@ use polars::prelude::{
     PlSmallStr, PolarsError, PolarsResult, ScanArgsAnonymous, Schema as Types, SchemaRef,
 };
 use polars::sql::{SQLContext, extract_table_identifiers};
+use sqlparser::ast::Statement;
+use sqlparser::dialect::GenericDialect;
+use sqlparser::parser::Parser;
 
 use super::parquet::TableFile;
-use super::refused::{HELP, refused};
+pub use super::refused::HELP;
+use super::refused::refused;
 use super::rows::united;
 use super::{Column, Kind, Schema, part_path, parts, schema, schemas};
 use crate::error::{Error, Errors, Place, Result};
@@ -91,15 +95,19 @@ pub fn query(dir: &Path, sql: &str) -> std::result::Result<Answer, Errors> {
 }
 
 /// Whether a query leaves tables as they are: polars would answer as if it had changed them.
+/// What is no SQL at all is refused where it is answered.
 fn only_asks(sql: &str) -> Result<()> {
-    let first = sql.split_whitespace().next().unwrap_or_default().to_uppercase();
-    match ["CREATE", "DELETE", "DROP", "TRUNCATE"].contains(&first.as_str()) {
-        true => {
-            Err(Error::new(format!("a query changes no table, and this one begins with {first}"))
-                .help(HELP))
-        }
-        false => Ok(()),
-    }
+    let asks = |statement: &Statement| {
+        let shows = matches!(statement, Statement::Explain { .. } | Statement::ShowTables { .. });
+        shows || matches!(statement, Statement::Query(_))
+    };
+    let all = Parser::parse_sql(&GenericDialect {}, sql).unwrap_or_default();
+    let Some(change) = all.iter().find(|statement| !asks(statement)) else {
+        return Ok(());
+    };
+    let change = change.to_string();
+    let first = change.split_whitespace().next().unwrap_or_default();
+    Err(Error::new(format!("a query changes no table, and this one has {first}")).help(HELP))
 }
 
 /// A table that is read when a query wants something of it.

@@ -9,7 +9,7 @@ use crate::error::{Error, Place};
 const QUERY: &str = "query";
 
 /// What to do where a query is none.
-pub(super) const HELP: &str =
+pub const HELP: &str =
     "a query is one SELECT, as SELECT flight, count(*) FROM segments GROUP BY flight";
 
 /// The error of a query of the tables `there`; those it names have these columns.

@@ -51,7 +51,8 @@ fn fault_what_cannot_be_answered_is_said_with_what_to_do() {
     assert_eq!(said["exit_code"], 2, "{}", column.out);
     let syntax = ask(&c, "out", "SELECT slope FORM fits x", &[]).ended(2);
     assert!(syntax.err.contains("error: query:1:"), "{}", syntax.err);
-    for query in ["SELECT slope FROM fits ORDER BY 0", "DELETE FROM fits"] {
+    let change = "/* first a comment */ DELETE FROM fits";
+    for query in ["SELECT slope FROM fits ORDER BY 0", "DELETE FROM fits", change] {
         let run = ask(&c, "out", query, &[]).ended(2);
         assert!(run.err.contains("a query is one SELECT"), "{query}: {}", run.err);
     }

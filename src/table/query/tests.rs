@@ -100,7 +100,7 @@ fn fault_a_wrong_query_is_told_with_what_to_do() {
     let syntax = refusal("SELECT flight\nFROM samples WHERE");
     assert!(syntax.starts_with("Expected: an expression, found: EOF\n"), "{syntax}");
     let change = refusal("delete FROM samples");
-    assert!(change.starts_with("a query changes no table, and this one begins with DELETE\n"));
+    assert!(change.starts_with("a query changes no table, and this one has DELETE\n"));
     let typo = refusal("SELECT flight FORM samples x");
     assert!(typo.starts_with("query:1:") && typo.contains("a query is one SELECT"), "{typo}");
     for query in
