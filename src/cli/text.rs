@@ -70,13 +70,14 @@ Exit codes: 0 everything is there, 1 something asked for is missing or the repor
 pub const DIAGNOSE: &str = "\
 Runs the pipeline as far as it is not fresh, and diagnoses the models of its [[diagnose]] sections (without any: of all estimates).
 The verdict: named (an effect, with its parameters), one of these (the flights cannot separate them), located but unexplained, nothing
-missing but turbulence, nothing missing. OUT/models/NAME.next.model.toml is the model with what was found; tables: findings, candidates, additions, held_out, located.
+missing but turbulence, nothing missing but noise of records (that drives the model), nothing missing. OUT/models/NAME.next.model.toml is the
+model with what was found; tables: findings, candidates, additions, held_out, located.
 
 Examples:
   koehler diagnose pipelines/attas/diagnosis.toml --estimate a-all
   koehler diagnose pipelines/hfb320/pipeline.toml --predicted
 
-Exit codes: 0 nothing is missing, or nothing but turbulence; 1 no verdict, or something asked for is missing; 2 configuration or usage error; 3 a model lacks something.";
+Exit codes: 0 nothing is missing, or nothing but turbulence or noise of records; 1 no verdict, or something asked for is missing; 2 configuration or usage error; 3 a model lacks something.";
 
 pub const STATUS: &str = "\
 For each stage and flight: fresh, or what changed (a setting, an input, the program, an output file). `koehler explain` says more of one.

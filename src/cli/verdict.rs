@@ -46,7 +46,7 @@ pub fn of(store: &Store, plan: &Plan, i: usize) -> Result<Option<Vec<String>>> {
 /// The table lacks a column.
 pub fn end(findings: &Table) -> Result<End> {
     Ok(match findings.strings("verdict")?.first().copied().unwrap_or_default() {
-        "nothing missing" | "nothing missing but turbulence" => End::Complete,
+        verdict if verdict.starts_with("nothing missing") => End::Complete,
         "no verdict" => End::Partial,
         _ => End::Found,
     })
@@ -87,7 +87,11 @@ fn lines(name: &str, findings: &Table, recommended: Option<&Table>) -> Result<Ve
     let complete = findings.bools("complete")?.first().copied().unwrap_or(true);
     let is_named = matches!(verdict.as_str(), "NAMED" | "ONE OF THESE");
     let incomplete = if is_named && !complete { ", and it is not all" } else { "" };
-    let mut inside = if is_named { named(findings, recommended)? } else { Vec::new() };
+    let mut inside = if is_named || verdict.ends_with("RECORDS") {
+        named(findings, recommended)?
+    } else {
+        Vec::new()
+    };
     if inside.is_empty() {
         inside.extend(findings.strings("text")?.first().map(|text| first_sentence(text)));
     }

@@ -102,6 +102,8 @@ pub mod effect;
 mod friction_tests;
 mod gap;
 mod held_out;
+#[cfg(test)]
+mod record_tests;
 mod residual;
 mod search;
 mod settings;

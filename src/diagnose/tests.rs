@@ -50,12 +50,12 @@ pub fn parsed(text: &str) -> Model {
     Model::parse("short", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn model(parameters: &str, pitch: &str, vane: &str) -> Model {
+pub fn model(parameters: &str, pitch: &str, vane: &str) -> Model {
     parsed(&text(parameters, pitch, vane))
 }
 
 /// A handful of the library.
-const LIBRARY: [&str; 7] = [
+pub const LIBRARY: [&str; 7] = [
     "downwash-lag",
     "control-square-longitudinal",
     "alpha-cubic",
@@ -130,6 +130,16 @@ fn judged(
     method: &estimate::Settings,
     settings: &Settings,
 ) -> Diagnosis {
+    held_against(&LIBRARY, base, segments, (method, settings))
+}
+
+/// The same with these effects of the library.
+pub fn held_against(
+    effects: &[&str],
+    base: &Model,
+    segments: &[Segment],
+    (method, settings): (&estimate::Settings, &Settings),
+) -> Diagnosis {
     let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
     let held = held_out(segments, &names, settings);
     let subject = Subject {
@@ -143,7 +153,7 @@ fn judged(
     let library: Vec<_> = effect::load(&[])
         .expect("the library")
         .into_iter()
-        .filter(|e| LIBRARY.contains(&e.name.as_str()))
+        .filter(|e| effects.contains(&e.name.as_str()))
         .collect();
     let offer = |model: &Model| {
         Ok((effect::candidates(model, &Context::default(), &library).candidates, Vec::new()))

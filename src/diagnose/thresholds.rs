@@ -311,6 +311,12 @@ thresholds! {
     /// A parameter may be moved so many sd of what is known of it before. *Convention*.
     prior_sds: f64 = 3.0, "sd";
 
+    /// Small movements of the records of inputs that did not happen are nothing that the model lacks
+    /// where no parameter moves by more than so many of its sd when they are taken out.
+    /// *Convention*. Lower: noise of records that biases nothing is told as something missing.
+    /// Higher: a model whose parameters it biases is told to be right.
+    record_sds: f64 = 3.0, "sd";
+
     /// Fewest training maneuvers from which a limit for a held-out one is made. *Convention*: two
     /// variances are no distribution.
     fewest: usize = 3, "maneuvers";

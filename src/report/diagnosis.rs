@@ -143,7 +143,7 @@ fn diagnosis<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> (Diagnosis, Vec<O
 fn level(verdict: &str) -> Level {
     match verdict {
         "nothing missing" => Level::Good,
-        "nothing missing but turbulence" => Level::Info,
+        nothing if nothing.starts_with("nothing missing but") => Level::Info,
         "named" | "one of these" => Level::Info,
         "located but unexplained" => Level::Warn,
         _ => Level::Bad,

@@ -9,6 +9,7 @@ use super::unseen::missed;
 use super::verdict::{Diagnosis, Finding, Verdict};
 use crate::diagnose::base::found::{Found, values};
 use crate::diagnose::base::stand::Stand;
+use crate::diagnose::gap::before_after::Shift;
 use crate::diagnose::gap::comparison::comparison;
 use crate::diagnose::gap::left::left;
 use crate::diagnose::gap::varying::varying;
@@ -43,14 +44,20 @@ pub fn ended(
         && out.missed.is_empty()
         && out.unphysical.is_empty();
     out.verdict = verdict(out, doubted, &settings.thresholds);
+    let but_records = is_but_records(out, &settings.thresholds);
     out.left = left(last);
-    if out.left.iter().any(|l| l.adequacy.is_poor()) && out.verdict != Verdict::Located {
+    if !out.left.iter().any(|l| l.adequacy.is_poor()) {
+        if but_records {
+            out.verdict = Verdict::ButRecords;
+        }
+    } else if out.verdict != Verdict::Located || but_records {
         progress("more than noise is left: does turbulence account for it?");
         let turbulence = turbulence(subject, stand, last, &out.left);
         // Beside a name gusts may be left that last, which noise on the rates does not account for;
         // but nothing that goes with an input.
         out.verdict = match (&turbulence.objection, &out.verdict) {
             (None, Verdict::NothingMissing) => Verdict::ButTurbulence,
+            (None, _) if but_records => Verdict::ButTurbulence,
             (Some(_), Verdict::NothingMissing) => Verdict::Located,
             (_, named) if turbulence.with_input.is_none() => named.clone(),
             _ => Verdict::Located,
@@ -61,6 +68,42 @@ pub fn ended(
     Ok(())
 }
 
+/// Whether all that was found is small movements that records of inputs show and that did not happen,
+/// in all maneuvers (a finding) or in some (a doubt), and no parameter moves beyond its uncertainty
+/// when they are taken out: the model itself lacks nothing then.
+fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
+    let noise = |f: &Finding| {
+        let judged = |round: &Round| f.class.iter().all(|&c| round.judged[c].noise);
+        out.rounds.get(f.round).is_some_and(judged)
+    };
+    let found = out.findings.iter().all(noise)
+        && out.doubts.iter().all(|(name, _)| out.is_of_record(name))
+        && out.findings.len() + out.doubts.len() > 0;
+    let else_nothing = out.located.is_empty() && out.missed.is_empty() && out.unphysical.is_empty();
+    // With all of them in place nothing else shows.
+    let last = out.rounds.iter().rfind(|round| !round.strict);
+    let in_place = |round: &&Round| {
+        let is_in = |name: &String| round.base.contains(name);
+        let named = |f: &Finding| is_in(&out.rounds[f.round].judged[f.added].name);
+        out.findings.iter().all(named) && out.doubts.iter().all(|(name, _)| is_in(name))
+    };
+    let quiet = last.filter(in_place).is_some_and(|round| !shows(round, thresholds));
+    let moves = |s: &Shift| {
+        let by = (s.after - s.before).abs();
+        s.before_sd.is_some_and(|sd| by > thresholds.record_sds * sd)
+    };
+    found && else_nothing && quiet && !out.comparison.shifts.iter().any(moves)
+}
+
+/// Whether a candidate of a round gains more than chance and is too faint for a name, or was not
+/// asked further.
+fn shows(round: &Round, thresholds: &Thresholds) -> bool {
+    let much =
+        |j: &Judged| times(thresholds.shown_factor, round.limit, j.screened.taken, thresholds);
+    let one = |j: &Judged| j.standing == Standing::Faint || j.score > much(j);
+    round.judged.iter().any(one)
+}
+
 /// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be
 /// little beside what is named: a name given while more than that is not understood would be one
 /// among other things that are wrong.
@@ -69,13 +112,7 @@ fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
     let explained: f64 = out.findings.iter().filter_map(judged).map(|j| j.evidence).sum();
     let left = out.located.iter().map(|l| l.gain + l.held_out.max(0.0)).fold(doubted, f64::max);
     if out.findings.is_empty() {
-        let much = |r: &Round, j: &Judged| {
-            times(thresholds.shown_factor, r.limit, j.screened.taken, thresholds)
-        };
-        let shows = |r: &Round| {
-            r.judged.iter().any(|j| j.standing == Standing::Faint || j.score > much(r, j))
-        };
-        let shown = out.rounds.first().is_some_and(shows);
+        let shown = out.rounds.first().is_some_and(|round| shows(round, thresholds));
         return if out.complete && !shown { Verdict::NothingMissing } else { Verdict::Located };
     }
     let alone = |f: &Finding| f.class.len() == 1;

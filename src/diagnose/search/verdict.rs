@@ -36,6 +36,9 @@ pub enum Verdict {
     /// not all of it.
     Located,
     NothingMissing,
+    /// The same but for small movements that records of inputs show and that did not happen: the
+    /// model lacks nothing.
+    ButRecords,
     /// The sensors' noise and turbulence, which the model does not have, account for what is left.
     ButTurbulence,
     /// No verdict.
@@ -50,6 +53,7 @@ impl Verdict {
             Verdict::OneOfThese => "one of these",
             Verdict::Located => "located but unexplained",
             Verdict::NothingMissing => "nothing missing",
+            Verdict::ButRecords => "nothing missing but noise of records",
             Verdict::ButTurbulence => "nothing missing but turbulence",
             Verdict::None(_) => "no verdict",
         }
@@ -101,6 +105,12 @@ pub struct Diagnosis {
 impl Diagnosis {
     /// Whether effects are named: what is only located makes no model.
     pub fn is_named(&self) -> bool {
-        matches!(self.verdict, Verdict::Named | Verdict::OneOfThese)
+        let nothing = matches!(self.verdict, Verdict::Located | Verdict::None(_));
+        !self.findings.is_empty() && !nothing
+    }
+
+    /// Whether a candidate of this name takes small movements out of the record of an input.
+    pub fn is_of_record(&self, name: &str) -> bool {
+        self.rounds.iter().flat_map(|round| &round.judged).any(|j| j.noise && j.name == name)
     }
 }

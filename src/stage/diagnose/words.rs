@@ -125,6 +125,12 @@ fn missing(outcome: &Outcome) -> String {
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
+        Verdict::ButRecords => {
+            format!("Nothing is missing but noise of records: {}.", records(outcome))
+        }
+        Verdict::ButTurbulence if !d.findings.is_empty() || !d.doubts.is_empty() => {
+            format!("{} Besides: {}.", left::but_turbulence(d), records(outcome))
+        }
         Verdict::ButTurbulence => left::but_turbulence(d),
         Verdict::Named | Verdict::OneOfThese => {
             let turned = match d.turned.is_empty() {
@@ -150,6 +156,15 @@ fn missing(outcome: &Outcome) -> String {
         ),
         Verdict::None(why) => format!("No verdict: {}.", trouble(why)),
     }
+}
+
+/// Small movements that records of inputs show and that did not happen, and where.
+fn records(outcome: &Outcome) -> String {
+    let d = &outcome.diagnosis;
+    let found = d.findings.iter().map(|f| class(outcome, f));
+    let some = d.doubts.iter().map(|(name, why)| format!("{name} in some maneuvers only ({why})"));
+    let remedy = "no parameter moves by three of its sd when they are taken out (+- is 95%); smooth or hold what drives the model";
+    format!("{}; {remedy}", counted(found.chain(some)))
 }
 
 /// One text as it is, several with their numbers, without a full stop at the end.

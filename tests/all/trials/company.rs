@@ -127,10 +127,7 @@ fn judged(
     outcome: &Outcome,
 ) -> Row {
     let diagnosis = &outcome.diagnosis;
-    let given = match diagnosis.verdict {
-        Verdict::Named | Verdict::OneOfThese => named(diagnosis),
-        _ => Vec::new(),
-    };
+    let given = if diagnosis.is_named() { named(diagnosis) } else { Vec::new() };
     let is_of = |name: &&str, h: &Hidden| h.is.contains(name);
     let there = |name: &&str| THERE.contains(name) || hidden.iter().any(|(h, _)| is_of(name, h));
     let names = given.iter().map(|class| (class.join("|"), class.iter().any(there))).collect();
@@ -179,7 +176,8 @@ fn totals(rows: &[&Row]) -> String {
     let alone: Vec<&&Row> = rows.iter().filter(|r| r.hidden.is_empty()).collect();
     let false_alone = alone.iter().filter(|r| r.names.iter().any(|n| !n.1)).count();
     let much: Vec<&&Row> = rows.iter().filter(|r| r.size > 1.0).collect();
-    let silent = much.iter().filter(|r| r.verdict == Verdict::NothingMissing).count();
+    let says_nothing = [Verdict::NothingMissing, Verdict::ButRecords];
+    let silent = much.iter().filter(|r| says_nothing.contains(&r.verdict)).count();
     let large: Vec<&&Row> = rows.iter().filter(|r| r.hidden.len() == 1).collect();
     let found = large.iter().filter(|r| r.found[0]).count();
     format!(
