@@ -131,7 +131,7 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 29] = [
+const THREADS: [(&str, &str); 30] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
@@ -155,6 +155,7 @@ const THREADS: [(&str, &str); 29] = [
     ("diagnose/residual/colour.rs", "maneuvers of one diagnosis"),
     ("diagnose/residual/evaluation.rs", "maneuvers of one diagnosis"),
     ("diagnose/residual/sums.rs", "maneuvers of one diagnosis"),
+    ("diagnose/search/probes.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/refit.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/screen.rs", "candidates of one round of a diagnosis"),
     ("diagnose/search/stability.rs", "other choices of the maneuvers of one diagnosis"),

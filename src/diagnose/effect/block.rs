@@ -22,6 +22,12 @@ pub(super) struct Block {
 }
 
 impl Block {
+    /// Names of equations and states.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let equations = self.equations.iter().map(|(name, _)| name.as_str());
+        equations.chain(self.states.iter().map(|(name, ..)| name.as_str()))
+    }
+
     /// `found`: as the model goes on with it (switches held) instead of as it is tried (everything
     /// free at null). `held`: further parameters that are held.
     pub fn text(

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::added::Added;
 use super::block::Block;
 use super::file::Family;
+use crate::error::Errors;
 use crate::model::Model;
 
 /// All bindings of all effects, and what does not apply.
@@ -65,6 +66,28 @@ impl Candidate {
     pub fn start(&self, row: usize) -> Vec<f64> {
         let of_shape = |a: &Added| a.starts.get(row).or(a.starts.last()).copied().unwrap_or(0.0);
         self.added.iter().map(|a| a.null.unwrap_or_else(|| of_shape(a))).collect()
+    }
+
+    /// Names that it declares besides constants, which several may share.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.block.names().chain(self.added.iter().map(|a| a.name.as_str()))
+    }
+
+    /// The base model with this effect and others, sizes at null.
+    ///
+    /// # Errors
+    /// Names that two of them declare; effects that read one another in a circle.
+    pub fn with(&self, others: &[&Candidate]) -> Result<Model, Errors> {
+        let mut constants = self.block.constants.clone();
+        let mut text = String::new();
+        for other in others {
+            let mut block = other.block.clone();
+            block.constants.retain(|constant| !constants.contains(constant));
+            constants.extend(block.constants.iter().cloned());
+            let nulls = block.text(&other.added, &BTreeMap::new(), false, &[], "");
+            text += &format!("\n{nulls}");
+        }
+        self.model.amended(&text)
     }
 
     /// The text of the base model's own file with the effect behind it. `values`: by name, what the

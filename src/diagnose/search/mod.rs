@@ -7,6 +7,7 @@ pub mod ending;
 pub mod ground;
 pub mod judged;
 pub mod probe;
+pub mod probes;
 pub mod refit;
 pub mod round;
 pub mod screen;

@@ -1,9 +1,9 @@
-//! A candidate's model and a place where the base stands in; its residuals and its sensitivities to
-//! what it adds, out.
+//! A model with what candidates add and a place where the base stands in; its residuals and its
+//! sensitivities to what is added, out.
 
 use super::ground::Ground;
 use crate::diagnose::effect::{Added, Candidate};
-use crate::dynamics::{Channel, Directions, Propagator, Record};
+use crate::dynamics::{Channel, Directions, Propagator, Record, Tier};
 use crate::error::Errors;
 use crate::estimate::{self, Block, Case};
 use crate::model::{Delayed, Model, StartKind};
@@ -14,12 +14,7 @@ fn dynamics(model: &Model) -> usize {
     model.states.len() + model.delays.iter().filter(|d| matches!(d.of, Delayed::State(_))).count()
 }
 
-/// The step of a size in every row; none where it has no steps.
-fn rows(candidate: &Candidate, size: &Added) -> Vec<f64> {
-    (0..candidate.rows()).filter_map(|row| size.step(row)).collect()
-}
-
-/// A candidate's model, to be run where the base stands.
+/// A model with what one candidate or several add, to be run where the base stands.
 pub struct Probe {
     propagator: Propagator,
     starts: Vec<f64>,
@@ -31,9 +26,8 @@ pub struct Probe {
     added: Vec<usize>,
     /// Directions of the propagator: indices into `added`.
     pub sizes: Vec<usize>,
-    /// Per size and row of the starts the value at which it is tried; empty where its derivative at
-    /// null tells.
-    steps: Vec<Vec<f64>>,
+    /// Per added parameter what it is; sizes with steps are tried at them.
+    of: Vec<Added>,
     /// It has more states, or more of them delayed, than the base.
     adds_dynamics: bool,
 }
@@ -42,11 +36,17 @@ impl Probe {
     /// # Errors
     /// The candidate's model does not fit the settings of the base's estimation.
     pub fn new(candidate: &Candidate, ground: &Ground) -> Result<Probe, Errors> {
-        let model = estimate::extended(&candidate.model, ground.method)?.into_owned();
-        let added: Vec<usize> =
-            candidate.added.iter().filter_map(|a| model.parameter(&a.name)).collect();
-        let sizes: Vec<usize> =
-            (0..candidate.added.len()).filter(|&i| candidate.added[i].null.is_some()).collect();
+        Probe::of(&candidate.model, candidate.added.clone(), ground)
+    }
+
+    /// The same of a model with all these parameters added.
+    ///
+    /// # Errors
+    /// As `new`.
+    pub fn of(model: &Model, of: Vec<Added>, ground: &Ground) -> Result<Probe, Errors> {
+        let model = estimate::extended(model, ground.method)?.into_owned();
+        let added: Vec<usize> = of.iter().filter_map(|a| model.parameter(&a.name)).collect();
+        let sizes: Vec<usize> = (0..of.len()).filter(|&i| of[i].null.is_some()).collect();
         let case = ground.case;
         let index = |name: &str| case.model.parameter(name);
         // Free initial states need no directions here, only a place for their values: those that
@@ -71,12 +71,19 @@ impl Probe {
             given: propagator.given().iter().map(place).collect(),
             base: model.parameters.iter().map(|p| index(&p.quantity.name)).collect(),
             starts: model.parameter_starts(),
-            steps: sizes.iter().map(|&i| rows(candidate, &candidate.added[i])).collect(),
             propagator,
             added,
             sizes,
+            of,
             adds_dynamics: dynamics(&model) > dynamics(&case.model),
         })
+    }
+
+    /// With machine code, where so many runs of all segments are worth it.
+    pub fn compiled(mut self, case: &Case, runs: usize) -> Probe {
+        let points = case.records.iter().map(|record| record.n).sum();
+        self.propagator.compile(Tier::Auto, runs, points);
+        self
     }
 
     /// A base's record with steps as small as states that a candidate adds ask for (a play's end
@@ -122,7 +129,7 @@ impl Probe {
         let mut response = respond(&parameters, true)?;
         let all = self.propagator.directions.len();
         for (k, &size) in self.sizes.iter().enumerate() {
-            let Some(&step) = self.steps[k].get(row) else { continue };
+            let Some(step) = self.of[size].step(row) else { continue };
             let mut parameters = parameters.clone();
             parameters[self.added[size]] = step;
             let there = respond(&parameters, false)?;

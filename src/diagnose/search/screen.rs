@@ -14,7 +14,7 @@
 //! that step.
 
 use super::ground::Ground;
-use super::probe::Probe;
+use super::probes::Probes;
 use crate::diagnose::base::spread::Columns;
 use crate::diagnose::base::training::Task;
 use crate::diagnose::effect::{Added, Candidate};
@@ -102,8 +102,7 @@ fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
 pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Errors> {
-    let probes: Vec<Probe> =
-        candidates.par_iter().map(|c| Probe::new(c, ground)).collect::<Result<_, _>>()?;
+    let probes = Probes::new(candidates, ground)?;
     let mut trials: Vec<Trial> =
         candidates.iter().enumerate().flat_map(|(i, c)| trials(c, i)).collect();
     let (mut columns, mut bounds) = (Vec::new(), Vec::new());
@@ -183,7 +182,7 @@ fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
 /// columns, the residuals.
 fn segment(
     ground: &Ground,
-    probes: &[Probe],
+    probes: &Probes,
     trials: &[Trial],
     columns: &[Column],
     s: usize,
@@ -191,16 +190,16 @@ fn segment(
     let Ground { case, noise, theta, free, thresholds, .. } = *ground;
     let task = Task { case, noise, segments: ground.segments, free, thresholds };
     let Columns { columns: mut used, mut to, residuals: e } = task.columns(s, theta)?;
+    let made = probes.run(ground, s);
     for (t, trial) in trials.iter().enumerate() {
-        let made = of_trial(ground, &probes[trial.candidate], trial, s);
+        let made = made[trial.candidate][trial.row].as_ref();
         for &c in &trial.columns {
             let column = &columns[c];
             debug_assert_eq!(column.trial, t);
             if column.only.as_ref().is_some_and(|only| !only.contains(&s)) {
                 continue;
             }
-            let known =
-                made.as_ref().and_then(|made| made.iter().find(|(size, _)| *size == column.size));
+            let known = made.and_then(|made| made.iter().find(|(size, _)| *size == column.size));
             let values = known
                 .map(|(_, values)| values.clone())
                 .filter(|values| values.iter().all(|v| v.is_finite()));
@@ -211,18 +210,6 @@ fn segment(
     to.push(ground.free.len() + columns.len());
     used.push(e);
     Some((task.products(s, theta, &used), to))
-}
-
-/// Whitened columns of one trial in one segment, by size; `None` where the model does not run.
-fn of_trial(
-    ground: &Ground,
-    probe: &Probe,
-    trial: &Trial,
-    s: usize,
-) -> Option<Vec<(usize, Vec<f64>)>> {
-    let blocks = probe.run(ground, s, &trial.at, trial.row)?;
-    let all: Vec<usize> = (0..probe.sizes.len()).collect();
-    Some(probe.sizes.iter().copied().zip(ground.noise.whiten(s, &blocks, &all)).collect())
 }
 
 impl Screening {
