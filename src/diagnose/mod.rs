@@ -18,7 +18,7 @@
 //!    is `u'F^-1 u / 2` (score test), within the candidate's bounds. Where `H~` vanishes, the base
 //!    is collinear with the effect, which is no candidate then.
 //! 3. *Chance*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all
-//!    candidates at once. The best candidate of each is noted; the 99% quantile is what a real one
+//!    candidates at once, drawn on sums of samples (`search::projected`). The best candidate of each is noted; the 99% quantile is what a real one
 //!    must exceed (gains less half the 99% quantile of chi-square for its number of parameters).
 //! 4. *Refits* in full of the few best, with everything free; held-out maneuvers then, all
 //!    derivatives frozen: the effect predicts the gain `d'd/2` from the whitened difference `d` of
@@ -79,8 +79,12 @@
 //! | | `before_after`, `comparison` | the gap before and after, and what the addition did to the other parameters |
 //! | `search` | | **which effect explains it** |
 //! | | `ground` | what candidates are screened against |
-//! | | `probe` | a candidate's sensitivities where the base stands |
+//! | | `probe` | a model's sensitivities to what candidates add, where the base stands |
+//! | | `probes` | those of all candidates, many in one run |
+//! | | `projected` | what the base leaves of their columns, and sums of samples to draw noise on |
+//! | | `settled` | columns of a trial that are told apart |
 //! | | `screen` | score tests of all candidates |
+//! | | `screening` | what they say, and what noise would say |
 //! | | `surrogate` | what chance gives |
 //! | | `value` | a parameter and a maneuver's gain after a full fit |
 //! | | `refit` | a candidate in full, and on held-out maneuvers |
@@ -98,6 +102,8 @@
 
 mod base;
 pub mod effect;
+#[cfg(test)]
+mod flight_tests;
 #[cfg(test)]
 mod friction_tests;
 mod gap;

@@ -12,7 +12,7 @@ use crate::model::{Constants, Model};
 use crate::simulate::Stream;
 
 /// Short period with what is hidden in the pitching motion and in the vane.
-fn text(parameters: &str, pitch: &str, vane: &str) -> String {
+pub fn text(parameters: &str, pitch: &str, vane: &str) -> String {
     text_at(1.0, parameters, pitch, vane)
 }
 

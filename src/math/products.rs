@@ -31,20 +31,10 @@ impl Gram {
 
     /// Products of columns of equal length.
     pub fn of(columns: &[Vec<f64>]) -> Gram {
-        let mut gram = Gram::zero(columns.len());
-        let (n, rows) = (gram.n, columns.iter().map(Vec::len).min().unwrap_or(0));
-        let width = Width::detect();
-        // Rows in pieces that stay in the cache while every column meets every other.
-        for from in (0..rows).step_by(PIECE) {
-            let rows = from..(from + PIECE).min(rows);
-            for i in 0..n {
-                let sums = &mut gram.sums[i * n + i..(i + 1) * n];
-                // SAFETY: the width is this machine's.
-                unsafe { add_products(width, &columns[i..], rows.clone(), sums) };
-            }
-        }
-        (0..n).for_each(|i| gram.scale[i] = gram.sums[i * n + i]);
-        gram
+        let n = columns.len();
+        let sums = upper_rows(columns, n);
+        let scale = (0..n).map(|i| sums[i * n + i]).collect();
+        Gram { n, sums, scale }
     }
 
     pub fn at(&self, i: usize, j: usize) -> f64 {
@@ -117,17 +107,48 @@ impl Gram {
     }
 }
 
+/// Products of each of the first `wanted` columns with itself and all behind it: `[wanted][columns]`,
+/// zero before the diagonal.
+pub fn upper_rows(columns: &[Vec<f64>], wanted: usize) -> Vec<f64> {
+    let (n, width) = (columns.len(), Width::detect());
+    let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
+    let mut sums = vec![0.0; wanted * n];
+    // Rows in pieces that stay in the cache while every column meets every other.
+    for from in (0..rows).step_by(PIECE) {
+        let rows = from..(from + PIECE).min(rows);
+        for (i, column) in columns[..wanted].iter().enumerate() {
+            let sums = &mut sums[i * n + i..(i + 1) * n];
+            // SAFETY: the width is this machine's.
+            unsafe {
+                add_products(width, &column[rows.clone()], &columns[i..], rows.clone(), sums)
+            };
+        }
+    }
+    sums
+}
+
+/// Products of a column with each of some others of its length.
+pub fn with_each(column: &[f64], others: &[Vec<f64>]) -> Vec<f64> {
+    let mut sums = vec![0.0; others.len()];
+    // SAFETY: the width is this machine's.
+    unsafe { add_products(Width::detect(), column, others, 0..column.len(), &mut sums) };
+    sums
+}
+
 by_width! {
-    /// Adds the products of the first column with each, over some rows that all of them have.
-    fn add_products(columns: &[Vec<f64>], rows: Range<usize>, sums: &mut [f64]) = add_products_body
+    /// Adds the products of rows of a column with the same rows of each of the others.
+    fn add_products(a: &[f64], columns: &[Vec<f64>], rows: Range<usize>, sums: &mut [f64]) = add_products_body
 }
 
 /// # Safety
 /// The machine has the width.
 #[inline(always)]
-unsafe fn add_products_body<V: Eight>(columns: &[Vec<f64>], rows: Range<usize>, sums: &mut [f64]) {
-    let Some(first) = columns.first() else { return };
-    let a = &first[rows.clone()];
+unsafe fn add_products_body<V: Eight>(
+    a: &[f64],
+    columns: &[Vec<f64>],
+    rows: Range<usize>,
+    sums: &mut [f64],
+) {
     let (mut fours, mut sums_of) = (columns.chunks_exact(4), sums.chunks_exact_mut(4));
     for (b, sums) in (&mut fours).zip(&mut sums_of) {
         let b: [&[f64]; 4] = std::array::from_fn(|k| &b[k][rows.clone()]);

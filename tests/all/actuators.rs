@@ -381,8 +381,14 @@ fn fault_attas_actuators_without_a_change_of_the_landing_flap() {
     let (parameters, verdicts) =
         (told.opt_strings("parameter").unwrap(), told.strings("verdict").unwrap());
     println!("{parameters:?} {verdicts:?}");
+    // What the noise of the recorded landing flap tells is less than a millionth of what a change of it would.
+    let not = ["not separable", "hardly separable"];
     for name in ["down_k1", "down_k2", "down_Vk", "up_k1", "up_k2", "up_Vk"] {
-        let of = |(p, v): (&Option<&str>, &&str)| *p == Some(name) && **v == *"not separable";
+        let of = |(p, v): (&Option<&str>, &&str)| *p == Some(name) && not.contains(v);
+        assert!(parameters.iter().zip(&verdicts).any(of), "{name}");
+    }
+    for name in ["down_k1", "up_k1"] {
+        let of = |(p, v): (&Option<&str>, &&str)| *p == Some(name) && *v == not[0];
         assert!(parameters.iter().zip(&verdicts).any(of), "{name}");
     }
 }

@@ -135,7 +135,8 @@ fn recovery_nothing_but_the_noise_of_recorded_surfaces_is_named_where_the_model_
     diagnose(folder.path(), &data, &["pipeline.toml", "--estimate", "complete"]);
     let (verdict, named) = findings(&folder.path().join("out"));
     println!("{verdict}, {named:?}");
-    assert!(["named", "nothing missing"].contains(&&*verdict), "{verdict}");
+    let nothing = ["nothing missing", "nothing missing but noise of records"];
+    assert!(nothing.contains(&&*verdict), "{verdict}");
     assert!(named.iter().all(|name| is_of_the_record(name)), "{named:?}");
 }
 

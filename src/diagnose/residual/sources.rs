@@ -202,6 +202,14 @@ pub fn columns(
     let on =
         |times: &[f64]| signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect::<Vec<_>>();
     let (on_grid, now) = (on(&grid), on(times));
+    let mut known: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
+    let mut waves = |frequency: f64| {
+        let at = known.iter().position(|wave| wave.0 == frequency).unwrap_or_else(|| {
+            known.push((frequency, waves(times, begin, frequency)));
+            known.len() - 1
+        });
+        known[at].1.clone()
+    };
     let of = |source: &Source| match source.kind {
         Kind::Lagged { signal, squared, lags } => {
             let (t, v) = &signals[signal];
@@ -211,9 +219,9 @@ pub fn columns(
             }
             lagged.to_vec()
         }
-        Kind::Wave { frequency } => waves(times, begin, frequency),
+        Kind::Wave { frequency } => waves(frequency),
         Kind::Coming { signal, frequency } => {
-            let mut both = waves(times, begin, frequency);
+            let mut both = waves(frequency);
             both.iter_mut().for_each(|wave| {
                 wave.iter_mut().zip(&now[signal]).for_each(|(wave, v)| *wave *= v)
             });

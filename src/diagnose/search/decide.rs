@@ -44,6 +44,11 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     if let Some(name) = undetermined(&refit.values) {
         return Some((Standing::Unidentifiable, format!("the flights do not determine {name}")));
     }
+    // One number for all is another effect, with fewer parameters, or the base's own.
+    if refit.alike.is_some_and(|p| p > thresholds.scatter_p) {
+        let words = "it is the same in all flights, as far as they tell".into();
+        return Some((Standing::Bounds, words));
+    }
     if let Some(objection) = held_out_objection(&refit.held_out, settings, judged.noise) {
         return Some(objection);
     }

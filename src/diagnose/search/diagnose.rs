@@ -408,8 +408,17 @@ impl Search<'_> {
     ) -> Result<Round, Errors> {
         let number = self.out.rounds.len() + 1;
         let case = found.case();
-        let located =
-            locate(&case, &found.noise, &found.places, &|s| found.theta(s), self.subject.settings);
+        // What is left is looked at once before each addition; the tests of single effects change little of it.
+        let located = match offered.2 {
+            None => locate(
+                &case,
+                &found.noise,
+                &found.places,
+                &|s| found.theta(s),
+                self.subject.settings,
+            ),
+            Some(_) => Vec::new(),
+        };
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
         let mut round = held_against(stand, found, &case, located, offered, self.subject, &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();

@@ -88,11 +88,14 @@ fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
         out.findings.iter().all(named) && out.doubts.iter().all(|(name, _)| is_in(name))
     };
     let quiet = last.filter(in_place).is_some_and(|round| !shows(round, thresholds));
-    let moves = |s: &Shift| {
-        let by = (s.after - s.before).abs();
-        s.before_sd.is_some_and(|sd| by > thresholds.record_sds * sd)
-    };
+    let moves = |s: &Shift| is_moved(s, thresholds.record_sds);
     found && else_nothing && quiet && !out.comparison.shifts.iter().any(moves)
+}
+
+/// Whether a parameter moves by more than so many of its sd.
+fn is_moved(shift: &Shift, sds: f64) -> bool {
+    let by = (shift.after - shift.before).abs();
+    shift.before_sd.is_some_and(|sd| by > sds * sd)
 }
 
 /// Whether a candidate of a round gains more than chance and is too faint for a name, or was not
@@ -120,5 +123,26 @@ fn verdict(out: &Diagnosis, doubted: f64, thresholds: &Thresholds) -> Verdict {
         true => Verdict::Located,
         false if out.findings.iter().all(alone) => Verdict::Named,
         false => Verdict::OneOfThese,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parameter_moves_by_more_than_its_uncertainty() {
+        let shift = |after: f64, before_sd: Option<f64>| Shift {
+            name: "M_q".into(),
+            unit: "1/s".into(),
+            before: -1.5,
+            after,
+            before_sd,
+            after_sd: None,
+        };
+        assert!(is_moved(&shift(-1.14, Some(0.1)), 3.0) && is_moved(&shift(-1.86, Some(0.1)), 3.0));
+        assert!(!is_moved(&shift(-1.24, Some(0.1)), 3.0));
+        // Of what the flights do not determine nothing is said.
+        assert!(!is_moved(&shift(9.0, None), 3.0));
     }
 }

@@ -17,4 +17,6 @@ pub struct Ground<'a> {
     /// The segments of the case.
     pub of: &'a [&'a Segment],
     pub thresholds: &'a Thresholds,
+    /// Of what is drawn.
+    pub seed: u64,
 }

@@ -206,7 +206,7 @@ fn white<'p>(
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use crate::diagnose::effect::{self, Context};
     use crate::diagnose::residual::absorbed::Fitted;
@@ -217,8 +217,8 @@ mod tests {
     use crate::estimate::{Prepared, Segment, Settings};
     use crate::noise::Rule;
 
-    #[test]
-    fn truth_what_many_say_at_once_each_says_alone() {
+    /// What candidates of the whole library are screened against in a small campaign.
+    pub fn grounded(check: &dyn Fn(&Ground, &[Candidate])) {
         let base = model("", "", "alpha");
         let segments = campaign(&base, 1, 0.0);
         let (method, thresholds) = (Settings::default(), Thresholds::default());
@@ -238,36 +238,44 @@ mod tests {
             segments: &all,
             free: &free,
             of: &of,
+            seed: 1,
             thresholds: &thresholds,
         };
         let library = effect::load(&[]).expect("the library");
         let candidates = effect::candidates(&base, &Context::default(), &library).candidates;
-        let probes = Probes::new(&candidates, &ground).unwrap_or_else(|e| panic!("{e}"));
-        let grouped: usize = probes.groups.iter().map(|group| group.members.len()).sum();
-        assert!(2 * grouped > candidates.len(), "{grouped} of {}", candidates.len());
-        let alone = Probes {
-            candidates: &candidates,
-            groups: Vec::new(),
-            own: candidates.iter().map(|_| OnceLock::new()).collect(),
-        };
-        for s in [0, 4] {
-            for (i, (many, one)) in
-                probes.run(&ground, s).iter().zip(alone.run(&ground, s)).enumerate()
-            {
-                for (many, one) in many.iter().zip(one) {
-                    assert_eq!(many.is_some(), one.is_some(), "{}", candidates[i].name);
-                    let (Some(many), Some(one)) = (many, one) else { continue };
-                    assert_eq!(many.len(), one.len());
-                    for ((size, a), (other, b)) in many.iter().zip(&one) {
-                        assert_eq!(size, other);
-                        let square =
-                            |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>();
-                        let off = square(&mut a.iter().zip(b).map(|(a, b)| a - b)).sqrt();
-                        let norm = square(&mut b.iter().copied()).sqrt();
-                        assert!(off <= 1e-9 * norm, "{}: {off} of {norm}", candidates[i].name);
+        check(&ground, &candidates);
+    }
+
+    #[test]
+    fn truth_what_many_say_at_once_each_says_alone() {
+        grounded(&|ground, candidates| {
+            let probes = Probes::new(candidates, ground).unwrap_or_else(|e| panic!("{e}"));
+            let grouped: usize = probes.groups.iter().map(|group| group.members.len()).sum();
+            assert!(2 * grouped > candidates.len(), "{grouped} of {}", candidates.len());
+            let alone = Probes {
+                candidates,
+                groups: Vec::new(),
+                own: candidates.iter().map(|_| OnceLock::new()).collect(),
+            };
+            for s in [0, 4] {
+                for (i, (many, one)) in
+                    probes.run(ground, s).iter().zip(alone.run(ground, s)).enumerate()
+                {
+                    for (many, one) in many.iter().zip(one) {
+                        assert_eq!(many.is_some(), one.is_some(), "{}", candidates[i].name);
+                        let (Some(many), Some(one)) = (many, one) else { continue };
+                        assert_eq!(many.len(), one.len());
+                        for ((size, a), (other, b)) in many.iter().zip(&one) {
+                            assert_eq!(size, other);
+                            let square =
+                                |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>();
+                            let off = square(&mut a.iter().zip(b).map(|(a, b)| a - b)).sqrt();
+                            let norm = square(&mut b.iter().copied()).sqrt();
+                            assert!(off <= 1e-9 * norm, "{}: {off} of {norm}", candidates[i].name);
+                        }
                     }
                 }
             }
-        }
+        });
     }
 }

@@ -48,6 +48,9 @@ pub struct Refit {
     pub held_out: Vec<Gain>,
     /// How the sizes added scatter from maneuver to maneuver; none where one maneuver alone tells.
     pub heterogeneity: Option<Heterogeneity>,
+    /// Probability that a size which may differ from flight to flight scatters so much if it does not; the
+    /// least of several, none where it has no such size or one flight alone.
+    pub alike: Option<f64>,
     /// The training maneuvers' gains.
     pub training: Vec<Gain>,
     /// Everything that the fit found.
@@ -128,6 +131,7 @@ pub fn refit(
         heterogeneity: spread
             .as_ref()
             .and_then(|spread| heterogeneity(spread, &values, ground.thresholds.telling_share)),
+        alike: spread.as_ref().and_then(|s| alike(&case, candidate, (&free, k), &fit.theta, s)),
         gain: ground.fit.cost() - fit.cost(),
         converged: fit.converged,
         values: values.into_iter().map(|v| v.0).collect(),
@@ -269,6 +273,38 @@ fn values(
         (value.judged(thresholds), at)
     };
     tried.0.added.iter().zip(tried.1).map(one).collect()
+}
+
+/// How likely it is that sizes per flight (or another column) scatter so much about one number: with
+/// values `v` of information `F`, `Q = v'F v - (1'F v)^2/(1'F 1)` against chi-square.
+fn alike(
+    case: &Case,
+    candidate: &Candidate,
+    (free, k): (&[usize], usize),
+    theta: &[f64],
+    spread: &Spread,
+) -> Option<f64> {
+    let last = &free[free.len() - k..];
+    let per_column = |added: &&Added| matches!(added.scope, Scope::Column(_));
+    let one = |added: &Added| {
+        let these: Vec<usize> =
+            (0..k).filter(|&at| case.unknowns[last[at]].name == added.name).collect();
+        let dof = these.len().checked_sub(1).filter(|dof| *dof > 0)? as f64;
+        let f = |a: usize, b: usize| spread.information[a * k + b];
+        let sum = |of: &dyn Fn(usize, usize) -> f64| -> f64 {
+            these
+                .iter()
+                .flat_map(|&a| these.iter().map(move |&b| (a, b)))
+                .map(|(a, b)| of(a, b))
+                .sum()
+        };
+        let v = |at: usize| theta[last[at]];
+        let all = sum(&|a, b| f(a, b));
+        let common = sum(&|a, b| f(a, b) * v(b));
+        let q = sum(&|a, b| v(a) * f(a, b) * v(b)) - common * common / all;
+        (all > 0.0 && q.is_finite()).then(|| 1.0 - chi2_cdf(q.max(0.0), dof))
+    };
+    candidate.added.iter().filter(per_column).filter_map(one).min_by(f64::total_cmp)
 }
 
 /// Scatter of what each maneuver asks for, about the common value: `Q = sum u_s^2/F_s` against

@@ -38,6 +38,7 @@ pub fn held_against(
     let of: Vec<&Segment> = found.prepared.used.iter().map(|&s| &subject.segments[s]).collect();
     let ground = ground::Ground {
         of: &of,
+        seed: settings.seed,
         thresholds: &settings.thresholds,
         case,
         noise: &found.noise,

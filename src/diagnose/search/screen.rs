@@ -15,35 +15,33 @@
 
 use super::ground::Ground;
 use super::probes::Probes;
-use crate::diagnose::base::spread::Columns;
+use super::projected::{Candidates, Part, Sums, sums_of_each};
+use super::screening::Screening;
 use crate::diagnose::base::training::Task;
 use crate::diagnose::effect::{Added, Candidate};
-use crate::diagnose::residual::gain::gain;
 use crate::error::Errors;
 use crate::estimate::{Grouping, SEGMENT, Segment};
-use crate::math::products::{DEPENDENT, Gram};
 use crate::model::Scope;
 use rayon::prelude::*;
 
 /// One column of a candidate.
 #[derive(Debug, Clone, PartialEq)]
-struct Column {
-    trial: usize,
+pub(super) struct Column {
     /// Index into `Candidate::added`.
-    size: usize,
+    pub size: usize,
     /// The segments it belongs to; none for a size common to all.
     only: Option<Vec<usize>>,
 }
 
 /// One way to bring a candidate in: a row of the starts of its shapes and the steps of its sizes.
 #[derive(Debug, Clone, PartialEq)]
-struct Trial {
-    candidate: usize,
+pub(super) struct Trial {
+    pub candidate: usize,
     /// Of the starts of its shapes and the steps of its sizes.
     row: usize,
     /// Values of the added parameters, sizes at null.
-    at: Vec<f64>,
-    columns: Vec<usize>,
+    pub at: Vec<f64>,
+    pub columns: Vec<usize>,
 }
 
 /// What screening says of one candidate.
@@ -73,22 +71,12 @@ pub struct Imitator {
     pub shift: f64,
 }
 
-/// Of a candidate's column less than this share is left beside the base: an estimate of its size
-/// would have more than thirty times the sd that it has with the base known.
-const IMITATED: f64 = 1e-3;
-
-/// All candidates at one base fit.
+/// All that is tried.
 #[derive(Debug, Clone)]
-pub struct Screening {
-    pub screened: Vec<Screened>,
-    trials: Vec<Trial>,
-    columns: Vec<Column>,
-    bounds: Vec<(f64, f64)>,
-    /// Products of the projected columns, then of the residuals.
-    rest: Gram,
-    raw: Vec<f64>,
-    /// A column is of the base's making if less than this share of it is left.
-    collinear: f64,
+pub(super) struct Tried {
+    pub trials: Vec<Trial>,
+    pub columns: Vec<Column>,
+    pub bounds: Vec<(f64, f64)>,
 }
 
 fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
@@ -102,25 +90,33 @@ fn trials(candidate: &Candidate, index: usize) -> Vec<Trial> {
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
 pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Errors> {
+    screen_by(ground, candidates, sums_of_each(ground.segments.len()))
+}
+
+/// The same with so many sums of samples of every segment for noise to be drawn on.
+fn screen_by(ground: &Ground, candidates: &[Candidate], sums: usize) -> Result<Screening, Errors> {
     let probes = Probes::new(candidates, ground)?;
     let mut trials: Vec<Trial> =
         candidates.iter().enumerate().flat_map(|(i, c)| trials(c, i)).collect();
     let (mut columns, mut bounds) = (Vec::new(), Vec::new());
-    for (t, trial) in trials.iter_mut().enumerate() {
+    for trial in &mut trials {
         let added = &candidates[trial.candidate].added;
         for size in 0..added.len() {
             let Some(null) = added[size].null else { continue };
             for only in sets(ground, &added[size].scope) {
                 trial.columns.push(columns.len());
-                columns.push(Column { trial: t, size, only });
+                columns.push(Column { size, only });
                 bounds.push(reach(&added[size], null, trial.row));
             }
         }
     }
-    let parts: Vec<(Gram, Vec<usize>)> = ground
+    let squares = Squares::of(&trials);
+    let draw = (ground.seed, sums);
+    let asked = Asked { trials: &trials, columns: &columns, squares: &squares, draw };
+    let parts: Vec<Part> = ground
         .segments
         .par_iter()
-        .map(|&s| segment(ground, &probes, &trials, &columns, s))
+        .map(|&s| segment(ground, &probes, &asked, s))
         .collect::<Option<_>>()
         .ok_or_else(|| {
             crate::error::Error::new(
@@ -129,23 +125,14 @@ pub fn screen(ground: &Ground, candidates: &[Candidate]) -> Result<Screening, Er
             )
         })?;
     let (n, m) = (ground.free.len(), columns.len());
-    let mut all = Gram::zero(n + m + 1);
-    for ((part, to), &s) in parts.iter().zip(ground.segments) {
-        all.add(part, ground.case.layout.parts[s].own, to);
-    }
-    for (place, &i) in ground.free.iter().enumerate() {
-        all.pull(place, ground.case.layout.prior(i, ground.theta[i]));
-    }
+    let places = pairs(&trials).map(|pair| pair.map(|c| n + c)).collect();
+    let mut all = Sums::zero(n, places, n + m + 1, sums * parts.len());
+    parts.iter().enumerate().for_each(|(k, part)| all.add(part, k * sums));
+    all.priors(ground);
     let before = all.clone();
     all.eliminate(0, n);
-    let rest = all.rest(n);
-    let raw = rest.scale.clone();
-    let collinear = ground.thresholds.collinear;
-    let mut screening =
-        Screening { screened: Vec::new(), trials, columns, bounds, rest, raw, collinear };
-    screening.screened =
-        (0..candidates.len()).map(|c| screening.judge(c, candidates, ground, &before)).collect();
-    Ok(screening)
+    let asked = Tried { trials, columns, bounds };
+    Ok(Screening::new(asked, &squares, (&before, &all), ground, candidates))
 }
 
 /// How far from null a size may be taken: to its bounds, and to twice the step at which it is tried.
@@ -178,183 +165,109 @@ fn sets(ground: &Ground, scope: &Scope) -> Vec<Option<Vec<usize>>> {
     (0..grouping.values.len()).map(|group| Some(members(group))).collect()
 }
 
-/// Products of one segment: own parameters eliminated, then the free shared ones, the candidates'
-/// columns, the residuals.
-fn segment(
-    ground: &Ground,
-    probes: &Probes,
-    trials: &[Trial],
-    columns: &[Column],
-    s: usize,
-) -> Option<(Gram, Vec<usize>)> {
+/// What is asked of every segment.
+struct Asked<'a> {
+    trials: &'a [Trial],
+    columns: &'a [Column],
+    squares: &'a Squares,
+    /// Seed of the sums of samples, and how many of a segment.
+    draw: (u64, usize),
+}
+
+/// Sums of one segment; none where the base's model does not run there.
+fn segment(ground: &Ground, probes: &Probes, asked: &Asked, s: usize) -> Option<Part> {
     let Ground { case, noise, theta, free, thresholds, .. } = *ground;
     let task = Task { case, noise, segments: ground.segments, free, thresholds };
-    let Columns { columns: mut used, mut to, residuals: e } = task.columns(s, theta)?;
-    let made = probes.run(ground, s);
-    for (t, trial) in trials.iter().enumerate() {
-        let made = made[trial.candidate][trial.row].as_ref();
-        for &c in &trial.columns {
-            let column = &columns[c];
-            debug_assert_eq!(column.trial, t);
+    let base = task.columns(s, theta)?;
+    let samples = base.residuals.len();
+    let mut made = probes.run(ground, s);
+    let (mut columns, mut places, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
+    for (t, trial) in asked.trials.iter().enumerate() {
+        let mut made = made[trial.candidate][trial.row].take().unwrap_or_default();
+        let from = columns.len();
+        let mut here = Vec::new();
+        for (k, &c) in trial.columns.iter().enumerate() {
+            let column = &asked.columns[c];
             if column.only.as_ref().is_some_and(|only| !only.contains(&s)) {
                 continue;
             }
-            let known = made.and_then(|made| made.iter().find(|(size, _)| *size == column.size));
-            let values = known
-                .map(|(_, values)| values.clone())
-                .filter(|values| values.iter().all(|v| v.is_finite()));
-            used.push(values.unwrap_or_else(|| vec![0.0; e.len()]));
-            to.push(ground.free.len() + c);
+            let known = made.iter_mut().find(|(size, _)| *size == column.size);
+            let values = known.map(|(_, values)| std::mem::take(values));
+            let values = values.filter(|values| values.iter().all(|v| v.is_finite()));
+            columns
+                .push(values.filter(|v| v.len() == samples).unwrap_or_else(|| vec![0.0; samples]));
+            places.push(c);
+            here.push(k);
+        }
+        for (i, &a) in here.iter().enumerate() {
+            for (j, &b) in here.iter().enumerate() {
+                let to = asked.squares.place(t, trial.columns.len(), [a, b]);
+                pairs.push(([from + i, from + j], to));
+            }
         }
     }
-    to.push(ground.free.len() + columns.len());
-    used.push(e);
-    Some((task.products(s, theta, &used), to))
+    let added = Candidates { columns, places, of: asked.columns.len(), pairs };
+    Some(Part::of(ground, s, base, added, asked.draw))
 }
 
-impl Screening {
-    /// Best trial of a candidate for slopes `u` of all columns: gain, trial, coefficients.
-    fn best(&self, candidate: usize, u: &dyn Fn(usize) -> f64) -> Option<(f64, usize, Vec<f64>)> {
-        self.most(candidate, u, &|c| self.bounds[c])
-    }
+/// Where products of the columns of each trial stand among those of all: squares, one after the
+/// other.
+pub(super) struct Squares(Vec<usize>);
 
-    /// The same with the columns within other bounds.
-    fn most(
-        &self,
-        candidate: usize,
-        u: &dyn Fn(usize) -> f64,
-        bounds: &dyn Fn(usize) -> (f64, f64),
-    ) -> Option<(f64, usize, Vec<f64>)> {
-        let mut best: Option<(f64, usize, Vec<f64>)> = None;
-        for (t, trial) in self.trials.iter().enumerate().filter(|(_, t)| t.candidate == candidate) {
-            let sound: Vec<usize> =
-                trial.columns.iter().copied().filter(|&c| self.is_sound(c)).collect();
-            if sound.is_empty() {
-                continue;
-            }
-            let f = self.rest.block(&sound);
-            let slopes: Vec<f64> = sound.iter().map(|&c| u(c)).collect();
-            let bounds: Vec<(f64, f64)> = sound.iter().map(|&c| bounds(c)).collect();
-            let (gain, b) = gain(&f, &slopes, &bounds);
-            if best.as_ref().is_none_or(|(g, _, _)| gain > *g) {
-                let all = trial
-                    .columns
-                    .iter()
-                    .map(|c| sound.iter().position(|k| k == c).map_or(0.0, |k| b[k]))
-                    .collect();
-                best = Some((gain, t, all));
-            }
-        }
-        best
-    }
-
-    /// Where a fit starts: the best trial once switches are held. With a size that is free as well,
-    /// much play at half its size looks like half of it, and a fit from there does not find back.
-    fn start(&self, candidate: usize, candidates: &[Candidate]) -> Option<(f64, usize, Vec<f64>)> {
-        let added = &candidates[candidate].added;
-        let bounds = |c: usize| {
-            let size = &added[self.columns[c].size];
-            size.hold.map_or(self.bounds[c], |hold| {
-                let b = hold - size.null.unwrap_or_default();
-                (b, b)
-            })
+impl Squares {
+    fn of(trials: &[Trial]) -> Squares {
+        let mut from = 0;
+        let one = |trial: &Trial| {
+            let here = from;
+            from += trial.columns.len().pow(2);
+            here
         };
-        self.most(candidate, &|c| self.rest.at(c, self.columns.len()), &bounds)
+        Squares(trials.iter().map(one).collect())
     }
 
-    fn is_sound(&self, column: usize) -> bool {
-        self.raw[column] > 0.0
-            && self.rest.at(column, column) > self.collinear.max(DEPENDENT) * self.raw[column]
+    /// Of two columns of a trial of `k`.
+    fn place(&self, trial: usize, k: usize, [a, b]: [usize; 2]) -> usize {
+        self.0[trial] + a * k + b
     }
 
-    fn judge(
-        &self,
-        candidate: usize,
-        candidates: &[Candidate],
-        ground: &Ground,
-        before: &Gram,
-    ) -> Screened {
-        let e = self.columns.len();
-        let mine: Vec<usize> = self
-            .trials
-            .iter()
-            .filter(|t| t.candidate == candidate)
-            .flat_map(|t| t.columns.iter().copied())
-            .collect();
-        let left = mine
-            .iter()
-            .filter(|&&c| self.raw[c] > 0.0)
-            .map(|&c| self.rest.at(c, c) / self.raw[c])
-            .fold(0.0, f64::max);
-        let silent = mine.iter().all(|&c| self.raw[c] <= 0.0);
-        let none =
-            Screened { gain: 0.0, taken: 0, at: Vec::new(), left, imitators: Vec::new(), silent };
-        let imitators = || {
-            let by = mine.iter().max_by(|a, b| self.raw[**a].total_cmp(&self.raw[**b]));
-            let by = by.filter(|_| !silent && left < IMITATED);
-            by.map(|&c| imitators(ground, before, c)).unwrap_or_default()
-        };
-        let (Some((gain, ..)), Some((_, t, b))) =
-            (self.best(candidate, &|c| self.rest.at(c, e)), self.start(candidate, candidates))
-        else {
-            return Screened { imitators: imitators(), ..none };
-        };
-        let trial = &self.trials[t];
-        let mut at = trial.at.clone();
-        for (&c, b) in trial.columns.iter().zip(&b).rev() {
-            let column = &self.columns[c];
-            let null = candidates[candidate].added[column.size].null.unwrap_or_default();
-            at[column.size] = null + b;
-        }
-        Screened { gain, taken: trial.columns.len(), at, imitators: imitators(), ..none }
-    }
-
-    /// Gains of the candidates that take part for slopes `u` (per column), 0 for the others: what a
-    /// surrogate campaign yields.
-    pub fn gains(&self, u: &[f64], takes_part: &[bool]) -> Vec<f64> {
-        let gain =
-            |c: usize| self.best(c, &|k| u[k]).filter(|_| takes_part[c]).map_or(0.0, |best| best.0);
-        (0..self.screened.len()).map(gain).collect()
-    }
-
-    /// Information of all columns, `[n][n]`, and how many there are; those that say nothing are
-    /// zero.
-    pub fn information(&self) -> (Vec<f64>, usize) {
-        let n = self.columns.len();
-        let all: Vec<usize> = (0..n).collect();
-        let mut f = self.rest.block(&all);
-        for k in 0..n * n {
-            if !self.is_sound(k / n) || !self.is_sound(k % n) {
-                f[k] = 0.0;
-            }
-        }
-        (f, n)
+    pub(super) fn of_trial(&self, trial: usize, k: usize) -> std::ops::Range<usize> {
+        self.0[trial]..self.0[trial] + k * k
     }
 }
 
-/// Free base parameters that imitate a column most; none where those of single maneuvers do.
-fn imitators(ground: &Ground, before: &Gram, column: usize) -> Vec<Imitator> {
-    let n = ground.free.len();
-    if before.at(n + column, n + column)
-        <= ground.thresholds.collinear.max(DEPENDENT) * before.scale[n + column]
-    {
-        return Vec::new();
-    }
-    let order: Vec<usize> = (0..n).chain([n + column]).collect();
-    let mut gram = Gram::zero(n + 1);
-    for (a, &from) in order.iter().enumerate() {
-        gram.scale[a] = before.scale[from];
-        (a..=n).for_each(|b| gram.sums[a * (n + 1) + b] = before.at(from, order[b]));
-    }
-    gram.eliminate(0, n);
-    let mut x = vec![0.0; n + 1];
-    gram.solve(0, n, n, &mut x);
-    let mut parts: Vec<(f64, usize)> = (0..n).map(|i| (x[i] * x[i] * before.at(i, i), i)).collect();
-    parts.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let most = parts.first().map_or(0.0, |p| p.0);
-    let named = |&(_, i): &(f64, usize)| {
-        let unknown = &ground.case.unknowns[ground.free[i]];
-        Imitator { name: unknown.name.clone(), unit: unknown.unit.clone(), shift: x[i] }
+/// Columns of every product.
+fn pairs(trials: &[Trial]) -> impl Iterator<Item = [usize; 2]> {
+    let of = |trial: &Trial| {
+        let all = &trial.columns;
+        all.iter().flat_map(|&a| all.iter().map(move |&b| [a, b])).collect::<Vec<_>>()
     };
-    parts.iter().filter(|p| p.0 > 1e-2 * most).take(5).map(named).collect()
+    trials.iter().flat_map(of)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::probes::tests::grounded;
+    use super::super::surrogate::best_of_surrogates;
+    use super::*;
+    use crate::diagnose::settings::Settings;
+
+    /// Noise drawn on some sums of samples says of the best of all candidates what noise drawn on
+    /// (next to) all samples says.
+    #[test]
+    fn coverage_chance_is_the_same_on_sums_of_samples() {
+        grounded(&|ground, candidates| {
+            let settings = Settings { surrogates: 4000, ..Settings::default() };
+            let best = |sums: usize| {
+                let screening =
+                    screen_by(ground, candidates, sums).unwrap_or_else(|e| panic!("{e}"));
+                best_of_surrogates(&screening, &vec![true; candidates.len()], &settings)
+            };
+            let (few, many) = (best(sums_of_each(ground.segments.len())), best(20_000));
+            let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+            let sd = (few.iter().map(|x| (x - mean(&few)).powi(2)).sum::<f64>() / 4000.0).sqrt();
+            let off = (mean(&few) - mean(&many)) / (sd * (2.0f64 / 4000.0).sqrt());
+            assert!(off.abs() < 3.0, "{off}");
+            assert!((few[3959] / many[3959] - 1.0).abs() < 0.1, "{} {}", few[3959], many[3959]);
+        });
+    }
 }

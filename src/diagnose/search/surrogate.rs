@@ -2,17 +2,18 @@
 //!
 //! A surrogate campaign has coloured noise from the base fit's autoregressive models and nothing
 //! else. Whitened, that is white noise `w` of unit variance, and the slopes of the candidates'
-//! projected columns `u = H~'w` are normal with covariance `F = H~'H~`: so a surrogate is drawn as
-//! `u = L z` with `F = L L'` and takes the very projections of the screening, without a single
-//! simulation.
+//! projected columns are `u = H~'w`: a surrogate takes the very projections of the screening (their
+//! sums of samples, `projected`), without a single simulation.
 
-use super::screen::Screening;
+use super::screening::Screening;
 use crate::diagnose::settings::Settings;
 use crate::diagnose::thresholds::Thresholds;
 use crate::math::distribution::chi2_quantile;
-use crate::math::products::factor;
 use crate::simulate::Stream;
 use rayon::prelude::*;
+
+/// Surrogates that are drawn at once.
+const AT_ONCE: usize = 16;
 
 /// What a candidate of `k` parameters gains by chance with this probability, if it is looked at
 /// alone: half the quantile of chi-square. Candidates of different numbers of parameters compare
@@ -36,27 +37,27 @@ pub fn best_of_surrogates(
     takes_part: &[bool],
     settings: &Settings,
 ) -> Vec<f64> {
-    let (information, n) = screening.information();
-    let l = factor(&information, n);
     let chances: Vec<f64> = screening
         .screened
         .iter()
         .map(|s| chance(s.taken, settings.thresholds.false_alarm))
         .collect();
-    let one = |i: usize| {
+    let sums = screening.sums();
+    let noise = |i: usize| {
         let mut stream = Stream::new(settings.seed, &["diagnose", "surrogate", &i.to_string()]);
-        let z: Vec<f64> = (0..n).map(|_| stream.normal()).collect();
-        let u: Vec<f64> = (0..n)
-            .map(|i| crate::math::products::dot(&l[i * n..i * n + i + 1], &z[..i + 1]))
-            .collect();
-        let scores = screening
-            .gains(&u, takes_part)
-            .into_iter()
-            .zip(&chances)
-            .map(|(gain, chance)| gain - chance);
-        scores.fold(0.0, f64::max)
+        (0..sums).map(|_| stream.normal()).collect::<Vec<f64>>()
     };
-    let mut best: Vec<f64> = (0..settings.surrogates).into_par_iter().map(one).collect();
+    let some = |from: usize| {
+        let to = (from + AT_ONCE).min(settings.surrogates);
+        let noise: Vec<Vec<f64>> = (from..to).map(noise).collect();
+        let score = |gains: Vec<f64>| {
+            let scores = gains.into_iter().zip(&chances).map(|(gain, chance)| gain - chance);
+            scores.fold(0.0, f64::max)
+        };
+        screening.gains(&noise, takes_part).into_iter().map(score).collect::<Vec<f64>>()
+    };
+    let starts: Vec<usize> = (0..settings.surrogates).step_by(AT_ONCE).collect();
+    let mut best: Vec<f64> = starts.into_par_iter().flat_map_iter(some).collect();
     best.sort_by(f64::total_cmp);
     best
 }
