@@ -83,6 +83,7 @@
 //! | | `probes` | those of all candidates, many in one run |
 //! | | `projected` | what the base leaves of their columns, and sums of samples to draw noise on |
 //! | | `settled` | columns of a trial that are told apart |
+//! | | `tried` | what is tried of every candidate, and what is said of it |
 //! | | `screen` | score tests of all candidates |
 //! | | `screening` | what they say, and what noise would say |
 //! | | `surrogate` | what chance gives |
@@ -135,9 +136,9 @@ pub use residual::located::Located;
 pub use search::diagnose::diagnose;
 pub use search::judged::{Judged, Round, Standing};
 pub use search::refit::{Heterogeneity, Refit};
-pub use search::screen::{Imitator, Screened};
 pub use search::stability::{Count, Stability, Vote, Weighed};
 pub use search::surrogate::chance;
+pub use search::tried::{Imitator, Screened};
 pub use search::turbulence::{Accounted, Density, Turbulence};
 pub use search::unseen::Missed;
 pub use search::value::{Gain, Value};

@@ -204,7 +204,7 @@ fn dispersion(better: &Left, other: &Left) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::search::screen::Screened;
+    use crate::diagnose::search::tried::Screened;
 
     fn objects(gains: &[(f64, f64)]) -> bool {
         let gains: Vec<Gain> = gains

@@ -2,7 +2,7 @@
 //! ended with, out.
 
 use super::refit::Refit;
-use super::screen::Screened;
+use super::tried::Screened;
 use crate::diagnose::effect;
 use crate::diagnose::residual::located::Located;
 

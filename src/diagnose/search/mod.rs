@@ -16,6 +16,7 @@ pub mod screening;
 pub mod settled;
 pub mod stability;
 pub mod surrogate;
+pub mod tried;
 pub mod turbulence;
 pub mod unphysical;
 pub mod unseen;

@@ -3,8 +3,8 @@
 
 use super::ground::Ground;
 use super::projected::Sums;
-use super::screen::{Imitator, Screened, Squares, Tried};
 use super::settled::Settled;
+use super::tried::{Imitator, Screened, Squares, Tried};
 use crate::diagnose::effect::Candidate;
 use crate::diagnose::residual::gain::gain;
 use crate::math::products::{DEPENDENT, with_each};

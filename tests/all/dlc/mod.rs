@@ -85,7 +85,7 @@ fn analyse(campaign: &Campaign, truths: &[Truth], seed: u64, only: &[&str]) -> A
         settings.reconstruct = None;
         // curves are those of one of the estimates
         let without = if only.is_empty() { &["curve"; 0][..] } else { &["curve"] };
-        let without = [&["report", "figure", "validate"], without].concat();
+        let without = [&["report", "figure", "validate", "diagnose"], without].concat();
         without.iter().for_each(|stage| drop(settings.told.remove(*stage)));
     });
     let plan = plan.unwrap_or_else(|e| panic!("{e}"));
