@@ -122,7 +122,8 @@ fn lacks(findings: &Table) -> String {
     rows
 }
 
-/// What the effects do to the estimates: what is added, and what moves by more than its sd.
+/// What the effects do to the estimates: what is added, and what moves by more than its sd. Nothing where none
+/// was named: there is no model with them then.
 fn changes(table: &Table) -> String {
     let text = |name: &str| table.strings(name).expect("column");
     let number = |name: &str, i: usize| table.f64(name).expect("column")[i];
@@ -134,9 +135,13 @@ fn changes(table: &Table) -> String {
     };
     let before = common("coupled");
     assert!(!before.is_empty());
+    let after = common("coupled.next");
+    if after.is_empty() {
+        return String::new();
+    }
     let mut rows =
         "\n| estimated again with them | `coupled` | with |\n|---|---|---|\n".to_string();
-    for (name, value, sd) in common("coupled.next") {
+    for (name, value, sd) in after {
         let known = before.iter().find(|(known, ..)| *known == name);
         if known.is_some_and(|(_, value_then, sd_then)| (value - value_then).abs() < *sd_then) {
             continue;

@@ -123,7 +123,9 @@ fn recovery_attas_proof_of_match_by_both_models() {
         settings.simulate = None;
         settings.reconstruct = None;
         settings.estimate.retain(|e| ["a-all", "b-all"].contains(&e.name().as_str()));
-        ["report", "figure", "curve", "diagnose"].iter().for_each(|s| drop(settings.told.remove(*s)));
+        ["report", "figure", "curve", "diagnose"]
+            .iter()
+            .for_each(|s| drop(settings.told.remove(*s)));
         with_model_a(settings.told.get_mut("validate").expect("validations"));
     });
     let plan = plan.unwrap_or_else(|e| panic!("{e}"));
