@@ -163,8 +163,11 @@ fn records(outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
     let found = d.findings.iter().map(|f| class(outcome, f));
     let some = d.doubts.iter().map(|(name, why)| format!("{name} in some maneuvers only ({why})"));
-    let remedy = "no parameter moves by three of its sd when they are taken out (+- is 95%); smooth or hold what drives the model";
-    format!("{}; {remedy}", counted(found.chain(some)))
+    let moved = match d.findings.is_empty() {
+        true => "what parameters are without them is not known",
+        false => "no parameter moves by three of its sd when they are taken out (+- is 95%)",
+    };
+    format!("{}; {moved}; smooth or hold what drives the model", counted(found.chain(some)))
 }
 
 /// One text as it is, several with their numbers, without a full stop at the end.
