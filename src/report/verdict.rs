@@ -133,10 +133,12 @@ fn found(
         let table = given.get("candidates").and_then(|t| Some(t.text("sentence", of(t)?)));
         brief(table.unwrap_or_else(|| findings.text("candidate", row)).trim_end_matches('.'))
     };
-    let lacks = if findings.text("verdict", row).starts_with("located") {
-        "Made smaller by:"
-    } else {
-        "The model lacks:"
+    let verdict = findings.text("verdict", row);
+    let nothing = verdict.starts_with("nothing missing");
+    let lacks = match nothing {
+        true => "Noise:",
+        false if verdict.starts_with("located") => "Made smaller by:",
+        false => "The model lacks:",
     };
     let mut lines = vec![line(lacks, format!("{}.", sentence(row)))];
     let mine: Vec<&Added> =
@@ -162,7 +164,7 @@ fn found(
     if alike > 0 {
         rest.push(format!("{alike} that are not distinguishable from what was added"));
     }
-    if findings.flag("complete", row) == Some(false) {
+    if !nothing && findings.flag("complete", row) == Some(false) {
         rest.push("something that is left unexplained".into());
     }
     if !rest.is_empty() {
