@@ -163,8 +163,9 @@ mod tests {
     use super::*;
     use crate::diagnose::settings::Settings;
 
-    /// Noise drawn on some sums of samples says of the best of all candidates what noise drawn on
-    /// (next to) all samples says.
+    /// Noise drawn on some sums of samples says of the best of all candidates what noise drawn on as many
+    /// sums as there are samples says: mean and 99% within three sd of the difference of two draws
+    /// (of the 99% of 4000 some 5%).
     #[test]
     fn coverage_chance_is_the_same_on_sums_of_samples() {
         grounded(&|ground, candidates| {
@@ -174,12 +175,12 @@ mod tests {
                     screen_by(ground, candidates, sums).unwrap_or_else(|e| panic!("{e}"));
                 best_of_surrogates(&screening, &vec![true; candidates.len()], &settings)
             };
-            let (few, many) = (best(sums_of_each(ground.segments.len())), best(20_000));
+            let (few, many) = (best(sums_of_each(ground.segments.len())), best(1500));
             let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
             let sd = (few.iter().map(|x| (x - mean(&few)).powi(2)).sum::<f64>() / 4000.0).sqrt();
             let off = (mean(&few) - mean(&many)) / (sd * (2.0f64 / 4000.0).sqrt());
             assert!(off.abs() < 3.0, "{off}");
-            assert!((few[3959] / many[3959] - 1.0).abs() < 0.1, "{} {}", few[3959], many[3959]);
+            assert!((few[3959] / many[3959] - 1.0).abs() < 0.15, "{} {}", few[3959], many[3959]);
         });
     }
 }
