@@ -18,8 +18,8 @@
 //!    is `u'F^-1 u / 2` (score test), within the candidate's bounds. Where `H~` vanishes, the base
 //!    is collinear with the effect, which is no candidate then.
 //! 3. *Chance*: surrogate campaigns in which nothing is missing have `u ~ N(0, F)` for all
-//!    candidates at once, drawn on sums of samples (`search::projected`). The best candidate of each is noted; the 99% quantile is what a real one
-//!    must exceed (gains less half the 99% quantile of chi-square for its number of parameters).
+//!    candidates at once, drawn on sums of samples (`search::projected`). The best candidate of
+//!    each is noted; the 99% quantile is what a real one must exceed (gains less half the 99% quantile of chi-square for its number of parameters).
 //! 4. *Refits* in full of the few best, with everything free; held-out maneuvers then, all
 //!    derivatives frozen: the effect predicts the gain `d'd/2` from the whitened difference `d` of
 //!    the two predictions, and has to bring it.

@@ -69,8 +69,8 @@ pub fn ended(
 }
 
 /// Whether all that was found is small movements that records of inputs show and that did not happen,
-/// in all maneuvers (a finding) or in some (a doubt), and no parameter moves beyond its uncertainty
-/// when they are taken out: the model itself lacks nothing then.
+/// in all maneuvers (a finding) or in some (a doubt), and no parameter moves by more than
+/// `record_sds` when those found are taken out: the model itself lacks nothing then.
 fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     let noise = |f: &Finding| {
         let judged = |round: &Round| f.class.iter().all(|&c| round.judged[c].noise);

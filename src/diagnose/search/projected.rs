@@ -10,7 +10,7 @@
 //! Farach-Colton 2002): of every segment each sample is added, with a random sign, to one of some sums.
 //! With `S` that map, `E[S'S] = 1`, so that `(S H~)'z` with `z` white has the covariance `H~'H~`
 //! within `sqrt(2/K)` of its size, `K` being the number of sums. That concerns what columns of
-//! different trials have in common; within a trial the covariance is made exact (`settle`).
+//! different trials have in common; within a trial the covariance is made exact (`settled`).
 
 use super::ground::Ground;
 use crate::diagnose::base::spread::Columns;
