@@ -105,10 +105,10 @@ mod base;
 pub mod effect;
 #[cfg(test)]
 mod flight_tests;
-#[cfg(test)]
-mod friction_tests;
 mod gap;
 mod held_out;
+#[cfg(test)]
+mod hinge_tests;
 #[cfg(test)]
 mod record_tests;
 mod residual;

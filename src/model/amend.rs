@@ -17,11 +17,14 @@ pub(super) enum Target {
     Rate(String),
     /// The friction of a state.
     Friction(String),
+    /// The lower and the upper limit of a state.
+    Min(String),
+    Max(String),
     Output(String),
 }
 
 impl Target {
-    /// `"C_m"`, `"rate(q)"`, `"friction(q)"`, `"output(alpha)"`.
+    /// `"C_m"`, `"rate(q)"`, `"friction(q)"`, `"max(delta)"`, `"output(alpha)"`.
     fn parse(text: &str) -> Target {
         let inside = |function: &str| {
             text.strip_prefix(function)?
@@ -29,12 +32,15 @@ impl Target {
                 .strip_suffix(')')
                 .map(|s| s.trim().to_string())
         };
-        match (inside("rate"), inside("friction"), inside("output")) {
-            (Some(state), _, _) => Target::Rate(state),
-            (_, Some(state), _) => Target::Friction(state),
-            (_, _, Some(output)) => Target::Output(output),
-            _ => Target::Name(text.trim().to_string()),
-        }
+        let kinds: [(&str, fn(String) -> Target); 5] = [
+            ("rate", Target::Rate),
+            ("friction", Target::Friction),
+            ("min", Target::Min),
+            ("max", Target::Max),
+            ("output", Target::Output),
+        ];
+        let found = kinds.iter().find_map(|(function, kind)| inside(function).map(kind));
+        found.unwrap_or_else(|| Target::Name(text.trim().to_string()))
     }
 
     fn text(&self) -> String {
@@ -42,6 +48,8 @@ impl Target {
             Target::Name(name) => name.clone(),
             Target::Rate(state) => format!("rate({state})"),
             Target::Friction(state) => format!("friction({state})"),
+            Target::Min(state) => format!("min({state})"),
+            Target::Max(state) => format!("max({state})"),
             Target::Output(output) => format!("output({output})"),
         }
     }
@@ -95,13 +103,18 @@ impl Compiler<'_> {
             Target::Rate(state) | Target::Friction(state) => {
                 self.model.states.iter().any(|s| s.quantity.name == *state)
             }
+            // a state without a limit gets one where it is put in place of none
+            Target::Min(state) | Target::Max(state) => {
+                let i = self.model.states.iter().position(|s| s.quantity.name == *state);
+                i.is_some_and(|i| !adds || self.has_own(target, i))
+            }
             Target::Output(output) => {
                 self.sources.iter().any(|s| s.file.outputs.contains_key(output))
             }
         };
         if !known {
             let verb = if adds { "add to" } else { "replace" };
-            let help = "an effect acts on a name of the model, on rate(a state), on friction(a state), or on output(an output)";
+            let help = "an effect acts on a name of the model, on rate(a state), on friction(a state), on min(a state) and max(a state), or on output(an output)";
             self.error_help(at, 0, format!("there is no {} to {verb}", target.text()), help);
         }
         known
@@ -147,6 +160,10 @@ impl Compiler<'_> {
             Target::Friction(state) => {
                 let i = self.model.states.iter().position(|s| s.quantity.name == *state)?;
                 self.own_friction(i)
+            }
+            Target::Min(state) | Target::Max(state) => {
+                let i = self.model.states.iter().position(|s| s.quantity.name == *state)?;
+                self.own_limit(target, i)
             }
             Target::Output(output) => self.own_output(output),
         }

@@ -204,14 +204,8 @@ impl Compiler<'_> {
                     None => continue,
                 },
             };
-            for (field, limit) in [("min", &entry.min), ("max", &entry.max)] {
-                let node = limit.as_ref().and_then(|v| self.limit(v, &key(field), dim, field));
-                if field == "min" {
-                    self.model.states[i].min = node;
-                } else {
-                    self.model.states[i].max = node;
-                }
-            }
+            self.model.states[i].min = self.bound(&Target::Min(name.clone()), i);
+            self.model.states[i].max = self.bound(&Target::Max(name.clone()), i);
             let per_root = SECOND.power(0.5).map_or(dim, |root| dim.over(root));
             self.model.states[i].noise =
                 entry.noise.as_ref().and_then(|v| self.limit(v, &key("noise"), per_root, "noise"));
@@ -252,6 +246,12 @@ impl Compiler<'_> {
     /// Like `value`, but of what is known at an instant without the motion there.
     pub(super) fn limit(&mut self, value: &Value, at: &At, dim: Dim, what: &str) -> Option<Node> {
         let node = self.value(value, at, dim, what)?;
+        self.known_at_once(node, at, what).then_some(node)
+    }
+
+    /// Whether a limit or a level is of what is known at an instant without the motion there; an
+    /// error where not.
+    pub(super) fn known_at_once(&mut self, node: Node, at: &At, what: &str) -> bool {
         let of_motion = |leaf: &Leaf| {
             matches!(leaf, Leaf::Delayed(_) | Leaf::InputRate(_) | Leaf::Held(_) | Leaf::Side(_))
         };
@@ -261,9 +261,9 @@ impl Compiler<'_> {
                 0,
                 format!("{what} is a number or an expression of inputs, states, constants and parameters: no delays and no rates"),
             );
-            return None;
+            return false;
         }
-        Some(node)
+        true
     }
 
     /// A limit may depend on states, but not on those that have limits themselves: which of them is
@@ -316,7 +316,6 @@ impl Compiler<'_> {
             |field: &str| At { source: at.source, key: format!("{prefix}states.{name}.{field}") };
         let target = Target::Rate(name.clone());
         let typed = self.amended_value(&target, self.amendments_of(&target), &key("rate"))?;
-        let state_dim = self.dims[&name];
         let mut node = typed.node;
         if let Some(k) = self.model.moving.iter().position(|m| m.velocity == i) {
             node = self.held_rate(k, node, &key("friction"))?;
@@ -335,17 +334,13 @@ impl Compiler<'_> {
             return Some(Typed { node, dim: Some(dim) });
         }
         let x = self.model.graph.leaf(Leaf::State(i));
-        for (field, limit) in [("min", &entry.min), ("max", &entry.max)] {
-            let Some(bound) =
-                limit.as_ref().and_then(|v| self.limit(v, &key(field), state_dim, field))
-            else {
-                continue;
-            };
+        for target in [Target::Min(name.clone()), Target::Max(name.clone())] {
+            let Some(bound) = self.bound(&target, i) else { continue };
             self.unstopped.entry(i).or_insert(node);
             let g = &mut self.model.graph;
             let zero = g.c(0.0);
             // on the stop and beyond it the rate cannot lead further out
-            let (inside, back) = if field == "min" {
+            let (inside, back) = if matches!(target, Target::Min(_)) {
                 (g.sub(x, bound), g.max(node, zero))
             } else {
                 (g.sub(bound, x), g.min(node, zero))

@@ -63,12 +63,14 @@ pub struct Effect {
     #[serde(default)]
     pub states: IndexMap<String, State>,
     /// Terms added to an equation, to the rate of a state (`"rate(q)"`), to its friction
-    /// (`"friction(q)"`) or to an output (`"output(alpha)"`).
+    /// (`"friction(q)"`), to a limit that it has (`"min(delta)"`, `"max(delta)"`) or to an output
+    /// (`"output(alpha)"`).
     #[serde(default)]
     pub add: IndexMap<String, String>,
     /// What everything else reads instead of an input, constant, parameter, equation or state, of a
-    /// state's rate (`"rate(q)"`) or friction (`"friction(q)"`), or of an output
-    /// (`"output(alpha)"`). The effect itself still
+    /// state's rate (`"rate(q)"`), friction (`"friction(q)"`) or limits (`"min(delta)"`,
+    /// `"max(delta)"`; it may have had none), or of an output (`"output(alpha)"`). The effect
+    /// itself still
     /// reads what was there before it.
     #[serde(default)]
     pub replace: IndexMap<String, String>,

@@ -9,6 +9,7 @@
 use super::Moving;
 use super::amend::Target;
 use super::compile::{At, Compiler, SECOND, Typed};
+use super::file::Value;
 use super::graph::{Leaf, Node};
 use crate::units::Dim;
 
@@ -55,7 +56,8 @@ impl Compiler<'_> {
     fn velocity_behind_a_stop(&self, i: usize) -> Option<usize> {
         let name = &self.model.states[i].quantity.name;
         let entry = self.sources[self.state_at[i].source].file.states.get(name)?;
-        if entry.min.is_none() && entry.max.is_none() || entry.rate_max.is_some() {
+        let limits = [Target::Min(name.clone()), Target::Max(name.clone())];
+        if !limits.iter().any(|target| self.is_limited(target, i)) || entry.rate_max.is_some() {
             return None;
         }
         let velocity = entry.rate.trim();
@@ -111,5 +113,51 @@ impl Compiler<'_> {
             }
             Some(Typed { node, dim: Some(dim) })
         })
+    }
+
+    /// Whether the line of state `i` says that limit.
+    pub(super) fn has_own(&self, target: &Target, i: usize) -> bool {
+        self.own_line(target, i).is_some()
+    }
+
+    /// Whether state `i` has that limit, of its own or by an effect.
+    fn is_limited(&self, target: &Target, i: usize) -> bool {
+        self.has_own(target, i) || self.amendments_of(target) > 0
+    }
+
+    /// What the line of state `i` says of a limit.
+    fn own_line(&self, target: &Target, i: usize) -> Option<Value> {
+        let name = &self.model.states[i].quantity.name;
+        let at = self.state_at.get(i)?;
+        let entry = self.sources[at.source].file.states.get(name)?;
+        if matches!(target, Target::Min(_)) { entry.min.clone() } else { entry.max.clone() }
+    }
+
+    /// The limit of state `i` as its line says it; none is infinite.
+    pub(super) fn own_limit(&mut self, target: &Target, i: usize) -> Option<Typed> {
+        let name = self.model.states[i].quantity.name.clone();
+        let dim = self.dims.get(&name).copied()?;
+        let (field, none) = match target {
+            Target::Min(_) => ("min", f64::NEG_INFINITY),
+            _ => ("max", f64::INFINITY),
+        };
+        let Some(value) = self.own_line(target, i) else {
+            return Some(Typed { node: self.model.graph.c(none), dim: Some(dim) });
+        };
+        let at = self.at(self.state_at[i].source, format!("states.{name}.{field}"));
+        self.once(&format!("{field}({name})"), &at, |c| {
+            let node = c.limit(&value, &at, dim, field)?;
+            Some(Typed { node, dim: Some(dim) })
+        })
+    }
+
+    /// The limit of state `i` with what effects make of it; none where it has none.
+    pub(super) fn bound(&mut self, target: &Target, i: usize) -> Option<Node> {
+        if !self.is_limited(target, i) {
+            return None;
+        }
+        let at = self.state_at.get(i)?.clone();
+        let node = self.amended_value(target, self.amendments_of(target), &at)?.node;
+        self.known_at_once(node, &at, "a limit").then_some(node)
     }
 }

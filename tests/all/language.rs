@@ -131,7 +131,6 @@ fn a_lag_of_a_past_value_starts_at_rest() {
     assert!(y.iter().all(|y| (y - 6.0).abs() < 1e-12), "{y:?}");
 }
 
-/// The message for a model with one mistake.
 /// A rate limit that grows with airspeed: on it `x = r_0 t + r_1 t^2/2` for `V = t`.
 #[test]
 fn a_rate_limit_may_move() {
@@ -165,6 +164,53 @@ x = { unit = "rad", value = "x" }
     }
 }
 
+/// Stops and a fastest velocity, written into the lines or put there by an effect: the same motion and the same derivatives.
+#[test]
+fn limits_by_an_effect_are_those_of_a_line() {
+    let model = |position: &str, velocity: &str, effect: &str| {
+        let text = format!(
+            r#"title = "A surface with stops"
+[inputs]
+u = "rad"
+[constants]
+w = {{ unit = "1/s", value = 8.0 }}
+[parameters]
+stop = {{ unit = "rad", start = 0.8 }}
+fastest = {{ unit = "rad/s", start = 3.0 }}
+[states]
+x = {{ unit = "rad", rate = "v", start = 0.0{position} }}
+v = {{ unit = "rad/s", rate = "w^2*(u - x) - w*v", start = 0.0{velocity} }}
+[outputs]
+x = {{ unit = "rad", value = "x" }}
+v = {{ unit = "rad/s", value = "v" }}
+{effect}"#
+        );
+        Model::parse("stops", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let own = model(", min = \"-stop/2\", max = \"stop\"", ", max = \"fastest\"", "");
+    let effect = "[[effect]]\ntitle = \"stops\"\n[effect.replace]\n\"min(x)\" = \"-stop/2\"\n\"max(x)\" = \"stop\"\n\"max(v)\" = \"fastest\"\n";
+    let added = model("", "", effect);
+    // one that reads what was there before it
+    let moved = "[[effect]]\ntitle = \"further\"\n[effect.replace]\n\"min(x)\" = \"-stop/2\"\n[effect.add]\n\"max(x)\" = \"stop - 7.0\"\n";
+    let moved = model(", min = -5.0, max = 7.0", ", max = \"fastest\"", moved);
+    let (dt, n) = (0.01, 300);
+    let u = |k: usize| if (k / 100).is_multiple_of(2) { 1.2 } else { -1.2 };
+    let record = Record { dt, n, inputs: (0..n).map(u).collect(), ..Record::default() };
+    let run = |model: &Model| {
+        let directions = Directions { parameters: vec![0, 1], starts: Vec::new() };
+        let propagator = Propagator::new(model, directions).expect("a propagator");
+        let grid = propagator.run(&[0.8, 3.0], &[], &record, true);
+        (grid.y, grid.dy)
+    };
+    let wanted = run(&own);
+    let most = |i: usize| wanted.0.iter().skip(i).step_by(2).copied().fold(f64::MIN, f64::max);
+    assert!((most(0) - 0.8).abs() < 1e-9 && (most(1) - 3.0).abs() < 1e-9, "both are reached");
+    assert_eq!(run(&added), wanted);
+    let off = run(&moved).0.iter().zip(&wanted.0).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-9, "{off}");
+}
+
+/// The message for a model with one mistake.
 fn message(text: &str) -> String {
     Model::parse("m.model.toml", text, &Constants::default())
         .expect_err("the mistake went unnoticed")
@@ -274,6 +320,14 @@ fn mistakes_are_named_with_line_and_column() {
         (
             "[[effect]]\ntitle = \"e\"\n[effect.add]\n\"friction(V)\" = \"1.0\"",
             "there is no friction(V) to add to",
+        ),
+        (
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, max = 1.0 }\n[[effect]]\ntitle = \"e\"\n[effect.add]\n\"min(x)\" = \"V\"",
+            "there is no min(x) to add to",
+        ),
+        (
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0 }\n[[effect]]\ntitle = \"e\"\n[effect.replace]\n\"max(x)\" = \"V/t\"",
+            "put in place of",
         ),
         (
             "[parameters]\np = { unit = \"-\", start = 2.0, max = 1.0 }",

@@ -238,8 +238,11 @@ impl<'a> Binding<'a> {
     /// The middle of the range of what is bound to `key`.
     fn middle(&self, key: &str) -> f64 {
         let Some(b) = self.bound.get(key) else { return 0.0 };
-        let middles = &self.context.middles;
-        middles.get(&b.text).or(middles.get(&b.ident)).copied().unwrap_or(0.0)
+        // of a hinge it is that of its position
+        let position = b.fields.get("position");
+        let known = |name: &String| self.context.middles.get(name).copied();
+        let parts = [Some(&b.text), Some(&b.ident), position];
+        parts.into_iter().flatten().find_map(known).unwrap_or(0.0)
     }
 
     /// The middle of the range of what is bound to `key`, or the number that stands in for it.

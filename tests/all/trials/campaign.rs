@@ -3,18 +3,17 @@
 
 use koehler::dynamics::{Channel, Directions, Interpolation, Propagator, Record};
 use koehler::estimate::{self, Segment, Settings};
-use koehler::model::{Constants, Model};
+use koehler::model::Model;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 
-use super::truth::{BASE, Hidden, NOTHING};
+use super::aircraft::Aircraft;
+use super::truth::{Hidden, NOTHING, base};
 
-/// Sensor noise of V, alpha, theta, q, ax, az, SI.
-const NOISE: [f64; 6] = [0.08, 1.0e-3, 8.0e-4, 1.0e-3, 0.02, 0.05];
-const DT: f64 = 0.04;
-const POINTS: usize = 220;
-const START: usize = 20;
+/// Recorded before a maneuver and in it, s.
+const BEFORE: f64 = 0.8;
+const MANEUVER: f64 = 8.0;
 
 /// What one trial is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +22,29 @@ pub struct Setting {
     pub turbulence: bool,
     /// The size wanted, in sd of noise of the channel that shows it most.
     pub size: f64,
+    pub aircraft: &'static Aircraft,
+    pub rate_hz: f64,
+}
+
+impl Setting {
+    fn dt(&self) -> f64 {
+        1.0 / self.rate_hz
+    }
+
+    /// Samples before a maneuver.
+    fn before(&self) -> usize {
+        (BEFORE * self.rate_hz).round() as usize
+    }
+
+    fn points(&self) -> usize {
+        ((BEFORE + MANEUVER) * self.rate_hz).round() as usize
+    }
+
+    /// The r.m.s. of its gusts, m/s.
+    pub fn intensity(&self, r: &mut Pcg64) -> f64 {
+        let (least, most) = self.aircraft.gusts;
+        if self.turbulence { r.random_range(least..most) } else { 0.0 }
+    }
 }
 
 /// A campaign and what only the judge knows.
@@ -33,10 +55,6 @@ pub struct Trial {
     pub channel: String,
     /// How much of it, in its own unit.
     pub amount: f64,
-}
-
-pub fn base() -> Model {
-    Model::parse("trial", BASE, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 pub fn method() -> Settings {
@@ -52,7 +70,6 @@ pub fn random(seed: u64, what: u64) -> Pcg64 {
 
 /// The kinds of maneuvers and their airspeeds; every third of a kind is held out.
 const KINDS: [&str; 4] = ["elevator", "flaps", "both", "throttle"];
-const SPEEDS: [f64; 3] = [85.0, 105.0, 125.0];
 
 fn multistep(t: f64, start: f64, unit: f64) -> f64 {
     match (t - start) / unit {
@@ -65,51 +82,40 @@ fn multistep(t: f64, start: f64, unit: f64) -> f64 {
     }
 }
 
-/// Trimmed angle of attack, elevator and thrust of the aircraft without anything hidden.
-fn trim(speed: f64) -> (f64, f64, f64) {
-    let (m, g, s, qbar) = (17600.0, 9.80665, 64.0, 0.9 * speed * speed / 2.0);
-    let (mut alpha, mut de, mut thrust) = (0.05f64, 0.0, 20000.0);
-    for _ in 0..60 {
-        let lift = (m * g - thrust * alpha.sin()) / (qbar * s);
-        alpha = (lift - 0.25 - 0.3 * de) / 5.0;
-        de = (0.05 - 0.8 * alpha) / 1.2;
-        thrust = qbar * s * (0.03 + 0.06 * lift * lift) / alpha.cos();
-    }
-    (alpha, de, thrust)
-}
-
 /// Inputs of one maneuver `[points][de, eta, thrust]`, smooth as surfaces move.
-fn inputs(seed: u64, kind: usize, speed: usize) -> Vec<f64> {
-    let mut r = random(seed, 100 + (kind * 3 + speed) as u64);
-    let (_, de, thrust) = trim(SPEEDS[speed]);
-    let small = 85.0 * 85.0 / (SPEEDS[speed] * SPEEDS[speed]);
+fn inputs(setting: &Setting, kind: usize, speed: usize) -> Vec<f64> {
+    let mut r = random(setting.seed, 100 + (kind * 3 + speed) as u64);
+    let Aircraft { speeds, quick, .. } = setting.aircraft;
+    let (_, de, thrust) = setting.aircraft.trim(speeds[speed]);
+    let small = speeds[0] * speeds[0] / (speeds[speed] * speeds[speed]);
     let size = |r: &mut Pcg64| if r.random_range(0..2) == 0 { 1.0 } else { 0.55 };
     let sign = |r: &mut Pcg64| if r.random_range(0..2) == 0 { 1.0 } else { -1.0 };
     let (a, b) = (
         0.07 * small * size(&mut r) * sign(&mut r),
         0.22 * small.sqrt() * size(&mut r) * sign(&mut r),
     );
-    let (unit_a, unit_b) = (r.random_range(0.4..0.7), r.random_range(0.4..0.8));
+    let (unit_a, unit_b) = (quick * r.random_range(0.4..0.7), quick * r.random_range(0.4..0.8));
     let throttle = 0.5 * sign(&mut r);
     let (mut x, mut y, mut z) = (0.0, 0.0, 0.0);
-    let mut out = Vec::with_capacity(POINTS * 3);
-    for k in 0..POINTS {
-        let t = (k as f64 - START as f64) * DT;
+    let (dt, points) = (setting.dt(), setting.points());
+    let mut out = Vec::with_capacity(points * 3);
+    for k in 0..points {
+        let t = (k as f64 - setting.before() as f64) * dt;
         let de_to = if kind == 1 { 0.0 } else { a * multistep(t, 0.6, unit_a) };
         let eta_to = if kind == 0 || kind == 3 { 0.0 } else { b * multistep(t, 1.1, unit_b) };
         let throttle_to = if kind == 3 && t > 1.5 && t < 5.0 { throttle } else { 0.0 };
-        x += (de_to - x) * DT / 0.08;
-        y += (eta_to - y) * DT / 0.10;
-        z += (throttle_to - z) * DT / 0.4;
+        x += (de_to - x) * dt / (0.08 * quick);
+        y += (eta_to - y) * dt / (0.10 * quick);
+        z += (throttle_to - z) * dt / (0.4 * quick);
         out.extend([de + x, y, thrust * (1.0 + z)]);
     }
     out
 }
 
 /// Gusts along and normal to the flight, m/s (first-order form of Dryden's spectrum).
-fn gusts(seed: u64, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]> {
-    let mut r = random(seed, 1000 + segment as u64);
-    let keep = (-speed / 533.4 * DT).exp();
+fn gusts(setting: &Setting, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]> {
+    let mut r = random(setting.seed, 1000 + segment as u64);
+    let keep = (-speed / setting.aircraft.gust_length * setting.dt()).exp();
     let mut now = [0, 0].map(|_: i32| intensity * r.sample::<f64, _>(StandardNormal));
     let mut step = || {
         now = now.map(|v| {
@@ -117,38 +123,45 @@ fn gusts(seed: u64, segment: usize, speed: f64, intensity: f64) -> Vec<[f64; 2]>
         });
         now
     };
-    (0..POINTS).map(|_| step()).collect()
+    (0..setting.points()).map(|_| step()).collect()
 }
 
 /// Flies all maneuvers of an aircraft with something hidden in these amounts: what sensors without noise
 /// show.
-pub fn fly(model: &Model, amounts: &[f64], seed: u64, intensity: f64) -> Option<Vec<Segment>> {
+pub fn fly(
+    model: &Model,
+    amounts: &[f64],
+    setting: &Setting,
+    intensity: f64,
+) -> Option<Vec<Segment>> {
+    let (dt, points, start) = (setting.dt(), setting.points(), setting.before());
+    let speeds = setting.aircraft.speeds;
     let propagator =
         Propagator::new(model, Directions { parameters: Vec::new(), starts: (0..4).collect() })
             .expect("a propagator");
     let mut segments = Vec::new();
     for kind in 0..KINDS.len() {
-        for turn in 0..SPEEDS.len() {
-            let speed = (turn + kind) % SPEEDS.len();
-            let u = inputs(seed, kind, speed);
-            let gust = gusts(seed, segments.len(), SPEEDS[speed], intensity);
+        for turn in 0..speeds.len() {
+            let speed = (turn + kind) % speeds.len();
+            let u = inputs(setting, kind, speed);
+            let gust = gusts(setting, segments.len(), speeds[speed], intensity);
             let rows =
                 u.chunks(3).zip(&gust).flat_map(|(u, w)| [u[0], u[1], u[2], w[0], w[1]]).collect();
             let truth = Record {
-                dt: DT,
-                n: POINTS,
+                dt,
+                n: points,
                 inputs: rows,
-                start: START,
-                substeps: 4,
+                start,
+                substeps: (dt / (0.01 * setting.aircraft.quick)).ceil().max(4.0) as usize,
                 interpolation: vec![Interpolation::Cubic; 5],
                 ..Record::default()
             };
-            let alpha = trim(SPEEDS[speed]).0;
-            let grid = propagator.run(amounts, &[SPEEDS[speed], alpha, alpha, 0.0], &truth, false);
+            let alpha = setting.aircraft.trim(speeds[speed]).0;
+            let grid = propagator.run(amounts, &[speeds[speed], alpha, alpha, 0.0], &truth, false);
             if !grid.finite {
                 return None;
             }
-            let t: Vec<f64> = (START..POINTS).map(|k| k as f64 * DT).collect();
+            let t: Vec<f64> = (start..points).map(|k| k as f64 * dt).collect();
             let channel = |output| Channel {
                 output,
                 t: t.clone(),
@@ -170,13 +183,15 @@ pub fn fly(model: &Model, amounts: &[f64], seed: u64, intensity: f64) -> Option<
     Some(segments)
 }
 
-pub fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
-    let mut r = random(seed, 7);
+pub fn with_noise(mut segments: Vec<Segment>, setting: &Setting) -> Vec<Segment> {
+    let mut r = random(setting.seed, 7);
     let factor: f64 = r.random_range(0.7..1.4);
     for segment in &mut segments {
         for channel in &mut segment.record.channels {
             channel.z.iter_mut().for_each(|z| {
-                *z += factor * NOISE[channel.output] * r.sample::<f64, _>(StandardNormal)
+                *z += factor
+                    * setting.aircraft.noise[channel.output]
+                    * r.sample::<f64, _>(StandardNormal)
             });
         }
     }
@@ -184,12 +199,13 @@ pub fn with_noise(mut segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
 }
 
 /// The rms that the base leaves in the outputs of held-out maneuvers, refitted on the others.
-pub fn left(segments: &[Segment]) -> Option<[f64; 6]> {
-    let base = base();
+pub fn left(segments: &[Segment], aircraft: &Aircraft) -> Option<[f64; 6]> {
+    let base = base(aircraft);
     let (train, held): (Vec<_>, Vec<_>) =
         segments.iter().cloned().enumerate().partition(|(i, _)| i % 3 != 2);
     let only = |of: Vec<(usize, Segment)>| of.into_iter().map(|(_, s)| s).collect::<Vec<_>>();
-    let floor = base.outputs.iter().zip(NOISE).map(|(o, sd)| (o.name.clone(), 0.3 * sd)).collect();
+    let floor =
+        base.outputs.iter().zip(aircraft.noise).map(|(o, sd)| (o.name.clone(), 0.3 * sd)).collect();
     let method = Settings { floor, ..method() };
     let fit = estimate::estimate_segments(&base, &only(train), &method).ok()?;
     let starts = fit
@@ -216,25 +232,30 @@ pub fn left(segments: &[Segment]) -> Option<[f64; 6]> {
 /// A campaign with `hidden` in it, of about the size wanted.
 pub fn trial(hidden: &Hidden, setting: &Setting) -> Option<Trial> {
     let mut r = random(setting.seed, 3);
-    let intensity = if setting.turbulence { r.random_range(0.2..0.5) } else { 0.0 };
-    let none = NOTHING.model();
-    let plain = with_noise(fly(&none, &[0.0], setting.seed, intensity)?, setting.seed);
-    let noise = left(&plain)?;
+    let intensity = setting.intensity(&mut r);
+    let none = NOTHING.model(setting.aircraft);
+    let plain = with_noise(fly(&none, &[0.0], setting, intensity)?, setting);
+    let noise = left(&plain, setting.aircraft)?;
     if hidden.name == NOTHING.name {
         return Some(Trial { segments: plain, size: 0.0, channel: String::new(), amount: 0.0 });
     }
-    let model = hidden.model();
+    let model = hidden.model(setting.aircraft);
     let (amount, now) = sized(hidden, setting, &noise)?;
-    let segments = with_noise(fly(&model, &[amount], setting.seed, intensity)?, setting.seed);
-    Some(Trial { segments, size: now.0, channel: base().outputs[now.1].name.clone(), amount })
+    let segments = with_noise(fly(&model, &[amount], setting, intensity)?, setting);
+    Some(Trial {
+        segments,
+        size: now.0,
+        channel: base(setting.aircraft).outputs[now.1].name.clone(),
+        amount,
+    })
 }
 
 /// The amount of what is hidden that has the size wanted; the size and the output that shows it most.
 /// `noise`: what the base leaves of each output with nothing hidden.
 pub fn sized(hidden: &Hidden, setting: &Setting, noise: &[f64; 6]) -> Option<(f64, (f64, usize))> {
-    let model = hidden.model();
+    let model = hidden.model(setting.aircraft);
     let size = |amount: f64| {
-        let rms = left(&fly(&model, &[amount], setting.seed, 0.0)?)?;
+        let rms = left(&fly(&model, &[amount], setting, 0.0)?, setting.aircraft)?;
         let most = (0..6).max_by(|&a, &b| (rms[a] / noise[a]).total_cmp(&(rms[b] / noise[b])))?;
         Some((rms[most] / noise[most], most))
     };
@@ -243,7 +264,7 @@ pub fn sized(hidden: &Hidden, setting: &Setting, noise: &[f64; 6]) -> Option<(f6
     let (mut low, mut high) = (0.0f64, f64::INFINITY);
     let mut amount = hidden.nominal;
     let mut now = size(amount)?;
-    for _ in 0..8 {
+    for _ in 0..16 {
         let ratio = setting.size / now.0.max(1e-3);
         if (0.85..1.2).contains(&ratio) {
             break;

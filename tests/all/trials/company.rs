@@ -5,11 +5,11 @@
 //! drifts with trim, noise on the recorded surfaces, a slow gust. They count as there where they are named.
 //!
 //! `KOEHLER_TRIALS="company#1-40" cargo test --release --test all -- trials::company --nocapture`; odd seeds are those that rules
-//! may be set on, even ones report.
+//! may be set on, even ones report. `"company#1-40 unmanned 100"` flies another aircraft at another rate, `"company#1-40 mixed"` all.
 
 use super::campaign::{self, Setting, Trial, random};
 use super::truth::{Hidden, INSIDE, NOTHING, OUTSIDE, together};
-use super::{Outcome, cores, diagnosed, named, votes};
+use super::{Outcome, With, cores, diagnosed, named, votes};
 use koehler::diagnose::{self, Verdict};
 use koehler::estimate::Segment;
 use rand::RngExt;
@@ -24,7 +24,7 @@ const DRIFT: Hidden = Hidden::new(
     "drift with trim",
     "-",
     1.0,
-    &[("moment", "A*0.1*(alpha_air - 0.05)*(V_air/100*sec/meter - 1)")],
+    &[("moment", "A*0.1*(alpha_air - 0.05)*(V_air/@V@*sec/meter - 1)")],
 );
 
 /// Names that are true of the company.
@@ -48,8 +48,7 @@ const THERE: [&str; 15] = [
 
 /// What one trial had, and what was said.
 struct Row {
-    seed: u64,
-    turbulence: bool,
+    setting: Setting,
     /// Names of what was hidden with their sizes.
     hidden: Vec<(&'static Hidden, f64)>,
     /// Size of all that the base lacks together.
@@ -62,12 +61,13 @@ struct Row {
     lines: Vec<String>,
 }
 
-fn one(seed: u64) -> Option<Row> {
+fn one(seed: u64, with: &With) -> Option<Row> {
     let mut r = random(seed, 11);
-    let setting = Setting { seed, turbulence: seed.is_multiple_of(4) || seed % 4 == 3, size: 1.0 };
-    let intensity = if setting.turbulence { r.random_range(0.2..0.5) } else { 0.0 };
-    let plain = campaign::fly(&NOTHING.model(), &[0.0], seed, intensity)?;
-    let noise = campaign::left(&campaign::with_noise(plain, seed))?;
+    let turbulence = seed.is_multiple_of(4) || seed % 4 == 3;
+    let setting = with.setting(seed, seed as usize, turbulence, 1.0);
+    let (aircraft, intensity) = (setting.aircraft, setting.intensity(&mut r));
+    let plain = campaign::fly(&NOTHING.model(aircraft), &[0.0], &setting, intensity)?;
+    let noise = campaign::left(&campaign::with_noise(plain, &setting), aircraft)?;
     // 0 (company alone) to 4 things, the fifth trial has one large one.
     let count = [2, 3, 0, 4, 1][(seed % 5) as usize];
     let mut hidden: Vec<&Hidden> = Vec::new();
@@ -91,20 +91,20 @@ fn one(seed: u64) -> Option<Row> {
     }
     all.extend([curved, &CENTRE, &DRIFT]);
     amounts.extend([campaign::sized(curved, &setting, &noise)?.0, 1.0, 1.0]);
-    let mass = 17600.0 * if r.random_range(0..2) == 0 { 1.02 } else { 0.98 };
-    let flown = campaign::fly(&together(&all, mass), &amounts, seed, intensity)?;
-    let rms = campaign::left(&flown)?;
+    let heavier = if r.random_range(0..2) == 0 { 1.02 } else { 0.98 };
+    let flown = campaign::fly(&together(&all, aircraft, heavier), &amounts, &setting, intensity)?;
+    let rms = campaign::left(&flown, aircraft)?;
     let size = (0..6).map(|o| rms[o] / noise[o]).fold(0.0, f64::max);
-    let segments = recorded(flown, seed);
+    let segments = recorded(flown, &setting);
     let trial = Trial { segments, size, channel: String::new(), amount: 0.0 };
     let outcome = diagnosed(&NOTHING, &setting, &trial, &diagnose::Settings::default());
     Some(judged(&setting, hidden.into_iter().zip(sizes).collect(), size, &outcome))
 }
 
 /// With noise of the sensors, of the recorded surfaces (0.2 mrad), and a slow gust in the vane.
-fn recorded(segments: Vec<Segment>, seed: u64) -> Vec<Segment> {
-    let mut r = random(seed, 12);
-    let mut segments = campaign::with_noise(segments, seed);
+fn recorded(segments: Vec<Segment>, setting: &Setting) -> Vec<Segment> {
+    let mut r = random(setting.seed, 12);
+    let mut segments = campaign::with_noise(segments, setting);
     for segment in &mut segments {
         for row in segment.record.inputs.chunks_mut(3) {
             row[0] += 2e-4 * r.sample::<f64, _>(StandardNormal);
@@ -136,8 +136,7 @@ fn judged(
         .map(|(h, _)| given.iter().any(|class| class.iter().any(|name| is_of(name, h))))
         .collect();
     Row {
-        seed: setting.seed,
-        turbulence: setting.turbulence,
+        setting: *setting,
         hidden,
         size,
         verdict: diagnosis.verdict.clone(),
@@ -156,10 +155,12 @@ impl Row {
             .iter()
             .map(|(name, true_)| format!("{name}{}", if *true_ { "" } else { " WRONG" }))
             .collect();
-        let air = if self.turbulence { "turbulence" } else { "calm" };
+        let air = if self.setting.turbulence { "turbulence" } else { "calm" };
         format!(
-            "company#{} {air}, all {:.1}: [{}] {}: {}\n    {}",
-            self.seed,
+            "company#{} {} {} Hz {air}, all {:.1}: [{}] {}: {}\n    {}",
+            self.setting.seed,
+            self.setting.aircraft.name,
+            self.setting.rate_hz,
             self.size,
             hidden.join(", "),
             self.verdict.as_str(),
@@ -198,6 +199,7 @@ fn recovery_names_in_company() {
         println!("skipped: set KOEHLER_TRIALS=company#1-40");
         return;
     };
+    let (seeds, with) = With::of(seeds);
     let (first, last) = seeds.split_once('-').unwrap_or((seeds, seeds));
     let seeds: Vec<u64> =
         (first.parse().expect("a seed")..=last.parse().expect("a seed")).collect();
@@ -205,7 +207,7 @@ fn recovery_names_in_company() {
     let work = || {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
         while let Some(&seed) = seeds.get(next.fetch_add(1, Ordering::SeqCst)) {
-            let row = pool.install(|| one(seed));
+            let row = pool.install(|| one(seed, &with));
             match &row {
                 Some(row) => println!("{}", row.told()),
                 None => println!("company#{seed}: cannot be flown"),
@@ -215,6 +217,7 @@ fn recovery_names_in_company() {
     };
     std::thread::scope(|scope| (0..cores()).for_each(|_| drop(scope.spawn(work))));
     let rows = done.into_inner().expect("no panic");
-    let half = |odd: bool| rows.iter().filter(|r| (r.seed % 2 == 1) == odd).collect::<Vec<_>>();
+    let half =
+        |odd: bool| rows.iter().filter(|r| (r.setting.seed % 2 == 1) == odd).collect::<Vec<_>>();
     println!("\nodd seeds: {}\neven seeds: {}", totals(&half(true)), totals(&half(false)));
 }

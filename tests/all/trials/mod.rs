@@ -5,9 +5,11 @@
 //! --release --test all -- trials::matrix
 //! --nocapture` runs a matrix of 60 trials, `KOEHLER_TRIALS=full` the whole one, `KOEHLER_TRIALS="flap
 //! lag#3"` one trial in detail, `"flap#1-9"` all whose name has that in it, with these seeds; `"inside#1"`, `"outside#1-3"`
-//! all of a kind. A matrix keeps every trial that has ended in a file, and goes on from there when
+//! all of a kind; `"inside#1 light 50"` with another aircraft (transport, light, unmanned) at another rate, `"inside#1-3 mixed"` with
+//! each of them at 20, 50 and 100 Hz by turns. A matrix keeps every trial that has ended in a file, and goes on from there when
 //! it is started again with the same program.
 
+mod aircraft;
 mod campaign;
 mod company;
 mod sensitivity;
@@ -20,6 +22,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use aircraft::Aircraft;
 use campaign::{Setting, Trial};
 use koehler::diagnose::{self, Diagnosis, Subject, Verdict, effect};
 use summary::{End, Kind, Row};
@@ -48,7 +51,7 @@ fn diagnosed(
     settings: &diagnose::Settings,
 ) -> Outcome {
     let clock = std::time::Instant::now();
-    let (base, method) = (campaign::base(), campaign::method());
+    let (base, method) = (truth::base(setting.aircraft), campaign::method());
     let settings = diagnose::Settings { seed: setting.seed, ..settings.clone() };
     let names: Vec<String> = (0..trial.segments.len()).map(|i| format!("s{i}")).collect();
     let held_out = diagnose::held_out(&trial.segments, &names, &settings).held_out;
@@ -134,8 +137,12 @@ fn expected(hidden: &Hidden, end: End) -> bool {
 fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
     let mut text = format!(
-        "{} {setting:?}: amount {:.4}, size {:.2} in {}, {:?}, {} in {:.1} s",
+        "{} #{} {} {} Hz {}: amount {:.4}, size {:.2} in {}, {:?}, {} in {:.1} s",
         hidden.name,
+        setting.seed,
+        setting.aircraft.name,
+        setting.rate_hz,
+        if setting.turbulence { "turbulence" } else { "calm" },
         outcome.amount,
         outcome.size,
         outcome.channel,
@@ -197,25 +204,72 @@ fn story(hidden: &Hidden, setting: &Setting, outcome: &Outcome) -> String {
     text
 }
 
+/// What trials are flown with.
+#[derive(Debug, Clone, Copy)]
+struct With {
+    /// None: the three take turns.
+    aircraft: Option<&'static Aircraft>,
+    /// None: 20, 50 and 100 Hz take turns.
+    rate_hz: Option<f64>,
+}
+
+impl With {
+    /// What is said behind the seeds, "3-9 light 50": aircraft and rate, or "mixed"; the transport at 25 Hz without it.
+    fn of(text: &str) -> (&str, With) {
+        let mut words = text.split_whitespace();
+        let seeds = words.next().unwrap_or("1");
+        let mut with = With { aircraft: Some(&aircraft::TRANSPORT), rate_hz: Some(25.0) };
+        for word in words {
+            match (word, word.parse()) {
+                ("mixed", _) => with = With { aircraft: None, rate_hz: None },
+                (_, Ok(rate)) => with.rate_hz = Some(rate),
+                (name, _) => {
+                    let named = aircraft::ALL.into_iter().find(|a| a.name == name);
+                    assert!(named.is_some(), "no aircraft {name}: transport, light or unmanned");
+                    with.aircraft = named;
+                }
+            }
+        }
+        (seeds, with)
+    }
+
+    /// `nth`: whose turn it is, where they take turns.
+    fn setting(&self, seed: u64, nth: usize, turbulence: bool, size: f64) -> Setting {
+        let rates = [20.0, 50.0, 100.0];
+        Setting {
+            seed,
+            turbulence,
+            size,
+            aircraft: self.aircraft.unwrap_or(aircraft::ALL[nth % 3]),
+            rate_hz: self.rate_hz.unwrap_or(rates[nth / 3 % 3]),
+        }
+    }
+}
+
 /// The trials of a matrix: what is hidden, and how.
 fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
-    let setting = |seed: u64, turn: usize| {
+    let (name, seeds) = wanted.split_once('#').unwrap_or((wanted, "1"));
+    let (range, with) = With::of(seeds);
+    let setting = |seed: u64, turn: usize, nth: usize| {
         // sizes from 1 to 4, spread evenly over their logarithm
         let share = ((seed ^ (seed >> 7)).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64
             / (1u64 << 24) as f64;
-        Setting { seed, turbulence: turn % 2 == 1, size: 4f64.powf(share) }
+        with.setting(seed, nth, turn % 2 == 1, 4f64.powf(share))
     };
     // seed by seed, so that the first of them has every effect once
     let of = |all: &'static [Hidden], seeds: u64| {
         let one = |s: u64| {
-            all.iter()
-                .enumerate()
-                .map(move |(i, h)| (h, setting(1000 * i as u64 + s, s as usize + i)))
+            all.iter().enumerate().map(move |(i, h)| {
+                (h, setting(1000 * i as u64 + s, s as usize + i, s as usize + i))
+            })
         };
         (1..=seeds).flat_map(one).collect::<Vec<_>>()
     };
-    let nothing =
-        |n: u64| (1..=n).map(|s| (&NOTHING, setting(900_000 + s, s as usize))).collect::<Vec<_>>();
+    let nothing = |n: u64| {
+        (1..=n)
+            .map(|s| (&NOTHING, setting(900_000 + s, s as usize, s as usize)))
+            .collect::<Vec<_>>()
+    };
     if wanted == "full" {
         // All three side by side, so that what has ended is a sample of the whole at any time.
         let share = |list: Vec<(&'static Hidden, Setting)>| {
@@ -238,8 +292,7 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
         return [first(INSIDE, n - outside - null), nothing(null as u64), first(OUTSIDE, outside)]
             .concat();
     }
-    let (name, seed) = wanted.split_once('#').unwrap_or((wanted, "1"));
-    let (first, last) = seed.split_once('-').unwrap_or((seed, seed));
+    let (first, last) = range.split_once('-').unwrap_or((range, range));
     let (first, last): (u64, u64) = (first.parse().unwrap_or(1), last.parse().unwrap_or(1));
     let wanted = |h: &&Hidden| match name {
         "inside" => kind(h) == Kind::Inside,
@@ -247,10 +300,12 @@ fn trials(wanted: &str) -> Vec<(&'static Hidden, Setting)> {
         name => h.name.contains(name),
     };
     let all = INSIDE.iter().chain(OUTSIDE).chain([&NOTHING]).filter(wanted);
-    let seeds = |h| {
-        (first..=last).map(move |seed| (h, setting(seed, (seed % 1000 + seed / 1000) as usize)))
+    let seeds = |(i, h)| {
+        (first..=last).map(move |seed| {
+            (h, setting(seed, (seed % 1000 + seed / 1000) as usize, i + seed as usize))
+        })
     };
-    all.flat_map(seeds).collect()
+    all.enumerate().flat_map(seeds).collect()
 }
 
 /// The gain of the best candidate that passes all tests but that of evidence itself, over what
@@ -538,7 +593,7 @@ fn recovery_a_selection_of_hidden_effects() {
 
 #[test]
 fn everything_hidden_has_its_candidates() {
-    let base = campaign::base();
+    let base = truth::base(&aircraft::TRANSPORT);
     let offer = effect::candidates(
         &base,
         &effect::Context::default(),
@@ -546,7 +601,7 @@ fn everything_hidden_has_its_candidates() {
     );
     let names: Vec<&str> = offer.candidates.iter().map(|c| c.name.as_str()).collect();
     for hidden in INSIDE.iter().chain(OUTSIDE) {
-        hidden.model();
+        aircraft::ALL.iter().for_each(|aircraft| drop(hidden.model(aircraft)));
         for name in hidden.is {
             assert!(names.contains(name), "{}: there is no candidate {name}", hidden.name);
         }

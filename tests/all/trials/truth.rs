@@ -1,36 +1,37 @@
 //! What may be hidden: an aircraft's text with one effect written into it, by hand and not with the
 //! library's lines.
 
+use super::aircraft::Aircraft;
 use koehler::model::{Constants, Model};
 
-/// The aircraft as the analysis knows it, with starts off the truth.
-pub const BASE: &str = r#"
-title = "Longitudinal motion of a transport aircraft"
+/// The aircraft as the analysis knows it, with starts off the truth; `@...@` are numbers of the aircraft.
+const BASE: &str = r#"
+title = "Longitudinal motion of an aircraft"
 [inputs]
 de = { unit = "rad", doc = "elevator" }
 eta = { unit = "rad", doc = "flaps" }
 thrust = "N"
 [constants]
 g = { unit = "m/s^2", value = 9.80665 }
-m = { unit = "kg", value = 17600.0 }
-I_y = { unit = "kg m^2", value = 252000.0 }
-S = { unit = "m^2", value = 64.0 }
-c = { unit = "m", value = 3.16 }
-rho = { unit = "kg/m^3", value = 0.9 }
-r_H = { unit = "m", value = 9.0 }
+m = { unit = "kg", value = @m@ }
+I_y = { unit = "kg m^2", value = @I_y@ }
+S = { unit = "m^2", value = @S@ }
+c = { unit = "m", value = @c@ }
+rho = { unit = "kg/m^3", value = @rho@ }
+r_H = { unit = "m", value = @r_H@ }
 [parameters]
-C_L_0 = { unit = "-", start = 0.2 }
-C_L_alpha = { unit = "1/rad", start = 4.6 }
-C_L_de = { unit = "1/rad", start = 0.2 }
-C_L_eta = { unit = "1/rad", start = 0.7 }
-C_D_0 = { unit = "-", start = 0.04 }
-C_D_k = { unit = "-", start = 0.05 }
-C_D_eta = { unit = "1/rad", start = 0.05 }
-C_m_0 = { unit = "-", start = 0.03 }
-C_m_alpha = { unit = "1/rad", start = -0.9 }
-C_m_q = { unit = "1/rad", start = -18.0 }
-C_m_de = { unit = "1/rad", start = -1.3 }
-C_m_eta = { unit = "1/rad", start = -0.2 }
+C_L_0 = { unit = "-", start = @C_L_0@ }
+C_L_alpha = { unit = "1/rad", start = @C_L_alpha@ }
+C_L_de = { unit = "1/rad", start = @C_L_de@ }
+C_L_eta = { unit = "1/rad", start = @C_L_eta@ }
+C_D_0 = { unit = "-", start = @C_D_0@ }
+C_D_k = { unit = "-", start = @C_D_k@ }
+C_D_eta = { unit = "1/rad", start = @C_D_eta@ }
+C_m_0 = { unit = "-", start = @C_m_0@ }
+C_m_alpha = { unit = "1/rad", start = @C_m_alpha@ }
+C_m_q = { unit = "1/rad", start = @C_m_q@ }
+C_m_de = { unit = "1/rad", start = @C_m_de@ }
+C_m_eta = { unit = "1/rad", start = @C_m_eta@ }
 [equations]
 qbar = "rho*V^2/2"
 C_L = "C_L_0 + C_L_alpha*alpha + C_L_de*de + C_L_eta*eta"
@@ -64,11 +65,12 @@ u_gust = "m/s"
 w_gust = "m/s"
 [constants]
 g = { unit = "m/s^2", value = 9.80665 }
-m = { unit = "kg", value = 17600.0 }
-I_y = { unit = "kg m^2", value = 252000.0 }
-S = { unit = "m^2", value = 64.0 }
-c = { unit = "m", value = 3.16 }
-rho = { unit = "kg/m^3", value = 0.9 }
+m = { unit = "kg", value = @m@ }
+I_y = { unit = "kg m^2", value = @I_y@ }
+S = { unit = "m^2", value = @S@ }
+c = { unit = "m", value = @c@ }
+rho = { unit = "kg/m^3", value = @rho@ }
+r_H = { unit = "m", value = @r_H@ }
 sec = { unit = "s", value = 1.0 }
 meter = { unit = "m", value = 1.0 }
 [parameters]
@@ -81,15 +83,15 @@ thrust = "<thrust>"
 V_air = "V + u_gust"
 alpha_air = "alpha + w_gust/V"
 qbar = "rho*V_air^2/2"
-C_L_1 = "0.25 + 5.0*alpha_air + 0.3*de + 0.9*eta"
+C_L_1 = "@C_L_0@ + @C_L_alpha@*alpha_air + @C_L_de@*de + @C_L_eta@*eta"
 C_L = "<lift>"
-C_D = "0.03 + 0.06*C_L^2 + 0.08*eta"
-C_m = "0.05 - 0.8*alpha_air - 20.0*q*c/(2*V_air) - 1.2*de - 0.25*eta + <moment>"
+C_D = "@C_D_0@ + @C_D_k@*C_L^2 + @C_D_eta@*eta"
+C_m = "@C_m_0@ + @C_m_alpha@*alpha_air + @C_m_q@*q*c/(2*V_air) + @C_m_de@*de + @C_m_eta@*eta + <moment>"
 ax = "(qbar*S*(C_L*sin(alpha) - C_D*cos(alpha)) + thrust)/m"
 az = "-qbar*S*(C_L*cos(alpha) + C_D*sin(alpha))/m"
 qdot = "qbar*S*c*C_m/I_y"
 [states]
-V = { unit = "m/s", rate = "ax*cos(alpha) + az*sin(alpha) - g*sin(theta - alpha) + <vdot>", start = 100.0 }
+V = { unit = "m/s", rate = "ax*cos(alpha) + az*sin(alpha) - g*sin(theta - alpha) + <vdot>", start = @V@ }
 alpha = { unit = "rad", rate = "q + (az*cos(alpha) - ax*sin(alpha) + g*cos(theta - alpha))/V", start = 0.0 }
 theta = { unit = "rad", rate = "q", start = 0.0 }
 q = { unit = "rad/s", rate = "qdot", start = 0.0 }
@@ -132,10 +134,16 @@ const DEFAULTS: &[(&str, &str)] = &[
     ("az", "az"),
 ];
 
-/// The aircraft with several things hidden at once, in amounts `A1`, `A2`, .. and the mass that it has. Terms
+/// The base model of an aircraft.
+pub fn base(aircraft: &Aircraft) -> Model {
+    let text = aircraft.filled(BASE, &aircraft.starts);
+    Model::parse("trial", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The aircraft with several things hidden at once, in amounts `A1`, `A2`, .. and its mass off by a factor. Terms
 /// are added, what is measured or moved passes through one after the other.
-pub fn together(all: &[&Hidden], mass: f64) -> Model {
-    let mut text = TRUTH.replace("value = 17600.0", &format!("value = {mass:?}"));
+pub fn together(all: &[&Hidden], aircraft: &Aircraft, heavier: f64) -> Model {
+    let mut text = TRUTH.replace("@m@", &format!("{:?}", heavier * aircraft.mass));
     let parameter = |(k, h): (usize, &&Hidden)| {
         format!("A{} = {{ unit = \"{}\", start = 0.0 }}\n", k + 1, h.unit)
     };
@@ -154,6 +162,7 @@ pub fn together(all: &[&Hidden], mass: f64) -> Model {
         }
         text = text.replace(&format!("<{place}>"), &filled);
     }
+    let text = aircraft.filled(&text, &aircraft.truth);
     Model::parse("together", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
@@ -194,12 +203,13 @@ impl Hidden {
         Hidden { name, is: &[], unit, nominal, text }
     }
 
-    pub fn model(&self) -> Model {
+    pub fn model(&self, aircraft: &Aircraft) -> Model {
         let mut text = TRUTH.replace("<A>", self.unit);
         for (place, plain) in DEFAULTS {
             let filled = self.text.iter().find(|t| t.0 == *place).map_or(*plain, |t| t.1);
             text = text.replace(&format!("<{place}>"), filled);
         }
+        let text = aircraft.filled(&text, &aircraft.truth);
         Model::parse(self.name, &text, &Constants::default())
             .unwrap_or_else(|e| panic!("{}: {e}", self.name))
     }
@@ -241,8 +251,8 @@ pub const INSIDE: &[Hidden] = hidden![
     "thrust line" = ["thrust-line-moment"], "1/(kg m)", 1e-6, { "moment": "A*thrust*I_y/(qbar*S*c)" };
     "engine lag" = ["thrust-lag"], "s", 0.5, { "thrust": "lag(thrust_seen, A)" };
     // aerodynamics
-    "downwash of the flaps" = ["downwash-lag:eta"], "-", 0.15, { "moment": "A*delay(eta_seen, 9*meter/V)" };
-    "downwash of the wing" = ["downwash-lag-alpha", "alphadot-moment"], "-", 0.8, { "moment": "A*(delay(alpha_air, 9*meter/V) - alpha_air)" };
+    "downwash of the flaps" = ["downwash-lag:eta"], "-", 0.15, { "moment": "A*delay(eta_seen, r_H/V)" };
+    "downwash of the wing" = ["downwash-lag-alpha", "alphadot-moment"], "-", 0.8, { "moment": "A*(delay(alpha_air, r_H/V) - alpha_air)" };
     "elevator square" = ["control-square-longitudinal:de,C_m"], "-", 4.0, { "moment": "A*de^2" };
     "elevator cubic" = ["control-cubic-longitudinal:de,C_m"], "-", 50.0, { "moment": "A*de^3" };
     "flaps one-sided" = ["control-one-sided-longitudinal:eta,C_L"], "-", 0.2, { "lift": "C_L_1 + A*max(eta, 0)" };
@@ -256,7 +266,7 @@ pub const INSIDE: &[Hidden] = hidden![
     "thrust on the moment" = ["thrust-effect:C_m"], "-", 0.15, { "moment": "A*thrust/(qbar*S)" };
     "stall" = ["stall-separation"], "-", 1.0, {
         "states": "X = { unit = \"-\", rate = \"(0.5*(1 - tanh(25*(alpha_air - 0.19))) - X)/(0.4*sec)\", start = \"0.5*(1 - tanh(25*(alpha_air - 0.19)))\" }",
-        "lift": "C_L_1 + A*((1 + sqrt(max(X, 0)))^2/4 - 1)*5.0*alpha_air" };
+        "lift": "C_L_1 + A*((1 + sqrt(max(X, 0)))^2/4 - 1)*@C_L_alpha@*alpha_air" };
     "unsteady lift" = ["wing-lift-lag"], "s", 0.08, { "lift": "lag(C_L_1, A)" };
     "flap rate" = ["control-rate-longitudinal:eta,C_m"], "m", 2.0, { "moment": "A*rate(eta_seen)/V" };
     "shear" = ["wind-shear"], "1/s", 0.01, { "vdot": "A*V*sin(theta - alpha)" };

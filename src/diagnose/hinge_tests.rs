@@ -1,4 +1,5 @@
-//! A surface whose hinge has friction, which the base model lacks, against the whole library.
+//! A surface whose hinge has friction, stops, a slowest servo or a sensor with play, which the base model lacks, against the whole
+//! library.
 
 use super::effect::{self, Context};
 use super::tests::{parsed, steps, told};
@@ -8,8 +9,10 @@ use crate::estimate::{self, Segment};
 use crate::model::Model;
 use crate::simulate::Stream;
 
-/// A surface at 30 rad/s under its servo and the angle of attack; `friction` goes into its line.
-fn surface(friction: &str) -> Model {
+/// A surface at 30 rad/s under its servo and the angle of attack; `position` and `velocity` go into the lines of the states, `play` is the
+/// line of a state `z` that is measured in place of the surface.
+fn surface(position: &str, velocity: &str, play: &str) -> Model {
+    let measured = if play.is_empty() { "delta" } else { "z" };
     parsed(&format!(
         r#"title = "surface"
 [inputs]
@@ -17,16 +20,18 @@ servo_current = "A"
 alpha = "rad"
 [constants]
 M_i = {{ unit = "rad/(s^2 A)", value = 30.0 }}
+one = {{ unit = "rad", value = 1.0 }}
+slow = {{ unit = "s", value = 0.01 }}
 [parameters]
 M_d = {{ unit = "1/s^2", start = -900.0 }}
 M_v = {{ unit = "1/s", start = -25.0 }}
 M_a = {{ unit = "1/s^2", start = -100.0 }}
 M_0 = {{ unit = "rad/s^2", start = 0.0 }}
 [states]
-delta = {{ unit = "rad", rate = "delta_dot", start = "measured" }}
-delta_dot = {{ unit = "rad/s", rate = "M_i*servo_current + M_d*delta + M_v*delta_dot + M_a*alpha + M_0", start = 0.0{friction} }}
-[outputs]
-delta = {{ unit = "rad", value = "delta" }}
+delta = {{ unit = "rad", rate = "delta_dot", start = "measured"{position} }}
+delta_dot = {{ unit = "rad/s", rate = "M_i*servo_current + M_d*delta + M_v*delta_dot + M_a*alpha + M_0", start = 0.0{velocity} }}
+{play}[outputs]
+delta = {{ unit = "rad", value = "{measured}" }}
 "#
     ))
 }
@@ -61,7 +66,7 @@ fn flown(truth: &Model, seed: u64) -> Vec<Segment> {
 }
 
 fn diagnosed(truth: &Model, seed: u64) -> Diagnosis {
-    let (base, segments, settings) = (surface(""), flown(truth, seed), Settings::default());
+    let (base, segments, settings) = (surface("", "", ""), flown(truth, seed), Settings::default());
     let names: Vec<String> = (0..segments.len()).map(|i| format!("s{i}")).collect();
     let held = held_out(&segments, &names, &settings);
     let records: Vec<&Record> = segments.iter().map(|s| &s.record).collect();
@@ -81,30 +86,59 @@ fn diagnosed(truth: &Model, seed: u64) -> Diagnosis {
     diagnose(&subject, &offer, &|_| {}).unwrap_or_else(|e| panic!("{e}"))
 }
 
+/// The effects of the class that comes first, what it adds, and the values of the first of them.
+fn first(d: &Diagnosis, effect: &str) -> Vec<crate::diagnose::Value> {
+    let round = d.rounds.first().expect("a round");
+    let class: Vec<&str> = round.class.iter().map(|&i| round.judged[i].effect.as_str()).collect();
+    assert!(class.contains(&effect) && class.len() <= 2, "{effect}: {class:?}\n{}", told(d));
+    assert_eq!(d.added.len(), 1, "{}", told(d));
+    let judged = round.judged.iter().find(|j| j.effect == effect).expect("judged");
+    judged.refit.as_ref().expect("refitted").values.clone()
+}
+
+fn near(value: &crate::diagnose::Value, truth: f64) {
+    let sd = value.sd.expect("sd");
+    assert!((value.value - truth).abs() < 4.0 * sd, "{value:?} for {truth}");
+}
+
 #[test]
 fn recovery_friction_that_the_model_lacks_is_named() {
     for (seed, friction) in [(1, 2.0), (2, 6.0)] {
-        let d = diagnosed(&surface(&format!(", friction = {friction:?}")), seed);
+        let d = diagnosed(&surface("", &format!(", friction = {friction:?}"), ""), seed);
         println!("{}", told(&d));
-        let round = d.rounds.first().expect("a round");
-        let class: Vec<&str> =
-            round.class.iter().map(|&i| round.judged[i].effect.as_str()).collect();
-        assert!(
-            class.contains(&"hinge-friction") && class.len() <= 2,
-            "friction {friction}: {class:?}"
-        );
-        let judged = round.judged.iter().find(|j| j.effect == "hinge-friction").expect("judged");
-        let value = &judged.refit.as_ref().expect("refitted").values[0];
-        assert!(
-            (value.value - friction).abs() < 4.0 * value.sd.expect("sd"),
-            "{value:?} for {friction}"
-        );
-        assert_eq!(d.added.len(), 1, "{}", told(&d));
+        near(&first(&d, "hinge-friction")[0], friction);
     }
 }
 
 #[test]
-fn recovery_no_friction_is_named_where_there_is_none() {
-    let d = diagnosed(&surface(""), 3);
+fn recovery_a_stop_that_the_model_lacks_is_named() {
+    let d = diagnosed(&surface(", min = -0.028, max = 0.026", "", ""), 4);
+    println!("{}", told(&d));
+    let values = first(&d, "hinge-stop");
+    let of = |name: &str| values.iter().find(|v| v.name.starts_with(name)).expect(name);
+    near(of("low"), -0.028);
+    near(of("high"), 0.026);
+}
+
+#[test]
+fn recovery_a_limit_of_the_velocity_that_the_model_lacks_is_named() {
+    let d = diagnosed(&surface("", ", min = -0.5, max = 0.5", ""), 5);
+    println!("{}", told(&d));
+    let values = first(&d, "hinge-rate-limit");
+    near(values.iter().find(|v| v.name.starts_with('R')).expect("R"), 0.5);
+}
+
+#[test]
+fn recovery_play_of_a_sensor_that_the_model_lacks_is_named() {
+    let play = "z = { unit = \"rad\", rate = \"deadband(delta - z, 0.002*one)/slow\", start = \"delta\" }\n";
+    let d = diagnosed(&surface("", "", play), 6);
+    println!("{}", told(&d));
+    let values = first(&d, "sensor-play");
+    near(values.iter().find(|v| v.name.starts_with('b')).expect("b"), 0.002);
+}
+
+#[test]
+fn recovery_nothing_is_named_where_nothing_is_missing() {
+    let d = diagnosed(&surface("", "", ""), 3);
     assert_eq!(d.verdict, Verdict::NothingMissing, "{}", told(&d));
 }
