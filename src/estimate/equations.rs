@@ -7,15 +7,15 @@
 //! of a segment.
 
 use super::case::Case;
-use super::neighbours::Known;
+use super::neighbours::{Known, lowest};
 use super::prepared::Prepared;
 use super::profile::{Profile, profiles, upper_limit};
 use super::segment::Segment;
-use super::solution::{Solution, solve};
+use super::solution::{Solution, judged};
 use super::{Line, Settings};
 use crate::engine::{self, Blobs, Function, Here, Key, Source, decode, encode};
 use crate::error::{Error, Result};
-use crate::least_squares::{Block, Evaluate, Layout, SegmentSums, Wanted, segment_sums};
+use crate::least_squares::{Block, Evaluate, Layout, SegmentSums, Wanted, cost, segment_sums};
 use crate::model::{Model, Text};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -193,27 +193,35 @@ impl Evaluate for Spread<'_> {
 
 impl Case {
     /// Solves with integration steps that stay the same during an iteration (a cost that changed
-    /// its steps on the way would have jumps). They are chosen at the start; where the solution
-    /// turns out to be stiffer, the estimation is repeated with the steps that it asks for.
+    /// its steps on the way would have jumps). They are chosen at the start; where what is found
+    /// turns out to be stiffer, the estimation goes on from there with the steps that it asks for,
+    /// or begins again where that cost was owed to the larger steps alone.
     pub fn solve(&mut self, settings: &Settings, origin: &Origin, here: &Here) -> Solution {
         let known = Known {
             alike: self.alike(),
             limits: self.measured_limits(),
             densities: self.densities(),
         };
-        let mut needed = self.layout.start.clone();
-        loop {
-            let changed = self.stiffen(&needed);
-            let solution = solve(&self.layout, &origin.spread(self, here), settings, &known);
-            let stiffer = |s: usize| {
-                self.is_automatic(s)
-                    && self.substeps(s, &solution.fit.theta) > self.records[s].substeps
-            };
-            if !changed || !(0..self.records.len()).any(stiffer) {
-                return solution;
-            }
-            needed = solution.fit.theta;
+        let (method, first) = (settings.method(), self.layout.clone());
+        let mut changed = self.stiffen(&first.start);
+        let mut fit = lowest(&first, &origin.spread(self, here), &method, &known);
+        while changed && self.is_stiffer(&fit.theta) {
+            changed = self.stiffen(&fit.theta);
+            let evaluate = origin.spread(self, here);
+            let cost = |theta: &[f64]| cost(&first, &evaluate, theta).unwrap_or(f64::INFINITY);
+            let goes_on = cost(&fit.theta) < cost(&first.start);
+            let start = if goes_on { &fit.theta } else { &first.start }.clone();
+            let layout = Layout { start, ..first.clone() };
+            fit = fit.then(lowest(&layout, &evaluate, &method, &known));
         }
+        judged(&first, &origin.spread(self, here), settings, fit)
+    }
+
+    /// Whether a segment is stiffer there than its integration steps are made for.
+    fn is_stiffer(&self, theta: &[f64]) -> bool {
+        let stiffer =
+            |s: usize| self.is_automatic(s) && self.substeps(s, theta) > self.records[s].substeps;
+        (0..self.records.len()).any(stiffer)
     }
 
     /// The profiles that the settings ask for, and the upper limits of densities that are zero.

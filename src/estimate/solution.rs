@@ -39,14 +39,23 @@ impl Solution {
     }
 }
 
-/// Estimates and judges. Not converged or singular: no covariance.
+/// Estimates and judges.
 pub fn solve<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     settings: &Settings,
     known: &Known,
 ) -> Solution {
-    let mut fit = lowest(layout, evaluate, &settings.method(), known);
+    judged(layout, evaluate, settings, lowest(layout, evaluate, &settings.method(), known))
+}
+
+/// What a fit is worth. Not converged or singular: no covariance.
+pub fn judged<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    settings: &Settings,
+    mut fit: Fit,
+) -> Solution {
     let none = |fit| Solution {
         fit,
         crlb: None,
