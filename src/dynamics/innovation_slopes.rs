@@ -4,6 +4,7 @@
 use super::filter::{Filter, Innovation, Measured, Taken, Way};
 use super::gain::{Taking, take};
 use super::propagator::Propagator;
+use super::remembered::Remembered;
 use super::rows::{LANES, Steps, product, steps};
 use super::tangent::{Jacobian, delayed, starts, weights};
 use super::values::Run;
@@ -104,8 +105,8 @@ impl<'p> Slopes<'p> {
                 let from = if number % 2 == 0 { &mut *b } else { &mut *a };
                 let pasts = &way.chunk.pasts[stage * delays..(stage + 1) * delays];
                 let at = (self.delays.at(&way.chunk.stages, stage), stage);
-                let nothing = Vec::new();
-                delayed(self.propagator, self.width, run, pasts, at, from, [&nothing, &nothing]);
+                // no state of a model that noise drives is read later
+                delayed(self.propagator, self.width, run, pasts, at, from, &Remembered::default());
             }
             let mut job = Steps {
                 s: &mut self.s,
@@ -133,9 +134,8 @@ impl<'p> Slopes<'p> {
         if delays > 0 {
             let pasts = &way.pasts[e * delays..(e + 1) * delays];
             let at = (self.sample_delays[j].at(points, k), k);
-            let nothing = Vec::new();
-            let lists = [&nothing, &nothing];
-            delayed(self.propagator, self.width, run, pasts, at, &mut self.s, lists);
+            let nothing = Remembered::default();
+            delayed(self.propagator, self.width, run, pasts, at, &mut self.s, &nothing);
         }
         let taking = |dc| Taking {
             places: &self.filter.places,

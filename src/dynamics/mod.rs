@@ -50,6 +50,7 @@ mod modes;
 mod propagate;
 mod propagator;
 mod record;
+mod remembered;
 mod respond;
 mod rows;
 mod sigma_filter;

@@ -4,6 +4,7 @@ use super::evaluate::Many;
 use super::history::Past;
 use super::modes::{Event, Jump};
 use super::propagator::Propagator;
+use super::remembered::Remembered;
 use super::rows::{Append, Block, LANES, Rows, Steps, append, product, steps};
 use super::step::RESTS;
 use super::tableau::{AHEAD, WEIGHT};
@@ -35,9 +36,7 @@ pub struct Tangent<'p> {
     /// Output sensitivities, per output `[point][direction]`, and how many points are done.
     pub rows: Vec<Vec<f64>>,
     done: usize,
-    /// Sensitivities of the states and their rates at the remembered step times.
-    s_history: Vec<f64>,
-    k_history: Vec<f64>,
+    remembered: Remembered,
     work: Work,
     /// Zeros as long as all rows are finite.
     zeros: [f64; 8],
@@ -124,8 +123,7 @@ impl<'p> Tangent<'p> {
             limits,
             rows: (0..ny).map(|_| pool::take(points * nd)).collect(),
             done: 0,
-            s_history: Vec::new(),
-            k_history: Vec::new(),
+            remembered: Remembered::of(propagator),
             work: Work {
                 between: [zeros(both), zeros(both)],
                 k: zeros(nx),
@@ -230,11 +228,10 @@ impl<'p> Tangent<'p> {
         }
         for point in 0..points {
             if history {
-                self.remember();
+                self.remembered.begin(&self.s);
             }
             if delays > 0 {
                 let pasts = &chunk.point_pasts[point * delays..(point + 1) * delays];
-                let past = [&self.s_history, &self.k_history];
                 delayed(
                     propagator,
                     self.width,
@@ -242,7 +239,7 @@ impl<'p> Tangent<'p> {
                     pasts,
                     (self.point_delays.at(&chunk.points, point), point),
                     &mut self.s,
-                    past,
+                    &self.remembered,
                 );
             }
             let to = Append {
@@ -267,7 +264,7 @@ impl<'p> Tangent<'p> {
             let Some(&steps) = chunk.substeps.get(point) else { continue };
             for s in 0..steps {
                 if history && s > 0 {
-                    self.remember();
+                    self.remembered.begin(&self.s);
                 }
                 let weights = weights(chunk.lengths[substep]);
                 for _ in 0..4 {
@@ -305,7 +302,7 @@ impl<'p> Tangent<'p> {
         weights: [[f64; 2]; 4],
     ) {
         let (number, history, size) =
-            (at % 4, !self.s_history.is_empty(), self.propagator.layout.states * self.lanes);
+            (at % 4, self.remembered.is_kept(), self.propagator.layout.states * self.lanes);
         let Work { between: [a, b], sum, k, .. } = &mut self.work;
         if number == 0 {
             b[..size].copy_from_slice(&self.s[..size]);
@@ -318,7 +315,6 @@ impl<'p> Tangent<'p> {
         }
         put_on_stops(self.propagator, &self.limits, self.lanes, clipped, from);
         if !pasts.is_empty() {
-            let lists = [&self.s_history, &self.k_history];
             delayed(
                 self.propagator,
                 self.width,
@@ -326,7 +322,7 @@ impl<'p> Tangent<'p> {
                 pasts,
                 (self.delays.at(stages, at), at),
                 from,
-                lists,
+                &self.remembered,
             );
         }
         let k = history.then_some(&mut **k);
@@ -346,14 +342,11 @@ impl<'p> Tangent<'p> {
             steps(self.width, self.rates.at(stages, at), at % LANES..at % LANES + 1, &mut job)
         };
         if number == 0 && history {
-            let end = self.k_history.len();
-            self.k_history[end - size..].copy_from_slice(&self.work.k);
-            for (&i, _) in
-                self.propagator.limited.iter().zip(clipped).filter(|(_, how)| **how == RESTS)
-            {
-                let row = end - size + i * self.lanes;
-                self.k_history[row..row + self.lanes].fill(0.0);
-            }
+            let limited = &self.propagator.limited;
+            let rests = |i: usize| {
+                limited.iter().zip(clipped).any(|(&limited, &how)| limited == i && how == RESTS)
+            };
+            self.remembered.rates(&self.work.k, rests);
         }
     }
 
@@ -401,11 +394,6 @@ impl<'p> Tangent<'p> {
             }
         }
     }
-
-    fn remember(&mut self) {
-        self.s_history.extend_from_slice(&self.s[..self.propagator.layout.states * self.lanes]);
-        self.k_history.resize(self.s_history.len(), 0.0);
-    }
 }
 
 /// Sensitivities of the start values, `[state][lanes]`; `file`: register file of the evaluated start
@@ -447,7 +435,7 @@ pub(super) fn weights(h: f64) -> [[f64; 2]; 4] {
 
 /// Sensitivities of the delayed values, behind those of the states in `s`:
 /// `dX(t - tau) = S(t - tau) - X'(t - tau) dtau`. `taus`: the Jacobian of the delay times, and the
-/// point; `history`: sensitivities of the states and of their rates at the remembered times.
+/// point; `remembered`: sensitivities at past steps.
 pub(super) fn delayed(
     propagator: &Propagator,
     width: Width,
@@ -455,10 +443,9 @@ pub(super) fn delayed(
     pasts: &[Past],
     (taus, point): (Block, usize),
     s: &mut [f64],
-    history: [&Vec<f64>; 2],
+    remembered: &Remembered,
 ) {
     let (nx, lanes) = (propagator.layout.states, propagator.directions.lanes());
-    let [s_history, k_history] = history;
     let (s, out) = s.split_at_mut(nx * lanes);
     // SAFETY: the width is this machine's; delay times do not depend on delayed values.
     unsafe { product(width, taus, point % LANES, s, out) };
@@ -478,16 +465,7 @@ pub(super) fn delayed(
         };
         row.iter_mut().for_each(|v| *v *= -slope);
         if let Delayed::State(i) = delay.of {
-            let at = |step: usize| (step * nx + i) * lanes..(step * nx + i + 1) * lanes;
-            let parts = [
-                (past.w[0], s_history, past.i),
-                (past.w[1], k_history, past.i),
-                (past.w[2], s_history, past.j),
-                (past.w[3], k_history, past.j),
-            ];
-            for (w, list, step) in parts.into_iter().filter(|p| p.0 != 0.0) {
-                row.iter_mut().zip(&list[at(step)]).for_each(|(r, v)| *r += w * v);
-            }
+            remembered.read(i, past, row);
         }
     }
 }
