@@ -161,7 +161,7 @@ pub struct Estimation {
     pub elsewhere: Option<Elsewhere>,
     /// What became of the starts that were tried; empty where there was one.
     pub tried: Vec<Tried>,
-    /// Why the model could not be run in the first of its segments, where none could be.
+    /// Why the model could not be run in the first of its segments, where none could be; what it means that the fit runs away.
     pub why: Option<String>,
 }
 

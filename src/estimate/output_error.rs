@@ -132,8 +132,11 @@ fn once(
         let useless = useless(&case, &solution);
         if useless.is_empty() || useless.len() == used.len() {
             left_out.sort_by_key(|left| left.segment);
-            let not_run = solution.fit.stop == Stop::NotFinite;
-            let why = useless.into_iter().next().map(|(_, why)| why).filter(|_| not_run);
+            let why = match solution.fit.stop {
+                Stop::NotFinite => useless.into_iter().next().map(|(_, why)| why),
+                Stop::RunsAway => Some(RUNS_AWAY.to_string()),
+                _ => None,
+            };
             let told = match settings.briefly {
                 true => Told::default(),
                 false => {
@@ -273,6 +276,9 @@ fn doubtful(model: &Model, segments: &[Segment]) -> Vec<Doubtful> {
     }
     found
 }
+
+/// What it is to a user that a fit runs away.
+const RUNS_AWAY: &str = "it leads to motions that are far too fast for the samples to show them; bounds of parameters are missing, or something holds the motion that the model does not know (a stop)";
 
 /// Segments (places among those used) that keep the others from being estimated, and why: of a
 /// model that is not finite at the start, those where it is not; of parameters that the data cannot

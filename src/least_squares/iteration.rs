@@ -10,6 +10,8 @@ pub enum Stop {
     IterationLimit,
     /// The data cannot separate some parameters (see the verdict).
     Singular,
+    /// It leads to motions that are far too fast for the samples to show them.
+    RunsAway,
     /// No step length down to `2^-max_halvings` improves the likelihood.
     NoImprovement,
     /// The model is not finite at the start values.
@@ -25,6 +27,7 @@ impl Stop {
             Stop::Converged => "converged",
             Stop::IterationLimit => "iteration limit",
             Stop::Singular => "singular",
+            Stop::RunsAway => "runs away",
             Stop::NoImprovement => "no improvement",
             Stop::NotFinite => "not finite",
             Stop::NoData => "no data",

@@ -413,3 +413,27 @@ fn fault_masked_samples_are_never_averaged_in() {
         within(&a, "T", 0.4, 0.01);
     }
 }
+
+/// A first-order lag of a signal that the record follows at once: the shorter the time constant, the better, without end.
+#[test]
+fn fault_a_fit_that_leads_to_motions_no_sample_shows_runs_away() {
+    let model = model(
+        r#"
+title = "A lag"
+[inputs]
+u = "rad"
+[parameters]
+a = { unit = "1/s", start = 4.0 }
+[states]
+x = { unit = "rad", rate = "a*(u - x)", start = 0.0 }
+[outputs]
+x = { unit = "rad", value = "x" }
+"#,
+    );
+    let mut record = empty(300, 0, 1);
+    record.inputs[0] = 0.0;
+    record.channels[0].z = record.inputs.clone();
+    let e = estimate(&model, &[record], &free(&["a"])).unwrap();
+    assert_eq!(e.stop, Stop::RunsAway, "{:?}", e.rows);
+    assert!(e.rows[0].sd.is_none() && e.rows[0].value > 160.0, "{:?}", e.rows);
+}
