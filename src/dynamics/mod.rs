@@ -68,7 +68,7 @@ pub use propagator::{Directions, Propagator, Tier};
 
 pub use record::{Channel, Interpolation, Record, Sampling};
 pub use sigma_filter::{Smooth, smoothed};
-pub(crate) use tableau::{AHEAD, WEIGHT};
+pub(crate) use tableau::{AHEAD, MOST_SUBSTEPS, WEIGHT};
 
 /// Outputs on the record's grid from its start point on.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -3,7 +3,7 @@
 /// Largest |lambda| h of a step.
 pub(super) const STIFF: f64 = 0.5;
 /// More sub-steps than this would not end: the trajectory is given up as not finite.
-pub(super) const MOST_SUBSTEPS: usize = 256;
+pub(crate) const MOST_SUBSTEPS: usize = 256;
 
 /// The tableau: where a stage is in the step, its weight times six, and how far its rate leads to
 /// the next stage's state.

@@ -13,10 +13,11 @@ use super::profile::{Profile, profiles, upper_limit};
 use super::segment::Segment;
 use super::solution::{Solution, judged};
 use super::{Line, Settings};
+use crate::dynamics::MOST_SUBSTEPS;
 use crate::engine::{self, Blobs, Function, Here, Key, Source, decode, encode};
 use crate::error::{Error, Result};
 use crate::least_squares::{
-    Block, Evaluate, Layout, SegmentSums, Stop, Wanted, cost, segment_sums,
+    Block, Evaluate, Layout, SegmentSums, Stop, Wanted, cost, minimise, segment_sums,
 };
 use crate::model::{Model, Text};
 use indexmap::IndexMap;
@@ -24,9 +25,6 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Mutex;
-
-/// More steps than at the start by this factor: eight radians and more of a motion between two samples, where one step did.
-const AWAY: usize = 16;
 
 /// Sums over one segment of an estimation.
 pub struct NormalEquations;
@@ -200,8 +198,8 @@ impl Case {
     /// Solves with integration steps that stay the same during an iteration (a cost that changed
     /// its steps on the way would have jumps). They are chosen at the start; where what is found
     /// turns out to be stiffer, the estimation goes on from there with the steps that it asks for,
-    /// or begins again where that cost was owed to the larger steps alone. Where it asks for more
-    /// than `AWAY` times those of the start, it has run away: a surface that stands on a stop which the model does not
+    /// or begins again where that cost was owed to the larger steps alone. Where it asks for as many
+    /// as there may be, it has run away: a surface that stands on a stop which the model does not
     /// know looks as if it were held by a spring without limit.
     pub fn solve(&mut self, settings: &Settings, origin: &Origin, here: &Here) -> Solution {
         let known = Known {
@@ -211,28 +209,30 @@ impl Case {
         };
         let (method, first) = (settings.method(), self.layout.clone());
         let mut changed = self.stiffen(&first.start);
-        let most: Vec<usize> = self.steps().iter().map(|steps| AWAY * steps).collect();
         let mut fit = lowest(&first, &origin.spread(self, here), &method, &known);
-        while changed && self.is_stiffer(&fit.theta, &self.steps()) {
-            let runs_away = self.is_stiffer(&fit.theta, &most);
+        while changed && self.is_stiffer(&fit.theta) {
             changed = self.stiffen(&fit.theta);
             let evaluate = origin.spread(self, here);
             let cost = |theta: &[f64]| cost(&first, &evaluate, theta).unwrap_or(f64::INFINITY);
             let goes_on = cost(&fit.theta) < cost(&first.start);
-            if goes_on && runs_away {
+            if goes_on && self.steps().contains(&MOST_SUBSTEPS) {
                 fit.stop = Stop::RunsAway;
                 break;
             }
-            let start = if goes_on { &fit.theta } else { &first.start }.clone();
-            let layout = Layout { start, ..first.clone() };
-            fit = fit.then(lowest(&layout, &evaluate, &method, &known));
+            let further = if goes_on {
+                minimise(&Layout { start: fit.theta.clone(), ..first.clone() }, &evaluate, &method)
+            } else {
+                lowest(&first, &evaluate, &method, &known)
+            };
+            fit = fit.then(further);
         }
         judged(&first, &origin.spread(self, here), settings, fit)
     }
 
-    /// Whether a segment is stiffer there than these integration steps are made for.
-    fn is_stiffer(&self, theta: &[f64], steps: &[usize]) -> bool {
-        let stiffer = |s: usize| self.is_automatic(s) && self.substeps(s, theta) > steps[s];
+    /// Whether a segment is stiffer there than its integration steps are made for.
+    fn is_stiffer(&self, theta: &[f64]) -> bool {
+        let stiffer =
+            |s: usize| self.is_automatic(s) && self.substeps(s, theta) > self.records[s].substeps;
         (0..self.records.len()).any(stiffer)
     }
 

@@ -32,14 +32,12 @@ impl Target {
                 .strip_suffix(')')
                 .map(|s| s.trim().to_string())
         };
-        let kinds: [(&str, fn(String) -> Target); 5] = [
-            ("rate", Target::Rate),
-            ("friction", Target::Friction),
-            ("min", Target::Min),
-            ("max", Target::Max),
-            ("output", Target::Output),
-        ];
-        let found = kinds.iter().find_map(|(function, kind)| inside(function).map(kind));
+        let of = |function: &str, kind: fn(String) -> Target| inside(function).map(kind);
+        let found = of("rate", Target::Rate)
+            .or_else(|| of("friction", Target::Friction))
+            .or_else(|| of("min", Target::Min))
+            .or_else(|| of("max", Target::Max))
+            .or_else(|| of("output", Target::Output));
         found.unwrap_or_else(|| Target::Name(text.trim().to_string()))
     }
 

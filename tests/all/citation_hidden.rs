@@ -17,7 +17,6 @@ struct Hidden {
     out: &'static str,
 }
 
-const MECHANICS: &str = "elevator-mechanics.model.toml";
 const ELEVATOR: &[&str] = &["pipeline.toml", "--estimate", "elevator"];
 
 /// Friction is in the truth as it is shipped, and not in that pipeline's models.
@@ -46,33 +45,6 @@ const PLAY: Hidden = Hidden {
         ("truth.model.toml", "\"rate(u)\", ", "\"rate(u)\", \"delta_e - synchro\", "),
     ],
     effect: "sensor-play:delta_e",
-    args: ELEVATOR,
-    out: "out",
-};
-
-/// A stop at 4.2 degrees up, which the maneuvers below 84 m/s reach.
-const STOP: Hidden = Hidden {
-    edits: &[(
-        MECHANICS,
-        "stop_up   = { unit = \"rad\", value = 0.27",
-        "stop_up   = { unit = \"rad\", value = 0.0733",
-    )],
-    effect: "hinge-stop:delta_e",
-    args: ELEVATOR,
-    out: "out",
-};
-
-/// The servo turns no faster than 11 degrees of elevator a second.
-const RATE: Hidden = Hidden {
-    edits: &[
-        (MECHANICS, "[constants]\n", "[constants]\nfastest = { unit = \"rad/s\", value = 0.2 }\n"),
-        (
-            MECHANICS,
-            "rate = \"moment_drum/J_m\", start = 0.0 }",
-            "rate = \"moment_drum/J_m\", start = 0.0, min = \"-fastest*l_de/r_drum_e\", max = \"fastest*l_de/r_drum_e\" }",
-        ),
-    ],
-    effect: "hinge-rate-limit:delta_",
     args: ELEVATOR,
     out: "out",
 };
@@ -128,14 +100,4 @@ fn recovery_of_friction_hidden_in_recordings_of_the_citation() {
 #[test]
 fn recovery_of_play_hidden_in_recordings_of_the_citation() {
     named_in_most(&PLAY);
-}
-
-#[test]
-fn recovery_of_a_stop_hidden_in_recordings_of_the_citation() {
-    named_in_most(&STOP);
-}
-
-#[test]
-fn recovery_of_a_rate_limit_hidden_in_recordings_of_the_citation() {
-    named_in_most(&RATE);
 }
