@@ -17,7 +17,7 @@ use crate::dynamics::MOST_SUBSTEPS;
 use crate::engine::{self, Blobs, Function, Here, Key, Source, decode, encode};
 use crate::error::{Error, Result};
 use crate::least_squares::{
-    Block, Evaluate, Layout, SegmentSums, Stop, Wanted, cost, minimise, segment_sums,
+    Block, Evaluate, Layout, SegmentSums, Stop, Wanted, cost, segment_sums,
 };
 use crate::model::{Model, Text};
 use indexmap::IndexMap;
@@ -219,11 +219,9 @@ impl Case {
                 fit.stop = Stop::RunsAway;
                 break;
             }
-            let further = if goes_on {
-                minimise(&Layout { start: fit.theta.clone(), ..first.clone() }, &evaluate, &method)
-            } else {
-                lowest(&first, &evaluate, &method, &known)
-            };
+            let start = if goes_on { &fit.theta } else { &first.start }.clone();
+            let layout = Layout { start, ..first.clone() };
+            let further = lowest(&layout, &evaluate, &method, &known);
             fit = fit.then(further);
         }
         judged(&first, &origin.spread(self, here), settings, fit)
