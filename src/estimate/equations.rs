@@ -77,6 +77,13 @@ impl At<'_> {
     }
 }
 
+/// The integration steps to a sample beyond which the estimation of a segment has run away, from
+/// those that it began with. A motion with a time constant below a thirtieth of a sample shows in no
+/// sample; one that was there from the beginning may become somewhat faster.
+fn furthest(first: usize) -> usize {
+    first.max((4 * first).clamp(64, MOST_SUBSTEPS - 1))
+}
+
 /// What is sent with every call.
 #[derive(Serialize, Deserialize)]
 struct Packed<'a> {
@@ -198,9 +205,9 @@ impl Case {
     /// Solves with integration steps that stay the same during an iteration (a cost that changed
     /// its steps on the way would have jumps). They are chosen at the start; where what is found
     /// turns out to be stiffer, the estimation goes on from there with the steps that it asks for,
-    /// or begins again where that cost was owed to the larger steps alone. Where it asks for as many
-    /// as there may be, it has run away: a surface that stands on a stop which the model does not
-    /// know looks as if it were held by a spring without limit.
+    /// or begins again where that cost was owed to the larger steps alone. Where a segment asks for
+    /// motions that no sample shows (`furthest`), it has run away: a surface that stands on a stop
+    /// which the model does not know looks as if it were held by a spring without limit.
     pub fn solve(&mut self, settings: &Settings, origin: &Origin, here: &Here) -> Solution {
         let known = Known {
             alike: self.alike(),
@@ -209,13 +216,15 @@ impl Case {
         };
         let (method, first) = (settings.method(), self.layout.clone());
         let mut changed = self.stiffen(&first.start);
+        let furthest: Vec<usize> = self.steps().into_iter().map(furthest).collect();
         let mut fit = lowest(&first, &origin.spread(self, here), &method, &known);
         while changed && self.is_stiffer(&fit.theta) {
             changed = self.stiffen(&fit.theta);
             let evaluate = origin.spread(self, here);
             let cost = |theta: &[f64]| cost(&first, &evaluate, theta).unwrap_or(f64::INFINITY);
             let goes_on = cost(&fit.theta) < cost(&first.start);
-            if goes_on && self.steps().contains(&MOST_SUBSTEPS) {
+            let far = |(steps, furthest): (usize, &usize)| steps > *furthest;
+            if goes_on && self.steps().into_iter().zip(&furthest).any(far) {
                 fit.stop = Stop::RunsAway;
                 break;
             }
