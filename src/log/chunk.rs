@@ -5,6 +5,7 @@ use super::memory::{CHUNKS, Taken};
 use super::source::Source;
 use super::window::{HEAD, Record};
 use crate::error::Error;
+use std::io::Read;
 
 /// A buffer that has become larger is given back after use.
 const KEPT: usize = 16 << 20;
@@ -131,18 +132,12 @@ pub(super) fn open_chunk<'b>(
     let records: &[u8] = match compression {
         "" => packed,
         "zstd" => {
-            records.clear();
-            records.reserve(size);
-            zstd::bulk::Decompressor::new()
-                .and_then(|mut d| d.decompress_to_buffer(packed, records))
-                .map_err(|e| e.to_string())?;
+            unpack_zstd(packed, size, records).map_err(|e| e.to_string())?;
             records
         }
         "lz4" => {
-            use std::io::Read;
-            records.clear();
-            let stream = lz4::Decoder::new(&packed[..]).map_err(|e| e.to_string())?;
-            stream.take(size as u64 + 1).read_to_end(records).map_err(|e| e.to_string())?;
+            let stream = lz4::Decoder::new(&packed[..]);
+            stream.and_then(|s| unpack(s, size, records)).map_err(|e| e.to_string())?;
             records
         }
         other => return Err(format!("its compression {other:?} is unknown").into()),
@@ -154,4 +149,27 @@ pub(super) fn open_chunk<'b>(
         return Err("its checksum does not match".into());
     }
     Ok(Opened { records, _taken: taken })
+}
+
+/// A chunk that says it is larger than so many times its data is not believed.
+const DENSE: usize = 64;
+/// What such a chunk may keep of what went before, as a power of two, bytes.
+const WINDOW_LOG: u32 = 24;
+
+/// Decompresses in one go where the announced size is credible.
+fn unpack_zstd(packed: &[u8], size: usize, records: &mut Vec<u8>) -> std::io::Result<()> {
+    if size / DENSE > packed.len() {
+        let mut stream = zstd::stream::Decoder::with_buffer(packed)?;
+        stream.window_log_max(WINDOW_LOG)?;
+        return unpack(stream, size, records);
+    }
+    records.clear();
+    records.reserve_exact(size);
+    zstd::bulk::Decompressor::new()?.decompress_to_buffer(packed, records).map(drop)
+}
+
+/// Takes what comes, and one byte more than was announced: memory grows with what is there.
+fn unpack(stream: impl Read, size: usize, records: &mut Vec<u8>) -> std::io::Result<()> {
+    records.clear();
+    stream.take(size as u64 + 1).read_to_end(records).map(drop)
 }

@@ -36,10 +36,7 @@ pub fn writer(path: &Path) -> Result<Option<String>> {
     let mut window = Window::of(&log.source);
     let Some(record) = window.record(mcap::MAGIC.len())? else { return Ok(None) };
     let Some(body) = window.body(record)? else { return Ok(None) };
-    Ok(match mcap::parse_record(record.code, body) {
-        Ok(mcap::records::Record::Header(header)) => Some(header.library),
-        _ => None,
-    })
+    Ok(super::records::library(record.code, body).map(str::to_string))
 }
 
 /// A log file and where its parts are. Where another program changes it while it is open, what

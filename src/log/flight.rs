@@ -10,6 +10,7 @@ use super::channel_map::{ChannelMap, SignalMap, TimeSource};
 use super::counts::Counts;
 use super::decode::{self, FieldInfo, Prepared, Reader};
 use super::file::LogFile;
+use super::left_out::Seen;
 use super::series::{Account, DAY_NS, Series};
 use super::signal::Context;
 use super::{Buffer, Note, agree};
@@ -37,6 +38,8 @@ pub struct FlightLog {
 pub struct SignalLog {
     pub series: Series,
     pub account: Account,
+    /// Samples out of range and spikes, with their neighbours.
+    pub left_out: Vec<Seen>,
 }
 
 /// What is read from one topic.
@@ -129,7 +132,7 @@ fn there(
     let told = context.plans.iter().any(|plan| plan.topic == signal.topic);
     let why = errors.0.iter().filter(|_| told);
     let notes = why.map(|e| Note::warning(name, 1, format!("{name} has no sample: {}", e.what)));
-    Ok((SignalLog { series: Series::default(), account }, notes.collect()))
+    Ok((SignalLog { series: Series::default(), account, left_out: Vec::new() }, notes.collect()))
 }
 
 /// One plan per topic that the map asks for, in the order of the topics' names; notes of units that

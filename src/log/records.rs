@@ -1,7 +1,7 @@
 //! MCAP records in; whether they are what they say, schemas, channels and
 //! statistics out.
 
-use super::bytes::Bytes;
+use super::bytes::{Bytes, parse_string};
 use super::channel::Channel;
 use super::window::{Record, Window};
 use crate::error::Result;
@@ -30,7 +30,10 @@ pub(super) fn sound(log: &mut Window, record: Record) -> Result<bool> {
             length == 20 && log.bytes(record.end, mcap::MAGIC.len())?.starts_with(mcap::MAGIC)
         }
         op::SCHEMA | op::CHANNEL => {
-            log.body(record)?.is_some_and(|body| mcap::parse_record(record.code, body).is_ok())
+            let of = |body: &[u8]| {
+                schema(record.code, body).is_some() || channel(record.code, body).is_some()
+            };
+            log.body(record)?.is_some_and(of)
         }
         op::MESSAGE => length >= 22,
         op::MESSAGE_INDEX => {
@@ -47,22 +50,56 @@ pub(super) fn sound(log: &mut Window, record: Record) -> Result<bool> {
 /// Schemas and channels, by id.
 #[derive(Default)]
 pub(super) struct Definitions {
-    schemas: BTreeMap<u16, (String, String, Vec<u8>)>,
-    channels: BTreeMap<u16, mcap::records::Channel>,
+    schemas: BTreeMap<u16, Schema>,
+    channels: BTreeMap<u16, Defined>,
+}
+
+/// Name, encoding and text of a schema.
+type Schema = (String, String, Vec<u8>);
+
+/// A channel as its record has it.
+struct Defined {
+    schema: u16,
+    topic: String,
+    encoding: String,
+}
+
+/// Id and content of a schema record. The lengths in it are held against its own before anything is
+/// copied: one that lies takes no memory.
+fn schema(code: u8, body: &[u8]) -> Option<(u16, Schema)> {
+    let mut b = Bytes(body);
+    let id = b.u16().filter(|_| code == op::SCHEMA)?;
+    let (name, encoding) = (parse_string(&mut b)?, parse_string(&mut b)?);
+    let length = b.u32()? as usize;
+    Some((id, (name.into(), encoding.into(), b.take(length)?.to_vec())))
+}
+
+/// Likewise of a channel record.
+fn channel(code: u8, body: &[u8]) -> Option<(u16, Defined)> {
+    let mut b = Bytes(body);
+    let id = b.u16().filter(|_| code == op::CHANNEL)?;
+    let schema = b.u16()?;
+    let (topic, encoding) = (parse_string(&mut b)?, parse_string(&mut b)?);
+    let length = b.u32()? as usize;
+    let mut metadata = Bytes(b.take(length)?);
+    while !metadata.0.is_empty() {
+        (parse_string(&mut metadata)?, parse_string(&mut metadata)?);
+    }
+    Some((id, Defined { schema, topic: topic.into(), encoding: encoding.into() }))
+}
+
+/// The program that a header record names.
+pub(super) fn library(code: u8, body: &[u8]) -> Option<&str> {
+    let mut b = Bytes(body);
+    let _profile = parse_string(&mut b).filter(|_| code == op::HEADER)?;
+    parse_string(&mut b)
 }
 
 impl Definitions {
     /// Takes up a record if it is one of a schema or a channel.
     pub fn define(&mut self, code: u8, body: &[u8]) {
-        match mcap::parse_record(code, body) {
-            Ok(mcap::records::Record::Schema { header, data }) => {
-                self.schemas.insert(header.id, (header.name, header.encoding, data.into_owned()));
-            }
-            Ok(mcap::records::Record::Channel(channel)) => {
-                self.channels.insert(channel.id, channel);
-            }
-            _ => {}
-        }
+        self.schemas.extend(schema(code, body));
+        self.channels.extend(channel(code, body));
     }
 
     /// Takes up the schemas and channels among the records of a chunk.
@@ -87,12 +124,12 @@ impl Definitions {
 
     /// The channels with their schemas, by id.
     pub fn joined(&self) -> BTreeMap<u16, Channel> {
-        let join = |c: &mcap::records::Channel| {
+        let join = |c: &Defined| {
             let (schema_name, schema_encoding, schema) =
-                self.schemas.get(&c.schema_id).cloned().unwrap_or_default();
+                self.schemas.get(&c.schema).cloned().unwrap_or_default();
             Channel {
                 topic: c.topic.clone(),
-                message_encoding: c.message_encoding.clone(),
+                message_encoding: c.encoding.clone(),
                 schema_name,
                 schema_encoding,
                 schema,

@@ -5,6 +5,7 @@ use super::channel_map::{ChannelMap, SignalMap, Spikes, TimeSource, TimeZero, Tr
 use super::decode::is_unreadable;
 use super::file::LogFile;
 use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
+use super::left_out::{self, Fate, Seen};
 use super::series::{Account, Series, clock_jumps, describe, drop_stray_times, order, seconds};
 use super::{Note, agree, words};
 use crate::config::Doc;
@@ -74,16 +75,16 @@ impl Context<'_> {
         drop_stray_times(&mut samples, &mut account);
         let factor = f64::from(signal.sign) * signal.scale;
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
-        let spikes = drop_bad(signal, &mut samples, &mut account);
+        let left_out = drop_bad(signal, &mut samples, &mut account);
         let series = Series {
             t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
             value: samples.iter().map(|s| s.1).collect(),
         };
         describe(&series, &samples, &mut account);
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
-        notes.extend(told(name, signal, &unit, &spikes));
+        notes.extend(told(name, signal, &unit, &left_out));
         notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
-        Ok((SignalLog { series, account }, notes))
+        Ok((SignalLog { series, account, left_out }, notes))
     }
 
     fn no_such_field(&self, plan: &TopicPlan, signal: &SignalMap) -> String {
@@ -233,44 +234,41 @@ impl Context<'_> {
     }
 }
 
-/// Drops samples outside the range and spikes; these are returned, time and value.
-fn drop_bad(
-    signal: &SignalMap,
-    samples: &mut Vec<(i64, f64)>,
-    account: &mut Account,
-) -> Vec<(i64, f64)> {
-    let before = samples.len();
-    if let Some([low, high]) = signal.range {
-        samples.retain(|s| s.1 >= low && s.1 <= high);
+/// Drops samples outside the range and spikes; they are returned with their neighbours.
+fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Account) -> Vec<Seen> {
+    let outside = |y: f64| signal.range.is_some_and(|[low, high]| !(y >= low && y <= high));
+    let fate = |s: &(i64, f64)| if outside(s.1) { Fate::OutOfRange } else { Fate::Kept };
+    let mut fates: Vec<Fate> = samples.iter().map(fate).collect();
+    let inside: Vec<usize> = (0..samples.len()).filter(|&k| fates[k] == Fate::Kept).collect();
+    account.dropped_out_of_range = (samples.len() - inside.len()) as u64;
+    if signal.spikes != Spikes::Keep {
+        let (t, y): (Vec<i64>, Vec<f64>) = inside.iter().map(|&k| samples[k]).unzip();
+        let is_angle = ["deg", "degree", "degrees", "°", "rad", "radian", "radians"]
+            .contains(&signal.unit.as_str());
+        let round = is_angle.then_some(2.0 * std::f64::consts::PI * signal.scale.abs());
+        let found = spikes::found(&t, &y, round);
+        account.dropped_spikes = found.len() as u64;
+        found.into_iter().for_each(|k| fates[inside[k]] = Fate::Spike);
     }
-    account.dropped_out_of_range = (before - samples.len()) as u64;
-    if signal.spikes == Spikes::Keep {
-        return Vec::new();
+    let seen = left_out::seen(samples, &fates, signal.delay);
+    if !seen.is_empty() {
+        let mut fates = fates.iter();
+        samples.retain(|_| fates.next() == Some(&Fate::Kept));
     }
-    let (t, y): (Vec<i64>, Vec<f64>) = samples.iter().copied().unzip();
-    let is_angle = ["deg", "degree", "degrees", "°", "rad", "radian", "radians"]
-        .contains(&signal.unit.as_str());
-    let round = is_angle.then_some(2.0 * std::f64::consts::PI * signal.scale.abs());
-    let found = spikes::found(&t, &y, round);
-    account.dropped_spikes = found.len() as u64;
-    let mut at = 0;
-    samples.retain(|_| {
-        at += 1;
-        found.binary_search(&(at - 1)).is_err()
-    });
-    found.into_iter().map(|k| (t[k], y[k])).collect()
+    seen
 }
 
 /// Spikes that a note tells one by one.
 const TOLD: usize = 3;
 
 /// What is said of spikes, as the log has them.
-fn told(name: &str, signal: &SignalMap, unit: &Unit, spikes: &[(i64, f64)]) -> Option<Note> {
+fn told(name: &str, signal: &SignalMap, unit: &Unit, left_out: &[Seen]) -> Option<Note> {
     let factor = f64::from(signal.sign) * signal.scale;
-    let one = |(t, y): &(i64, f64)| {
-        let value = crate::math::digits(unit.from_si((y - signal.offset) / factor));
-        format!("{value} {} at {:.3} s", signal.unit, seconds(*t) - signal.delay)
+    let one = |seen: &&Seen| {
+        let value = crate::math::digits(unit.from_si((seen.value - signal.offset) / factor));
+        format!("{value} {} at {:.3} s", signal.unit, seen.t_s)
     };
+    let spikes: Vec<&Seen> = left_out.iter().filter(|s| s.fate == Fate::Spike).collect();
     let first: Vec<String> = spikes.iter().take(TOLD).map(one).collect();
     let more = if spikes.len() > TOLD { ", ..." } else { "" };
     let text = format!(

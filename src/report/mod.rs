@@ -44,6 +44,7 @@ mod format;
 mod frame;
 mod gap;
 mod grid;
+mod left_out;
 mod limits;
 mod lines;
 mod list;
@@ -100,6 +101,7 @@ pub const SECTIONS: &[Section] = &[
     diagnosis::SECTION,
     flights::SECTION,
     logs::CHANNELS,
+    left_out::SECTION,
     consistency::SECTION,
     logs::BIASES,
     logs::NOTES,

@@ -667,10 +667,18 @@ fn sections_are_named_once_and_their_tables_have_schemas() {
     }
     let html = page(&frame(campaign())).expect("page");
     let order = |pattern: &str| all_of(&html, pattern);
-    // One page has no list of others; this campaign has no adequacy, no diagnosis, no model with limits or states, no regression, and nothing was
-    // predicted.
-    let without =
-        ["verdict", "list", "matches", "limits", "predictions", "equation-error", "modes"];
+    // One page has no list of others; this campaign has no adequacy, no diagnosis, no model with limits or states, no regression, nothing was
+    // predicted, and no sample was left out.
+    let without = [
+        "verdict",
+        "list",
+        "matches",
+        "limits",
+        "predictions",
+        "equation-error",
+        "modes",
+        "left-out",
+    ];
     let there: Vec<&str> =
         SECTIONS.iter().map(|s| s.id).filter(|id| !without.contains(id)).collect();
     assert_eq!(order("<section id=\""), there, "the page has the order of the list");

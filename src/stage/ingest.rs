@@ -15,7 +15,7 @@ pub const STAGE: Stage = Stage {
     key: Some(Key::of::<Settings>()),
     check,
     units: Unit::flights,
-    writes: &["signals", "channels"],
+    writes: &["signals", "channels", "left_out"],
     reads_log: true,
     slice,
     run,
@@ -64,6 +64,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let tables = vec![
         ("signals", signals(&unit.name, &flight)?),
         ("channels", accounts(campaign, &unit.name, &flight)?),
+        ("left_out", left_out(campaign, &unit.name, &flight)?),
     ];
     let notes = flight.notes.iter().map(|n| note(&unit.name, n)).collect();
     Ok(Output { tables, files: Vec::new(), notes })
@@ -100,6 +101,24 @@ fn signals(id: &str, flight: &FlightLog) -> Result<Table> {
         .strings("signal", names)
         .f64("t_s", t)
         .f64("value", values)
+        .finish()
+}
+
+/// Samples that are left out, and those around them, by signal and time.
+fn left_out(campaign: &Campaign, id: &str, flight: &FlightLog) -> Result<Table> {
+    let mut order: Vec<&String> = flight.signals.keys().collect();
+    order.sort();
+    let of = |name: &String| &flight.signals[name].left_out;
+    let all: Vec<(&String, &log::Seen)> =
+        order.into_iter().flat_map(|name| of(name).iter().map(move |seen| (name, seen))).collect();
+    Table::build("left_out")
+        .repeat("flight", id)
+        .strings("signal", all.iter().map(|(name, _)| name))
+        .strings("unit", all.iter().map(|(name, _)| campaign.channels.unit(name)))
+        .i64("place", all.iter().map(|(_, seen)| seen.place as i64).collect::<Vec<_>>())
+        .f64("t_s", all.iter().map(|(_, seen)| seen.t_s).collect::<Vec<_>>())
+        .f64("value", all.iter().map(|(_, seen)| seen.value).collect::<Vec<_>>())
+        .strings("fate", all.iter().map(|(_, seen)| seen.fate.word()))
         .finish()
 }
 

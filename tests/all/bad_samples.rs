@@ -23,6 +23,23 @@ fn gains(c: &Campaign) -> Vec<(f64, f64)> {
     (0..table.rows()).filter(|&row| names[row] == "K").map(|row| (value[row], sd[row])).collect()
 }
 
+/// The sample is in its table with twenty neighbours on either side, and drawn on the page of its
+/// flight alone.
+fn seen_on_the_page(c: &Campaign) {
+    let table = read_dataset(&c.path("out"), "left_out").expect("left_out");
+    let (fates, values) = (table.strings("fate").expect("words"), table.f64("value").expect("SI"));
+    let spikes: Vec<f64> =
+        fates.iter().zip(values).filter(|(f, _)| **f == "spike").map(|(_, v)| *v).collect();
+    assert_eq!((spikes.len(), table.rows()), (1, 41));
+    assert!((spikes[0] - 20f64.to_radians()).abs() < 1e-9, "{spikes:?}");
+    let page = |flight: &str| {
+        let path = c.path(&format!("out/report/flights/{flight}.html"));
+        std::fs::read_to_string(path).expect("a page")
+    };
+    assert!(page("flight-2").contains("1 spike (20.00 deg at 26.0"));
+    assert!(!page("flight-1").contains("left-out-0"));
+}
+
 /// How many samples of y were dropped for this reason, over all flights.
 fn dropped(c: &Campaign, column: &str) -> i64 {
     let table = read_dataset(&c.path("out"), "channels").expect("channels");
@@ -41,6 +58,7 @@ fn fault_one_wrong_sample_is_told_and_changes_no_estimate() {
         assert!(run.out.contains(words) || run.err.contains(words), "{}\n{}", run.out, run.err);
     }
     assert_eq!(dropped(&c, "dropped_spikes"), 1);
+    seen_on_the_page(&c);
     let (without, with) = (gains(&clean), gains(&c));
     assert_eq!(without.len(), 12);
     for ((a, sd), (b, _)) in without.iter().zip(&with) {

@@ -49,6 +49,38 @@ const PLAY: Hidden = Hidden {
     out: "out",
 };
 
+/// The elevator goes no further down than 0.03 deg: maneuvers at high speed, whose trim is near that,
+/// meet the stop.
+const STOP: Hidden = Hidden {
+    edits: &[(
+        "elevator-mechanics.model.toml",
+        "stop_down = { unit = \"rad\", value = 0.25,",
+        "stop_down = { unit = \"rad\", value = 0.0005,",
+    )],
+    effect: "hinge-stop:delta_e",
+    args: ELEVATOR,
+    out: "out",
+};
+
+/// The servo moves its drum no faster than 0.31 rad/s at the elevator.
+const RATE: Hidden = Hidden {
+    edits: &[
+        (
+            "elevator-mechanics.model.toml",
+            "rate = \"moment_drum/J_m\", start = 0.0 }",
+            "rate = \"moment_drum/J_m\", start = 0.0, min = \"-fastest*l_de/r_drum_e\", max = \"fastest*l_de/r_drum_e\" }",
+        ),
+        (
+            "elevator-mechanics.model.toml",
+            "[constants]\n",
+            "[constants]\nfastest = { unit = \"rad/s\", value = 0.31 }\n",
+        ),
+    ],
+    effect: "hinge-rate-limit:delta_c",
+    args: ELEVATOR,
+    out: "out",
+};
+
 /// Whether a recording from `seed` with `hidden` in it is named, alone or in a class of two.
 fn is_named(hidden: &Hidden, seed: u64) -> bool {
     let folder = copy("citation");
@@ -100,4 +132,14 @@ fn recovery_of_friction_hidden_in_recordings_of_the_citation() {
 #[test]
 fn recovery_of_play_hidden_in_recordings_of_the_citation() {
     named_in_most(&PLAY);
+}
+
+#[test]
+fn recovery_of_a_stop_hidden_in_recordings_of_the_citation() {
+    named_in_most(&STOP);
+}
+
+#[test]
+fn recovery_of_a_rate_limit_hidden_in_recordings_of_the_citation() {
+    named_in_most(&RATE);
 }

@@ -3,6 +3,7 @@
 //! The targets are plain functions of bytes. The bytes come from seeds by a generator of this file
 //! (damaged pieces of sound files), so that the same bytes come again and no other crate is needed.
 
+use crate::counted::peak;
 use koehler::config;
 use koehler::log::decode::{self, FieldInfo};
 use koehler::log::{Buffer, ChannelMap, LogFile, import};
@@ -11,8 +12,13 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::{Path, PathBuf};
 
-/// Inputs of each target: all in a build that is optimised, some in one that is for finding mistakes.
-const RUNS: u64 = if cfg!(debug_assertions) { 300 } else { 10_000 };
+/// Inputs of each target; a hundred times as many with `KOEHLER_SLOW=1`.
+const RUNS: u64 = 10_000;
+
+fn runs() -> u64 {
+    let slow = std::env::var("KOEHLER_SLOW").as_deref() == Ok("1");
+    if slow { 100 * RUNS } else { RUNS }
+}
 
 /// Pieces that a reader looks for.
 const WORDS: [&[u8]; 8] =
@@ -40,9 +46,20 @@ fn made(rng: &mut Pcg64, seeds: &[Vec<u8>]) -> Vec<u8> {
     bytes
 }
 
-fn drive(seeds: &[Vec<u8>], target: impl Fn(&[u8])) {
-    for run in 0..RUNS {
-        target(&made(&mut Pcg64::seed_from_u64(run), seeds));
+/// Memory that reading `bytes` may hold at once: a file that says how long it is may lie.
+fn allowed(bytes: usize) -> usize {
+    64 * bytes + (16 << 20)
+}
+
+fn within_memory(run: u64, bytes: &[u8], target: impl FnOnce(&[u8])) {
+    let ((), most) = peak(|| target(bytes));
+    assert!(most <= allowed(bytes.len()), "run {run}: {most} bytes held for {}", bytes.len());
+}
+
+fn drive(runs: u64, seeds: &[Vec<u8>], mut target: impl FnMut(&[u8])) {
+    for run in 0..runs {
+        let bytes = made(&mut Pcg64::seed_from_u64(run), seeds);
+        within_memory(run, &bytes, &mut target);
     }
 }
 
@@ -74,7 +91,7 @@ fn log() -> Vec<u8> {
 fn fault_any_bytes_are_walked_as_a_log() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.mcap");
-    drive(&[log()], |bytes| {
+    drive(runs(), &[log()], |bytes| {
         std::fs::write(&path, bytes).expect("written");
         let Ok(log) = LogFile::open(&path) else { return };
         let mut buffer = Buffer::default();
@@ -106,17 +123,15 @@ fn fault_any_bytes_are_decoded_as_messages_and_read_as_schemas() {
             let prepared = (known.prepare)(channel, &sound).expect("a sound schema");
             let mut row = vec![0.0; sound.len()];
             let mut reader = prepared();
-            let mut read = |bytes: &[u8]| reader(bytes, &mut row);
-            (0..RUNS / 4).for_each(|run| read(&made(&mut Pcg64::seed_from_u64(run), &messages)));
-            let schemas = [channel.schema.clone()];
-            for run in 0..RUNS / 20 {
+            drive(runs(), &messages, |bytes| reader(bytes, &mut row));
+            drive(runs() / 10, std::slice::from_ref(&channel.schema), |bytes| {
                 let mut other = channel.clone();
-                other.schema = made(&mut Pcg64::seed_from_u64(run), &schemas);
+                other.schema = bytes.to_vec();
                 let paths = paths((known.fields)(&other, messages.first().map(Vec::as_slice)));
-                let Ok(prepared) = (known.prepare)(&other, &paths) else { continue };
+                let Ok(prepared) = (known.prepare)(&other, &paths) else { return };
                 let mut row = vec![0.0; paths.len()];
                 messages.iter().for_each(|message| prepared()(message, &mut row));
-            }
+            });
         }
     }
 }
@@ -184,9 +199,7 @@ fn fault_any_bytes_are_imported_or_refused() {
         let sound = run(&seed);
         assert!(sound.as_ref().is_ok_and(|s| s.0 == 1), "{description}{sound:?}");
         // Each run writes two files and waits for the disk.
-        for number in 0..RUNS / 10 {
-            let _ = run(&made(&mut Pcg64::seed_from_u64(number), std::slice::from_ref(&seed)));
-        }
+        drive(runs() / 10, std::slice::from_ref(&seed), |bytes| drop(run(bytes)));
     }
 }
 
@@ -196,7 +209,7 @@ fn fault_any_bytes_are_read_as_a_channel_map() {
         crate::campaign::CHANNELS.as_bytes().to_vec(),
         std::fs::read(shipped("pipelines/citation/channels.toml")).expect("a channel map"),
     ];
-    drive(&seeds, |bytes| {
+    drive(runs(), &seeds, |bytes| {
         let text = String::from_utf8_lossy(bytes);
         if let Ok((map, doc)) = config::parse::<ChannelMap>("channels.toml", &text) {
             let _ = map.check(&doc);
@@ -210,7 +223,7 @@ fn fault_any_bytes_are_read_as_a_model() {
         crate::campaign::MODEL.as_bytes().to_vec(),
         std::fs::read(shipped("pipelines/hfb320/hfb320.model.toml")).expect("a model"),
     ];
-    drive(&seeds, |bytes| {
+    drive(runs(), &seeds, |bytes| {
         let text = String::from_utf8_lossy(bytes);
         let _ = Model::parse("a.model.toml", &text, &Constants::default());
     });

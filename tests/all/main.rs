@@ -13,6 +13,7 @@ mod citation_hidden;
 mod citation_joint;
 mod citation_motions;
 mod closure;
+mod counted;
 mod coverage;
 mod delays;
 mod design;
@@ -56,3 +57,6 @@ mod structure;
 mod taken;
 mod trials;
 mod validation;
+
+#[global_allocator]
+static COUNTED: counted::Counting = counted::Counting;

@@ -169,7 +169,8 @@ fn relation(
     let samples: usize = residual.values.iter().map(Vec::len).sum();
     let (last, step) = lags(look, residual.dt);
     let (rr, ss) = (products(residual, residual, 0), products(source, source, 0));
-    if !(rr > 0.0 && ss > 0.0) {
+    // Where a trajectory runs far away nothing goes with anything: squares overflow.
+    if !(rr > 0.0 && ss > 0.0 && (rr * ss).is_finite()) {
         return None;
     }
     let at = |lag: isize| (products(source, residual, lag) / (rr * ss).sqrt(), lag);
@@ -217,7 +218,7 @@ fn coherence(look: Look, residual: &Series, source: &Series) -> Option<(f64, f64
                 averages += 1;
             }
         }
-        if averages < 2 || !(xx * yy > 0.0) {
+        if averages < 2 || !(xx * yy > 0.0 && (xx * yy).is_finite()) {
             continue;
         }
         let value = (re * re + im * im) / (xx * yy);
@@ -248,6 +249,16 @@ mod tests {
 
     fn series(seeds: std::ops::Range<u64>) -> Series {
         Series::new(LOOK, 0.02, seeds.map(|s| coloured(s, 600)).collect())
+    }
+
+    #[test]
+    fn what_runs_far_away_goes_with_nothing() {
+        let source = series(0..2);
+        let far = |x: &Vec<f64>| x.iter().map(|v| 1e160 * v).collect();
+        let residual = Series::new(LOOK, 0.02, source.values.iter().map(far).collect());
+        assert!(relation(LOOK, ("y", "u"), &residual, &source).is_none());
+        let plain = relation(LOOK, ("y", "u"), &source, &source).expect("itself");
+        assert!((plain.correlation - 1.0).abs() < 1e-9 && plain.coherence > 0.99);
     }
 
     #[test]

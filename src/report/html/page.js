@@ -17,7 +17,7 @@
     return v;
   }
   // A section that has no place on the page leaves no numbers.
-  ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths", "validations", "figures"].forEach((name) => { data[name] = data[name] || []; });
+  ["lines", "profiles", "maneuvers", "overlays", "verdicts", "correlations", "gaps", "overview", "paths", "validations", "figures", "leftOut"].forEach((name) => { data[name] = data[name] || []; });
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const byId = (id) => document.getElementById(id);
   const colourOf = {}, symbolOf = {};
@@ -105,6 +105,16 @@
     const width = figure.series.reduce((sum, s) => sum + 6.2 * s.label.length + 58, 0);
     const names = Math.ceil(width / Math.max(120, (element.clientWidth || 400) - 78));
     Plotly.react(element, traces, layout({ shapes: shapes, showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 }, traceorder: "normal", itemsizing: "constant" }, margin: { l: 64, r: 14, t: 26 + 20 * names, b: 44 }, xaxis: axis(withUnit(figure.x.title, figure.x.unit)), yaxis: axis(withUnit(figure.y.title, figure.y.unit)) }), config);
+  }
+
+  // ---- samples that were left out, and those around them ----
+  function drawLeftOut(plot, index) {
+    const element = byId("left-out-" + index);
+    if (!element) return;
+    const t = theme();
+    const traces = [{ x: plot.t, y: plot.kept, name: "kept", type: "scatter", mode: "lines+markers", connectgaps: false, line: { color: t.measured, width: 1.2 }, marker: { color: t.measured, size: 3.5 } }];
+    plot.out.forEach((o) => traces.push({ x: o.t, y: o.value, name: o.why, type: "scatter", mode: "markers", marker: { color: t.model, symbol: o.why === "spike" ? "x" : "triangle-up", size: 9 } }));
+    Plotly.react(element, traces, layout({ showlegend: true, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 11 } }, margin: { l: 64, r: 14, t: 46, b: 44 }, xaxis: axis("time [s]"), yaxis: axis(withUnit(plot.signal, plot.unit)) }), config);
   }
 
   // ---- likelihood profiles ----
@@ -345,7 +355,7 @@
   // One plot after the other, so that the page answers between them; all at once for the printer.
   let turn = 0;
   function drawAll() {
-    const steps = [...data.lines.map((plot) => () => drawLine(plot)), ...data.figures.map((figure, i) => () => drawFigure(figure, i)),
+    const steps = [...data.lines.map((plot) => () => drawLine(plot)), ...data.figures.map((figure, i) => () => drawFigure(figure, i)), ...data.leftOut.map((plot, i) => () => drawLeftOut(plot, i)),
       drawProfiles, drawManeuver, drawValidation, drawOverlay, drawVerdicts, drawCorrelation, drawGap, drawFlight, drawPath];
     turn += 1;
     if (printing) return steps.forEach((step) => step());
