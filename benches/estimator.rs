@@ -1,5 +1,5 @@
 //! The estimator's speed: published flight data and a simulated six-degree-of-freedom campaign in;
-//! every figure with its floor and with the references it is held against, out. `cargo bench` (`cargo bench --bench estimator -- filter`: the filter alone); the
+//! every figure with its floor and with the references it is held against, out. `cargo bench` (`cargo bench --bench estimator -- filter`: the filter alone; `-- ceiling`: beside a program written in C); the
 //! flight data are looked for in KOEHLER_DATA or ../shared/data.
 //!
 //! Times are the least of many runs, so that others on the machine count little. An iteration is
@@ -17,6 +17,9 @@ use work::{Work, hfb320, hfb320_filtered, six_dof, six_dof_filtered, whole_campa
 
 fn main() {
     let one = threads(1);
+    if std::env::args().any(|a| a == "ceiling") {
+        return one.install(beside_c);
+    }
     println!("vectors: {:?}", Width::detect());
     let peak = one.install(peak);
     println!("fused multiply-adds, measured peak of one thread: {:.1} 10^9/s\n", peak / 1e9);
@@ -38,10 +41,66 @@ fn main() {
         figure("6-DoF, 12 states, 60 parameters, 10 segments", &work, [[f64::NAN; 2]; 2], peak);
         setup("  set-up", &work, [[f64::NAN; 2]; 2]);
     });
+    one.install(beside_c);
     one.install(filter);
     scaling(&one);
     two_threads(&one);
     whole(&one);
+}
+
+/// Blocks in which one program follows the other.
+const BLOCKS: usize = 50;
+
+/// Iterations beside those of a program written in C for this model, block by block in turn: the
+/// medians of the ratios are what other work on the machine changes least.
+fn beside_c() {
+    use work::ceiling::{AVX2, AVX512, Ceiling, FAST, PLAIN};
+    let (Some(data), Some(one), Some(ten)) = (work::data(), hfb320(1), hfb320(10)) else { return };
+    println!(
+        "\nbeside C, median of {BLOCKS} blocks in turn: C, ms; interpreter and machine code, times C"
+    );
+    let widest = Width::detect();
+    let rows = [
+        ("AVX-512", Width::Avx512, &[PLAIN, AVX512][..]),
+        ("AVX-512, C with -ffast-math", Width::Avx512, &[PLAIN, AVX512, FAST]),
+        ("AVX2", Width::Avx2, &[PLAIN, AVX2]),
+    ];
+    for (name, width, flags) in rows {
+        if !Width::available().contains(&width) {
+            println!("  {name}: not on this machine");
+            continue;
+        }
+        let Some(c) = Ceiling::of(flags, &data) else { return };
+        Width::narrow(width);
+        let blocks: Vec<[f64; 6]> = (0..BLOCKS)
+            .map(|_| {
+                let [a, b] = c.run();
+                let ours = |work: &Work, tier, runs| {
+                    let [x, y] = [1, 5].map(|n| least(runs, || work.estimate(n, tier)));
+                    1e3 * (y - x) / 4.0
+                };
+                let [i, n] = [Tier::Interpreter, Tier::Native];
+                [
+                    a,
+                    ours(&one, i, 20) / a,
+                    ours(&one, n, 20) / a,
+                    b,
+                    ours(&ten, i, 4) / b,
+                    ours(&ten, n, 4) / b,
+                ]
+            })
+            .collect();
+        let median = |column: usize| {
+            let mut all: Vec<f64> = blocks.iter().map(|block| block[column]).collect();
+            all.sort_by(f64::total_cmp);
+            all[all.len() / 2]
+        };
+        for (what, at) in [("1 segment, 11 parameters", 0), ("10 segments, 11 + 40", 3)] {
+            let [c, i, n] = [at, at + 1, at + 2].map(median);
+            println!("  {name:28} {what:26} {c:8.3} ms {i:6.2} {n:6.2}");
+        }
+    }
+    Width::narrow(widest);
 }
 
 /// One pass through the records with all derivatives, by output error and by a filter.

@@ -1,5 +1,7 @@
 //! The estimations that are timed: models, records and settings.
 
+pub mod ceiling;
+
 use koehler::dynamics::{Channel, Directions, Propagator, Record, Tier};
 use koehler::estimate::{Settings, Stop, estimate};
 use koehler::model::{Constants, Model};
@@ -53,7 +55,7 @@ impl Work {
 }
 
 /// `KOEHLER_DATA`, or `shared/data` in this directory or one above it.
-fn data() -> Option<PathBuf> {
+pub fn data() -> Option<PathBuf> {
     if let Ok(given) = std::env::var("KOEHLER_DATA") {
         return Some(PathBuf::from(given));
     }

@@ -6,6 +6,9 @@
 //! the width changes no bit. Without hardware for fused multiply-adds they are computed in
 //! software: slow, but equal.
 
+#[cfg(feature = "internals")]
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
 /// How wide the vectors are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Width {
@@ -17,9 +20,30 @@ pub enum Width {
     Avx512,
 }
 
+/// What a benchmark asks for: one more than the width; 0 is the widest.
+#[cfg(feature = "internals")]
+static NARROW: AtomicU8 = AtomicU8::new(0);
+
 impl Width {
     /// The widest of this machine.
     pub fn detect() -> Width {
+        #[cfg(feature = "internals")]
+        match NARROW.load(Relaxed) {
+            1 => return Width::Plain,
+            2 => return Width::Avx2,
+            _ => {}
+        }
+        Width::widest()
+    }
+
+    /// From now on `width`, which this machine has: for benchmarks.
+    #[cfg(feature = "internals")]
+    pub fn narrow(width: Width) {
+        assert!(Width::widest() as u8 >= width as u8, "{width:?} is not on this machine");
+        NARROW.store(1 + width as u8, Relaxed);
+    }
+
+    fn widest() -> Width {
         #[cfg(target_arch = "x86_64")]
         {
             // the answers are kept by the standard library
@@ -36,7 +60,7 @@ impl Width {
     /// All widths this machine can run, narrowest first.
     #[cfg(any(test, feature = "internals"))]
     pub fn available() -> &'static [Width] {
-        match Width::detect() {
+        match Width::widest() {
             Width::Plain => &[Width::Plain],
             Width::Avx2 => &[Width::Plain, Width::Avx2],
             Width::Avx512 => &[Width::Plain, Width::Avx2, Width::Avx512],
