@@ -13,6 +13,7 @@ mod citation_hidden;
 mod citation_joint;
 mod citation_motions;
 mod closure;
+mod cluster;
 mod coverage;
 mod delays;
 mod design;
