@@ -1,7 +1,7 @@
 //! The engine: jobs come in; their items are done by workers, in one query per job, and what workers
 //! could not do is left to the caller.
 
-use crate::query::Client;
+use crate::query::{Answers, Client};
 use crate::row::{self, Answer, Parameters};
 use koehler::engine::{Engine, Folder, Job, Said, Threads, encode};
 use koehler::error::{Error, Result};
@@ -134,16 +134,14 @@ impl Cluster {
         let item = |i: usize| Ok((i, job.item(i)?));
         let mut left: Vec<(usize, Vec<u8>)> = (0..job.count()).map(item).collect::<Result<_>>()?;
         for attempt in 1..=TRIES {
-            let failed = match self.client.answers(&function, &parameters, &left) {
-                Ok(answers) => {
-                    let answers: BTreeMap<usize, Vec<u8>> = answers.into_iter().collect();
-                    self.take(job, folder, &answers);
-                    left.retain(|(i, _)| !answers.contains_key(i));
-                    if left.is_empty() {
-                        return Ok(());
-                    }
-                    format!("{} items were lost", left.len())
-                }
+            let mut answers = BTreeMap::new();
+            let mut take = |more: Answers| answers.extend(more);
+            let ended = self.client.answers(&function, &parameters, &left, &mut take);
+            self.take(job, folder, &answers);
+            left.retain(|(i, _)| !answers.contains_key(i));
+            let failed = match ended {
+                Ok(()) if left.is_empty() => return Ok(()),
+                Ok(()) => format!("{} items were lost", left.len()),
                 Err(e) => e.to_string(),
             };
             self.note(&format!(

@@ -48,7 +48,8 @@ const FAILED: u8 = 2;
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
     let args: Vec<OsString> = std::env::args_os().collect();
-    let verb = args.get(1).and_then(|verb| verb.to_str()).unwrap_or_default();
+    let mut words = args.iter().skip(1).filter_map(|arg| arg.to_str());
+    let verb = words.find(|word| !word.starts_with('-')).unwrap_or_default();
     if ["scheduler", "worker", "code"].contains(&verb) {
         return served(Cli::parse_from(args).verb);
     }

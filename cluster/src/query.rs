@@ -11,6 +11,9 @@ use datafusion_proto::protobuf::PhysicalPlanNode;
 use futures::StreamExt;
 use std::time::{Duration, Instant};
 
+/// Numbers of items and their answers.
+pub type Answers = Vec<(usize, Vec<u8>)>;
+
 /// A client of a scheduler.
 pub struct Client {
     runtime: tokio::runtime::Runtime,
@@ -30,21 +33,22 @@ impl Client {
             runtime,
             scheduler: format!("http://{scheduler}"),
             session: link::session(certificates),
-            id: format!("{}-{:?}", std::process::id(), Instant::now()),
+            id: ballista_core::ids::new_instance_id(),
         })
     }
 
-    /// The answers to some items, as one query has them; not in their order.
+    /// Hands on the answers to some items, a few at a time and not in their order, by one query.
     ///
     /// # Errors
-    /// The query failed.
+    /// The query failed; what was handed on before is good.
     pub fn answers(
         &self,
         function: &str,
         parameters: &[u8],
         items: &[(usize, Vec<u8>)],
-    ) -> Result<Vec<(usize, Vec<u8>)>> {
-        self.runtime.block_on(self.collected(function, parameters, items))
+        take: &mut dyn FnMut(Answers),
+    ) -> Result<()> {
+        self.runtime.block_on(self.collected(function, parameters, items, take))
     }
 
     async fn collected(
@@ -52,7 +56,8 @@ impl Client {
         function: &str,
         parameters: &[u8],
         items: &[(usize, Vec<u8>)],
-    ) -> Result<Vec<(usize, Vec<u8>)>> {
+        take: &mut dyn FnMut(Answers),
+    ) -> Result<()> {
         let plan = plan::of(function, parameters, items)?;
         let codec = self.session.ballista_physical_extension_codec();
         let mut stream = execute_physical_plan::<PhysicalPlanNode>(
@@ -64,11 +69,10 @@ impl Client {
             self.session.clone(),
         )
         .await?;
-        let mut answers = Vec::new();
         while let Some(batch) = stream.next().await {
-            answers.extend(plan::rows(&batch?)?);
+            take(plan::rows(&batch?)?);
         }
-        Ok(answers)
+        Ok(())
     }
 
     /// How long a query takes that does nothing.
@@ -79,7 +83,8 @@ impl Client {
         let begin = Instant::now();
         let items = [(0, Vec::new())];
         let query = async {
-            let query = self.collected(NOTHING, b"", &items);
+            let mut ignore = |_| ();
+            let query = self.collected(NOTHING, b"", &items, &mut ignore);
             let late = || DataFusionError::Execution("no worker did anything".into());
             tokio::time::timeout(patience, query).await.map_err(|_| late())?
         };

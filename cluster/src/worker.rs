@@ -100,6 +100,8 @@ fn config(
         grpc_max_decoding_message_size: link::MESSAGE as u32,
         grpc_max_encoding_message_size: link::MESSAGE as u32,
         executor_heartbeat_interval_seconds: 5,
+        // What works here is not the engine's own: its memory is not to be divided.
+        memory_pool_size: Some(0),
         override_execution_engine: Some(Arc::new(OursAlone(DefaultExecutionEngine::new()))),
         override_function_registry: Some(Arc::new(registry)),
         override_config_producer: Some(Arc::new(move || link::session(session.as_ref()))),
