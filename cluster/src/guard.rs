@@ -17,8 +17,10 @@ use datafusion_proto::physical_plan::AsExecutionPlan;
 use datafusion_proto::protobuf::{LogicalPlanNode, PhysicalPlanNode};
 use tonic::{Request, Response, Status};
 
+type Scheduler = SchedulerServer<LogicalPlanNode, PhysicalPlanNode>;
+
 /// The engine's scheduler behind the guard.
-pub struct Guarded(pub SchedulerServer<LogicalPlanNode, PhysicalPlanNode>);
+pub struct Guarded(pub Scheduler);
 
 type Answer<T> = Result<Response<T>, Status>;
 
@@ -35,56 +37,59 @@ fn ours(params: &ExecuteQueryParams) -> Result<(), Status> {
     }
 }
 
-/// Hands calls on as they are.
-macro_rules! handed_on {
+/// Refuses a worker that does not say where it is and how large: the engine panics over it.
+fn known(params: &PollWorkParams) -> Result<(), Status> {
+    match &params.metadata {
+        Some(m) if m.host.is_some() && m.specification.is_some() && m.os_info.is_some() => Ok(()),
+        _ => Err(Status::invalid_argument("a worker says its host, its size and its system")),
+    }
+}
+
+/// The guard: what it looks at, and the calls that it hands on as they are. (One macro over all of it:
+/// methods of a trait with `async` have to stand where the attribute sees them.)
+macro_rules! guarded {
     ($($name:ident: $params:ty => $result:ty,)*) => {
-        $(async fn $name(&self, request: Request<$params>) -> Answer<$result> {
-            SchedulerGrpc::$name(&self.0, request).await
-        })*
+        #[tonic::async_trait]
+        impl SchedulerGrpc for Guarded {
+            type ExecuteQueryPushStream = <Scheduler as SchedulerGrpc>::ExecuteQueryPushStream;
+
+            async fn execute_query_push(
+                &self,
+                request: Request<ExecuteQueryParams>,
+            ) -> Answer<Self::ExecuteQueryPushStream> {
+                ours(request.get_ref())?;
+                SchedulerGrpc::execute_query_push(&self.0, request).await
+            }
+
+            async fn execute_query(
+                &self,
+                request: Request<ExecuteQueryParams>,
+            ) -> Answer<ExecuteQueryResult> {
+                ours(request.get_ref())?;
+                SchedulerGrpc::execute_query(&self.0, request).await
+            }
+
+            async fn poll_work(&self, request: Request<PollWorkParams>) -> Answer<PollWorkResult> {
+                known(request.get_ref())?;
+                SchedulerGrpc::poll_work(&self.0, request).await
+            }
+
+            $(async fn $name(&self, request: Request<$params>) -> Answer<$result> {
+                SchedulerGrpc::$name(&self.0, request).await
+            })*
+        }
     };
 }
 
-#[tonic::async_trait]
-impl SchedulerGrpc for Guarded {
-    type ExecuteQueryPushStream =
-        <SchedulerServer<LogicalPlanNode, PhysicalPlanNode> as SchedulerGrpc>::ExecuteQueryPushStream;
-
-    async fn execute_query_push(
-        &self,
-        request: Request<ExecuteQueryParams>,
-    ) -> Answer<Self::ExecuteQueryPushStream> {
-        ours(request.get_ref())?;
-        self.0.execute_query_push(request).await
-    }
-
-    async fn execute_query(
-        &self,
-        request: Request<ExecuteQueryParams>,
-    ) -> Answer<ExecuteQueryResult> {
-        ours(request.get_ref())?;
-        self.0.execute_query(request).await
-    }
-
-    async fn poll_work(&self, request: Request<PollWorkParams>) -> Answer<PollWorkResult> {
-        // The engine takes the address of the caller where a worker does not say its own, and
-        // panics where there is none.
-        let metadata = request.get_ref().metadata.as_ref();
-        if metadata.is_none_or(|m| m.host.is_none() || m.specification.is_none()) {
-            return Err(Status::invalid_argument("a worker says its host and its size"));
-        }
-        self.0.poll_work(request).await
-    }
-
-    handed_on! {
-        register_executor: RegisterExecutorParams => RegisterExecutorResult,
-        heart_beat_from_executor: HeartBeatParams => HeartBeatResult,
-        update_task_status: UpdateTaskStatusParams => UpdateTaskStatusResult,
-        create_update_session: CreateUpdateSessionParams => CreateUpdateSessionResult,
-        remove_session: RemoveSessionParams => RemoveSessionResult,
-        get_job_status: GetJobStatusParams => GetJobStatusResult,
-        get_job_metrics: GetJobMetricsParams => GetJobMetricsResult,
-        executor_stopped: ExecutorStoppedParams => ExecutorStoppedResult,
-        cancel_job: CancelJobParams => CancelJobResult,
-        clean_job_data: CleanJobDataParams => CleanJobDataResult,
-    }
+guarded! {
+    register_executor: RegisterExecutorParams => RegisterExecutorResult,
+    heart_beat_from_executor: HeartBeatParams => HeartBeatResult,
+    update_task_status: UpdateTaskStatusParams => UpdateTaskStatusResult,
+    create_update_session: CreateUpdateSessionParams => CreateUpdateSessionResult,
+    remove_session: RemoveSessionParams => RemoveSessionResult,
+    get_job_status: GetJobStatusParams => GetJobStatusResult,
+    get_job_metrics: GetJobMetricsParams => GetJobMetricsResult,
+    executor_stopped: ExecutorStoppedParams => ExecutorStoppedResult,
+    cancel_job: CancelJobParams => CancelJobResult,
+    clean_job_data: CleanJobDataParams => CleanJobDataResult,
 }

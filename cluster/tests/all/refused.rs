@@ -9,6 +9,8 @@ use datafusion_proto::physical_plan::AsExecutionPlan;
 use datafusion_proto::protobuf::physical_plan_node::PhysicalPlanType;
 use datafusion_proto::protobuf::{EmptyExecNode, PhysicalPlanNode};
 use koehler_cluster::link;
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tonic::Code;
@@ -131,8 +133,7 @@ fn the_plain_program_starts_this_one_or_says_how_it_is_built() {
     // Something else of that name.
     let other = elsewhere.path().join("koehler-cluster");
     std::fs::write(&other, "#!/bin/sh\necho 123\n").expect("written");
-    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
-    std::fs::set_permissions(&other, mode).expect("set");
+    std::fs::set_permissions(&other, Permissions::from_mode(0o755)).expect("set");
     let output = Command::new(&alone).arg("scheduler").output().expect("started");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{said}");
