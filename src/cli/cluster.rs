@@ -3,7 +3,7 @@
 
 use super::args::{Cli, Verb};
 use crate::engine::CODE;
-use crate::error::{Error, Errors, Result};
+use crate::error::{Error, Result};
 use clap::{Args, Parser};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -81,7 +81,7 @@ pub(super) fn is_for_another(verb: &Verb) -> bool {
 ///
 /// # Errors
 /// It is not there, or made from other sources.
-pub(super) fn hand_over(args: &[OsString]) -> Result<std::process::ExitCode, Errors> {
+pub(super) fn hand_over(args: &[OsString]) -> Result<std::process::ExitCode> {
     let program = found()?;
     let mut command = Command::new(&program);
     command.args(args.iter().skip(1));

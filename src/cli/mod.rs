@@ -57,7 +57,7 @@ pub fn main_with(
     let is_json = cli.verb.is_json();
     let brought = engines.iter().any(|(name, _)| *name == cluster::ENGINE);
     let ended = match cluster::is_for_another(&cli.verb) && !brought {
-        true => cluster::hand_over(&args),
+        true => cluster::hand_over(&args).map_err(Errors::from),
         false => dispatch(cli.verb, engines).map(|end| ExitCode::from(end.code())),
     };
     match ended {
