@@ -67,5 +67,5 @@ fn all_are_killed_and_the_run_goes_on_without() {
     assert!(String::from_utf8_lossy(&again.stderr).contains("does no work"));
     // Without a cluster it has nothing left to do.
     let rest = campaign.run("there", &[]).output().expect("run");
-    assert!(String::from_utf8_lossy(&rest.stderr).contains("nothing to do"), "{rest:?}");
+    assert!(String::from_utf8_lossy(&rest.stdout).contains("nothing to do"), "{rest:?}");
 }
