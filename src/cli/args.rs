@@ -1,6 +1,6 @@
 //! The arguments of the command line, as people write them.
 
-use super::cluster::{ClusterArgs, Handed};
+use super::machines::{ClusterArgs, Handed};
 use super::text;
 use super::words::Volume;
 use crate::pipeline::Limits;
@@ -245,7 +245,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME", hide = true)]
     pub engine: Option<String>,
     #[command(flatten)]
-    pub(super) cluster: ClusterArgs,
+    pub cluster: ClusterArgs,
     /// Tell what would be run and why, and run nothing
     #[arg(long)]
     pub dry_run: bool,
@@ -309,7 +309,7 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "NAME", hide = true)]
     pub engine: Option<String>,
     #[command(flatten)]
-    pub(super) cluster: ClusterArgs,
+    pub cluster: ClusterArgs,
     /// Take an output folder that has files of others: those of the names of results are removed
     #[arg(long)]
     pub force: bool,

@@ -2,9 +2,10 @@
 //! `koehler-cluster`, is started in this one's place, or its absence is said.
 
 use super::args::{Cli, Verb};
+use super::machines::ClusterArgs;
 use crate::engine::CODE;
 use crate::error::{Error, Result};
-use clap::{Args, Parser};
+use clap::Parser;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::Command;
@@ -13,28 +14,6 @@ use std::process::Command;
 const PROGRAM: &str = "koehler-cluster";
 /// The name of its engine.
 pub(super) const ENGINE: &str = "cluster";
-
-/// Other machines that do the work.
-#[derive(Debug, Default, Args)]
-pub(super) struct ClusterArgs {
-    /// Let the workers of this scheduler do the work (needs koehler-cluster; docs/cluster.md)
-    #[arg(long, value_name = "HOST:PORT", conflicts_with = "engine")]
-    cluster: Option<String>,
-    /// Certificates of mutual TLS with them: a folder with ca.pem, member.pem and member.key
-    #[arg(long, value_name = "DIR", requires = "cluster")]
-    tls: Option<PathBuf>,
-    /// Take a scheduler that others reach without TLS
-    #[arg(long, requires = "cluster")]
-    insecure: bool,
-}
-
-/// What the other program does with its arguments.
-#[derive(Debug, Args)]
-pub struct Handed {
-    /// Its arguments
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-    rest: Vec<OsString>,
-}
 
 /// What a run asks of a cluster.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,7 +70,7 @@ pub(super) fn hand_over(args: &[OsString]) -> Result<std::process::ExitCode> {
     let ended = command.status();
     let failed = |e| Error::new(format!("cannot start {}: {e}", program.display()));
     let status: std::process::ExitStatus = ended.map_err(failed)?;
-    Ok(std::process::ExitCode::from(status.code().map_or(super::FAILED, |code| code as u8)))
+    Ok(std::process::ExitCode::from(status.code().map_or(2, |code| code as u8)))
 }
 
 /// The other program, beside this one or on the path, which has to be made from the same sources.

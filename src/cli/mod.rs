@@ -6,6 +6,7 @@ mod design;
 mod diagnose;
 mod diff;
 mod lineage;
+mod machines;
 mod progress;
 mod provenance;
 mod ran;

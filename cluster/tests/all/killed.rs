@@ -30,7 +30,7 @@ fn heard(run: &mut Child, text: &str) -> (String, Option<Instant>) {
 
 #[test]
 fn one_of_two_is_killed() {
-    let campaign = Campaign::of(6);
+    let campaign = Campaign::of(4);
     let (alone, _) = campaign.alone();
     let mut cluster = Cluster::start(&campaign, 2);
     let mut run = campaign.run("there", &["--cluster", &cluster.address]);
