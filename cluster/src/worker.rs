@@ -22,6 +22,7 @@ use ballista_executor::flight_service::BallistaFlightService;
 use datafusion::physical_plan::ExecutionPlan;
 use datafusion::prelude::SessionConfig;
 use koehler::error::{Error, Result};
+use std::error::Error as _;
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -172,11 +173,11 @@ async fn greet(args: &WorkerArgs, certificates: Option<Tls>) -> Result<()> {
     };
     let nothing = GetJobStatusParams { job_id: "none".into() };
     match SchedulerGrpcClient::new(channel).get_job_status(nothing).await {
-        Err(status) if status.code() == tonic::Code::FailedPrecondition => {
-            Err(failed(status.message().to_string()))
-        }
-        Err(status) if status.code() == tonic::Code::Unavailable => {
-            Err(failed(status.message().to_string()))
+        // It refuses this program, or there is no scheduler that speaks as this one does.
+        Err(status)
+            if status.code() == tonic::Code::FailedPrecondition || status.source().is_some() =>
+        {
+            Err(failed(link::chain(&status)))
         }
         _ => Ok(()),
     }

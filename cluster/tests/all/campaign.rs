@@ -89,10 +89,11 @@ impl Campaign {
         std::fs::read_to_string(self.path(relative)).expect("readable")
     }
 
-    /// `koehler run` into a folder of this name.
+    /// `koehler run` into a folder of this name. The pipeline has its whole path: workers name files
+    /// by theirs in errors.
     pub fn run(&self, out: &str, args: &[&str]) -> Command {
         let mut command = program();
-        command.args(["run", "pipeline.toml", "--out", out]).args(args);
+        command.arg("run").arg(self.path("pipeline.toml")).args(["--out", out]).args(args);
         command.current_dir(self.path(""));
         command
     }
