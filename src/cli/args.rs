@@ -1,5 +1,6 @@
 //! The arguments of the command line, as people write them.
 
+use super::machines::{ClusterArgs, Handed};
 use super::text;
 use super::words::Volume;
 use crate::pipeline::Limits;
@@ -191,6 +192,12 @@ pub enum Verb {
         #[arg(long)]
         force: bool,
     },
+    /// Hand out the work of runs with --cluster to workers (needs koehler-cluster)
+    #[command(disable_help_flag = true)]
+    Scheduler(Handed),
+    /// Do work that a scheduler hands out (needs koehler-cluster)
+    #[command(disable_help_flag = true)]
+    Worker(Handed),
 }
 
 impl Verb {
@@ -237,6 +244,8 @@ pub struct RunArgs {
     /// What does the work, for programs that bring engines of their own
     #[arg(long, value_name = "NAME", hide = true)]
     pub engine: Option<String>,
+    #[command(flatten)]
+    pub cluster: ClusterArgs,
     /// Tell what would be run and why, and run nothing
     #[arg(long)]
     pub dry_run: bool,
@@ -264,6 +273,7 @@ impl RunArgs {
             files,
             jobs,
             engine: None,
+            cluster: ClusterArgs::default(),
             dry_run: false,
             from: None,
             until: None,
@@ -298,6 +308,8 @@ pub struct DiagnoseArgs {
     /// What does the work, for programs that bring engines of their own
     #[arg(long, value_name = "NAME", hide = true)]
     pub engine: Option<String>,
+    #[command(flatten)]
+    pub cluster: ClusterArgs,
     /// Take an output folder that has files of others: those of the names of results are removed
     #[arg(long)]
     pub force: bool,

@@ -1,10 +1,12 @@
 //! The command line: arguments come in; verbs do the work; the exit code goes out.
 
 mod args;
+pub mod cluster;
 mod design;
 mod diagnose;
 mod diff;
 mod lineage;
+mod machines;
 mod progress;
 mod provenance;
 mod ran;
@@ -43,7 +45,8 @@ pub fn main_with(
     engines: &[(&str, &dyn Engine)],
     args: impl Iterator<Item = OsString>,
 ) -> ExitCode {
-    let cli = match Cli::try_parse_from(args) {
+    let args: Vec<OsString> = args.collect();
+    let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,
         Err(e) => {
             // A closed pipe is no reason to complain about help that nobody reads.
@@ -53,8 +56,13 @@ pub fn main_with(
     };
     cli.volume().set();
     let is_json = cli.verb.is_json();
-    match dispatch(cli.verb, engines) {
-        Ok(end) => ExitCode::from(end.code()),
+    let brought = engines.iter().any(|(name, _)| *name == cluster::ENGINE);
+    let ended = match cluster::is_for_another(&cli.verb) && !brought {
+        true => cluster::hand_over(&args).map_err(Errors::from),
+        false => dispatch(cli.verb, engines).map(|end| ExitCode::from(end.code())),
+    };
+    match ended {
+        Ok(code) => code,
         Err(errors) => {
             print_errors(&errors);
             if is_json {
@@ -98,6 +106,10 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
         }
         Verb::Simulate { campaign, force, jobs } => simulate::simulate(&campaign, force, jobs),
         Verb::Design { study, out, jobs, force } => design::design(&study, out, jobs, force),
+        // Handed over before, or asked of a program that brings an engine: it knows them itself.
+        Verb::Scheduler(_) | Verb::Worker(_) => {
+            Err(crate::error::Error::new("this is a command of its own: name it first").into())
+        }
         Verb::Schema { file, out, force } => schema::schema(file.as_deref(), out.as_deref(), force),
     }
 }

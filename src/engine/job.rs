@@ -9,6 +9,11 @@ pub trait Engine: Sync {
     /// Does the items of a job: here (`job.here(i)`), or elsewhere (`job.done(i, output)`). Items
     /// that it leaves are done here afterwards.
     fn run(&self, job: &dyn Job);
+
+    /// How many items it does at a time, where that is not the number of threads here.
+    fn wide(&self) -> Option<usize> {
+        None
+    }
 }
 
 /// A function and its items, as an engine sees them: items have the numbers `0..count()`, and a

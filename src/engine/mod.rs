@@ -32,5 +32,5 @@ pub use code::{decode, encode};
 pub use data::{Blobs, Folder, Kept, Key, Said};
 pub use function::{Function, Source};
 pub use job::{Engine, Job};
-pub use serve::Served;
+pub use serve::{CODE, Served};
 pub use threads::{Threads, threads};

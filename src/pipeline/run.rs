@@ -95,7 +95,8 @@ impl Run<'_> {
     /// stage by stage: in the same order however many go together.
     fn flights(&mut self, stages: &'static [Stage]) -> Result<()> {
         let mut taken: Vec<Vec<(Unit, Outcome)>> = stages.iter().map(|_| Vec::new()).collect();
-        for block in order::blocks(&self.limits.flights(self.plan), engine::threads()) {
+        let wide = self.engine.wide().unwrap_or_else(engine::threads);
+        for block in order::blocks(&self.limits.flights(self.plan), wide) {
             for (stage, taken) in stages.iter().zip(&mut taken) {
                 taken.extend(self.stage(stage, Some(block))?);
             }

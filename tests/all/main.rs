@@ -37,6 +37,7 @@ mod imports;
 mod journal;
 mod language;
 mod machine_faults;
+mod many_machines;
 mod models;
 mod modes;
 mod odd_logs;
