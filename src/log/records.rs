@@ -83,7 +83,9 @@ fn channel(code: u8, body: &[u8]) -> Option<(u16, Defined)> {
     let length = b.u32()? as usize;
     let mut metadata = Bytes(b.take(length)?);
     while !metadata.0.is_empty() {
-        (parse_string(&mut metadata)?, parse_string(&mut metadata)?);
+        // A name and a value.
+        parse_string(&mut metadata)?;
+        parse_string(&mut metadata)?;
     }
     Some((id, Defined { schema, topic: topic.into(), encoding: encoding.into() }))
 }

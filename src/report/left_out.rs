@@ -106,7 +106,8 @@ fn plot(table: &Columns, (signal, rows): (&str, &[usize]), (factor, unit): (f64,
     for place in kept.chunk_by(|a, b| number("place", *a) == number("place", *b)) {
         t.extend(place.iter().step_by(every).map(|&row| number("t_s", row)));
         y.extend(place.iter().step_by(every).map(|&row| number("value", row)));
-        (t.push(f64::NAN), y.push(f64::NAN));
+        t.push(f64::NAN);
+        y.push(f64::NAN);
     }
     let out = |why: &&str| {
         let all = rows.iter().copied().filter(|&row| table.text("fate", row) == *why);
