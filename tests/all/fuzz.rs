@@ -199,7 +199,7 @@ fn fault_any_bytes_are_imported_or_refused() {
         let sound = run(&seed);
         assert!(sound.as_ref().is_ok_and(|s| s.0 == 1), "{description}{sound:?}");
         // Each run writes two files and waits for the disk.
-        drive(runs() / 10, std::slice::from_ref(&seed), |bytes| drop(run(bytes)));
+        drive(runs() / 40, std::slice::from_ref(&seed), |bytes| drop(run(bytes)));
     }
 }
 
