@@ -123,12 +123,6 @@ impl Case {
         all.into_values().collect()
     }
 
-    /// Places of the states at the start.
-    pub fn starts(&self) -> Vec<usize> {
-        let is = |i: &usize| self.model.parameter(&self.unknowns[*i].name).is_none();
-        (0..self.unknowns.len()).filter(is).collect()
-    }
-
     /// Places of the parameters that are nothing but densities of noise.
     pub fn densities(&self) -> Vec<usize> {
         let Some(covariance) = &self.model.covariance else { return Vec::new() };

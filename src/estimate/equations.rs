@@ -213,7 +213,6 @@ impl Case {
             alike: self.alike(),
             limits: self.measured_limits(),
             densities: self.densities(),
-            starts: self.starts(),
         };
         let (method, first) = (settings.method(), self.layout.clone());
         let mut changed = self.stiffen(&first.start);

@@ -28,8 +28,6 @@ pub struct Known {
     pub limits: Vec<Measured>,
     /// Densities of noise, which act by their squares.
     pub densities: Vec<usize>,
-    /// States at the start.
-    pub starts: Vec<usize>,
 }
 
 /// Minimises from `layout.start`.
@@ -46,12 +44,12 @@ fn lowest_of_segments<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     method: &Method,
-    Known { alike, limits, starts, .. }: &Known,
+    Known { alike, limits, .. }: &Known,
 ) -> Fit {
     if alike.iter().all(|places| places.len() < FEWEST) {
-        return from_sizes(layout, evaluate, method, limits, starts);
+        return from_sizes(layout, evaluate, method, limits);
     }
-    let mut fit = from_sizes(layout, evaluate, &coarse(method), limits, starts);
+    let mut fit = from_sizes(layout, evaluate, &coarse(method), limits);
     for _ in 0..ROUNDS {
         let Some(start) = better(layout, evaluate, method, alike, &fit) else { break };
         let again = minimise(&Layout { start, ..layout.clone() }, evaluate, &coarse(method));
@@ -179,7 +177,7 @@ mod tests {
     }
 
     fn alike(n: usize) -> Known {
-        Known { alike: vec![(1..=n).collect()], ..Known::default() }
+        Known { alike: vec![(1..=n).collect()], limits: Vec::new(), densities: Vec::new() }
     }
 
     #[test]

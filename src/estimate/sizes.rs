@@ -27,20 +27,16 @@ pub struct Measured {
     pub size: f64,
 }
 
-/// Minimises from `layout.start` and, for parameters that end without effect, from other sizes; not
-/// for the `starts` of states: one that decays without a trace does so from any size.
+/// Minimises from `layout.start` and, for parameters that end without effect, from other sizes.
 pub fn from_sizes<F: Evaluate>(
     layout: &Layout,
     evaluate: &F,
     method: &Method,
     limits: &[Measured],
-    starts: &[usize],
 ) -> Fit {
     let mut fit = minimise(layout, evaluate, method);
     for size in [None].into_iter().chain(SIZES.map(Some)) {
-        let idle = |i: &usize| fit.idle[*i] && !starts.contains(i);
-        let idle: Vec<usize> = (0..fit.idle.len()).filter(idle).collect();
-        if idle.is_empty() {
+        if !fit.idle.contains(&true) {
             break;
         }
         let times = |i: usize| {
@@ -49,7 +45,7 @@ pub fn from_sizes<F: Evaluate>(
             size.or(limit.map(|limit| limit.size)).unwrap_or(1.0)
         };
         let resized = |i: usize| {
-            let start = if idle.contains(&i) { times(i) * layout.start[i] } else { fit.theta[i] };
+            let start = if fit.idle[i] { times(i) * layout.start[i] } else { fit.theta[i] };
             start.clamp(layout.lower[i], layout.upper[i])
         };
         let start: Vec<f64> = (0..fit.theta.len()).map(resized).collect();
@@ -113,7 +109,7 @@ mod tests {
             Some(vec![Block::new(0, e, g.collect())])
         };
         let method = Method { undetermined: Undetermined::SetAside, ..Method::default() };
-        from_sizes(&layout, &evaluate, &method, &[], &[])
+        from_sizes(&layout, &evaluate, &method, &[])
     }
 
     /// `y = min(u, a + b c)` at four conditions `c`.
@@ -128,7 +124,7 @@ mod tests {
             Some(vec![Block::new(0, e, g.collect())])
         };
         let method = Method { undetermined: Undetermined::SetAside, ..Method::default() };
-        from_sizes(&layout, &evaluate, &method, limits, &[])
+        from_sizes(&layout, &evaluate, &method, limits)
     }
 
     #[test]

@@ -36,7 +36,7 @@ pub struct Seen {
 /// Neighbours on either side. Samples nearer than twice that are one place.
 const AROUND: usize = 20;
 /// Places that come with their neighbours; of the others there are the samples left out alone.
-pub const DRAWN: usize = 6;
+const DRAWN: usize = 6;
 
 /// What is left out of `samples` (stamps, ns, and SI), place by place.
 pub(super) fn seen(samples: &[(i64, f64)], fates: &[Fate], delay: f64) -> Vec<Seen> {

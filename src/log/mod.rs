@@ -38,7 +38,7 @@ pub use channel_map::{ChannelMap, SignalMap, TimeZero};
 pub use chunk::Buffer;
 pub use file::LogFile;
 pub use flight::{FlightLog, SignalLog, read_flight};
-pub use left_out::{DRAWN, Fate, Seen};
+pub use left_out::{Fate, Seen};
 pub use recorded::Recorded;
 pub use series::{Account, Series};
 pub use write::{FieldSpec, LogWriter, Stream, TopicId};
