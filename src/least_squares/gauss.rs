@@ -54,6 +54,8 @@ const NOTHING: f64 = 1e-3;
 const CREEP: f64 = 1e-8;
 /// So many steps in a row that are cut short and bring next to nothing are a valley with kinks.
 const CRAWL: usize = 4;
+/// And so many that bring less than a fit cares for.
+const CREEP_STEPS: usize = 2;
 /// And the whole step is no longer than this many standard deviations.
 const NEAR: f64 = 2.0;
 /// At a kink so many parameters are held in turn: the kink lies across what the step moves most.
@@ -227,6 +229,10 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
             break;
         }
         let length = whole.as_ref().map(|step| point.length(step));
+        if length.is_some_and(|length| length < NEAR) && crawls(&history, method) {
+            stop = Stop::Converged;
+            break;
+        }
         let mut taken = match (method.control, &whole) {
             (StepControl::Halving, Some(step)) => {
                 halve(layout, evaluate, &point, step, method.max_halvings)
@@ -252,10 +258,6 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
                 stop = Stop::Converged;
                 break;
             }
-        }
-        if length.is_some_and(|length| length < NEAR) && crawls(&history, method) {
-            stop = Stop::Converged;
-            break;
         }
         let Some(taken) = taken else {
             stop = match length {
@@ -313,16 +315,18 @@ fn is_idle(point: &Point, taken: Option<&Taken>) -> bool {
 }
 
 /// Whether the iteration creeps along kinks of the cost (of a model with friction or stops they lie
-/// wherever an event falls on a sample): the last steps were all cut short, the whole one is short,
-/// and together they lowered the cost by less than one step of
-/// `step_tolerance` does that ends at the lowest point of a parabola. At a kink a gradient need not
-/// vanish, and shorter steps come no nearer.
+/// wherever an event falls on a sample, of `abs` wherever its argument changes sign): the last steps
+/// were all cut short, the whole one is short, and together they lowered the cost by less than one
+/// step of `step_tolerance` does that ends at the lowest point of a parabola; or the last two by less
+/// than `creep`. At a kink a gradient need not vanish, and shorter steps come no nearer.
 fn crawls(history: &[Iteration], method: &Method) -> bool {
-    let Some(before) = history.len().checked_sub(CRAWL + 1) else { return false };
-    let (first, last) = (&history[before], &history[before + 1..]);
-    let gain = first.cost - last[CRAWL - 1].cost;
-    last.iter().all(|i| i.halvings > 0 && i.step < NEAR)
-        && gain < 0.5 * method.step_tolerance * method.step_tolerance
+    let tolerated = 0.5 * method.step_tolerance * method.step_tolerance;
+    [(CRAWL, tolerated), (CREEP_STEPS, method.creep)].into_iter().any(|(steps, least)| {
+        let Some(before) = history.len().checked_sub(steps + 1) else { return false };
+        let (first, last) = (&history[before], &history[before + 1..]);
+        let gain = first.cost - last[steps - 1].cost;
+        last.iter().all(|i| i.halvings > 0 && i.step < NEAR) && gain < least
+    })
 }
 
 /// A step past a kink of the cost, which stops one that is only shortened: damped, or else along

@@ -31,6 +31,9 @@ pub struct Method {
     pub gradient_tolerance: f64,
     pub max_iterations: usize,
     pub max_halvings: usize,
+    /// Stops, too, where two steps in a row are cut short and together lower the cost by less than
+    /// this: kinks of the cost promise more than is to be had. 0 asks for nothing.
+    pub creep: f64,
     pub undetermined: Undetermined,
     /// Whether a step that a kink of the cost stops is tried with one shared parameter after the
     /// other held, too.
@@ -46,6 +49,7 @@ impl Default for Method {
             gradient_tolerance: 0.01,
             max_iterations: 50,
             max_halvings: 20,
+            creep: 0.0,
             undetermined: Undetermined::Refused,
             turns: true,
         }

@@ -1,6 +1,7 @@
 //! The channel map in; SI units of signals, and which of them are one measurement, out.
 
 use crate::config::Doc;
+use crate::error::Place;
 use crate::log::ChannelMap;
 use crate::units::Unit;
 
@@ -11,10 +12,24 @@ pub struct Channels {
     pub doc: Doc,
 }
 
+/// A unit in the channel map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stated {
+    /// As it is written there.
+    pub unit: String,
+    pub place: Place,
+}
+
 impl Channels {
     /// SI unit of a signal's values: empty where there is no such signal.
     pub fn unit(&self, signal: &str) -> String {
         self.map.signal.get(signal).map(|s| si(&s.unit)).unwrap_or_default()
+    }
+
+    /// The unit of a signal as the channel map states it, and where; none where there is no such signal.
+    pub fn stated(&self, signal: &str) -> Option<Stated> {
+        let unit = self.map.signal.get(signal)?.unit.clone();
+        Some(Stated { unit, place: self.doc.place(&format!("signal.{signal}.unit")) })
     }
 
     /// Whether two names are one measurement: the same signal, or signals of the same field of the

@@ -117,6 +117,24 @@ fn a_mistake_is_told_without_those_that_only_follow_from_it() {
     }
 }
 
+#[test]
+fn a_wrong_unit_is_told_once_where_it_is_stated_with_all_that_want_the_signal() {
+    for (signal, unit, wanted) in [("ax_imu", "g", "m/s^2"), ("temperature", "degC", "K")] {
+        let c = chained();
+        let map = std::fs::read_to_string(c.path("channels.toml")).expect("the channel map");
+        let line = map.lines().find(|l| l.starts_with(signal)).expect("the signal's line");
+        let wrong = line.replace(&format!("unit = \"{unit}\""), "unit = \"kg\"");
+        c.edit("channels.toml", line, &wrong);
+        let err = c.koehler("check", &[]).ended(2).err;
+        let told = format!("signal \"{signal}\" is in kg, {wanted} is wanted");
+        assert!(err.starts_with("error: channels.toml:") && err.matches(&told).count() == 1, "{err}");
+        assert!(err.contains("the kinematic model wants it at pipeline.toml:"), "{err}");
+        let input = format!("input \"{signal}\" of the model wants it at pipeline.toml:");
+        assert_eq!(err.contains(&input), signal == "temperature", "{err}");
+        assert!(!err.contains("errors"), "{err}");
+    }
+}
+
 /// The same with several sections for each file, model and signal.
 fn shared() -> Campaign {
     let c = chained();

@@ -72,6 +72,8 @@ impl Task<'_> {
             // Hundreds of candidates are fitted: one that needs shorter steps is on a kink, and
             // shorter ones bring less than is promised.
             max_halvings: 5,
+            // Each of two steps has to bring what a step has to promise.
+            creep: 2.0 * self.thresholds.least_promise,
             undetermined: Undetermined::Held,
             turns: false,
             ..Method::default()

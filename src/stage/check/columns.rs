@@ -4,7 +4,7 @@ use super::unknown::unknown;
 use crate::config::Doc;
 use crate::error::Errors;
 use crate::model::Model;
-use crate::stage::channels::Channels;
+use crate::stage::channels::{Channels, Stated};
 use crate::table::schema;
 use indexmap::IndexMap;
 use std::collections::BTreeSet;
@@ -34,6 +34,8 @@ pub struct Column {
     /// Unit of the signal of the channel map with this name; a reconstructed column may have taken
     /// its place in the samples.
     pub signal: Option<String>,
+    /// That unit as the channel map states it, and where.
+    pub stated: Option<Stated>,
     /// Its values are reconstructed or derived, not those of the signal.
     pub made: bool,
 }
@@ -45,6 +47,7 @@ impl Columns {
         let column = |name: &String| Column {
             unit: channels.unit(name),
             signal: Some(channels.unit(name)),
+            stated: channels.stated(name),
             made: false,
         };
         let all = channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect();
@@ -122,8 +125,10 @@ impl Columns {
 
     /// With one more column.
     pub fn put(&mut self, name: &str, unit: &str) {
-        let signal = self.all.get(name).and_then(|c| c.signal.clone());
-        self.all.insert(name.to_string(), Column { unit: unit.to_string(), signal, made: true });
+        let (signal, stated) =
+            self.all.get(name).map(|c| (c.signal.clone(), c.stated.clone())).unwrap_or_default();
+        let column = Column { unit: unit.to_string(), signal, stated, made: true };
+        self.all.insert(name.to_string(), column);
     }
 
     pub fn names(&self) -> Vec<&str> {
@@ -143,6 +148,11 @@ impl Columns {
     /// The unit of the signal of this name, whatever column has taken the name.
     pub fn signal(&self, name: &str) -> Option<&str> {
         self.all.get(name)?.signal.as_deref()
+    }
+
+    /// The unit of the signal of this name as the channel map states it, and where.
+    pub fn stated(&self, name: &str) -> Option<&Stated> {
+        self.all.get(name)?.stated.as_ref()
     }
 
     /// The unit of a column, if there is one; empty where a stage with mistakes may have it.

@@ -4,8 +4,9 @@
 use super::columns::{Columns, Found};
 use super::unknown::unknown;
 use crate::config::Doc;
-use crate::error::Errors;
+use crate::error::{Error, Errors, Place};
 use crate::model::{Model, Quantity};
+use crate::stage::channels::Stated;
 use crate::units::Unit;
 use indexmap::IndexMap;
 
@@ -14,6 +15,35 @@ pub fn agree(a: &str, b: &str) -> bool {
     match (Unit::parse(a), Unit::parse(b)) {
         (Ok(a), Ok(b)) => a.dim == b.dim,
         _ => false,
+    }
+}
+
+/// A signal or column whose unit has another dimension than what it is taken for.
+pub struct Unlike<'a> {
+    pub name: &'a str,
+    pub unit: &'a str,
+    /// Unit that is wanted, and what wants it.
+    pub wanted: &'a str,
+    pub by: &'a str,
+    /// The unit as the channel map states it; none for what is computed.
+    pub stated: Option<&'a Stated>,
+}
+
+impl Unlike<'_> {
+    /// The mistake: of a signal where its unit is stated, so that it is one however many want the
+    /// signal (`pipeline::plan::once`), of a column where it is wanted.
+    pub fn error(&self, at: Place) -> Error {
+        let Unlike { name, unit, wanted, by, stated } = self;
+        match stated {
+            Some(Stated { unit, place }) => {
+                let what = format!("signal \"{name}\" is in {unit}, {wanted} is wanted");
+                Error::at(place.clone(), what).help(format!(
+                    "correct its unit, or name another signal where this one is wanted\n    {by} wants it at {at}"
+                ))
+            }
+            None => Error::at(at, format!("{by} is in {wanted}, column \"{name}\" in {unit}"))
+                .help("map another column to it, or correct the unit in the model"),
+        }
     }
 }
 
@@ -46,13 +76,10 @@ pub fn driver(
     let at = if mapped.is_some() { format!("{key}.{}", input.name) } else { key.to_string() };
     match columns.find(name) {
         Found::Known(column) if !agree(&column.unit, &input.unit) => {
-            let what = format!(
-                "input \"{}\" of the model is in {}, column \"{name}\" in {}",
-                input.name, input.unit, column.unit
-            );
-            errors.push(doc.error(&at, what).help(
-                "map another column to it, or correct the unit in the model or the channel map",
-            ));
+            let stated = column.stated.as_ref().filter(|_| !column.made);
+            let by = format!("input \"{}\" of the model", input.name);
+            let (unit, wanted) = (&column.unit, &input.unit);
+            errors.push(Unlike { name, unit, wanted, by: &by, stated }.error(doc.place(&at)));
         }
         Found::Known(_) | Found::Unsure => (),
         Found::Missing => {

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub use columns::{Columns, Found};
-pub use drivers::{agree, driver, drivers, keys_are_known};
+pub use drivers::{Unlike, agree, driver, drivers, keys_are_known};
 pub use unknown::unknown;
 
 /// What a stage's settings are checked with, and the mistakes found so far.

@@ -7,7 +7,7 @@ use crate::error::Errors;
 use crate::model::graph::Leaf;
 use crate::model::{Model, Quantity};
 use crate::stage::channels::Channels;
-use crate::stage::check::{Columns, Found, agree, driver, keys_are_known, unknown};
+use crate::stage::check::{Columns, Found, Unlike, agree, driver, keys_are_known, unknown};
 use indexmap::IndexMap;
 
 /// What drives one input of the model.
@@ -152,13 +152,10 @@ pub fn outputs(
             }
         };
         if !agree(unit, &quantity.unit) {
-            let what = format!(
-                "output \"{}\" of the model is in {}, \"{measured}\" in {unit}",
-                quantity.name, quantity.unit
-            );
-            let help =
-                "map another signal to it, or correct the unit in the model or the channel map";
-            errors.push(doc.error(&at, what).help(help));
+            let stated = columns.stated(&measured).filter(|_| is_signal);
+            let by = format!("output \"{}\" of the model", quantity.name);
+            let (name, wanted) = (&measured, &quantity.unit);
+            errors.push(Unlike { name, unit, wanted, by: &by, stated }.error(doc.place(&at)));
         }
         all.push(Scored { output, measured, is_signal });
     }

@@ -7,7 +7,7 @@ use crate::model::{Constants, Model};
 use crate::reconstruct;
 use crate::reconstruct::taken::{self, Apart, Taken};
 use crate::stage::channels::Channels;
-use crate::units;
+use crate::stage::check::{Unlike, agree};
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -163,14 +163,10 @@ fn same(
     unit: &str,
     wanted: &str,
 ) {
-    if let (Ok(has), Ok(wants)) = (units::Unit::parse(unit), units::Unit::parse(wanted))
-        && has.dim != wants.dim
-    {
-        let what = format!("signal \"{name}\" is in {unit}, the kinematic model wants {wanted}");
-        let place = channels.doc.place(&format!("signal.{name}.unit"));
-        let help = format!(
-            "correct its unit at {place}, or name another signal under [reconstruct.method.signals]"
-        );
-        errors.push(doc.error("reconstruct", what).help(help));
+    if !agree(unit, wanted) {
+        let stated = channels.stated(name);
+        let by = "the kinematic model";
+        let unlike = Unlike { name, unit, wanted, by, stated: stated.as_ref() };
+        errors.push(unlike.error(doc.place("reconstruct")));
     }
 }
