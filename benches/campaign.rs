@@ -21,7 +21,16 @@ fn main() {
     println!("flights of {MANEUVERS} maneuvers, 8 min each");
     println!(
         "{:>7} {:>11} {:>8} {:>8} {:>9} {:>11} {:>9} {:>9} {:>9} {:>9}",
-        "flights", "CPU/flight", "wall s", "anon MB", "rerun s", "1 changed s", "index kB", "page kB", "report MB", "all MB"
+        "flights",
+        "CPU/flight",
+        "wall s",
+        "anon MB",
+        "rerun s",
+        "1 changed s",
+        "index kB",
+        "page kB",
+        "report MB",
+        "all MB"
     );
     for flights in if asked.is_empty() { vec![30, 100, 300] } else { asked } {
         row(flights);
@@ -101,7 +110,8 @@ fn anonymous(pid: u32) -> Option<f64> {
 /// Names and sizes of the files in a folder.
 fn sizes(folder: &Path) -> Vec<(String, u64)> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let files = entries.filter_map(|e| Some((e.file_name().into_string().ok()?, e.metadata().ok()?)));
+    let files =
+        entries.filter_map(|e| Some((e.file_name().into_string().ok()?, e.metadata().ok()?)));
     files.filter(|(_, file)| file.is_file()).map(|(name, file)| (name, file.len())).collect()
 }
 

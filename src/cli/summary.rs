@@ -8,9 +8,9 @@ use crate::error::Result;
 use crate::math::distribution::INTERVAL_95;
 use crate::pipeline::{Plan, RunResult, Store};
 use crate::signal::adequacy::Leaves;
-use crate::stage::{Note, Part, Severity, Unit};
+use crate::stage::{Note, Part, Severity};
 use crate::table::Table;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Kinds of notes shown before the rest is left to the table.
@@ -71,6 +71,25 @@ fn read(store: &Store, table: &str, part: Part) -> Result<Option<Table>> {
     }
 }
 
+/// The estimates, those of amended models too, with the parts of their tables.
+fn estimated(plan: &Plan) -> Vec<(String, Vec<Part>)> {
+    let mut all: BTreeMap<usize, (String, BTreeSet<Part>)> = BTreeMap::new();
+    let writers = plan.campaign.stages.iter().filter(|stage| stage.writes.contains(&"estimates"));
+    for unit in writers.flat_map(|stage| (stage.units)(&plan.campaign)) {
+        let Some(number) = unit.part.number() else { continue };
+        let name = plan.campaign.estimates.get(number).map_or(unit.name, |config| config.name());
+        all.entry(number).or_insert_with(|| (name, BTreeSet::new())).1.insert(unit.part);
+    }
+    all.into_values().map(|(name, parts)| (name, parts.into_iter().collect())).collect()
+}
+
+/// These parts of a table one below the other, where there is any.
+fn joined(store: &Store, table: &str, parts: &[Part]) -> Result<Option<Table>> {
+    let found = parts.iter().map(|part| read(store, table, part.clone()));
+    let found: Vec<Table> = found.filter_map(Result::transpose).collect::<Result<_>>()?;
+    if found.is_empty() { Ok(None) } else { Table::concat(table, &found).map(Some) }
+}
+
 fn flights(plan: &Plan, store: &Store) -> Result<()> {
     let mut rows = Vec::new();
     for flight in &plan.campaign.flights {
@@ -105,9 +124,8 @@ fn tally(words: &[&str]) -> Vec<String> {
 
 fn estimates(plan: &Plan, store: &Store) -> Result<()> {
     let mut rows = Vec::new();
-    let writers = plan.campaign.stages.iter().filter(|stage| stage.writes.contains(&"estimates"));
-    for Unit { name, part, .. } in writers.flat_map(|stage| (stage.units)(&plan.campaign)) {
-        let Some(t) = read(store, "estimates", part.clone())? else { continue };
+    for (name, parts) in estimated(plan) {
+        let Some(t) = joined(store, "estimates", &parts)? else { continue };
         let (groups, stops) = (t.strings("group")?, t.strings("stop")?);
         let mut each: Vec<(&str, &str)> = groups.into_iter().zip(stops).collect();
         each.dedup();
@@ -119,7 +137,7 @@ fn estimates(plan: &Plan, store: &Store) -> Result<()> {
             each.len().to_string(),
             converged.to_string(),
             tally(&others).join(", "),
-            match read(store, "adequacy", part)? {
+            match joined(store, "adequacy", &parts)? {
                 Some(left) => poor(&left)?,
                 None => String::new(),
             },

@@ -59,8 +59,8 @@ Examples:
   koehler run pipelines/citation/pipeline.toml --json --quiet                        for scripts
 
 A part of a run leaves everything else as it is, stale or fresh, and says so; the next run without these options makes up for it. --until
-ends after a stage. --flight takes these flights alone through the stages of single flights; what takes all flights together (estimates,
-lines, the report) is not run. --from runs a stage and those behind it again although they are fresh. They go together.
+ends after a stage. --flight takes these flights alone through the stages of single flights; what takes all flights together (estimates
+over several flights, lines, the report) is not run. --from runs a stage and those behind it again although they are fresh. They go together.
 
 What a [[diagnose]] section found stands in a box at the end. It is a result and leaves the exit code alone; `koehler diagnose`
 ends with 3 where a model lacks something.

@@ -5,7 +5,7 @@ use super::plan::Plan;
 use super::provenance::{Ingredients, LOG, PLACE, Provenance, Reason};
 use super::store::Store;
 use crate::error::Result;
-use crate::stage::{Part, Stage, Unit};
+use crate::stage::{Stage, Unit};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -71,7 +71,7 @@ fn assess_unit(
     let campaign = &plan.campaign;
     let record = store.record(stage.name, &unit.name);
     let mut ingredients = Ingredients::new(stage.code(), &(stage.slice)(campaign, &unit));
-    if let Part::Number(i) = unit.part {
+    if let Some(i) = unit.part.number() {
         ingredients.add(PLACE.into(), i.to_string());
     }
     let mut waits = Vec::new();

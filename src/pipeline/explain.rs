@@ -46,7 +46,7 @@ pub fn explain(
 ) -> std::result::Result<Vec<Explained>, Errors> {
     let states = status(plan, store)?;
     let is_asked = |of: &str, name: &str| {
-        stage.is_none_or(|stage| stage == of) && unit.is_none_or(|unit| unit == name)
+        stage.is_none_or(|stage| stage == of) && unit.is_none_or(|unit| is_of(unit, name))
     };
     let tree = Tree::of(plan, &states);
     let mut all = Vec::new();
@@ -69,6 +69,11 @@ pub fn explain(
         true => Err(no_such(&states, stage, unit).into()),
         false => Ok(together(all)),
     }
+}
+
+/// Whether a unit is the one named, or what a flight has of it.
+fn is_of(named: &str, unit: &str) -> bool {
+    unit.strip_prefix(named).is_some_and(|rest| rest.is_empty() || rest.starts_with(" of "))
 }
 
 /// Which name there is not, and which there are.

@@ -5,7 +5,7 @@
 //! flights go through all stages of their own before the next ones are begun, and what a later stage
 //! needs of a flight it reads again. Memory does not grow with the number of flights.
 
-use crate::stage::{Campaign, Part, Stage};
+use crate::stage::{Campaign, Stage};
 
 /// Flights that are under way at a time, per thread: two, so that a thread that is done with the
 /// shorter one has another.
@@ -19,7 +19,7 @@ pub const KEPT_BYTES: usize = 512 << 20;
 pub fn of_flights(campaign: &Campaign, stages: &[Stage]) -> usize {
     let is = |stage: &&Stage| {
         !stage.reads_records
-            && (stage.units)(campaign).iter().all(|unit| matches!(unit.part, Part::Flight(_)))
+            && (stage.units)(campaign).iter().all(|unit| unit.part.flight().is_some())
     };
     stages.iter().take_while(is).count()
 }

@@ -112,7 +112,9 @@ impl Run<'_> {
         flights: Option<&[String]>,
     ) -> Result<Vec<(Unit, Outcome)>> {
         let mut units = (stage.units)(&self.plan.campaign);
-        units.retain(|unit| flights.is_none_or(|flights| flights.contains(&unit.name)));
+        units.retain(|unit| {
+            flights.is_none_or(|flights| flights.iter().any(|id| id == unit.flight()))
+        });
         let mut assessments = assess(self.plan, self.store, &self.contents, stage, units)?;
         self.limits.anew(self.plan, stage, &mut assessments);
         if assessments.is_empty() {

@@ -9,7 +9,7 @@ use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
 use crate::report::is_of_report;
 use crate::stage::Part;
-use crate::table::{self, SCHEMA_VERSION, Table, read_part, write_atomic};
+use crate::table::{self, SCHEMA_VERSION, Table, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Component, Path, PathBuf};
@@ -190,10 +190,8 @@ impl Store {
     /// # Errors
     /// The file is not there, or is no part of this table.
     pub fn table(&self, name: &str, part: &Part) -> Result<Table> {
-        match part {
-            Part::Flight(id) => read_part(&self.root, name, Some(id), 0),
-            Part::Number(i) => read_part(&self.root, name, None, *i),
-        }
+        let flight = if let Part::Flight(id) = part { Some(id.as_str()) } else { None };
+        table::read_file(&self.path(&part.path(name)), name, flight)
     }
 
     /// Removes an output file, and its folder where that is empty now.

@@ -44,6 +44,10 @@ pub const SECTION: Section = Section {
     build,
 };
 
+/// Tables of which the page of a flight says nothing here: their own sections are about the campaign. A
+/// page that read them would be made again whenever any flight moves a line.
+pub const OF_THE_CAMPAIGN: [&str; 3] = ["fits", "repeats", "findings"];
+
 /// The section that leads to the pages of the flights.
 pub const LIST: &str = "list";
 

@@ -116,7 +116,11 @@ pub const HISTORIES: [&str; 5] =
 pub fn tables(form: &Form, more: &[&'static Section]) -> Vec<&'static str> {
     let mut all: Vec<&str> = Vec::new();
     let sections = SECTIONS.iter().chain(more.iter().copied()).filter(|s| form.shows(s.on));
-    for table in sections.flat_map(|s| s.tables) {
+    let is_said = |section: &Section, table: &&&str| {
+        let flight = matches!(form, Form::Flight(_)) && section.id == checks::SECTION.id;
+        !flight || !checks::OF_THE_CAMPAIGN.contains(*table)
+    };
+    for table in sections.flat_map(|s| s.tables.iter().filter(move |table| is_said(s, table))) {
         if !all.contains(table) {
             all.push(table);
         }

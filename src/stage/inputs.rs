@@ -7,16 +7,32 @@ use crate::error::{Error, Result};
 use crate::table::{Table, Want};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::path::Path;
 
 /// A part of a table: one file of the dataset.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Part {
     /// `<table>/flight=<id>/part-0.parquet`
     Flight(String),
     /// `<table>/part-<number>.parquet`
     Number(usize),
+    /// What one flight has of a numbered part: `<table>/part-<number>-<id>.parquet`
+    Of(usize, String),
+}
+
+/// By flight, or by number and then by flight.
+impl Ord for Part {
+    fn cmp(&self, other: &Part) -> Ordering {
+        (self.number(), self.flight()).cmp(&(other.number(), other.flight()))
+    }
+}
+
+impl PartialOrd for Part {
+    fn partial_cmp(&self, other: &Part) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
 }
 
 impl Part {
@@ -25,6 +41,23 @@ impl Part {
         match self {
             Part::Flight(id) => format!("{table}/flight={id}/part-0.parquet"),
             Part::Number(i) => format!("{table}/part-{i}.parquet"),
+            Part::Of(i, id) => format!("{table}/part-{i}-{id}.parquet"),
+        }
+    }
+
+    /// The flight that it is of alone.
+    pub fn flight(&self) -> Option<&str> {
+        match self {
+            Part::Flight(id) | Part::Of(_, id) => Some(id),
+            Part::Number(_) => None,
+        }
+    }
+
+    /// Its number, where parts are numbered.
+    pub fn number(&self) -> Option<usize> {
+        match self {
+            Part::Number(i) | Part::Of(i, _) => Some(*i),
+            Part::Flight(_) => None,
         }
     }
 
@@ -32,10 +65,13 @@ impl Part {
     /// file that is no part of a table.
     pub fn of_path(path: &str) -> Option<(&str, Part)> {
         let (folder, file) = path.rsplit_once('/')?;
-        let number = file.strip_prefix("part-")?.strip_suffix(".parquet")?.parse().ok()?;
-        match folder.split_once("/flight=") {
-            Some((table, flight)) => Some((table, Part::Flight(flight.to_string()))),
-            None => Some((folder, Part::Number(number))),
+        let name = file.strip_prefix("part-")?.strip_suffix(".parquet")?;
+        let (number, piece) = name.split_once('-').map_or((name, None), |(n, id)| (n, Some(id)));
+        let number = number.parse().ok()?;
+        match (folder.split_once("/flight="), piece) {
+            (Some((table, flight)), _) => Some((table, Part::Flight(flight.to_string()))),
+            (None, Some(id)) => Some((folder, Part::Of(number, id.to_string()))),
+            (None, None) => Some((folder, Part::Number(number))),
         }
     }
 
@@ -45,6 +81,7 @@ impl Part {
             Part::Flight(id) => format!("{table} of {id}"),
             Part::Number(0) => table.to_string(),
             Part::Number(i) => format!("{table}, part {i}"),
+            Part::Of(i, id) => format!("{table} of {id}, part {i}"),
         }
     }
 }
@@ -98,6 +135,24 @@ impl Inputs<'_> {
             .contains(&wanted)
             .then(|| (self.table)(table, &wanted.1, Want::default()))
             .transpose()
+    }
+
+    /// The numbered part of a table with those of single flights, one below the other, if there is
+    /// any.
+    ///
+    /// # Errors
+    /// One cannot be read.
+    pub fn numbered(&self, table: &'static str, number: usize) -> Result<Option<Table>> {
+        let is =
+            |(name, part): &&(&'static str, Part)| *name == table && part.number() == Some(number);
+        let mut parts = Vec::new();
+        for (_, part) in self.parts.iter().filter(is) {
+            parts.push((self.table)(table, part, Want::default())?);
+        }
+        match parts.len() {
+            0 | 1 => Ok(parts.pop()),
+            _ => Table::concat(table, &parts).map(Some),
+        }
     }
 
     /// All parts of a table that exist, in order.

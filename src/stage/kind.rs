@@ -141,7 +141,7 @@ impl Unit {
 
     /// The flight that it is about; empty where it is about more.
     pub fn flight(&self) -> &str {
-        if let Part::Flight(id) = &self.part { id } else { "" }
+        self.part.flight().unwrap_or_default()
     }
 }
 

@@ -23,6 +23,7 @@ pub mod page;
 pub mod reconstruct;
 pub mod report;
 pub mod rerun;
+pub mod review;
 pub mod segment;
 pub mod validate;
 
@@ -42,6 +43,7 @@ pub const STAGES: &[Stage] = &[
     derive::STAGE,
     segment::STAGE,
     estimate::STAGE,
+    review::STAGE,
     fit::STAGE,
     curve::STAGE,
     validate::STAGE,

@@ -4,7 +4,8 @@
 //! flights: of them the flight's rows alone are read. They change with every estimate, so pages are made
 //! again after one; a page that comes out the same is left as it is.
 
-use super::report::{drawn_of, frame, parts, sections, settings, slice_of_all};
+use super::estimate;
+use super::report::{drawn_of, frame, own, parts, sections, settings, slice_of_all};
 use super::{Campaign, Inputs, Output, Part, Read, Stage, Unit};
 use crate::error::{Errors, Result};
 use crate::report::{self, Form, HISTORIES, Owners, ReportInput, Turn};
@@ -47,12 +48,28 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
         let per_flight = schema(table).is_ok_and(|schema| schema.per_flight);
         let parts = match per_flight {
             true => vec![Part::Flight(unit.name.clone())],
-            false => parts(campaign, table),
+            false => about(campaign, table, &unit.name),
         };
         parts.into_iter().map(move |part| Read { table, part, optional: true })
     };
     let tables = report::tables(&form(campaign, &unit.name), &sections(campaign));
     tables.into_iter().flat_map(of).collect()
+}
+
+/// The parts of a table in which there may be rows of a flight. Every page asks, so that nothing here may
+/// take all flights.
+fn about(campaign: &Campaign, table: &str, flight: &str) -> Vec<Part> {
+    let writes = |stage: &&Stage| stage.writes.contains(&table);
+    let of = |stage: &Stage| -> Vec<Part> {
+        match stage.name == estimate::NAME {
+            true => estimate::parts_about(campaign, flight),
+            false => (stage.units)(campaign).into_iter().map(|unit| unit.part).collect(),
+        }
+    };
+    match own(table) {
+        true => parts(campaign, table),
+        false => campaign.stages.iter().filter(writes).flat_map(of).collect(),
+    }
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {

@@ -96,9 +96,12 @@ fn searched(campaign: &Campaign) -> BTreeMap<String, String> {
 
 /// The parts of a table of this campaign.
 pub fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
-    // The pipeline writes these itself.
-    let own = [NOTES, STAGES_TABLE].contains(&table);
-    if own { vec![Part::Number(0)] } else { campaign.parts(table) }
+    if own(table) { vec![Part::Number(0)] } else { campaign.parts(table) }
+}
+
+/// Whether the pipeline writes a table itself.
+pub fn own(table: &str) -> bool {
+    [NOTES, STAGES_TABLE].contains(&table)
 }
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.

@@ -1,5 +1,6 @@
 //! Tables in, files of a Parquet dataset out, and back:
-//! `DIR/<table>/[flight=<id>/]part-<n>.parquet`.
+//! `DIR/<table>/[flight=<id>/]part-<n>.parquet`, or `part-<n>-<id>.parquet` for what one flight has of
+//! a part.
 //!
 //! A file appears whole or not at all: it is written beside its place, flushed to disk and renamed.
 
@@ -87,7 +88,11 @@ pub fn read_part(dir: &Path, table: &str, flight: Option<&str>, part: usize) -> 
     read_file(&dir.join(part_path(table, flight, part)?), table, flight)
 }
 
-fn read_file(path: &Path, table: &str, flight: Option<&str>) -> Result<Table> {
+/// Reads a part of a table by its path; `flight` is what the path says of one that is per flight.
+///
+/// # Errors
+/// The file is not there, or is not a part of that table.
+pub fn read_file(path: &Path, table: &str, flight: Option<&str>) -> Result<Table> {
     let place = || Some(Place::file(path.to_string_lossy()));
     let bytes = std::fs::read(path).map_err(|e| Error {
         place: place(),
@@ -97,30 +102,58 @@ fn read_file(path: &Path, table: &str, flight: Option<&str>) -> Result<Table> {
     Table::from_parquet(table, bytes, flight).map_err(|e| Error { place: place(), ..e })
 }
 
+/// A file of a table.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct PartFile {
+    /// The flight in its path, of a table that is written flight by flight.
+    pub flight: Option<String>,
+    /// From 0, in the order of the estimates or fits that the parts are of.
+    pub number: usize,
+    /// The flight in its name, of one that has what a flight has of a numbered part.
+    pub of: Option<String>,
+}
+
+impl PartFile {
+    /// Its path below the output folder.
+    ///
+    /// # Errors
+    /// As [`part_path`].
+    pub fn path(&self, table: &str) -> Result<String> {
+        let path = part_path(table, self.flight.as_deref(), self.number)?;
+        Ok(match (&self.of, path.strip_suffix(".parquet")) {
+            (Some(of), Some(stem)) => format!("{stem}-{of}.parquet"),
+            _ => path,
+        })
+    }
+}
+
 /// The parts of a table below `dir`, sorted by flight, then number; empty when there are none.
 ///
 /// # Errors
 /// There is no such table, or a folder cannot be read.
-pub fn parts(dir: &Path, table: &str) -> Result<Vec<(Option<String>, usize)>> {
+pub fn parts(dir: &Path, table: &str) -> Result<Vec<PartFile>> {
     let folder = dir.join(table);
     let mut found = Vec::new();
     if !schema(table)?.per_flight {
-        found.extend(numbers(&folder)?.into_iter().map(|n| (None, n)));
+        found.extend(files(&folder, None)?);
     } else {
         for name in names(&folder)? {
             let Some(id) = name.strip_prefix("flight=") else { continue };
-            found.extend(
-                numbers(&folder.join(&name))?.into_iter().map(|n| (Some(id.to_string()), n)),
-            );
+            found.extend(files(&folder.join(&name), Some(id))?);
         }
     }
     found.sort();
     Ok(found)
 }
 
-fn numbers(folder: &Path) -> Result<Vec<usize>> {
-    let number = |name: &String| name.strip_prefix("part-")?.strip_suffix(".parquet")?.parse().ok();
-    Ok(names(folder)?.iter().filter_map(number).collect())
+fn files(folder: &Path, flight: Option<&str>) -> Result<Vec<PartFile>> {
+    let file = |name: &String| {
+        let name = name.strip_prefix("part-")?.strip_suffix(".parquet")?;
+        let (number, of) = name.split_once('-').map_or((name, None), |(n, id)| (n, Some(id)));
+        let (flight, of) = (flight.map(String::from), of.map(String::from));
+        Some(PartFile { flight, number: number.parse().ok()?, of })
+    };
+    Ok(names(folder)?.iter().filter_map(file).collect())
 }
 
 fn names(folder: &Path) -> Result<Vec<String>> {
@@ -145,8 +178,9 @@ fn names(folder: &Path) -> Result<Vec<String>> {
 pub fn read_dataset(dir: &Path, table: &str) -> std::result::Result<Table, Errors> {
     let mut errors = Errors::default();
     let mut tables = Vec::new();
-    for (flight, part) in parts(dir, table)? {
-        tables.extend(errors.take(read_part(dir, table, flight.as_deref(), part)));
+    for part in parts(dir, table)? {
+        let path = dir.join(part.path(table)?);
+        tables.extend(errors.take(read_file(&path, table, part.flight.as_deref())));
     }
     errors.or(())?;
     Ok(Table::concat(table, &tables)?)

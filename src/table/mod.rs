@@ -26,7 +26,9 @@ use arrow_array::{
 use crate::config;
 use crate::error::{Error, Result};
 pub use build::Builder;
-pub use dataset::{part_path, parts, read_dataset, read_part, write_atomic, write_part};
+pub use dataset::{
+    PartFile, part_path, parts, read_dataset, read_file, read_part, write_atomic, write_part,
+};
 pub use flight::{check_flight, flight_id};
 pub use page::page;
 pub use schema::{Column, Kind, Schema, schema, schemas};

@@ -25,7 +25,7 @@ use super::parquet::TableFile;
 pub use super::refused::HELP;
 use super::refused::refused;
 use super::rows::united;
-use super::{Column, Kind, Schema, part_path, parts, schema, schemas};
+use super::{Column, Kind, PartFile, Schema, parts, schema, schemas};
 use crate::error::{Error, Errors, Place, Result};
 
 /// A value of an answer.
@@ -114,7 +114,7 @@ fn only_asks(sql: &str) -> Result<()> {
 struct Scan {
     dir: PathBuf,
     schema: &'static Schema,
-    parts: Vec<(Option<String>, usize)>,
+    parts: Vec<PartFile>,
     columns: Vec<Column>,
     /// Files that could not be read: polars hands on no more than a text.
     failed: Arc<Mutex<Errors>>,
@@ -141,12 +141,8 @@ impl Scan {
     }
 
     /// What `take` makes of a part.
-    fn at<T>(
-        &self,
-        (flight, number): &(Option<String>, usize),
-        take: impl FnOnce(TableFile<File>) -> Result<T>,
-    ) -> Result<T> {
-        let path = self.dir.join(part_path(&self.schema.name, flight.as_deref(), *number)?);
+    fn at<T>(&self, part: &PartFile, take: impl FnOnce(TableFile<File>) -> Result<T>) -> Result<T> {
+        let path = self.dir.join(part.path(&self.schema.name)?);
         let place = || Some(Place::file(path.to_string_lossy()));
         let file = File::open(&path).map_err(|e| Error {
             place: place(),
@@ -166,7 +162,7 @@ impl Scan {
                 break;
             }
             let (here, arrays) =
-                self.at(part, |file| self.read(file, part.0.as_deref(), wanted))?;
+                self.at(part, |file| self.read(file, part.flight.as_deref(), wanted))?;
             rows += here;
             pieces.iter_mut().zip(arrays).for_each(|(pieces, array)| pieces.push(array));
         }

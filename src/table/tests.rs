@@ -293,8 +293,22 @@ fn parts_are_in_the_order_of_their_numbers() {
         write_part(dir.path(), &Table::empty("estimates").unwrap(), None, part).unwrap();
     }
     let numbers: Vec<usize> =
-        parts(dir.path(), "estimates").unwrap().into_iter().map(|p| p.1).collect();
+        parts(dir.path(), "estimates").unwrap().into_iter().map(|p| p.number).collect();
     assert_eq!(numbers, [0, 2, 10]);
+}
+
+#[test]
+fn what_flights_have_of_a_part_stands_behind_its_number() {
+    let dir = tempfile::tempdir().unwrap();
+    let bytes = Table::empty("estimates").unwrap().to_parquet().unwrap();
+    for name in ["part-1", "part-0-f2", "part-10-f-1", "part-0-f-1", "part-0"] {
+        write_atomic(&dir.path().join(format!("estimates/{name}.parquet")), &bytes).unwrap();
+    }
+    let found = parts(dir.path(), "estimates").unwrap();
+    let paths: Vec<String> = found.iter().map(|p| p.path("estimates").unwrap()).collect();
+    let wanted = ["part-0", "part-0-f-1", "part-0-f2", "part-1", "part-10-f-1"];
+    assert_eq!(paths, wanted.map(|name| format!("estimates/{name}.parquet")));
+    assert_eq!(read_dataset(dir.path(), "estimates").unwrap().rows(), 0);
 }
 
 #[test]

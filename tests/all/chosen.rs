@@ -54,15 +54,21 @@ fn an_estimate_its_diagnosis_and_what_is_run_again_use_the_chosen_maneuvers() {
         "info 1 lag: 1 of 3 flights left out by choice: flight-2",
         "info 3 lag: 3 of 8 segments left out by choice: 1 by `except`, 2 by `where`",
     ];
-    assert_eq!(notes(&c, "estimate"), left_out);
+    // Every flight is estimated by itself.
+    let of_estimate = [
+        "info 2 lag: 2 of 4 segments left out by choice: 1 by `except`, 1 by `where`",
+        "info 1 lag: 1 of 4 segments left out by choice: 0 by `except`, 1 by `where`",
+        "info 1 lag: 1 of 3 flights left out by choice: flight-2",
+    ];
+    assert_eq!(notes(&c, "estimate"), of_estimate);
     assert_eq!(&notes(&c, "diagnose")[..2], left_out);
     // A flight that is left out changes nothing but its own tables.
     c.fly("flight-2", 7, 4);
     let again = c.run().ended(0);
-    assert_eq!((again.stage("estimate"), again.stage("diagnose")), ((0, 1), (0, 1)));
+    assert_eq!((again.stage("estimate"), again.stage("diagnose")), ((0, 2), (0, 1)));
     c.edit("pipeline.toml", "{ min = 72.0 }", "[72.0, 95.0]");
     let narrow = c.run().ended(0);
-    assert_eq!(narrow.stage("estimate").0, 1);
+    assert_eq!(narrow.stage("estimate").0, 2);
     assert_eq!(
         column(&table(&c, "responses"), "model", "lag", "segment"),
         ["flight-1.02", "flight-1.03", "flight-3.02"]

@@ -127,7 +127,10 @@ fn a_wrong_unit_is_told_once_where_it_is_stated_with_all_that_want_the_signal() 
         c.edit("channels.toml", line, &wrong);
         let err = c.koehler("check", &[]).ended(2).err;
         let told = format!("signal \"{signal}\" is in kg, {wanted} is wanted");
-        assert!(err.starts_with("error: channels.toml:") && err.matches(&told).count() == 1, "{err}");
+        assert!(
+            err.starts_with("error: channels.toml:") && err.matches(&told).count() == 1,
+            "{err}"
+        );
         assert!(err.contains("the kinematic model wants it at pipeline.toml:"), "{err}");
         let input = format!("input \"{signal}\" of the model wants it at pipeline.toml:");
         assert_eq!(err.contains(&input), signal == "temperature", "{err}");

@@ -25,7 +25,7 @@ fn every_unit_of_a_run_has_a_line_with_its_times() {
     let made = lines(&first, "ingest of flight-");
     assert_eq!(made.len(), 3, "{first}");
     assert!(made.iter().all(|(.., text)| text.ends_with(": made")), "{first}");
-    let (begin, seconds, _) = lines(&first, "estimate of lag: made")[0];
+    let (begin, seconds, _) = lines(&first, "estimate of lag of flight-1: made")[0];
     assert!(begin > made[0].0 && seconds > 0.0, "{first}");
     assert!(first.trim_end().ends_with("ended: everything asked for is there"), "{first}");
     let total = first.lines().find(|line| line.ends_with("  derive")).expect("a total");

@@ -38,7 +38,10 @@ fn every_file_of_a_run_is_held_against_its_record() {
 fn a_setting_that_changed_is_told_with_its_old_and_new_value() {
     let c = Campaign::new();
     let new = c.koehler("explain", &["estimate", "lag"]).ended(0);
-    assert_eq!(new.out, "estimate lag: missing\n  never run here\n");
+    assert_eq!(
+        new.out,
+        "estimate lag of flight-1, lag of flight-2, lag of flight-3: missing\n  never run here\n"
+    );
     c.run().ended(0);
     let fresh = c.koehler("explain", &["ingest"]).ended(0);
     assert!(fresh.out.starts_with("ingest flight-1, flight-2, flight-3: fresh\n"), "{}", fresh.out);
@@ -51,9 +54,15 @@ fn a_setting_that_changed_is_told_with_its_old_and_new_value() {
     let estimate = c.koehler("explain", &["estimate", "lag"]).ended(0);
     let [old, new] = ["0.3", "0.31"]
         .map(|start| format!("\"T = {{ unit = \\\"s\\\", start = {start}, min = 0.01 }}\""));
-    let wanted = format!("estimate lag: stale\n  setting `model`.text: {old} -> {new}\n");
-    let because = "  because derive of flight-1, flight-2, flight-3 is stale:\n";
-    assert_eq!(estimate.out, format!("{wanted}{because}    setting `rate_hz`: 100.0 -> 50.0\n"));
+    let of = |flight: &str| {
+        let stale =
+            format!("estimate lag of {flight}: stale\n  setting `model`.text: {old} -> {new}\n");
+        let because = format!("  because derive of {flight} is stale:\n");
+        format!("{stale}{because}    setting `rate_hz`: 100.0 -> 50.0\n")
+    };
+    assert_eq!(estimate.out, ["flight-1", "flight-2", "flight-3"].map(of).concat());
+    let one = c.koehler("explain", &["estimate", "lag of flight-2"]).ended(0);
+    assert_eq!(one.out, of("flight-2"));
     // What only waits is followed back to the beginning.
     let segment = c.koehler("explain", &["segment"]).ended(0);
     assert!(
@@ -173,7 +182,7 @@ fn a_table_is_followed_back_to_its_logs_over_settings_with_values() {
     let line = c.command("lineage", &["out/fits/part-0.parquet"]).ended(0);
     for wanted in [
         "  fit of lag-V (koehler ",
-        "  estimate of lag (koehler ",
+        "  estimate of lag of flight-1, lag of flight-2, lag of flight-3 (koehler ",
         "  ingest of flight-1, flight-2, flight-3 (koehler ",
         "    setting `rate_hz`: 100.0",
         "  lag.model.toml  ",
@@ -230,13 +239,13 @@ fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     let c = Campaign::new();
     let part = c.koehler("run", &["--until", "derive", "--flight", "flight-2"]).ended(0);
     assert_eq!((part.stage("ingest"), part.stage("derive")), ((1, 0), (1, 0)), "{}", part.out);
-    assert!(
-        part.out.contains("because the run ends with derive: segment, estimate, fit, page, report")
-    );
+    assert!(part.out.contains(
+        "because the run ends with derive: segment, estimate, review, fit, page, report"
+    ));
     assert!(!c.path("out/segments").exists() && !c.path("out/samples/flight=flight-1").exists());
     let flights = c.koehler("run", &["--flight", "flight-2", "--flight", "flight-3"]).ended(0);
     let skipped =
-        "all flights together (--flight names flight-2, flight-3): estimate, fit, page, report";
+        "all flights together (--flight names flight-2, flight-3): review, fit, page, report";
     assert!(flights.out.contains(skipped), "{}", flights.out);
     assert_eq!(flights.stage("ingest"), (1, 1), "{}", flights.out);
     c.run().ended(0);
@@ -255,7 +264,7 @@ fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     let dry = c.koehler("run", &["--from", "fit", "--dry-run"]).ended(0);
     assert!(dry.out.contains("fit          lag-V                stale: it is asked for"));
     let again = c.koehler("run", &["--from", "fit"]).ended(0);
-    assert_eq!((again.stage("estimate"), again.stage("fit")), ((0, 1), (1, 0)), "{}", again.out);
+    assert_eq!((again.stage("estimate"), again.stage("fit")), ((0, 3), (1, 0)), "{}", again.out);
     assert!(c.run().ended(0).out.contains("nothing to do"));
     let wrong =
         c.koehler("run", &["--from", "fits", "--flight", "f", "--until", "ingest"]).ended(2);

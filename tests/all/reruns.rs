@@ -86,14 +86,14 @@ fn a_setting_reruns_what_depends_on_it_and_nothing_else() {
     let status = c.koehler("run", &["--dry-run"]).ended(0);
     assert!(status.out.contains("stale: setting `level` changed"), "{}", status.out);
     let run = c.run().ended(0);
-    assert_eq!(run.stage("estimate"), (0, 1));
+    assert_eq!(run.stage("estimate"), (0, 3));
     assert_eq!(run.stage("fit"), (1, 0));
 
     c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"3211\"]\npost_s = 1.5");
     let run = c.run().ended(0);
     assert_eq!(run.stage("ingest"), (0, 3));
     assert_eq!(run.stage("segment"), (0, 3));
-    assert_eq!(run.stage("estimate"), (1, 0));
+    assert_eq!(run.stage("estimate"), (3, 0));
     assert_eq!(run.stage("fit"), (1, 0));
 
     // A comment and an order of lines are no settings.
@@ -108,7 +108,45 @@ fn a_model_counts_by_what_it_says() {
     c.edit("lag.model.toml", "start = 0.3", "start = 0.31");
     let run = c.run().ended(0);
     assert_eq!(run.stage("segment"), (0, 3));
-    assert_eq!(run.stage("estimate"), (1, 0));
+    assert_eq!(run.stage("estimate"), (3, 0));
+}
+
+#[test]
+fn a_changed_flight_costs_its_own_estimates_and_what_takes_all_flights() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let before = tables(&c.path("out"));
+    c.fly("flight-2", 7, 4);
+    let run = c.run().ended(0);
+    for (stage, counts) in
+        [("ingest", (1, 2)), ("estimate", (1, 2)), ("review", (1, 0)), ("fit", (1, 0))]
+    {
+        assert_eq!(run.stage(stage), counts, "{stage}");
+    }
+    // What a run from nothing makes is the same.
+    let after = tables(&c.path("out"));
+    c.koehler("run", &["--out", "anew"]).ended(0);
+    assert_eq!(after, tables(&c.path("anew")));
+    let of = |flight: &str| format!("estimates/part-0-{flight}.parquet");
+    let is = |file: &str| before.get(file).is_some() && before.get(file) == after.get(file);
+    assert!(is(&of("flight-1")) && is(&of("flight-3")) && !is(&of("flight-2")));
+    // A table without rows is there all the same.
+    assert!(after.contains_key("profiles/part-0.parquet"));
+}
+
+#[test]
+fn what_no_flight_can_say_by_itself_is_said_of_all() {
+    let c = Campaign::new();
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "kinds = [\"doublet\"]");
+    let none = c.run().ended(1);
+    assert_eq!(none.out.matches("no maneuver to estimate lag from").count(), 1, "{}", none.out);
+    c.edit(
+        "pipeline.toml",
+        "kinds = [\"doublet\"]",
+        "kinds = [\"3211\"]\n[estimate.method]\nmax_iterations = 1",
+    );
+    let poor = c.run().ended(1);
+    assert_eq!(poor.out.matches("no estimate of lag converged: ").count(), 1, "{}", poor.out);
 }
 
 #[test]
@@ -148,7 +186,7 @@ fn a_deleted_or_modified_table_is_made_again() {
     let run = c.run().ended(0);
     assert_eq!(run.stage("derive"), (1, 2));
     // The samples are the same bytes again: nothing that reads them is run.
-    assert_eq!(run.stage("estimate"), (0, 1));
+    assert_eq!(run.stage("estimate"), (0, 3));
     assert_eq!(run.stage("fit"), (1, 0));
     assert_eq!(before, tables(&c.path("out")));
 }

@@ -9,10 +9,8 @@ mod prediction;
 mod tables;
 mod values;
 
-use super::estimate::ready;
-use super::{
-    Campaign, Inputs, Key, Note, Output, Part, Read, Severity, Stage, Unit, said, slice_of,
-};
+use super::estimate::{reads_of, ready};
+use super::{Campaign, Inputs, Key, Note, Output, Read, Severity, Stage, Unit, said, slice_of};
 use crate::error::{Errors, Result};
 use compared::Against;
 use config::{Config, NAME, Settings};
@@ -55,8 +53,8 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let Some(config) = all(campaign).get(unit.index) else { return Vec::new() };
-    let part = |table| Read { table, part: Part::Number(config.estimate), optional: true };
-    let mut reads = ["estimates", "correlations", "budget"].map(part).to_vec();
+    let tables = ["estimates", "correlations", "budget"];
+    let mut reads = reads_of(&tables, campaign, config.estimate);
     if config.prediction.is_some() {
         let flown = ["signals", "samples", "segments", "conditions"];
         reads.extend(Read::flights(&flown, campaign));
@@ -66,7 +64,7 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = all(campaign).get(unit.index) else { return Ok(Output::default()) };
-    let get = |table| inputs.get(table, Part::Number(config.estimate));
+    let get = |table| inputs.numbered(table, config.estimate);
     let tables = [get("estimates")?, get("correlations")?, get("budget")?];
     let tables = tables.each_ref().map(Option::as_ref);
     let mut groups: Vec<&str> = Vec::new();

@@ -192,6 +192,28 @@ fn may_be_of(pattern: &str, flight: &str) -> bool {
     }
 }
 
+/// What notes on a choice are about.
+pub struct About<'a> {
+    pub stage: &'a str,
+    /// Entry of the stage.
+    pub entry: &'a str,
+    /// The flight; empty for all of them.
+    pub flight: &'a str,
+}
+
+impl About<'_> {
+    fn note(&self, severity: Severity, subject: &str, count: usize, text: String) -> Note {
+        Note {
+            flight: self.flight.to_string(),
+            stage: self.stage.to_string(),
+            severity,
+            subject: subject.to_string(),
+            count: count as u64,
+            text: format!("{}: {text}", self.entry),
+        }
+    }
+}
+
 /// What a stage used and left out, counted flight by flight.
 #[derive(Debug)]
 pub struct Tally<'a> {
@@ -268,39 +290,46 @@ impl<'a> Tally<'a> {
 
     /// What to say about it, as notes of a stage on one of its entries.
     pub fn notes(&self, stage: &str, entry: &str) -> Vec<Note> {
-        let note = |severity, subject: &str, count: usize, text: String| Note {
-            flight: String::new(),
-            stage: stage.to_string(),
-            severity,
-            subject: subject.to_string(),
-            count: count as u64,
-            text: format!("{entry}: {text}"),
-        };
+        let on = About { stage, entry, flight: "" };
+        [self.of_flights(&on), self.of_maneuvers(&on), self.of_names(&on)].concat()
+    }
+
+    /// The flights that are left out.
+    pub fn of_flights(&self, on: &About) -> Vec<Note> {
+        let (left, all) = (self.left.len(), self.flights);
+        let text = format!("{left} of {all} flights left out by choice: {}", list(&self.left));
+        let note = on.note(Severity::Info, on.entry, left, text);
+        (left > 0).then_some(note).into_iter().collect()
+    }
+
+    /// The maneuvers that are left out.
+    pub fn of_maneuvers(&self, on: &About) -> Vec<Note> {
         let mut notes = Vec::new();
-        if !self.left.is_empty() {
-            let (left, all) = (self.left.len(), self.flights);
-            let text = format!("{left} of {all} flights left out by choice: {}", list(&self.left));
-            notes.push(note(Severity::Info, entry, left, text));
-        }
         let left = self.excepted + self.outside;
         if left > 0 {
             let text = format!(
                 "{left} of {} segments left out by choice: {} by `except`, {} by `where`",
                 self.maneuvers, self.excepted, self.outside
             );
-            notes.push(note(Severity::Info, entry, left, text));
+            notes.push(on.note(Severity::Info, on.entry, left, text));
         }
         for (name, condition) in &self.unknown {
             let text = format!(
                 "{name} is not used: {condition}, which `where` asks for, has no value before it"
             );
-            notes.push(note(Severity::Missing, name, 1, text));
+            notes.push(on.note(Severity::Missing, name, 1, text));
         }
+        notes
+    }
+
+    /// Names that are those of no maneuver.
+    pub fn of_names(&self, on: &About) -> Vec<Note> {
+        let mut notes = Vec::new();
         for (pattern, _) in self.chosen.except.iter().zip(&self.met).filter(|(_, met)| !**met) {
             let unseen = self.left.iter().chain(&self.empty);
             if !unseen.into_iter().any(|id| may_be_of(pattern, id)) {
                 let text = format!("`except` names {pattern}, and there is no such maneuver");
-                notes.push(note(Severity::Missing, pattern, 1, text));
+                notes.push(on.note(Severity::Missing, pattern, 1, text));
             }
         }
         notes

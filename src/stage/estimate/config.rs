@@ -29,6 +29,12 @@ impl Config {
         self.settings.name()
     }
 
+    /// Whether no estimation is from maneuvers of several flights: then every flight is estimated by
+    /// itself. Whole records are not, as they may be cut.
+    pub fn is_by_flight(&self) -> bool {
+        self.settings.group != super::settings::Group::All && self.settings.input.is_some()
+    }
+
     /// A note of this estimate, which it names.
     pub fn note(
         &self,

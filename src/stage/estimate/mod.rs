@@ -25,6 +25,7 @@ use crate::estimate::regression::Regressed;
 use crate::estimate::{self, Estimation};
 use crate::math::digits;
 use crate::noise::Modelled;
+use crate::table::Table;
 use batch::Batch;
 use rayon::prelude::*;
 use ready::Ready;
@@ -39,7 +40,7 @@ pub use uncertainty::WITH;
 pub const STAGE: Stage = Stage {
     name: NAME,
     about: "estimate models",
-    units: |campaign| Unit::entries(campaign.estimates.iter().map(Config::name)),
+    units,
     models: |campaign| campaign.estimates.iter().map(|e| (e.name(), e.columns())).collect(),
     writes: &[
         "estimates",
@@ -66,6 +67,51 @@ pub const STAGE: Stage = Stage {
     ..Stage::PLAIN
 };
 
+/// One unit per flight for every estimate whose flights have nothing to do with each other, flight by
+/// flight; one for every other estimate.
+fn units(campaign: &Campaign) -> Vec<Unit> {
+    let all = || campaign.estimates.iter().enumerate();
+    let of = |flight: &String| -> Vec<Unit> {
+        let mine = all().filter(|(_, c)| c.is_by_flight() && c.settings.chosen().flight(flight));
+        mine.map(|(index, config)| Unit {
+            name: format!("{} of {flight}", config.name()),
+            index,
+            part: Part::Of(index, flight.clone()),
+        })
+        .collect()
+    };
+    let whole = all().filter(|(_, config)| !config.is_by_flight());
+    let whole = whole.map(|(index, config)| Unit::entry(index, config.name()));
+    campaign.flights.iter().flat_map(of).chain(whole).collect()
+}
+
+/// All parts of a table that estimate `i` writes.
+pub(super) fn parts(campaign: &Campaign, i: usize) -> Vec<Part> {
+    let Some(config) = campaign.estimates.get(i) else { return Vec::new() };
+    let chosen = config.settings.chosen();
+    let flights = campaign.flights.iter().filter(|id| config.is_by_flight() && chosen.flight(id));
+    let pieces = flights.map(|id| Part::Of(i, id.clone()));
+    [Part::Number(i)].into_iter().chain(pieces).collect()
+}
+
+/// The parts of a table in which estimates may have rows of a flight.
+pub(super) fn parts_about(campaign: &Campaign, flight: &str) -> Vec<Part> {
+    let of = |(i, config): (usize, &Config)| match config.is_by_flight() {
+        false => Some(Part::Number(i)),
+        true => config.settings.chosen().flight(flight).then(|| Part::Of(i, flight.to_string())),
+    };
+    campaign.estimates.iter().enumerate().filter_map(of).collect()
+}
+
+/// The parts of these tables that estimate `i` writes; none of them has to be there.
+pub(super) fn reads_of(tables: &[&'static str], campaign: &Campaign, i: usize) -> Vec<Read> {
+    let parts = parts(campaign, i);
+    let of = |table: &&'static str| -> Vec<Read> {
+        parts.iter().map(|part| Read { table, part: part.clone(), optional: true }).collect()
+    };
+    tables.iter().flat_map(of).collect()
+}
+
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let Some(config) = campaign.estimates.get(unit.index) else { return Value::Null };
     let mut slice = slice_of(&config.settings);
@@ -73,7 +119,9 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         // The model counts by what it says, not by the name of its file.
         entries.remove("model");
         entries.insert("name".into(), json!(config.name()));
-        entries.insert("left_out".into(), json!(ready::left_out(config, campaign)));
+        if unit.flight().is_empty() {
+            entries.insert("left_out".into(), json!(ready::left_out(config, campaign)));
+        }
         entries.insert("model".into(), super::said(&config.model));
         entries.extend(super::taken(&config.model));
     }
@@ -81,32 +129,47 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 }
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
-    campaign
-        .estimates
-        .get(unit.index)
-        .map(|config| tables_read(config, campaign))
-        .unwrap_or_default()
+    let Some(config) = campaign.estimates.get(unit.index) else { return Vec::new() };
+    let flight = unit.flight();
+    if flight.is_empty() {
+        return tables_read(config, campaign);
+    }
+    let mut reads = Read::flight(tables(config), flight);
+    reads.iter_mut().for_each(|read| read.optional = true);
+    reads
+}
+
+/// Tables of a flight that records are made from.
+fn tables(config: &Config) -> &'static [&'static str] {
+    match config.settings.input {
+        None => &["signals", "samples"],
+        Some(_) => &["signals", "samples", "segments", "conditions"],
+    }
 }
 
 /// What the records of an estimate are made from.
 pub(super) fn tables_read(config: &Config, campaign: &Campaign) -> Vec<Read> {
-    let whole_flights = config.settings.input.is_none();
-    let tables: &[&'static str] = if whole_flights {
-        &["signals", "samples"]
-    } else {
-        &["signals", "samples", "segments", "conditions"]
-    };
     let chosen = config.settings.chosen();
-    let mut reads = Read::flights(tables, campaign);
+    let mut reads = Read::flights(tables(config), campaign);
     reads.retain(|read| matches!(&read.part, Part::Flight(id) if chosen.flight(id)));
     reads
 }
 
-fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
-    campaign
-        .estimates
-        .get(unit.index)
-        .map_or_else(|| Ok(Output::default()), |config| estimated(config, campaign, inputs))
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
+    let Some(config) = campaign.estimates.get(unit.index) else { return Ok(Output::default()) };
+    match unit.flight() {
+        "" => estimated(config, campaign, inputs),
+        flight => of_flight(config, flight, inputs),
+    }
+}
+
+/// What one flight has of an estimate: the tables that have a row.
+fn of_flight(config: &Config, flight: &str, inputs: &Inputs) -> Result<Output, Errors> {
+    let mut notes = Vec::new();
+    let ready = ready::of_one(config, flight, inputs, &mut notes)?;
+    let (mut tables, _) = of_ready(config, ready, inputs, &mut notes)?;
+    tables.retain(|(_, table)| table.rows() > 0);
+    Ok(Output { tables, files: Vec::new(), notes })
 }
 
 /// One estimate of the campaign's maneuvers.
@@ -114,18 +177,48 @@ pub(super) fn estimated(
     config: &Config,
     campaign: &Campaign,
     inputs: &Inputs,
-) -> std::result::Result<Output, Errors> {
+) -> Result<Output, Errors> {
     let mut notes = Vec::new();
     let ready = ready::of(config, campaign, inputs, &mut notes)?;
-    if ready.is_empty() {
+    let (tables, stops) = of_ready(config, ready, inputs, &mut notes)?;
+    notes.extend(together(config, &stops));
+    Ok(Output { tables, files: Vec::new(), notes })
+}
+
+/// What is said of all estimations of an estimate together, by how each of them stopped.
+pub(super) fn together(config: &Config, stops: &[&str]) -> Vec<Note> {
+    let of = |severity, count, text| config.note("", severity, config.name(), count, text);
+    let mut notes = Vec::new();
+    if stops.is_empty() {
         let text = format!("no maneuver to estimate {} from", config.name());
-        notes.push(config.note("", Severity::Missing, config.name(), 1, text));
+        notes.push(of(Severity::Missing, 1, text));
     }
     let by_motion = config.settings.method.by == estimate::By::Motion;
-    if config.model.is_driven() && by_motion && !ready.is_empty() {
+    if config.model.is_driven() && by_motion && !stops.is_empty() {
         let text = "noise drives its states: it is estimated by filter error, and its responses are predictions one sample ahead, not free simulations".to_string();
-        notes.push(config.note("", Severity::Info, config.name(), 1, text));
+        notes.push(of(Severity::Info, 1, text));
     }
+    let converged = estimate::Stop::Converged.as_str();
+    if !stops.is_empty() && stops.iter().all(|stop| *stop != converged) {
+        let mut kinds = stops.to_vec();
+        kinds.sort_unstable();
+        kinds.dedup();
+        let text = format!("no estimate of {} converged: {}", config.name(), kinds.join(", "));
+        notes.push(of(Severity::Missing, stops.len(), text));
+    }
+    notes
+}
+
+/// Tables, and how each estimation stopped.
+type Estimated = (Vec<(&'static str, Table)>, Vec<&'static str>);
+
+/// Estimates from records that are ready.
+fn of_ready(
+    config: &Config,
+    ready: Vec<Ready>,
+    inputs: &Inputs,
+    notes: &mut Vec<Note>,
+) -> Result<Estimated, Errors> {
     let batches = batches(config.settings.group, ready);
     let done = AtomicUsize::new(0);
     let estimated = |segments: &[estimate::Segment]| {
@@ -139,20 +232,14 @@ pub(super) fn estimated(
             (inputs.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, batches.len());
             estimation
         })
-        .collect::<std::result::Result<_, _>>()?;
+        .collect::<Result<_, _>>()?;
     for (batch, estimation) in batches.iter().zip(&estimations) {
         notes.extend(outcome_notes(config, batch, estimation));
         notes.extend(late::notes(config, inputs, (batch, estimation), &estimated)?);
     }
-    if !estimations.is_empty() && estimations.iter().all(|e| e.stop != estimate::Stop::Converged) {
-        let mut stops: Vec<&str> = estimations.iter().map(|e| e.stop.as_str()).collect();
-        stops.sort_unstable();
-        stops.dedup();
-        let text = format!("no estimate of {} converged: {}", config.name(), stops.join(", "));
-        notes.push(config.note("", Severity::Missing, config.name(), estimations.len(), text));
-    }
     let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();
-    Ok(Output { tables: tables::all(&config.name(), &results)?, files: Vec::new(), notes })
+    let stops = estimations.iter().map(|estimation| estimation.stop.as_str()).collect();
+    Ok((tables::all(&config.name(), &results)?, stops))
 }
 
 /// Groups the records, in order of flights and maneuvers.

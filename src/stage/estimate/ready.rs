@@ -1,7 +1,7 @@
 //! Maneuvers, samples and signals of the flights that an estimate uses come in; one record per
 //! maneuver, and notes on what was left out, go out.
 
-use super::chosen::Tally;
+use super::chosen::{About, Tally};
 use super::config::{Config, NAME};
 use super::names::{Driver, Scored};
 use super::records::{Grid, Measured, Source, Unusable, record};
@@ -40,6 +40,20 @@ pub fn of(
         }
     }
     notes.extend(tally.notes(NAME, &config.name()));
+    Ok(ready)
+}
+
+/// The same of one flight that the settings choose.
+pub fn of_one(
+    config: &Config,
+    flight: &str,
+    inputs: &Inputs,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<Ready>> {
+    let mut tally = Tally::new(config.settings.chosen());
+    let ready = of_flight(config, flight, inputs, (&mut tally, notes))?;
+    let entry = config.name();
+    notes.extend(tally.of_maneuvers(&About { stage: NAME, entry: &entry, flight }));
     Ok(ready)
 }
 

@@ -4,8 +4,8 @@
 mod config;
 mod known;
 
-use super::estimate::WITH;
-use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
+use super::estimate::{WITH, reads_of};
+use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::config::list;
 use crate::error::{Errors, Result};
 use crate::fit::{self, Band, LineFit, Points, Shared, Unfit};
@@ -33,12 +33,11 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let estimate = campaign.fits.get(unit.index).map_or(0, |f| f.estimate);
-    let mut all = vec![Read { table: "estimates", part: Part::Number(estimate), optional: false }];
-    all.extend(["budget", "correlations"].map(|table| Read {
-        table,
-        part: Part::Number(estimate),
-        optional: true,
-    }));
+    let mut all = reads_of(&["estimates", "budget", "correlations"], campaign, estimate);
+    // Of an estimate over all flights there is one part, and without it no line.
+    let whole = campaign.estimates.get(estimate).is_some_and(|config| !config.is_by_flight());
+    let needed = all.iter_mut().filter(|read| whole && read.table == "estimates");
+    needed.for_each(|read| read.optional = false);
     all.extend(Read::flights(&["segments", "conditions"], campaign));
     all
 }
@@ -66,13 +65,13 @@ impl Line<'_> {
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = campaign.fits.get(unit.index) else { return Ok(Output::default()) };
     let settings = &config.settings;
-    let Some(estimates) = inputs.get("estimates", Part::Number(config.estimate))? else {
+    let Some(estimates) = inputs.numbered("estimates", config.estimate)? else {
         return Ok(Output::default());
     };
     let (segments, conditions) = (inputs.all("segments")?, inputs.all("conditions")?);
-    let known = inputs.get("correlations", Part::Number(config.estimate))?;
+    let known = inputs.numbered("correlations", config.estimate)?;
     let known = known.as_ref().map(Known::read).transpose()?.unwrap_or_default();
-    let budget = inputs.get("budget", Part::Number(config.estimate))?;
+    let budget = inputs.numbered("budget", config.estimate)?;
     let mut lines = Vec::new();
     let mut notes = Vec::new();
     for (parameter, unit) in settings.parameters.iter().zip(&config.units) {

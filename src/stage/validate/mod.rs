@@ -102,9 +102,8 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let Some(config) = all(campaign).get(unit.index) else { return Vec::new() };
     let part = |table, i: usize| Read { table, part: Part::Number(i), optional: true };
     let mut reads = Read::flights(&["signals", "samples", "segments", "conditions"], campaign);
-    reads.extend(
-        ["estimates", "correlations", "residuals"].map(|table| part(table, config.estimate)),
-    );
+    let tables = ["estimates", "correlations", "residuals"];
+    reads.extend(estimate::reads_of(&tables, campaign, config.estimate));
     let lines = config.lines.iter();
     reads.extend(lines.flat_map(|&i| ["fits", "line_correlations"].map(|table| part(table, i))));
     reads
@@ -253,7 +252,7 @@ fn with_bands(config: &Config, segment: &Segment) -> Segment {
 
 /// By output, the root of the estimate's `R`: that of the mean square of its residuals.
 fn scatter(config: &Config, inputs: &Inputs) -> Result<BTreeMap<String, f64>> {
-    let Some(table) = inputs.get("residuals", Part::Number(config.estimate))? else {
+    let Some(table) = inputs.numbered("residuals", config.estimate)? else {
         return Ok(BTreeMap::new());
     };
     let (names, n, rms) = (table.strings("output")?, table.i64("n")?, table.f64("rms")?);

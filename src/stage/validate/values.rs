@@ -58,8 +58,8 @@ pub fn values(
     inputs: &Inputs,
     maneuver: &Maneuver,
 ) -> Result<std::result::Result<Values, String>> {
-    let estimates = inputs.get("estimates", inputs::Part::Number(config.estimate))?;
-    let correlations = inputs.get("correlations", inputs::Part::Number(config.estimate))?;
+    let estimates = inputs.numbered("estimates", config.estimate)?;
+    let correlations = inputs.numbered("correlations", config.estimate)?;
     let (estimates, correlations) = (estimates.as_ref(), correlations.as_ref());
     let mut found = Values::default();
     let mut numbers: Vec<Number> = Vec::new();
