@@ -49,8 +49,7 @@ fn row(flights: usize) {
     campaign.fly("flight-0000", flights as u64, MANEUVERS);
     let changed = Ran::of(&campaign);
     let (out, report) = (campaign.path("out"), campaign.path("out/report"));
-    let pages = sizes(&report).into_iter().filter(|(name, _)| name.ends_with(".html"));
-    let page = pages.filter(|(name, _)| name != "index.html").map(|page| page.1).max();
+    let page = sizes(&report.join("flights")).into_iter().max();
     let index = std::fs::metadata(report.join("index.html")).map_or(0, |file| file.len());
     println!(
         "{flights:>7} {:>11.2} {:>8.1} {:>8.0} {:>9.2} {:>11.2} {:>9.0} {:>9.0} {:>9.0} {:>9.0}",
@@ -107,12 +106,11 @@ fn anonymous(pid: u32) -> Option<f64> {
     Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
 }
 
-/// Names and sizes of the files in a folder.
-fn sizes(folder: &Path) -> Vec<(String, u64)> {
+/// Sizes of the files in a folder.
+fn sizes(folder: &Path) -> Vec<u64> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let files =
-        entries.filter_map(|e| Some((e.file_name().into_string().ok()?, e.metadata().ok()?)));
-    files.filter(|(_, file)| file.is_file()).map(|(name, file)| (name, file.len())).collect()
+    let files = entries.filter_map(|e| e.metadata().ok()).filter(|file| file.is_file());
+    files.map(|file| file.len()).collect()
 }
 
 /// Bytes of all files below a folder.

@@ -2,12 +2,13 @@
 //! removed.
 
 use super::files;
+use super::own::own_parts;
 use super::plan::Plan;
 use super::provenance::Provenance;
 use super::status::gone;
 use super::store::Store;
 use crate::error::Result;
-use crate::stage::{NOTES, Part, STAGES_TABLE};
+use crate::stage::{NOTES, STAGES_TABLE};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
@@ -28,7 +29,7 @@ pub fn unneeded(plan: &Plan, store: &Store) -> Vec<Unneeded> {
     let kept = store.records().into_iter().filter(|record| !is_gone(record));
     let known: BTreeSet<String> = kept
         .flat_map(|record| record.outputs.into_keys())
-        .chain([NOTES, STAGES_TABLE].map(|table| Part::Number(0).path(table)))
+        .chain(own_parts(&plan.campaign))
         .collect();
     let mut all = BTreeMap::new();
     for path in store.leftovers(&tables(plan), &known) {

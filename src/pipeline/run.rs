@@ -356,6 +356,9 @@ impl Run<'_> {
             record.outputs.insert(path, hash);
         }
         record.notes = output.notes;
+        // Whatever a unit of one flight says is about that flight.
+        let silent = record.notes.iter_mut().filter(|note| note.flight.is_empty());
+        silent.for_each(|note| note.flight = unit.flight().to_string());
         Ok(())
     }
 
@@ -367,9 +370,16 @@ impl Run<'_> {
         let shown = |table: &Table| {
             reads.as_ref().is_none_or(|reads| reads.iter().any(|read| read.table == table.name()))
         };
-        let tables = own_tables(&self.result.notes, &self.records)?.into_iter();
-        for table in tables.filter(shown) {
-            let path = Part::Number(0).path(table.name());
+        let mut tables = own_tables(&self.result.notes, &self.records)?;
+        tables.retain(|(_, table)| shown(table));
+        // Of a flight that has no notes any more there is no part.
+        let is_filed = |path: &str| {
+            let name = Part::of_path(path).map(|(table, _)| table);
+            tables.iter().any(|(_, table)| Some(table.name()) == name)
+        };
+        self.own.retain(|path, _| !is_filed(path));
+        for (part, table) in tables {
+            let path = part.path(table.name());
             let hash = self.store.put(&path, &table.to_parquet()?)?;
             keep(&self.kept, &path, &hash, table);
             self.own.insert(path.clone(), hash.clone());

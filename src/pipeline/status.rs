@@ -2,12 +2,12 @@
 
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::limits::Limits;
-use super::own::own_tables;
+use super::own::{own_parts, own_tables};
 use super::plan::Plan;
 use super::provenance::{Provenance, hash_bytes};
 use super::store::Store;
 use crate::error::Result;
-use crate::stage::{NOTES, Part, STAGES_TABLE, Stage};
+use crate::stage::Stage;
 use std::collections::BTreeSet;
 
 /// Records of units that are no longer part of the campaign.
@@ -51,16 +51,19 @@ pub fn status_within(
         if stage.reads_records {
             match &fresh {
                 Some((notes, records)) => {
-                    for table in own_tables(notes, records)? {
+                    for (part, table) in own_tables(notes, records)? {
                         contents.insert(
-                            Part::Number(0).path(table.name()),
+                            part.path(table.name()),
                             Content::Hash(hash_bytes(&table.to_parquet()?)),
                         );
                     }
                 }
-                None => contents.extend([NOTES, STAGES_TABLE].map(|table| {
-                    (Part::Number(0).path(table), Content::Changing("an earlier stage".into()))
-                })),
+                None => {
+                    let of = own_parts(&plan.campaign).into_iter();
+                    contents.extend(
+                        of.map(|path| (path, Content::Changing("an earlier stage".into()))),
+                    );
+                }
             }
         }
         let mut units = (stage.units)(&plan.campaign);

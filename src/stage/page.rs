@@ -1,11 +1,12 @@
 //! The tables of one flight come in, and its rows of the campaign's; the page of the flight goes out.
 //!
-//! A unit holds what is drawn of one flight, however many there are. Tables that estimates write hold all
-//! flights: of them the flight's rows alone are read. They change with every estimate, so pages are made
-//! again after one; a page that comes out the same is left as it is.
+//! A unit holds what is drawn of one flight, however many there are, and reads what there is of it: its own
+//! tables, its part of what estimates write and of the notes. Of an estimate over several flights its rows
+//! alone are read; such a table changes with every flight, so pages are made again then, and one that comes
+//! out the same is left as it is.
 
 use super::estimate;
-use super::report::{drawn_of, frame, own, parts, sections, settings, slice_of_all};
+use super::report::{drawn_of, frame, own, sections, settings, slice_of_all};
 use super::{Campaign, Inputs, Output, Part, Read, Stage, Unit};
 use crate::error::{Errors, Result};
 use crate::report::{self, Form, HISTORIES, Owners, ReportInput, Turn};
@@ -67,7 +68,7 @@ fn about(campaign: &Campaign, table: &str, flight: &str) -> Vec<Part> {
         }
     };
     match own(table) {
-        true => parts(campaign, table),
+        true => vec![Part::Of(0, flight.to_string())],
         false => campaign.stages.iter().filter(writes).flat_map(of).collect(),
     }
 }

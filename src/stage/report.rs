@@ -96,7 +96,14 @@ fn searched(campaign: &Campaign) -> BTreeMap<String, String> {
 
 /// The parts of a table of this campaign.
 pub fn parts(campaign: &Campaign, table: &str) -> Vec<Part> {
-    if own(table) { vec![Part::Number(0)] } else { campaign.parts(table) }
+    let notes = campaign.flights.iter().filter(|_| table == NOTES);
+    match own(table) {
+        true => {
+            let of = notes.map(|flight| Part::Of(0, flight.clone()));
+            [Part::Number(0)].into_iter().chain(of).collect()
+        }
+        false => campaign.parts(table),
+    }
 }
 
 /// Whether the pipeline writes a table itself.

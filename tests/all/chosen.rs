@@ -56,9 +56,9 @@ fn an_estimate_its_diagnosis_and_what_is_run_again_use_the_chosen_maneuvers() {
     ];
     // Every flight is estimated by itself.
     let of_estimate = [
+        "info 1 lag: 1 of 3 flights left out by choice: flight-2",
         "info 2 lag: 2 of 4 segments left out by choice: 1 by `except`, 1 by `where`",
         "info 1 lag: 1 of 4 segments left out by choice: 0 by `except`, 1 by `where`",
-        "info 1 lag: 1 of 3 flights left out by choice: flight-2",
     ];
     assert_eq!(notes(&c, "estimate"), of_estimate);
     assert_eq!(&notes(&c, "diagnose")[..2], left_out);

@@ -118,9 +118,13 @@ fn a_changed_flight_costs_its_own_estimates_and_what_takes_all_flights() {
     let before = tables(&c.path("out"));
     c.fly("flight-2", 7, 4);
     let run = c.run().ended(0);
-    for (stage, counts) in
-        [("ingest", (1, 2)), ("estimate", (1, 2)), ("review", (1, 0)), ("fit", (1, 0))]
-    {
+    for (stage, counts) in [
+        ("ingest", (1, 2)),
+        ("estimate", (1, 2)),
+        ("review", (1, 0)),
+        ("fit", (1, 0)),
+        ("page", (1, 2)),
+    ] {
         assert_eq!(run.stage(stage), counts, "{stage}");
     }
     // What a run from nothing makes is the same.
@@ -128,7 +132,7 @@ fn a_changed_flight_costs_its_own_estimates_and_what_takes_all_flights() {
     c.koehler("run", &["--out", "anew"]).ended(0);
     assert_eq!(after, tables(&c.path("anew")));
     let of = |flight: &str| format!("estimates/part-0-{flight}.parquet");
-    let is = |file: &str| before.get(file).is_some() && before.get(file) == after.get(file);
+    let is = |file: &str| before.contains_key(file) && before.get(file) == after.get(file);
     assert!(is(&of("flight-1")) && is(&of("flight-3")) && !is(&of("flight-2")));
     // A table without rows is there all the same.
     assert!(after.contains_key("profiles/part-0.parquet"));
