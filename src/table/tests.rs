@@ -1,3 +1,5 @@
+//! Tables built, written and read back; what of them is refused, and in which words.
+
 use super::*;
 
 fn segments(flight: &str, ids: &[&str], included: Vec<bool>) -> Table {
