@@ -83,12 +83,12 @@ fn maneuver(model: &Model, i: usize) -> Segment {
     let t: Vec<f64> = (0..POINTS).map(|k| k as f64 * DT).collect();
     let outputs = model.outputs.len();
     let channels: Vec<Channel> = (0..outputs)
-        .map(|output| Channel { output, t: t.clone(), z: vec![f64::NAN; POINTS] })
+        .map(|output| Channel { output, t: t.clone().into(), z: vec![f64::NAN; POINTS].into() })
         .collect();
     let mut record = Record {
         dt: DT,
         n: POINTS,
-        inputs: inputs(LATE),
+        inputs: inputs(LATE).into(),
         interpolation: vec![Interpolation::Cubic; 2],
         channels,
         substeps: 2,
@@ -102,7 +102,7 @@ fn maneuver(model: &Model, i: usize) -> Segment {
         let drawn: Vec<f64> = std::iter::repeat_with(noise).take(POINTS).collect();
         channel.z = y.iter().zip(drawn).map(|(y, n)| y + sd * n).collect();
     }
-    let record = Record { inputs: inputs(0), substeps: 0, ..record };
+    let record = Record { inputs: inputs(0).into(), substeps: 0, ..record };
     Segment {
         record,
         labels: [("input".to_string(), "elevator".to_string())].into(),

@@ -87,12 +87,12 @@ mod tests {
     #[test]
     fn one_long_record_is_cut_into_blocks_that_cover_it() {
         let t: Vec<f64> = (0..=400).map(|k| 5.0 + 0.1 * f64::from(k)).collect();
-        let channel = Channel { output: 0, t: t.clone(), z: t.clone() };
+        let channel = Channel { output: 0, t: t.clone().into(), z: t.clone().into() };
         let record = Record {
             t0: 5.0,
             dt: 0.1,
             n: 401,
-            inputs: t.clone(),
+            inputs: t.clone().into(),
             channels: vec![channel],
             ..Record::default()
         };
@@ -103,7 +103,7 @@ mod tests {
         );
         assert_eq!(names, ["f/1", "f/2", "f/3", "f/4"]);
         let samples: Vec<f64> =
-            blocks.iter().flat_map(|b| b.scored().channels[0].z.clone()).collect();
+            blocks.iter().flat_map(|b| b.scored().channels[0].z.to_vec()).collect();
         assert_eq!(samples, t);
         for b in blocks {
             let r = b.scored();

@@ -50,8 +50,9 @@ fn flown(truth: &Model, seed: u64) -> Vec<Segment> {
         }
         let n = n as usize;
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-        let channels = vec![Channel { output: 0, t, z: vec![0.0; n] }];
-        let mut record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
+        let channels = vec![Channel { output: 0, t: t.into(), z: vec![0.0; n].into() }];
+        let mut record =
+            Record { dt, n, inputs: inputs.into(), channels, substeps: 2, ..Record::default() };
         let given = propagator.given().iter().map(|_| 0.0).collect::<Vec<_>>();
         let response = propagator.respond(&truth.parameter_starts(), &given, &record, false);
         let mut stream = Stream::new(seed, &[&s.to_string()]);

@@ -93,9 +93,11 @@ fn campaign_at(pace: f64, truth: &Model, seed: u64, rho: f64) -> Vec<Segment> {
         let inputs: Vec<f64> =
             (0..n).flat_map(|k| [steps(k as f64 * 0.02, unit, amplitude), speed]).collect();
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-        let channels =
-            (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
-        let mut record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
+        let channels = (0..3)
+            .map(|output| Channel { output, t: t.clone().into(), z: vec![0.0; n].into() })
+            .collect();
+        let mut record =
+            Record { dt, n, inputs: inputs.into(), channels, substeps: 2, ..Record::default() };
         let response = propagator.respond(&truth.parameter_starts(), &[], &record, false);
         for (channel, y) in record.channels.iter_mut().zip(response.y) {
             let mut stream = Stream::new(seed, &[&s.to_string(), &channel.output.to_string()]);

@@ -60,11 +60,19 @@ fn flown(moment: &str, strength: f64, seed: u64) -> Vec<Segment> {
         let inputs: Vec<f64> = (0..n).flat_map(row).collect();
         let seen = inputs.chunks(4).flat_map(|u| [u[0], u[1]]).collect();
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-        let channels =
-            (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
+        let channels = (0..3)
+            .map(|output| Channel { output, t: t.clone().into(), z: vec![0.0; n].into() })
+            .collect();
         let interpolation = vec![Interpolation::Hold; 4];
-        let record =
-            Record { dt, n, inputs, channels, substeps: 2, interpolation, ..Record::default() };
+        let record = Record {
+            dt,
+            n,
+            inputs: inputs.into(),
+            channels,
+            substeps: 2,
+            interpolation,
+            ..Record::default()
+        };
         let response = propagator.respond(&truth.parameter_starts(), &[], &record, false);
         let mut record =
             Record { inputs: seen, interpolation: vec![Interpolation::Hold; 2], ..record };

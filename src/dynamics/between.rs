@@ -81,7 +81,7 @@ mod tests {
         let record = Record {
             dt: 0.1,
             n: 20,
-            inputs,
+            inputs: inputs.into(),
             interpolation: vec![Interpolation::Cubic],
             ..Record::default()
         };
@@ -96,7 +96,8 @@ mod tests {
     fn what_is_kept_is_what_is_computed_again() {
         let inputs: Vec<f64> = (0..40).map(|i| (i as f64).sin()).collect();
         let interpolation = vec![Interpolation::Linear, Interpolation::Hold];
-        let record = Record { dt: 0.1, n: 20, inputs, interpolation, ..Record::default() };
+        let record =
+            Record { dt: 0.1, n: 20, inputs: inputs.into(), interpolation, ..Record::default() };
         let slopes: Vec<f64> = (0..40).map(|i| (i as f64).cos()).collect();
         let mut between = Between::new(4);
         for step in 0..60 {

@@ -47,6 +47,7 @@ mod history;
 mod innovation_slopes;
 mod innovations;
 mod modes;
+mod numbers;
 mod propagate;
 mod propagator;
 mod record;
@@ -64,9 +65,10 @@ mod values;
 
 pub use filter::{Filter, Innovation, Innovations};
 pub use modes::Lost;
+pub use numbers::Numbers;
 pub use propagator::{Directions, Propagator, Tier};
 
-pub use record::{Channel, Interpolation, Record, Sampling};
+pub use record::{Channel, Interpolation, Record};
 pub use sigma_filter::{Smooth, smoothed};
 pub(crate) use tableau::{AHEAD, MOST_SUBSTEPS, WEIGHT};
 

@@ -1,15 +1,17 @@
 //! One stretch of flight as a model sees it: inputs on a uniform grid, measured outputs at their
 //! own times.
 
+use super::numbers::Numbers;
+
 /// What was measured of one model output, at its own time stamps.
 #[derive(Debug, Clone, Default, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct Channel {
     /// Index into the model's outputs.
     pub output: usize,
     /// Seconds, on the clock of the record's grid; ascending.
-    pub t: Vec<f64>,
+    pub t: Numbers,
     /// Values in SI; NaN marks a masked sample.
-    pub z: Vec<f64>,
+    pub z: Numbers,
 }
 
 /// How inputs run between two grid points.
@@ -47,7 +49,7 @@ pub struct Record {
     /// Number of grid points.
     pub n: usize,
     /// Inputs `[n][nu]`, row by row, in the order of the model's inputs.
-    pub inputs: Vec<f64>,
+    pub inputs: Numbers,
     /// The grid point where the states start; the points before it only feed delays (pre-roll).
     pub start: usize,
     /// The channels scored, in the order of the model's outputs; outputs that are not measured are
@@ -76,31 +78,15 @@ impl Weights {
     }
 }
 
-/// How a channel's samples lie on the grid.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Sampling {
-    /// One at every grid point from the start point on.
-    Grid,
-    /// Each as a combination of grid points; none outside the grid.
-    Between(Vec<Option<Weights>>),
-}
-
 impl Record {
-    /// How the samples of every channel lie on the grid.
-    pub fn sampling(&self) -> Vec<Sampling> {
+    /// Where the samples of a channel lie on the grid: none where there is one at every grid point from the start point on.
+    pub fn sampling(&self, channel: &Channel) -> Option<Vec<Option<Weights>>> {
         let n = self.n.saturating_sub(self.start);
-        let of = |channel: &Channel| {
-            let weights: Vec<Option<Weights>> =
-                channel.t.iter().map(|&t| self.weights(t)).collect();
-            let there =
-                |(k, w): (usize, &Option<Weights>)| w.is_some_and(|w| w.len == 1 && w.first == k);
-            if weights.len() == n && weights.iter().enumerate().all(there) {
-                Sampling::Grid
-            } else {
-                Sampling::Between(weights)
-            }
-        };
-        self.channels.iter().map(of).collect()
+        let weights: Vec<Option<Weights>> = channel.t.iter().map(|&t| self.weights(t)).collect();
+        let there =
+            |(k, w): (usize, &Option<Weights>)| w.is_some_and(|w| w.len == 1 && w.first == k);
+        let is_grid = weights.len() == n && weights.iter().enumerate().all(there);
+        (!is_grid).then_some(weights)
     }
 
     /// Weights of the grid values for time `t`; `None` outside the grid.

@@ -3,7 +3,7 @@
 
 use super::propagate;
 use super::propagator::Propagator;
-use super::record::{Sampling, Weights};
+use super::record::Weights;
 use super::starts::evaluate_starts;
 use super::substeps;
 use super::{Grid, Record, Response};
@@ -85,32 +85,26 @@ impl Propagator {
         record: &Record,
         sensitivities: bool,
     ) -> Response {
-        self.respond_at(parameters, given, record, &record.sampling(), sensitivities)
-    }
-
-    /// The same where the record's `sampling()` is known already.
-    pub fn respond_at(
-        &self,
-        parameters: &[f64],
-        given: &[f64],
-        record: &Record,
-        sampling: &[Sampling],
-        sensitivities: bool,
-    ) -> Response {
         let (grid, mut rows) = propagate::run(self, parameters, given, record, sensitivities);
         let (ny, nd) = (self.outputs.len(), self.directions.len());
         let mut out = Response { finite: grid.finite, ..Default::default() };
-        for (i, (channel, sampling)) in record.channels.iter().zip(sampling).enumerate() {
+        // Channels of one topic have their times in common.
+        let mut weights = None;
+        let mut of: Option<&[f64]> = None;
+        for (i, channel) in record.channels.iter().enumerate() {
             let Some(column) = self.outputs.iter().position(|&k| k == channel.output) else {
                 out.y.push(vec![f64::NAN; channel.t.len()]);
                 out.dy.extend(sensitivities.then(|| vec![0.0; channel.t.len() * nd]));
                 continue;
             };
             let y = |point: usize| grid.y[point * ny + column];
+            if of != Some(&*channel.t) {
+                (weights, of) = (record.sampling(channel), Some(&*channel.t));
+            }
             let mut values = pool::take(channel.t.len());
-            match sampling {
-                Sampling::Grid => values.iter_mut().enumerate().for_each(|(k, v)| *v = y(k)),
-                Sampling::Between(weights) => {
+            match &weights {
+                None => values.iter_mut().enumerate().for_each(|(k, v)| *v = y(k)),
+                Some(weights) => {
                     values
                         .iter_mut()
                         .zip(weights)
@@ -120,10 +114,10 @@ impl Propagator {
             out.y.push(values);
             if sensitivities {
                 let again = record.channels[i + 1..].iter().any(|c| c.output == channel.output);
-                out.dy.push(match sampling {
-                    Sampling::Grid if again => rows[column].clone(),
-                    Sampling::Grid => std::mem::take(&mut rows[column]),
-                    Sampling::Between(weights) => between(weights, &rows[column], nd),
+                out.dy.push(match &weights {
+                    None if again => rows[column].clone(),
+                    None => std::mem::take(&mut rows[column]),
+                    Some(weights) => between(weights, &rows[column], nd),
                 });
             }
         }

@@ -93,7 +93,7 @@ z = { unit = "rad", value = "z" }
         // Between the points that are looked at along the record.
         let inputs: Vec<f64> =
             (0..400).map(|k| if (130..150).contains(&k) { 0.05 } else { 0.0 }).collect();
-        let record = Record { dt: 0.04, n: 400, inputs, ..Record::default() };
+        let record = Record { dt: 0.04, n: 400, inputs: inputs.into(), ..Record::default() };
         let steps = propagator.substeps(&model.parameter_starts(), &[], &record);
         assert!(
             (8..=9).contains(&steps),

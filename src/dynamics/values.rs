@@ -284,7 +284,7 @@ impl Run<'_> {
         }
         for (step, rows) in rows.chunks_exact_mut(4 * width).enumerate() {
             let at = (record.start + first + step) * nu;
-            for (from, to) in [(&record.inputs, l.input()), (&self.slopes, l.input_rate())] {
+            for (from, to) in [(&*record.inputs, l.input()), (&self.slopes, l.input_rate())] {
                 let Some(both) = from.get(at..at + 2 * nu) else { continue };
                 for j in 0..nu {
                     let (a, b) = (both[j], both[nu + j]);

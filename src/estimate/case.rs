@@ -5,9 +5,7 @@ use super::choice::Chosen;
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::trace::Filtered;
 use super::{Label, Line, NoiseKind, Settings, Trace};
-use crate::dynamics::{
-    Channel, Directions, Filter, Innovation, Lost, Propagator, Record, Sampling,
-};
+use crate::dynamics::{Channel, Directions, Filter, Innovation, Lost, Propagator, Record};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::graph::Leaf;
@@ -47,8 +45,6 @@ pub struct Case {
     /// Of a model whose states are driven by noise.
     filter: Option<Filter>,
     pub records: Vec<Record>,
-    /// How the samples of each record lie on its grid.
-    sampling: Vec<Vec<Sampling>>,
     /// Which of them ask for integration steps by the model's fastest mode.
     automatic: Vec<bool>,
     /// Start values of the states that need one from outside, per segment.
@@ -77,7 +73,6 @@ impl Case {
         let outputs = propagator.outputs.clone();
         let (layout, unknowns) =
             layout(&model, &propagator, (segments, &records), settings, &chosen, &given);
-        let sampling = records.iter().map(Record::sampling).collect();
         let away = |s: &&Segment| {
             let of = |(_, line): &(usize, Line)| {
                 s.conditions.get(&line.against).map_or(f64::NAN, |x| x - line.centre)
@@ -92,7 +87,6 @@ impl Case {
             propagator,
             narrow: Narrow::default(),
             records,
-            sampling,
             automatic,
             given,
             away,
@@ -238,8 +232,7 @@ impl Case {
         sensitivities: bool,
     ) -> Option<Vec<Block>> {
         let (parameters, starts) = self.place(s, local);
-        let (record, sampling) = (&self.records[s], &self.sampling[s]);
-        let response = propagator.respond_at(&parameters, &starts, record, sampling, sensitivities);
+        let response = propagator.respond(&parameters, &starts, &self.records[s], sensitivities);
         if !response.finite {
             return None;
         }

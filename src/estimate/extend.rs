@@ -118,7 +118,7 @@ fn fed(record: &Record, nu: usize, outputs: &[usize]) -> Record {
     if cubic && nu > 0 {
         interpolation.resize(nu + outputs.len(), Interpolation::Cubic);
     }
-    Record { inputs, interpolation, ..record.clone() }
+    Record { inputs: inputs.into(), interpolation, ..record.clone() }
 }
 
 /// What was measured of an output, at the points of the grid: straight lines between the samples
@@ -139,14 +139,14 @@ mod tests {
     fn measurements_between_samples_are_straight_and_masked_ones_are_bridged() {
         let channel = Channel {
             output: 3,
-            t: vec![10.1, 10.3, 10.4, 10.5],
-            z: vec![1.0, f64::NAN, 4.0, 4.5],
+            t: vec![10.1, 10.3, 10.4, 10.5].into(),
+            z: vec![1.0, f64::NAN, 4.0, 4.5].into(),
         };
         let record = Record {
             t0: 10.0,
             dt: 0.1,
             n: 7,
-            inputs: vec![7.0; 7],
+            inputs: vec![7.0; 7].into(),
             channels: vec![channel],
             ..Record::default()
         };

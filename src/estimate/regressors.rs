@@ -10,7 +10,7 @@
 use super::case::Case;
 use super::sides::{Considered, Side, measured, sides};
 use super::{Settings, Trace};
-use crate::dynamics::{self, Record};
+use crate::dynamics::{self, Numbers, Record};
 use crate::error::Result;
 use crate::least_squares::{Block, Evaluate, Layout, Structure};
 use crate::model::linear::{Entry, Linear};
@@ -295,7 +295,7 @@ impl<'a> Problem<'a> {
     /// Both sides of the equations of segment `s` at its points.
     pub fn traces(&self, s: usize, theta: &[f64]) -> Vec<Trace> {
         let (record, sampled) = (&self.case.records[s], &self.segments[s]);
-        let t: Vec<f64> =
+        let t: Numbers =
             (0..sampled.n).map(|k| record.t0 + (k + record.start) as f64 * record.dt).collect();
         let blocks = self.residuals(s, &self.case.layout.local(s, theta), false);
         let trace = |(block, side): (Block, &Side)| {
@@ -305,7 +305,7 @@ impl<'a> Problem<'a> {
                 name: side.name.clone(),
                 unit: side.unit.clone(),
                 t: t.clone(),
-                measured: left.clone(),
+                measured: left.clone().into(),
                 modelled: left.iter().zip(&block.e).map(|(l, e)| l - e).collect(),
                 filtered: None,
             }

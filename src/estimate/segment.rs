@@ -66,7 +66,11 @@ impl Segment {
         let n = points.clamp(record.n.min(record.start + 1), record.n);
         Record {
             n,
-            inputs: record.inputs[..n * nu].to_vec(),
+            inputs: if n == record.n {
+                record.inputs.clone()
+            } else {
+                record.inputs[..n * nu].to_vec().into()
+            },
             channels: record.channels.iter().map(channel).collect(),
             ..record.clone()
         }
@@ -153,7 +157,11 @@ mod tests {
 
     #[test]
     fn samples_of_one_time_share_an_instant() {
-        let channel = |output, t: &[f64]| Channel { output, t: t.to_vec(), z: vec![0.0; t.len()] };
+        let channel = |output, t: &[f64]| Channel {
+            output,
+            t: t.to_vec().into(),
+            z: vec![0.0; t.len()].into(),
+        };
         let channels = vec![
             channel(0, &[0.0, 0.1, 0.2]),
             channel(1, &[0.0, 0.2]),

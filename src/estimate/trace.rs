@@ -1,5 +1,7 @@
 //! One output of one segment: what was measured, and what the model says at the same times.
 
+use crate::dynamics::Numbers;
+
 /// Measured and modelled values of one output in one segment.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Trace {
@@ -8,9 +10,9 @@ pub struct Trace {
     pub name: String,
     pub unit: String,
     /// Time stamps of the measurement, s.
-    pub t: Vec<f64>,
+    pub t: Numbers,
     /// As measured; NaN where masked.
-    pub measured: Vec<f64>,
+    pub measured: Numbers,
     pub modelled: Vec<f64>,
     /// Where `modelled` is what a filter predicts from all samples before.
     pub filtered: Option<Filtered>,

@@ -160,7 +160,11 @@ fn record(
         .iter()
         .filter_map(|Logged { output, t, z }| {
             let (a, b) = (t.partition_point(|&x| x < t0), t.partition_point(|&x| x <= t1));
-            (b > a).then(|| Channel { output: *output, t: t[a..b].to_vec(), z: z[a..b].to_vec() })
+            (b > a).then(|| Channel {
+                output: *output,
+                t: t[a..b].to_vec().into(),
+                z: z[a..b].to_vec().into(),
+            })
         })
         .collect();
     Record { t0, dt: grid.dt, n, inputs, start: 0, channels, substeps: 1, ..Default::default() }

@@ -77,7 +77,7 @@ fn apart(truth: &Truth, model: &str, output: &str, friction: &str, offset: &str)
         channels: vec![Channel {
             output: model.outputs.iter().position(|o| o.name == output).expect("an output"),
             t: (0..n).map(|k| k as f64 * truth.dt).collect(),
-            z: column(output).to_vec(),
+            z: column(output).to_vec().into(),
         }],
         interpolation: vec![Interpolation::Cubic; inputs.len()],
         ..Record::default()

@@ -165,7 +165,7 @@ fn a_delay_is_found_where_what_it_delays_starts_at_zero() {
     let (dt, n, start) = (0.02, 1000, 25);
     let drive = |t: f64| libm::sin(1.3 * t) + 0.7 * libm::sin(2.9 * t) + 0.4 * libm::sin(0.4 * t);
     let inputs: Vec<f64> = (0..n).map(|k| drive(dt * k as f64)).collect();
-    let mut record = Record { dt, n, start, inputs, ..Record::default() };
+    let mut record = Record { dt, n, start, inputs: inputs.into(), ..Record::default() };
     let propagator = Propagator::new(&model, Directions::default()).expect("a propagator");
     let grid = propagator.run(&values, &[], &record, false);
     let noise = |k: usize| 1e-3 * libm::sin(1e3 * (k as f64 + 0.3) * (k as f64 + 0.7));

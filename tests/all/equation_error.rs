@@ -293,7 +293,7 @@ fn the_pages_example_takes_the_terms_that_there_are() {
     let record = Record {
         dt: 0.02,
         n,
-        inputs: inputs.concat(),
+        inputs: inputs.concat().into(),
         channels: vec![Channel { output: 0, t: (0..n).map(|k| k as f64 * 0.02).collect(), z }],
         ..Record::default()
     };

@@ -88,7 +88,7 @@ fn record(rows: &[Vec<f64>], dt: f64, inputs: &[usize], outputs: &[usize]) -> Re
     let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
     let channels = outputs.iter().enumerate().map(|(output, &column)| Channel {
         output,
-        t: t.clone(),
+        t: t.clone().into(),
         z: rows.iter().map(|row| row[column - 1]).collect(),
     });
     Record {
@@ -255,8 +255,11 @@ fn truth_the_likelihood_is_that_of_all_samples_together() {
         times[0].iter().map(|t| 0.2 + 0.9 * t + 0.1 * (40.0 * t).sin()).collect(),
         times[1].iter().enumerate().map(|(k, t)| if k == 4 { f64::NAN } else { 0.5 + t }).collect(),
     ];
-    let channels =
-        (0..2).map(|output| Channel { output, t: times[output].clone(), z: z[output].clone() });
+    let channels = (0..2).map(|output| Channel {
+        output,
+        t: times[output].clone().into(),
+        z: z[output].clone().into(),
+    });
     let inputs = (0..n).map(|k| input(dt * f64::from(k))).collect();
     let record =
         Record { dt, n: n as usize, inputs, channels: channels.collect(), ..Record::default() };
@@ -351,7 +354,7 @@ fn derivatives_of_innovations_are_those_of_differences() {
     let of = |output: usize, z: fn(f64) -> f64| Channel {
         output,
         z: t.iter().map(|t| z(*t)).collect(),
-        t: t.clone(),
+        t: t.clone().into(),
     };
     let channels = vec![of(0, |t| 0.3 * (2.5 * t).sin()), of(1, |t| 0.7 * (2.5 * t).cos())];
     let record = Record { dt, n, inputs, channels, substeps: 2, ..Record::default() };
@@ -484,7 +487,7 @@ fn recovery_without_turbulence_the_density_is_nothing_and_derivatives_are_those_
     for (name, truth) in TRUTH {
         parameters[plain.parameter(name).expect("a parameter")] = truth;
     }
-    let run = Record { dt, n, inputs, ..Record::default() };
+    let run = Record { dt, n, inputs: inputs.into(), ..Record::default() };
     let y = propagator.run(&parameters, &[0.0, 0.0], &run, false).y;
     let sd = [0.005, 0.005, 0.05, 0.05, 0.05];
     let settings = Settings { initial: vec!["p".into(), "r".into()], ..Settings::default() };
@@ -495,7 +498,7 @@ fn recovery_without_turbulence_the_density_is_nothing_and_derivatives_are_those_
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
         let mut channel = |output: usize| Channel {
             output,
-            t: t.clone(),
+            t: t.clone().into(),
             z: (0..n).map(|k| y[k * 5 + output] + sd[output] * normal(&mut random)).collect(),
         };
         let channels = (0..5).map(&mut channel).collect();
@@ -603,14 +606,14 @@ fn flown(random: &mut rand_pcg::Pcg64, sigma: f64) -> Record {
         }
     }
     let interpolation = vec![Interpolation::Hold; truth.inputs.len()];
-    let fine = Record { dt: FINE, n, inputs, interpolation, ..Record::default() };
+    let fine = Record { dt: FINE, n, inputs: inputs.into(), interpolation, ..Record::default() };
     let propagator = Propagator::new(&truth, Directions::default()).expect("a propagator");
     let y = propagator.run(&truth.parameter_starts(), &[], &fine, false).y;
     let (dt, n) = (FINE * EVERY as f64, (n - 1) / EVERY + 1);
     let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
     let mut channel = |output: usize, sd: f64| Channel {
         output,
-        t: t.clone(),
+        t: t.clone().into(),
         z: (0..n).map(|k| y[k * EVERY * 3 + output] + sd * normal(random)).collect(),
     };
     let channels = vec![channel(0, 0.1), channel(1, 0.002), channel(2, 0.05)];
@@ -672,7 +675,7 @@ fn truth_gusts_of_the_fragments_have_the_variance_they_say() {
         let mut parameters = wide.parameter_starts();
         parameters[wide.parameter(sigma).expect("an intensity")] = 1.7;
         let n = 4000;
-        let record = Record { dt: 0.05, n, inputs: vec![60.0; n], ..Record::default() };
+        let record = Record { dt: 0.05, n, inputs: vec![60.0; n].into(), ..Record::default() };
         let end = propagator.run(&parameters, &[], &record, false).x_end;
         let p = wide.covariance.as_ref().expect("a covariance");
         // second order: sqrt(3) y1 + (1 - sqrt(3)) y2

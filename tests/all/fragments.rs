@@ -11,7 +11,7 @@ fn evaluate(text: &str, inputs: &[(&str, f64)], outputs: &[&str]) -> Vec<f64> {
     let value =
         |name: &str| inputs.iter().find(|i| i.0 == name).unwrap_or_else(|| panic!("{name}")).1;
     let row: Vec<f64> = model.inputs.iter().map(|i| value(&i.name)).collect();
-    let record = Record { dt: 1.0, n: 1, inputs: row, ..Default::default() };
+    let record = Record { dt: 1.0, n: 1, inputs: row.into(), ..Default::default() };
     let grid = propagator.run(&model.parameter_starts(), &[], &record, false);
     outputs.iter().map(|name| grid.y[model.output(name).expect("an output")]).collect()
 }
@@ -145,8 +145,13 @@ fn kinematic(text: &str, inputs: &[(&str, f64)], outputs: &[&str]) -> Vec<f64> {
         .zip(&row)
         .map(|(i, x)| x + 0.01 * value(&format!("{}'", i.name)))
         .collect();
-    let record =
-        Record { dt: 0.01, n: 2, inputs: [row, later].concat(), start: 0, ..Default::default() };
+    let record = Record {
+        dt: 0.01,
+        n: 2,
+        inputs: [row, later].concat().into(),
+        start: 0,
+        ..Default::default()
+    };
     let starts: Vec<f64> = model.states.iter().map(|s| value(&s.quantity.name)).collect();
     let states = (0..model.states.len()).collect();
     let propagator = if starts.is_empty() {

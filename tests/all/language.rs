@@ -395,7 +395,7 @@ fn damaged_models_end_in_messages_never_in_a_panic() {
                     let record = Record {
                         dt: 0.01,
                         n,
-                        inputs: vec![0.5; n * model.inputs.len()],
+                        inputs: vec![0.5; n * model.inputs.len()].into(),
                         ..Default::default()
                     };
                     let directions = Directions {

@@ -60,7 +60,7 @@ fn record(z: &[Vec<f64>]) -> Record {
     let channels = z
         .iter()
         .enumerate()
-        .map(|(output, z)| Channel { output, t: t.clone(), z: z.clone() })
+        .map(|(output, z)| Channel { output, t: t.clone().into(), z: z.clone().into() })
         .collect();
     Record {
         dt: DT,

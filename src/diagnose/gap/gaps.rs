@@ -247,7 +247,7 @@ mod tests {
             name: "q".into(),
             unit: "rad/s".into(),
             t,
-            measured: values,
+            measured: values.into(),
             modelled,
             filtered: None,
         }
@@ -272,7 +272,7 @@ mod tests {
         let n = 400;
         let inputs: Vec<f64> =
             (0..n).map(|k| if (100..200).contains(&k) { 1.0 } else { 0.0 }).collect();
-        let record = Record { dt: 0.02, n, inputs: inputs.clone(), ..Record::default() };
+        let record = Record { dt: 0.02, n, inputs: inputs.clone().into(), ..Record::default() };
         let traces = vec![trace(inputs.iter().map(|u| 0.3 * u).collect())];
         let all = gaps(
             &[Flown { segment: 0, record: &record, traces }],

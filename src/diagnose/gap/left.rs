@@ -36,8 +36,8 @@ pub fn left(found: &Found) -> Vec<Left> {
             };
             match all.iter().zip(&records).position(same) {
                 Some(at) => {
-                    all[at].t.extend(trace.t);
-                    all[at].measured.extend(trace.measured);
+                    all[at].t.append(&trace.t);
+                    all[at].measured.append(&trace.measured);
                     all[at].modelled.extend(trace.modelled);
                 }
                 None => {

@@ -162,21 +162,21 @@ mod tests {
         let shared: Vec<f64> = (0..N).map(|_| stream.normal()).collect();
         let mut channel = |output: usize| {
             let share = if output == 2 { 0.0 } else { 0.95 };
-            let z = shared
+            let mut z: Vec<f64> = shared
                 .iter()
                 .map(|x| share * x + (1.0f64 - share * share).sqrt() * stream.normal())
                 .collect();
-            let mut channel = Channel { output, t: (0..N).map(|k| 0.02 * k as f64).collect(), z };
+            let mut t: Vec<f64> = (0..N).map(|k| 0.02 * k as f64).collect();
             let lost = if output == 1 { lost } else { 0 };
-            channel.t.drain(100..100 + lost);
-            channel.z.drain(100..100 + lost);
-            channel
+            t.drain(100..100 + lost);
+            z.drain(100..100 + lost);
+            Channel { output, t: t.into(), z: z.into() }
         };
         let channels = outputs.iter().map(|&o| channel(o)).collect();
         let record = Record {
             dt: 0.02,
             n: N,
-            inputs: vec![0.0; N],
+            inputs: vec![0.0; N].into(),
             channels,
             substeps: 1,
             ..Record::default()

@@ -9,7 +9,7 @@
 
 use super::timescale::characteristic_time;
 use crate::diagnose::thresholds::Thresholds;
-use crate::dynamics::Record;
+use crate::dynamics::{Numbers, Record};
 use crate::estimate::{Case, Trace};
 use crate::math::distribution::chi2_quantile;
 
@@ -59,7 +59,7 @@ impl Kind {
 }
 
 /// Inputs, then modelled outputs of a segment: times and values.
-pub type Signals = Vec<(Vec<f64>, Vec<f64>)>;
+pub type Signals = Vec<(Numbers, Vec<f64>)>;
 
 /// All sources of a case.
 pub struct Sources {
@@ -169,7 +169,7 @@ fn frequencies(case: &Case, segments: &[usize], thresholds: &Thresholds) -> Vec<
 /// Signals of one segment, less their value at its start.
 pub fn signals(case: &Case, s: usize, traces: &[Trace]) -> Signals {
     let (record, nu) = (&case.records[s], case.model.inputs.len());
-    let grid = grid(record);
+    let grid = Numbers::from(grid(record));
     let begin = record.t0 + record.start as f64 * record.dt;
     let inputs = (0..nu).map(|i| {
         (grid.clone(), (0..record.n).map(|k| record.inputs[k * nu + i]).collect::<Vec<f64>>())
@@ -197,7 +197,7 @@ pub fn columns(
     signals: &Signals,
     times: &[f64],
 ) -> Vec<Vec<Vec<f64>>> {
-    let grid = grid(record);
+    let grid = Numbers::from(grid(record));
     let begin = record.t0 + record.start as f64 * record.dt;
     let on =
         |times: &[f64]| signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect::<Vec<_>>();

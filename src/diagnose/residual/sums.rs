@@ -93,7 +93,7 @@ pub fn sums(
     for trace in &traces {
         let Some(output) = case.outputs.iter().position(|&o| o == trace.output) else { continue };
         let (Some(filter), Some(less)) = (noise.filter(s, output), less(output)) else { continue };
-        if made.0 != trace.t {
+        if made.0 != &*trace.t {
             made = (&trace.t, columns(&sources.all, &case.records[s], &signals, &trace.t));
         }
         let mut e: Vec<f64> =

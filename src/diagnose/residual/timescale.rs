@@ -73,7 +73,7 @@ mod tests {
         let mut stream = Stream::new(1, &["timescale"]);
         let t: Vec<f64> = (0..400).map(|k| 3.0 + f64::from(k) * dt).collect();
         let z = t.iter().map(|t| of(*t) + noise * stream.normal()).collect();
-        Record { dt, channels: vec![Channel { output: 0, t, z }], ..Record::default() }
+        Record { dt, channels: vec![Channel { output: 0, t: t.into(), z }], ..Record::default() }
     }
 
     fn time(record: &Record) -> f64 {

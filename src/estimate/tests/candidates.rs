@@ -31,8 +31,9 @@ fn lag(seed: u64, truth: [f64; 5], candidates: &[&str]) -> Estimation {
     let n = 400;
     let inputs: Vec<f64> = (0..n).map(|k| [0.0, 1.0, -1.0, 2.0][k / 50 % 4]).collect();
     let channel =
-        Channel { output: 0, t: (0..n).map(|k| k as f64 * 0.02).collect(), z: vec![0.0; n] };
-    let mut record = Record { dt: 0.02, n, inputs, channels: vec![channel], ..Record::default() };
+        Channel { output: 0, t: (0..n).map(|k| k as f64 * 0.02).collect(), z: vec![0.0; n].into() };
+    let mut record =
+        Record { dt: 0.02, n, inputs: inputs.into(), channels: vec![channel], ..Record::default() };
     let run = propagator.run(&truth, &[], &record, false);
     let mut rng = rng(seed);
     record.channels[0].z = run.y.iter().map(|y| y + 0.05 * normal(&mut rng)).collect();

@@ -19,8 +19,11 @@ fn method() -> Settings {
 fn record(dt: f64, inputs: &[Vec<f64>], outputs: &[(usize, Vec<f64>)]) -> Record {
     let n = outputs[0].1.len();
     let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-    let channel =
-        |(output, z): &(usize, Vec<f64>)| Channel { output: *output, t: t.clone(), z: z.clone() };
+    let channel = |(output, z): &(usize, Vec<f64>)| Channel {
+        output: *output,
+        t: t.clone().into(),
+        z: z.clone().into(),
+    };
     Record {
         dt,
         n,

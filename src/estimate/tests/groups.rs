@@ -53,7 +53,7 @@ pub fn segments(
             let samples = 300;
             let channel = |output: usize, dt: f64, n: usize| {
                 let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-                Channel { output, z: vec![f64::NAN; n], t }
+                Channel { output, z: vec![f64::NAN; n].into(), t: t.into() }
             };
             let inputs = (0..samples).map(|k| [0.0, 1.0, -1.0, 0.0][(k / 60).min(3)]).collect();
             // `y` at half the rate of `x`, on its stamps
@@ -245,7 +245,8 @@ fn recovery_from_segments_of_unequal_rate_length_and_outputs() {
     for (s, dt, n, output) in [(1, 0.05, 90, 0), (2, 0.01, 450, 1)] {
         let (flap, flight, gain, shift) = label(s);
         let inputs = (0..n).map(|k| [0.0, 1.0, -1.0, 0.0][(k * 3 / n).min(3)]).collect();
-        let channel = Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![] };
+        let channel =
+            Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![].into() };
         let mut record =
             Record { dt, n, inputs, channels: vec![channel], substeps: 1, ..Record::default() };
         let y = propagator.respond(&[0.3, gain, shift, 0.0], &[], &record, false).y;

@@ -47,7 +47,7 @@ pub fn empty(n: usize, start: usize, count: usize) -> Record {
         .map(|output| Channel {
             output,
             t: (0..n - start).map(t).collect(),
-            z: vec![0.0; n - start],
+            z: vec![0.0; n - start].into(),
         })
         .collect();
     Record {
@@ -137,8 +137,13 @@ fn recovery_of_a_delay_needs_the_preroll() {
     assert_eq!(e.stop, Stop::Converged);
     within(&e, "tau", 0.8, 0.01);
     let known = e.det_r;
-    let cut =
-        Record { inputs: record.inputs[40..].to_vec(), n: 80, start: 0, t0: 40.0 * DT, ..record };
+    let cut = Record {
+        inputs: record.inputs[40..].to_vec().into(),
+        n: 80,
+        start: 0,
+        t0: 40.0 * DT,
+        ..record
+    };
     let e = estimate(&model, &[cut], &Settings::default()).unwrap();
     assert!(
         e.det_r > 10.0 * known,

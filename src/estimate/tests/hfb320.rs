@@ -36,7 +36,7 @@ fn hfb320() -> Option<(Model, Record)> {
         [("V", 4), ("alpha", 5), ("theta", 6), ("q", 7), ("qdot", 8), ("ax", 9), ("az", 10)];
     let channel = |(name, c): &(&str, usize)| {
         let t = (0..601).map(|k| k as f64 * dt).collect();
-        Channel { output: model.output(name).unwrap(), t, z: column(*c) }
+        Channel { output: model.output(name).unwrap(), t, z: column(*c).into() }
     };
     let mut channels: Vec<Channel> = channels.iter().map(channel).collect();
     channels.sort_by_key(|c| c.output);

@@ -79,8 +79,9 @@ fn record(
     let propagator = Propagator::new(truth, Directions::default()).unwrap();
     let (n, dt) = (200, 0.05);
     let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-    let channels =
-        (0..sd.len()).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
+    let channels = (0..sd.len())
+        .map(|output| Channel { output, t: t.clone().into(), z: vec![0.0; n].into() })
+        .collect();
     let mut record = Record {
         dt,
         n,
@@ -91,8 +92,7 @@ fn record(
         ..Record::default()
     };
     record.channels.iter_mut().for_each(|c| {
-        c.t.drain(..20);
-        c.z.drain(..20);
+        (c.t, c.z) = (c.t[20..].to_vec().into(), c.z[20..].to_vec().into());
     });
     let response = propagator.respond(parameters, &[], &record, false);
     let mut rng = rng(seed);

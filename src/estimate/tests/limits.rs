@@ -52,7 +52,7 @@ fn flown(truth: &[f64], size: f64, v: f64, seed: u64) -> Record {
         dt: DT,
         n,
         inputs: (0..n).flat_map(|k| [u(k), v]).collect(),
-        channels: vec![Channel { output: 0, z: vec![0.0; n], t }],
+        channels: vec![Channel { output: 0, z: vec![0.0; n].into(), t: t.into() }],
         ..Record::default()
     };
     let propagator = Propagator::new(&model(), Default::default()).unwrap();
@@ -166,7 +166,7 @@ fn fault_a_delay_that_reaches_back_to_before_the_record() {
     assert_eq!(estimated(std::slice::from_ref(&record), &settings).unwrap().too_short, []);
     // Cut 0.1 s before the step comes: it lies in the 0.3 s of the delay.
     let cut = |start: usize, from: usize| Record {
-        inputs: record.inputs[2 * from..].to_vec(),
+        inputs: record.inputs[2 * from..].to_vec().into(),
         n: record.n - from,
         start,
         t0: from as f64 * DT,

@@ -38,10 +38,11 @@ fn estimated(seed: u64) -> Estimation {
     let (n, dt) = (600, 0.02);
     let inputs: Vec<f64> =
         (0..n).map(|k| if (50..100).contains(&(k % 200)) { 0.05 } else { -0.01 }).collect();
-    let mut record = Record { dt, n, inputs, ..Record::default() };
+    let mut record = Record { dt, n, inputs: inputs.into(), ..Record::default() };
     let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
-    record.channels =
-        (0..3).map(|output| Channel { output, t: t.clone(), z: vec![0.0; n] }).collect();
+    record.channels = (0..3)
+        .map(|output| Channel { output, t: t.clone().into(), z: vec![0.0; n].into() })
+        .collect();
     let propagator = Propagator::new(&model, Directions::default()).unwrap();
     let y = propagator.respond(&TRUTH, &[], &record, false).y;
     for (channel, (output, y)) in record.channels.iter_mut().zip(y.into_iter().enumerate()) {

@@ -50,8 +50,11 @@ fn records(model: &Model, segments: usize) -> Vec<Record> {
             let n = 400 + 50 * s;
             let stamps =
                 |dt: f64, n: usize| (0..n).map(|k| 10.0 + k as f64 * dt).collect::<Vec<f64>>();
-            let channel =
-                |output: usize, t: Vec<f64>| Channel { output, z: vec![f64::NAN; t.len()], t };
+            let channel = |output: usize, t: Vec<f64>| Channel {
+                output,
+                z: vec![f64::NAN; t.len()].into(),
+                t: t.into(),
+            };
             let mut record = Record {
                 t0: 10.0,
                 dt: 0.02,

@@ -47,7 +47,7 @@ fn multistep(t: f64) -> f64 {
 }
 
 fn channel(output: usize, dt: f64, n: usize) -> Channel {
-    Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![0.0; n] }
+    Channel { output, t: (0..n).map(|k| k as f64 * dt).collect(), z: vec![0.0; n].into() }
 }
 
 /// Segments whose elevator reads 0.01 (s + 1) too much, and whose alpha reads 0.02 too much in the
@@ -63,7 +63,7 @@ fn shifted(count: usize) -> Vec<Segment> {
             let mut record = Record {
                 dt: 0.02,
                 n,
-                inputs,
+                inputs: inputs.into(),
                 channels: vec![channel(0, 0.02, n), channel(1, 0.02, n)],
                 ..Record::default()
             };
@@ -214,7 +214,7 @@ fn unstable(seed: u64) -> Record {
         ..Record::default()
     };
     for k in 0..n {
-        record.inputs.push(u);
+        record.inputs.append(&[u]);
         (record.channels[0].z[k], record.channels[1].z[k]) =
             (x[0] + 5e-4 * normal(&mut rng), x[1] + 1e-3 * normal(&mut rng));
         let next = multistep((k as f64 * dt) % 6.0) + 1.5 * x[0] + 0.5 * x[1];

@@ -192,7 +192,7 @@ fn driven(short: &Short, kind: Interpolation, segments: &[Segment]) -> Option<Ve
             column.iter().enumerate().for_each(|(k, v)| values[k * nu + input] = *v);
         }
         let start = record.start * times;
-        let record = Record { dt, n: fine.n, inputs: values, start, ..record.clone() };
+        let record = Record { dt, n: fine.n, inputs: values.into(), start, ..record.clone() };
         Some(Segment { record, ..segment.clone() })
     };
     segments.iter().zip(&short.samples).map(one).collect()

@@ -109,16 +109,28 @@ pub fn record(
         }
     }
     let (from, to) = (grid.t0 + begin as f64 * grid.dt, grid.t0 + (end - 1) as f64 * grid.dt);
-    let channels = measured.iter().map(|m| channel(m, from, to, grid.dt)).collect();
+    let mut channels: Vec<Channel> =
+        measured.iter().map(|m| channel(m, from, to, grid.dt)).collect();
+    share_times(&mut channels);
     Ok(Record {
         t0: grid.t0 + first as f64 * grid.dt,
         dt: grid.dt,
         n,
-        inputs: values,
+        inputs: values.into(),
         start: start - first,
         channels,
         ..Default::default()
     })
+}
+
+/// Channels of one topic have their times in common: they hold them once.
+fn share_times(channels: &mut [Channel]) {
+    for k in 1..channels.len() {
+        let (before, here) = channels.split_at_mut(k);
+        if let Some(same) = before.iter().find(|c| c.t == here[0].t) {
+            here[0].t = same.t.clone();
+        }
+    }
 }
 
 /// More than so many spacings between two samples of a regular channel: some between them were
@@ -144,7 +156,7 @@ fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {
         return Channel {
             output: m.output,
             t: t.iter().map(|t| clamped(*t)).collect(),
-            z: z.to_vec(),
+            z: z.to_vec().into(),
         };
     };
     // The samples around the window; before the channel's first one and behind its last one as many
@@ -153,18 +165,18 @@ fn channel(m: &Measured, from: f64, to: f64, dt: f64) -> Channel {
     let before = begin.checked_sub(1).map_or_else(|| t[0] - beyond(t[0] - low), |k| m.t[k]);
     let after =
         m.t.get(end).copied().unwrap_or_else(|| t[t.len() - 1] + beyond(high - t[t.len() - 1]));
-    let mut filled = Channel { output: m.output, ..Channel::default() };
+    let (mut times, mut values) = (Vec::new(), Vec::new());
     let mut last = before;
     for (next, value) in t.iter().copied().zip(z.iter().copied().map(Some)).chain([(after, None)]) {
         for lost in lost(last, next, spacing).filter(|t| (low..=high).contains(t)) {
-            filled.t.push(clamped(lost));
-            filled.z.push(f64::NAN);
+            times.push(clamped(lost));
+            values.push(f64::NAN);
         }
-        filled.t.extend(value.map(|_| clamped(next)));
-        filled.z.extend(value);
+        times.extend(value.map(|_| clamped(next)));
+        values.extend(value);
         last = next;
     }
-    filled
+    Channel { output: m.output, t: times.into(), z: values.into() }
 }
 
 /// Time between samples of a regular channel; none for another.
@@ -312,7 +324,7 @@ mod tests {
         for t in [late, changed] {
             let want: Vec<f64> = t.iter().copied().filter(|t| (12.0..=13.0).contains(t)).collect();
             let found = within(&t);
-            assert!(found.t == want && found.z == want, "{:?}", found.t);
+            assert!(*found.t == *want && *found.z == *want, "{:?}", found.t);
         }
         assert!(within(&[12.1, 12.9]).t.len() == 2 && within(&[1.0]).t.is_empty());
     }

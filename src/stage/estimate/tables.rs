@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::estimate::{Estimation, Iteration, Mode, Profile, Row, Trace};
 use crate::noise::{Modelled, Whiteness, theil, whiteness};
 use crate::table::Table;
+use std::borrow::Cow;
 
 /// The tables of one model's estimations.
 pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
@@ -235,34 +236,38 @@ fn residuals(model: &str, done: &[Done]) -> Result<Table> {
 }
 
 /// The free simulation beside a filter's predictions; none where there is no filter.
-fn simulated(trace: &Trace) -> Vec<f64> {
-    let known = trace.filtered.as_ref().map(|filtered| filtered.simulated.clone());
-    known.unwrap_or_else(|| vec![f64::NAN; trace.t.len()])
+fn simulated(trace: &Trace) -> Cow<'_, [f64]> {
+    match &trace.filtered {
+        Some(filtered) => Cow::Borrowed(&filtered.simulated),
+        None => Cow::Owned(vec![f64::NAN; trace.t.len()]),
+    }
+}
+
+fn residual(trace: &Trace) -> Cow<'_, [f64]> {
+    trace.measured.iter().zip(&trace.modelled).map(|(z, y)| z - y).collect()
 }
 
 fn responses(model: &str, done: &[Done]) -> Result<Table> {
     let rows = traces(done);
-    let each = |of: fn(&Trace) -> &Vec<f64>| {
-        rows.iter().flat_map(|l| of(l.trace).iter().copied()).collect::<Vec<f64>>()
+    let samples = rows.iter().map(|l| l.trace.t.len()).sum();
+    let each = |of: fn(&Trace) -> Cow<[f64]>| {
+        let mut all = Vec::with_capacity(samples);
+        rows.iter().for_each(|l| all.extend_from_slice(&of(l.trace)));
+        all
     };
-    let text = |of: fn(&Left) -> String| {
-        rows.iter().flat_map(|l| vec![of(l); l.trace.t.len()]).collect::<Vec<String>>()
+    let text = |of: for<'a> fn(&Left<'a>) -> &'a str| {
+        rows.iter().flat_map(move |l| std::iter::repeat_n(of(l), l.trace.t.len()))
     };
     Table::build("responses")
         .repeat("model", model)
-        .strings("group", text(|l| l.batch.group.clone()))
-        .strings("segment", text(|l| l.batch.segments.get(l.segment).cloned().unwrap_or_default()))
-        .strings("output", text(|l| l.trace.name.clone()))
-        .strings("unit", text(|l| l.trace.unit.clone()))
-        .f64("t_s", each(|t| &t.t))
-        .f64("measured", each(|t| &t.measured))
-        .f64("modelled", each(|t| &t.modelled))
-        .f64(
-            "residual",
-            rows.iter()
-                .flat_map(|l| l.trace.measured.iter().zip(&l.trace.modelled).map(|(z, y)| z - y))
-                .collect::<Vec<_>>(),
-        )
-        .f64("simulated", rows.iter().flat_map(|l| simulated(l.trace)).collect::<Vec<f64>>())
+        .strings("group", text(|l| &l.batch.group))
+        .strings("segment", text(|l| l.batch.segments.get(l.segment).map_or("", String::as_str)))
+        .strings("output", text(|l| &l.trace.name))
+        .strings("unit", text(|l| &l.trace.unit))
+        .f64("t_s", each(|t| Cow::Borrowed(&t.t)))
+        .f64("measured", each(|t| Cow::Borrowed(&t.measured)))
+        .f64("modelled", each(|t| Cow::Borrowed(&t.modelled)))
+        .f64("residual", each(residual))
+        .f64("simulated", each(simulated))
         .finish()
 }

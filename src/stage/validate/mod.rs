@@ -244,7 +244,7 @@ fn with_bands(config: &Config, segment: &Segment) -> Segment {
         let channels = &segment.record.channels;
         if let Some(of) = channels.iter().find(|c| c.output == output).cloned() {
             let z = vec![f64::NAN; of.t.len()];
-            segment.record.channels.push(Channel { output: band, t: of.t, z });
+            segment.record.channels.push(Channel { output: band, t: of.t, z: z.into() });
         }
     }
     segment
@@ -336,8 +336,8 @@ fn outputs(
         let output = judge::Output {
             name: trace.name.clone(),
             unit: trace.unit.clone(),
-            t: trace.t.clone(),
-            measured: trace.measured.clone(),
+            t: trace.t.to_vec(),
+            measured: trace.measured.to_vec(),
             modelled: motion(trace).to_vec(),
             driven: trace.filtered.as_ref().map(|filtered| judge::Driven {
                 sd: filtered.simulated_sd.clone(),

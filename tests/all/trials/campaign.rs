@@ -164,11 +164,11 @@ pub fn fly(
             let t: Vec<f64> = (start..points).map(|k| k as f64 * dt).collect();
             let channel = |output| Channel {
                 output,
-                t: t.clone(),
+                t: t.clone().into(),
                 z: grid.y.iter().skip(output).step_by(6).copied().collect(),
             };
             let channels = (0..6).map(channel).collect();
-            let record = Record { inputs: u, channels, substeps: 0, ..truth };
+            let record = Record { inputs: u.into(), channels, substeps: 0, ..truth };
             let labels = [
                 ("input".to_string(), KINDS[kind].to_string()),
                 ("flight".to_string(), format!("f{turn}")),

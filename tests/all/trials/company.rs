@@ -112,7 +112,7 @@ fn recorded(segments: Vec<Segment>, setting: &Setting) -> Vec<Segment> {
         }
         let (phase, period) = (r.random_range(0.0..TAU), r.random_range(10.0..30.0f64));
         for channel in segment.record.channels.iter_mut().filter(|c| c.output == 1) {
-            for (t, z) in channel.t.iter().zip(&mut channel.z) {
+            for (t, z) in channel.t.iter().zip(channel.z.iter_mut()) {
                 *z += 5e-4 * (TAU * t / period + phase).sin();
             }
         }
