@@ -102,6 +102,8 @@ fn columns(path: &Path) -> usize {
         })
         .collect();
     let (mut buffer, mut row, mut numbers) = (Buffer::default(), [0.0; 8], 0);
+    // As when a flight is read: room for as many messages as the part before had.
+    let mut room: BTreeMap<u16, usize> = prepared.keys().map(|&id| (id, 0)).collect();
     for part in 0..log.parts() {
         let mut readers: Vec<_> = prepared
             .iter()
@@ -109,7 +111,9 @@ fn columns(path: &Path) -> usize {
                 let channel = &log.channels[&id];
                 let width =
                     2 + TOPICS.iter().find(|t| t.0 == channel.topic).map_or(0, |t| t.2.len());
-                (id, width, p(), Vec::new(), Vec::new())
+                let rows = room[&id];
+                let values = Vec::with_capacity(rows * width);
+                (id, width, p(), Vec::with_capacity(rows), values)
             })
             .collect();
         log.messages(part, &mut buffer, |m| {
@@ -120,6 +124,7 @@ fn columns(path: &Path) -> usize {
         })
         .expect("a sound chunk");
         numbers += readers.iter().map(|r| r.4.len()).sum::<usize>();
+        room.extend(readers.iter().map(|r| (r.0, r.3.len())));
         black_box(readers.iter().map(|r| (&r.3, &r.4)).collect::<Vec<_>>());
     }
     numbers

@@ -6,6 +6,7 @@ use super::source::Source;
 use super::window::{HEAD, Record};
 use crate::error::Error;
 use std::io::Read;
+use zstd::bulk::Decompressor;
 
 /// A buffer that has become larger is given back after use.
 const KEPT: usize = 16 << 20;
@@ -15,6 +16,8 @@ const KEPT: usize = 16 << 20;
 pub struct Buffer {
     packed: Vec<u8>,
     records: Vec<u8>,
+    /// Made for the first chunk that needs it: its tables are large to ask for every time.
+    zstd: Option<Decompressor<'static>>,
 }
 
 impl Buffer {
@@ -126,13 +129,13 @@ pub(super) fn open_chunk<'b>(
     let taken = CHUNKS.take(packed_size.saturating_add(unpacked))?;
     let size =
         usize::try_from(size).map_err(|_| format!("its size of {size} bytes is not credible"))?;
-    let Buffer { packed, records } = buffer;
+    let Buffer { packed, records, zstd } = buffer;
     packed.resize(packed_length, 0);
     log.read(start, packed)?;
     let records: &[u8] = match compression {
         "" => packed,
         "zstd" => {
-            unpack_zstd(packed, size, records).map_err(|e| e.to_string())?;
+            unpack_zstd(packed, size, records, zstd).map_err(|e| e.to_string())?;
             records
         }
         "lz4" => {
@@ -157,7 +160,12 @@ const DENSE: usize = 64;
 const WINDOW_LOG: u32 = 24;
 
 /// Decompresses in one go where the announced size is credible.
-fn unpack_zstd(packed: &[u8], size: usize, records: &mut Vec<u8>) -> std::io::Result<()> {
+fn unpack_zstd(
+    packed: &[u8],
+    size: usize,
+    records: &mut Vec<u8>,
+    zstd: &mut Option<Decompressor<'static>>,
+) -> std::io::Result<()> {
     if size / DENSE > packed.len() {
         let mut stream = zstd::stream::Decoder::with_buffer(packed)?;
         stream.window_log_max(WINDOW_LOG)?;
@@ -165,7 +173,11 @@ fn unpack_zstd(packed: &[u8], size: usize, records: &mut Vec<u8>) -> std::io::Re
     }
     records.clear();
     records.reserve_exact(size);
-    zstd::bulk::Decompressor::new()?.decompress_to_buffer(packed, records).map(drop)
+    let zstd = match zstd {
+        Some(made) => made,
+        None => zstd.insert(Decompressor::new()?),
+    };
+    zstd.decompress_to_buffer(packed, records).map(drop)
 }
 
 /// Takes what comes, and one byte more than was announced: memory grows with what is there.

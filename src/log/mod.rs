@@ -18,6 +18,7 @@ pub mod inspect;
 mod layout;
 mod left_out;
 pub mod memory;
+mod parts;
 mod recorded;
 mod records;
 mod series;

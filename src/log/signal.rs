@@ -4,8 +4,9 @@
 use super::channel_map::{ChannelMap, SignalMap, Spikes, TimeSource, TimeZero, Trend};
 use super::decode::is_unreadable;
 use super::file::LogFile;
-use super::flight::{Columns, PartData, SignalLog, TopicPlan, stamp_paths};
+use super::flight::{SignalLog, stamp_paths};
 use super::left_out::{self, Fate, Seen};
+use super::parts::{Columns, PartData, TopicPlan};
 use super::series::{Account, Series, clock_jumps, describe, drop_stray_times, order, seconds};
 use super::{Note, agree, words};
 use crate::config::Doc;

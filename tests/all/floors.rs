@@ -131,7 +131,7 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 30] = [
+const THREADS: [(&str, &str); 31] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
@@ -141,8 +141,9 @@ const THREADS: [(&str, &str); 30] = [
     ("estimate/profile.rs", "the two sides of an interval of one estimate"),
     ("stage/estimate/mod.rs", "groups of maneuvers of one estimate, whose sums go to the engine"),
     ("stage/validate/mod.rs", "runs of one maneuver, whose sums go to the engine"),
-    ("log/flight.rs", "chunks and signals of one log"),
+    ("log/flight.rs", "signals of one log"),
     ("log/inspect.rs", "chunks of one log"),
+    ("log/parts.rs", "chunks of one log"),
     ("reconstruct/consistency.rs", "stretches of one flight"),
     ("reconstruct/output_error.rs", "windows of one flight"),
     ("reconstruct/smoothed.rs", "suspects of one flight"),

@@ -6,6 +6,7 @@
 //! its descriptor names a default.
 
 mod fields;
+mod number;
 mod plan;
 mod schema;
 #[cfg(test)]

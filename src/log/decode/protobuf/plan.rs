@@ -1,5 +1,6 @@
 //! A schema and the wanted paths in; a plan out, which takes a message to the numbers at the paths.
 
+use super::number::set;
 use super::schema::{Kind, Number, Schema};
 use super::wire::{self, Form};
 use crate::log::bytes::Bytes;
@@ -22,16 +23,21 @@ struct Node {
     /// Slots of the fields that are a number where the message does not have them.
     absent: Vec<(usize, f64)>,
     fields: Vec<Field>,
+    /// Of each of `fields`, key and slot where it is a double whose key is one byte.
+    doubles: Vec<Option<(u8, usize)>>,
     /// Place in `fields` by field number, for the small ones; `NONE` for fields that nobody wants.
     small: Vec<u8>,
 }
 
 const NONE: u8 = u8::MAX;
 
+/// Bytes of a double with a key of one byte in front.
+const DOUBLE: usize = 9;
+
 struct Field {
     number: u32,
-    /// How writers write it: the key where that is one byte, 0 where it is longer.
-    lead: u8,
+    /// The key as writers write it, where that is one byte.
+    lead: Option<u8>,
     form: Form,
     take: Take,
 }
@@ -120,6 +126,11 @@ impl Node {
                 *at = u8::try_from(i).unwrap_or(NONE);
             }
         }
+        let double = |field: &Field| match field.take {
+            Take::Number(Number::Double, slot) => Some((field.lead?, slot)),
+            _ => None,
+        };
+        self.doubles = self.fields.iter().map(double).collect();
     }
 
     /// Where in `fields` a number is.
@@ -133,36 +144,68 @@ impl Node {
     }
 
     fn read(&self, message: &[u8], counts: &mut [usize], out: &mut [f64]) -> Option<()> {
+        let (mut rest, mut next, mut in_order) = (message, 0, true);
+        while let [first, tail @ ..] = rest {
+            // Fields mostly come in the order of the schema.
+            if let Some(field) = self.fields.get(next).filter(|field| field.lead == Some(*first)) {
+                let met = self.row(next, rest, out);
+                if met > 0 {
+                    (rest, next) = (rest.get(met * DOUBLE..)?, next + met);
+                    continue;
+                }
+                let mut ahead = Bytes(tail);
+                // What is frequent is read here: a call for each number would cost more than it does.
+                match &field.take {
+                    Take::Number(number, slot) => {
+                        *out.get_mut(*slot)? = number.read(field.form, &mut ahead)?;
+                    }
+                    Take::Message(node) => node.read(wire::stretch(&mut ahead)?, counts, out)?,
+                    take => take.read(field.form, &mut ahead, counts, out)?,
+                }
+                (rest, next) = (ahead.0, next + 1);
+                continue;
+            }
+            let mut ahead = Bytes(rest);
+            let (number, form) = wire::key(&mut ahead)?;
+            match self.place(number) {
+                Some(place) => {
+                    (next, in_order) = (place + 1, false);
+                    self.fields.get(place)?.take.read(form, &mut ahead, counts, out)?;
+                }
+                None => wire::skip(&mut ahead, number, form)?,
+            }
+            rest = ahead.0;
+        }
+        if !in_order || next < self.fields.len() {
+            self.fill_in(out);
+        }
+        Some(())
+    }
+
+    /// Reads the doubles that stand here one behind the other; how many there were. Where one of them
+    /// stands does not hang on what was read before: the processor reads several side by side.
+    #[inline(always)]
+    fn row(&self, from: usize, bytes: &[u8], out: &mut [f64]) -> usize {
+        let (mut met, mut rest) = (0, bytes);
+        for double in self.doubles.iter().skip(from) {
+            let Some(([first, bits @ ..], tail)) = rest.split_first_chunk::<DOUBLE>() else {
+                break;
+            };
+            let Some((_, slot)) = double.filter(|(lead, _)| lead == first) else { break };
+            let Some(x) = out.get_mut(slot) else { break };
+            *x = finite(f64::from_le_bytes(*bits));
+            (met, rest) = (met + 1, tail);
+        }
+        met
+    }
+
+    /// Says what the message left out. It may come in several pieces: what one of them said stays.
+    fn fill_in(&self, out: &mut [f64]) {
         for &(slot, value) in &self.absent {
-            // A message may come in several pieces: what an earlier one said stays.
             if let Some(x) = out.get_mut(slot).filter(|x| is_unreadable(**x)) {
                 *x = value;
             }
         }
-        let (mut rest, mut next) = (Bytes(message), 0);
-        while !rest.0.is_empty() {
-            // Fields mostly come in the order of the schema.
-            if let (Some(field), [first, tail @ ..]) = (self.fields.get(next), rest.0)
-                && field.lead == *first
-            {
-                (rest.0, next) = (tail, next + 1);
-                if let Take::Number(number, slot) = &field.take {
-                    *out.get_mut(*slot)? = number.read(field.form, &mut rest)?;
-                } else {
-                    field.take.read(field.form, &mut rest, counts, out)?;
-                }
-                continue;
-            }
-            let (number, form) = wire::key(&mut rest)?;
-            match self.place(number) {
-                Some(place) => {
-                    next = place + 1;
-                    self.fields.get(place)?.take.read(form, &mut rest, counts, out)?;
-                }
-                None => wire::skip(&mut rest, number, form)?,
-            }
-        }
-        Some(())
     }
 }
 
@@ -172,7 +215,7 @@ impl Field {
             Take::Number(number, _) => number.form(),
             Take::Numbers(..) | Take::Message(_) | Take::Messages(..) => Form::Stretch,
         };
-        let lead = if number < 16 { (number as u8) << 3 | form as u8 } else { 0 };
+        let lead = (number < 16).then_some((number as u8) << 3 | form as u8);
         Field { number, lead, form, take }
     }
 }
@@ -207,84 +250,6 @@ impl Take {
             }
             _ => return None,
         }
-        Some(())
-    }
-}
-
-/// The next number of a list: goes to its slot, if anybody wants it.
-#[inline]
-fn set(count: &mut usize, wanted: &[(usize, usize)], value: f64, out: &mut [f64]) {
-    let slot = wanted.iter().find(|w| w.0 == *count).and_then(|w| out.get_mut(w.1));
-    *count += 1;
-    if let Some(x) = slot {
-        *x = value;
-    }
-}
-
-impl Number {
-    /// None where such a number is not written so.
-    #[inline(always)]
-    fn read(self, form: Form, rest: &mut Bytes) -> Option<f64> {
-        let x = match (self, form) {
-            (Number::Double, Form::Eight) => f64::from_bits(rest.u64()?),
-            (Number::Float, Form::Four) => f64::from(f32::from_bits(rest.u32()?)),
-            (Number::Signed, Form::Varint) => wire::varint(rest)? as i64 as f64,
-            (Number::Unsigned, Form::Varint) => wire::varint(rest)? as f64,
-            (Number::Zigzag, Form::Varint) => {
-                let n = wire::varint(rest)?;
-                ((n >> 1) as i64 ^ -((n & 1) as i64)) as f64
-            }
-            (Number::Bool, Form::Varint) => f64::from(u8::from(wire::varint(rest)? != 0)),
-            (Number::Fixed32, Form::Four) => f64::from(rest.u32()?),
-            (Number::Sfixed32, Form::Four) => f64::from(rest.u32()? as i32),
-            (Number::Fixed64, Form::Eight) => rest.u64()? as f64,
-            (Number::Sfixed64, Form::Eight) => rest.u64()? as i64 as f64,
-            _ => return None,
-        };
-        Some(finite(x))
-    }
-
-    fn form(self) -> Form {
-        match self.size() {
-            Some(8) => Form::Eight,
-            Some(_) => Form::Four,
-            None => Form::Varint,
-        }
-    }
-
-    /// Bytes of one, where all are of the same size.
-    pub fn size(self) -> Option<usize> {
-        match self {
-            Number::Double | Number::Fixed64 | Number::Sfixed64 => Some(8),
-            Number::Float | Number::Fixed32 | Number::Sfixed32 => Some(4),
-            Number::Signed | Number::Unsigned | Number::Zigzag | Number::Bool => None,
-        }
-    }
-
-    /// Numbers in a row.
-    fn packed(
-        self,
-        packed: &[u8],
-        count: &mut usize,
-        wanted: &[(usize, usize)],
-        out: &mut [f64],
-    ) -> Option<()> {
-        let mut rest = Bytes(packed);
-        let Some(size) = self.size() else {
-            while !rest.0.is_empty() {
-                set(count, wanted, self.read(Form::Varint, &mut rest)?, out);
-            }
-            return Some(());
-        };
-        if !packed.len().is_multiple_of(size) {
-            return None;
-        }
-        let (n, form) = (packed.len() / size, self.form());
-        for &(place, slot) in wanted {
-            let Some(i) = place.checked_sub(*count).filter(|&i| i < n) else { continue };
-            *out.get_mut(slot)? = self.read(form, &mut Bytes(packed.get(i * size..)?))?;
-        }
-        *count += n;
         Some(())
     }
 }

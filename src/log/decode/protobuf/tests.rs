@@ -222,15 +222,16 @@ fn a_damaged_message_is_unreadable_as_a_whole_and_the_next_one_is_read() {
         .collect();
     // It can be cut between two fields only.
     assert_eq!(ends.len(), 19, "{ends:?}");
-    let broken: [&[u8]; 8] = [
+    let broken: [&[u8]; 9] = [
         &[0x0d, 0, 0, 0, 0],             // x in four bytes
         &[0x09, 1],                      // too short
         &[0x0a, 0xff, 0xff, 0xff, 0x7f], // a length that lies
         &[0x08, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 2],
-        &[0x00, 1],                // field 0
-        &[0x0e],                   // a kind that is none
-        &[0x0c],                   // the end of no group
-        &[0xf3, 0x7f, 0xfc, 0x7f], // a group that ends as another
+        &[0x00, 1],                                     // field 0
+        &[0x09, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0], // field 0 where a high one would be
+        &[0x0e],                                        // a kind that is none
+        &[0x0c],                                        // the end of no group
+        &[0xf3, 0x7f, 0xfc, 0x7f],                      // a group that ends as another
     ];
     for bytes in broken {
         read(bytes, &mut out);
@@ -240,6 +241,31 @@ fn a_damaged_message_is_unreadable_as_a_whole_and_the_next_one_is_read() {
     }
     read(&vec![0xf3; 100_000], &mut out);
     assert!(is_unreadable(out[0]));
+}
+
+#[test]
+fn doubles_in_a_row_are_read_wherever_the_row_breaks() {
+    let a = DescriptorProto {
+        name: Some("A".into()),
+        field: (1..=5).map(|n| field(&format!("d{n}"), n, Type::Double)).collect(),
+        ..Default::default()
+    };
+    let channel = channel_of(FileDescriptorProto {
+        package: Some("p".into()),
+        syntax: Some("proto3".into()),
+        message_type: vec![a],
+        ..Default::default()
+    });
+    let one = |n: &u8| [&[n << 3 | 1][..], &f64::from(*n).to_le_bytes()].concat();
+    let message = |order: &[u8]| order.iter().flat_map(one).collect::<Vec<u8>>();
+    // The slots need not be in the order of the schema.
+    let paths = ["d5", "d1", "d2", "d3", "d4"];
+    let read = |order: &[u8]| values(&channel, &paths, &message(order)).join(" ");
+    assert_eq!(read(&[1, 2, 3, 4, 5]), "5 1 2 3 4");
+    assert_eq!(read(&[1, 2, 4, 5]), "5 1 2 0 4");
+    assert_eq!(read(&[5, 4, 3, 2, 1]), "5 1 2 3 4");
+    assert_eq!(read(&[1, 2, 1, 9, 2, 3]), "0 1 2 3 0");
+    assert_eq!(values(&channel, &paths, &message(&[1, 2, 3])[..26]), ["no"; 5]);
 }
 
 #[test]

@@ -1,0 +1,84 @@
+//! Bytes of a message and a kind of number in; the numbers that stand there out.
+
+use super::schema::Number;
+use super::wire::{self, Form};
+use crate::log::bytes::Bytes;
+use crate::log::decode::encoding::finite;
+
+/// The next number of a list: goes to its slot, if anybody wants it.
+#[inline]
+pub(super) fn set(count: &mut usize, wanted: &[(usize, usize)], value: f64, out: &mut [f64]) {
+    let slot = wanted.iter().find(|w| w.0 == *count).and_then(|w| out.get_mut(w.1));
+    *count += 1;
+    if let Some(x) = slot {
+        *x = value;
+    }
+}
+
+impl Number {
+    /// None where such a number is not written so.
+    #[inline(always)]
+    pub fn read(self, form: Form, rest: &mut Bytes) -> Option<f64> {
+        let x = match (self, form) {
+            (Number::Double, Form::Eight) => f64::from_bits(rest.u64()?),
+            (Number::Float, Form::Four) => f64::from(f32::from_bits(rest.u32()?)),
+            (Number::Signed, Form::Varint) => wire::varint(rest)? as i64 as f64,
+            (Number::Unsigned, Form::Varint) => wire::varint(rest)? as f64,
+            (Number::Zigzag, Form::Varint) => {
+                let n = wire::varint(rest)?;
+                ((n >> 1) as i64 ^ -((n & 1) as i64)) as f64
+            }
+            (Number::Bool, Form::Varint) => f64::from(u8::from(wire::varint(rest)? != 0)),
+            (Number::Fixed32, Form::Four) => f64::from(rest.u32()?),
+            (Number::Sfixed32, Form::Four) => f64::from(rest.u32()? as i32),
+            (Number::Fixed64, Form::Eight) => rest.u64()? as f64,
+            (Number::Sfixed64, Form::Eight) => rest.u64()? as i64 as f64,
+            _ => return None,
+        };
+        Some(finite(x))
+    }
+
+    pub fn form(self) -> Form {
+        match self.size() {
+            Some(8) => Form::Eight,
+            Some(_) => Form::Four,
+            None => Form::Varint,
+        }
+    }
+
+    /// Bytes of one, where all are of the same size.
+    pub fn size(self) -> Option<usize> {
+        match self {
+            Number::Double | Number::Fixed64 | Number::Sfixed64 => Some(8),
+            Number::Float | Number::Fixed32 | Number::Sfixed32 => Some(4),
+            Number::Signed | Number::Unsigned | Number::Zigzag | Number::Bool => None,
+        }
+    }
+
+    /// Numbers in a row.
+    pub fn packed(
+        self,
+        packed: &[u8],
+        count: &mut usize,
+        wanted: &[(usize, usize)],
+        out: &mut [f64],
+    ) -> Option<()> {
+        let mut rest = Bytes(packed);
+        let Some(size) = self.size() else {
+            while !rest.0.is_empty() {
+                set(count, wanted, self.read(Form::Varint, &mut rest)?, out);
+            }
+            return Some(());
+        };
+        if !packed.len().is_multiple_of(size) {
+            return None;
+        }
+        let (n, form) = (packed.len() / size, self.form());
+        for &(place, slot) in wanted {
+            let Some(i) = place.checked_sub(*count).filter(|&i| i < n) else { continue };
+            *out.get_mut(slot)? = self.read(form, &mut Bytes(packed.get(i * size..)?))?;
+        }
+        *count += n;
+        Some(())
+    }
+}
