@@ -5,6 +5,7 @@ pub mod cluster;
 mod design;
 mod diagnose;
 mod diff;
+mod flights;
 mod lineage;
 mod machines;
 mod progress;

@@ -1,6 +1,7 @@
 //! The closing words of a run: its result and its tables come in, a page of text on the screen goes
 //! out.
 
+use super::flights;
 use super::ran::Ran;
 use super::verdict;
 use super::words::say;
@@ -28,7 +29,7 @@ pub fn print(plan: &Plan, store: &Store, out: &Path, ran: &Ran) -> Result<()> {
     ran.left_out.iter().for_each(|words| say(words));
     // Of what was left out nothing is known but what an earlier run made.
     if ran.left_out.is_empty() {
-        flights(plan, store)?;
+        table(&flights::HEAD, flights::rows(plan, store)?);
         estimates(plan, store)?;
         lines(plan, store)?;
     }
@@ -63,7 +64,7 @@ fn stages(result: &RunResult, seconds: &BTreeMap<&'static str, f64>) {
 }
 
 /// The part of a table, where there is one.
-fn read(store: &Store, table: &str, part: Part) -> Result<Option<Table>> {
+pub(super) fn read(store: &Store, table: &str, part: Part) -> Result<Option<Table>> {
     if store.path(&part.path(table)).exists() {
         store.table(table, &part).map(Some)
     } else {
@@ -90,33 +91,8 @@ fn joined(store: &Store, table: &str, parts: &[Part]) -> Result<Option<Table>> {
     if found.is_empty() { Ok(None) } else { Table::concat(table, &found).map(Some) }
 }
 
-fn flights(plan: &Plan, store: &Store) -> Result<()> {
-    let mut rows = Vec::new();
-    for flight in &plan.campaign.flights {
-        let part = Part::Flight(flight.clone());
-        let signals = read(store, "channels", part.clone())?.map(|t| t.rows());
-        let (mut found, mut used, mut kinds) = (0, 0, Vec::new());
-        if let Some(segments) = read(store, "segments", part)? {
-            let included = segments.bools("included")?;
-            found = segments.rows();
-            used = included.iter().filter(|b| **b).count();
-            kinds = tally(&segments.strings("kind")?);
-        }
-        let signals = signals.map_or("none: not read".to_string(), |n| n.to_string());
-        rows.push(vec![
-            flight.clone(),
-            signals,
-            found.to_string(),
-            used.to_string(),
-            kinds.join(", "),
-        ]);
-    }
-    table(&["flight", "signals", "maneuvers", "used", "kinds"], rows);
-    Ok(())
-}
-
 /// `["2 x 211", "8 x 3211"]`
-fn tally(words: &[&str]) -> Vec<String> {
+pub(super) fn tally(words: &[&str]) -> Vec<String> {
     let mut sorted = words.to_vec();
     sorted.sort_unstable();
     sorted.chunk_by(|a, b| a == b).map(|run| format!("{} x {}", run.len(), run[0])).collect()

@@ -17,6 +17,8 @@ use crate::model::linear::{Entry, Linear};
 use crate::model::{Delayed, Model, Program};
 use crate::signal::resample::{Grid, linear};
 use crate::signal::smooth::SavitzkyGolay;
+use std::collections::{BTreeMap, btree_map};
+use std::sync::Arc;
 
 /// What one segment contributes, independent of the parameters.
 pub(super) struct Sampled {
@@ -24,10 +26,23 @@ pub(super) struct Sampled {
     pub points: Vec<f64>,
     pub n: usize,
     pub dt: f64,
-    pub smooth: SavitzkyGolay,
-    pub filter: SavitzkyGolay,
+    pub filters: Arc<Filters>,
     /// Per equation the left side; NaN where the equation has no value.
     pub left: Vec<Vec<f64>>,
+}
+
+/// What smooths states, and what gives their rates, on a grid of one spacing.
+pub(super) struct Filters {
+    pub smooth: SavitzkyGolay,
+    pub rate: SavitzkyGolay,
+}
+
+impl Filters {
+    fn new(smoothing_s: f64, dt: f64) -> Result<Filters> {
+        let window = (((smoothing_s / dt / 2.0).round() as usize).max(2) * 2) + 1;
+        let filter = |derivative| SavitzkyGolay::new(window, ORDER, derivative, dt);
+        Ok(Filters { smooth: filter(0)?, rate: filter(1)? })
+    }
 }
 
 /// The equations of a case over its segments.
@@ -58,13 +73,10 @@ fn on_grid(record: &Record, output: usize, first: usize) -> Vec<f64> {
     channel.map_or_else(|| vec![f64::NAN; n], |c| linear(&c.t, &c.z, &grid, f64::INFINITY))
 }
 
-fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result<Sampled> {
+fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Sampled {
     let (model, record) = (&case.model, &case.records[s]);
     let (l, first, dt) = (model.layout, record.start, record.dt);
     let n = record.n.saturating_sub(first);
-    let window = (((settings.smoothing_s / dt / 2.0).round() as usize).max(2) * 2) + 1;
-    let filters = |derivative| SavitzkyGolay::new(window, ORDER, derivative, dt);
-    let (smooth, filter) = (filters(0)?, filters(1)?);
     let width = l.time() + 1;
     let mut points = vec![0.0; n * width];
     let raw: Vec<Vec<f64>> = (0..model.states.len())
@@ -73,7 +85,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
                 .map_or_else(|| vec![f64::NAN; n], |output| on_grid(record, output, first))
         })
         .collect();
-    let smoothed: Vec<Vec<f64>> = raw.iter().map(|x| smooth.apply(x)).collect();
+    let smoothed: Vec<Vec<f64>> = raw.iter().map(|x| filters.smooth.apply(x)).collect();
     let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
     let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
     let taus = delays(model, &parameters);
@@ -123,10 +135,10 @@ fn prepare(case: &Case, sides: &[Side], s: usize, settings: &Settings) -> Result
             .enumerate()
             .map(|(k, z)| if known(k) { z } else { f64::NAN })
             .collect();
-        if side.is_rate { filter.apply(&z) } else { z }
+        if side.is_rate { filters.rate.apply(&z) } else { z }
     });
     let left = left.collect();
-    Ok(Sampled { points, n, dt, smooth, filter, left })
+    Sampled { points, n, dt, filters, left }
 }
 
 /// Delay times at these parameters.
@@ -147,9 +159,15 @@ impl<'a> Problem<'a> {
     pub fn new(case: &'a Case, settings: &Settings) -> Result<(Problem<'a>, Vec<Considered>)> {
         let (sides, equations) = sides(case);
         let model = &case.model;
-        let segments = (0..case.records.len())
-            .map(|s| prepare(case, &sides, s, settings))
-            .collect::<Result<Vec<_>>>()?;
+        // Segments of one spacing share their filters.
+        let mut filters: BTreeMap<u64, Arc<Filters>> = BTreeMap::new();
+        for record in &case.records {
+            if let btree_map::Entry::Vacant(place) = filters.entry(record.dt.to_bits()) {
+                place.insert(Arc::new(Filters::new(settings.smoothing_s, record.dt)?));
+            }
+        }
+        let of = |s: usize| filters[&case.records[s].dt.to_bits()].clone();
+        let segments = (0..case.records.len()).map(|s| prepare(case, &sides, s, of(s))).collect();
         let linear = model.linearize(&case.free(), &case.outputs);
         let (rates, outputs) = (model.rates_program(), model.outputs_program(&case.outputs));
         Ok((Problem { case, rates, outputs, linear, sides, segments }, equations))
@@ -249,7 +267,11 @@ impl<'a> Problem<'a> {
     /// integral.
     pub fn seen(&self, side: &Side, s: usize, column: Vec<f64>) -> Vec<f64> {
         let sampled = &self.segments[s];
-        if side.is_rate { sampled.filter.apply(&integral(&column, sampled.dt)) } else { column }
+        if side.is_rate {
+            sampled.filters.rate.apply(&integral(&column, sampled.dt))
+        } else {
+            column
+        }
     }
 
     fn residuals(&self, s: usize, local: &[f64], sensitivities: bool) -> Vec<Block> {
@@ -323,14 +345,14 @@ impl Evaluate for Problem<'_> {
 impl Sampled {
     /// The variance of white noise of unit variance in a regressor as an equation sees it.
     pub fn gain(&self, is_rate: bool, is_state: bool) -> f64 {
-        let reach = 2 * self.filter.window();
+        let reach = 2 * self.filters.rate.window();
         let mut noise = vec![0.0; 2 * reach + 1];
         noise[reach] = 1.0;
         if is_state {
-            noise = self.smooth.apply(&noise);
+            noise = self.filters.smooth.apply(&noise);
         }
         if is_rate {
-            noise = self.filter.apply(&integral(&noise, self.dt));
+            noise = self.filters.rate.apply(&integral(&noise, self.dt));
         }
         noise.iter().map(|v| v * v).sum()
     }

@@ -61,6 +61,14 @@ pub(super) fn texts<S: AsRef<str>>(
     Some(Arc::new(builder.finish()))
 }
 
+/// One text in all of `rows` rows, as an Arrow array of just that size; `None` when that is too many bytes.
+pub(super) fn repeated(text: &str, rows: usize) -> Option<ArrayRef> {
+    let bytes = text.len().checked_mul(rows).filter(|bytes| i32::try_from(*bytes).is_ok())?;
+    let mut builder = StringBuilder::with_capacity(rows, bytes);
+    (0..rows).for_each(|_| builder.append_value(text));
+    Some(Arc::new(builder.finish()))
+}
+
 impl Builder {
     pub(super) fn new(table: &str) -> Self {
         Builder { table: table.into(), given: Vec::new() }
@@ -209,9 +217,7 @@ impl Given {
     fn checked(&self, column: &Column, rows: usize, wrong: &mut Vec<String>) -> Option<ArrayRef> {
         let name = &column.name;
         let given = match &self.values {
-            Values::Repeat(text) => {
-                texts(std::iter::repeat_n(Some(text), rows)).map(|array| (array, Kind::String))
-            }
+            Values::Repeat(text) => repeated(text, rows).map(|array| (array, Kind::String)),
             Values::Array(array, kind) => Some((array.clone(), *kind)),
             Values::TooLong => None,
         };

@@ -168,10 +168,8 @@ impl<T: ChunkReader + 'static> TableFile<T> {
             arrow_select::concat::concat_batches(&in_file, &batches).map_err(|e| fail(&e))?;
         let array = |column: &Column| match (batch.column_by_name(&column.name), flight) {
             (Some(array), _) => Ok(array.clone()),
-            (None, Some(id)) => {
-                super::build::texts(std::iter::repeat_n(Some(id), batch.num_rows()))
-                    .ok_or_else(|| fail(&"it has too many rows"))
-            }
+            (None, Some(id)) => super::build::repeated(id, batch.num_rows())
+                .ok_or_else(|| fail(&"it has too many rows")),
             (None, None) => Err(fail(&"its path does not say which flight it is of")),
         };
         columns.iter().map(array).collect()

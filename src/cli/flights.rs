@@ -1,0 +1,87 @@
+//! The tables of flights come in; a row for each, or one for many of which the same is to be said, goes out.
+
+use super::summary::{read, tally};
+use crate::error::Result;
+use crate::pipeline::{Plan, Store};
+use crate::stage::Part;
+use indexmap::IndexMap;
+
+/// Flights shown one by one; of more than these, those of which the same is to be said share a row.
+const SHOWN: usize = 30;
+
+pub const HEAD: [&str; 5] = ["flight", "signals", "maneuvers", "used", "kinds"];
+
+/// What is shown of the flights, a row each, or one for many.
+///
+/// # Errors
+/// A table cannot be read back.
+pub fn rows(plan: &Plan, store: &Store) -> Result<Vec<Vec<String>>> {
+    let mut rows = Vec::new();
+    for flight in &plan.campaign.flights {
+        let part = Part::Flight(flight.clone());
+        let signals = read(store, "channels", part.clone())?.map(|t| t.rows());
+        let (mut found, mut used, mut kinds) = (0, 0, Vec::new());
+        if let Some(segments) = read(store, "segments", part)? {
+            let included = segments.bools("included")?;
+            found = segments.rows();
+            used = included.iter().filter(|b| **b).count();
+            kinds = tally(&segments.strings("kind")?);
+        }
+        let signals = signals.map_or("none: not read".to_string(), |n| n.to_string());
+        rows.push(vec![
+            flight.clone(),
+            signals,
+            found.to_string(),
+            used.to_string(),
+            kinds.join(", "),
+        ]);
+    }
+    Ok(gathered(rows))
+}
+
+/// Rows of many flights, the name in front: those that say the same become one, and those that few share come first.
+fn gathered(rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
+    if rows.len() <= SHOWN {
+        return rows;
+    }
+    let mut alike: IndexMap<Vec<String>, Vec<String>> = IndexMap::new();
+    for mut row in rows {
+        let name = row.remove(0);
+        alike.entry(row).or_default().push(name);
+    }
+    let mut alike: Vec<_> = alike.into_iter().collect();
+    alike.sort_by_key(|(_, names)| names.len());
+    let rest = alike.split_off(alike.len().min(SHOWN));
+    let named = |names: &[String]| match names {
+        [one] => one.clone(),
+        many => format!("{} and {} more", many[0], many.len() - 1),
+    };
+    let mut rows: Vec<Vec<String>> =
+        alike.iter().map(|(row, names)| [vec![named(names)], row.clone()].concat()).collect();
+    let left: usize = rest.iter().map(|(_, names)| names.len()).sum();
+    let last =
+        |k: usize| if k == 0 { format!("{left} others, see the report") } else { String::new() };
+    rows.extend((left > 0).then(|| (0..HEAD.len()).map(last).collect()));
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(name: usize, maneuvers: usize) -> Vec<String> {
+        [name, 3, maneuvers, maneuvers, 0].map(|n| n.to_string()).to_vec()
+    }
+
+    #[test]
+    fn many_flights_share_rows_and_what_few_say_comes_first() {
+        let few: Vec<_> = (0..SHOWN).map(|k| row(k, 24)).collect();
+        assert_eq!(gathered(few.clone()), few);
+        let many = (0..1000).map(|k| row(k, if k == 700 { 3 } else { 24 })).collect();
+        let rows = gathered(many);
+        assert_eq!(rows[0], row(700, 3));
+        assert_eq!((rows.len(), &*rows[1][0], &*rows[1][2]), (2, "0 and 998 more", "24"));
+        let rows = gathered((0..100).map(|k| row(k, k)).collect());
+        assert_eq!((rows.len(), &*rows[SHOWN][0]), (SHOWN + 1, "70 others, see the report"));
+    }
+}
