@@ -1,5 +1,5 @@
 //! The estimator's speed: published flight data and a simulated six-degree-of-freedom campaign in;
-//! every figure with its floor and with the references it is held against, out. `cargo bench` (`cargo bench --bench estimator -- filter`: the filter alone; `-- ceiling`: beside a program written in C); the
+//! every figure with its floor and with the references it is held against, out. `cargo bench` (`cargo bench --bench estimator -- filter`: the filter alone; `-- ceiling`: beside a program written in C; `-- fused`: what other shapes of a pass could reach); the
 //! flight data are looked for in KOEHLER_DATA or ../shared/data.
 //!
 //! Times are the least of many runs, so that others on the machine count little. An iteration is
@@ -17,6 +17,9 @@ use work::{Work, hfb320, hfb320_filtered, six_dof, six_dof_filtered, whole_campa
 
 fn main() {
     let one = threads(1);
+    if std::env::args().any(|a| a == "fused") {
+        return work::fused::run(BLOCKS);
+    }
     if std::env::args().any(|a| a == "ceiling") {
         return one.install(beside_c);
     }
@@ -91,9 +94,7 @@ fn beside_c() {
             })
             .collect();
         let median = |column: usize| {
-            let mut all: Vec<f64> = blocks.iter().map(|block| block[column]).collect();
-            all.sort_by(f64::total_cmp);
-            all[all.len() / 2]
+            work::ceiling::median(blocks.iter().map(|block| block[column]).collect())
         };
         for (what, at) in [("1 segment, 11 parameters", 0), ("10 segments, 11 + 40", 3)] {
             let [c, i, n] = [at, at + 1, at + 2].map(median);

@@ -19,22 +19,44 @@ pub const AVX512: &[&str] = &["-mprefer-vector-width=512"];
 pub const AVX2: &[&str] = &["-mno-avx512f", "-mprefer-vector-width=256"];
 pub const FAST: &[&str] = &["-ffast-math"];
 
+/// The folder of the program, said aloud where there is none.
+fn folder(data: &Path) -> Option<PathBuf> {
+    let beside = || data.parent().map(|p| p.join("bench/ceiling"));
+    let folder = std::env::var_os("KOEHLER_CEILING").map(PathBuf::from).or_else(beside)?;
+    if !folder.join("sens.c").is_file() {
+        println!("no sens.c in KOEHLER_CEILING or beside the data: not held against C");
+        return None;
+    }
+    Some(folder)
+}
+
+/// The text of the program.
+pub fn source(data: &Path) -> Option<String> {
+    std::fs::read_to_string(folder(data)?.join("sens.c")).ok()
+}
+
 impl Ceiling {
     /// None, said aloud, where there is no program, no record or no compiler.
     pub fn of(flags: &[&[&str]], data: &Path) -> Option<Ceiling> {
-        let beside = || data.parent().map(|p| p.join("bench/ceiling"));
-        let source = std::env::var_os("KOEHLER_CEILING").map(PathBuf::from).or_else(beside)?;
-        let source = source.join("sens.c");
+        Ceiling::made(&source(data)?, flags, data)
+    }
+
+    /// Another program that includes the `hfb.h` of the first, likewise.
+    pub fn made(source: &str, flags: &[&[&str]], data: &Path) -> Option<Ceiling> {
         let record = data.join("hfb320/hfb320_1_10.asc");
-        if !source.is_file() || !record.is_file() {
-            println!("no sens.c in KOEHLER_CEILING or beside the data: not held against C");
+        let include = folder(data)?;
+        if !record.is_file() {
+            println!("no record of the HFB-320 in the data: not held against C");
             return None;
         }
         let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("sens.c");
+        std::fs::write(&file, source).expect("a file");
         let made = Command::new("cc")
             .args(flags.iter().copied().flatten())
-            .arg("-DSEG=1")
-            .arg(&source)
+            .args(["-DSEG=1", "-I"])
+            .arg(include)
+            .arg(file)
             .arg("-o")
             .arg(folder.path().join("sens"))
             .arg("-lm")
@@ -63,4 +85,10 @@ impl Ceiling {
         // The first is a start and five iterations: six passes.
         [least("P1") / 6.0, least("P2")]
     }
+}
+
+/// The middle of some numbers.
+pub fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
 }

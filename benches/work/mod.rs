@@ -1,6 +1,7 @@
 //! The estimations that are timed: models, records and settings.
 
 pub mod ceiling;
+pub mod fused;
 
 use koehler::dynamics::{Channel, Directions, Propagator, Record, Tier};
 use koehler::estimate::{Settings, Stop, estimate};

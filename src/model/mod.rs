@@ -50,6 +50,8 @@ use crate::units::Dim;
 pub use covariance::{Covariance, Scored, noise_of};
 use fragments::Folder;
 use graph::{Graph, Leaf, Node};
+#[cfg(feature = "internals")]
+pub use instruction::{Code, Instruction};
 pub use program::{Layout, Program};
 pub use tables::Tables;
 pub use turbulent::density_of;

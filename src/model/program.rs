@@ -208,6 +208,18 @@ impl Program {
         &self.body
     }
 
+    /// The operations that are run once for many evaluations.
+    #[cfg(feature = "internals")]
+    pub fn prologue(&self) -> &[Instruction] {
+        &self.prologue
+    }
+
+    /// Registers that hold constants.
+    #[cfg(feature = "internals")]
+    pub fn constants(&self) -> &[(u32, f64)] {
+        &self.constants
+    }
+
     /// The registers below `n` that the body or an output reads, ascending.
     pub fn reads(&self, n: usize) -> Vec<usize> {
         let mut read = vec![false; n];
