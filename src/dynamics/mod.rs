@@ -12,8 +12,9 @@
 //!    always full.
 //! 3. *Sensitivities*: `S' = A S + B` through the same Runge-Kutta stages, so the result is the
 //!    exact derivative of the computed values, not an approximation of the derivative of the true
-//!    ones. Lanes are directions. Of a plain model a kernel takes a block of stages at once and
-//!    leaves S at the grid points, for the outputs' kernel; of others both go point by point.
+//!    ones. Lanes are directions. Of a plain model a kernel takes a block of stages at once (S of
+//!    up to four states stays in registers) and leaves S at the grid points, for the outputs'
+//!    kernel; of others both go point by point.
 //!
 //! A chunk of grid steps goes through 1 to 3 before the next one begins: the working set stays in
 //! cache, memory does not grow with the record (except for the outputs themselves, and the history
@@ -41,6 +42,7 @@ mod between;
 mod contact_tests;
 mod contacts;
 mod evaluate;
+mod few;
 mod filter;
 mod gain;
 mod history;
@@ -56,6 +58,7 @@ mod rows;
 mod sigma_filter;
 mod starts;
 mod step;
+mod steps;
 mod stiffness;
 mod substeps;
 mod tableau;

@@ -1,10 +1,11 @@
-//! Sparse Jacobians over lanes of directions: `J_x S + J_p + J_d D`, and with it Runge-Kutta steps
-//! of S, eight directions at a time.
+//! Sparse Jacobians over lanes of directions in; `J_x S + J_p + J_d D`, eight directions at a time,
+//! out (`steps` and `few` take S through Runge-Kutta steps with it).
 //!
 //! The rows of S and, behind them, those of D (sensitivities of delayed values) stand in one list,
 //! so that a row of the result is one sum. Some vectors of directions go through all points of a
 //! call before the next ones begin: directions do not see each other, and their part of S stays in
-//! the nearest cache.
+//! the nearest cache. What acts by itself, `J_p`, is kept for the vectors of directions that have
+//! any; the others share one vector of zeros.
 
 use crate::math::simd::{Aligned, Eight, by_width};
 use crate::model::Program;
@@ -17,26 +18,32 @@ pub(super) const LANES: usize = 16;
 /// One product of a row: where the entry of the Jacobian stands in a file of registers (`LANES`
 /// points each), and where the row that it multiplies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Product {
-    entry: u32,
-    source: u32,
+pub(super) struct Product {
+    pub(super) entry: u32,
+    pub(super) source: u32,
 }
 
 /// The entries of a Jacobian, row by row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Rows {
-    rows: usize,
+    pub(super) rows: usize,
     /// Directions, padded to whole vectors.
-    lanes: usize,
+    pub(super) lanes: usize,
     /// The end of each row's products in `products`.
-    ends: Vec<u32>,
-    products: Vec<Product>,
-    /// Where an entry stands, and the row and direction that it acts on by itself.
+    pub(super) ends: Vec<u32>,
+    pub(super) products: Vec<Product>,
+    /// Where an entry stands, and where the direction that it acts on by itself stands in a point's
+    /// direct parts.
     direct: Vec<(u32, u32)>,
+    /// Per row and vector of directions where its direct part stands; zero, where the zeros are, if
+    /// it has none.
+    places: Vec<u32>,
+    /// Numbers of the direct parts of one point.
+    pub(super) stride: usize,
     /// Registers of the program that computes the entries.
     registers: usize,
     /// Numbers of S and D that are read.
-    reach: usize,
+    pub(super) reach: usize,
 }
 
 impl Rows {
@@ -49,7 +56,9 @@ impl Rows {
         states: usize,
         lanes: usize,
     ) -> Rows {
-        let mut out = Rows { rows, lanes, registers: program.file_len(), ..Default::default() };
+        let (places, stride) = (vec![0; rows * lanes / 8], 8);
+        let registers = program.file_len();
+        let mut out = Rows { rows, lanes, registers, places, stride, ..Default::default() };
         let place = |output: usize| (program.register(output) * LANES) as u32;
         for row in 0..rows {
             for (list, first) in [(&sparse.states, 0), (&sparse.delayed, states)] {
@@ -62,7 +71,12 @@ impl Rows {
             out.ends.push(out.products.len() as u32);
         }
         for e in sparse.parameters.iter().filter(|e| e.row < rows && e.column < lanes) {
-            out.direct.push((place(e.output), (e.row * lanes + e.column) as u32));
+            let vector = &mut out.places[(e.row * lanes + e.column) / 8];
+            if *vector == 0 {
+                *vector = out.stride as u32;
+                out.stride += 8;
+            }
+            out.direct.push((place(e.output), *vector + (e.column % 8) as u32));
         }
         out
     }
@@ -72,13 +86,23 @@ impl Rows {
         self.rows * self.lanes
     }
 
+    /// Numbers of the direct parts of a block.
+    pub fn direct_size(&self) -> usize {
+        LANES * self.stride
+    }
+
+    /// Where the direct parts of a row stand, by vectors from direction `v` on.
+    #[inline(always)]
+    pub(super) fn places(&self, row: usize, v: usize) -> *const u32 {
+        self.places.as_ptr().wrapping_add((row * self.lanes + v) / 8)
+    }
+
     /// Writes what acts by itself, `J_p`, at `LANES` points; other numbers of `direct` stay zero.
     pub fn spread(&self, registers: &[[f64; LANES]], direct: &mut Aligned) {
-        let size = self.size();
+        let direct = &mut direct[..self.direct_size()];
         for &(entry, at) in &self.direct {
-            for (l, value) in registers[entry as usize / LANES].iter().enumerate() {
-                direct[l * size + at as usize] = *value;
-            }
+            let points = direct[at as usize..].iter_mut().step_by(self.stride);
+            points.zip(&registers[entry as usize / LANES]).for_each(|(to, value)| *to = *value);
         }
     }
 }
@@ -94,11 +118,11 @@ pub struct Block<'a> {
 
 impl Block<'_> {
     /// Whether the block and `points` of it are large enough for what the kernels read.
-    fn fits(&self, points: &Range<usize>) -> bool {
+    pub(super) fn fits(&self, points: &Range<usize>) -> bool {
         self.rows.lanes.is_multiple_of(8)
             && self.registers.len() >= self.rows.registers
             && points.end <= LANES
-            && self.direct.len() >= points.end * self.rows.size()
+            && self.direct.len() >= points.end * self.rows.stride
     }
 }
 
@@ -121,22 +145,36 @@ macro_rules! each_chunk {
         }
     }};
 }
+pub(super) use each_chunk;
+
+/// The direct part of a row.
+///
+/// # Safety
+/// As `row_of`.
+#[inline(always)]
+pub(super) unsafe fn begin<V: Eight, const K: usize>(
+    direct: *const f64,
+    places: *const u32,
+) -> [V; K] {
+    // SAFETY: the caller's promises.
+    std::array::from_fn(|i| unsafe { V::load(direct.add(*places.add(i) as usize)) })
+}
 
 /// A row of the result at one point: the sum that begins with its direct part.
 ///
 /// # Safety
-/// The machine has the width; `products` are some of `block`'s, which fits; from `source` on as
-/// many numbers can be read as they reach.
+/// The machine has the width; `places` and `products` are those of a row of `block`, which fits;
+/// from `source` on as many numbers can be read as they reach.
 #[inline(always)]
-unsafe fn row_of<V: Eight, const K: usize>(
+pub(super) unsafe fn row_of<V: Eight, const K: usize>(
     values: *const f64,
-    direct: *const f64,
+    (direct, places): (*const f64, *const u32),
     products: &[Product],
     source: *const f64,
 ) -> [V; K] {
     // SAFETY: the caller's promises.
     unsafe {
-        let mut sum: [V; K] = std::array::from_fn(|i| V::load(direct.add(8 * i)));
+        let mut sum: [V; K] = begin(direct, places);
         for p in products {
             let (x, source) =
                 (V::splat(*values.add(p.entry as usize)), source.add(p.source as usize));
@@ -186,11 +224,11 @@ unsafe fn product_chunk<V: Eight, const K: usize>(
     unsafe {
         let (values, direct) = (
             block.registers.as_ptr().cast::<f64>().add(point),
-            block.direct.as_ptr().add(point * rows.size() + v),
+            block.direct.as_ptr().add(point * rows.stride),
         );
         for (row, &end) in rows.ends.iter().enumerate() {
             let products = rows.products.get_unchecked(from..end as usize);
-            let sum = row_of::<V, K>(values, direct.add(row * rows.lanes), products, s.add(v));
+            let sum = row_of::<V, K>(values, (direct, rows.places(row, v)), products, s.add(v));
             for (i, sum) in sum.into_iter().enumerate() {
                 sum.store(out.add(row * rows.lanes + v + 8 * i));
             }
@@ -258,10 +296,11 @@ unsafe fn append_chunk<V: Eight, const K: usize>(
         for (row, &end) in rows.ends.iter().enumerate() {
             let products = rows.products.get_unchecked(from..end as usize);
             from = end as usize;
+            let places = rows.places(row, v);
             let list = to.lists.get_unchecked_mut(row).as_mut_ptr().add(to.k * to.directions + v);
             for (k, point) in points.clone().enumerate() {
                 let values = block.registers.as_ptr().cast::<f64>().add(point);
-                let direct = block.direct.as_ptr().add(point * rows.size() + row * rows.lanes + v);
+                let direct = (block.direct.as_ptr().add(point * rows.stride), places);
                 let sum = row_of::<V, K>(values, direct, products, s.add(k * stride + v));
                 for (i, sum) in sum.into_iter().enumerate() {
                     zeros[i] = zero.fma(sum, zeros[i]);
@@ -275,154 +314,5 @@ unsafe fn append_chunk<V: Eight, const K: usize>(
         }
         let all = zeros.into_iter().fold(V::load(to.zeros.as_ptr()), |all, zeros| all.add(zeros));
         all.store(to.zeros.as_mut_ptr());
-    }
-}
-
-/// Runge-Kutta steps of S: `k = J_x S + J_p + J_d D`, `sum += weight k`, next `S = s + ahead k`;
-/// the last stage `s += ahead (sum + k)`.
-pub struct Steps<'a> {
-    /// S at the start of a step; after its last stage at its end.
-    pub s: &'a mut [f64],
-    /// The weighed sum of rates.
-    pub sum: &'a mut [f64],
-    /// S and D at the stages: the first stage reads `between[1]` (or `s`, see `plain`) and writes
-    /// `between[0]`, the second reads that and writes `between[1]`, and so on.
-    pub between: [&'a mut [f64]; 2],
-    /// The rates themselves, where somebody wants them.
-    pub k: Option<&'a mut [f64]>,
-    /// Per stage its weight, and how far its rates lead to the next stage (after the last one: what
-    /// the sum is multiplied by).
-    pub weights: [[f64; 2]; 4],
-    /// Whether the first stage is simply the start of the step.
-    pub plain: bool,
-    /// Where S at the start of every `every`th step of the call is kept, `[step][rows of S]`; none
-    /// if it is zero.
-    pub kept: &'a mut [f64],
-    pub every: usize,
-    /// Steps since the last one that was kept.
-    pub phase: usize,
-}
-
-by_width! {
-    /// Takes S through some stages of a block, each the one of its step that its number modulo four
-    /// tells.
-    ///
-    /// # Safety
-    /// The machine has the width.
-    pub fn steps(block: Block, stages: Range<usize>, job: &mut Steps) = steps_body
-}
-
-#[inline(always)]
-unsafe fn steps_body<V: Eight>(block: Block, stages: Range<usize>, job: &mut Steps) {
-    let (size, reach) = (block.rows.size(), block.rows.reach);
-    assert!(block.fits(&stages) && job.s.len() >= size && job.sum.len() >= size);
-    assert!(
-        job.k.as_ref().is_none_or(|k| k.len() >= size)
-            && job.between.iter().all(|b| b.len() >= size.max(reach))
-    );
-    assert!(!job.plain || job.s.len() >= reach);
-    let started = stages.clone().filter(|n| n % 4 == 0).count();
-    if job.every > 0 {
-        let kept = (job.phase + started).div_ceil(job.every) - usize::from(job.phase > 0);
-        assert!(job.phase < job.every && job.kept.len() >= kept * size);
-    }
-    // SAFETY: the sizes were just checked.
-    unsafe { each_chunk!(block.rows.lanes, v, steps_chunk, &block, &stages, job) }
-}
-
-/// # Safety
-/// As `steps_body`, sizes checked.
-#[inline(always)]
-unsafe fn steps_chunk<V: Eight, const K: usize>(
-    v: usize,
-    block: &Block,
-    stages: &Range<usize>,
-    job: &mut Steps,
-) {
-    let size = block.rows.size();
-    let (mut phase, mut kept) = (job.phase, job.kept.as_mut_ptr());
-    // SAFETY: the caller's promises.
-    unsafe {
-        for n in stages.clone() {
-            if n % 4 == 0 && job.every > 0 {
-                if phase == 0 {
-                    copy_rows::<V, K>(v, block.rows, job.s.as_ptr(), kept);
-                    kept = kept.add(size);
-                }
-                phase = (phase + 1) % job.every;
-            }
-            match n % 4 {
-                0 => stage::<V, K, 0>(v, block, n, job),
-                1 => stage::<V, K, 1>(v, block, n, job),
-                2 => stage::<V, K, 2>(v, block, n, job),
-                _ => stage::<V, K, 3>(v, block, n, job),
-            }
-        }
-    }
-}
-
-/// # Safety
-/// The machine has the width; both have the size of `rows`.
-#[inline(always)]
-unsafe fn copy_rows<V: Eight, const K: usize>(
-    v: usize,
-    rows: &Rows,
-    from: *const f64,
-    to: *mut f64,
-) {
-    for row in 0..rows.rows {
-        for i in 0..K {
-            let at = row * rows.lanes + v + 8 * i;
-            // SAFETY: the caller's promises.
-            unsafe { V::load(from.add(at)).store(to.add(at)) };
-        }
-    }
-}
-
-/// # Safety
-/// As `steps_body`, sizes checked; `N` is `n % 4`.
-#[inline(always)]
-unsafe fn stage<V: Eight, const K: usize, const N: usize>(
-    v: usize,
-    block: &Block,
-    n: usize,
-    job: &mut Steps,
-) {
-    let rows = block.rows;
-    let [a, b] = [job.between[0].as_mut_ptr(), job.between[1].as_mut_ptr()];
-    let (s, sum) = (job.s.as_mut_ptr(), job.sum.as_mut_ptr());
-    let from: *const f64 = if N == 0 && job.plain { s } else { [b, a, b, a][N] };
-    let to = [a, b, a, s][N];
-    let mut first = 0;
-    // SAFETY: the caller's promises.
-    unsafe {
-        let (weight, ahead) = (V::splat(job.weights[N][0]), V::splat(job.weights[N][1]));
-        let (values, direct) = (
-            block.registers.as_ptr().cast::<f64>().add(n),
-            block.direct.as_ptr().add(n * rows.size() + v),
-        );
-        for (row, &end) in rows.ends.iter().enumerate() {
-            let products = rows.products.get_unchecked(first..end as usize);
-            first = end as usize;
-            let k = row_of::<V, K>(values, direct.add(row * rows.lanes), products, from.add(v));
-            for (i, k) in k.into_iter().enumerate() {
-                let at = row * rows.lanes + v + 8 * i;
-                if let Some(list) = &mut job.k {
-                    k.store(list.as_mut_ptr().add(at));
-                }
-                let led = match N {
-                    0 => {
-                        weight.fma(k, V::splat(0.0)).store(sum.add(at));
-                        k
-                    }
-                    3 => k.add(V::load(sum.add(at))),
-                    _ => {
-                        weight.fma(k, V::load(sum.add(at))).store(sum.add(at));
-                        k
-                    }
-                };
-                ahead.fma(led, V::load(s.add(at))).store(to.add(at));
-            }
-        }
     }
 }

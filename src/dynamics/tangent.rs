@@ -5,8 +5,9 @@ use super::history::Past;
 use super::modes::{Event, Jump};
 use super::propagator::Propagator;
 use super::remembered::Remembered;
-use super::rows::{Append, Block, LANES, Rows, Steps, append, product, steps};
+use super::rows::{Append, Block, LANES, Rows, append, product};
 use super::step::RESTS;
+use super::steps::{Steps, steps};
 use super::tableau::{AHEAD, WEIGHT};
 use super::values::{Chunk, Run};
 use crate::math::pool;
@@ -59,7 +60,7 @@ impl<'p> Jacobian<'p> {
         parameters: &[f64],
     ) -> Self {
         let mut direct = Aligned::default();
-        direct.zeros(LANES * rows.size());
+        direct.zeros(rows.direct_size());
         Jacobian { rows, program: Many::new(program, propagator, parameters), block: None, direct }
     }
 

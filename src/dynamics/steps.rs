@@ -1,0 +1,163 @@
+//! A block of Jacobians and S in; S after some stages of Runge-Kutta steps, `S' = J_x S + J_p + J_d
+//! D`, out.
+
+use super::few;
+use super::rows::{Block, Rows, each_chunk, row_of};
+use crate::math::simd::{Eight, by_width};
+use std::ops::Range;
+
+/// Runge-Kutta steps of S: `k = J_x S + J_p + J_d D`, `sum += weight k`, next `S = s + ahead k`;
+/// the last stage `s += ahead (sum + k)`.
+pub struct Steps<'a> {
+    /// S at the start of a step; after its last stage at its end.
+    pub s: &'a mut [f64],
+    /// The weighed sum of rates.
+    pub sum: &'a mut [f64],
+    /// S and D at the stages: the first stage reads `between[1]` (or `s`, see `plain`) and writes
+    /// `between[0]`, the second reads that and writes `between[1]`, and so on.
+    pub between: [&'a mut [f64]; 2],
+    /// The rates themselves, where somebody wants them.
+    pub k: Option<&'a mut [f64]>,
+    /// Per stage its weight, and how far its rates lead to the next stage (after the last one: what
+    /// the sum is multiplied by).
+    pub weights: [[f64; 2]; 4],
+    /// Whether the first stage is simply the start of the step.
+    pub plain: bool,
+    /// Where S at the start of every `every`th step of the call is kept, `[step][rows of S]`; none
+    /// if it is zero.
+    pub kept: &'a mut [f64],
+    pub every: usize,
+    /// Steps since the last one that was kept.
+    pub phase: usize,
+}
+
+by_width! {
+    /// Takes S through some stages of a block, each the one of its step that its number modulo four
+    /// tells.
+    ///
+    /// # Safety
+    /// The machine has the width.
+    pub fn steps(block: Block, stages: Range<usize>, job: &mut Steps) = steps_body
+}
+
+#[inline(always)]
+unsafe fn steps_body<V: Eight>(block: Block, stages: Range<usize>, job: &mut Steps) {
+    let (size, reach) = (block.rows.size(), block.rows.reach);
+    assert!(block.fits(&stages) && job.s.len() >= size && job.sum.len() >= size);
+    assert!(
+        job.k.as_ref().is_none_or(|k| k.len() >= size)
+            && job.between.iter().all(|b| b.len() >= size.max(reach))
+    );
+    assert!(!job.plain || job.s.len() >= reach);
+    let started = stages.clone().filter(|n| n % 4 == 0).count();
+    if job.every > 0 {
+        let kept = (job.phase + started).div_ceil(job.every) - usize::from(job.phase > 0);
+        assert!(job.phase < job.every && job.kept.len() >= kept * size);
+    }
+    let whole = stages.start % 4 == 0 && stages.end % 4 == 0;
+    let alone = job.plain && job.k.is_none() && reach <= size;
+    // SAFETY: the sizes were just checked.
+    unsafe {
+        if !(whole && alone && few::steps::<V>(&block, &stages, job)) {
+            each_chunk!(block.rows.lanes, v, steps_chunk, &block, &stages, job)
+        }
+    }
+}
+
+/// # Safety
+/// As `steps_body`, sizes checked.
+#[inline(always)]
+unsafe fn steps_chunk<V: Eight, const K: usize>(
+    v: usize,
+    block: &Block,
+    stages: &Range<usize>,
+    job: &mut Steps,
+) {
+    let size = block.rows.size();
+    let (mut phase, mut kept) = (job.phase, job.kept.as_mut_ptr());
+    // SAFETY: the caller's promises.
+    unsafe {
+        for n in stages.clone() {
+            if n % 4 == 0 && job.every > 0 {
+                if phase == 0 {
+                    copy_rows::<V, K>(v, block.rows, job.s.as_ptr(), kept);
+                    kept = kept.add(size);
+                }
+                phase = (phase + 1) % job.every;
+            }
+            match n % 4 {
+                0 => stage::<V, K, 0>(v, block, n, job),
+                1 => stage::<V, K, 1>(v, block, n, job),
+                2 => stage::<V, K, 2>(v, block, n, job),
+                _ => stage::<V, K, 3>(v, block, n, job),
+            }
+        }
+    }
+}
+
+/// # Safety
+/// The machine has the width; both have the size of `rows`.
+#[inline(always)]
+unsafe fn copy_rows<V: Eight, const K: usize>(
+    v: usize,
+    rows: &Rows,
+    from: *const f64,
+    to: *mut f64,
+) {
+    for row in 0..rows.rows {
+        for i in 0..K {
+            let at = row * rows.lanes + v + 8 * i;
+            // SAFETY: the caller's promises.
+            unsafe { V::load(from.add(at)).store(to.add(at)) };
+        }
+    }
+}
+
+/// # Safety
+/// As `steps_body`, sizes checked; `N` is `n % 4`.
+#[inline(always)]
+unsafe fn stage<V: Eight, const K: usize, const N: usize>(
+    v: usize,
+    block: &Block,
+    n: usize,
+    job: &mut Steps,
+) {
+    let rows = block.rows;
+    let [a, b] = [job.between[0].as_mut_ptr(), job.between[1].as_mut_ptr()];
+    let (s, sum) = (job.s.as_mut_ptr(), job.sum.as_mut_ptr());
+    let from: *const f64 = if N == 0 && job.plain { s } else { [b, a, b, a][N] };
+    let to = [a, b, a, s][N];
+    let mut first = 0;
+    // SAFETY: the caller's promises.
+    unsafe {
+        let (weight, ahead) = (V::splat(job.weights[N][0]), V::splat(job.weights[N][1]));
+        let (values, direct) = (
+            block.registers.as_ptr().cast::<f64>().add(n),
+            block.direct.as_ptr().add(n * rows.stride),
+        );
+        for (row, &end) in rows.ends.iter().enumerate() {
+            let products = rows.products.get_unchecked(first..end as usize);
+            first = end as usize;
+            let direct = (direct, rows.places(row, v));
+            let k = row_of::<V, K>(values, direct, products, from.add(v));
+            for (i, k) in k.into_iter().enumerate() {
+                let at = row * rows.lanes + v + 8 * i;
+                if let Some(list) = &mut job.k {
+                    k.store(list.as_mut_ptr().add(at));
+                }
+                let led = match N {
+                    0 => {
+                        weight.fma(k, V::splat(0.0)).store(sum.add(at));
+                        k
+                    }
+                    3 => k.add(V::load(sum.add(at))),
+                    _ => {
+                        weight.fma(k, V::load(sum.add(at))).store(sum.add(at));
+                        k
+                    }
+                };
+                ahead.fma(led, V::load(s.add(at))).store(to.add(at));
+            }
+        }
+    }
+}
