@@ -54,7 +54,7 @@ unsafe fn steps_body<V: Eight>(block: Block, stages: Range<usize>, job: &mut Ste
         let kept = (job.phase + started).div_ceil(job.every) - usize::from(job.phase > 0);
         assert!(job.phase < job.every && job.kept.len() >= kept * size);
     }
-    let whole = stages.start % 4 == 0 && stages.end % 4 == 0;
+    let whole = stages.start.is_multiple_of(4) && stages.end.is_multiple_of(4);
     let alone = job.plain && job.k.is_none() && reach <= size;
     // SAFETY: the sizes were just checked.
     unsafe {
