@@ -1,9 +1,9 @@
 //! The tables of flights come in; a row for each, or one for many of which the same is to be said, goes out.
 
-use super::summary::{read, tally};
 use crate::error::Result;
 use crate::pipeline::{Plan, Store};
 use crate::stage::Part;
+use crate::table::Table;
 use indexmap::IndexMap;
 
 /// Flights shown one by one; of more than these, those of which the same is to be said share a row.
@@ -37,6 +37,22 @@ pub fn rows(plan: &Plan, store: &Store) -> Result<Vec<Vec<String>>> {
         ]);
     }
     Ok(gathered(rows))
+}
+
+/// The part of a table, where there is one.
+pub fn read(store: &Store, table: &str, part: Part) -> Result<Option<Table>> {
+    if store.path(&part.path(table)).exists() {
+        store.table(table, &part).map(Some)
+    } else {
+        Ok(None)
+    }
+}
+
+/// `["2 x 211", "8 x 3211"]`
+pub fn tally(words: &[&str]) -> Vec<String> {
+    let mut sorted = words.to_vec();
+    sorted.sort_unstable();
+    sorted.chunk_by(|a, b| a == b).map(|run| format!("{} x {}", run.len(), run[0])).collect()
 }
 
 /// Rows of many flights, the name in front: those that say the same become one, and those that few share come first.

@@ -1,7 +1,7 @@
 //! The closing words of a run: its result and its tables come in, a page of text on the screen goes
 //! out.
 
-use super::flights;
+use super::flights::{self, read, tally};
 use super::ran::Ran;
 use super::verdict;
 use super::words::say;
@@ -63,15 +63,6 @@ fn stages(result: &RunResult, seconds: &BTreeMap<&'static str, f64>) {
     }
 }
 
-/// The part of a table, where there is one.
-pub(super) fn read(store: &Store, table: &str, part: Part) -> Result<Option<Table>> {
-    if store.path(&part.path(table)).exists() {
-        store.table(table, &part).map(Some)
-    } else {
-        Ok(None)
-    }
-}
-
 /// The estimates, those of amended models too, with the parts of their tables.
 fn estimated(plan: &Plan) -> Vec<(String, Vec<Part>)> {
     let mut all: BTreeMap<usize, (String, BTreeSet<Part>)> = BTreeMap::new();
@@ -89,13 +80,6 @@ fn joined(store: &Store, table: &str, parts: &[Part]) -> Result<Option<Table>> {
     let found = parts.iter().map(|part| read(store, table, part.clone()));
     let found: Vec<Table> = found.filter_map(Result::transpose).collect::<Result<_>>()?;
     if found.is_empty() { Ok(None) } else { Table::concat(table, &found).map(Some) }
-}
-
-/// `["2 x 211", "8 x 3211"]`
-pub(super) fn tally(words: &[&str]) -> Vec<String> {
-    let mut sorted = words.to_vec();
-    sorted.sort_unstable();
-    sorted.chunk_by(|a, b| a == b).map(|run| format!("{} x {}", run.len(), run[0])).collect()
 }
 
 fn estimates(plan: &Plan, store: &Store) -> Result<()> {

@@ -3,8 +3,8 @@
 //!
 //! Sums and their order are those of `steps`, and so are the bits.
 
+use super::job::Steps;
 use super::rows::{Block, Rows, begin};
-use super::steps::Steps;
 use crate::math::simd::Eight;
 use std::ops::Range;
 
@@ -205,80 +205,6 @@ unsafe fn store<V: Eight, const K: usize, const N: usize>(
         for (i, s) in s.iter().enumerate() {
             // SAFETY: the caller's promise.
             unsafe { s.store(to.add(row * lanes + 8 * i)) };
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::rows::{Block, LANES, Rows};
-    use super::super::steps::{Steps, steps};
-    use crate::math::simd::{Aligned, Width};
-    use crate::model::{Constants, Model};
-
-    /// `n` states, each driven by its neighbour, the first one and three parameters.
-    fn model(n: usize) -> Model {
-        let mut text =
-            String::from("title = \"Few\"\n[inputs]\nu = { unit = \"-\" }\n[parameters]\n");
-        (0..3 * n).for_each(|i| text += &format!("p{i} = {{ unit = \"1/s\", start = 0.1 }}\n"));
-        text += "[states]\n";
-        for i in 0..n {
-            let [a, b, c] = [0, 1, 2].map(|k| 3 * i + k);
-            let rate = format!("p{a}*sin(x{i})*x{} - p{b}*u + p{c}*x0", (i + 1) % n);
-            text += &format!("x{i} = {{ unit = \"-\", rate = \"{rate}\", start = 0.0 }}\n");
-        }
-        text += "[outputs]\ny = { unit = \"-\", value = \"x0\" }\n";
-        Model::parse("few", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
-    }
-
-    /// Numbers without any pattern, some of them zeros of both signs.
-    fn numbers(n: usize, seed: usize) -> Vec<f64> {
-        let of = |i: usize| match (7 * i + seed) % 5 {
-            0 => -0.0,
-            1 => 0.0,
-            _ => ((i * i + 3 * i + seed) as f64).sin(),
-        };
-        (0..n).map(of).collect()
-    }
-
-    #[test]
-    fn registers_hold_what_memory_would() {
-        for n in 1..=5 {
-            let model = model(n);
-            let linear = model.linearize(&(0..3 * n).collect::<Vec<_>>(), &[]);
-            for (lanes, every) in [(8, 0), (16, 1), (24, 2), (40, 3)] {
-                let rows = Rows::new(&linear.rates, &linear.rates_program, n, n, lanes);
-                let size = linear.rates_program.file_len() * LANES;
-                let mut registers = Aligned::of_zeros(size);
-                registers.copy_from_slice(&numbers(size, 1));
-                let mut direct = Aligned::of_zeros(rows.direct_size());
-                rows.spread(registers.rows_of(), &mut direct);
-                let block = Block { rows: &rows, registers: registers.rows_of(), direct: &direct };
-                let of = |width| {
-                    let zeros = || Aligned::of_zeros(rows.size());
-                    let (mut s, mut sum, mut a, mut b) = (zeros(), zeros(), zeros(), zeros());
-                    s.copy_from_slice(&numbers(rows.size(), 2));
-                    let mut kept = vec![0.0; 4 * rows.size()];
-                    let mut job = Steps {
-                        s: &mut s,
-                        sum: &mut sum,
-                        between: [&mut a, &mut b],
-                        k: None,
-                        weights: super::super::tangent::weights(0.1),
-                        plain: true,
-                        kept: &mut kept,
-                        every,
-                        phase: every / 2,
-                    };
-                    // SAFETY: this machine has the width.
-                    unsafe { steps(width, block, 0..LANES, &mut job) };
-                    s.iter().chain(&kept).map(|x| x.to_bits()).collect::<Vec<u64>>()
-                };
-                let want = of(Width::Plain);
-                for &width in Width::available() {
-                    assert_eq!(of(width), want, "{n} states, {lanes} lanes, {width:?}");
-                }
-            }
         }
     }
 }

@@ -48,6 +48,7 @@ mod gain;
 mod history;
 mod innovation_slopes;
 mod innovations;
+mod job;
 mod modes;
 mod numbers;
 mod propagate;

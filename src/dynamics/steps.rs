@@ -2,34 +2,10 @@
 //! D`, out.
 
 use super::few;
+pub use super::job::Steps;
 use super::rows::{Block, Rows, each_chunk, row_of};
 use crate::math::simd::{Eight, by_width};
 use std::ops::Range;
-
-/// Runge-Kutta steps of S: `k = J_x S + J_p + J_d D`, `sum += weight k`, next `S = s + ahead k`;
-/// the last stage `s += ahead (sum + k)`.
-pub struct Steps<'a> {
-    /// S at the start of a step; after its last stage at its end.
-    pub s: &'a mut [f64],
-    /// The weighed sum of rates.
-    pub sum: &'a mut [f64],
-    /// S and D at the stages: the first stage reads `between[1]` (or `s`, see `plain`) and writes
-    /// `between[0]`, the second reads that and writes `between[1]`, and so on.
-    pub between: [&'a mut [f64]; 2],
-    /// The rates themselves, where somebody wants them.
-    pub k: Option<&'a mut [f64]>,
-    /// Per stage its weight, and how far its rates lead to the next stage (after the last one: what
-    /// the sum is multiplied by).
-    pub weights: [[f64; 2]; 4],
-    /// Whether the first stage is simply the start of the step.
-    pub plain: bool,
-    /// Where S at the start of every `every`th step of the call is kept, `[step][rows of S]`; none
-    /// if it is zero.
-    pub kept: &'a mut [f64],
-    pub every: usize,
-    /// Steps since the last one that was kept.
-    pub phase: usize,
-}
 
 by_width! {
     /// Takes S through some stages of a block, each the one of its step that its number modulo four
@@ -157,6 +133,80 @@ unsafe fn stage<V: Eight, const K: usize, const N: usize>(
                     }
                 };
                 ahead.fma(led, V::load(s.add(at))).store(to.add(at));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rows::{Block, LANES, Rows};
+    use super::{Steps, steps};
+    use crate::math::simd::{Aligned, Width};
+    use crate::model::{Constants, Model};
+
+    /// `n` states, each driven by its neighbour, the first one and three parameters.
+    fn model(n: usize) -> Model {
+        let mut text =
+            String::from("title = \"Few\"\n[inputs]\nu = { unit = \"-\" }\n[parameters]\n");
+        (0..3 * n).for_each(|i| text += &format!("p{i} = {{ unit = \"1/s\", start = 0.1 }}\n"));
+        text += "[states]\n";
+        for i in 0..n {
+            let [a, b, c] = [0, 1, 2].map(|k| 3 * i + k);
+            let rate = format!("p{a}*sin(x{i})*x{} - p{b}*u + p{c}*x0", (i + 1) % n);
+            text += &format!("x{i} = {{ unit = \"-\", rate = \"{rate}\", start = 0.0 }}\n");
+        }
+        text += "[outputs]\ny = { unit = \"-\", value = \"x0\" }\n";
+        Model::parse("few", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// Numbers without any pattern, some of them zeros of both signs.
+    fn numbers(n: usize, seed: usize) -> Vec<f64> {
+        let of = |i: usize| match (7 * i + seed) % 5 {
+            0 => -0.0,
+            1 => 0.0,
+            _ => ((i * i + 3 * i + seed) as f64).sin(),
+        };
+        (0..n).map(of).collect()
+    }
+
+    #[test]
+    fn registers_hold_what_memory_would() {
+        for n in 1..=5 {
+            let model = model(n);
+            let linear = model.linearize(&(0..3 * n).collect::<Vec<_>>(), &[]);
+            for (lanes, every) in [(8, 0), (16, 1), (24, 2), (40, 3)] {
+                let rows = Rows::new(&linear.rates, &linear.rates_program, n, n, lanes);
+                let size = linear.rates_program.file_len() * LANES;
+                let mut registers = Aligned::of_zeros(size);
+                registers.copy_from_slice(&numbers(size, 1));
+                let mut direct = Aligned::of_zeros(rows.direct_size());
+                rows.spread(registers.rows_of(), &mut direct);
+                let block = Block { rows: &rows, registers: registers.rows_of(), direct: &direct };
+                let of = |width| {
+                    let zeros = || Aligned::of_zeros(rows.size());
+                    let (mut s, mut sum, mut a, mut b) = (zeros(), zeros(), zeros(), zeros());
+                    s.copy_from_slice(&numbers(rows.size(), 2));
+                    let mut kept = vec![0.0; 4 * rows.size()];
+                    let mut job = Steps {
+                        s: &mut s,
+                        sum: &mut sum,
+                        between: [&mut a, &mut b],
+                        k: None,
+                        weights: super::super::tangent::weights(0.1),
+                        plain: true,
+                        kept: &mut kept,
+                        every,
+                        phase: every / 2,
+                    };
+                    // SAFETY: this machine has the width.
+                    unsafe { steps(width, block, 0..LANES, &mut job) };
+                    s.iter().chain(&kept).map(|x| x.to_bits()).collect::<Vec<u64>>()
+                };
+                let want = of(Width::Plain);
+                for &width in Width::available() {
+                    assert_eq!(of(width), want, "{n} states, {lanes} lanes, {width:?}");
+                }
             }
         }
     }
