@@ -9,6 +9,9 @@ use indexmap::IndexMap;
 /// Flights shown one by one; of more than these, those of which the same is to be said share a row.
 const SHOWN: usize = 30;
 
+/// What is said of the signals of a flight whose log was not read.
+const UNREAD: &str = "none: not read";
+
 pub const HEAD: [&str; 5] = ["flight", "signals", "maneuvers", "used", "kinds"];
 
 /// What is shown of the flights, a row each, or one for many.
@@ -27,7 +30,7 @@ pub fn rows(plan: &Plan, store: &Store) -> Result<Vec<Vec<String>>> {
             used = included.iter().filter(|b| **b).count();
             kinds = tally(&segments.strings("kind")?);
         }
-        let signals = signals.map_or("none: not read".to_string(), |n| n.to_string());
+        let signals = signals.map_or(UNREAD.to_string(), |n| n.to_string());
         rows.push(vec![
             flight.clone(),
             signals,
@@ -55,7 +58,8 @@ pub fn tally(words: &[&str]) -> Vec<String> {
     sorted.chunk_by(|a, b| a == b).map(|run| format!("{} x {}", run.len(), run[0])).collect()
 }
 
-/// Rows of many flights, the name in front: those that say the same become one, and those that few share come first.
+/// Rows of many flights, the name in front: those that say the same become one; what was not read comes first, then
+/// what few share.
 fn gathered(rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
     if rows.len() <= SHOWN {
         return rows;
@@ -66,7 +70,7 @@ fn gathered(rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
         alike.entry(row).or_default().push(name);
     }
     let mut alike: Vec<_> = alike.into_iter().collect();
-    alike.sort_by_key(|(_, names)| names.len());
+    alike.sort_by_key(|(row, names)| (row[0] != UNREAD, names.len()));
     let rest = alike.split_off(alike.len().min(SHOWN));
     let named = |names: &[String]| match names {
         [one] => one.clone(),
@@ -97,7 +101,12 @@ mod tests {
         let rows = gathered(many);
         assert_eq!(rows[0], row(700, 3));
         assert_eq!((rows.len(), &*rows[1][0], &*rows[1][2]), (2, "0 and 998 more", "24"));
-        let rows = gathered((0..100).map(|k| row(k, k)).collect());
+        let mut each: Vec<_> = (0..100).map(|k| row(k, k)).collect();
+        let unread = |k: usize| [&k.to_string(), UNREAD, "0", "0", ""].map(String::from).to_vec();
+        each.extend((100..150).map(unread));
+        assert_eq!(gathered(each.clone())[0][..2], ["100 and 49 more".to_string(), UNREAD.into()]);
+        each.truncate(100);
+        let rows = gathered(each);
         assert_eq!((rows.len(), &*rows[SHOWN][0]), (SHOWN + 1, "70 others, see the report"));
     }
 }
