@@ -57,6 +57,9 @@ pub struct Record {
     pub channels: Vec<Channel>,
     /// How each input runs between grid points; those that are not listed are linear.
     pub interpolation: Vec<Interpolation>,
+    /// Time between two samples of what each input was brought to the grid from, s; NaN where nobody
+    /// knows. Those that are not listed were sampled at the grid points.
+    pub spacings: Vec<f64>,
     /// Integration steps per grid step; 0 lets the model's Jacobian decide along the way.
     pub substeps: usize,
 }

@@ -10,14 +10,17 @@
 //!
 //! to first order, over all points and measured `x`; for `f = x' theta` that is `-(X'X)^-1 N Sigma
 //! theta`, the attenuation of errors in variables (Klein & Morelli 2006, sec. 5.1; Fuller 1987, sec.
-//! 1.1). `sigma` is the fast part of the signal, from its third differences, taken for white; what
-//! smoothing leaves of it counts. In the rate of a state its own noise does no more harm than this: the
+//! 1.1). `sigma` is the fast part of the signal, from its third differences at its own spacing, taken for
+//! white; what interpolation to a finer grid and smoothing leave of it counts. Where the spacing is not
+//! known, no shift can be told. In the rate of a state its own noise does no more harm than this: the
 //! derivative filter is odd and the smoothing even, so that the two are not correlated.
 
 use super::regressors::Problem;
 use super::sides::Side;
 use super::solution::Solution;
+use crate::dynamics::Channel;
 use crate::least_squares::{Layout, normal_matrix};
+use crate::math::median;
 use crate::model::Program;
 use crate::model::graph::Leaf;
 use crate::signal::robust::noise_sd;
@@ -32,7 +35,8 @@ struct Noisy {
     mixed: Vec<(usize, usize)>,
 }
 
-/// The expected shift of every parameter; none where the solution has no covariance.
+/// The expected shift of every parameter; none where the solution has no covariance, or where what is
+/// measured was brought to the grid from nobody knows what.
 pub(super) fn shifts(problem: &Problem, layout: &Layout, solution: &Solution) -> Option<Vec<f64>> {
     solution.covariance.as_ref()?;
     let theta = &solution.fit.theta;
@@ -51,8 +55,12 @@ pub(super) fn shifts(problem: &Problem, layout: &Layout, solution: &Solution) ->
             let rows = values.chunks_exact(program.outputs().max(1));
             let known = || rows.clone().zip(&problem.segments[s].left[equation]);
             for x in &noisy {
-                let variance = variance(problem, s, x.leaf)
-                    * problem.segments[s].gain(side.is_rate, matches!(x.leaf, Leaf::State(_)));
+                if x.mixed.is_empty() {
+                    continue;
+                }
+                let is_state = matches!(x.leaf, Leaf::State(_));
+                let (sd, every) = noise(problem, s, x.leaf)?;
+                let variance = sd * sd * problem.segments[s].gain(side.is_rate, is_state, every);
                 for (column, mixed) in &x.mixed {
                     let common: f64 = known()
                         .filter(|(_, left)| left.is_finite())
@@ -97,21 +105,32 @@ fn programs(problem: &Problem, side: &Side) -> (Program, Vec<Noisy>) {
     (Program::lower(&graph, &nodes, &model.layout), noisy)
 }
 
-/// The variance of the fast noise of what is measured, in one segment.
-fn variance(problem: &Problem, s: usize, leaf: Leaf) -> f64 {
+/// The sd of the fast noise of what is measured, in one segment, and how many steps of the grid lie between
+/// two of its samples; none where that is not known.
+fn noise(problem: &Problem, s: usize, leaf: Leaf) -> Option<(f64, usize)> {
     let (model, record) = (&problem.case.model, &problem.case.records[s]);
-    let sd = match leaf {
+    let every = |spacing: f64| (spacing / record.dt).round().max(1.0) as usize;
+    match leaf {
         Leaf::State(i) => {
             let output = model.output(&model.states[i].quantity.name);
             let channel = record.channels.iter().find(|c| Some(c.output) == output);
-            channel.map_or(0.0, |c| noise_sd(&c.z))
+            let of = |c: &Channel| {
+                let steps: Vec<f64> = c.t.windows(2).map(|w| w[1] - w[0]).collect();
+                (noise_sd(&c.z), every(if steps.is_empty() { record.dt } else { median(&steps) }))
+            };
+            Some(channel.map_or((0.0, 1), of))
         }
         Leaf::Input(j) => {
-            let (from, width) = (record.start * model.layout.inputs, model.layout.inputs);
-            let column = record.inputs.iter().skip(from + j).step_by(width.max(1)).copied();
-            noise_sd(&column.collect::<Vec<f64>>())
+            let spacing = record.spacings.get(j).copied().unwrap_or(record.dt);
+            let every = spacing.is_finite().then(|| every(spacing))?;
+            let (from, width) = (record.start * model.layout.inputs, model.layout.inputs.max(1));
+            // Of the points between two samples some have less noise; which ones are samples is not known.
+            let from = |phase: usize| from + phase * width + j;
+            let values =
+                |phase: usize| record.inputs.iter().skip(from(phase)).step_by(every * width);
+            let sd = |phase: usize| noise_sd(&values(phase).copied().collect::<Vec<f64>>());
+            Some(((0..every).map(sd).fold(0.0, f64::max), every))
         }
-        _ => 0.0,
-    };
-    sd * sd
+        _ => Some((0.0, 1)),
+    }
 }

@@ -419,7 +419,9 @@ fn layout(
     chosen: &Chosen,
     given: &[Vec<f64>],
 ) -> (Layout, Vec<Unknown>) {
-    // Start, lower, upper, prior sd of each unknown.
+    // Start, lower, upper, prior sd, centre of the prior of each unknown. A prior is the model's: where an
+    // iteration starts says nothing about the parameter.
+    let declared = model.parameter_starts();
     let bounds = |p: usize| {
         let q = &model.parameters[p];
         [
@@ -427,6 +429,7 @@ fn layout(
             q.min,
             q.max,
             if settings.priors { q.prior_sd } else { f64::INFINITY },
+            declared[p],
         ]
     };
     let unknown = |p: usize, segment: Option<usize>, group: Option<Label>| {
@@ -460,7 +463,7 @@ fn layout(
     for (at, line) in &chosen.lines {
         let q = &model.parameters[chosen.shared[*at]].quantity;
         seen.iter_mut().for_each(|seen| seen.push(values.len()));
-        values.push([0.0, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
+        values.push([0.0, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY, 0.0]);
         let (name, unit) = (line.slope(&q.name), line.slope_unit(&q.unit));
         unknowns.push(Unknown { name, unit, segment: None, group: None });
     }
@@ -478,7 +481,7 @@ fn layout(
             .filter(|(state, _)| chosen.initial.contains(state))
         {
             let q = &model.states[*state].quantity;
-            values.push([*value, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]);
+            values.push([*value, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY, *value]);
             unknowns.push(Unknown {
                 name: format!("{}(0)", q.name),
                 unit: q.unit.clone(),
@@ -532,7 +535,7 @@ fn layout(
         known: model.covariance.is_some(),
     };
     let column = |k: usize| values.iter().map(|u| u[k]).collect();
-    let (mut start, centre): (Vec<f64>, Vec<f64>) = (column(0), column(0));
+    let mut start: Vec<f64> = column(0);
     for ((start, unknown), value) in start.iter_mut().zip(&unknowns).zip(&values) {
         if let Some(tried) = settings.tried.get(&unknown.name) {
             *start = tried.clamp(value[1], value[2]);
@@ -545,7 +548,7 @@ fn layout(
             start,
             lower: column(1),
             upper: column(2),
-            centre,
+            centre: column(4),
             prior_sd: column(3),
             squares: Vec::new(),
             noise,

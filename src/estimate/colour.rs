@@ -72,6 +72,11 @@ impl<'a, F: Evaluate> Source<'a, F> {
         source
     }
 
+    /// Whether there are sizes of innovations among the blocks.
+    fn has_sizes(&self) -> bool {
+        self.kept.iter().flatten().flatten().any(|block| block.instead.is_some())
+    }
+
     /// Blocks whose masked samples have sensitivities of zero, which add nothing to any sum; their
     /// residuals stay NaN.
     fn fresh(&self, s: usize) -> Option<Vec<Block>> {
@@ -120,7 +125,8 @@ pub fn coloured<F: Evaluate>(
     let factor = matrix.factor().ok()?;
     let mut inverse = factor.sandwich(matrix);
     clear(&mut inverse, held);
-    let classes = noise.iter().map(|r| r.count.len()).sum();
+    let outputs: usize = noise.iter().map(|r| r.count.len()).sum();
+    let classes = if source.has_sizes() { 2 * outputs } else { outputs };
     let mut models = fit(source, classes, rule, None)?;
     let mut settled = false;
     for _ in 0..ROUNDS {
@@ -137,6 +143,7 @@ pub fn coloured<F: Evaluate>(
     }
     let covariance =
         spread(source, &factor, held, &Sigma::new(source.layout, noise, &plain(&models)))?;
+    models.truncate(outputs);
     Some(Colour { crlb: inverse, covariance, models, settled })
 }
 

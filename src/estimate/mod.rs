@@ -29,7 +29,6 @@
 //! | `terms` | one equation: its candidates gone through, one after the other |
 //! | `search` | all equations so: candidates that they ask for |
 //! | `decision` | what became of such a candidate |
-//! | `repeats` | scatter of repeated estimates against their standard deviations |
 //! | `sides` | the rate and output equations that the measurements allow |
 //! | `regressors` | both sides of these equations, as such a problem |
 //! | `regression` | its solution: the estimate by equation error, or starting values |
@@ -79,7 +78,6 @@ mod rank;
 mod reached;
 pub mod regression;
 mod regressors;
-pub mod repeats;
 mod result;
 mod search;
 mod segment;

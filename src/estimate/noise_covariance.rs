@@ -16,7 +16,8 @@ const LEAST: f64 = 1e-6;
 pub struct Sigma<'a> {
     layout: &'a Layout,
     noise: &'a [Covariance],
-    /// Per class: `group * outputs + output`.
+    /// Per class: `group * outputs + output`, and behind all of those the same of the innovations' sizes,
+    /// where there are any.
     filters: Vec<Filter>,
     /// Per group `c`, `[outputs][outputs]`; empty where outputs are independent.
     mix: Vec<Vec<f64>>,
@@ -35,9 +36,14 @@ impl<'a> Sigma<'a> {
         Sigma { layout, noise, filters, mix }
     }
 
-    /// The noise class of a block of segment `s`.
+    /// The noise class of a block of segment `s`. The size of an innovation, `nu^2/s - 1`, has a colour of
+    /// its own: where the innovations have the autocorrelation `r`, it has `r^2`.
     pub fn class(layout: &Layout, s: usize, block: &Block) -> usize {
-        layout.parts[s].group * layout.noise.outputs + block.output
+        let class = layout.parts[s].group * layout.noise.outputs + block.output;
+        match block.instead {
+            None => class,
+            Some(_) => layout.noise.groups * layout.noise.outputs + class,
+        }
     }
 
     fn filter(&self, s: usize, block: &Block) -> &Filter {
@@ -113,7 +119,7 @@ impl<'a> Sigma<'a> {
 
     /// Whether every output that was measured has noise to divide by.
     pub fn is_definite(&self) -> bool {
-        let counts = self.noise.iter().flat_map(|r| &r.count);
+        let counts = self.noise.iter().flat_map(|r| &r.count).cycle();
         self.filters.iter().zip(counts).all(|(filter, count)| *count == 0 || filter.is_definite())
     }
 

@@ -343,18 +343,20 @@ impl Evaluate for Problem<'_> {
 }
 
 impl Sampled {
-    /// The variance of white noise of unit variance in a regressor as an equation sees it.
-    pub fn gain(&self, is_rate: bool, is_state: bool) -> f64 {
-        let reach = 2 * self.filters.rate.window();
-        let mut noise = vec![0.0; 2 * reach + 1];
-        noise[reach] = 1.0;
+    /// The variance of white noise of unit variance in a regressor as an equation sees it, the mean over
+    /// grid points. The regressor has a sample `every` so many of them, and straight lines between: one
+    /// sample is a triangle.
+    pub fn gain(&self, is_rate: bool, is_state: bool, every: usize) -> f64 {
+        let reach = 2 * self.filters.rate.window() + every;
+        let triangle = |k: usize| 1.0 - k.abs_diff(reach) as f64 / every as f64;
+        let mut noise: Vec<f64> = (0..=2 * reach).map(|k| triangle(k).max(0.0)).collect();
         if is_state {
             noise = self.filters.smooth.apply(&noise);
         }
         if is_rate {
             noise = self.filters.rate.apply(&integral(&noise, self.dt));
         }
-        noise.iter().map(|v| v * v).sum()
+        noise.iter().map(|v| v * v).sum::<f64>() / every as f64
     }
 }
 

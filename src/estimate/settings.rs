@@ -29,7 +29,7 @@ pub struct Settings {
     /// out. 4 is the 5 % level where residuals are white; coloured ones ask for more.
     pub limit_f: f64,
     /// Start values that replace those of the model (the value itself for a parameter that is
-    /// held).
+    /// held). The centre of a prior stays where the model file has it.
     pub starts: IndexMap<String, f64>,
     /// Further starts of parameters for which the cost may have several minima (friction,
     /// thresholds, limits): the estimation is run from every combination and from the usual start,

@@ -3,10 +3,12 @@
 
 mod bands;
 mod line;
+mod repeats;
 mod together;
 mod weights;
 
 pub use bands::{Band, bands};
 pub use line::{LineFit, Points, Settings, Unfit, carried, line};
+pub use repeats::{Repeats, repeats};
 pub use together::correlations;
 pub use weights::Shared;

@@ -216,10 +216,14 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
     let Some(mut point) = Point::at(layout, evaluate, layout.start.clone()) else {
         return failed(layout, Stop::NotFinite);
     };
-    if layout.start.is_empty() || point.noise.iter().all(|r| r.count.iter().all(|&n| n == 0)) {
+    if point.noise.iter().all(|r| r.count.iter().all(|&n| n == 0)) {
         return ended(layout, method, point, Vec::new(), Stop::NoData);
     }
     let mut history = vec![line(0, layout, &point)];
+    if layout.start.is_empty() {
+        // Where nothing is free, this is the minimum.
+        return ended(layout, method, point, history, Stop::Converged);
+    }
     let mut stop = Stop::IterationLimit;
     let mut damping = Damping { value: DAMPING, growth: 2.0 };
     for iteration in 1..=method.max_iterations {

@@ -6,6 +6,7 @@
 
 mod channels;
 pub mod check;
+mod correlations;
 mod inputs;
 mod kind;
 mod notes;
@@ -21,6 +22,7 @@ pub mod fit;
 pub mod ingest;
 pub mod page;
 pub mod reconstruct;
+pub mod repeats;
 pub mod report;
 pub mod rerun;
 pub mod review;
@@ -44,6 +46,7 @@ pub const STAGES: &[Stage] = &[
     segment::STAGE,
     estimate::STAGE,
     review::STAGE,
+    repeats::STAGE,
     fit::STAGE,
     curve::STAGE,
     validate::STAGE,

@@ -58,7 +58,8 @@ impl Task<'_> {
         let prior = found.theta.iter().enumerate().map(pull).sum();
         let theta = self.whole(&layout, &found.theta, theta);
         // Nothing to fit has been fitted.
-        let converged = found.stop == Stop::NoData || found.promise < self.promise();
+        let nothing = layout.start.is_empty() || found.stop == Stop::NoData;
+        let converged = nothing || found.promise < self.promise();
         Some(Trained { costs: self.costs(&theta)?, prior, theta, converged })
     }
 

@@ -117,6 +117,37 @@ fn recovery_what_noise_in_a_regressor_does_is_told() {
     assert!(is > 0.05 && (told / is - 1.0).abs() < 0.15, "{is} {told}");
 }
 
+/// A sensor at half of the grid's rate, and at a quarter: between its samples are straight lines, whose noise
+/// is smaller than that of the samples, and not white.
+#[test]
+fn recovery_what_noise_does_on_a_finer_grid_is_told() {
+    let model = model(COEFFICIENT);
+    for every in [2, 4] {
+        let [is, told] = moved(200, 1, TRUTH[1], |seed| {
+            let ([x, u], c) = regressors(600);
+            let mut random = rng(seed);
+            let white = noise(&mut random, 600 / every + 2, 0.2, 0.0);
+            let line = |k: usize| {
+                let (low, part) = (k / every, (k % every) as f64 / every as f64);
+                (1.0 - part) * white[low] + part * white[low + 1]
+            };
+            let x = sums(&x, &(0..600).map(line).collect::<Vec<f64>>());
+            let z = sums(&c, &noise(&mut random, 600, 0.05, 0.0));
+            let mut record = record(0.02, &[x, u], &[(0, z)]);
+            record.spacings = vec![0.02 * every as f64, 0.02];
+            estimate(&model, &[record], &method()).unwrap()
+        });
+        println!("every {every}: moved by {is:.4}, told {told:.4}");
+        assert!(is > 0.03 && (told / is - 1.0).abs() < 0.15, "{every}: {is} {told}");
+    }
+    // Of what nobody knows the spacing, nothing is told.
+    let ([x, u], c) = regressors(600);
+    let mut record = record(0.02, &[x, u], &[(0, c)]);
+    record.spacings = vec![f64::NAN, 0.02];
+    let e = estimate(&model, &[record], &method()).unwrap();
+    assert!(e.regression.unwrap().rows.iter().all(|row| row.shift.is_none()));
+}
+
 const MOTION: &str = r#"title = "Short period"
 [inputs]
 de = "rad"

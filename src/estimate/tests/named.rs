@@ -169,6 +169,36 @@ fn no_records_and_nothing_measured_is_no_data() {
     records[0].channels.iter_mut().for_each(|c| c.z.fill(f64::NAN));
     let e = estimate(&model, &records, &Settings::default()).unwrap();
     assert_eq!((e.stop, e.outputs[0].count, e.outputs[0].masked), (Stop::NoData, 0, 400));
+}
+
+/// Where an iteration starts says nothing about a parameter: its prior stays where the model has it.
+#[test]
+fn a_start_does_not_move_a_prior() {
+    let text = TEXT.replace(
+        "K = { unit = \"-\", start = 1.0 }",
+        "K = { unit = \"-\", start = 1.0, sd = 1e-4 }",
+    );
+    let model = Model::parse("lag", &text, &Constants::default()).unwrap();
+    let records = records(&model, 1);
+    let from = |start: Option<f64>| {
+        let starts = start.map(|value| ("K".to_string(), value)).into_iter().collect();
+        let settings = Settings { starts, tolerance: 1e-12, ..Settings::default() };
+        let e = estimate(&model, &records, &settings).unwrap();
+        let k = e.rows.iter().find(|row| row.name == "K").unwrap().clone();
+        (k.value, k.sd_crlb.unwrap())
+    };
+    let (as_it_is, moved) = (from(None), from(Some(1.4)));
+    assert!((as_it_is.0 - moved.0).abs() < 1e-3 * as_it_is.1, "{as_it_is:?} {moved:?}");
+    // The truth is 1.2, and the prior is strong.
+    assert!((as_it_is.0 - 1.0).abs() < 0.15 && as_it_is.1 < 1e-4, "{as_it_is:?}");
+}
+
+/// A model that is held against data as it is, without anything free.
+#[test]
+fn nothing_free_is_the_minimum() {
+    let model = model();
     let nothing = Settings { free: Some(vec![]), ..Settings::default() };
-    assert_eq!(estimate(&model, &self::records(&model, 1), &nothing).unwrap().stop, Stop::NoData);
+    let e = estimate(&model, &records(&model, 1), &nothing).unwrap();
+    assert_eq!((e.stop, e.rows.len(), e.outputs[0].count), (Stop::Converged, 0, 400));
+    assert!(e.det_r > 0.0 && e.responses[0][0].modelled.iter().all(|y| y.is_finite()));
 }

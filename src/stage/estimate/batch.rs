@@ -1,6 +1,5 @@
 //! Maneuvers that are estimated together, and the names of what came of them.
 
-use super::trim::Trim;
 use crate::estimate::{Estimation, Row, Segment};
 
 /// The maneuvers that are estimated together.
@@ -11,8 +10,6 @@ pub struct Batch {
     /// Flight of each.
     pub flights: Vec<String>,
     pub labelled: Vec<Segment>,
-    /// What is known of the condition before each.
-    pub trims: Vec<Trim>,
 }
 
 /// A batch and its estimation.

@@ -15,7 +15,6 @@ mod regressions;
 mod settings;
 mod stretches;
 mod tables;
-mod trim;
 mod uncertainty;
 
 use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
@@ -48,7 +47,6 @@ pub const STAGE: Stage = Stage {
         "separability",
         "budget",
         "profiles",
-        "repeats",
         "regressions",
         "equations",
         "searches",
@@ -256,14 +254,12 @@ fn batches(group: Group, ready: Vec<Ready>) -> Vec<Batch> {
                 batch.segments.push(r.segment);
                 batch.flights.push(r.flight);
                 batch.labelled.push(r.labelled);
-                batch.trims.push(r.trim);
             }
             None => batches.push(Batch {
                 group: name,
                 segments: vec![r.segment],
                 flights: vec![r.flight],
                 labelled: vec![r.labelled],
-                trims: vec![r.trim],
             }),
         }
     }
@@ -362,6 +358,15 @@ fn influential_note(config: &Config, batch: &Batch, estimation: &Estimation) -> 
 /// Estimates by equation error that the noise of the regressors is expected to have moved.
 fn moved_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
     let regression = estimation.regression.as_ref().filter(|r| r.is_estimate)?;
+    if regression.rows.iter().all(|r| r.shift.is_none())
+        && regression.rows.iter().any(|r| r.sd.is_some())
+    {
+        let text = format!(
+            "{}: how far noise in the regressors has moved the estimates cannot be told: signals are slower than the grid, and of a derived column nobody knows which ones it has its noise from",
+            batch.group
+        );
+        return Some(config.note("", Severity::Info, batch.group.clone(), 1, text));
+    }
     let moved = regression.rows.iter().filter(|r| r.is_moved());
     let words = |r: &Regressed| {
         let (row, shift) = (estimation.rows.get(r.row)?, r.shift?);

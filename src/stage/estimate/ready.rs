@@ -6,10 +6,10 @@ use super::config::{Config, NAME};
 use super::names::{Driver, Scored};
 use super::records::{Grid, Measured, Source, Unusable, record};
 use super::stretches::{self, Stretch, Whole};
-use super::trim::Trim;
 use crate::dynamics::Record;
 use crate::error::Result;
 use crate::estimate::Segment;
+use crate::math::median;
 use crate::stage::{Campaign, Inputs, Note, Severity, series};
 use crate::table::Table;
 use std::collections::BTreeMap;
@@ -18,10 +18,11 @@ use std::collections::BTreeMap;
 pub struct Ready {
     pub flight: String,
     pub segment: String,
-    /// From when to when it is flown, without the time before and behind its steps, s.
-    pub times: [f64; 2],
+    /// From when to when its steps are flown, s.
+    pub steps: [f64; 2],
+    /// From when to when its samples are scored, s.
+    pub window: [f64; 2],
     pub labelled: Segment,
-    pub trim: Trim,
 }
 
 /// The records of the maneuvers that the settings choose; what cannot be used is noted, and what
@@ -83,11 +84,7 @@ fn of_flight<'a>(
         return Ok(Vec::new());
     }
     let measured = measured(config, samples, signals)?;
-    let telling: Vec<String> = config
-        .columns()
-        .into_iter()
-        .chain(config.outputs.iter().map(|s| s.measured.clone()))
-        .collect();
+    let spacings = spacings(config, signals, t[1] - t[0])?;
     let conditions = inputs.flight("conditions", flight)?;
     let conditions = conditions.as_ref();
     let mut ready = Vec::new();
@@ -99,11 +96,12 @@ fn of_flight<'a>(
             continue;
         }
         match labelled(config, samples, &measured, &stretch, &held)? {
-            Ok(labelled) => {
+            Ok(mut labelled) => {
+                labelled.record.spacings.clone_from(&spacings);
                 notes.extend(masked(config, flight, &segment, &labelled.record));
-                let trim = Trim::of(conditions, &segment, &telling)?;
-                let (flight, times) = (flight.to_string(), flown(config, &stretch));
-                ready.push(Ready { flight, segment, times, labelled, trim });
+                let (flight, steps) = (flight.to_string(), stretch.steps);
+                let window = [stretch.window.from, stretch.window.to];
+                ready.push(Ready { flight, segment, steps, window, labelled });
             }
             Err(why) => {
                 let text = format!("{segment} is not used: {why}");
@@ -112,15 +110,6 @@ fn of_flight<'a>(
         }
     }
     Ok(ready)
-}
-
-/// When the steps of a maneuver begin and end; all of a record.
-fn flown(config: &Config, stretch: &Stretch) -> [f64; 2] {
-    let (settings, window) = (&config.settings, stretch.window);
-    match settings.input {
-        Some(_) => [window.from + settings.pre_s, window.to - settings.post_s],
-        None => [window.from, window.to],
-    }
 }
 
 /// What measures the outputs that are scored.
@@ -141,6 +130,26 @@ fn measured<'a>(
     };
     config.outputs.iter().map(one).collect()
 }
+
+/// Time between two samples of what each input was brought to the grid from, s. A derived column is made of
+/// several; it has a value of its own at every point of the grid where none of them is slower.
+fn spacings(config: &Config, signals: &Table, dt: f64) -> Result<Vec<f64>> {
+    let signals = series(signals)?;
+    let spacing = |t: &[f64]| median(&t.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>());
+    let slower = signals.values().any(|(t, _)| t.len() > 1 && spacing(t) > SLOWER * dt);
+    let of = |driver: &Driver| match driver {
+        Driver::Held(_) => dt,
+        Driver::Column(name) => match signals.get(name.as_str()) {
+            Some((t, _)) if t.len() > 1 => spacing(t),
+            _ if slower => f64::NAN,
+            _ => dt,
+        },
+    };
+    Ok(config.inputs.iter().map(of).collect())
+}
+
+/// A signal whose samples are further apart than so many steps of the grid is slower than it.
+const SLOWER: f64 = 1.5;
 
 /// The record of one stretch with what is known of it, or why there is none.
 fn labelled(
@@ -197,7 +206,7 @@ fn stretches(
     if let Some(input) = &settings.input {
         let Some(segments) = inputs.flight("segments", flight)? else { return Ok(Vec::new()) };
         segments.strings("segment")?.iter().for_each(|name| tally.meet(name));
-        return stretches::maneuvers(settings, input, (flight, t.len()), &segments);
+        return stretches::maneuvers(settings, input, (flight, t), &segments);
     }
     // A column that is not there is said where a record is made.
     let columns = config.columns();

@@ -53,7 +53,8 @@ pub struct Settings {
     /// Time before the first step that belongs to the segment, s.
     #[serde(default = "default_pre")]
     pub pre_s: f64,
-    /// Time after the last step that belongs to the segment, s.
+    /// Time after the last step that belongs to the segment, s. Where the segments of two maneuvers would
+    /// overlap, they meet in the middle.
     #[serde(default = "default_post")]
     pub post_s: f64,
     /// Time before that which only feeds delays in the model, s.

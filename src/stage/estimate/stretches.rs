@@ -12,6 +12,9 @@ use std::ops::Range;
 pub struct Stretch {
     /// Segment id, and those of maneuvers that overlap with it and are one with it.
     pub names: Vec<String>,
+    /// From when to when its steps are flown, s; all of a whole record.
+    pub steps: [f64; 2],
+    /// The steps with the time before and behind them.
     pub window: Window,
     /// Rows of the samples that it may use; what lies around them is not there for it.
     pub rows: Range<usize>,
@@ -22,11 +25,12 @@ fn of_flight(flight: &str) -> IndexMap<String, String> {
     IndexMap::from([("flight".to_string(), flight.to_string())])
 }
 
-/// The included maneuvers of the input, in order of time, in a flight of so many samples.
+/// The included maneuvers of the input, in order of time, on the grid `t` of a flight. No sample is in two
+/// windows: data that count twice would pass for twice the knowledge.
 pub fn maneuvers(
     settings: &Settings,
     input: &Used,
-    (flight, rows): (&str, usize),
+    (flight, t): (&str, &[f64]),
     segments: &Table,
 ) -> Result<Vec<Stretch>> {
     let (names, kinds, found_in) =
@@ -53,6 +57,7 @@ pub fn maneuvers(
     for i in (0..names.len()).filter(wanted) {
         if let Some((last, stretch)) = used.last_mut().filter(|(last, _)| overlap(*last, i)) {
             stretch.window.to = stretch.window.to.max(window(i).to);
+            stretch.steps[1] = stretch.steps[1].max(ends[i]);
             stretch.names.push(names[i].to_string());
             *last = if ends[i] > ends[*last] { i } else { *last };
             continue;
@@ -63,9 +68,27 @@ pub fn maneuvers(
             .chain(LABELS.iter().map(ToString::to_string).zip(values))
             .collect();
         let names = vec![names[i].to_string()];
-        used.push((i, Stretch { names, window: window(i), rows: 0..rows, labels }));
+        let steps = [starts[i], ends[i]];
+        used.push((i, Stretch { names, steps, window: window(i), rows: 0..t.len(), labels }));
     }
-    Ok(used.into_iter().map(|(_, stretch)| stretch).collect())
+    let mut stretches: Vec<Stretch> = used.into_iter().map(|(_, stretch)| stretch).collect();
+    for k in 1..stretches.len() {
+        let [before, after] = [k - 1, k].map(|k| (stretches[k].steps, stretches[k].window));
+        if before.1.to > after.1.from {
+            // In the middle of what both would have, but never among the steps; between two points of the grid.
+            let middle = 0.5 * (before.1.to + after.1.from);
+            let cut = between(t, middle.max(before.0[1]).min(after.0[0]));
+            stretches[k - 1].window.to = cut;
+            stretches[k].window.from = cut;
+        }
+    }
+    Ok(stretches)
+}
+
+/// The middle of the grid's step in which `at` is.
+fn between(t: &[f64], at: f64) -> f64 {
+    let (Some(&t0), Some(&t1)) = (t.first(), t.get(1)) else { return at };
+    t0 + (((at - t0) / (t1 - t0)).floor() + 0.5) * (t1 - t0)
 }
 
 /// What is between two gaps of the inputs is of use where it lasts so long, s, ...
@@ -108,6 +131,7 @@ pub fn whole(settings: &Settings, flight: &str, t: &[f64], inputs: &[(&str, &[f6
         let first = stretches.len() + 1;
         stretches.extend(windows.into_iter().enumerate().map(|(i, window)| Stretch {
             names: vec![name(first + i)],
+            steps: [window.from, window.to],
             window,
             rows: rows.clone(),
             labels: of_flight(flight),
@@ -205,6 +229,37 @@ mod tests {
         let mut u = vec![1.0; 431];
         gone.iter().for_each(|[from, to]| u[*from..*to].fill(f64::NAN));
         whole(&settings(longest), "f", &t, &[("u", &u)])
+    }
+
+    /// Maneuvers of 3 s every 8 s, with 3 s before and 6 s behind them: the windows meet in the middle of
+    /// what both would have, and where the next one begins at once, between the steps.
+    #[test]
+    fn no_sample_is_in_two_windows() {
+        let settings: Settings =
+            toml::from_str("model = \"m\"\ninput = \"u\"\npre_s = 3.0\npost_s = 6.0")
+                .expect("settings");
+        let table = Table::build("segments")
+            .repeat("flight", "f")
+            .strings("segment", ["f.01", "f.02", "f.03"])
+            .repeat("kind", "3211")
+            .repeat("input", "u")
+            .f64("t_start_s", [10.0, 18.0, 21.0])
+            .f64("t_end_s", [13.0, 21.0, 24.0])
+            .f64("unit_time_s", [0.5; 3])
+            .f64("amplitude", [1.0; 3])
+            .i64("polarity", [1; 3])
+            .f64("score", [1.0; 3])
+            .bools("included", [true; 3])
+            .opt_strings("reason", [None::<&str>; 3])
+            .finish()
+            .expect("segments");
+        let t: Vec<f64> = (0..500).map(|k| 0.1 * f64::from(k)).collect();
+        let input = settings.input.as_ref().expect("an input");
+        let all = maneuvers(&settings, input, ("f", &t), &table).expect("stretches");
+        let ends: Vec<f64> = all.iter().flat_map(|s| [s.window.from, s.window.to]).collect();
+        let wanted = [7.0, 17.05, 17.05, 21.05, 21.05, 30.0];
+        assert!(ends.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{ends:?}");
+        assert_eq!(all[1].steps, [18.0, 21.0]);
     }
 
     #[test]

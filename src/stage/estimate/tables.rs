@@ -19,7 +19,6 @@ pub fn all(model: &str, done: &[Done]) -> Result<Vec<(&'static str, Table)>> {
         ("separability", uncertainty::separability(model, done)?),
         ("budget", uncertainty::budget(model, done)?),
         ("profiles", uncertainty::profiles(model, done)?),
-        ("repeats", uncertainty::repeats(model, done)?),
         ("regressions", regressions::regressions(model, done)?),
         ("equations", regressions::equations(model, done)?),
         ("searches", regressions::searches(model, done)?),

@@ -3,10 +3,8 @@
 
 use super::batch::{Batch, Done, per, segment};
 use super::limits;
-use super::trim::Trim;
 use crate::config::list;
 use crate::error::Result;
-use crate::estimate::repeats::{Repeats, compare};
 use crate::estimate::{
     Combination, Decision, Estimation, Influence, Point, Profile, Row, Support, covariance,
 };
@@ -366,120 +364,4 @@ pub fn profiles(model: &str, done: &[Done]) -> Result<Table> {
         .f64("limit", rows.iter().map(|(_, _, p, _)| p.limit).collect::<Vec<_>>())
         .f64("level", rows.iter().map(|(_, _, p, _)| p.level).collect::<Vec<_>>())
         .finish()
-}
-
-/// One maneuver's estimate of one parameter.
-struct One<'a> {
-    row: &'a Row,
-    trim: &'a Trim,
-    input: Option<&'a str>,
-    kind: Option<&'a str>,
-}
-
-/// Maneuvers that are compared.
-struct Set<'a> {
-    row: &'a Row,
-    set: &'static str,
-    trim: Option<&'a Trim>,
-    input: Option<&'a str>,
-    kind: Option<&'a str>,
-    found: Repeats,
-}
-
-pub fn repeats(model: &str, done: &[Done]) -> Result<Table> {
-    let all: Vec<One> = done.iter().flat_map(|(batch, e)| ones(batch, e)).collect();
-    let mut names: Vec<&str> = all.iter().map(|one| one.row.name.as_str()).collect();
-    names.sort_unstable();
-    names.dedup();
-    let mut rows: Vec<Set> = Vec::new();
-    for name in names {
-        let mine: Vec<&One> = all.iter().filter(|one| one.row.name == name).collect();
-        rows.extend(conditions(&mine));
-        rows.extend(sets("kind", &mine, |one| one.kind));
-        rows.extend(sets("all", &mine, |_| None));
-    }
-    let number = |of: fn(&Repeats) -> f64| rows.iter().map(|s| of(&s.found)).collect::<Vec<f64>>();
-    Table::build("repeats")
-        .repeat("model", model)
-        .strings("parameter", rows.iter().map(|s| &s.row.name))
-        .strings("unit", rows.iter().map(|s| &s.row.unit))
-        .strings("set", rows.iter().map(|s| s.set))
-        .opt_strings("condition", rows.iter().map(|s| s.trim.map(Trim::words)))
-        .opt_strings("input", rows.iter().map(|s| s.input))
-        .opt_strings("kind", rows.iter().map(|s| s.kind))
-        .i64("n", rows.iter().map(|s| s.found.n as i64).collect::<Vec<_>>())
-        .f64("mean", number(|f| f.mean))
-        .f64("scatter_sd", number(|f| f.scatter))
-        .f64("rms_sd", number(|f| f.claimed))
-        .f64("ratio", number(|f| f.scatter / f.claimed))
-        .f64("chi2", number(|f| f.chi2))
-        .f64("p", number(|f| f.p))
-        .finish()
-}
-
-/// The estimates that belong to one maneuver and have an sd; initial values are no repeats of each
-/// other.
-fn ones<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<One<'a>> {
-    let alone = batch.labelled.len() == 1;
-    let one = |row: &'a Row| {
-        let place = row.segment.or(alone.then_some(0))?;
-        let (labelled, trim) = (batch.labelled.get(place)?, batch.trims.get(place)?);
-        let label = |name: &str| labelled.labels.get(name).map(String::as_str);
-        let wanted = row.sd.is_some() && !row.name.ends_with("(0)");
-        wanted.then(|| One { row, trim, input: label("input"), kind: label("kind") })
-    };
-    e.rows.iter().filter_map(one).collect()
-}
-
-/// The sets of maneuvers of one input and kind at the same trimmed condition, each as the first of
-/// it tells: repeats of one another.
-fn conditions<'a>(ones: &[&One<'a>]) -> Vec<Set<'a>> {
-    let mut all: Vec<Vec<&One<'a>>> = Vec::new();
-    for one in ones.iter().filter(|one| one.trim.is_known()) {
-        let same = |first: &One| {
-            (first.input, first.kind) == (one.input, one.kind) && first.trim.is_like(one.trim)
-        };
-        match all.iter_mut().find(|set| set.first().is_some_and(|first| same(first))) {
-            Some(set) => set.push(one),
-            None => all.push(vec![one]),
-        }
-    }
-    let of = |mine: &Vec<&One<'a>>| {
-        Some(Set { trim: Some(mine.first()?.trim), ..set("condition", mine)? })
-    };
-    all.iter().filter_map(of).collect()
-}
-
-/// The sets of at least two estimates that are alike in `key`, in the order in which they come.
-fn sets<'a>(
-    name: &'static str,
-    ones: &[&One<'a>],
-    key: impl Fn(&One<'a>) -> Option<&'a str>,
-) -> Vec<Set<'a>> {
-    let mut keys: Vec<Option<&str>> = Vec::new();
-    for one in ones {
-        if !keys.contains(&key(one)) {
-            keys.push(key(one));
-        }
-    }
-    let of = |kind: &Option<&'a str>| {
-        let mine: Vec<&One> = ones.iter().filter(|one| key(one) == *kind).copied().collect();
-        Some(Set { kind: *kind, ..set(name, &mine)? })
-    };
-    keys.iter().filter_map(of).collect()
-}
-
-/// Estimates that are compared; none for fewer than two.
-fn set<'a>(set: &'static str, mine: &[&One<'a>]) -> Option<Set<'a>> {
-    let first = mine.first()?;
-    let values: Vec<f64> = mine.iter().map(|one| one.row.value).collect();
-    let sds: Vec<f64> = mine.iter().filter_map(|one| one.row.sd).collect();
-    Some(Set {
-        row: first.row,
-        set,
-        trim: None,
-        input: first.input,
-        kind: first.kind,
-        found: compare(&values, &sds)?,
-    })
 }

@@ -2,15 +2,14 @@
 //! and the points go out.
 
 mod config;
-mod known;
 
+use super::correlations::Correlations;
 use super::estimate::{WITH, reads_of};
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::config::list;
 use crate::error::{Errors, Result};
 use crate::fit::{self, Band, LineFit, Points, Shared, Unfit};
 use crate::table::{Table, campaign};
-use known::Known;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
@@ -70,7 +69,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     };
     let (segments, conditions) = (inputs.all("segments")?, inputs.all("conditions")?);
     let known = inputs.numbered("correlations", config.estimate)?;
-    let known = known.as_ref().map(Known::read).transpose()?.unwrap_or_default();
+    let known = known.as_ref().map(Correlations::read).transpose()?.unwrap_or_default();
     let budget = inputs.numbered("budget", config.estimate)?;
     let mut lines = Vec::new();
     let mut notes = Vec::new();
@@ -101,10 +100,10 @@ fn line<'a>(
     parameter: &'a str,
     unit: &'a str,
     points: Table,
-    known: &Known,
+    known: &Correlations,
 ) -> Result<Line<'a>> {
     let (x, sd) = (points.f64("x")?, points.f64("sd")?);
-    let shared = known.shared(parameter, &points)?;
+    let shared = known.shared(parameter, &points.strings("segment")?, sd);
     let places = Points { x, sd, shared: &shared };
     let fit = fit::line(places, points.f64("value")?, &config.settings.method);
     let (low, high) = range(x);
@@ -158,7 +157,7 @@ fn assumed(budget: &Table, line: &Line, fit: &LineFit) -> Result<(f64, f64)> {
 }
 
 /// Correlations of the lines of different parameters, whose points are estimated together.
-fn together(config: &Config, lines: &[Line], known: &Known) -> Result<Table> {
+fn together(config: &Config, lines: &[Line], known: &Correlations) -> Result<Table> {
     let mut rows: Vec<(&str, &str, &str, &str, f64)> = Vec::new();
     for (i, one) in lines.iter().enumerate() {
         for other in &lines[i + 1..] {

@@ -115,14 +115,16 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let all = ready::of(&config.run, campaign, inputs, &mut notes)?;
     let used = used(config, campaign, inputs)?;
     let mut ready: Vec<Ready> = Vec::new();
-    for one in all {
-        let at = one.times;
+    for mut one in all {
+        let at = one.steps;
         let same =
-            |of: &&Used| of.flight == one.flight && at[0] < of.times[1] && of.times[0] < at[1];
-        match used.iter().find(same) {
-            Some(of) => notes.push(refused(config, &one.flight, &one.segment, &of.name)),
-            None => ready.push(one),
+            |of: &&Used| of.flight == one.flight && at[0] < of.window[1] && of.window[0] < at[1];
+        if let Some(of) = used.iter().find(same) {
+            notes.push(refused(config, &one.flight, &one.segment, &of.name));
+            continue;
         }
+        notes.extend(without_used(config, &mut one, &used));
+        ready.push(one);
     }
     notes.iter_mut().for_each(|note: &mut Note| note.stage = STAGE.name.to_string());
     let mut done = Vec::new();
@@ -155,7 +157,8 @@ struct Used {
     flight: String,
     /// The estimate, and the maneuver's name in it.
     name: String,
-    times: [f64; 2],
+    /// Where its samples are, s.
+    window: [f64; 2],
 }
 
 /// All maneuvers that the values come from.
@@ -166,10 +169,30 @@ fn used(config: &Config, campaign: &Campaign, inputs: &Inputs) -> Result<Vec<Use
         all.extend(of.into_iter().map(|one| Used {
             name: format!("{} ({})", base.name(), one.segment),
             flight: one.flight,
-            times: one.times,
+            window: one.window,
         }));
     }
     Ok(all)
+}
+
+/// Before and behind its steps a maneuver may reach into one that the values come from: what both have is
+/// not scored.
+fn without_used(config: &Config, one: &mut Ready, used: &[Used]) -> Option<Note> {
+    let flight: Vec<&Used> = used.iter().filter(|of| of.flight == one.flight).collect();
+    let is_used = |t: f64| flight.iter().any(|of| (of.window[0]..=of.window[1]).contains(&t));
+    let mut masked = 0;
+    for channel in &mut one.labelled.record.channels {
+        let of = |(t, z): (&f64, &f64)| if is_used(*t) { f64::NAN } else { *z };
+        let count = |values: &[f64]| values.iter().filter(|z| z.is_finite()).count();
+        let left: Vec<f64> = channel.t.iter().zip(channel.z.iter()).map(of).collect();
+        masked += count(&channel.z) - count(&left);
+        channel.z = left.into();
+    }
+    let text = format!(
+        "{masked} samples of {} around its steps are not scored: the values come from maneuvers that have them, too",
+        one.segment
+    );
+    (masked > 0).then(|| note(config, &one.flight, Severity::Info, &one.segment, text))
 }
 
 fn refused(config: &Config, flight: &str, segment: &str, by: &str) -> Note {
@@ -212,7 +235,7 @@ fn validated(
     });
     let seen: Vec<&judge::Output> = outputs.iter().map(|(output, _)| output).collect();
     let is_for = |c: &tolerances::Checked| c.is_for(&input, &kind, &maneuver.conditions);
-    let judged = proof::judge(&config.tolerances, is_for, &seen, one.times);
+    let judged = proof::judge(&config.tolerances, is_for, &seen, one.steps);
     Ok(Ok(Validated {
         flight: one.flight.clone(),
         segment: one.segment.clone(),

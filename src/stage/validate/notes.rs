@@ -7,6 +7,7 @@ use super::settings::{NAME, Settings};
 use super::tolerances::Checked;
 use super::validated::Validated;
 use crate::estimate::Row;
+use crate::math::distribution::INTERVAL_95;
 use crate::stage::{Note, Severity};
 use crate::units::Unit;
 use indexmap::IndexMap;
@@ -96,11 +97,12 @@ pub fn unused(config: &Config, done: &[Validated]) -> Vec<Note> {
     said.collect()
 }
 
-/// What was estimated in the maneuver itself: zero shifts, initial states and what is free.
+/// What was estimated in the maneuver itself, with half of the 95% interval: zero shifts, initial states
+/// and what is free.
 pub fn followed(rows: &[Row]) -> String {
     let one = |row: &Row| {
         let unit = if row.unit == "-" { String::new() } else { format!(" {}", row.unit) };
-        let sd = row.sd.map(|sd| format!(" +- {}", crate::math::digits(sd)));
+        let sd = row.sd.map(|sd| format!(" +- {}", crate::math::digits(INTERVAL_95 * sd)));
         let value = crate::math::digits(row.value);
         format!("{} = {value}{}{unit}", row.name, sd.unwrap_or_default())
     };

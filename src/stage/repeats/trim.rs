@@ -2,10 +2,28 @@
 
 use crate::error::Result;
 use crate::table::Table;
+use std::collections::BTreeMap;
 
 /// What a model was driven by, and what it was scored with, before the maneuver: name, unit, value.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Trim(Vec<(String, String, f64)>);
+
+/// The conditions of the maneuvers of a flight, by maneuver: of the named columns those that a
+/// condition is told by, airspeeds, pressures, angles, altitudes. Rates, forces and currents are not.
+pub fn all(conditions: &Table, columns: &[String]) -> Result<BTreeMap<String, Trim>> {
+    let (signals, units) = (conditions.strings("signal")?, conditions.strings("unit")?);
+    let values = conditions.f64("value")?;
+    let mut all: BTreeMap<String, Trim> = BTreeMap::new();
+    for (i, segment) in conditions.strings("segment")?.into_iter().enumerate() {
+        let (signal, unit, value) = (signals[i], units[i], values[i]);
+        let tells = value.is_finite() && tolerance(unit, value).is_some();
+        if tells && columns.iter().any(|column| column == signal) {
+            let one = (signal.to_string(), unit.to_string(), value);
+            all.entry(segment.to_string()).or_default().0.push(one);
+        }
+    }
+    Ok(all)
+}
 
 /// How far two maneuvers of one condition may be apart: what is flown again by hand or by an
 /// autopilot comes back to it, and coefficients that vary with the condition hardly move.
@@ -18,26 +36,6 @@ const SPEED: f64 = 0.03;
 const PRESSURE: f64 = 0.06;
 
 impl Trim {
-    /// Of the named columns those that a condition is told by: airspeeds, pressures, angles,
-    /// altitudes. Rates, forces and currents are not.
-    pub fn of(conditions: Option<&Table>, segment: &str, columns: &[String]) -> Result<Trim> {
-        let Some(table) = conditions else { return Ok(Trim::default()) };
-        let (segments, signals, units) =
-            (table.strings("segment")?, table.strings("signal")?, table.strings("unit")?);
-        let values = table.f64("value")?;
-        let wanted = |&i: &usize| {
-            segments[i] == segment
-                && columns.iter().any(|c| c == signals[i])
-                && values[i].is_finite()
-        };
-        let told = |i: usize| (signals[i].to_string(), units[i].to_string(), values[i]);
-        let known = (0..table.rows())
-            .filter(wanted)
-            .map(told)
-            .filter(|(_, unit, value)| tolerance(unit, *value).is_some());
-        Ok(Trim(known.collect()))
-    }
-
     /// Whether anything is known of the condition.
     pub fn is_known(&self) -> bool {
         !self.0.is_empty()
@@ -95,7 +93,8 @@ mod tests {
             .f64("value", [v, alpha, q])
             .finish()
             .expect("conditions");
-        Trim::of(Some(&table), "s", &["V", "alpha", "q"].map(String::from)).expect("a condition")
+        let mut all = all(&table, &["V", "alpha", "q"].map(String::from)).expect("conditions");
+        all.remove("s").expect("a condition")
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The table of correlations of an estimate in; what the points of lines have in common out.
+//! The table of correlations of an estimate in; what estimates of single maneuvers have in common out.
 //!
 //! The table lists a maneuver's parameters among each other and with the common parameters of its
 //! group (the friction of a flight); those of two maneuvers are left out, for they follow: the
@@ -12,12 +12,13 @@ use crate::math::dense::{cholesky, forward};
 use crate::table::Table;
 use std::collections::BTreeMap;
 
-/// Parameter, and segment or (of what a group has in common) group.
+/// Parameter, and the segment or group of segments that it is of: of what a group has in common there
+/// may be one for every flight.
 type Key = (String, String);
 
 /// Correlations of the estimates of one model.
 #[derive(Debug, Default)]
-pub struct Known {
+pub struct Correlations {
     /// Of those that the table lists, each pair both ways.
     pairs: BTreeMap<(Key, Key), f64>,
     /// Number of the group, and the part that each of its sources has in an estimate's sd.
@@ -28,33 +29,32 @@ pub struct Known {
 /// maneuvers with them.
 #[derive(Default)]
 struct Group<'a> {
-    common: BTreeMap<(&'a str, &'a str), f64>,
-    single: BTreeMap<(&'a str, &'a str), BTreeMap<&'a str, f64>>,
+    common: BTreeMap<(Of<'a>, Of<'a>), f64>,
+    single: BTreeMap<Of<'a>, BTreeMap<Of<'a>, f64>>,
 }
 
-impl Known {
-    pub fn read(table: &Table) -> Result<Known> {
+/// As [`Key`].
+type Of<'a> = (&'a str, &'a str);
+
+impl Correlations {
+    pub fn read(table: &Table) -> Result<Correlations> {
         let (groups, value) = (table.strings("group")?, table.f64("value")?);
         let (names, segments) = (table.strings("parameter")?, table.opt_strings("segment")?);
-        let (others, of) = (table.strings("other")?, table.opt_strings("other_segment")?);
-        let mut known = Known::default();
+        let (others, other_segments) =
+            (table.strings("other")?, table.opt_strings("other_segment")?);
+        let (of, other_of) = (table.opt_strings("of")?, table.opt_strings("other_of")?);
+        let mut known = Correlations::default();
         let mut all: BTreeMap<&str, Group> = BTreeMap::new();
         for (k, &value) in value.iter().enumerate() {
-            let key = |name: &str, segment: Option<&str>| {
-                (name.to_string(), segment.unwrap_or(groups[k]).to_string())
-            };
-            let (one, other) = (key(names[k], segments[k]), key(others[k], of[k]));
-            known.pairs.insert((one.clone(), other.clone()), value);
-            known.pairs.insert((other, one), value);
+            let one = (names[k], segments[k].or(of[k]).unwrap_or(groups[k]));
+            let other = (others[k], other_segments[k].or(other_of[k]).unwrap_or(groups[k]));
+            known.pairs.insert((key(one), key(other)), value);
+            known.pairs.insert((key(other), key(one)), value);
             let group = all.entry(groups[k]).or_default();
-            match (segments[k], of[k]) {
-                (None, None) => _ = group.common.insert((names[k], others[k]), value),
-                (Some(segment), None) => {
-                    group.single.entry((names[k], segment)).or_default().insert(others[k], value);
-                }
-                (None, Some(segment)) => {
-                    group.single.entry((others[k], segment)).or_default().insert(names[k], value);
-                }
+            match (segments[k], other_segments[k]) {
+                (None, None) => _ = group.common.insert((one, other), value),
+                (Some(_), None) => _ = group.single.entry(one).or_default().insert(other, value),
+                (None, Some(_)) => _ = group.single.entry(other).or_default().insert(one, value),
                 (Some(_), Some(_)) => {}
             }
         }
@@ -62,11 +62,11 @@ impl Known {
         Ok(known)
     }
 
-    /// What the points of one parameter have in common with others.
-    pub fn shared(&self, parameter: &str, points: &Table) -> Result<Vec<Shared>> {
-        let sd = points.f64("sd")?;
+    /// What the estimates of one parameter from these segments have in common, with the standard
+    /// deviation of each.
+    pub fn shared(&self, parameter: &str, segments: &[&str], sd: &[f64]) -> Vec<Shared> {
         let mut groups: BTreeMap<usize, Shared> = BTreeMap::new();
-        for (point, segment) in points.strings("segment")?.iter().enumerate() {
+        for (point, segment) in segments.iter().enumerate() {
             let effects = self.effects.get(&(parameter.to_string(), segment.to_string()));
             let Some((group, parts)) = effects else { continue };
             let shared = groups.entry(*group).or_insert_with(|| Shared {
@@ -78,7 +78,7 @@ impl Known {
             shared.points.push(point);
             shared.effects.extend(parts.iter().map(|part| part * sd[point]));
         }
-        Ok(groups.into_values().collect())
+        groups.into_values().collect()
     }
 
     /// Places of two points of two parameters whose correlation the table lists, and the covariance
@@ -114,32 +114,36 @@ impl Known {
     }
 }
 
+fn key((name, of): Of) -> Key {
+    (name.to_string(), of.to_string())
+}
+
 impl Group<'_> {
     /// Adds the effects of the sources of this group, the one of this number.
     fn add(&self, number: usize, effects: &mut BTreeMap<Key, (usize, Vec<f64>)>) {
-        let mut names: Vec<&str> = self.single.values().flat_map(|r| r.keys().copied()).collect();
-        names.sort_unstable();
-        names.dedup();
-        let n = names.len();
-        let l = self.factor(&names);
-        for ((parameter, segment), r) in &self.single {
+        let mut sources: Vec<Of> = self.single.values().flat_map(|r| r.keys().copied()).collect();
+        sources.sort_unstable();
+        sources.dedup();
+        let n = sources.len();
+        let l = self.factor(&sources);
+        for (&one, r) in &self.single {
             let mut parts: Vec<f64> =
-                names.iter().map(|name| r.get(name).copied().unwrap_or(0.0)).collect();
+                sources.iter().map(|source| r.get(source).copied().unwrap_or(0.0)).collect();
             forward(&l, n, &mut parts);
-            effects.insert((parameter.to_string(), segment.to_string()), (number, parts));
+            effects.insert(key(one), (number, parts));
         }
     }
 
     /// Cholesky factor of the correlations of the common parameters.
-    fn factor(&self, names: &[&str]) -> Vec<f64> {
-        let n = names.len();
-        let of = |a: &str, b: &str| {
+    fn factor(&self, sources: &[Of]) -> Vec<f64> {
+        let n = sources.len();
+        let of = |a: Of, b: Of| {
             let found = self.common.get(&(a, b)).or_else(|| self.common.get(&(b, a)));
             found.copied().unwrap_or(0.0)
         };
         let matrix = |less: f64| -> Vec<f64> {
             let entry = |k: usize| {
-                if k / n == k % n { 1.0 } else { (1.0 - less) * of(names[k / n], names[k % n]) }
+                if k / n == k % n { 1.0 } else { (1.0 - less) * of(sources[k / n], sources[k % n]) }
             };
             (0..n * n).map(entry).collect()
         };
@@ -153,6 +157,39 @@ impl Group<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Two flights estimated together, each with an `F` of its own: what they share with their flight is
+    /// nothing that they share with the other one.
+    #[test]
+    fn common_parameters_of_one_name_are_those_of_their_flight() {
+        let rows = [
+            ("F", None, "1", "F", None::<&str>, "2", 0.0),
+            ("a", Some("1.1"), "1.1", "F", None, "1", 0.9),
+            ("a", Some("1.1"), "1.1", "F", None, "2", 0.0),
+            ("a", Some("1.2"), "1.2", "F", None, "1", 0.8),
+            ("a", Some("1.2"), "1.2", "F", None, "2", 0.0),
+            ("a", Some("2.1"), "2.1", "F", None, "1", 0.0),
+            ("a", Some("2.1"), "2.1", "F", None, "2", 0.7),
+        ];
+        let table = Table::build("correlations")
+            .repeat("model", "m")
+            .repeat("group", "all")
+            .strings("parameter", rows.map(|r| r.0))
+            .opt_strings("segment", rows.map(|r| r.1))
+            .opt_strings("of", rows.map(|r| Some(r.2)))
+            .strings("other", rows.map(|r| r.3))
+            .opt_strings("other_segment", rows.map(|r| r.4))
+            .opt_strings("other_of", rows.map(|r| Some(r.5)))
+            .f64("value", rows.map(|r| r.6))
+            .f64("value_crlb", [0.0; 7])
+            .finish()
+            .expect("a table");
+        let known = Correlations::read(&table).expect("correlations");
+        let key = |segment: &str| ("a".to_string(), segment.to_string());
+        let r = |a: &str, b: &str| known.through_sources(&key(a), &key(b));
+        assert!((r("1.1", "1.2") - 0.72).abs() < 1e-12);
+        assert_eq!((r("1.1", "2.1"), r("1.2", "2.1")), (0.0, 0.0));
+    }
 
     /// A flight with two common parameters and two maneuvers of two parameters each.
     #[test]
@@ -185,7 +222,7 @@ mod tests {
             .opt_strings("other_of", rows.iter().map(|_| None::<&str>))
             .finish()
             .expect("a table");
-        let known = Known::read(&table).expect("correlations");
+        let known = Correlations::read(&table).expect("correlations");
         // R_cc^-1 of [1 0.6; 0.6 1] is [1 -0.6; -0.6 1]/0.64.
         let through = |a: [f64; 2], b: [f64; 2]| {
             (a[0] * b[0] - 0.6 * (a[0] * b[1] + a[1] * b[0]) + a[1] * b[1]) / 0.64
@@ -208,7 +245,7 @@ mod tests {
                 .finish()
                 .unwrap_or_else(|e| panic!("{name}: {e}"))
         };
-        let shared = known.shared("a", &points("a")).expect("shared");
+        let shared = known.shared("a", &["1", "2"], &[2.0, 3.0]);
         let effects = &shared[0].effects;
         let covariance = effects[0] * effects[2] + effects[1] * effects[3];
         assert_eq!((shared.len(), shared[0].points.as_slice()), (1, [0, 1].as_slice()));
@@ -217,6 +254,6 @@ mod tests {
         let own = 0.4 - through([0.5, 0.1], [-0.3, 0.2]);
         assert_eq!((pairs[0].0, pairs[0].1, pairs.len()), (0, 0, 2));
         assert!((pairs[0].2 - 4.0 * own).abs() < 1e-12);
-        assert!(known.shared("z", &points("z")).expect("shared").is_empty());
+        assert!(known.shared("z", &["1", "2"], &[2.0, 3.0]).is_empty());
     }
 }

@@ -1,0 +1,210 @@
+//! Estimates of single maneuvers, what they have in common and the conditions at which they were flown
+//! come in; whether repeated maneuvers scatter as their standard deviations say goes out.
+//!
+//! Repeats are flown in several flights, so this is asked of all flights at once, also of an estimate
+//! that is made flight by flight.
+
+mod trim;
+
+use super::correlations::Correlations;
+use super::estimate::{Config, reads_of};
+use super::{Campaign, Inputs, Output, Read, Stage, Unit};
+use crate::error::{Errors, Result};
+use crate::fit::{Repeats, repeats};
+use crate::table::Table;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use trim::Trim;
+
+pub const STAGE: Stage = Stage {
+    name: "repeats",
+    about: "compare repeated maneuvers",
+    units: |campaign| Unit::entries(campaign.estimates.iter().map(Config::name)),
+    writes: &["repeats"],
+    reads,
+    slice,
+    run,
+    ..Stage::PLAIN
+};
+
+fn slice(campaign: &Campaign, unit: &Unit) -> Value {
+    let of = |config: &Config| json!({ "model": config.name(), "columns": columns(config) });
+    campaign.estimates.get(unit.index).map_or(Value::Null, of)
+}
+
+fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
+    let mut reads = reads_of(&["estimates", "correlations"], campaign, unit.index);
+    reads.extend(Read::flights(&["segments", "conditions"], campaign));
+    reads
+}
+
+/// What a model is driven by, and what it is scored with: a condition is told by these.
+fn columns(config: &Config) -> Vec<String> {
+    let measured = config.outputs.iter().map(|scored| scored.measured.clone());
+    config.columns().into_iter().chain(measured).collect()
+}
+
+/// A maneuver: input and kind.
+type Flown = BTreeMap<String, (String, String)>;
+
+fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
+    let Some(config) = campaign.estimates.get(unit.index) else { return Ok(Output::default()) };
+    let Some(estimates) = inputs.numbered("estimates", unit.index)? else {
+        return Ok(Output::default());
+    };
+    let common = inputs.numbered("correlations", unit.index)?;
+    let common = common.as_ref().map(Correlations::read).transpose()?.unwrap_or_default();
+    let (columns, mut trims, mut flown) = (columns(config), BTreeMap::new(), Flown::new());
+    for flight in &campaign.flights {
+        if let Some(segments) = inputs.flight("segments", flight)? {
+            let (input, kind) = (segments.strings("input")?, segments.strings("kind")?);
+            for (row, name) in segments.strings("segment")?.into_iter().enumerate() {
+                flown.insert(name.into(), (input[row].into(), kind[row].into()));
+            }
+        }
+        if let Some(conditions) = inputs.flight("conditions", flight)? {
+            trims.extend(trim::all(&conditions, &columns)?);
+        }
+    }
+    let mut rows: Vec<Set> = Vec::new();
+    for ones in ones(&estimates, &trims, &flown)? {
+        rows.extend(conditions(&ones, &common));
+        rows.extend(sets("kind", &ones, &common, |one| one.kind));
+        rows.extend(sets("all", &ones, &common, |_| None));
+    }
+    let tables = vec![("repeats", table(&config.name(), &rows)?)];
+    Ok(Output { tables, ..Output::default() })
+}
+
+/// One maneuver's estimate of one parameter.
+struct One<'a> {
+    parameter: &'a str,
+    unit: &'a str,
+    segment: &'a str,
+    value: f64,
+    sd: f64,
+    trim: Option<&'a Trim>,
+    input: Option<&'a str>,
+    kind: Option<&'a str>,
+}
+
+/// Maneuvers that are compared.
+struct Set<'a> {
+    parameter: &'a str,
+    unit: &'a str,
+    set: &'static str,
+    trim: Option<&'a Trim>,
+    input: Option<&'a str>,
+    kind: Option<&'a str>,
+    found: Repeats,
+}
+
+/// The estimates that belong to one maneuver and have an sd, parameter by parameter in the order of
+/// their names; initial values are no repeats of each other.
+fn ones<'a>(
+    estimates: &'a Table,
+    trims: &'a BTreeMap<String, Trim>,
+    flown: &'a Flown,
+) -> Result<Vec<Vec<One<'a>>>> {
+    let (parameters, units) = (estimates.strings("parameter")?, estimates.strings("unit")?);
+    let (values, sds) = (estimates.f64("value")?, estimates.f64("sd")?);
+    let mut all: BTreeMap<&str, Vec<One>> = BTreeMap::new();
+    for (row, segment) in estimates.opt_strings("segment")?.into_iter().enumerate() {
+        let (parameter, value, sd) = (parameters[row], values[row], sds[row]);
+        let Some(segment) = segment.filter(|_| !parameter.ends_with("(0)")) else { continue };
+        if !(value.is_finite() && sd > 0.0 && sd.is_finite()) {
+            continue;
+        }
+        let maneuver = flown.get(segment);
+        all.entry(parameter).or_default().push(One {
+            parameter,
+            unit: units[row],
+            segment,
+            value,
+            sd,
+            trim: trims.get(segment),
+            input: maneuver.map(|m| m.0.as_str()),
+            kind: maneuver.map(|m| m.1.as_str()),
+        });
+    }
+    Ok(all.into_values().collect())
+}
+
+/// The sets of maneuvers of one input and kind at the same trimmed condition, each as the first of
+/// it tells: repeats of one another.
+fn conditions<'a>(ones: &[One<'a>], common: &Correlations) -> Vec<Set<'a>> {
+    let mut all: Vec<(&Trim, Vec<&One<'a>>)> = Vec::new();
+    for one in ones {
+        let Some(trim) = one.trim.filter(|trim| trim.is_known()) else { continue };
+        let same = |first: &One| (first.input, first.kind) == (one.input, one.kind);
+        let like = |(of, set): &&mut (&Trim, Vec<&One>)| {
+            set.first().is_some_and(|f| same(f)) && of.is_like(trim)
+        };
+        match all.iter_mut().find(like) {
+            Some((_, set)) => set.push(one),
+            None => all.push((trim, vec![one])),
+        }
+    }
+    let of = |(trim, mine): &(&'a Trim, Vec<&One<'a>>)| {
+        Some(Set { trim: Some(*trim), ..set("condition", mine, common)? })
+    };
+    all.iter().filter_map(of).collect()
+}
+
+/// The sets of at least two estimates that are alike in `key`, in the order in which they come.
+fn sets<'a>(
+    name: &'static str,
+    ones: &[One<'a>],
+    common: &Correlations,
+    key: impl Fn(&One<'a>) -> Option<&'a str>,
+) -> Vec<Set<'a>> {
+    let mut keys: Vec<Option<&str>> = Vec::new();
+    for one in ones {
+        if !keys.contains(&key(one)) {
+            keys.push(key(one));
+        }
+    }
+    let of = |kind: &Option<&'a str>| {
+        let mine: Vec<&One> = ones.iter().filter(|one| key(one) == *kind).collect();
+        Some(Set { kind: *kind, ..set(name, &mine, common)? })
+    };
+    keys.iter().filter_map(of).collect()
+}
+
+/// Estimates that are compared; none for fewer than two.
+fn set<'a>(set: &'static str, mine: &[&One<'a>], common: &Correlations) -> Option<Set<'a>> {
+    let first = mine.first()?;
+    let number = |of: fn(&One) -> f64| mine.iter().map(|one| of(one)).collect::<Vec<f64>>();
+    let (values, sds) = (number(|one| one.value), number(|one| one.sd));
+    let segments: Vec<&str> = mine.iter().map(|one| one.segment).collect();
+    let shared = common.shared(first.parameter, &segments, &sds);
+    Some(Set {
+        parameter: first.parameter,
+        unit: first.unit,
+        set,
+        trim: None,
+        input: first.input,
+        kind: first.kind,
+        found: repeats(&values, &sds, &shared)?,
+    })
+}
+
+fn table(model: &str, rows: &[Set]) -> Result<Table> {
+    let number = |of: fn(&Repeats) -> f64| rows.iter().map(|s| of(&s.found)).collect::<Vec<f64>>();
+    Table::build("repeats")
+        .repeat("model", model)
+        .strings("parameter", rows.iter().map(|s| s.parameter))
+        .strings("unit", rows.iter().map(|s| s.unit))
+        .strings("set", rows.iter().map(|s| s.set))
+        .opt_strings("condition", rows.iter().map(|s| s.trim.map(Trim::words)))
+        .opt_strings("input", rows.iter().map(|s| s.input))
+        .opt_strings("kind", rows.iter().map(|s| s.kind))
+        .i64("n", rows.iter().map(|s| s.found.n as i64).collect::<Vec<_>>())
+        .f64("mean", number(|f| f.mean))
+        .f64("scatter_sd", number(|f| f.scatter))
+        .f64("rms_sd", number(|f| f.claimed))
+        .f64("ratio", number(|f| f.scatter / f.claimed))
+        .f64("chi2", number(|f| f.chi2))
+        .f64("p", number(|f| f.p))
+        .finish()
+}
