@@ -109,15 +109,27 @@ fn estimates(plan: &Plan, store: &Store) -> Result<()> {
     Ok(())
 }
 
-/// The outputs of which an estimate leaves more than noise, and how much of their variation:
-/// `p (68%), r (86%)`.
+/// The outputs of which an estimate leaves more than noise, and how much of their variation, in the flight
+/// where it is most: `p in flight-2 (68%), r in flight-1 (86%)`.
 fn poor(left: &Table) -> Result<String> {
     let (outputs, leaves, shares) =
         (left.strings("output")?, left.strings("leaves")?, left.f64("share")?);
+    let flights = left.strings("flight")?;
     let mut poor: Vec<usize> =
         (0..left.rows()).filter(|&i| leaves[i] == Leaves::More.as_str()).collect();
-    poor.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
-    let one = |&i: &usize| format!("{} ({:.0}%)", outputs[i], 100.0 * shares[i]);
+    // What was measured not to move has no share, and comes first.
+    let share = |i: usize| if shares[i].is_nan() { f64::INFINITY } else { shares[i] };
+    poor.sort_by(|&a, &b| share(b).total_cmp(&share(a)));
+    let mut met = BTreeSet::new();
+    poor.retain(|&i| met.insert(outputs[i]));
+    let several = flights.iter().any(|flight| *flight != flights[0]);
+    let one = |&i: &usize| {
+        let of = if several { format!(" in {}", flights[i]) } else { String::new() };
+        match shares[i].is_finite() {
+            true => format!("{}{of} ({:.0}%)", outputs[i], 100.0 * shares[i]),
+            false => format!("{}{of} (measured not to move)", outputs[i]),
+        }
+    };
     let more =
         if poor.len() > POOR { format!(", {} more", poor.len() - POOR) } else { String::new() };
     Ok(poor.iter().take(POOR).map(one).collect::<Vec<_>>().join(", ") + &more)

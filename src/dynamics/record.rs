@@ -34,8 +34,9 @@ pub enum Interpolation {
     /// A smooth cubic through the neighbours: better for measured signals that are smooth, wrong
     /// for steps.
     Cubic,
-    /// The last value until the next one: for commands, which are steps. A `delay()` of it still
-    /// reads the smooth cubic, so that the delay has a gradient.
+    /// The last value until the next one: for commands, which are steps. A `delay()` of it reads the smooth
+    /// cubic half a step of the grid later, so that the delay has a gradient: a value that holds from one
+    /// point to the next stands in the middle between them.
     Hold,
 }
 
@@ -82,6 +83,15 @@ impl Weights {
 }
 
 impl Record {
+    /// How far behind its grid point a value of input `j` stands where the input is read as a smooth curve,
+    /// in steps of the grid.
+    pub fn behind(&self, j: usize) -> f64 {
+        match self.interpolation.get(j) {
+            Some(Interpolation::Hold) => 0.5,
+            _ => 0.0,
+        }
+    }
+
     /// Where the samples of a channel lie on the grid: none where there is one at every grid point from the start point on.
     pub fn sampling(&self, channel: &Channel) -> Option<Vec<Option<Weights>>> {
         let n = self.n.saturating_sub(self.start);

@@ -173,7 +173,7 @@ impl Run<'_> {
             let mut past = Past { i: 0, j: 0, w: [0.0; 4], slope: [0.0; 4] };
             point[l.delayed() + k] = match delay.of {
                 Delayed::Input(j) => {
-                    let at = t / record.dt + record.start as f64;
+                    let at = t / record.dt + record.start as f64 - record.behind(j);
                     let (value, slope) = history::input(
                         &record.inputs[..record.n * l.inputs],
                         l.inputs,

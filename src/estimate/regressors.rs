@@ -117,7 +117,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Samp
                 }
             };
             point[l.delayed() + d] = match delay.of {
-                Delayed::Input(j) => back((k + first) as f64, &|i| input(i, j)),
+                Delayed::Input(j) => back((k + first) as f64 - record.behind(j), &|i| input(i, j)),
                 Delayed::Smooth(_) | Delayed::Within(_) => {
                     without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0])
                 }

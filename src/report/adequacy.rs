@@ -5,12 +5,12 @@ use super::format::{few, number, plain};
 use super::grid::{Cell, Grid, Level};
 use super::place::On;
 use super::section::{Body, Section};
-use crate::signal::adequacy::{COLOUR, Leaves, SHARE};
+use crate::signal::adequacy::{COLOUR, Leaves, SHARE, USELESS};
 
 pub const SECTION: Section = Section {
     id: "matches",
     heading: "What each estimate leaves",
-    on: On::Index,
+    on: On::Both,
     tables: &["adequacy"],
     build: |given| {
         let grid = grid(given.get("adequacy"));
@@ -22,16 +22,37 @@ fn is_poor(table: &Columns, row: usize) -> bool {
     table.text("leaves", row) == Leaves::More.as_str()
 }
 
-/// One row for each output of each estimate.
+/// One row for each output of each estimate: of several flights the one of which most is left.
 pub fn grid(table: Option<&Columns>) -> Grid {
     let note = "Where noise drives the model, what its filter takes for noise of the sensors is looked at.";
-    judged(table, "model", &[], note)
+    let worst: Vec<usize> = table.iter().flat_map(|t| worst(t)).map(|(row, _)| row).collect();
+    judged(table, &worst, ["model", "flight"].as_slice(), &[], note)
+}
+
+/// Per model and output the flight of which most is left, and of how many others more than noise is.
+fn worst(table: &Columns) -> Vec<(usize, usize)> {
+    let share = |row: usize| {
+        let share = table.number("share", row);
+        // Nothing was measured to vary: all of it is left, or nothing can be told.
+        if share.is_nan() && is_poor(table, row) { f64::INFINITY } else { share }
+    };
+    let key = |row: usize| (is_poor(table, row), share(row));
+    let most = |rows: &[usize]| {
+        let poor = rows.iter().filter(|&&row| is_poor(table, row)).count();
+        let more = |a: &usize, b: &usize| {
+            let (a, b) = (key(*a), key(*b));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        };
+        rows.iter().copied().max_by(more).map(|row| (row, poor.saturating_sub(1)))
+    };
+    table.groups(["model", "output"]).iter().filter_map(|(_, rows)| most(rows)).collect()
 }
 
 /// One row for each output of each diagnosis.
 pub fn unexplained(table: Option<&Columns>) -> Grid {
     let note = "Foretold is the share of it that its own past tells; turbulence the share that noise driving the model explains.";
-    judged(table, "diagnosis", &["foretold", "turbulence"], note)
+    let rows: Vec<usize> = (0..table.map_or(0, Columns::rows)).collect();
+    judged(table, &rows, &["diagnosis"], &["foretold", "turbulence"], note)
 }
 
 /// Densities of noise that was let drive a model.
@@ -54,31 +75,38 @@ pub fn turbulence(table: Option<&Columns>) -> Grid {
     grid
 }
 
-fn judged(table: Option<&Columns>, of: &str, shares: &[&str], note: &str) -> Grid {
-    let mut columns: Vec<String> = [
-        of,
-        "output",
-        "#sensor's noise",
-        "#left",
-        "#measured variation",
-        "#beyond noise, part of variation|%",
-        "#a mean|%",
-        "#another size|%",
-        "#another shape|%",
-    ]
-    .map(String::from)
-    .into();
+fn judged(
+    table: Option<&Columns>,
+    rows: &[usize],
+    of: &[&str],
+    shares: &[&str],
+    note: &str,
+) -> Grid {
+    let mut columns: Vec<String> = of.iter().map(ToString::to_string).collect();
+    columns.extend(
+        [
+            "output",
+            "#sensor's noise",
+            "#left",
+            "#measured variation",
+            "#beyond noise, part of variation|%",
+            "#a mean|%",
+            "#another size|%",
+            "#another shape|%",
+        ]
+        .map(String::from),
+    );
     columns.extend(shares.iter().map(|name| format!("#{name}|%")));
     columns.push("left is".into());
     let mut grid = Grid::new(columns);
     let Some(table) = table else { return grid };
     let percent = |name: &str, row: usize| plain(100.0 * table.number(name, row), 1);
-    for row in 0..table.rows() {
+    for &row in rows {
         let unit = table.unit_in("unit", row);
         let value = |name: &str| Cell::new(number(table.number(name, row), 3)).under(&unit);
         let poor = is_poor(table, row);
         let mut cells: Vec<Cell> =
-            [of, "output"].iter().map(|name| table.text(name, row).into()).collect();
+            of.iter().chain(&["output"]).map(|name| table.text(name, row).into()).collect();
         cells.extend(["noise", "left", "variation"].map(value));
         cells.push(Cell::new(percent("share", row)).level_if(poor, Level::Warn));
         cells.extend(["bias", "size", "shape"].map(|name| Cell::new(percent(name, row))));
@@ -87,7 +115,7 @@ fn judged(table: Option<&Columns>, of: &str, shares: &[&str], note: &str) -> Gri
         grid.push(cells);
     }
     let note = format!(
-        "Over all maneuvers. A model that is right leaves its sensors' noise, read from the fast part of the measurement; twice that may be slow noise. \
+        "Over all maneuvers of a flight; of several flights the one of which most is left. A model that is right leaves its sensors' noise, read from the fast part of the measurement; twice that may be slow noise. \
          \"more than noise\" is what exceeds the root of the squares of {COLOUR} times the noise and {:.0}% of the variation. The three parts of what is left are \
          Theil's. {note}",
         100.0 * SHARE
@@ -99,29 +127,43 @@ fn judged(table: Option<&Columns>, of: &str, shares: &[&str], note: &str) -> Gri
 /// The sentence of the checks.
 pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table?;
-    let told = |row: &usize| table.text("leaves", *row) != Leaves::Unmoved.as_str();
-    let mut rows: Vec<usize> = (0..table.rows()).filter(told).collect();
+    let told = |(row, _): &(usize, usize)| table.text("leaves", *row) != Leaves::Unmoved.as_str();
+    let mut rows: Vec<(usize, usize)> = worst(table).into_iter().filter(told).collect();
     let share = |row: usize| table.number("share", row);
-    rows.sort_by(|&a, &b| share(b).total_cmp(&share(a)));
-    let name = |row: usize| {
-        let of = ["output", "model"].map(|name| table.text(name, row));
-        format!("{} of {} ({:.0}%)", of[0], of[1], 100.0 * share(row))
+    rows.sort_by(|a, b| share(b.0).total_cmp(&share(a.0)));
+    let name = |&(row, others): &(usize, usize)| {
+        let of = ["output", "model", "flight"].map(|name| table.text(name, row));
+        let left = match share(row).is_finite() {
+            true => format!("{:.0}%", 100.0 * share(row)),
+            false => "all: it was measured not to move".to_string(),
+        };
+        let more = if others > 0 { format!(" and {others} more") } else { String::new() };
+        format!("{} of {} ({left}; {}{more})", of[0], of[1], of[2])
     };
-    let worst = *rows.first()?;
-    let poor: Vec<String> =
-        rows.iter().copied().filter(|&row| is_poor(table, row)).map(name).collect();
-    Some(if poor.is_empty() {
+    let worst = rows.first()?;
+    let poor: Vec<&(usize, usize)> = rows.iter().filter(|(row, _)| is_poor(table, *row)).collect();
+    if poor.is_empty() {
         let text = format!(
             "What the estimates leave is no more than noise of the sensors, or little beside the measured variation; most is left of {}.",
             name(worst)
         );
-        (Level::Good, text)
-    } else {
+        return Some((Level::Good, text));
+    }
+    let is_useless = |(row, _): &&&(usize, usize)| !(share(*row) <= USELESS);
+    let useless: Vec<String> = poor.iter().filter(is_useless).map(|row| name(row)).collect();
+    if !useless.is_empty() {
         let text = format!(
-            "Estimates leave more than noise of the sensors, and no noise in the model accounts for it (what is left beyond noise, of the measured variation): {}. \
-             Their standard deviations suppose that it is noise.",
-            few(&poor)
+            "Estimates do not explain what was measured: beyond noise of the sensors they leave, of the measured variation, {}. \
+             Such a model is wrong there, or a sensor is, and so are their standard deviations.",
+            few(&useless)
         );
-        (Level::Warn, text)
-    })
+        return Some((Level::Bad, text));
+    }
+    let poor: Vec<String> = poor.into_iter().map(name).collect();
+    let text = format!(
+        "Estimates leave more than noise of the sensors, and no noise in the model accounts for it (what is left beyond noise, of the measured variation): {}. \
+         Their standard deviations suppose that it is noise.",
+        few(&poor)
+    );
+    Some((Level::Warn, text))
 }

@@ -192,7 +192,11 @@ fn value(table: &Columns, row: usize) -> Cell {
     let more =
         if total > 1.005 * sd { format!(", total {}", number(total, 2)) } else { String::new() };
     let below = format!("sd {}, CR {}{more}", number(sd, 2), number(bound, 2));
-    if sd.is_finite() { Cell::new(text).under(below) } else { Cell::new(text) }
+    match (sd.is_finite(), is_at_bound(table, row)) {
+        (true, _) => Cell::new(text).under(below),
+        (false, true) => Cell::new(text).under("on its bound").level(Level::Warn),
+        (false, false) => Cell::new(text),
+    }
 }
 
 fn stop(table: &Columns, row: usize) -> Cell {
@@ -227,7 +231,16 @@ pub fn convergence(table: Option<&Columns>) -> Option<(Level, String)> {
         return None;
     }
     if good == all {
-        return Some((Level::Good, format!("{} converged.", every(all, "estimation"))));
+        let bound = at_bound(table);
+        let level = if bound.is_empty() { Level::Good } else { Level::Warn };
+        let said = match bound.is_empty() {
+            true => String::new(),
+            false => format!(
+                " On a bound, so without sd, and with the others' sd as if they were known there: {}.",
+                few(&bound)
+            ),
+        };
+        return Some((level, format!("{} converged.{said}", every(all, "estimation"))));
     }
     let groups = table.groups(["model", "group"]);
     let failed = groups.iter().filter(|(_, rows)| !rows.iter().all(|&r| converged(table, r)));
@@ -246,6 +259,21 @@ pub fn convergence(table: Option<&Columns>) -> Option<(Level, String)> {
     ))
 }
 
+fn is_at_bound(table: &Columns, row: usize) -> bool {
+    table.flag("at_bound", row).unwrap_or(false)
+}
+
+/// Parameters on a bound, and in how many estimations; none of something (a bound of zero) is a result.
+fn at_bound(table: &Columns) -> Vec<String> {
+    let on = |row: &usize| is_at_bound(table, *row) && table.number("value", *row) != 0.0;
+    let groups = table.groups(["model", "parameter"]);
+    let one = |([model, parameter], rows): ([String; 2], Vec<usize>)| {
+        let count = rows.iter().filter(|row| on(row)).count();
+        (count > 0).then(|| format!("{parameter} of {model} ({count} of {})", rows.len()))
+    };
+    groups.into_iter().filter_map(one).collect()
+}
+
 /// The sentence of the checks about coloured residuals: how far the corrected sd stands above the
 /// plain bound.
 pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
@@ -254,20 +282,26 @@ pub fn colour(table: Option<&Columns>) -> Option<(Level, String)> {
     let mut ratios: Vec<f64> =
         (0..table.rows()).map(ratio).filter(|r| r.is_finite() && *r > 0.0).collect();
     ratios.sort_by(f64::total_cmp);
-    let median = *ratios.get(ratios.len() / 2)?;
-    let tail = if median > 1.5 {
-        "the residuals are coloured, and the plain bound would be too optimistic by that factor."
-    } else {
-        "the residuals are close to white."
+    let (median, most) = (*ratios.get(ratios.len() / 2)?, *ratios.last()?);
+    let tail = match (median > COLOURED, most > COLOURED) {
+        (true, _) => {
+            "the residuals are coloured, and the plain bound would be too optimistic by that factor."
+        }
+        (false, true) => "most residuals are close to white, and some are coloured.",
+        (false, false) => "the residuals are close to white.",
     };
     Some((
         Level::Info,
         format!(
-            "The standard deviations are {} times the plain Cramér-Rao bound (median): {tail}",
-            number(median, 2)
+            "The standard deviations are {} times the plain Cramér-Rao bound (median; {} at most): {tail}",
+            number(median, 2),
+            number(most, 2)
         ),
     ))
 }
+
+/// More than so many times the plain bound, and residuals are not close to white.
+const COLOURED: f64 = 1.5;
 
 /// The sentence of the checks about parameter pairs the data hardly separate.
 pub fn separation(correlations: Option<&Columns>) -> Option<(Level, String)> {

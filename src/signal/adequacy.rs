@@ -32,6 +32,10 @@ pub const COLOUR: f64 = 2.0;
 /// Share of the measured variation (root mean square) that may be left. *Convention*: 96% of its
 /// power is explained.
 pub const SHARE: f64 = 0.2;
+/// An output of which more than this share of the variation is left beyond its noise is not explained: a
+/// result that stands on such a model is wrong whatever is thought of the threshold. *Convention*: a
+/// quarter of its power.
+pub const USELESS: f64 = 0.5;
 /// So many times its noise an output must move, or be missed, to tell anything. *Convention*.
 pub const MOVED: f64 = 3.0;
 
@@ -90,7 +94,11 @@ impl Adequacy {
             n,
             noise: if noise.is_finite() { n * noise * noise } else { 0.0 },
             left,
-            variation: pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum(),
+            // Rounding of the mean is no variation.
+            variation: match pairs.iter().all(|(z, _)| *z == pairs[0].0) {
+                true => 0.0,
+                false => pairs.iter().map(|(z, _)| (z - mean) * (z - mean)).sum(),
+            },
             parts: [of(parts.bias), of(parts.variance), of(parts.covariance)],
         }
     }

@@ -35,6 +35,8 @@ const OF_VALUE: f64 = 0.1;
 const SWITCH: usize = 4;
 /// A rate is steady where this share of the spacings is within half of the median.
 const STEADY: f64 = 0.9;
+/// An angle that goes round steps by a period, give or take this share of it.
+const ROUND: f64 = 0.25;
 /// Fewer samples show nothing.
 const FEWEST: usize = 20;
 
@@ -46,12 +48,15 @@ pub fn found(t: &[i64], y: &[f64], period: Option<f64>) -> Vec<usize> {
         return Vec::new();
     }
     let least = OF_RANGE * range(y);
-    let step = |from: usize, to: usize| match period {
-        Some(period) => {
-            let step = y[to] - y[from];
-            step - period * (step / period).round()
+    let step = |from: usize, to: usize| {
+        let step = y[to] - y[from];
+        match period {
+            // Once around, and no further: what is many turns away has nothing to do with those beside it.
+            Some(period) if (step.abs() / period - 1.0).abs() < ROUND => {
+                step - period * step.signum()
+            }
+            _ => step,
         }
-        None => y[to] - y[from],
     };
     let bend = |k: usize| 0.5 * (step(k, k - 1) + step(k, k + 1)).abs();
     let is_spike = |k: &usize| {
@@ -187,6 +192,16 @@ mod tests {
         let changes: Vec<i64> = (0..n as i64).map(|k| k * k * 1000).collect();
         let y: Vec<f64> = (0..n).map(|k| ((k * 7) % 11) as f64).collect();
         assert_eq!(found(&changes, &y, None), [0; 0]);
+    }
+
+    /// What recorders write for "no value": -999 deg in an angle, in one sample of forty.
+    #[test]
+    fn values_many_turns_away_are_found_however_many_there_are() {
+        let full = 2.0 * std::f64::consts::PI;
+        let mut y = motion(2000, 1e-3, 8);
+        let wrong: Vec<usize> = (20..1990).step_by(40).collect();
+        wrong.iter().for_each(|&k| y[k] = -999f64.to_radians());
+        assert_eq!(found(&times(2000), &y, Some(full)), wrong);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 /// column that is to mean something else gets another name. So a file of an earlier version, or of
 /// none (programs before the first version), is read where its columns are those of now, in name,
 /// type and unit, and refused by the column that is not; a file of a later version is refused.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// The name of the version in the metadata of a file.
 pub(super) const KEY: &str = "schema_version";

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::context::Context;
-use crate::model::Model;
+use crate::model::{Model, Quantity};
 use crate::units::{Dim, Unit};
 
 /// Something of a model that fills a role.
@@ -189,6 +189,11 @@ const ROLES: &[(&str, Find, &str)] = &[
         List(hinges),
         "each surface that moves by itself: its velocity, with .position and .acceleration",
     ),
+    (
+        "actuator",
+        List(actuators),
+        "each measured surface that follows its command in one state, with .rate",
+    ),
     ("input", List(inputs), "each input"),
     ("sensor", List(sensors), "each output"),
     ("instrument", List(instruments), "each output that is no flow vane"),
@@ -233,6 +238,24 @@ pub fn is_list(role: &str) -> bool {
 #[cfg(test)]
 pub fn list() -> impl Iterator<Item = (&'static str, &'static str)> {
     ROLES.iter().map(|r| (r.0, r.2))
+}
+
+/// Whether a state is one of the aircraft's motion, by its name.
+pub fn is_motion(state: &str) -> bool {
+    const MOTION: [&str; 10] = [
+        "airspeed",
+        "alpha",
+        "beta",
+        "roll-rate",
+        "pitch-rate",
+        "yaw-rate",
+        "bank",
+        "pitch",
+        "heading",
+        "altitude",
+    ];
+    let of = |how: &Find| matches!(how, Value(_, names) if names.contains(&state));
+    ROLES.iter().any(|(role, how, _)| MOTION.contains(role) && of(how))
 }
 
 pub fn meaning(role: &str) -> &'static str {
@@ -347,13 +370,12 @@ fn constant(model: &Model, unit: &str, names: &[&str]) -> Option<Bound> {
     names.iter().find(|n| of_model(n) || of_aircraft(n)).map(|name| Bound::new(name, name, unit))
 }
 
-fn sensor(output: &crate::model::Quantity) -> Bound {
+fn sensor(output: &Quantity) -> Bound {
     Bound::new(&format!("output({})", output.name), &output.name, &output.unit)
 }
 
 fn outputs(model: &Model, unit: &str, names: &[&str]) -> Vec<Bound> {
-    let fits =
-        |o: &&crate::model::Quantity| names.contains(&o.name.as_str()) && dim(&o.unit) == dim(unit);
+    let fits = |o: &&Quantity| names.contains(&o.name.as_str()) && dim(&o.unit) == dim(unit);
     model.outputs.iter().filter(fits).map(sensor).collect()
 }
 
@@ -371,17 +393,32 @@ fn inputs(model: &Model) -> Vec<Bound> {
 
 /// Inputs in rad that are no angle of the motion.
 fn surfaces(model: &Model) -> Vec<Bound> {
+    let is_surface = |i: &&Quantity| is_surface(i);
+    model.inputs.iter().filter(is_surface).map(|i| Bound::new(&i.name, &i.name, &i.unit)).collect()
+}
+
+/// An angle that is none of the motion.
+fn is_surface(angle: &Quantity) -> bool {
     let motion = [
         "alpha", "beta", "phi", "theta", "psi", "gamma", "chi", "track", "bank", "pitch",
         "heading", "aoa", "alf", "the",
     ];
-    let is_motion = |name: &str| {
-        motion
-            .iter()
-            .any(|m| name == *m || name.strip_prefix(m).is_some_and(|rest| rest.starts_with('_')))
+    let of = |m: &&str| {
+        angle.name == *m || angle.name.strip_prefix(*m).is_some_and(|rest| rest.starts_with('_'))
     };
-    let is_surface = |i: &&crate::model::Quantity| i.unit == "rad" && !is_motion(&i.name);
-    model.inputs.iter().filter(is_surface).map(|i| Bound::new(&i.name, &i.name, &i.unit)).collect()
+    angle.unit == "rad" && !motion.iter().any(|m| of(&m))
+}
+
+/// Measured surfaces whose rate is no other state.
+fn actuators(model: &Model) -> Vec<Bound> {
+    let hinges = hinges(model);
+    let is_one = |s: &&Quantity| {
+        is_surface(s) && model.output(&s.name).is_some() && hinges.iter().all(|h| h.ident != s.name)
+    };
+    let of = |s: &Quantity| {
+        Bound::new(&s.name, &s.name, &s.unit).with("rate", &rate_line(model, &s.name).text)
+    };
+    model.states.iter().map(|s| &s.quantity).filter(is_one).map(of).collect()
 }
 
 /// Name of a pair and whether this is its left one.
@@ -442,7 +479,7 @@ fn lateral(model: &Model) -> Vec<Bound> {
 
 fn drives(model: &Model) -> Vec<Bound> {
     let units: Vec<Option<Dim>> = ["A", "V", "N m", "N"].iter().map(|u| dim(u)).collect();
-    let drives = |i: &&crate::model::Quantity| units.contains(&dim(&i.unit)) && i.name != "thrust";
+    let drives = |i: &&Quantity| units.contains(&dim(&i.unit)) && i.name != "thrust";
     model.inputs.iter().filter(drives).map(|i| Bound::new(&i.name, &i.name, &i.unit)).collect()
 }
 

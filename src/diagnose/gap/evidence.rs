@@ -2,6 +2,7 @@
 
 use super::driven::EquationError;
 use super::relation::Relation;
+use crate::diagnose::effect::roles;
 
 /// The equation that lacks most.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,15 +12,16 @@ pub struct Evidence {
     pub relation: Option<Relation>,
 }
 
-/// The coefficient that lacks most beside what noise of the sensors makes of it, over all maneuvers;
-/// of a model without coefficients the rate. None where nothing was looked at.
+/// The coefficient that lacks most beside what noise of the sensors makes of it, over all maneuvers, or
+/// the rate of a state that has none (an actuator), if that lacks more; of a model without coefficients the
+/// rate. The rates of the motion say again what coefficients say. None where nothing was looked at.
 pub fn strongest(equations: &[EquationError], relations: &[Relation]) -> Option<Evidence> {
     let ratio = |e: &EquationError| e.rms / e.noise;
-    let most = |is_rate: bool| {
-        let all = equations.iter().filter(move |e| e.is_rate == is_rate && e.segment.is_none());
-        all.filter(|e| ratio(e).is_finite()).max_by(|a, b| ratio(a).total_cmp(&ratio(b)))
-    };
-    let equation = most(false).or_else(|| most(true))?.clone();
+    let whole = || equations.iter().filter(|e| e.segment.is_none() && ratio(e).is_finite());
+    let some = whole().any(|e| !e.is_rate);
+    let counts = |e: &&EquationError| !some || !e.is_rate || !roles::is_motion(&e.name);
+    let most = whole().filter(counts).max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+    let equation = most?.clone();
     let over = |r: &Relation| r.correlation.abs() / r.limit;
     let relation = relations
         .iter()
@@ -70,6 +72,8 @@ mod tests {
         assert_eq!(found.relation.map(|r| r.source).as_deref(), Some("modelled q"));
         let nothing = strongest(&equations, &[relation("C_m", "de", 0.2, 0.4)]).expect("one");
         assert_eq!(nothing.relation, None);
+        let actuator = [&equations[..], &[error("de", true, 4.0, None)]].concat();
+        assert_eq!(strongest(&actuator, &[]).expect("a rate").equation.name, "de");
         assert_eq!(strongest(&equations[..1], &[]).expect("a rate").equation.name, "q");
         assert_eq!(strongest(&[], &relations), None);
     }

@@ -2,7 +2,7 @@
 //! nothing. Each on estimates.
 
 use super::{normal, rng};
-use crate::dynamics::{Channel, Directions, Propagator, Record};
+use crate::dynamics::{Channel, Directions, Interpolation, Propagator, Record};
 use crate::estimate::{Estimation, Settings, Stop, estimate};
 use crate::model::{Constants, Model};
 
@@ -80,6 +80,46 @@ fn within(e: &Estimation, name: &str, truth: f64, most: f64) {
 /// The exact derivative with respect to the delay is that of differences: shorter than a step, on
 /// grid points, between them, longer than what was flown. On a grid point, where how the history is
 /// read changes, it is that of one of the two sides.
+/// A command that holds its value from one sample to the next, and a lag that answers exactly: the delay
+/// comes out as it is, not half a sample longer, also where it is no whole number of samples.
+#[test]
+fn recovery_a_delay_of_a_held_command() {
+    let model = model(&DELAYED.replace("OF", "delay(u, tau)"));
+    // T and K T
+    let (dt, n, lag, gain) = (0.025, 400, 0.3, 0.6);
+    for tau in [0.02, 0.03, 0.06] {
+        let u: Vec<f64> = (0..n).map(|k| [0.0, 1.0, -1.0, 0.5][(k / 23) % 4]).collect();
+        // x' = (gain u - x)/lag between the edges, which come at k dt + tau.
+        let (mut x, mut t, mut z) = (0.0, 0.0, Vec::new());
+        let value = |t: f64| u[(((t - tau) / dt + 1e-9).floor().max(0.0) as usize).min(n - 1)];
+        for k in 0..n {
+            let end = k as f64 * dt;
+            while t < end - 1e-12 {
+                let edge = (((t - tau) / dt + 1e-9).floor() + 1.0) * dt + tau;
+                let next = edge.min(end);
+                let goal = gain * value(t);
+                x = goal + (x - goal) * libm::exp(-(next - t) / lag);
+                t = next;
+            }
+            z.push(x);
+        }
+        let stamps: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
+        let record = Record {
+            dt,
+            n,
+            inputs: u.clone().into(),
+            channels: vec![Channel { output: 0, t: stamps.into(), z: z.into() }],
+            interpolation: vec![Interpolation::Hold],
+            ..Record::default()
+        };
+        let e = estimate(&model, &[record], &Settings::default()).unwrap();
+        let found = e.rows.iter().find(|row| row.name == "tau").unwrap().value;
+        println!("tau {tau}: {found:.5}");
+        assert_eq!(e.stop, Stop::Converged);
+        assert!((found - tau).abs() < 0.05 * dt, "{tau}: {found}");
+    }
+}
+
 #[test]
 fn sensitivities_to_a_delay_are_exact_at_any_length() {
     for (which, model) in delayed().into_iter().enumerate() {

@@ -1,5 +1,5 @@
-//! Finished estimations come in; whether each output's residual is its sensor's noise, over all
-//! maneuvers, goes out.
+//! Finished estimations come in; whether each output's residual is its sensor's noise, flight by
+//! flight, goes out.
 
 use super::batch::Done;
 use crate::error::Result;
@@ -7,8 +7,9 @@ use crate::estimate::{Estimation, Trace};
 use crate::signal::adequacy::Adequacy;
 use crate::table::Table;
 
-/// One output over all maneuvers of a model.
+/// One output over all maneuvers of a flight.
 struct Judged<'a> {
+    flight: &'a str,
     output: &'a str,
     unit: &'a str,
     all: Adequacy,
@@ -27,27 +28,30 @@ fn of(estimation: &Estimation, segment: usize, trace: &Trace) -> Adequacy {
 /// The table `adequacy` of one model.
 pub fn table(model: &str, done: &[Done]) -> Result<Table> {
     let mut all: Vec<Judged> = Vec::new();
-    for (_, estimation) in done {
+    for (batch, estimation) in done {
         for (segment, traces) in estimation.responses.iter().enumerate() {
+            let flight = batch.flights[segment].as_str();
             for trace in traces {
                 let one = of(estimation, segment, trace);
-                match all.iter_mut().find(|j| j.output == trace.name) {
+                let same = |j: &&mut Judged| j.flight == flight && j.output == trace.name;
+                match all.iter_mut().rev().find(same) {
                     Some(judged) => judged.all.add(&one),
                     None => {
                         let (output, unit) = (&trace.name, &trace.unit);
-                        all.push(Judged { output, unit, all: one });
+                        all.push(Judged { flight, output, unit, all: one });
                     }
                 }
             }
         }
     }
-    all.sort_by_key(|j| j.output);
+    all.sort_by_key(|j| (j.flight, j.output));
     let number = |of: &dyn Fn(&Adequacy) -> f64| {
         let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
         all.iter().map(|j| finite(of(&j.all))).collect::<Vec<f64>>()
     };
     Table::build("adequacy")
         .repeat("model", model)
+        .strings("flight", all.iter().map(|j| j.flight))
         .strings("output", all.iter().map(|j| j.output))
         .strings("unit", all.iter().map(|j| j.unit))
         .i64("n", all.iter().map(|j| j.all.samples() as i64).collect::<Vec<_>>())

@@ -21,7 +21,7 @@ use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, s
 use crate::engine::Here;
 use crate::error::Errors;
 use crate::estimate::regression::Regressed;
-use crate::estimate::{self, Estimation};
+use crate::estimate::{self, Estimation, Row, Trace};
 use crate::math::digits;
 use crate::noise::Modelled;
 use crate::table::Table;
@@ -325,6 +325,10 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         let text = format!("{}: {}", batch.group, limits::idle(estimation, row).1);
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
+    for row in estimation.rows.iter().filter(|row| row.at_bound) {
+        notes.push(bound_note(config, batch, row));
+    }
+    notes.extend(still_notes(config, batch, estimation));
     for combination in &estimation.verdict.combinations {
         notes.push(config.note(
             "",
@@ -336,6 +340,50 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
     }
     notes
 }
+
+/// A parameter on its bound. None of something that cannot be negative is an ordinary result.
+fn bound_note(config: &Config, batch: &Batch, row: &Row) -> Note {
+    let severity = if row.value == 0.0 { Severity::Info } else { Severity::Warning };
+    let unit = if row.unit == "-" { String::new() } else { format!(" {}", row.unit) };
+    let text = format!(
+        "{}: {} is on its bound, {}{unit}: it has no sd, and the other estimates hold for it fixed there",
+        batch.group,
+        row.name,
+        digits(row.value)
+    );
+    config.note("", severity, batch.group.clone(), 1, text)
+}
+
+/// Outputs of which one value was measured throughout a maneuver in which the model moves them.
+fn still_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let mut notes = Vec::new();
+    for (segment, traces) in batch.segments.iter().zip(&estimation.responses) {
+        for trace in traces.iter().filter(|trace| is_still(trace)) {
+            let text = format!(
+                "{segment}: {} has one value throughout, and the model moves it: is its sensor dead?",
+                trace.name
+            );
+            notes.push(config.note("", Severity::Problem, segment.clone(), 1, text));
+        }
+    }
+    notes
+}
+
+/// Fewest samples of one value that tell something.
+const STILL: usize = 20;
+
+fn is_still(trace: &Trace) -> bool {
+    let both = trace.measured.iter().zip(trace.modelled.iter());
+    let scored: Vec<(f64, f64)> =
+        both.map(|(z, y)| (*z, *y)).filter(|(z, _)| z.is_finite()).collect();
+    let Some(&(first, start)) = scored.first() else { return false };
+    let scale = scored.iter().fold(0.0f64, |most, (z, y)| most.max(z.abs()).max(y.abs()));
+    let moves = scored.iter().any(|(_, y)| (y - start).abs() > MOVES * scale);
+    scored.len() >= STILL && moves && scored.iter().all(|(z, _)| *z == first)
+}
+
+/// A modelled output that changes by less than this share of its size is at rest.
+const MOVES: f64 = 1e-3;
 
 /// The sample on which the estimate hangs.
 fn influential_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {

@@ -6,7 +6,8 @@ use super::config::{Config, NAME};
 use super::names::{Driver, Scored};
 use super::records::{Grid, Measured, Source, Unusable, record};
 use super::stretches::{self, Stretch, Whole};
-use crate::dynamics::Record;
+use crate::config::list;
+use crate::dynamics::{Interpolation, Record};
 use crate::error::Result;
 use crate::estimate::Segment;
 use crate::math::median;
@@ -85,6 +86,7 @@ fn of_flight<'a>(
     }
     let measured = measured(config, samples, signals)?;
     let spacings = spacings(config, signals, t[1] - t[0])?;
+    notes.extend(drawn(config, flight, (samples, signals), &spacings)?);
     let conditions = inputs.flight("conditions", flight)?;
     let conditions = conditions.as_ref();
     let mut ready = Vec::new();
@@ -146,6 +148,43 @@ fn spacings(config: &Config, signals: &Table, dt: f64) -> Result<Vec<f64>> {
         },
     };
     Ok(config.inputs.iter().map(of).collect())
+}
+
+/// Inputs that hold their value from one point of the grid to the next, but were brought there by straight
+/// lines between samples that are further apart.
+fn drawn(
+    config: &Config,
+    flight: &str,
+    (samples, signals): (&Table, &Table),
+    spacings: &[f64],
+) -> Result<Option<Note>> {
+    let (t, signals) = (samples.f64("t_s")?, series(signals)?);
+    let between =
+        config.settings.interpolation.of(config.model.inputs.iter().map(|q| q.name.as_str()));
+    let mut names: Vec<&str> = Vec::new();
+    for (k, driver) in config.inputs.iter().enumerate() {
+        let Driver::Column(name) = driver else { continue };
+        let holds = between.get(k) == Some(&Interpolation::Hold);
+        let slow = spacings[k] > SLOWER * (t[1] - t[0]);
+        let known = signals.get(name.as_str()).filter(|_| holds && slow && samples.has(name));
+        let Some((at, z)) = known else { continue };
+        let column = samples.f64(name)?;
+        let is_drawn = |(t, x): (&f64, &f64)| {
+            let behind = at.partition_point(|s| s <= t);
+            let ends = behind.checked_sub(1).and_then(|k| Some((*z.get(k)?, *z.get(k + 1)?)));
+            // Strictly between two samples in time and value.
+            ends.is_some_and(|(a, b)| *t > at[behind - 1] && (x - a) * (x - b) < 0.0)
+        };
+        if t.iter().zip(column).any(is_drawn) {
+            names.push(name);
+        }
+    }
+    let text = format!(
+        "{flight}: {} holds its value between the points of the grid, but its samples are further apart, and straight lines were drawn between them: [derive] needs `interpolation = \"hold\"` for it, too",
+        list(&names)
+    );
+    Ok((!names.is_empty())
+        .then(|| config.note(flight, Severity::Warning, flight.to_string(), names.len(), text)))
 }
 
 /// A signal whose samples are further apart than so many steps of the grid is slower than it.

@@ -11,6 +11,7 @@ use super::estimate::{Config, reads_of};
 use super::{Campaign, Inputs, Output, Read, Stage, Unit};
 use crate::error::{Errors, Result};
 use crate::fit::{Repeats, repeats};
+use crate::model::{Parameter, Scope};
 use crate::table::Table;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -28,7 +29,7 @@ pub const STAGE: Stage = Stage {
 };
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
-    let of = |config: &Config| json!({ "model": config.name(), "columns": columns(config) });
+    let of = |config: &Config| json!({ "model": config.name(), "columns": columns(config), "own": own(config) });
     campaign.estimates.get(unit.index).map_or(Value::Null, of)
 }
 
@@ -36,6 +37,13 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     let mut reads = reads_of(&["estimates", "correlations"], campaign, unit.index);
     reads.extend(Read::flights(&["segments", "conditions"], campaign));
     reads
+}
+
+/// Parameters that the model has for every maneuver and that are a condition themselves, by their unit: the
+/// angle at which it was trimmed.
+fn own(config: &Config) -> Vec<&str> {
+    let own = |p: &&Parameter| p.scope == Scope::Segment && trim::tells(&p.quantity.unit);
+    config.model.parameters.iter().filter(own).map(|p| p.quantity.name.as_str()).collect()
 }
 
 /// What a model is driven by, and what it is scored with: a condition is told by these.
@@ -67,7 +75,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         }
     }
     let mut rows: Vec<Set> = Vec::new();
-    for ones in ones(&estimates, &trims, &flown)? {
+    for ones in ones(&own(config), &estimates, &trims, &flown)? {
         rows.extend(conditions(&ones, &common));
         rows.extend(sets("kind", &ones, &common, |one| one.kind));
         rows.extend(sets("all", &ones, &common, |_| None));
@@ -100,8 +108,10 @@ struct Set<'a> {
 }
 
 /// The estimates that belong to one maneuver and have an sd, parameter by parameter in the order of
-/// their names; initial values are no repeats of each other.
+/// their names. Initial values are no repeats of each other, nor are conditions that the model has for every
+/// maneuver (`own`).
 fn ones<'a>(
+    own: &[&str],
     estimates: &'a Table,
     trims: &'a BTreeMap<String, Trim>,
     flown: &'a Flown,
@@ -111,7 +121,8 @@ fn ones<'a>(
     let mut all: BTreeMap<&str, Vec<One>> = BTreeMap::new();
     for (row, segment) in estimates.opt_strings("segment")?.into_iter().enumerate() {
         let (parameter, value, sd) = (parameters[row], values[row], sds[row]);
-        let Some(segment) = segment.filter(|_| !parameter.ends_with("(0)")) else { continue };
+        let differs = parameter.ends_with("(0)") || own.contains(&parameter);
+        let Some(segment) = segment.filter(|_| !differs) else { continue };
         if !(value.is_finite() && sd > 0.0 && sd.is_finite()) {
             continue;
         }

@@ -67,6 +67,11 @@ impl Trim {
     }
 }
 
+/// Whether a quantity of this SI unit tells a condition.
+pub fn tells(unit: &str) -> bool {
+    tolerance(unit, 1.0).is_some()
+}
+
 /// How far a quantity of this SI unit may be off within one condition; none for those that tell no
 /// condition.
 fn tolerance(unit: &str, value: f64) -> Option<f64> {
