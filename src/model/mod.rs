@@ -27,6 +27,7 @@ mod instruction;
 mod interpret;
 pub mod linear;
 mod lower;
+pub mod machine;
 mod moving;
 pub mod native;
 mod op;

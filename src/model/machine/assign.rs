@@ -1,0 +1,379 @@
+//! A list of steps in; instructions with registers out.
+//!
+//! Where a register is wanted and none is free, the value that is read again last goes: memory is
+//! read again later, a result is kept in the frame. What is not in a register is an instruction's
+//! last operand straight from memory where that can be.
+
+use super::encode::{
+    ADD, Assembler, Base, FIRST, LOAD, MUL, Place, Rm, SPLAT, SQRT, STORE, Sum, fused,
+};
+use super::list::{Function, List, Step, Value};
+use super::sine::{Registers, Sine};
+
+const NEVER: u32 = u32::MAX;
+/// Of a frame: arguments of functions, then registers that wait for one; behind them values.
+const SAVED: i32 = 3 * 64;
+pub const KEPT: i32 = SAVED + 32 * 64;
+
+/// A mask for the first lanes stands here; masks 1 to 6 name single lanes.
+pub const TAIL: u8 = 7;
+
+pub struct Assign<'a> {
+    asm: &'a mut Assembler,
+    steps: &'a [Step],
+    /// Per step when its operands are read again.
+    again: Vec<[u32; 4]>,
+    /// When a value is read next.
+    when: Vec<u32>,
+    register: Vec<Option<u8>>,
+    slot: Vec<Option<u32>>,
+    /// What a register holds.
+    held: Vec<Option<Value>>,
+    /// Registers that the present step needs, bit by bit.
+    pinned: u32,
+    slots: u32,
+    free_slots: Vec<u32>,
+    sines: Vec<Sine>,
+    now: u32,
+}
+
+/// What remains to be done behind the end of a function.
+pub struct Rest {
+    sines: Vec<Sine>,
+    /// Bytes of the frame.
+    pub frame: usize,
+}
+
+impl Rest {
+    /// The parts of sines and cosines that are rarely wanted.
+    pub fn finish(self, asm: &mut Assembler) {
+        for sine in self.sines {
+            sine.finish(asm);
+        }
+    }
+}
+
+/// Instructions of `list`.
+pub fn assign(asm: &mut Assembler, list: &List) -> Rest {
+    let (steps, n) = (&list.0[..], list.0.len());
+    let (mut when, mut again) = (vec![NEVER; n], vec![[NEVER; 4]; n]);
+    for (i, step) in steps.iter().enumerate().rev() {
+        let (operands, count) = step.operands();
+        for (again, &v) in again[i].iter_mut().zip(&operands[..count]) {
+            *again = when[v as usize];
+        }
+        operands[..count].iter().for_each(|&v| when[v as usize] = i as u32);
+    }
+    let registers = if asm.wide { 32 } else { 16 };
+    let mut assign = Assign {
+        asm,
+        steps,
+        again,
+        when,
+        register: vec![None; n],
+        slot: vec![None; n],
+        held: vec![None; registers],
+        pinned: 0,
+        slots: 0,
+        free_slots: Vec::new(),
+        sines: Vec::new(),
+        now: 0,
+    };
+    (0..n).for_each(|i| assign.step(i));
+    Rest { sines: assign.sines, frame: KEPT as usize + 64 * assign.slots as usize }
+}
+
+/// A place in the frame.
+fn frame(at: i32) -> Place {
+    Place { base: Base::Rsp, at }
+}
+
+/// Where argument `k` of a function stands.
+pub fn argument(k: i32) -> Place {
+    frame(64 * k)
+}
+
+/// Where register `r` waits while a function is called.
+pub fn saved(r: u8) -> Place {
+    frame(SAVED + 64 * i32::from(r))
+}
+
+/// Calls `function` over the arguments that stand in the frame.
+pub fn call(asm: &mut Assembler, function: Function) {
+    asm.copy(Base::Rdi, Base::Rsp);
+    asm.copy(Base::Rsi, Base::R14);
+    asm.number(Base::Rdx, asm.vector() as u64 / 8);
+    asm.call(function as *const u8);
+}
+
+impl Assign<'_> {
+    fn step(&mut self, i: usize) {
+        (self.pinned, self.now) = (0, i as u32);
+        let step = self.steps[i];
+        let (operands, count) = step.operands();
+        for (&v, &again) in operands[..count].iter().zip(&self.again[i]) {
+            self.when[v as usize] = again;
+        }
+        let operands = &operands[..count];
+        let to = i as Value;
+        match step {
+            Step::Vector(_) | Step::Number(_) | Step::Zero | Step::Cosine => {}
+            Step::Two(form, a, b) => {
+                let swap = (form == ADD || form == MUL) && !self.is_held(a) && self.is_held(b);
+                let (a, b) = if swap { (b, a) } else { (a, b) };
+                let (a, b) = (self.register(a), self.last(b));
+                let reg = self.result(to, operands);
+                self.asm.op(form, reg, a, b);
+            }
+            Step::Root(a) => {
+                let a = self.last(a);
+                let reg = self.result(to, operands);
+                self.asm.op(SQRT, reg, 0, a);
+            }
+            Step::Fused(signs, factors) => {
+                let (reg, second, last, sum) = self.factors(factors);
+                self.release(operands);
+                self.hold(to, reg);
+                self.asm.op(fused(sum, signs), reg, second, last);
+            }
+            Step::Choose { x, y, yes, no } => {
+                let [x, yes, no] = [x, yes, no].map(|v| self.register(v));
+                let (y, mask) = (self.last(y), self.take());
+                let reg = self.result(to, operands);
+                self.asm.choose([reg, yes, no], x, y, mask);
+            }
+            Step::Insert(before, lane, place) => self.insert(to, before, lane, place),
+            Step::Sine(x) => self.sine(to, x),
+            Step::Call(function, arguments) => self.call(to, function, arguments),
+            Step::Store(a, place) => {
+                let a = self.register(a);
+                self.asm.op(STORE, a, 0, Rm::Vector(place));
+                self.release(operands);
+            }
+            Step::StoreFirst(a, place, n) => {
+                let a = self.register(a);
+                self.store_first(a, place, n);
+                self.release(operands);
+            }
+            Step::Fetch(to, from, more) => {
+                self.asm.fetch(to, from);
+                self.asm.add_register(to, more);
+            }
+        }
+    }
+
+    fn is_held(&self, v: Value) -> bool {
+        self.register[v as usize].is_some()
+    }
+
+    /// A register for the present step: a free one, or that of the value that is read last.
+    fn take(&mut self) -> u8 {
+        let free = |r: &usize| self.pinned >> r & 1 == 0;
+        let cost = |r: &usize| match self.held[*r] {
+            None => u32::MAX,
+            Some(v) => {
+                let wait = self.when[v as usize].saturating_sub(self.now);
+                let kept = self.steps[v as usize].is_leaf() || self.slot[v as usize].is_some();
+                wait.saturating_mul(if kept { 4 } else { 1 }).min(u32::MAX - 1)
+            }
+        };
+        // a step needs a dozen registers at most
+        let r = (0..self.held.len()).filter(free).max_by_key(cost).unwrap_or(0) as u8;
+        self.evict(r);
+        self.pinned |= 1 << r;
+        r
+    }
+
+    fn evict(&mut self, r: u8) {
+        let Some(v) = self.held[r as usize].take() else { return };
+        let at = v as usize;
+        self.register[at] = None;
+        if self.when[at] != NEVER && self.slot[at].is_none() && !self.steps[at].is_leaf() {
+            let slot = self.free_slots.pop().unwrap_or_else(|| {
+                self.slots += 1;
+                self.slots - 1
+            });
+            self.slot[at] = Some(slot);
+            self.asm.op(STORE, r, 0, Rm::Vector(frame(KEPT + 64 * slot as i32)));
+        }
+    }
+
+    fn hold(&mut self, v: Value, r: u8) {
+        self.pinned |= 1 << r;
+        if self.when[v as usize] != NEVER {
+            self.register[v as usize] = Some(r);
+            self.held[r as usize] = Some(v);
+        }
+    }
+
+    /// Operands that are not read again leave their registers and places.
+    fn release(&mut self, operands: &[Value]) {
+        for &v in operands.iter().filter(|&&v| self.when[v as usize] == NEVER) {
+            if let Some(r) = self.register[v as usize].take() {
+                self.held[r as usize] = None;
+                self.pinned &= !(1 << r);
+            }
+            self.free_slots.extend(self.slot[v as usize].take());
+        }
+    }
+
+    /// A register for a result; it may be that of an operand.
+    fn result(&mut self, v: Value, operands: &[Value]) -> u8 {
+        self.release(operands);
+        let r = self.take();
+        self.hold(v, r);
+        r
+    }
+
+    /// A value in memory, if it is there.
+    fn memory(&self, v: Value) -> Option<Rm> {
+        match (self.slot[v as usize], self.steps[v as usize]) {
+            (Some(slot), _) => Some(Rm::Vector(frame(KEPT + 64 * slot as i32))),
+            (_, Step::Vector(place)) => Some(Rm::Vector(place)),
+            (_, Step::Number(place)) => Some(Rm::Number(place)),
+            _ => None,
+        }
+    }
+
+    /// Reads a value from memory, or makes it zero.
+    fn read(&mut self, v: Value, r: u8) {
+        match self.memory(v) {
+            Some(number @ Rm::Number(_)) => self.asm.op(SPLAT, r, 0, number),
+            Some(vector) => self.asm.op(LOAD, r, 0, vector),
+            None => self.asm.zero(r),
+        }
+    }
+
+    /// The register of a value.
+    fn register(&mut self, v: Value) -> u8 {
+        let r = self.register[v as usize].unwrap_or_else(|| {
+            let r = self.take();
+            self.read(v, r);
+            (self.register[v as usize], self.held[r as usize]) = (Some(r), Some(v));
+            r
+        });
+        self.pinned |= 1 << r;
+        r
+    }
+
+    /// A value as the last operand of an instruction.
+    fn last(&mut self, v: Value) -> Rm {
+        match self.memory(v) {
+            Some(Rm::Number(_)) if !self.asm.wide => {}
+            Some(memory) if !self.is_held(v) => return memory,
+            _ => {}
+        }
+        Rm::Register(self.register(v))
+    }
+
+    /// The registers of a fused multiply-add: the first is one of the three and is written.
+    fn factors(&mut self, [a, b, c]: [Value; 3]) -> (u8, u8, Rm, Sum) {
+        let done = |v: &Value| self.when[*v as usize] == NEVER && self.is_held(*v);
+        let away = |v: &Value| !self.is_held(*v);
+        let order = [c, a, b];
+        let over = order.into_iter().find(done).or_else(|| order.into_iter().find(away));
+        let over = over.unwrap_or(c);
+        let reg = match self.register[over as usize] {
+            Some(r) if self.when[over as usize] == NEVER => {
+                self.pinned |= 1 << r;
+                r
+            }
+            Some(from) => {
+                self.pinned |= 1 << from;
+                let r = self.take();
+                self.asm.op(LOAD, r, 0, Rm::Register(from));
+                r
+            }
+            None => {
+                let r = self.take();
+                self.read(over, r);
+                r
+            }
+        };
+        let (second, last, sum) = if over == c {
+            let (second, last) = if self.is_held(a) { (a, b) } else { (b, a) };
+            (second, last, Sum::M231)
+        } else {
+            let factor = if over == a { b } else { a };
+            match self.is_held(factor) {
+                true => (factor, c, Sum::M213),
+                false => (c, factor, Sum::M132),
+            }
+        };
+        let (second, last) = (self.register(second), self.last(last));
+        // what is overwritten is no longer where it was
+        if self.register[over as usize] == Some(reg) {
+            (self.register[over as usize], self.held[reg as usize]) = (None, None);
+        }
+        (reg, second, last, sum)
+    }
+
+    fn insert(&mut self, to: Value, before: Option<Value>, lane: u8, place: Place) {
+        let number = Rm::Number(place);
+        let dies = |v: &Value| self.when[*v as usize] == NEVER;
+        match before {
+            None if lane == 0 => {
+                let r = self.result(to, &[]);
+                self.asm.op(FIRST, r, 0, number);
+            }
+            None if self.asm.wide => {
+                let r = self.result(to, &[]);
+                self.asm.masked(SPLAT, r, 0, number, lane, true);
+            }
+            None => {
+                let (spare, r) = (self.take(), self.result(to, &[]));
+                self.asm.zero(r);
+                self.asm.insert(r, r, lane, place, spare);
+            }
+            Some(v) if self.asm.wide => {
+                debug_assert!(dies(&v), "what is inserted into is not read again");
+                let r = self.register(v);
+                self.release(&[v]);
+                self.hold(to, r);
+                self.asm.masked(SPLAT, r, 0, number, lane, false);
+            }
+            Some(v) => {
+                let (spare, from) = (self.take(), self.register(v));
+                let r = self.result(to, &[v]);
+                self.asm.insert(r, from, lane, place, spare);
+            }
+        }
+    }
+
+    fn store_first(&mut self, a: u8, place: Place, n: u8) {
+        if self.asm.wide {
+            return self.asm.masked(STORE, a, 0, Rm::Vector(place), TAIL, false);
+        }
+        let mask = self.take();
+        self.asm.op(LOAD, mask, 0, Rm::Vector(super::literals::first(n)));
+        self.asm.store_masked(a, mask, place);
+    }
+
+    fn sine(&mut self, to: Value, x: Value) {
+        let x_in = self.register(x);
+        let spare = [(); 8].map(|()| self.take());
+        self.release(&[x]);
+        let live = (0..self.held.len() as u8).filter(|&r| self.held[r as usize].is_some());
+        let live = live.collect();
+        self.pinned |= 1 << x_in;
+        let [sin, cos] = [0, 1].map(|k| {
+            let r = self.take();
+            self.hold(to + k, r);
+            r
+        });
+        let registers = Registers { x: x_in, sin, cos, spare };
+        self.sines.push(Sine::begin(self.asm, registers, live));
+    }
+
+    fn call(&mut self, to: Value, function: Function, arguments: [Value; 3]) {
+        for (k, v) in (0..).zip(arguments) {
+            let r = self.register(v);
+            self.asm.op(STORE, r, 0, Rm::Vector(argument(k)));
+        }
+        self.release(&arguments);
+        (0..self.held.len() as u8).for_each(|r| self.evict(r));
+        call(self.asm, function);
+        let r = self.result(to, &[]);
+        self.asm.op(LOAD, r, 0, Rm::Vector(argument(0)));
+    }
+}

@@ -1,0 +1,145 @@
+//! Random programs in; the bits of the machine code beside the interpreter's, out.
+
+use super::{LANES, Lanes};
+use crate::math::simd::Width;
+use crate::model::graph::{Graph, Leaf, Node, Op};
+use crate::model::program::{Layout, Program};
+use crate::model::tables::{Table, Tables};
+
+/// Numbers without a pattern.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 33) as usize % n
+    }
+
+    /// Small as a rule, with zeros of both signs, and what is hard on sines.
+    fn number(&mut self) -> f64 {
+        let sign = if self.below(2) == 0 { 1.0 } else { -1.0 };
+        sign * match self.below(40) {
+            0 | 1 => 0.0,
+            2 => 1e-310,
+            3 => 1.3e5,
+            4 => f64::INFINITY,
+            5 => f64::NAN,
+            6..10 => self.below(100_000) as f64,
+            10..20 => self.below(1000) as f64 / 100.0,
+            _ => self.below(1000) as f64 / 1500.0,
+        }
+    }
+}
+
+const LAYOUT: Layout =
+    Layout { states: 5, inputs: 3, delayed: 2, moving: 0, parameters: 6 };
+
+const OPS: &[(Op, usize)] = &[
+    (Op::Add, 8),
+    (Op::Sub, 5),
+    (Op::Mul, 10),
+    (Op::Div, 3),
+    (Op::Neg, 1),
+    (Op::Fma, 8),
+    (Op::Fms, 4),
+    (Op::Fnma, 4),
+    (Op::Sqrt, 1),
+    (Op::Sin, 3),
+    (Op::Cos, 3),
+    (Op::Tan, 1),
+    (Op::Asin, 1),
+    (Op::Acos, 1),
+    (Op::Atan, 1),
+    (Op::Atan2, 1),
+    (Op::Exp, 1),
+    (Op::Log, 1),
+    (Op::Tanh, 1),
+    (Op::Abs, 2),
+    (Op::Sign, 2),
+    (Op::Pow, 1),
+    (Op::Min, 2),
+    (Op::Max, 2),
+    (Op::Select, 3),
+    (Op::Table, 1),
+    (Op::TableSlope, 1),
+    (Op::Table2, 1),
+    (Op::Table2SlopeX, 1),
+    (Op::Table2SlopeY, 1),
+];
+
+fn tables() -> Tables {
+    let one = Table { x: vec![-1.0, 0.0, 3.0], x2: vec![], y: vec![1.0, 3.0, 3.5] };
+    let two = Table { x: vec![0.0, 2.0], x2: vec![0.0, 1.0], y: vec![0.0, 1.0, 4.0, 9.0] };
+    Tables(vec![one, two])
+}
+
+/// Some outputs of a graph with `n` operations.
+fn program(random: &mut Random, n: usize) -> Program {
+    let mut g = Graph::default();
+    let mut nodes: Vec<Node> = Vec::new();
+    for i in 0..5 {
+        let leaf = [Leaf::State(i), Leaf::Input(i % 3), Leaf::Delayed(i % 2), Leaf::Parameter(i)];
+        nodes.extend(leaf.map(|leaf| g.leaf(leaf)));
+    }
+    for _ in 0..3 {
+        let number = random.number();
+        nodes.push(g.c(if number.is_nan() { 0.5 } else { number }));
+    }
+    let numbers = [0.0, 1.0].map(|x| g.c(x));
+    let kinds: Vec<Op> =
+        OPS.iter().flat_map(|&(op, often)| std::iter::repeat_n(op, often)).collect();
+    for _ in 0..n {
+        let op = kinds[random.below(kinds.len())];
+        let [a, mut b, mut c] = [(); 3].map(|()| {
+            // as a rule what is new
+            let back = if random.below(3) == 0 { nodes.len() } else { nodes.len().min(12) };
+            nodes[nodes.len() - 1 - random.below(back)]
+        });
+        match op {
+            Op::Table | Op::TableSlope => b = numbers[0],
+            Op::Table2 | Op::Table2SlopeX | Op::Table2SlopeY => c = numbers[1],
+            Op::Fma | Op::Fms | Op::Fnma => {
+                nodes.push(g.fused(op, a, b, c));
+                continue;
+            }
+            _ => {}
+        }
+        nodes.push(g.op(op, a, b, c));
+    }
+    let count = 1 + random.below(nodes.len().min(40));
+    let outputs: Vec<Node> = (0..count).map(|_| nodes[random.below(nodes.len())]).collect();
+    Program::lower(&g, &outputs, &LAYOUT)
+}
+
+#[test]
+fn random_programs_have_the_interpreters_bits() {
+    let (mut random, tables) = (Random(1), tables());
+    for round in 0..600 {
+        let n = 1 + random.below(if round % 10 == 0 { 400 } else { 60 });
+        let program = program(&mut random, n);
+        let mut file = program.registers::<LANES>();
+        for slot in 0..LAYOUT.len() {
+            let common = random.number();
+            let changes = slot < LAYOUT.parameter();
+            file[slot] = [(); LANES].map(|()| if changes { random.number() } else { common });
+        }
+        program.prepare(&mut file, &tables);
+        let before = file.clone();
+        program.run(&mut file, &tables);
+        for &width in &Width::available()[1..] {
+            let lanes = Lanes::compile(&program, width).expect("code for this machine");
+            let mut ours = before.clone();
+            lanes.run(&mut ours, &tables);
+            for k in 0..program.outputs() {
+                let (got, want) = (program.output(&ours, k), program.output(&file, k));
+                for (got, want) in got.iter().zip(want) {
+                    let same = got.to_bits() == want.to_bits() || (got.is_nan() && want.is_nan());
+                    assert!(
+                        same,
+                        "program {round}, {width:?}, output {k}: {got:e}, interpreter {want:e}"
+                    );
+                }
+            }
+        }
+    }
+}
