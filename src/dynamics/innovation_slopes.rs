@@ -49,7 +49,10 @@ impl<'p> Slopes<'p> {
         let mut s = zeros(both);
         starts(propagator, file, &mut s);
         let jacobian = |rows, program| Jacobian::new(rows, program, propagator, parameters);
-        let delays = || jacobian(&propagator.delay_rows, &propagator.linear.delays_program);
+        let delays = || {
+            jacobian(&propagator.delay_rows, &propagator.linear.delays_program)
+                .by(propagator.native.entries.delays.as_ref())
+        };
         let noise = |m: &Measured| {
             let mut row = zeros(1);
             m.direction.into_iter().for_each(|d| row[d] = 2.0 * parameters[m.sd]);
@@ -58,7 +61,8 @@ impl<'p> Slopes<'p> {
         let slopes = filter.measured.iter().map(|m| 1 + m.slopes.len()).max().unwrap_or(1);
         Slopes {
             width: Width::detect(),
-            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program),
+            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program)
+                .by(propagator.native.entries.rates.as_ref()),
             delays: delays(),
             outputs: filter.measured.iter().map(|m| jacobian(&m.rows, &m.program)).collect(),
             sample_delays: filter.measured.iter().map(|_| delays()).collect(),

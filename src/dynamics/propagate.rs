@@ -46,7 +46,8 @@ pub fn run(
     );
     let mut x: Vec<f64> = (0..nx).map(|i| propagator.starts.program.output(&file, i)[0]).collect();
     let mut programs = Programs::new(propagator, parameters);
-    let mut outputs = Many::new(&propagator.output_values, propagator, parameters);
+    let mut outputs = Many::new(&propagator.output_values, propagator, parameters)
+        .by(propagator.native.values.as_ref());
     let mut run = Run::new(propagator, record, &mut programs.taus);
     let mut look = vec![0.0; propagator.layout.time() + 1];
     run.arguments(0, 0.0, &x, &mut look);

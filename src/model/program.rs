@@ -215,7 +215,6 @@ impl Program {
     }
 
     /// Registers that hold constants.
-    #[cfg(feature = "internals")]
     pub fn constants(&self) -> &[(u32, f64)] {
         &self.constants
     }

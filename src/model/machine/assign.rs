@@ -113,6 +113,7 @@ impl Assign<'_> {
         let (operands, count) = step.operands();
         for (&v, &again) in operands[..count].iter().zip(&self.again[i]) {
             self.when[v as usize] = again;
+            self.pinned |= self.register[v as usize].map_or(0, |r| 1 << r);
         }
         let operands = &operands[..count];
         let to = i as Value;
@@ -274,12 +275,8 @@ impl Assign<'_> {
         let over = order.into_iter().find(done).or_else(|| order.into_iter().find(away));
         let over = over.unwrap_or(c);
         let reg = match self.register[over as usize] {
-            Some(r) if self.when[over as usize] == NEVER => {
-                self.pinned |= 1 << r;
-                r
-            }
+            Some(r) if self.when[over as usize] == NEVER => r,
             Some(from) => {
-                self.pinned |= 1 << from;
                 let r = self.take();
                 self.asm.op(LOAD, r, 0, Rm::Register(from));
                 r
@@ -295,7 +292,8 @@ impl Assign<'_> {
             (second, last, Sum::M231)
         } else {
             let factor = if over == a { b } else { a };
-            match self.is_held(factor) {
+            let number = matches!(self.steps[factor as usize], Step::Number(_));
+            match self.is_held(factor) || (number && !self.is_held(c)) {
                 true => (factor, c, Sum::M213),
                 false => (c, factor, Sum::M132),
             }

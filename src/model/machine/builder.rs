@@ -14,9 +14,11 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// `None` where there is no code of this width.
+    /// `None` where there is no code of this width: another processor, or a system on which C passes
+    /// arguments otherwise.
     pub fn new(width: Width) -> Option<Builder> {
         let wide = match width {
+            _ if !cfg!(all(target_arch = "x86_64", unix)) => return None,
             Width::Avx512 => true,
             Width::Avx2 => false,
             Width::Plain => return None,

@@ -27,7 +27,7 @@ unsafe fn each<const N: usize>(
 ///
 /// # Safety
 /// As `each`.
-pub unsafe extern "sysv64" fn sines(arguments: *mut [f64; 8], _: *const Tables, lanes: usize) {
+pub unsafe extern "C" fn sines(arguments: *mut [f64; 8], _: *const Tables, lanes: usize) {
     // SAFETY: the caller's promise.
     unsafe { each(arguments, lanes, |[x, ..]| <[f64; 2]>::from(sin_cos(x))) }
 }
@@ -38,7 +38,7 @@ macro_rules! functions {
         pub fn function(op: Op) -> Option<Function> {
             match op {
                 $(Op::$op => {
-                    unsafe extern "sysv64" fn call(at: *mut [f64; 8], _: *const Tables, n: usize) {
+                    unsafe extern "C" fn call(at: *mut [f64; 8], _: *const Tables, n: usize) {
                         // SAFETY: the code that calls it has three rows.
                         unsafe { each(at, n, |[a, b, c]| [apply(Op::$op, a, b, c)]) }
                     }
@@ -46,7 +46,7 @@ macro_rules! functions {
                 })*
                 $(Op::$table => {
                     #[allow(unused_variables)]
-                    unsafe extern "sysv64" fn call(at: *mut [f64; 8], t: *const Tables, n: usize) {
+                    unsafe extern "C" fn call(at: *mut [f64; 8], t: *const Tables, n: usize) {
                         // SAFETY: as above; the tables live as long as the code runs.
                         unsafe {
                             let $t = &*t;

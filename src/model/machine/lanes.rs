@@ -20,8 +20,6 @@ use crate::model::tables::Tables;
 /// Points side by side in a register file.
 pub const LANES: usize = 16;
 
-type Run = unsafe extern "sysv64" fn(*mut [f64; LANES], *const Tables);
-
 /// The body of a program as machine code.
 #[derive(Debug)]
 pub struct Lanes {
@@ -47,12 +45,9 @@ impl Lanes {
     /// As `Program::run`.
     pub fn run(&self, file: &mut [[f64; LANES]], tables: &Tables) {
         assert!(file.len() >= self.registers, "a register file of another program");
-        // SAFETY: `compile` made a function of this type, which reads and writes registers below
-        // `registers`.
-        unsafe {
-            let run = std::mem::transmute::<*const u8, Run>(self.code.entry(0));
-            run(file.as_mut_ptr(), tables);
-        }
+        let file = file.as_mut_ptr() as usize;
+        // SAFETY: the code reads and writes registers below `registers`, and reads tables.
+        unsafe { self.code.call(0, [file, std::ptr::from_ref(tables) as usize, 0, 0, 0, 0]) }
     }
 }
 

@@ -7,7 +7,7 @@ pub type Value = u32;
 
 /// A function over lanes: three vectors of arguments, 64 bytes each, the first two of which become
 /// results; tables; how many lanes.
-pub type Function = unsafe extern "sysv64" fn(*mut [f64; 8], *const super::Tables, usize);
+pub type Function = unsafe extern "C" fn(*mut [f64; 8], *const super::Tables, usize);
 
 #[derive(Debug, Clone, Copy)]
 pub enum Step {
@@ -69,5 +69,10 @@ impl List {
     pub fn push(&mut self, step: Step) -> Value {
         self.0.push(step);
         (self.0.len() - 1) as Value
+    }
+
+    /// `a b + c`.
+    pub fn fused(&mut self, a: Value, b: Value, c: Value) -> Value {
+        self.push(Step::Fused(Signs::Plus, [a, b, c]))
     }
 }

@@ -18,8 +18,17 @@ impl Code {
         inside.then_some(Code { memory: memory.make_exec().ok()?, entries })
     }
 
-    /// Where function `k` begins.
-    pub fn entry(&self, k: usize) -> *const u8 {
-        self.memory[self.entries[k]..].as_ptr()
+    /// Calls function `k`, which has so many arguments or fewer, numbers or addresses.
+    ///
+    /// # Safety
+    /// What the function reads and writes is there.
+    pub unsafe fn call(&self, k: usize, arguments: [usize; 6]) {
+        type Function = unsafe extern "C" fn(usize, usize, usize, usize, usize, usize);
+        let [a, b, c, d, e, f] = arguments;
+        // SAFETY: functions begin at the entries, and take arguments as C does where there is code.
+        unsafe {
+            let entry = self.memory[self.entries[k]..].as_ptr();
+            std::mem::transmute::<*const u8, Function>(entry)(a, b, c, d, e, f);
+        }
     }
 }

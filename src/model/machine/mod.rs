@@ -12,6 +12,7 @@ mod sine;
 #[cfg(test)]
 mod tests;
 
+pub use assign::TAIL;
 pub use builder::Builder;
 pub use lanes::{LANES, Lanes};
 pub use memory::Code;
