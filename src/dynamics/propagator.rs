@@ -7,8 +7,7 @@ use super::sweep_rows::RowSweep;
 use crate::error::Result;
 use crate::model::linear::{Linear, Starts};
 use crate::math::simd::Width;
-use crate::model::machine::Lanes;
-use crate::model::native::{Native, Points, Steps};
+use crate::model::machine::{Chain, Lanes, Points};
 use crate::model::{Layout, Model, Moving, Program, StartKind, Tables};
 use std::sync::Arc;
 
@@ -56,8 +55,8 @@ pub enum Tier {
 /// A program as machine code: the rates of a plain model in whole steps, others at single points.
 #[derive(Debug)]
 pub(super) enum Compiled {
-    Steps(Native<Steps>),
-    Points(Native<Points>),
+    Steps(Chain),
+    Points(Points),
 }
 
 /// What a trajectory needs point by point as machine code, where it was worth making.
@@ -227,16 +226,15 @@ impl Propagator {
             let pays = saved > 30e-6 + 0.5e-6 * operations;
             operations > 0.0 && (tier == Tier::Native || (tier == Tier::Auto && pays))
         };
-        let width = self.layout.time() + 1;
+        let (width, vectors) = (self.layout.time() + 1, Width::detect());
         let at_points = |program: &Program| match worth(program) {
-            true => Native::compile(program, width).map(Compiled::Points),
+            true => Points::compile(program, width, vectors).map(Compiled::Points),
             false => None,
         };
         let rates = match self.plain() && worth(&self.rates) {
-            true => Native::compile(&self.rates, width).map(Compiled::Steps),
+            true => Chain::compile(&self.rates, width, vectors).map(Compiled::Steps),
             false => at_points(&self.rates),
         };
-        let vectors = Width::detect();
         let over_lanes = |program: &Program| match quick(program) {
             true => Lanes::compile(program, vectors),
             false => None,

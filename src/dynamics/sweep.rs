@@ -63,7 +63,7 @@ impl Sweep {
     /// `None` where there is no code of this width, or S has delayed values behind it.
     pub fn compile(rows: &Rows, width: Width) -> Option<Sweep> {
         let plain = rows.reach <= rows.size();
-        let mut builder = Builder::new(width).filter(|_| plain && rows.size() > 0)?;
+        let mut builder = Builder::new(width, false).filter(|_| plain && rows.size() > 0)?;
         let side_by_side = if rows.rows <= 4 { 2 } else { 1 };
         let groups = Group::all(rows.lanes, builder.vector(), side_by_side);
         for group in &groups {
@@ -115,7 +115,7 @@ impl Sweep {
 
 /// Mask `k` names lane `k` (AVX-512).
 pub(super) fn single_lanes(asm: &mut Assembler) {
-    if asm.wide {
+    if asm.wide() {
         (1..8).for_each(|k| asm.mask(k, 1 << k));
     }
 }
@@ -153,7 +153,8 @@ fn step(rows: &Rows, group: Group) -> List {
             if stage == 0 {
                 sum.push(writer.weighed_first(weight, &k));
             } else {
-                sum[row] = k.iter().zip(&sum[row]).map(|(&k, &s)| writer.fused(weight, k, s)).collect();
+                sum[row] =
+                    k.iter().zip(&sum[row]).map(|(&k, &s)| writer.fused(weight, k, s)).collect();
             }
         }
         at = next;
@@ -227,14 +228,7 @@ pub(super) fn row_of(
 }
 
 /// What acts by itself on a row, vector `i`.
-fn direct(
-    list: &mut List,
-    rows: &Rows,
-    group: Group,
-    row: usize,
-    stage: usize,
-    i: usize,
-) -> Value {
+fn direct(list: &mut List, rows: &Rows, group: Group, row: usize, stage: usize, i: usize) -> Value {
     let first = group.first + i * group.vector;
     let mut acts: Vec<(usize, u32)> = rows
         .acts

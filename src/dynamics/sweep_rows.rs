@@ -46,7 +46,7 @@ impl RowSweep {
     ///
     /// `directions`: numbers of a row that is written. `None` where there is no code of this width.
     pub fn compile(rows: &Rows, directions: usize, width: Width) -> Option<RowSweep> {
-        let mut builder = Builder::new(width).filter(|_| rows.size() > 0)?;
+        let mut builder = Builder::new(width, false).filter(|_| rows.size() > 0)?;
         let mut groups = Group::all(rows.lanes, builder.vector(), 1);
         groups.retain(|group| group.first < directions);
         for group in &groups {
@@ -54,7 +54,7 @@ impl RowSweep {
             let tail = directions - group.first;
             let begin = |asm: &mut Assembler| {
                 single_lanes(asm);
-                if asm.wide && tail < 8 {
+                if asm.wide() && tail < 8 {
                     asm.mask(TAIL, (1 << tail) - 1);
                 }
             };

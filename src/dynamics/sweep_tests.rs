@@ -58,10 +58,9 @@ impl Case {
         };
         let density = 1 + random.below(9);
         for row in 0..count {
-            for (list, columns, often) in [
-                (&mut sparse.states, states, density),
-                (&mut sparse.parameters, directions, 3),
-            ] {
+            for (list, columns, often) in
+                [(&mut sparse.states, states, density), (&mut sparse.parameters, directions, 3)]
+            {
                 for column in 0..columns {
                     if random.below(10) < often {
                         list.push(Entry { row, column, output: nodes.len() });

@@ -5,7 +5,7 @@
 //! last operand straight from memory where that can be.
 
 use super::encode::{
-    ADD, Assembler, Base, FIRST, LOAD, MUL, Place, Rm, SPLAT, SQRT, STORE, Sum, fused,
+    ADD, Assembler, Base, FIRST, LOAD, MUL, Place, Rm, SPLAT, SQRT, STORE, Sum, Vector, fused,
 };
 use super::list::{Function, List, Step, Value};
 use super::sine::{Registers, Sine};
@@ -64,7 +64,7 @@ pub fn assign(asm: &mut Assembler, list: &List) -> Rest {
         }
         operands[..count].iter().for_each(|&v| when[v as usize] = i as u32);
     }
-    let registers = if asm.wide { 32 } else { 16 };
+    let registers = if asm.wide() { 32 } else { 16 };
     let mut assign = Assign {
         asm,
         steps,
@@ -100,10 +100,13 @@ pub fn saved(r: u8) -> Place {
 
 /// Calls `function` over the arguments that stand in the frame.
 pub fn call(asm: &mut Assembler, function: Function) {
+    const SPOILT: [Base; 4] = [Base::Rsi, Base::Rcx, Base::R8, Base::R9];
     asm.copy(Base::Rdi, Base::Rsp);
+    SPOILT.into_iter().for_each(|base| asm.push(base));
     asm.copy(Base::Rsi, Base::R14);
-    asm.number(Base::Rdx, asm.vector() as u64 / 8);
+    asm.number(Base::Rdx, asm.vector as u64);
     asm.call(function as *const u8);
+    SPOILT.into_iter().rev().for_each(|base| asm.pop(base));
 }
 
 impl Assign<'_> {
@@ -260,7 +263,7 @@ impl Assign<'_> {
     /// A value as the last operand of an instruction.
     fn last(&mut self, v: Value) -> Rm {
         match self.memory(v) {
-            Some(Rm::Number(_)) if !self.asm.wide => {}
+            Some(Rm::Number(_)) if self.asm.vector == Vector::Four => {}
             Some(memory) if !self.is_held(v) => return memory,
             _ => {}
         }
@@ -314,7 +317,7 @@ impl Assign<'_> {
                 let r = self.result(to, &[]);
                 self.asm.op(FIRST, r, 0, number);
             }
-            None if self.asm.wide => {
+            None if self.asm.wide() => {
                 let r = self.result(to, &[]);
                 self.asm.masked(SPLAT, r, 0, number, lane, true);
             }
@@ -323,7 +326,7 @@ impl Assign<'_> {
                 self.asm.zero(r);
                 self.asm.insert(r, r, lane, place, spare);
             }
-            Some(v) if self.asm.wide => {
+            Some(v) if self.asm.wide() => {
                 debug_assert!(dies(&v), "what is inserted into is not read again");
                 let r = self.register(v);
                 self.release(&[v]);
@@ -339,7 +342,7 @@ impl Assign<'_> {
     }
 
     fn store_first(&mut self, a: u8, place: Place, n: u8) {
-        if self.asm.wide {
+        if self.asm.wide() {
             return self.asm.masked(STORE, a, 0, Rm::Vector(place), TAIL, false);
         }
         let mask = self.take();

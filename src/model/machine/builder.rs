@@ -1,7 +1,7 @@
 //! Lists of steps in; functions that loop over them out.
 
 use super::assign::assign;
-use super::encode::{Assembler, Base};
+use super::encode::{Assembler, Base, Vector};
 use super::list::List;
 use super::literals;
 use super::memory::Code;
@@ -11,24 +11,30 @@ use crate::math::simd::Width;
 pub struct Builder {
     asm: Assembler,
     entries: Vec<usize>,
+    /// The largest frame.
+    frame: usize,
 }
 
+/// Bytes of a frame at most: what wants more is left to the interpreter.
+const MOST: usize = 1 << 15;
+
 impl Builder {
-    /// `None` where there is no code of this width: another processor, or a system on which C passes
-    /// arguments otherwise.
-    pub fn new(width: Width) -> Option<Builder> {
-        let wide = match width {
+    /// Vectors of `width`, or single numbers. `None` where there is no code of this width: another
+    /// processor, or a system on which C passes arguments otherwise.
+    pub fn new(width: Width, single: bool) -> Option<Builder> {
+        let vector = match width {
             _ if !cfg!(all(target_arch = "x86_64", unix)) => return None,
-            Width::Avx512 => true,
-            Width::Avx2 => false,
             Width::Plain => return None,
+            _ if single => Vector::One,
+            Width::Avx2 => Vector::Four,
+            Width::Avx512 => Vector::Eight,
         };
-        Some(Builder { asm: Assembler { bytes: Vec::new(), wide }, entries: Vec::new() })
+        Some(Builder { asm: Assembler::new(vector), entries: Vec::new(), frame: 0 })
     }
 
     /// Numbers of a vector.
     pub fn vector(&self) -> usize {
-        self.asm.vector() as usize / 8
+        self.asm.vector as usize
     }
 
     /// A function that begins with `begin` and then does `list` and `next` as often as `counter`
@@ -49,11 +55,13 @@ impl Builder {
         let rest = assign(asm, list);
         next(asm);
         asm.repeat(counter, again);
+        self.frame = self.frame.max(rest.frame);
         asm.leave(frame, rest.frame);
         rest.finish(asm);
     }
 
+    /// `None` where a function would want too large a frame, or the system gives no memory.
     pub fn finish(self) -> Option<Code> {
-        Code::of(&self.asm.bytes, self.entries)
+        if self.frame > MOST { None } else { Code::of(&self.asm.bytes, self.entries) }
     }
 }

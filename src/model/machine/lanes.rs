@@ -4,16 +4,11 @@
 use std::collections::HashMap;
 
 use super::builder::Builder;
-use super::encode::{
-    ADD, AND, Assembler, Base, DIV, Form, MAX, MIN, MUL, Place, SUB, Signs, XOR,
-};
-use super::functions::function;
-use super::list::{List, Step, Value};
-use super::literals::{self, Literal};
+use super::encode::{Assembler, Base, Place};
+use super::list::{List, Step};
 use super::memory::Code;
+use super::writer::Writer;
 use crate::math::simd::Width;
-use crate::model::instruction::{Code as Does, Instruction};
-use crate::model::op::Op;
 use crate::model::program::Program;
 use crate::model::tables::Tables;
 
@@ -30,7 +25,7 @@ pub struct Lanes {
 impl Lanes {
     /// Vectors of `width`, which this machine has. `None` where there is no code of it, or for an operation.
     pub fn compile(program: &Program, width: Width) -> Option<Lanes> {
-        let (mut builder, list) = (Builder::new(width)?, list(program)?);
+        let (mut builder, list) = (Builder::new(width, false)?, list(program)?);
         let vector = builder.vector();
         let begin = |asm: &mut Assembler| {
             asm.copy(Base::Rbx, Base::Rdi);
@@ -51,15 +46,9 @@ impl Lanes {
     }
 }
 
-/// What the code does, and what it has of each register.
-struct Writer {
-    list: List,
-    values: HashMap<u32, Value>,
-}
-
 /// The body for the lanes that `Base::Rbx` points to.
 fn list(program: &Program) -> Option<List> {
-    let mut writer = Writer { list: List::default(), values: HashMap::new() };
+    let mut writer = Writer::new(&place);
     let mut last = HashMap::new();
     for (at, i) in program.body().iter().enumerate() {
         i.written().for_each(|register| {
@@ -80,64 +69,4 @@ fn list(program: &Program) -> Option<List> {
 /// Where a register stands.
 fn place(register: u32) -> Place {
     Place { base: Base::Rbx, at: (register as usize * 8 * LANES) as i32 }
-}
-
-impl Writer {
-    fn get(&mut self, register: u32) -> Value {
-        let list = &mut self.list;
-        *self.values.entry(register).or_insert_with(|| list.push(Step::Vector(place(register))))
-    }
-
-    fn literal(&mut self, which: Literal) -> Value {
-        self.list.push(Step::Vector(literals::place(which)))
-    }
-
-    fn instruction(&mut self, i: &Instruction) -> Option<()> {
-        let value = match i.code {
-            Does::SinCos | Does::Op(Op::Sin | Op::Cos) => {
-                let x = self.get(i.a);
-                let sin = self.list.push(Step::Sine(x));
-                let cos = self.list.push(Step::Cosine);
-                if i.code == Does::SinCos {
-                    self.values.insert(i.b, cos);
-                }
-                if i.code == Does::Op(Op::Cos) { cos } else { sin }
-            }
-            Does::Op(op) => self.operation(op, i)?,
-        };
-        self.values.insert(i.to, value);
-        Some(())
-    }
-
-    fn operation(&mut self, op: Op, i: &Instruction) -> Option<Value> {
-        let [a, b, c] = [i.a, i.b, i.c].map(|register| self.get(register));
-        let two = |form: Form| Step::Two(form, a, b);
-        let step = match op {
-            Op::Add => two(ADD),
-            Op::Sub => two(SUB),
-            Op::Mul => two(MUL),
-            Op::Div => two(DIV),
-            Op::Min => two(MIN),
-            Op::Max => two(MAX),
-            Op::Neg => Step::Two(XOR, a, self.literal(Literal::Sign)),
-            Op::Abs => Step::Two(AND, a, self.literal(Literal::Magnitude)),
-            Op::Fma => Step::Fused(Signs::Plus, [a, b, c]),
-            Op::Fms => Step::Fused(Signs::Minus, [a, b, c]),
-            Op::Fnma => Step::Fused(Signs::Negated, [a, b, c]),
-            Op::Sqrt => Step::Root(a),
-            Op::Select => {
-                let zero = self.literal(Literal::Zero);
-                Step::Choose { x: a, y: zero, yes: b, no: c }
-            }
-            Op::Sign => {
-                let [zero, one, minus] = [Literal::Zero, Literal::One, Literal::MinusOne]
-                    .map(|which| self.literal(which));
-                let below = Step::Choose { x: zero, y: a, yes: minus, no: zero };
-                let no = self.list.push(below);
-                Step::Choose { x: a, y: zero, yes: one, no }
-            }
-            op => Step::Call(function(op)?, [a, b, c]),
-        };
-        Some(self.list.push(step))
-    }
 }

@@ -2,9 +2,9 @@
 //! the reduction of others, and angles out of its reach, behind the end of the function.
 
 use super::assign::{argument, call, saved};
+use super::control::{Jump, Order};
 use super::encode::{
-    ADD, ADD_WHOLE, AND, Assembler, Jump, LOAD, MUL, Order, Rm, STORE, SUB, SUB_WHOLE, Signs, Sum,
-    XOR, fused,
+    ADD, ADD_WHOLE, AND, Assembler, LOAD, MUL, Rm, STORE, SUB, SUB_WHOLE, Signs, Sum, XOR, fused,
 };
 use super::functions::sines;
 use super::literals::{self, Literal};

@@ -1,6 +1,6 @@
 //! Random programs in; the bits of the machine code beside the interpreter's, out.
 
-use super::{LANES, Lanes};
+use super::{Chain, LANES, Lanes, Points};
 use crate::math::simd::Width;
 use crate::model::graph::{Graph, Leaf, Node, Op};
 use crate::model::program::{Layout, Program};
@@ -31,8 +31,7 @@ impl Random {
     }
 }
 
-const LAYOUT: Layout =
-    Layout { states: 5, inputs: 3, delayed: 2, moving: 0, parameters: 6 };
+const LAYOUT: Layout = Layout { states: 5, inputs: 3, delayed: 2, moving: 0, parameters: 6 };
 
 const OPS: &[(Op, usize)] = &[
     (Op::Add, 8),
@@ -73,8 +72,8 @@ fn tables() -> Tables {
     Tables(vec![one, two])
 }
 
-/// Some outputs of a graph with `n` operations.
-fn program(random: &mut Random, n: usize) -> Program {
+/// `count` outputs of a graph with `n` operations.
+fn program(random: &mut Random, n: usize, count: usize) -> Program {
     let mut g = Graph::default();
     let mut nodes: Vec<Node> = Vec::new();
     for i in 0..5 {
@@ -106,9 +105,13 @@ fn program(random: &mut Random, n: usize) -> Program {
         }
         nodes.push(g.op(op, a, b, c));
     }
-    let count = 1 + random.below(nodes.len().min(40));
     let outputs: Vec<Node> = (0..count).map(|_| nodes[random.below(nodes.len())]).collect();
     Program::lower(&g, &outputs, &LAYOUT)
+}
+
+/// The same bits, but for those of a NaN.
+fn same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
 }
 
 #[test]
@@ -116,12 +119,13 @@ fn random_programs_have_the_interpreters_bits() {
     let (mut random, tables) = (Random(1), tables());
     for round in 0..600 {
         let n = 1 + random.below(if round % 10 == 0 { 400 } else { 60 });
-        let program = program(&mut random, n);
+        let count = 1 + random.below(40);
+        let program = program(&mut random, n, count);
         let mut file = program.registers::<LANES>();
-        for slot in 0..LAYOUT.len() {
+        for (slot, row) in file[..LAYOUT.len()].iter_mut().enumerate() {
             let common = random.number();
             let changes = slot < LAYOUT.parameter();
-            file[slot] = [(); LANES].map(|()| if changes { random.number() } else { common });
+            *row = [(); LANES].map(|()| if changes { random.number() } else { common });
         }
         program.prepare(&mut file, &tables);
         let before = file.clone();
@@ -133,12 +137,86 @@ fn random_programs_have_the_interpreters_bits() {
             for k in 0..program.outputs() {
                 let (got, want) = (program.output(&ours, k), program.output(&file, k));
                 for (got, want) in got.iter().zip(want) {
-                    let same = got.to_bits() == want.to_bits() || (got.is_nan() && want.is_nan());
-                    assert!(
-                        same,
-                        "program {round}, {width:?}, output {k}: {got:e}, interpreter {want:e}"
-                    );
+                    assert!(same(*got, *want), "{round}, {width:?}, {k}: {got:e}, not {want:e}");
                 }
+            }
+        }
+    }
+}
+
+/// Steps by the interpreter, as `dynamics` does them.
+fn by_interpreter(
+    program: &Program,
+    file: &mut [[f64; 1]],
+    points: &mut [f64],
+    x: &mut [f64],
+    (weights, tables): (&[f64; 9], &Tables),
+) {
+    for step in points.chunks_exact_mut(4 * WIDTH) {
+        let (mut at, mut sum) = (x.to_vec(), vec![0.0; x.len()]);
+        for (stage, row) in step.chunks_exact_mut(WIDTH).enumerate() {
+            row[..x.len()].copy_from_slice(&at);
+            file.iter_mut().zip(row.iter()).for_each(|(slot, x)| *slot = [*x]);
+            program.run(file, tables);
+            for k in 0..x.len() {
+                let rate = program.output(file, k)[0];
+                at[k] = x[k] + weights[2 * stage + 1] * rate;
+                sum[k] += weights[2 * stage] * rate;
+            }
+        }
+        x.iter_mut().zip(&sum).for_each(|(x, sum)| *x += weights[8] * sum);
+    }
+}
+
+const WIDTH: usize = 14;
+
+#[test]
+fn random_rates_lead_to_the_interpreters_bits() {
+    assert_eq!(LAYOUT.time() + 1, WIDTH);
+    let (mut random, tables) = (Random(2), tables());
+    let h = 0.01;
+    let weights = [1.0, 0.5 * h, 2.0, 0.5 * h, 2.0, h, 1.0, 0.0, h / 6.0];
+    for round in 0..600 {
+        let n = 1 + random.below(if round % 10 == 0 { 400 } else { 60 });
+        let program = program(&mut random, n, LAYOUT.states);
+        let mut file = program.registers::<1>();
+        file[LAYOUT.parameter()..LAYOUT.len()].iter_mut().for_each(|p| *p = [random.number()]);
+        program.prepare(&mut file, &tables);
+        let steps = 1 + random.below(4);
+        let points: Vec<f64> = (0..steps * 4 * WIDTH).map(|_| random.number()).collect();
+        let x: Vec<f64> = (0..LAYOUT.states).map(|_| random.number()).collect();
+        let mut ours = (points.clone(), x.clone());
+        let mut want = (points, x);
+        let chain = Chain::compile(&program, WIDTH, Width::detect()).expect("code");
+        chain.march(&file, &mut ours.0, &mut ours.1, &weights, &tables);
+        by_interpreter(&program, &mut file, &mut want.0, &mut want.1, (&weights, &tables));
+        for (got, want) in [(ours.0, want.0), (ours.1, want.1)] {
+            for (k, (got, want)) in got.iter().zip(&want).enumerate() {
+                assert!(same(*got, *want), "program {round}, {k}: {got:e}, interpreter {want:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn at_single_points_they_have_them_as_well() {
+    let (mut random, tables) = (Random(3), tables());
+    for round in 0..300 {
+        let (n, count) = (1 + random.below(60), random.below(9));
+        let program = program(&mut random, n, count);
+        let mut file = program.registers::<1>();
+        file[LAYOUT.parameter()..LAYOUT.len()].iter_mut().for_each(|p| *p = [random.number()]);
+        program.prepare(&mut file, &tables);
+        let points: Vec<f64> = (0..5 * WIDTH).map(|_| random.number()).collect();
+        let mut out = vec![0.0; 5 * program.outputs()];
+        let ours = Points::compile(&program, WIDTH, Width::detect()).expect("code");
+        ours.run(&file, &points, &mut out, &tables);
+        for (i, point) in points.chunks_exact(WIDTH).enumerate() {
+            file.iter_mut().zip(point).for_each(|(slot, x)| *slot = [*x]);
+            program.run(&mut file, &tables);
+            for k in 0..program.outputs() {
+                let (got, want) = (out[i * program.outputs() + k], program.output(&file, k)[0]);
+                assert!(same(got, want), "program {round}, {k}: {got:e}, interpreter {want:e}");
             }
         }
     }
