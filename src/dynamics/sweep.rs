@@ -64,7 +64,8 @@ impl Sweep {
     pub fn compile(rows: &Rows, width: Width) -> Option<Sweep> {
         let plain = rows.reach <= rows.size();
         let mut builder = Builder::new(width, false).filter(|_| plain && rows.size() > 0)?;
-        let side_by_side = if rows.rows <= 4 { 2 } else { 1 };
+        // with more, S of so many rows finds no place in 32 registers; with 16 it finds none anyway
+        let side_by_side = if rows.rows > 8 && builder.vector() == 8 { 1 } else { 2 };
         let groups = Group::all(rows.lanes, builder.vector(), side_by_side);
         for group in &groups {
             let list = step(rows, *group);

@@ -2,7 +2,7 @@
 
 use super::encode::{
     Assembler, Base, CHOOSE, CHOOSE_BY_SIGN, CHOOSE_FIXED, COMPARE, Place, Rm, SHIFT, SIGNS, SPLAT,
-    STORE_MASKED, Vector,
+    STORE_MASKED,
 };
 
 /// `x > y`, `x <= y` (false where one is no number).
