@@ -50,8 +50,11 @@ impl<'p> Slopes<'p> {
         starts(propagator, file, &mut s);
         let jacobian = |rows, program| Jacobian::new(rows, program, propagator, parameters);
         let delays = || {
-            jacobian(&propagator.delay_rows, &propagator.linear.delays_program)
-                .by(propagator.native.entries.delays.as_ref())
+            jacobian(&propagator.delay_rows, &propagator.linear.delays_program).by(propagator
+                .native
+                .entries
+                .delays
+                .as_ref())
         };
         let noise = |m: &Measured| {
             let mut row = zeros(1);
@@ -61,8 +64,11 @@ impl<'p> Slopes<'p> {
         let slopes = filter.measured.iter().map(|m| 1 + m.slopes.len()).max().unwrap_or(1);
         Slopes {
             width: Width::detect(),
-            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program)
-                .by(propagator.native.entries.rates.as_ref()),
+            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program).by(propagator
+                .native
+                .entries
+                .rates
+                .as_ref()),
             delays: delays(),
             outputs: filter.measured.iter().map(|m| jacobian(&m.rows, &m.program)).collect(),
             sample_delays: filter.measured.iter().map(|_| delays()).collect(),

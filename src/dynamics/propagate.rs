@@ -62,7 +62,11 @@ pub fn run(
     let mut chunk = Chunk::default();
     let mut substeps = record.substeps.max(1);
     for first in (0..n).step_by(CHUNK) {
-        chunk.clear();
+        if propagator.plain() {
+            chunk.clear_plain()
+        } else {
+            chunk.clear()
+        }
         let end = (first + CHUNK).min(n);
         if record.substeps == 0 && first % LOOK == 0 {
             run.arguments(first, 0.0, &x, &mut look);

@@ -12,6 +12,7 @@ use crate::math::simd::Width;
 use crate::model::machine::encode::{ADD, Assembler, Base, Place};
 use crate::model::machine::list::{List, Step, Value};
 use crate::model::machine::{Builder, Code};
+use std::ops::Range;
 
 /// Takes S of a plain model through steps.
 #[derive(Debug)]
@@ -80,36 +81,25 @@ impl Sweep {
         Some(Sweep { code: builder.finish()?, groups: groups.len(), size, registers })
     }
 
-    /// Steps whose stages stand in `registers` from `stages.start` on. `s`: S at the end of step `k`
-    /// is written at `place(k + 1)` and S at its start read at `place(k)`, counted from the call.
+    /// Steps whose stages stand in `registers` from `stages.start` on. S before the first step stands
+    /// at `from` in `s`; S behind it goes to `to`, S behind the next one next to that, and so on.
     pub fn steps(
         &self,
         registers: &[[f64; LANES]],
-        stages: std::ops::Range<usize>,
+        stages: Range<usize>,
         weights: &[[f64; 2]; 4],
         s: &mut [f64],
-        place: impl Fn(usize) -> usize,
+        [from, to]: [usize; 2],
     ) {
         let n = stages.len() / 4;
         assert!(registers.len() >= self.registers && stages.end <= LANES);
-        assert!((0..=n).all(|k| place(k) + self.size <= s.len()));
-        let even = (1..n).all(|k| place(k + 1) == place(k) + self.size && place(k) > place(0));
-        let even = even && n > 0 && place(1) == place(0) + self.size;
-        let (calls, turns) = if even { (1, n) } else { (n, 1) };
-        let (entries, s) = (registers.as_flattened().as_ptr(), s.as_mut_ptr());
-        for group in 0..self.groups {
-            for call in 0..calls {
-                let arguments = [
-                    turns,
-                    entries.wrapping_add(stages.start + 4 * call) as usize,
-                    s.wrapping_add(place(call)) as usize,
-                    s.wrapping_add(place(call + 1)) as usize,
-                    8 * self.size,
-                    weights.as_ptr() as usize,
-                ];
-                // SAFETY: the function reads entries of the stages, weights and S, and writes S.
-                unsafe { self.code.call(group, arguments) };
-            }
+        assert!(from + self.size <= s.len() && to + n * self.size <= s.len());
+        let entries = registers.as_flattened()[stages.start..].as_ptr() as usize;
+        let [from, to] = [from, to].map(|at| s[at..].as_mut_ptr() as usize);
+        let weights = weights.as_ptr() as usize;
+        for group in 0..if n == 0 { 0 } else { self.groups } {
+            // SAFETY: the function reads entries of the stages, weights and S, and writes S.
+            unsafe { self.code.call(group, [n, entries, from, to, 8 * self.size, weights]) };
         }
     }
 }

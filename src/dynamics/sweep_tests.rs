@@ -6,10 +6,11 @@ use super::steps::{Steps, steps};
 use super::sweep::Sweep;
 use super::sweep_rows::{Goal, RowSweep};
 use super::tangent::weights;
+use super::{Directions, Propagator, Record, Tier};
 use crate::math::simd::{Aligned, Width};
 use crate::model::graph::{Graph, Leaf, Node, Op};
 use crate::model::linear::{Entry, Sparse};
-use crate::model::{Layout, Program};
+use crate::model::{Constants, Layout, Model, Program};
 
 struct Random(u64);
 
@@ -135,9 +136,15 @@ fn s_has_the_kernels_bits() {
                     (_, 0) => step / every * size,
                     _ => between,
                 };
-                let mut got = [&start[..], &vec![0.0; between]].concat();
+                let mut got = [&start[..], &vec![0.0; between][..]].concat();
                 let registers = case.registers.rows_of();
-                sweep.steps(registers, 0..LANES, &weights(0.1), &mut got, place);
+                for step in (0..4).filter(|_| every > 1) {
+                    let (stages, places) = (4 * step..4 * step + 4, [place(step), place(step + 1)]);
+                    sweep.steps(registers, stages, &weights(0.1), &mut got, places);
+                }
+                if every == 1 {
+                    sweep.steps(registers, 0..LANES, &weights(0.1), &mut got, [0, size]);
+                }
                 got.truncate(between);
                 assert_eq!(bits(&got), bits(&want), "case {round}, every {every}, {width:?}");
             }
@@ -188,5 +195,36 @@ fn what_is_not_finite_is_seen() {
             let finite = goal.is_finite();
             assert_eq!(finite, want.iter().flatten().all(|x| x.is_finite()), "{width:?} {at}");
         }
+    }
+}
+
+/// A record with inputs that move.
+fn record(model: &Model, n: usize, substeps: usize) -> Record {
+    let inputs = (0..n * model.inputs.len()).map(|k| 0.05 * libm::sin(0.7 * k as f64));
+    Record { dt: 0.02, n, inputs: inputs.collect(), substeps, ..Record::default() }
+}
+
+#[test]
+fn a_whole_model_has_the_interpreters_bits() {
+    let text = include_str!("../../benches/six_dof.model.toml");
+    let model = Model::parse("six", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+    let parameters: Vec<f64> = model.parameters.iter().map(|p| p.start).collect();
+    let directions = Directions {
+        parameters: (0..parameters.len()).collect(),
+        starts: (0..model.states.len()).collect(),
+    };
+    let mut propagator = Propagator::new(&model, directions).expect("a propagator");
+    for (n, substeps) in [(1, 1), (33, 1), (70, 2), (40, 5)] {
+        let record = record(&model, n, substeps);
+        let starts =
+            propagator.first_values(&model, &parameters, &record, &record).expect("starts");
+        let [want, got] = [Tier::Interpreter, Tier::Native].map(|tier| {
+            propagator.compile(tier, 1, n);
+            propagator.run(&parameters, &starts, &record, true)
+        });
+        assert!(want.finite && got.finite, "{n} points, {substeps} steps each");
+        assert_eq!(bits(&got.y), bits(&want.y), "{n} points, {substeps} steps each");
+        let differ = got.dy.iter().zip(&want.dy).position(|(a, b)| a.to_bits() != b.to_bits());
+        assert_eq!(differ, None, "{n} points, {substeps} steps each");
     }
 }

@@ -196,10 +196,16 @@ impl<'p> Tangent<'p> {
         kept[..size].copy_from_slice(&self.s[..size]);
         let place = |step: usize| if step % m == 0 { step / m } else { whole + 1 } * size;
         let weights = weights(run.record.dt / m as f64);
-        for first in (0..m * whole).step_by(LANES / 4) {
-            let stages = 0..LANES.min(4 * (m * whole - first));
-            let registers = self.rates.registers(&chunk.stages, 4 * first);
-            steps.steps(registers, stages, &weights, kept, |step| place(first + step));
+        // of grid steps with steps inside them each goes somewhere else
+        let together = if m == 1 { LANES / 4 } else { 1 };
+        for block in (0..m * whole).step_by(LANES / 4) {
+            let registers = self.rates.registers(&chunk.stages, 4 * block);
+            let end = (block + LANES / 4).min(m * whole);
+            for first in (block..end).step_by(together) {
+                let stages = 4 * (first - block)..4 * (end.min(first + together) - block);
+                let places = [place(first), place(first + 1)];
+                steps.steps(registers, stages, &weights, kept, places);
+            }
         }
         self.s[..size].copy_from_slice(&kept[whole * size..][..size]);
         let mut goal = Goal::new(&mut self.rows);

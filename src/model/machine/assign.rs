@@ -33,6 +33,8 @@ pub struct Assign<'a> {
     pinned: u32,
     slots: u32,
     free_slots: Vec<u32>,
+    /// Those that the present step reads for the last time.
+    left: Vec<u32>,
     sines: Vec<Sine>,
     now: u32,
 }
@@ -76,6 +78,7 @@ pub fn assign(asm: &mut Assembler, list: &List) -> Rest {
         pinned: 0,
         slots: 0,
         free_slots: Vec::new(),
+        left: Vec::new(),
         sines: Vec::new(),
         now: 0,
     };
@@ -112,6 +115,7 @@ pub fn call(asm: &mut Assembler, function: Function) {
 impl Assign<'_> {
     fn step(&mut self, i: usize) {
         (self.pinned, self.now) = (0, i as u32);
+        self.free_slots.append(&mut self.left);
         let step = self.steps[i];
         let (operands, count) = step.operands();
         for (&v, &again) in operands[..count].iter().zip(&self.again[i]) {
@@ -217,7 +221,7 @@ impl Assign<'_> {
                 self.held[r as usize] = None;
                 self.pinned &= !(1 << r);
             }
-            self.free_slots.extend(self.slot[v as usize].take());
+            self.left.extend(self.slot[v as usize].take());
         }
     }
 

@@ -85,13 +85,16 @@ fn program(random: &mut Random, n: usize, count: usize) -> Program {
         nodes.push(g.c(if number.is_nan() { 0.5 } else { number }));
     }
     let numbers = [0.0, 1.0].map(|x| g.c(x));
+    // without calls, which empty all registers, more of them are wanted at once
+    let most = if random.below(2) == 0 { OPS.len() } else { 9 };
     let kinds: Vec<Op> =
-        OPS.iter().flat_map(|&(op, often)| std::iter::repeat_n(op, often)).collect();
+        OPS[..most].iter().flat_map(|&(op, often)| std::iter::repeat_n(op, often)).collect();
+    // how often something old is read: many values wait then
+    let old = random.below(5);
     for _ in 0..n {
         let op = kinds[random.below(kinds.len())];
         let [a, mut b, mut c] = [(); 3].map(|()| {
-            // as a rule what is new
-            let back = if random.below(3) == 0 { nodes.len() } else { nodes.len().min(12) };
+            let back = if random.below(4) < old { nodes.len() } else { nodes.len().min(12) };
             nodes[nodes.len() - 1 - random.below(back)]
         });
         match op {
