@@ -105,6 +105,11 @@ impl<'p> Slopes<'p> {
         let (first, delays) = (4 * step, self.propagator.delays.len());
         let size = self.propagator.layout.states * self.lanes;
         let weights = weights(way.chunk.lengths[step]);
+        if let Some((sweep, _)) = self.propagator.native.sweep.as_ref().filter(|_| delays == 0) {
+            let registers = self.rates.registers(&way.chunk.stages, first);
+            let at = first % LANES;
+            return sweep.steps(registers, at..at + 4, &weights, &mut self.s, [0, 0]);
+        }
         let stages = if delays == 0 { first..first + 1 } else { first..first + 4 };
         for stage in stages {
             let [a, b] = &mut self.between;

@@ -97,6 +97,11 @@ impl Rows {
         out
     }
 
+    /// Vectors of eight directions that a stage multiplies.
+    pub(super) fn operations(&self) -> usize {
+        (self.products.len() + 2 * self.rows) * self.lanes / 8
+    }
+
     /// The products of a row.
     pub(super) fn products_of(&self, row: usize) -> &[Product] {
         let first = if row == 0 { 0 } else { self.ends[row - 1] };

@@ -14,6 +14,9 @@ use crate::model::machine::list::{List, Step, Value};
 use crate::model::machine::{Builder, Code};
 use std::ops::Range;
 
+/// Products of a stage at most.
+const MOST: usize = 1000;
+
 /// Takes S of a plain model through steps.
 #[derive(Debug)]
 pub struct Sweep {
@@ -61,10 +64,12 @@ impl Sweep {
     /// The functions take the number of steps, where the entries of the first stage stand, S before
     /// the first step and behind it, the bytes from there to S behind the next one, and the weights.
     ///
-    /// `None` where there is no code of this width, or S has delayed values behind it.
+    /// `None` where there is no code of this width, S has delayed values behind it, or the code would
+    /// be too long for the caches.
     pub fn compile(rows: &Rows, width: Width) -> Option<Sweep> {
-        let plain = rows.reach <= rows.size();
-        let mut builder = Builder::new(width, false).filter(|_| plain && rows.size() > 0)?;
+        let plain = rows.reach <= rows.size() && rows.size() > 0;
+        let short = rows.products.len() <= MOST;
+        let mut builder = Builder::new(width, false).filter(|_| plain && short)?;
         // with more, S of so many rows finds no place in 32 registers; with 16 it finds none anyway
         let side_by_side = if rows.rows > 8 && builder.vector() == 8 { 1 } else { 2 };
         let groups = Group::all(rows.lanes, builder.vector(), side_by_side);

@@ -52,6 +52,8 @@ pub(super) struct Jacobian<'p> {
     program: Many<'p>,
     /// The block of points that the program was run for, if any.
     block: Option<usize>,
+    /// Whether `direct` is of that block.
+    is_spread: bool,
     direct: Aligned,
 }
 
@@ -64,7 +66,8 @@ impl<'p> Jacobian<'p> {
     ) -> Self {
         let mut direct = Aligned::default();
         direct.zeros(rows.direct_size());
-        Jacobian { rows, program: Many::new(program, propagator, parameters), block: None, direct }
+        let program = Many::new(program, propagator, parameters);
+        Jacobian { rows, program, block: None, is_spread: false, direct }
     }
 
     /// By machine code, if there is any.
@@ -77,19 +80,22 @@ impl<'p> Jacobian<'p> {
         self.block = None;
     }
 
-    /// The registers of the block of `points` from `first` on, without what `at` makes of them.
-    fn registers(&mut self, points: &[f64], first: usize) -> &[[f64; LANES]] {
-        self.block = None;
-        self.program.block(points, first)
+    /// The registers at the block that holds point `k` of `points`.
+    pub(super) fn registers(&mut self, points: &[f64], k: usize) -> &[[f64; LANES]] {
+        let first = k / LANES * LANES;
+        if self.block != Some(first) {
+            self.program.block(points, first);
+            (self.block, self.is_spread) = (Some(first), false);
+        }
+        self.program.registers()
     }
 
     /// The block that holds point `k` of `points`.
     pub(super) fn at(&mut self, points: &[f64], k: usize) -> Block<'_> {
-        let first = k / LANES * LANES;
-        if self.block != Some(first) {
-            let registers = self.program.block(points, first);
-            self.rows.spread(registers, &mut self.direct);
-            self.block = Some(first);
+        self.registers(points, k);
+        if !self.is_spread {
+            self.rows.spread(self.program.registers(), &mut self.direct);
+            self.is_spread = true;
         }
         Block { rows: self.rows, registers: self.program.registers(), direct: &self.direct }
     }
