@@ -83,7 +83,7 @@ pub fn assign(asm: &mut Assembler, list: &List) -> Rest {
         now: 0,
     };
     (0..n).for_each(|i| assign.step(i));
-    Rest { sines: assign.sines, frame: KEPT as usize + 64 * assign.slots as usize }
+    Rest { frame: assign.place(assign.slots).at as usize, sines: assign.sines }
 }
 
 /// A place in the frame.
@@ -202,7 +202,8 @@ impl Assign<'_> {
                 self.slots - 1
             });
             self.slot[at] = Some(slot);
-            self.asm.op(STORE, r, 0, Rm::Vector(frame(KEPT + 64 * slot as i32)));
+            let place = self.place(slot);
+            self.asm.op(STORE, r, 0, Rm::Vector(place));
         }
     }
 
@@ -233,10 +234,15 @@ impl Assign<'_> {
         r
     }
 
+    /// Where a value is kept in the frame.
+    fn place(&self, slot: u32) -> Place {
+        frame(KEPT + 8 * (slot * self.asm.vector as u32) as i32)
+    }
+
     /// A value in memory, if it is there.
     fn memory(&self, v: Value) -> Option<Rm> {
         match (self.slot[v as usize], self.steps[v as usize]) {
-            (Some(slot), _) => Some(Rm::Vector(frame(KEPT + 64 * slot as i32))),
+            (Some(slot), _) => Some(Rm::Vector(self.place(slot))),
             (_, Step::Vector(place)) => Some(Rm::Vector(place)),
             (_, Step::Number(place)) => Some(Rm::Number(place)),
             _ => None,
