@@ -5,16 +5,13 @@
 //! last operand straight from memory where that can be.
 
 use super::encode::{
-    ADD, Assembler, Base, FIRST, LOAD, MUL, Place, Rm, SPLAT, SQRT, STORE, Sum, Vector, fused,
+    ADD, Assembler, FIRST, LOAD, MUL, Place, Rm, SPLAT, SQRT, STORE, Sum, Vector, fused,
 };
+use super::frame::{argument, call, kept};
 use super::list::{Function, List, Step, Value};
 use super::sine::{Registers, Sine};
 
 const NEVER: u32 = u32::MAX;
-/// Of a frame: arguments of functions, then registers that wait for one; behind them values.
-const SAVED: i32 = 3 * 64;
-pub const KEPT: i32 = SAVED + 32 * 64;
-
 /// A mask for the first lanes stands here; masks 1 to 6 name single lanes.
 pub const TAIL: u8 = 7;
 
@@ -84,32 +81,6 @@ pub fn assign(asm: &mut Assembler, list: &List) -> Rest {
     };
     (0..n).for_each(|i| assign.step(i));
     Rest { frame: assign.place(assign.slots).at as usize, sines: assign.sines }
-}
-
-/// A place in the frame.
-fn frame(at: i32) -> Place {
-    Place { base: Base::Rsp, at }
-}
-
-/// Where argument `k` of a function stands.
-pub fn argument(k: i32) -> Place {
-    frame(64 * k)
-}
-
-/// Where register `r` waits while a function is called.
-pub fn saved(r: u8) -> Place {
-    frame(SAVED + 64 * i32::from(r))
-}
-
-/// Calls `function` over the arguments that stand in the frame.
-pub fn call(asm: &mut Assembler, function: Function) {
-    const SPOILT: [Base; 4] = [Base::Rsi, Base::Rcx, Base::R8, Base::R9];
-    asm.copy(Base::Rdi, Base::Rsp);
-    SPOILT.into_iter().for_each(|base| asm.push(base));
-    asm.copy(Base::Rsi, Base::R14);
-    asm.number(Base::Rdx, asm.vector as u64);
-    asm.call(function as *const u8);
-    SPOILT.into_iter().rev().for_each(|base| asm.pop(base));
 }
 
 impl Assign<'_> {
@@ -236,7 +207,7 @@ impl Assign<'_> {
 
     /// Where a value is kept in the frame.
     fn place(&self, slot: u32) -> Place {
-        frame(KEPT + 8 * (slot * self.asm.vector as u32) as i32)
+        kept(slot, self.asm.vector)
     }
 
     /// A value in memory, if it is there.

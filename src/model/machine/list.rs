@@ -1,13 +1,14 @@
 //! Steps of straight-line vector code, each naming earlier ones: what `assign` gives registers to.
 
 use super::encode::{Base, Form, Place, Signs};
+use crate::model::tables::Tables;
 
 /// The step that made it.
 pub type Value = u32;
 
 /// A function over lanes: three vectors of arguments, 64 bytes each, the first two of which become
 /// results; tables; how many lanes.
-pub type Function = unsafe extern "C" fn(*mut [f64; 8], *const super::Tables, usize);
+pub type Function = unsafe extern "C" fn(*mut [f64; 8], *const Tables, usize);
 
 #[derive(Debug, Clone, Copy)]
 pub enum Step {

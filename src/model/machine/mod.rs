@@ -48,6 +48,7 @@ mod builder;
 mod chain;
 mod control;
 pub mod encode;
+mod frame;
 mod functions;
 mod lanes;
 pub mod list;
@@ -65,5 +66,3 @@ pub use chain::Chain;
 pub use lanes::{LANES, Lanes};
 pub use memory::Code;
 pub use points::Points;
-
-use super::tables::Tables;

@@ -1,11 +1,11 @@
 //! Sine and cosine over lanes, operation by operation as in `arithmetic`: small angles straight on;
 //! the reduction of others, and angles out of its reach, behind the end of the function.
 
-use super::assign::{argument, call, saved};
 use super::control::{Jump, Order};
 use super::encode::{
     ADD, ADD_WHOLE, AND, Assembler, LOAD, MUL, Rm, STORE, SUB, SUB_WHOLE, Signs, Sum, XOR, fused,
 };
+use super::frame::{argument, call, saved};
 use super::functions::sines;
 use super::literals::{self, Literal};
 
