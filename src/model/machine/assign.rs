@@ -1,40 +1,13 @@
-//! A list of steps in; instructions with registers out.
-//!
-//! Where a register is wanted and none is free, the value that is read again last goes: memory is
-//! read again later, a result is kept in the frame. What is not in a register is an instruction's
-//! last operand straight from memory where that can be.
+//! A list of steps in; instructions with registers (`registers` says which) out.
 
-use super::encode::{
-    ADD, Assembler, FIRST, LOAD, MUL, Place, Rm, SPLAT, SQRT, STORE, Sum, Vector, fused,
-};
-use super::frame::{argument, call, kept};
+use super::encode::{ADD, Assembler, FIRST, LOAD, MUL, Place, Rm, SPLAT, SQRT, STORE, Sum, fused};
+use super::frame::{argument, call};
 use super::list::{Function, List, Step, Value};
-use super::sine::{Registers, Sine};
+use super::registers::{NEVER, Registers};
+use super::sine::{self, Sine};
 
-const NEVER: u32 = u32::MAX;
 /// A mask for the first lanes stands here; masks 1 to 6 name single lanes.
 pub const TAIL: u8 = 7;
-
-pub struct Assign<'a> {
-    asm: &'a mut Assembler,
-    steps: &'a [Step],
-    /// Per step when its operands are read again.
-    again: Vec<[u32; 4]>,
-    /// When a value is read next.
-    when: Vec<u32>,
-    register: Vec<Option<u8>>,
-    slot: Vec<Option<u32>>,
-    /// What a register holds.
-    held: Vec<Option<Value>>,
-    /// Registers that the present step needs, bit by bit.
-    pinned: u32,
-    slots: u32,
-    free_slots: Vec<u32>,
-    /// Those that the present step reads for the last time.
-    left: Vec<u32>,
-    sines: Vec<Sine>,
-    now: u32,
-}
 
 /// What remains to be done behind the end of a function.
 pub struct Rest {
@@ -64,7 +37,7 @@ pub fn assign(asm: &mut Assembler, list: &List) -> Rest {
         operands[..count].iter().for_each(|&v| when[v as usize] = i as u32);
     }
     let registers = if asm.wide() { 32 } else { 16 };
-    let mut assign = Assign {
+    let mut assign = Registers {
         asm,
         steps,
         again,
@@ -83,7 +56,7 @@ pub fn assign(asm: &mut Assembler, list: &List) -> Rest {
     Rest { frame: assign.place(assign.slots).at as usize, sines: assign.sines }
 }
 
-impl Assign<'_> {
+impl Registers<'_> {
     fn step(&mut self, i: usize) {
         (self.pinned, self.now) = (0, i as u32);
         self.free_slots.append(&mut self.left);
@@ -139,116 +112,6 @@ impl Assign<'_> {
                 self.asm.add_register(to, more);
             }
         }
-    }
-
-    fn is_held(&self, v: Value) -> bool {
-        self.register[v as usize].is_some()
-    }
-
-    /// A register for the present step: a free one, or that of the value that is read last.
-    fn take(&mut self) -> u8 {
-        let free = |r: &usize| self.pinned >> r & 1 == 0;
-        let cost = |r: &usize| match self.held[*r] {
-            None => u32::MAX,
-            Some(v) => {
-                let wait = self.when[v as usize].saturating_sub(self.now);
-                let kept = self.steps[v as usize].is_leaf() || self.slot[v as usize].is_some();
-                wait.saturating_mul(if kept { 4 } else { 1 }).min(u32::MAX - 1)
-            }
-        };
-        // a step needs a dozen registers at most
-        let r = (0..self.held.len()).filter(free).max_by_key(cost).unwrap_or(0) as u8;
-        self.evict(r);
-        self.pinned |= 1 << r;
-        r
-    }
-
-    fn evict(&mut self, r: u8) {
-        let Some(v) = self.held[r as usize].take() else { return };
-        let at = v as usize;
-        self.register[at] = None;
-        if self.when[at] != NEVER && self.slot[at].is_none() && !self.steps[at].is_leaf() {
-            let slot = self.free_slots.pop().unwrap_or_else(|| {
-                self.slots += 1;
-                self.slots - 1
-            });
-            self.slot[at] = Some(slot);
-            let place = self.place(slot);
-            self.asm.op(STORE, r, 0, Rm::Vector(place));
-        }
-    }
-
-    fn hold(&mut self, v: Value, r: u8) {
-        self.pinned |= 1 << r;
-        if self.when[v as usize] != NEVER {
-            self.register[v as usize] = Some(r);
-            self.held[r as usize] = Some(v);
-        }
-    }
-
-    /// Operands that are not read again leave their registers and places.
-    fn release(&mut self, operands: &[Value]) {
-        for &v in operands.iter().filter(|&&v| self.when[v as usize] == NEVER) {
-            if let Some(r) = self.register[v as usize].take() {
-                self.held[r as usize] = None;
-                self.pinned &= !(1 << r);
-            }
-            self.left.extend(self.slot[v as usize].take());
-        }
-    }
-
-    /// A register for a result; it may be that of an operand.
-    fn result(&mut self, v: Value, operands: &[Value]) -> u8 {
-        self.release(operands);
-        let r = self.take();
-        self.hold(v, r);
-        r
-    }
-
-    /// Where a value is kept in the frame.
-    fn place(&self, slot: u32) -> Place {
-        kept(slot, self.asm.vector)
-    }
-
-    /// A value in memory, if it is there.
-    fn memory(&self, v: Value) -> Option<Rm> {
-        match (self.slot[v as usize], self.steps[v as usize]) {
-            (Some(slot), _) => Some(Rm::Vector(self.place(slot))),
-            (_, Step::Vector(place)) => Some(Rm::Vector(place)),
-            (_, Step::Number(place)) => Some(Rm::Number(place)),
-            _ => None,
-        }
-    }
-
-    /// Reads a value from memory, or makes it zero.
-    fn read(&mut self, v: Value, r: u8) {
-        match self.memory(v) {
-            Some(number @ Rm::Number(_)) => self.asm.op(SPLAT, r, 0, number),
-            Some(vector) => self.asm.op(LOAD, r, 0, vector),
-            None => self.asm.zero(r),
-        }
-    }
-
-    /// The register of a value.
-    fn register(&mut self, v: Value) -> u8 {
-        let r = self.register[v as usize].unwrap_or_else(|| {
-            let r = self.take();
-            self.read(v, r);
-            (self.register[v as usize], self.held[r as usize]) = (Some(r), Some(v));
-            r
-        });
-        self.pinned |= 1 << r;
-        r
-    }
-
-    /// A value as the last operand of an instruction.
-    fn last(&mut self, v: Value) -> Rm {
-        match self.memory(v) {
-            Some(Rm::Number(_)) if self.asm.vector == Vector::Four => {}
-            Some(memory) if !self.is_held(v) => return memory,
-            _ => {}
-        }
-        Rm::Register(self.register(v))
     }
 
     /// The registers of a fused multiply-add: the first is one of the three and is written.
@@ -343,7 +206,7 @@ impl Assign<'_> {
             self.hold(to + k, r);
             r
         });
-        let registers = Registers { x: x_in, sin, cos, spare };
+        let registers = sine::Registers { x: x_in, sin, cos, spare };
         self.sines.push(Sine::begin(self.asm, registers, live));
     }
 

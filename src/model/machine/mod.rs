@@ -9,7 +9,7 @@
 //! 1. *A list of steps* (`list`), each of which names the steps whose values it reads: reading
 //!    memory, one operation, a call, writing memory. `writer` makes such steps of a program's
 //!    instructions; `dynamics::sweep` makes them of the pattern of a Jacobian.
-//! 2. *Registers* (`assign`), in one walk through the list. When each value is read next is known, so
+//! 2. *Registers* (`assign`, `registers`), in one walk through the list. When each value is read next is known, so
 //!    the one that is read last leaves when a register is wanted (Belady). What stands in memory
 //!    anyway is not kept elsewhere: it is read again, as a rule as the last operand of the
 //!    instruction that wants it.
@@ -55,6 +55,7 @@ pub mod list;
 mod literals;
 mod memory;
 mod points;
+mod registers;
 mod sine;
 #[cfg(test)]
 mod tests;
