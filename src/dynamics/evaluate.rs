@@ -6,6 +6,7 @@ use super::propagator::Propagator;
 use super::rows::LANES;
 use super::tableau::{AHEAD, WEIGHT};
 use crate::math::simd::Aligned;
+use crate::model::machine::Lanes;
 use crate::model::{Program, Tables};
 
 /// A program with its register file for one evaluation at a time.
@@ -131,6 +132,8 @@ impl<'p> Programs<'p> {
 /// A program evaluated at many points: lanes are points.
 pub(super) struct Many<'p> {
     program: &'p Program,
+    /// The same as machine code, where it was worth making.
+    lanes: Option<&'p Lanes>,
     tables: &'p Tables,
     /// Registers `[register][lane]`.
     file: Aligned,
@@ -153,11 +156,17 @@ impl<'p> Many<'p> {
         let width = propagator.layout.time() + 1;
         Many {
             program,
+            lanes: None,
             tables: &propagator.tables,
             file: Aligned::of_rows(&file),
             width,
             read: program.reads(width),
         }
+    }
+
+    /// By machine code, if there is any.
+    pub(super) fn by(self, lanes: Option<&'p Lanes>) -> Self {
+        Many { lanes, ..self }
     }
 
     /// Runs the program at the `LANES` points from `first` on (rows of `width`; fewer at the end),
@@ -171,7 +180,10 @@ impl<'p> Many<'p> {
         for &slot in &self.read {
             file[slot] = std::array::from_fn(|l| rows[l][slot]);
         }
-        self.program.run(file, self.tables);
+        match self.lanes {
+            Some(lanes) => lanes.run(file, self.tables),
+            None => self.program.run(file, self.tables),
+        }
         file
     }
 

@@ -49,7 +49,13 @@ impl<'p> Slopes<'p> {
         let mut s = zeros(both);
         starts(propagator, file, &mut s);
         let jacobian = |rows, program| Jacobian::new(rows, program, propagator, parameters);
-        let delays = || jacobian(&propagator.delay_rows, &propagator.linear.delays_program);
+        let delays = || {
+            jacobian(&propagator.delay_rows, &propagator.linear.delays_program).by(propagator
+                .native
+                .entries
+                .delays
+                .as_ref())
+        };
         let noise = |m: &Measured| {
             let mut row = zeros(1);
             m.direction.into_iter().for_each(|d| row[d] = 2.0 * parameters[m.sd]);
@@ -58,7 +64,11 @@ impl<'p> Slopes<'p> {
         let slopes = filter.measured.iter().map(|m| 1 + m.slopes.len()).max().unwrap_or(1);
         Slopes {
             width: Width::detect(),
-            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program),
+            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program).by(propagator
+                .native
+                .entries
+                .rates
+                .as_ref()),
             delays: delays(),
             outputs: filter.measured.iter().map(|m| jacobian(&m.rows, &m.program)).collect(),
             sample_delays: filter.measured.iter().map(|_| delays()).collect(),
@@ -95,6 +105,11 @@ impl<'p> Slopes<'p> {
         let (first, delays) = (4 * step, self.propagator.delays.len());
         let size = self.propagator.layout.states * self.lanes;
         let weights = weights(way.chunk.lengths[step]);
+        if let Some((sweep, _)) = self.propagator.native.sweep.as_ref().filter(|_| delays == 0) {
+            let registers = self.rates.registers(&way.chunk.stages, first);
+            let at = first % LANES;
+            return sweep.steps(registers, at..at + 4, &weights, &mut self.s, [0, 0]);
+        }
         let stages = if delays == 0 { first..first + 1 } else { first..first + 4 };
         for stage in stages {
             let [a, b] = &mut self.between;

@@ -63,6 +63,10 @@ mod step;
 mod steps;
 mod stiffness;
 mod substeps;
+mod sweep;
+mod sweep_rows;
+#[cfg(test)]
+mod sweep_tests;
 mod tableau;
 mod tangent;
 mod values;

@@ -46,7 +46,8 @@ pub fn run(
     );
     let mut x: Vec<f64> = (0..nx).map(|i| propagator.starts.program.output(&file, i)[0]).collect();
     let mut programs = Programs::new(propagator, parameters);
-    let mut outputs = Many::new(&propagator.output_values, propagator, parameters);
+    let mut outputs = Many::new(&propagator.output_values, propagator, parameters)
+        .by(propagator.native.values.as_ref());
     let mut run = Run::new(propagator, record, &mut programs.taus);
     let mut look = vec![0.0; propagator.layout.time() + 1];
     run.arguments(0, 0.0, &x, &mut look);
@@ -61,7 +62,11 @@ pub fn run(
     let mut chunk = Chunk::default();
     let mut substeps = record.substeps.max(1);
     for first in (0..n).step_by(CHUNK) {
-        chunk.clear();
+        if propagator.plain() {
+            chunk.clear_plain()
+        } else {
+            chunk.clear()
+        }
         let end = (first + CHUNK).min(n);
         if record.substeps == 0 && first % LOOK == 0 {
             run.arguments(first, 0.0, &x, &mut look);

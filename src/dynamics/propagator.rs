@@ -2,9 +2,12 @@
 //! number of records.
 
 use super::rows::Rows;
+use super::sweep::Sweep;
+use super::sweep_rows::RowSweep;
 use crate::error::Result;
+use crate::math::simd::Width;
 use crate::model::linear::{Linear, Starts};
-use crate::model::native::{Native, Points, Steps};
+use crate::model::machine::{Chain, Lanes, Points};
 use crate::model::{Layout, Model, Moving, Program, StartKind, Tables};
 use std::sync::Arc;
 
@@ -52,8 +55,8 @@ pub enum Tier {
 /// A program as machine code: the rates of a plain model in whole steps, others at single points.
 #[derive(Debug)]
 pub(super) enum Compiled {
-    Steps(Native<Steps>),
-    Points(Native<Points>),
+    Steps(Chain),
+    Points(Points),
 }
 
 /// What a trajectory needs point by point as machine code, where it was worth making.
@@ -63,6 +66,21 @@ pub(super) struct Machine {
     pub(super) taus: Option<Compiled>,
     pub(super) limits: Option<Compiled>,
     pub(super) moving: Option<Compiled>,
+    /// Values of the outputs over lanes of points.
+    pub(super) values: Option<Lanes>,
+    pub(super) entries: Entries,
+    /// S of a plain model through steps, and the rows of its outputs.
+    pub(super) sweep: Option<(Sweep, RowSweep)>,
+}
+
+/// Entries of Jacobians over lanes of points.
+#[derive(Debug, Default)]
+pub(super) struct Entries {
+    pub(super) rates: Option<Lanes>,
+    pub(super) outputs: Option<Lanes>,
+    pub(super) delays: Option<Lanes>,
+    pub(super) limits: Option<Lanes>,
+    pub(super) moving: Option<Lanes>,
 }
 
 /// Programs and sizes, shared by all records and threads.
@@ -192,24 +210,45 @@ impl Propagator {
     /// Makes machine code of rates, delays, limits and what moves the movers if `tier` says so.
     /// `points`: grid points that one of the `passes` goes through.
     pub fn compile(&mut self, tier: Tier, passes: usize, points: usize) {
-        // An operation costs the interpreter about 2 ns more than machine code; making code takes
-        // about 0.3 ms and 15 us per operation.
-        let worth = |program: &Program| {
-            let operations = program.operations() as f64;
-            let saved = (passes * points) as f64 * 4.0 * operations * 2e-9;
-            let pays = saved > 0.3e-3 + 15e-6 * operations;
+        // What an operation saves at a grid point, and what its code takes to make, ns (and a code
+        // 30 us): four stages number by number, lanes of points, vectors of directions.
+        let (at_once, side_by_side, swept) = ([8.0, 1000.0], [0.8, 300.0], [2.0, 1000.0]);
+        let worth = |operations: usize, [saved, made]: [f64; 2]| {
+            let operations = operations as f64;
+            let pays = (passes * points) as f64 * saved * operations > 30e3 + made * operations;
             operations > 0.0 && (tier == Tier::Native || (tier == Tier::Auto && pays))
         };
-        let width = self.layout.time() + 1;
-        let at_points = |program: &Program| match worth(program) {
-            true => Native::compile(program, width).map(Compiled::Points),
-            false => None,
+        let (width, vectors) = (self.layout.time() + 1, Width::detect());
+        let at_points = |program: &Program| {
+            let code = || Points::compile(program, width, vectors).map(Compiled::Points);
+            worth(program.operations(), at_once).then(code).flatten()
         };
-        let rates = match self.plain() && worth(&self.rates) {
-            true => Native::compile(&self.rates, width).map(Compiled::Steps),
+        let over_lanes = |program: &Program| {
+            let code = || Lanes::compile(program, vectors);
+            worth(program.operations(), side_by_side).then(code).flatten()
+        };
+        let rates = match self.plain() && worth(self.rates.operations(), at_once) {
+            true => Chain::compile(&self.rates, width, vectors).map(Compiled::Steps),
             false => at_points(&self.rates),
         };
+        let linear = &self.linear;
+        let sweep = || {
+            let rows = RowSweep::compile(&self.output_rows, self.directions.len(), vectors);
+            Sweep::compile(&self.rate_rows, vectors).zip(rows)
+        };
+        let sweep = (self.plain() && worth(self.rate_rows.operations(), swept)).then(sweep);
+        let entries = || Entries {
+            rates: over_lanes(&linear.rates_program),
+            outputs: over_lanes(&linear.outputs_program),
+            delays: over_lanes(&linear.delays_program),
+            limits: over_lanes(&linear.limits_program),
+            moving: over_lanes(&linear.moving_program),
+        };
+        let differentiated = self.directions.len() > 0;
         self.native = Arc::new(Machine {
+            values: over_lanes(&self.output_values),
+            entries: differentiated.then(entries).unwrap_or_default(),
+            sweep: sweep.flatten(),
             rates,
             taus: at_points(&self.delay_values),
             limits: at_points(&self.limits),

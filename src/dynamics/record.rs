@@ -95,11 +95,10 @@ impl Record {
     /// Where the samples of a channel lie on the grid: none where there is one at every grid point from the start point on.
     pub fn sampling(&self, channel: &Channel) -> Option<Vec<Option<Weights>>> {
         let n = self.n.saturating_sub(self.start);
-        let weights: Vec<Option<Weights>> = channel.t.iter().map(|&t| self.weights(t)).collect();
         let there =
-            |(k, w): (usize, &Option<Weights>)| w.is_some_and(|w| w.len == 1 && w.first == k);
-        let is_grid = weights.len() == n && weights.iter().enumerate().all(there);
-        (!is_grid).then_some(weights)
+            |(k, &t): (usize, &f64)| self.weights(t).is_some_and(|w| w.len == 1 && w.first == k);
+        let is_grid = channel.t.len() == n && channel.t.iter().enumerate().all(there);
+        (!is_grid).then(|| channel.t.iter().map(|&t| self.weights(t)).collect())
     }
 
     /// Weights of the grid values for time `t`; `None` outside the grid.

@@ -13,7 +13,7 @@ use crate::model::linear::Sparse;
 use std::ops::Range;
 
 /// Points of one evaluation side by side.
-pub(super) const LANES: usize = 16;
+pub(super) use crate::model::machine::LANES;
 
 /// One product of a row: where the entry of the Jacobian stands in a file of registers (`LANES`
 /// points each), and where the row that it multiplies.
@@ -21,6 +21,14 @@ pub(super) const LANES: usize = 16;
 pub(super) struct Product {
     pub(super) entry: u32,
     pub(super) source: u32,
+}
+
+/// An entry that acts on a direction by itself; `entry` as in `Product`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Act {
+    pub(super) row: usize,
+    pub(super) column: usize,
+    pub(super) entry: u32,
 }
 
 /// The entries of a Jacobian, row by row.
@@ -40,8 +48,12 @@ pub struct Rows {
     places: Vec<u32>,
     /// Numbers of the direct parts of one point.
     pub(super) stride: usize,
+    /// The entries that act by themselves.
+    pub(super) acts: Vec<Act>,
+    /// Where entries stand that are always one.
+    ones: Vec<u32>,
     /// Registers of the program that computes the entries.
-    registers: usize,
+    pub(super) registers: usize,
     /// Numbers of S and D that are read.
     pub(super) reach: usize,
 }
@@ -76,9 +88,29 @@ impl Rows {
                 *vector = out.stride as u32;
                 out.stride += 8;
             }
-            out.direct.push((place(e.output), *vector + (e.column % 8) as u32));
+            let entry = place(e.output);
+            out.direct.push((entry, *vector + (e.column % 8) as u32));
+            out.acts.push(Act { row: e.row, column: e.column, entry });
         }
+        let ones = program.constants().iter().filter(|(_, x)| *x == 1.0);
+        out.ones = ones.map(|&(register, _)| register * LANES as u32).collect();
         out
+    }
+
+    /// Vectors of eight directions that a stage multiplies.
+    pub(super) fn operations(&self) -> usize {
+        (self.products.len() + 2 * self.rows) * self.lanes / 8
+    }
+
+    /// The products of a row.
+    pub(super) fn products_of(&self, row: usize) -> &[Product] {
+        let first = if row == 0 { 0 } else { self.ends[row - 1] };
+        &self.products[first as usize..self.ends[row] as usize]
+    }
+
+    /// Whether an entry is always one.
+    pub(super) fn is_one(&self, entry: u32) -> bool {
+        self.ones.contains(&entry)
     }
 
     /// Numbers of one result.

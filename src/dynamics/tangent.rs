@@ -8,10 +8,13 @@ use super::remembered::Remembered;
 use super::rows::{Append, Block, LANES, Rows, append, product};
 use super::step::RESTS;
 use super::steps::{Steps, steps};
+use super::sweep::Sweep;
+use super::sweep_rows::{Goal, RowSweep};
 use super::tableau::{AHEAD, WEIGHT};
 use super::values::{Chunk, Run};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
+use crate::model::machine::Lanes;
 use crate::model::{Delayed, Program};
 
 pub struct Tangent<'p> {
@@ -49,6 +52,8 @@ pub(super) struct Jacobian<'p> {
     program: Many<'p>,
     /// The block of points that the program was run for, if any.
     block: Option<usize>,
+    /// Whether `direct` is of that block.
+    is_spread: bool,
     direct: Aligned,
 }
 
@@ -61,7 +66,13 @@ impl<'p> Jacobian<'p> {
     ) -> Self {
         let mut direct = Aligned::default();
         direct.zeros(rows.direct_size());
-        Jacobian { rows, program: Many::new(program, propagator, parameters), block: None, direct }
+        let program = Many::new(program, propagator, parameters);
+        Jacobian { rows, program, block: None, is_spread: false, direct }
+    }
+
+    /// By machine code, if there is any.
+    pub(super) fn by(self, lanes: Option<&'p Lanes>) -> Self {
+        Jacobian { program: self.program.by(lanes), ..self }
     }
 
     /// The list of points is another one.
@@ -69,13 +80,22 @@ impl<'p> Jacobian<'p> {
         self.block = None;
     }
 
-    /// The block that holds point `k` of `points`.
-    pub(super) fn at(&mut self, points: &[f64], k: usize) -> Block<'_> {
+    /// The registers at the block that holds point `k` of `points`.
+    pub(super) fn registers(&mut self, points: &[f64], k: usize) -> &[[f64; LANES]] {
         let first = k / LANES * LANES;
         if self.block != Some(first) {
-            let registers = self.program.block(points, first);
-            self.rows.spread(registers, &mut self.direct);
-            self.block = Some(first);
+            self.program.block(points, first);
+            (self.block, self.is_spread) = (Some(first), false);
+        }
+        self.program.registers()
+    }
+
+    /// The block that holds point `k` of `points`.
+    pub(super) fn at(&mut self, points: &[f64], k: usize) -> Block<'_> {
+        self.registers(points, k);
+        if !self.is_spread {
+            self.rows.spread(self.program.registers(), &mut self.direct);
+            self.is_spread = true;
         }
         Block { rows: self.rows, registers: self.program.registers(), direct: &self.direct }
     }
@@ -106,22 +126,27 @@ impl<'p> Tangent<'p> {
             (propagator.layout.states, propagator.layout.states + propagator.delays.len());
         let mut s = zeros(both);
         self::starts(propagator, starts, &mut s);
-        let jacobian = |rows, program| Jacobian::new(rows, program, propagator, parameters);
-        let limits = vec![0.0; if propagator.limited.is_empty() { 0 } else { nx * 2 * lanes }];
+        let (linear, made) = (&propagator.linear, &propagator.native.entries);
+        let jacobian = |rows, program, lanes: &'p Option<Lanes>| {
+            Jacobian::new(rows, program, propagator, parameters).by(lanes.as_ref())
+        };
+        let delays = || jacobian(&propagator.delay_rows, &linear.delays_program, &made.delays);
+        let limits = || jacobian(&propagator.limit_rows, &linear.limits_program, &made.limits);
+        let of_limits = vec![0.0; if propagator.limited.is_empty() { 0 } else { nx * 2 * lanes }];
         let mut tangent = Tangent {
             propagator,
             width: Width::detect(),
-            rates: jacobian(&propagator.rate_rows, &propagator.linear.rates_program),
-            outputs: jacobian(&propagator.output_rows, &propagator.linear.outputs_program),
-            delays: jacobian(&propagator.delay_rows, &propagator.linear.delays_program),
-            point_delays: jacobian(&propagator.delay_rows, &propagator.linear.delays_program),
-            stage_limits: jacobian(&propagator.limit_rows, &propagator.linear.limits_program),
-            end_limits: jacobian(&propagator.limit_rows, &propagator.linear.limits_program),
-            pushes: jacobian(&propagator.moving_rows, &propagator.linear.moving_program),
+            rates: jacobian(&propagator.rate_rows, &linear.rates_program, &made.rates),
+            outputs: jacobian(&propagator.output_rows, &linear.outputs_program, &made.outputs),
+            delays: delays(),
+            point_delays: delays(),
+            stage_limits: limits(),
+            end_limits: limits(),
+            pushes: jacobian(&propagator.moving_rows, &linear.moving_program, &made.moving),
             pushed: vec![0.0; 2 * propagator.moving.len() * lanes],
             lanes,
             s,
-            limits,
+            limits: of_limits,
             rows: (0..ny).map(|_| pool::take(points * nd)).collect(),
             done: 0,
             remembered: Remembered::of(propagator),
@@ -158,10 +183,46 @@ impl<'p> Tangent<'p> {
             [&mut self.outputs, &mut self.point_delays, &mut self.end_limits, &mut self.pushes];
         let stages = [&mut self.rates, &mut self.delays, &mut self.stage_limits];
         points.into_iter().chain(stages).for_each(Jacobian::forget);
-        if self.propagator.plain() {
-            self.march(run, chunk);
-        } else {
-            self.walk(run, chunk);
+        match (self.propagator.plain(), &self.propagator.native.sweep) {
+            (true, Some((steps, rows))) => self.sweep(run, chunk, steps, rows),
+            (true, None) => self.march(run, chunk),
+            (false, _) => self.walk(run, chunk),
+        }
+    }
+
+    /// A chunk of a plain model, by machine code.
+    fn sweep(&mut self, run: &Run, chunk: &Chunk, steps: &Sweep, rows: &RowSweep) {
+        let size = self.propagator.layout.states * self.lanes;
+        let (points, whole) =
+            (chunk.points.len() / (self.propagator.layout.time() + 1), chunk.substeps.len());
+        let m = chunk.substeps.first().copied().unwrap_or(1);
+        // S at the grid points, and behind it a place for S at steps between them
+        let kept = &mut self.work.kept;
+        kept.resize((whole + 2) * size);
+        kept[..size].copy_from_slice(&self.s[..size]);
+        let place = |step: usize| if step % m == 0 { step / m } else { whole + 1 } * size;
+        let weights = weights(run.record.dt / m as f64);
+        // of grid steps with steps inside them each goes somewhere else
+        let together = if m == 1 { LANES / 4 } else { 1 };
+        for block in (0..m * whole).step_by(LANES / 4) {
+            let registers = self.rates.registers(&chunk.stages, 4 * block);
+            let end = (block + LANES / 4).min(m * whole);
+            for first in (block..end).step_by(together) {
+                let stages = 4 * (first - block)..4 * (end.min(first + together) - block);
+                let places = [place(first), place(first + 1)];
+                steps.steps(registers, stages, &weights, kept, places);
+            }
+        }
+        self.s[..size].copy_from_slice(&kept[whole * size..][..size]);
+        let mut goal = Goal::new(&mut self.rows);
+        for first in (0..points).step_by(LANES) {
+            let n = LANES.min(points - first);
+            let registers = self.outputs.registers(&chunk.points, first);
+            rows.points(registers, n, (&kept[first * size..], size), self.done, &mut goal);
+            self.done += n;
+        }
+        if !goal.is_finite() {
+            self.zeros = [f64::NAN; 8];
         }
     }
 

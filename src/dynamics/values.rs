@@ -116,6 +116,13 @@ impl Chunk {
         self.held.clear();
         self.clipped.clear();
     }
+
+    /// The same for a plain model, which writes the next chunk's stages over the last one's.
+    pub(super) fn clear_plain(&mut self) {
+        let stages = std::mem::take(&mut self.stages);
+        self.clear();
+        self.stages = stages;
+    }
 }
 
 /// Central differences of the inputs on the grid, one-sided at the ends.

@@ -19,3 +19,10 @@ pub struct Instruction {
     pub b: u32,
     pub c: u32,
 }
+
+impl Instruction {
+    /// The registers that it writes.
+    pub fn written(&self) -> impl Iterator<Item = u32> {
+        [Some(self.to), (self.code == Code::SinCos).then_some(self.b)].into_iter().flatten()
+    }
+}

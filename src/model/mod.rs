@@ -5,7 +5,7 @@
 //! `compile` looks up names (`declare`), checks units and builds (`lower`) one shared graph
 //! (`graph`), in which `fuse` joins products and sums. `linear` asks for exact derivatives
 //! (`derivative`) and lowers values and Jacobians to flat lists of operations (`program`), which
-//! `interpret` runs over lanes and `native` turns into machine code; `arithmetic` says to the bit
+//! `interpret` runs over lanes and `machine` turns into machine code; `arithmetic` says to the bit
 //! what one operation is; `amend` applies the effects of a file; `extend` adds zero shifts and
 //! feedback to a compiled model; `equations` takes some of its equations alone. Nothing here knows about time steps: that is `dynamics`.
 
@@ -27,8 +27,8 @@ mod instruction;
 mod interpret;
 pub mod linear;
 mod lower;
+pub mod machine;
 mod moving;
-pub mod native;
 mod op;
 pub mod program;
 pub mod syntax;

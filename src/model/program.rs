@@ -3,7 +3,7 @@
 //! Registers are `[f64; W]`: lane i of every register belongs to evaluation i (another segment,
 //! another time point). All lanes do the same operations in the same order, so a result does not
 //! depend on `W`. Operations that depend on parameters alone are a prologue, run once for many
-//! evaluations of the body. `interpret` runs a list, `native` makes machine code of it.
+//! evaluations of the body. `interpret` runs a list, `machine` makes machine code of it.
 
 use std::collections::HashMap;
 
@@ -215,7 +215,6 @@ impl Program {
     }
 
     /// Registers that hold constants.
-    #[cfg(feature = "internals")]
     pub fn constants(&self) -> &[(u32, f64)] {
         &self.constants
     }

@@ -86,10 +86,9 @@ fn a_module_imports_only_floors_below_its_own() {
 
 /// Circles of files that are there still. This list only shrinks: a circle that is not in it fails,
 /// and so does one that is gone.
-const CIRCLES: [&[&str]; 4] = [
+const CIRCLES: [&[&str]; 3] = [
     &["log/agree.rs", "log/flight.rs", "log/signal.rs"],
     &["model/amend.rs", "model/compile.rs", "model/mod.rs"],
-    &["model/native.rs", "model/native/emit.rs"],
     &["table/build.rs", "table/mod.rs"],
 ];
 

@@ -4,7 +4,7 @@ use koehler::config;
 use koehler::dynamics::{Directions, Propagator, Record};
 use koehler::math::simd::Width;
 use koehler::model::graph::{Leaf, Node};
-use koehler::model::native::{Native, Points};
+use koehler::model::machine::{LANES, Lanes, Points};
 use koehler::model::program::Program;
 use koehler::model::{Constants, Model, Parameter, fragments::EMBEDDED};
 use std::path::{Path, PathBuf};
@@ -185,7 +185,7 @@ fn everything(model: &Model) -> Program {
 }
 
 #[test]
-fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model() {
+fn machine_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model() {
     let mut compared = 0;
     for (path, constants) in shipped().into_iter().filter(|(p, _)| !is_part(p)) {
         let model = Model::load(&path, &constants).unwrap();
@@ -202,8 +202,7 @@ fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model(
             slot[0] = *x;
         }
         program.prepare(&mut file, &model.tables);
-        let native =
-            Native::<Points>::compile(&program, width).expect("a generator for this machine");
+        let native = Points::compile(&program, width, Width::detect()).expect("machine code");
         let mut out = vec![0.0; points.len() * program.outputs()];
         native.run(
             &file,
@@ -236,6 +235,19 @@ fn native_code_and_every_vector_width_give_the_same_bits_on_every_shipped_model(
             for k in 0..program.outputs() {
                 (0..8)
                     .for_each(|l| same(&format!("{vectors:?}"), l, k, program.output(&file, k)[l]));
+            }
+            let Some(lanes) = Lanes::compile(&program, vectors) else { continue };
+            let mut file = program.registers::<LANES>();
+            for (slot, register) in file.iter_mut().take(at.len()).enumerate() {
+                let of = |l: usize| if slot < width { points[l % 8][slot] } else { at[slot] };
+                *register = std::array::from_fn(of);
+            }
+            program.prepare(&mut file, &model.tables);
+            lanes.run(&mut file, &model.tables);
+            for k in 0..program.outputs() {
+                for (l, got) in program.output(&file, k).iter().enumerate() {
+                    same(&format!("code, {vectors:?}"), l % 8, k, *got);
+                }
             }
         }
     }
