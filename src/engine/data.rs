@@ -100,6 +100,9 @@ pub struct Kept {
     limit: Option<usize>,
 }
 
+/// A value is large from this part of all that may be kept.
+const LARGE: usize = 4;
+
 impl Kept {
     /// Forgets what was used longest ago once all take more than `bytes`.
     pub fn at_most(bytes: usize) -> Kept {
@@ -148,8 +151,11 @@ impl Kept {
         entry.value.clone().downcast().ok()
     }
 
-    /// Keeps a value of so many bytes under a key.
+    /// Keeps a value of so many bytes under a key. One that would push out most others is not kept.
     pub fn put<T: Send + Sync + 'static>(&self, key: Key, value: Arc<T>, bytes: usize) {
+        if self.limit.is_some_and(|limit| bytes > limit / LARGE) {
+            return;
+        }
         let entries = &mut *self.lock();
         entries.uses += 1;
         entries.remove(&key);

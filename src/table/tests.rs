@@ -529,7 +529,7 @@ fn a_choice_of_columns_is_read_as_all_of_them_are() {
         .expect("a table");
     let bytes = table.to_parquet().expect("bytes");
     let only = ["h".to_string(), "not there".to_string()];
-    let want = Want { columns: Some(&only), rows: None };
+    let want = Want { columns: Some(&only), ..Want::default() };
     let some = Table::part_of_parquet("samples", bytes.clone().into(), Some("one"), want);
     let some = some.expect("two of its columns");
     let all = Table::from_parquet("samples", bytes, Some("one")).expect("all of them");
@@ -587,7 +587,7 @@ fn a_choice_of_rows_is_read_as_it_is_taken_from_all_of_them() {
         .expect("a table");
     let bytes = table.to_parquet().expect("bytes");
     let read = |rows: Rows| {
-        let want = Want { columns: None, rows: Some(&rows) };
+        let want = Want { rows: Some(&rows), ..Want::default() };
         let read = Table::part_of_parquet("conditions", bytes.clone().into(), Some("one"), want);
         read.expect("some of its rows").f64("value").expect("values").to_vec()
     };

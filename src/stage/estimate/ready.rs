@@ -70,8 +70,10 @@ fn of_flight<'a>(
     inputs: &Inputs,
     (tally, notes): (&mut Tally<'a>, &mut Vec<Note>),
 ) -> Result<Vec<Ready>> {
+    let scored = config.outputs.iter().map(|scored| scored.measured.clone());
+    let telling: Vec<String> = config.columns().into_iter().chain(scored).collect();
     let (Some(samples), Some(signals)) =
-        (inputs.flight("samples", flight)?, inputs.flight("signals", flight)?)
+        (inputs.samples(flight, &telling)?, inputs.signals(flight, &telling)?)
     else {
         tally.empty(flight);
         return Ok(Vec::new());
@@ -83,11 +85,6 @@ fn of_flight<'a>(
         return Ok(Vec::new());
     }
     let measured = measured(config, samples, signals)?;
-    let telling: Vec<String> = config
-        .columns()
-        .into_iter()
-        .chain(config.outputs.iter().map(|s| s.measured.clone()))
-        .collect();
     let conditions = inputs.flight("conditions", flight)?;
     let conditions = conditions.as_ref();
     let mut ready = Vec::new();
