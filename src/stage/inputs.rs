@@ -135,14 +135,19 @@ impl Inputs<'_> {
         self.wanted("samples", flight, Want { columns: Some(columns), ..Want::default() })
     }
 
-    /// This flight's signals of these names, if there are any.
+    /// This flight's signals of these names, if there are any; the flight is not told again.
     ///
     /// # Errors
     /// They cannot be read.
     pub fn signals(&self, flight: &str, names: &[String]) -> Result<Option<Table>> {
         let names: BTreeSet<String> = names.iter().cloned().collect();
         let rows = Rows::Of("signal", Arc::new(move |name| names.contains(name)));
-        self.wanted("signals", flight, Want { rows: Some(&rows), ..Want::default() })
+        let own = ["signal", "t_s", "value"].map(String::from);
+        self.wanted(
+            "signals",
+            flight,
+            Want { own: Some(&own), rows: Some(&rows), ..Want::default() },
+        )
     }
 
     /// What is wanted of this flight's part of a table, if there is one.

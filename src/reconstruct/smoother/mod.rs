@@ -66,6 +66,7 @@ pub mod kinematics;
 pub mod levels;
 mod local;
 mod matrix;
+pub mod state;
 mod step;
 pub mod sums;
 pub mod tape;
@@ -77,11 +78,12 @@ pub use local::unwrap;
 
 use crate::signal::resample::Grid;
 use backward::{Backward, Visit};
-use filter::{About, Filter, State, Watch, programs};
+use filter::{Filter, Watch, programs};
 use flight::Flight;
 use grid::{Outputs, Sampler};
 use kinematics::{Derivatives, Evaluator, Kinematics};
 use levels::Levels;
+use state::{About, State};
 use sums::Sums;
 use tape::{Scalar, Tape};
 

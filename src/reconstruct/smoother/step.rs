@@ -3,11 +3,11 @@
 //! The mean goes by the classic Runge-Kutta, the transition is its exact derivative with respect to
 //! states, parameters and (constant over the step) errors of the inputs.
 
-use super::filter::{About, State};
 use super::flight::Flight;
 use super::kinematics::{Evaluator, Kinematics};
 use super::levels::Levels;
 use super::matrix::{Size, predict, transition};
+use super::state::{About, State};
 use crate::math::simd::Aligned;
 
 /// Takes steps: the programs and what they need on the way.

@@ -39,7 +39,6 @@ impl Tape {
     /// An empty one with room for so many nodes.
     pub fn new(all: bool, size: Size, nodes: usize) -> Tape {
         let mut tape = Tape::default();
-        tape.all = all;
         let states = if all { nodes } else { 1 };
         let room = [
             (&mut tape.x, states * size.n),
@@ -54,6 +53,7 @@ impl Tape {
             *list = pool::take(room);
             list.clear();
         }
+        tape.all = all;
         tape
     }
 

@@ -1,7 +1,8 @@
 //! A filter's state and one measured number in; the state after it out.
 
-use super::filter::{Filter, State, Watch};
+use super::filter::{Filter, Watch};
 use super::matrix::{deduct, joseph, seen};
+use super::state::State;
 use super::tape::{Scalar, Tape};
 
 /// Local iterations of one update at most; they end when the linear prediction holds to a tenth of

@@ -43,6 +43,9 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     Read::flight(tables, &unit.name)
 }
 
+/// Columns of the flight path that are read at a time.
+const AT_A_TIME: usize = 6;
+
 /// Points of the grid that a model is run through at a time.
 const PIECE: usize = 1 << 14;
 
@@ -57,7 +60,10 @@ pub struct Column {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let config = &campaign.derive;
-    let signals = inputs.of("signals", &unit.name)?;
+    let own = ["signal", "t_s", "value"].map(String::from);
+    let want = Want { own: Some(&own), ..Want::default() };
+    let signals = inputs.wanted("signals", &unit.name, want)?;
+    let signals = signals.map_or_else(|| inputs.of("signals", &unit.name), Ok)?;
     let series = super::series(&signals)?;
     let dt = 1.0 / config.settings.rate_hz;
     let first =
@@ -100,12 +106,17 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     drop(series);
     drop(signals);
     if let Some(reconstruct) = &campaign.reconstruct {
-        let outputs = reconstruct.model.outputs.iter().map(|output| output.name.clone());
-        let values: Vec<String> = outputs.chain(["t_s".to_string()]).collect();
-        let values = Want { own: Some(&values), ..Want::default() };
-        if let Some(path) = inputs.wanted("flightpath", &unit.name, values)? {
-            let max_gap = config.settings.max_gap;
-            add_flight_path(&path, &reconstruct.model, &grid, max_gap, &mut columns)?;
+        let all = crate::table::schema("flightpath")?.columns.iter().map(|c| c.name.clone());
+        let names: Vec<String> =
+            all.filter(|name| reconstruct.model.output(name).is_some()).collect();
+        // some columns at a time: all of them are as much again as what is made of them
+        for some in names.chunks(AT_A_TIME) {
+            let own = [some, &["t_s".to_string()]].concat();
+            let want = Want { own: Some(&own), ..Want::default() };
+            if let Some(path) = inputs.wanted("flightpath", &unit.name, want)? {
+                let max_gap = config.settings.max_gap;
+                add_flight_path(&path, &reconstruct.model, &grid, max_gap, &mut columns)?;
+            }
         }
     }
     for (name, window) in &config.settings.smooth {

@@ -31,7 +31,12 @@ fn slice(campaign: &Campaign, _: &Unit) -> Value {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
     let Some(config) = &campaign.reconstruct else { return Ok(Output::default()) };
-    let signals = inputs.of("signals", &unit.name)?;
+    let method = &config.settings.method;
+    let name = |q: &Quantity| method.signals.get(&q.name).unwrap_or(&q.name).clone();
+    let names: Vec<String> =
+        config.model.inputs.iter().chain(&config.model.outputs).map(name).collect();
+    let signals = inputs.signals(&unit.name, &names)?;
+    let signals = signals.map_or_else(|| inputs.of("signals", &unit.name), Ok)?;
     let signals = super::series(&signals)?;
     let mut path = reconstruct::reconstruct(
         &config.model,
