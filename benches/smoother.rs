@@ -3,8 +3,8 @@
 //! standard deviations, checks) out. `cargo bench --bench smoother -- [minutes] [errors]`; with
 //! `errors` the vanes' delays, scales and biases are estimated as well.
 //!
-//! Held against: at most 60 s on one thread, and memory that does not grow with the length beyond
-//! the logs and the results themselves.
+//! Held against: at most 20 s on one thread, sensor errors or not, and memory that grows beyond the
+//! logs and the results with the square root of the length.
 
 use koehler::model::{Constants, Given, Model};
 use koehler::reconstruct::{Method, Settings, reconstruct};
@@ -30,7 +30,7 @@ fn main() {
     let seconds = clock.elapsed().as_secs_f64();
     let found = path.biases.iter().find(|b| b.parameter == "b_q").expect("a bias");
     println!(
-        "{minutes} min at 100 Hz: {seconds:.1} s on one thread, of 60 s for 120 min; b_q {:.2e} of 1e-3",
+        "{minutes} min at 100 Hz: {seconds:.1} s on one thread, of 20 s for 120 min; b_q {:.2e} of 1e-3",
         found.value
     );
     let results = 8 * path.t.len() * (1 + path.outputs.len() + path.sd.len());

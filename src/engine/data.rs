@@ -100,6 +100,9 @@ pub struct Kept {
     limit: Option<usize>,
 }
 
+/// A value is large from this part of all that may be kept.
+const LARGE: usize = 4;
+
 impl Kept {
     /// Forgets what was used longest ago once all take more than `bytes`.
     pub fn at_most(bytes: usize) -> Kept {
@@ -148,8 +151,11 @@ impl Kept {
         entry.value.clone().downcast().ok()
     }
 
-    /// Keeps a value of so many bytes under a key.
+    /// Keeps a value of so many bytes under a key. One that would push out most others is not kept.
     pub fn put<T: Send + Sync + 'static>(&self, key: Key, value: Arc<T>, bytes: usize) {
+        if self.limit.is_some_and(|limit| bytes > limit / LARGE) {
+            return;
+        }
         let entries = &mut *self.lock();
         entries.uses += 1;
         entries.remove(&key);
@@ -170,11 +176,21 @@ mod tests {
 
     #[test]
     fn what_was_used_longest_ago_is_forgotten() {
-        let kept = Kept::at_most(2);
+        let kept = Kept::at_most(4);
         let key = |n: u8| Key::of(&[n]);
-        (0..2).for_each(|n| kept.put(key(n), Arc::new(n), 1));
+        (0..4).for_each(|n| kept.put(key(n), Arc::new(n), 1));
         assert_eq!(kept.get(&key(0), || Ok(9u8)).ok().as_deref(), Some(&0));
-        kept.put(key(2), Arc::new(2u8), 1);
+        kept.put(key(4), Arc::new(4u8), 1);
         assert_eq!(kept.get(&key(1), || Ok(9u8)).ok().as_deref(), Some(&9));
+    }
+
+    #[test]
+    fn what_would_push_out_most_others_is_not_kept() {
+        let kept = Kept::at_most(8);
+        let (small, large) = (Key::of(b"small"), Key::of(b"large"));
+        kept.put(small.clone(), Arc::new(1u8), 2);
+        kept.put(large.clone(), Arc::new(2u8), 3);
+        assert_eq!(kept.get(&small, || Ok(9u8)).ok().as_deref(), Some(&1));
+        assert_eq!(kept.get(&large, || Ok(9u8)).ok().as_deref(), Some(&9));
     }
 }

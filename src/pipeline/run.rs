@@ -347,7 +347,7 @@ impl Run<'_> {
     fn file(&self, unit: &Unit, output: Output, record: &mut Provenance) -> Result<()> {
         for (name, table) in output.tables {
             let path = unit.part.path(name);
-            let hash = self.store.put(&path, &table.to_parquet()?)?;
+            let hash = self.store.put_table(&path, &table)?;
             keep(&self.kept, &path, &hash, table);
             record.outputs.insert(path, hash);
         }
@@ -380,7 +380,7 @@ impl Run<'_> {
         self.own.retain(|path, _| !is_filed(path));
         for (part, table) in tables {
             let path = part.path(table.name());
-            let hash = self.store.put(&path, &table.to_parquet()?)?;
+            let hash = self.store.put_table(&path, &table)?;
             keep(&self.kept, &path, &hash, table);
             self.own.insert(path.clone(), hash.clone());
             self.contents.insert(path, Content::Hash(hash));

@@ -5,13 +5,15 @@ use super::files::{self, UNFINISHED, entries, make_parent, name, remove_file};
 use super::hashed::cannot;
 use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
+use crate::engine::Key;
 use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
 use crate::report::is_of_report;
 use crate::stage::Part;
-use crate::table::{self, SCHEMA_VERSION, Table, write_atomic};
+use crate::table::{self, SCHEMA_VERSION, Table, Unfinished, write_atomic};
 use std::collections::BTreeSet;
 use std::fs::File;
+use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
 
 /// Where a pipeline's results go unless a command says otherwise: `out/` beside `pipeline.toml`;
@@ -185,6 +187,19 @@ impl Store {
         Ok(hash)
     }
 
+    /// Writes a table piece by piece, as `put`.
+    pub fn put_table(&self, relative: &str, table: &Table) -> Result<String> {
+        let path = self.path(relative);
+        let mut file = Unfinished::beside(&path)?;
+        let mut hashing = Hashing { to: &mut file.0, hasher: blake3::Hasher::new() };
+        table.write_parquet(&mut hashing)?;
+        let hash = Key::from(hashing.hasher.finalize()).0;
+        if self.memo.hash(&path)? != Some(hash.clone()) {
+            file.finish(&path)?;
+        }
+        Ok(hash)
+    }
+
     /// Reads a part of a table back.
     ///
     /// # Errors
@@ -248,6 +263,24 @@ impl Store {
     /// Writes the memory of content hashes.
     pub fn put_memo(&self) -> Result<()> {
         write_atomic(&self.root.join(MARK).join("memo.json"), &self.memo.bytes())
+    }
+}
+
+/// Hands bytes on, and hashes them on their way.
+struct Hashing<W> {
+    to: W,
+    hasher: blake3::Hasher,
+}
+
+impl<W: Write> Write for Hashing<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
     }
 }
 

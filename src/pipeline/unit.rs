@@ -10,6 +10,7 @@ use bytes::Bytes;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -62,23 +63,26 @@ impl Needed {
         place(&self.part.path(&self.table), &self.key)
     }
 
-    /// The bytes of its file.
-    fn bytes(&self, folder: &Path) -> Result<Bytes> {
-        let path = folder.join(self.part.path(&self.table));
-        let bytes = std::fs::read(&path)
-            .map_err(|e| Error::new(format!("cannot read {}: {e}", path.display())))?;
-        if Key::of(&bytes).0 != self.key {
-            return Err(Error::new(format!("{} was changed meanwhile", path.display())));
-        }
-        Ok(bytes.into())
+    fn path(&self, folder: &Path) -> PathBuf {
+        folder.join(self.part.path(&self.table))
     }
 
-    fn read(&self, folder: &Path, bytes: Bytes, want: Want) -> Result<Table> {
+    /// That its file is the one that is meant.
+    fn check(&self, folder: &Path) -> Result<()> {
+        let path = self.path(folder);
+        match super::hashed::hash(&path)? == self.key {
+            true => Ok(()),
+            false => Err(Error::new(format!("{} was changed meanwhile", path.display()))),
+        }
+    }
+
+    fn read(&self, folder: &Path, want: Want) -> Result<Table> {
+        let path = self.path(folder);
+        let file = File::open(&path)
+            .map_err(|e| Error::new(format!("cannot read {}: {e}", path.display())))?;
         let flight = if let Part::Flight(id) = &self.part { Some(id.as_str()) } else { None };
-        Table::part_of_parquet(&self.table, bytes, flight, want).map_err(|e| {
-            let path = folder.join(self.part.path(&self.table));
-            Error { place: Some(Place::file(path.to_string_lossy())), ..e }
-        })
+        Table::part_of_parquet(&self.table, file, flight, want)
+            .map_err(|e| Error { place: Some(Place::file(path.to_string_lossy())), ..e })
     }
 }
 
@@ -129,20 +133,16 @@ impl Function for UnitOfStage {
         let table = |name, part: &Part, want: Want| {
             let needed = tables.get(&(name, part.clone()));
             let needed = needed.ok_or_else(|| Error::new(format!("no {}", part.words(name))))?;
-            let bytes = || needed.bytes(work.folder);
+            let read = |want| needed.read(work.folder, want);
             if want.is_all() {
-                let read = || needed.read(work.folder, bytes()?, want);
-                let table = source.kept.get_sized(&needed.place(), read, Table::bytes)?;
+                let whole = || needed.check(work.folder).and_then(|()| read(want));
+                let table = source.kept.get_sized(&needed.place(), whole, Table::bytes)?;
                 return Ok(Table::clone(&table));
             }
-            if want.rows.is_none() {
-                // Each asks for columns of its own, and once.
-                return needed.read(work.folder, bytes()?, want);
-            }
-            // Many units look for their rows in one file.
+            // Many units look for their rows and columns in one file, each for others.
             let place = Key(format!("{} file", needed.place().0));
-            let file = source.kept.get_sized(&place, bytes, Bytes::len)?;
-            needed.read(work.folder, Bytes::clone(&file), want)
+            source.kept.get(&place, || needed.check(work.folder))?;
+            read(want)
         };
         let inputs = Inputs {
             parts: tables.keys().cloned().collect(),
@@ -215,7 +215,7 @@ impl Parcel {
     fn of(output: &stage::Output) -> Result<Parcel> {
         let table = |(name, table): &(&'static str, Table)| {
             let flight = match crate::table::schema(name)?.per_flight {
-                true => table.strings("flight")?.first().map(ToString::to_string),
+                true => table.runs("flight")?.first().map(|(id, _)| id.to_string()),
                 false => None,
             };
             Ok((name.to_string(), flight, Bytes::from(table.to_parquet()?)))

@@ -16,9 +16,9 @@
 //! deviations allow for the colour of `e`.
 
 use super::smoother::backward::Visit;
-use super::smoother::filter::Tape;
 use super::smoother::grid::Outputs;
 use super::smoother::levels::Levels;
+use super::smoother::tape::Tape;
 use super::smoother::{Innovation, Smoother};
 use crate::math::dense;
 use crate::math::interpolate::between;

@@ -576,5 +576,7 @@ fn biases(
             sd: Some(smoothed.p[at * m + at].max(0.0).sqrt()),
         }
     };
-    kinematics.free.iter().enumerate().map(row).collect()
+    let mut rows: Vec<(usize, &usize)> = kinematics.free.iter().enumerate().collect();
+    rows.sort_by_key(|(_, parameter)| **parameter);
+    rows.into_iter().map(row).collect()
 }

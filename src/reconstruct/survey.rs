@@ -8,7 +8,7 @@ use super::settings::Settings;
 use super::signals::{Logged, Series};
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
-use super::smoother::{Nothing, Smoothed, Smoother};
+use super::smoother::{Smoothed, Smoother};
 use super::stretches::{guess, levels, stretches};
 use crate::error::Errors;
 use crate::model::Model;
@@ -64,7 +64,7 @@ pub fn survey(
             let last = about.means.len().saturating_sub(kinematics.size());
             about.known = if known.is_empty() { about.means[last..].to_vec() } else { known };
         }
-        let smoothed = smoother.run_about(about.as_ref(), &levels, part, &x, &mut (), &mut Nothing);
+        let smoothed = smoother.parameters(about.as_ref(), &levels, part, &x);
         if !smoothed.finite {
             break;
         }
@@ -162,7 +162,11 @@ impl Survey {
             let score = |k: usize| {
                 if known(k) { (self.value[k] - self.start[k]).abs() / self.sd(k) } else { 0.0 }
             };
-            let Some(least) = open.min_by(|&a, &b| score(a).total_cmp(&score(b))) else {
+            let first = |k: usize| (score(k), self.free[k]);
+            let Some(least) = open.min_by(|&a, &b| {
+                let (a, b) = (first(a), first(b));
+                a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+            }) else {
                 return out;
             };
             if score(least) >= SIGNIFICANT {

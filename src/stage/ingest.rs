@@ -60,13 +60,12 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     log::memory::limit_chunks(
         settings(&campaign.told).map_or_else(chunk_memory, |s| s.chunk_memory_mib),
     );
-    let flight = log::read_flight(log, &channels.map, &channels.doc)?;
-    let tables = vec![
-        ("signals", signals(&unit.name, &flight)?),
-        ("channels", accounts(campaign, &unit.name, &flight)?),
-        ("left_out", left_out(campaign, &unit.name, &flight)?),
-    ];
+    let mut flight = log::read_flight(log, &channels.map, &channels.doc)?;
+    let accounts = accounts(campaign, &unit.name, &flight)?;
+    let left_out = left_out(campaign, &unit.name, &flight)?;
     let notes = flight.notes.iter().map(|n| note(&unit.name, n)).collect();
+    let signals = signals(&unit.name, &mut flight)?;
+    let tables = vec![("signals", signals), ("channels", accounts), ("left_out", left_out)];
     Ok(Output { tables, files: Vec::new(), notes })
 }
 
@@ -85,20 +84,23 @@ fn note(flight: &str, n: &log::Note) -> Note {
     }
 }
 
-/// The long table of all signals, by signal and time.
-fn signals(id: &str, flight: &FlightLog) -> Result<Table> {
-    let mut order: Vec<&String> = flight.signals.keys().collect();
-    order.sort();
-    let (mut names, mut t, mut values) = (Vec::new(), Vec::new(), Vec::new());
-    for name in order {
-        let series = &flight.signals[name].series;
-        names.extend(std::iter::repeat_n(name.as_str(), series.t_s.len()));
-        t.extend_from_slice(&series.t_s);
-        values.extend_from_slice(&series.value);
+/// The long table of all signals, by signal and time. Of a long flight they are most of what there
+/// is: each is let go as soon as it is in the table.
+fn signals(id: &str, flight: &mut FlightLog) -> Result<Table> {
+    let mut all: Vec<(&String, &mut log::Series)> =
+        flight.signals.iter_mut().map(|(name, signal)| (name, &mut signal.series)).collect();
+    all.sort_by_key(|(name, _)| *name);
+    let runs: Vec<(&str, usize)> =
+        all.iter().map(|(name, series)| (name.as_str(), series.t_s.len())).collect();
+    let rows = runs.iter().map(|(_, rows)| rows).sum();
+    let (mut t, mut values) = (Vec::with_capacity(rows), Vec::with_capacity(rows));
+    for (_, series) in all {
+        t.append(&mut std::mem::take(&mut series.t_s));
+        values.append(&mut std::mem::take(&mut series.value));
     }
     Table::build("signals")
         .repeat("flight", id)
-        .strings("signal", names)
+        .runs("signal", runs)
         .f64("t_s", t)
         .f64("value", values)
         .finish()

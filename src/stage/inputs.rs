@@ -4,12 +4,13 @@
 use super::notes::Note;
 use crate::engine::{Engine, Kept};
 use crate::error::{Error, Result};
-use crate::table::{Table, Want};
+use crate::table::{Rows, Table, Want};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A part of a table: one file of the dataset.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -125,6 +126,40 @@ impl Inputs<'_> {
         self.get(table, Part::Flight(flight.to_string()))
     }
 
+    /// This flight's samples: the grid and these columns, if there are any. Of a long flight all of
+    /// them together are large.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn samples(&self, flight: &str, columns: &[String]) -> Result<Option<Table>> {
+        self.wanted("samples", flight, Want { columns: Some(columns), ..Want::default() })
+    }
+
+    /// This flight's signals of these names, if there are any; the flight is not told again.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn signals(&self, flight: &str, names: &[String]) -> Result<Option<Table>> {
+        let names: BTreeSet<String> = names.iter().cloned().collect();
+        let rows = Rows::Of("signal", Arc::new(move |name| names.contains(name)));
+        let own = ["signal", "t_s", "value"].map(String::from);
+        self.wanted(
+            "signals",
+            flight,
+            Want { own: Some(&own), rows: Some(&rows), ..Want::default() },
+        )
+    }
+
+    /// What is wanted of this flight's part of a table, if there is one.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn wanted(&self, table: &'static str, flight: &str, want: Want) -> Result<Option<Table>> {
+        let wanted = (table, Part::Flight(flight.to_string()));
+        let read = || (self.table)(table, &wanted.1, want);
+        self.parts.contains(&wanted).then(read).transpose()
+    }
+
     /// One part of a table, if there is one.
     ///
     /// # Errors
@@ -191,14 +226,7 @@ pub type Series<'a> = (&'a [f64], &'a [f64]);
 /// # Errors
 /// The table lacks a column.
 pub fn series(signals: &Table) -> Result<IndexMap<&str, Series<'_>>> {
-    let names = signals.strings("signal")?;
     let (t, values) = (signals.f64("t_s")?, signals.f64("value")?);
-    let mut all = IndexMap::new();
-    let mut begin = 0;
-    for run in names.chunk_by(|a, b| a == b) {
-        let end = begin + run.len();
-        all.insert(run[0], (&t[begin..end], &values[begin..end]));
-        begin = end;
-    }
-    Ok(all)
+    let runs = signals.runs("signal")?.into_iter();
+    Ok(runs.map(|(name, rows)| (name, (&t[rows.clone()], &values[rows]))).collect())
 }

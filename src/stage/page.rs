@@ -110,13 +110,15 @@ fn of_flight(
     inputs: &Inputs,
 ) -> Result<Vec<Table>> {
     if ["samples", "flightpath"].contains(&name) {
-        return inputs.all_with(name, Want { columns: Some(drawn), rows: None });
+        return inputs.all_with(name, Want { columns: Some(drawn), ..Want::default() });
     }
     if !HISTORIES.contains(&name) || schema(name)?.per_flight {
         return inputs.all(name);
     }
     let (flight, owners) = (flight.clone(), owners.clone());
     let is_mine = move |segment: &str| owners.flight(segment) == Some(flight.as_str());
-    inputs
-        .all_with(name, Want { columns: None, rows: Some(&Rows::Of("segment", Arc::new(is_mine))) })
+    inputs.all_with(
+        name,
+        Want { rows: Some(&Rows::Of("segment", Arc::new(is_mine))), ..Want::default() },
+    )
 }

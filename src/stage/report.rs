@@ -178,7 +178,7 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
 /// them is read.
 fn of_one(name: &'static str, drawn: &[String], inputs: &Inputs) -> Result<Vec<Table>> {
     let columns = ["samples", "flightpath"].contains(&name).then_some(drawn);
-    inputs.all_with(name, Want { columns, rows: None })
+    inputs.all_with(name, Want { columns, ..Want::default() })
 }
 
 /// What the index takes of a table: of the samples their units, of histories their ends.
@@ -186,12 +186,12 @@ fn of_index(name: &'static str, drawn: &[String], inputs: &Inputs) -> Result<Vec
     match name {
         "samples" => {
             let first = inputs.parts.iter().find(|(table, _)| *table == name);
-            let want = Want { columns: Some(drawn), rows: None };
+            let want = Want { columns: Some(drawn), ..Want::default() };
             let units = first.map(|(_, part)| (inputs.table)(name, part, want)?.take(&[]));
             units.into_iter().collect()
         }
         "responses" => {
-            inputs.all_with(name, Want { columns: None, rows: Some(&Rows::Ends("segment")) })
+            inputs.all_with(name, Want { rows: Some(&Rows::Ends("segment")), ..Want::default() })
         }
         _ => inputs.all(name),
     }

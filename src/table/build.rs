@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use arrow_array::builder::StringBuilder;
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array};
 
 use super::Table;
 use super::schema::{Column, Kind, Schema, schema};
+use super::texts;
 use crate::error::{Error, Result};
 
 /// A table under construction.
@@ -43,30 +43,6 @@ enum Values {
     Array(ArrayRef, Kind),
     /// Texts of more bytes than an Arrow array holds.
     TooLong,
-}
-
-/// Texts as an Arrow array; `None` when their bytes are too many for one (2 GiB).
-pub(super) fn texts<S: AsRef<str>>(
-    values: impl IntoIterator<Item = Option<S>>,
-) -> Option<ArrayRef> {
-    let mut builder = StringBuilder::new();
-    let mut bytes = 0;
-    for value in values {
-        bytes += value.as_ref().map_or(0, |v| v.as_ref().len());
-        if bytes > i32::MAX as usize {
-            return None;
-        }
-        builder.append_option(value);
-    }
-    Some(Arc::new(builder.finish()))
-}
-
-/// One text in all of `rows` rows, as an Arrow array of just that size; `None` when that is too many bytes.
-pub(super) fn repeated(text: &str, rows: usize) -> Option<ArrayRef> {
-    let bytes = text.len().checked_mul(rows).filter(|bytes| i32::try_from(*bytes).is_ok())?;
-    let mut builder = StringBuilder::with_capacity(rows, bytes);
-    (0..rows).for_each(|_| builder.append_value(text));
-    Some(Arc::new(builder.finish()))
 }
 
 impl Builder {
@@ -110,12 +86,27 @@ impl Builder {
 
     /// A column of texts that may be absent.
     pub fn opt_strings<S: AsRef<str>>(
-        mut self,
+        self,
         name: &str,
         values: impl IntoIterator<Item = Option<S>>,
     ) -> Self {
-        let values =
-            texts(values).map_or(Values::TooLong, |array| Values::Array(array, Kind::String));
+        self.texts(name, texts::column(values))
+    }
+
+    /// A column of texts, each in so many rows.
+    pub fn runs<S: AsRef<str>>(
+        self,
+        name: &str,
+        runs: impl IntoIterator<Item = (S, usize)>,
+    ) -> Self {
+        let runs: Vec<(S, usize)> = runs.into_iter().collect();
+        let mut all = texts::Collector::of(runs.iter().map(|(_, rows)| rows).sum());
+        runs.iter().for_each(|(text, rows)| all.run(text.as_ref(), *rows));
+        self.texts(name, all.finish())
+    }
+
+    fn texts(mut self, name: &str, array: Option<ArrayRef>) -> Self {
+        let values = array.map_or(Values::TooLong, |array| Values::Array(array, Kind::String));
         self.given.push(Given { name: name.into(), values, dynamic: None });
         self
     }
@@ -217,7 +208,7 @@ impl Given {
     fn checked(&self, column: &Column, rows: usize, wrong: &mut Vec<String>) -> Option<ArrayRef> {
         let name = &column.name;
         let given = match &self.values {
-            Values::Repeat(text) => repeated(text, rows).map(|array| (array, Kind::String)),
+            Values::Repeat(text) => texts::repeated(text, rows).map(|array| (array, Kind::String)),
             Values::Array(array, kind) => Some((array.clone(), *kind)),
             Values::TooLong => None,
         };

@@ -7,7 +7,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::{Table, check_flight, schema};
+use super::{Table, Want, check_flight, schema};
 use crate::error::{Error, Errors, Place, Result};
 
 /// The path of a part below the output folder, with `/` between folders.
@@ -37,14 +37,16 @@ pub fn part_path(table: &str, flight: Option<&str>, part: usize) -> Result<Strin
 pub fn write_part(dir: &Path, table: &Table, flight: Option<&str>, part: usize) -> Result<PathBuf> {
     let path = dir.join(part_path(table.name(), flight, part)?);
     if let Some(id) = flight
-        && let Some(other) = table.strings("flight")?.into_iter().find(|f| *f != id)
+        && let Some((other, _)) = table.runs("flight")?.into_iter().find(|(f, _)| *f != id)
     {
         return Err(Error::new(format!(
             "table \"{}\" of flight {id} has a row of flight \"{other}\"",
             table.name()
         )));
     }
-    write_atomic(&path, &table.to_parquet()?)?;
+    let mut file = Unfinished::beside(&path)?;
+    table.write_parquet(&mut file.0)?;
+    file.finish(&path)?;
     Ok(path)
 }
 
@@ -53,19 +55,46 @@ pub fn write_part(dir: &Path, table: &Table, flight: Option<&str>, part: usize) 
 /// # Errors
 /// The file system refuses.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
-    let fail = |e: std::io::Error| {
-        Error::at(Place::file(path.to_string_lossy()), format!("cannot write the file: {e}"))
-    };
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(fail)?;
-    let mut file =
-        tempfile::Builder::new().prefix(".unfinished-").tempfile_in(folder).map_err(fail)?;
-    file.write_all(bytes).map_err(fail)?;
-    readable(file.as_file()).map_err(fail)?;
-    file.as_file().sync_all().map_err(fail)?;
-    file.persist(path).map_err(|e| fail(e.error))?;
-    // The rename itself is on disk only once the folder is.
-    std::fs::File::open(folder).and_then(|f| f.sync_all()).map_err(fail)
+    let mut file = Unfinished::beside(path)?;
+    file.0.write_all(bytes).map_err(|e| refused(path, &e))?;
+    file.finish(path)
+}
+
+fn refused(path: &Path, e: &std::io::Error) -> Error {
+    Error::at(Place::file(path.to_string_lossy()), format!("cannot write the file: {e}"))
+}
+
+/// A file that is being written beside its place; it is gone when it is not finished.
+pub struct Unfinished(pub tempfile::NamedTempFile);
+
+impl Unfinished {
+    /// One beside `path`, whose folder is made.
+    ///
+    /// # Errors
+    /// The file system refuses.
+    pub fn beside(path: &Path) -> Result<Unfinished> {
+        let folder = folder(path);
+        std::fs::create_dir_all(folder).map_err(|e| refused(path, &e))?;
+        let file = tempfile::Builder::new().prefix(".unfinished-").tempfile_in(folder);
+        file.map(Unfinished).map_err(|e| refused(path, &e))
+    }
+
+    /// Puts it into its place.
+    ///
+    /// # Errors
+    /// The file system refuses.
+    pub fn finish(self, path: &Path) -> Result<()> {
+        let fail = |e: std::io::Error| refused(path, &e);
+        readable(self.0.as_file()).map_err(fail)?;
+        self.0.as_file().sync_all().map_err(fail)?;
+        self.0.persist(path).map_err(|e| fail(e.error))?;
+        // The rename itself is on disk only once the folder is.
+        std::fs::File::open(folder(path)).and_then(|f| f.sync_all()).map_err(fail)
+    }
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Temporary files are for their owner alone; results are for everybody.
@@ -94,12 +123,13 @@ pub fn read_part(dir: &Path, table: &str, flight: Option<&str>, part: usize) -> 
 /// The file is not there, or is not a part of that table.
 pub fn read_file(path: &Path, table: &str, flight: Option<&str>) -> Result<Table> {
     let place = || Some(Place::file(path.to_string_lossy()));
-    let bytes = std::fs::read(path).map_err(|e| Error {
+    let file = std::fs::File::open(path).map_err(|e| Error {
         place: place(),
         what: format!("cannot read the file: {e}"),
         help: None,
     })?;
-    Table::from_parquet(table, bytes, flight).map_err(|e| Error { place: place(), ..e })
+    Table::part_of_parquet(table, file, flight, Want::default())
+        .map_err(|e| Error { place: place(), ..e })
 }
 
 /// A file of a table.

@@ -14,24 +14,26 @@ pub mod query;
 mod refused;
 mod rows;
 mod schema;
+mod texts;
 mod version;
 mod want;
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use arrow_array::{
-    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray,
-};
+use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch};
 
 use crate::config;
 use crate::error::{Error, Result};
 pub use build::Builder;
 pub use dataset::{
-    PartFile, part_path, parts, read_dataset, read_file, read_part, write_atomic, write_part,
+    PartFile, Unfinished, part_path, parts, read_dataset, read_file, read_part, write_atomic,
+    write_part,
 };
 pub use flight::{check_flight, flight_id};
 pub use page::page;
 pub use schema::{Column, Kind, Schema, schema, schemas};
+use texts::Texts;
 pub use version::{SCHEMA_VERSION, known};
 pub use want::{Is, Rows, Want};
 
@@ -109,7 +111,7 @@ impl Table {
         self.batch.num_rows()
     }
 
-    /// The table as an Arrow batch.
+    /// The table as an Arrow batch; every text is held once.
     pub fn batch(&self) -> &RecordBatch {
         &self.batch
     }
@@ -184,12 +186,28 @@ impl Table {
 
     /// The texts of a string column; a missing one is empty.
     pub fn strings(&self, name: &str) -> Result<Vec<&str>> {
-        Ok(self.array::<StringArray>(name, Kind::String)?.iter().map(|s| s.unwrap_or("")).collect())
+        let texts = self.array::<Texts>(name, Kind::String)?;
+        Ok(texts::each(texts).map(|text| text.unwrap_or("")).collect())
     }
 
     /// The values of a column of texts that may be absent.
     pub fn opt_strings(&self, name: &str) -> Result<Vec<Option<&str>>> {
-        Ok(self.array::<StringArray>(name, Kind::String)?.iter().collect())
+        Ok(texts::each(self.array::<Texts>(name, Kind::String)?).collect())
+    }
+
+    /// The rows of a string column whose neighbours have the same text, with that text (empty where
+    /// there is none).
+    pub fn runs(&self, name: &str) -> Result<Vec<(&str, Range<usize>)>> {
+        let texts = self.array::<Texts>(name, Kind::String)?;
+        let mut runs: Vec<(&str, Range<usize>)> = Vec::new();
+        for (row, text) in texts::each(texts).enumerate() {
+            let text = text.unwrap_or("");
+            match runs.last_mut().filter(|(last, _)| *last == text) {
+                Some((_, rows)) => rows.end = row + 1,
+                None => runs.push((text, row..row + 1)),
+            }
+        }
+        Ok(runs)
     }
 }
 

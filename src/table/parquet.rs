@@ -4,11 +4,11 @@
 //! refused by fastparquet and by older polars and, with nulls, misread by pyarrow 11. Integers are
 //! deltas, and only texts have a dictionary; zstd level 1 throughout.
 
+use std::io::Write;
 use std::sync::Arc;
 
-use arrow_array::RecordBatchReader;
-use arrow_array::{Array, ArrayRef, Float64Array, RecordBatch};
-use arrow_schema::{DataType, Field};
+use arrow_array::{Array, ArrayRef, Float64Array, RecordBatchReader, StringArray, new_null_array};
+use arrow_schema::{DataType, Field, Schema as ArrowSchema};
 use parquet::arrow::arrow_reader::{ParquetRecordBatchReaderBuilder, RowFilter};
 use parquet::arrow::{ArrowWriter, ProjectionMask};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
@@ -18,11 +18,13 @@ use parquet::file::reader::ChunkReader;
 use parquet::schema::types::ColumnPath;
 
 use super::version::{self, SCHEMA_VERSION};
-use super::{Column, Kind, Schema, Table, Want, schema};
+use super::{Column, Kind, Schema, Table, Want, schema, texts};
 use crate::error::{Error, Result};
 
-/// Rows of a row group, fixed so that the bytes depend on the rows alone.
-const ROW_GROUP: usize = 1 << 20;
+/// Rows of a row group, fixed so that the bytes depend on the rows alone; a writer holds one.
+const ROW_GROUP: usize = 1 << 17;
+/// Rows that are made ready to be written, or decoded, at a time.
+const PIECE: usize = 1 << 16;
 
 /// Stands in every file as its author; fixed, so that a rebuilt program with the same sources gives
 /// the same bytes.
@@ -39,18 +41,31 @@ impl Table {
     /// # Errors
     /// The Parquet writer fails.
     pub fn to_parquet(&self) -> Result<Vec<u8>> {
-        let batch = self.in_file()?;
+        let mut bytes = Vec::new();
+        self.write_parquet(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// The same, piece by piece into what takes it.
+    ///
+    /// # Errors
+    /// The Parquet writer fails, or what it writes to.
+    pub fn write_parquet(&self, to: impl Write + Send) -> Result<()> {
+        let schema = super::schema::in_file(self.file_columns());
         let fail = |e: parquet::errors::ParquetError| {
             Error::new(format!("table \"{}\" cannot be written: {e}", self.name()))
         };
+        let properties = self.properties(&schema)?;
         let mut writer =
-            ArrowWriter::try_new(Vec::new(), batch.schema(), Some(self.properties(&batch)?))
-                .map_err(fail)?;
-        writer.write(&batch).map_err(fail)?;
-        writer.into_inner().map_err(fail)
+            ArrowWriter::try_new(to, schema.clone(), Some(properties)).map_err(fail)?;
+        for from in (0..self.rows()).step_by(PIECE) {
+            let rows = from..(from + PIECE).min(self.rows());
+            writer.write(&self.in_file(&schema, rows)?).map_err(fail)?;
+        }
+        writer.close().map_err(fail).map(|_| ())
     }
 
-    fn properties(&self, batch: &RecordBatch) -> Result<WriterProperties> {
+    fn properties(&self, schema: &ArrowSchema) -> Result<WriterProperties> {
         let level = ZstdLevel::try_new(1).map_err(|e| Error::new(e.to_string()))?;
         let mut pairs = vec![
             ("table".to_string(), self.name().to_string()),
@@ -61,7 +76,7 @@ impl Table {
             .set_created_by(CREATED_BY.to_string())
             .set_max_row_group_row_count(Some(ROW_GROUP))
             .set_compression(Compression::ZSTD(level));
-        for field in batch.schema().fields() {
+        for field in schema.fields() {
             let path = ColumnPath::new(vec![field.name().clone()]);
             let encoding = match field.data_type() {
                 DataType::Float64 | DataType::Boolean => Some(Encoding::PLAIN),
@@ -90,7 +105,7 @@ impl Table {
     /// # Errors
     /// The bytes are no Parquet file, or not one of the table `name`.
     pub fn from_parquet(name: &str, bytes: Vec<u8>, flight: Option<&str>) -> Result<Table> {
-        Table::part_of_parquet(name, bytes.into(), flight, Want::default())
+        Table::part_of_parquet(name, bytes::Bytes::from(bytes), flight, Want::default())
     }
 
     /// The same with what is wanted of the table alone.
@@ -99,19 +114,20 @@ impl Table {
     /// As `from_parquet`. A column that is not there is left out.
     pub fn part_of_parquet(
         name: &str,
-        bytes: bytes::Bytes,
+        source: impl ChunkReader + 'static,
         flight: Option<&str>,
         want: Want,
     ) -> Result<Table> {
-        let mut file = TableFile::open(name, bytes)?;
-        if let Some(only) = want.columns {
-            let own = |c: &Column| file.schema.columns.iter().any(|own| own.name == c.name);
-            let kept = file.columns.iter().filter(|c| own(c) || only.contains(&c.name));
-            file.columns = kept.cloned().collect();
-        }
+        let mut file = TableFile::open(name, source)?;
+        let own = |c: &Column| file.schema.columns.iter().any(|own| own.name == c.name);
+        let kept = |c: &&Column| {
+            let asked = if own(c) { want.own } else { want.columns };
+            asked.is_none_or(|only| only.contains(&c.name))
+        };
+        file.columns = file.columns.iter().filter(kept).cloned().collect();
         file.filter = want.filter(file.reader.parquet_schema());
         let (schema, columns) = (file.schema, file.columns.clone());
-        let arrays = file.read(flight)?.iter().map(nan_for_nulls).collect();
+        let arrays = file.read(flight)?;
         Table::from_arrays(schema, columns, arrays)
     }
 }
@@ -147,11 +163,12 @@ impl<T: ChunkReader + 'static> TableFile<T> {
     }
 
     /// The values of its columns, in their order; that of the flight, which is not in the file, is
-    /// `flight` throughout. What has no value is null.
+    /// `flight` throughout. What has no value is NaN, or null where it is no number.
     ///
     /// # Errors
     /// The file is damaged, or wants a flight.
     pub fn read(self, flight: Option<&str>) -> Result<Vec<ArrayRef>> {
+        let room = if self.filter.is_none() { self.rows() } else { 0 };
         let (schema, columns) = (self.schema, self.columns);
         let fail = |e: &dyn std::fmt::Display| unreadable(schema, e);
         let names = columns.iter().map(|column| column.name.as_str());
@@ -160,19 +177,77 @@ impl<T: ChunkReader + 'static> TableFile<T> {
             Some(filter) => self.reader.with_row_filter(filter),
             None => self.reader,
         };
-        let reader = reader.with_projection(mask).with_batch_size(ROW_GROUP);
+        let reader = reader.with_projection(mask).with_batch_size(PIECE);
         let batches = reader.build().map_err(|e| fail(&e))?;
         let in_file = batches.schema();
-        let batches = batches.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| fail(&e))?;
-        let batch =
-            arrow_select::concat::concat_batches(&in_file, &batches).map_err(|e| fail(&e))?;
-        let array = |column: &Column| match (batch.column_by_name(&column.name), flight) {
-            (Some(array), _) => Ok(array.clone()),
-            (None, Some(id)) => super::build::repeated(id, batch.num_rows())
-                .ok_or_else(|| fail(&"it has too many rows")),
+        let field = |column: &Column| in_file.index_of(&column.name).ok();
+        let mut gathered: Vec<(Option<usize>, Gathered)> =
+            columns.iter().map(|c| (field(c), Gathered::of(c.kind, room))).collect();
+        let mut rows = 0;
+        for batch in batches {
+            let batch = batch.map_err(|e| fail(&e))?;
+            rows += batch.num_rows();
+            for (field, gathered) in &mut gathered {
+                field.iter().for_each(|&field| gathered.take(batch.column(field)));
+            }
+        }
+        let array = |(field, gathered): (Option<usize>, Gathered)| match (field, flight) {
+            (Some(_), _) => gathered.array(rows).map_err(|e| fail(&e)),
+            (None, Some(id)) => {
+                texts::repeated(id, rows).ok_or_else(|| fail(&"it has too many rows"))
+            }
             (None, None) => Err(fail(&"its path does not say which flight it is of")),
         };
-        columns.iter().map(array).collect()
+        gathered.into_iter().map(array).collect()
+    }
+}
+
+/// A column while it is read, piece by piece.
+enum Gathered {
+    Numbers(Vec<f64>),
+    Texts(texts::Collector),
+    Others(Kind, Vec<ArrayRef>),
+}
+
+impl Gathered {
+    /// Nothing yet, and room for so many rows.
+    fn of(kind: Kind, rows: usize) -> Gathered {
+        match kind {
+            Kind::F64 => Gathered::Numbers(Vec::with_capacity(rows)),
+            Kind::String => Gathered::Texts(texts::Collector::of(rows)),
+            Kind::I64 | Kind::Bool => Gathered::Others(kind, Vec::new()),
+        }
+    }
+
+    /// A piece; its type is known to be the column's.
+    fn take(&mut self, array: &ArrayRef) {
+        let any = array.as_any();
+        match self {
+            Gathered::Numbers(all) => match any.downcast_ref::<Float64Array>() {
+                Some(numbers) if numbers.null_count() > 0 => {
+                    all.extend(numbers.iter().map(|v| v.unwrap_or(f64::NAN)));
+                }
+                numbers => numbers.iter().for_each(|numbers| all.extend(numbers.values().iter())),
+            },
+            Gathered::Texts(all) => {
+                any.downcast_ref::<StringArray>().iter().for_each(|texts| all.extend(texts));
+            }
+            Gathered::Others(_, all) => all.push(array.clone()),
+        }
+    }
+
+    fn array(self, rows: usize) -> std::result::Result<ArrayRef, String> {
+        match self {
+            Gathered::Numbers(all) => Ok(Arc::new(Float64Array::from(all))),
+            Gathered::Texts(all) => all.finish().ok_or_else(|| "it has too many texts".into()),
+            Gathered::Others(kind, all) if all.is_empty() => {
+                Ok(new_null_array(&kind.data_type(), rows))
+            }
+            Gathered::Others(_, all) => {
+                let all: Vec<&dyn Array> = all.iter().map(AsRef::as_ref).collect();
+                arrow_select::concat::concat(&all).map_err(|e| e.to_string())
+            }
+        }
     }
 }
 
@@ -222,13 +297,4 @@ fn columns(schema: &Schema, fields: &[Arc<Field>]) -> std::result::Result<Vec<Co
         });
     }
     Ok(columns)
-}
-
-fn nan_for_nulls(array: &ArrayRef) -> ArrayRef {
-    match array.as_any().downcast_ref::<Float64Array>() {
-        Some(numbers) if numbers.null_count() > 0 => Arc::new(Float64Array::from(
-            numbers.iter().map(|v| v.unwrap_or(f64::NAN)).collect::<Vec<f64>>(),
-        )),
-        _ => array.clone(),
-    }
 }

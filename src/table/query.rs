@@ -9,9 +9,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use arrow_array::{
-    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, StringArray, new_null_array,
-};
+use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array};
 use polars::prelude::{
     AnonymousScan, AnonymousScanArgs, AnyValue, Column as Series, DataFrame, DataType, LazyFrame,
     PlSmallStr, PolarsError, PolarsResult, ScanArgsAnonymous, Schema as Types, SchemaRef,
@@ -25,6 +23,7 @@ use super::parquet::TableFile;
 pub use super::refused::HELP;
 use super::refused::refused;
 use super::rows::united;
+use super::texts::{self, Texts};
 use super::{Column, Kind, PartFile, Schema, parts, schema, schemas};
 use crate::error::{Error, Errors, Place, Result};
 
@@ -189,7 +188,7 @@ impl Scan {
         let arrays = file.read(flight)?;
         let of = |wanted: &PlSmallStr| match names.iter().position(|name| *wanted == *name) {
             Some(i) => arrays[i].clone(),
-            None => new_null_array(&Kind::F64.data_type(), rows),
+            None => Arc::new(Float64Array::from(vec![f64::NAN; rows])),
         };
         Ok((rows, wanted.iter().map(of).collect()))
     }
@@ -231,7 +230,8 @@ impl AnonymousScan for Scan {
 fn series(name: &PlSmallStr, array: &ArrayRef) -> Result<Series> {
     let (any, key) = (array.as_any(), name.clone());
     if let Some(numbers) = any.downcast_ref::<Float64Array>() {
-        return Ok(Series::new(key, numbers.iter().collect::<Vec<_>>()));
+        let known = |v: &f64| (!v.is_nan()).then_some(*v);
+        return Ok(Series::new(key, numbers.values().iter().map(known).collect::<Vec<_>>()));
     }
     if let Some(numbers) = any.downcast_ref::<Int64Array>() {
         return Ok(Series::new(key, numbers.iter().collect::<Vec<_>>()));
@@ -239,8 +239,8 @@ fn series(name: &PlSmallStr, array: &ArrayRef) -> Result<Series> {
     if let Some(truths) = any.downcast_ref::<BooleanArray>() {
         return Ok(Series::new(key, truths.iter().collect::<Vec<_>>()));
     }
-    match any.downcast_ref::<StringArray>() {
-        Some(texts) => Ok(Series::new(key, texts.iter().collect::<Vec<_>>())),
+    match any.downcast_ref::<Texts>() {
+        Some(texts) => Ok(Series::new(key, texts::each(texts).collect::<Vec<_>>())),
         None => Err(Error::new(format!("column \"{name}\" is {}", array.data_type()))),
     }
 }

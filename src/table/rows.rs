@@ -2,13 +2,15 @@
 
 use std::borrow::Borrow;
 use std::cmp::Ordering;
+use std::ops::Range;
 use std::sync::Arc;
 
 use arrow_array::{
-    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt64Array,
+    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, UInt64Array,
 };
+use arrow_schema::SchemaRef;
 
-use super::schema::arrow;
+use super::texts::{self, Texts};
 use super::{Column, Schema, Table, schema};
 use crate::error::{Error, Result};
 
@@ -27,10 +29,12 @@ impl Table {
                 table.name()
             )));
         }
-        let columns = united(schema, tables.iter().map(|table| table.columns()))?;
         if tables.is_empty() {
             return Table::empty(name);
         }
+        let mut columns = united(schema, tables.iter().map(|table| table.columns()))?;
+        // not all of them need have been read
+        columns.retain(|column| tables.iter().any(|table| table.has(&column.name)));
         let arrays =
             columns.iter().map(|c| concat_column(c, &tables)).collect::<Result<Vec<_>>>()?;
         Table::from_arrays(schema, columns, arrays)
@@ -124,8 +128,8 @@ fn compare(array: &ArrayRef, a: usize, b: usize) -> Ordering {
         x.value(a).total_cmp(&x.value(b))
     } else if let Some(x) = any.downcast_ref::<Int64Array>() {
         values(x, a, b, |i| x.value(i))
-    } else if let Some(x) = any.downcast_ref::<StringArray>() {
-        values(x, a, b, |i| x.value(i))
+    } else if let Some(x) = any.downcast_ref::<Texts>() {
+        texts::at(x, a).cmp(&texts::at(x, b))
     } else if let Some(x) = any.downcast_ref::<BooleanArray>() {
         values(x, a, b, |i| x.value(i))
     } else {
@@ -147,29 +151,38 @@ fn concat_column(column: &Column, tables: &[&Table]) -> Result<ArrayRef> {
 }
 
 impl Table {
-    /// The rows without the flight column, as they lie in a file of a per-flight table.
-    pub(super) fn in_file(&self) -> Result<RecordBatch> {
-        let kept: Vec<(&Column, &ArrayRef)> = self
-            .columns
-            .iter()
-            .zip(self.batch.columns())
-            .filter(|(c, _)| !(self.schema.per_flight && c.name == "flight"))
+    /// The columns of a file: that of the flight is in the path of a per-flight table.
+    pub(super) fn file_columns(&self) -> impl Iterator<Item = &Column> {
+        self.columns.iter().filter(|c| !self.is_in_path(c))
+    }
+
+    fn is_in_path(&self, column: &Column) -> bool {
+        self.schema.per_flight && column.name == "flight"
+    }
+
+    /// These rows as they lie in a file of the columns `schema`.
+    pub(super) fn in_file(&self, schema: &SchemaRef, rows: Range<usize>) -> Result<RecordBatch> {
+        let all = self.columns.iter().zip(self.batch.columns());
+        let arrays = all
+            .filter(|(column, _)| !self.is_in_path(column))
+            .map(|(column, array)| as_filed(column, &array.slice(rows.start, rows.len())))
             .collect();
-        let columns: Vec<Column> = kept.iter().map(|(c, _)| (*c).clone()).collect();
-        let arrays = kept
-            .iter()
-            .map(|(c, a)| if c.nullable { nulls_for_nan(a) } else { (*a).clone() })
-            .collect();
-        RecordBatch::try_new(arrow(&columns), arrays)
+        RecordBatch::try_new(schema.clone(), arrays)
             .map_err(|e| Error::new(format!("table \"{}\": {e}", self.name())))
     }
 }
 
-fn nulls_for_nan(array: &ArrayRef) -> ArrayRef {
-    match array.as_any().downcast_ref::<Float64Array>() {
-        Some(numbers) => Arc::new(
-            numbers.values().iter().map(|&v| (!v.is_nan()).then_some(v)).collect::<Float64Array>(),
-        ),
+/// Null where a number is NaN, and plain texts.
+fn as_filed(column: &Column, array: &ArrayRef) -> ArrayRef {
+    let any = array.as_any();
+    if let Some(texts) = any.downcast_ref::<Texts>() {
+        return texts::plain(texts);
+    }
+    match any.downcast_ref::<Float64Array>().filter(|_| column.nullable) {
+        Some(numbers) => {
+            let known = |&v: &f64| (!v.is_nan()).then_some(v);
+            Arc::new(numbers.values().iter().map(known).collect::<Float64Array>())
+        }
         None => array.clone(),
     }
 }

@@ -70,13 +70,23 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// As Arrow has it.
+    /// As files have it.
     pub fn data_type(self) -> DataType {
         match self {
             Kind::F64 => DataType::Float64,
             Kind::I64 => DataType::Int64,
             Kind::Bool => DataType::Boolean,
             Kind::String => DataType::Utf8,
+        }
+    }
+
+    /// As it is in memory: each text once.
+    pub(super) fn in_memory(self) -> DataType {
+        match self {
+            Kind::String => {
+                DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8))
+            }
+            other => other.data_type(),
         }
     }
 
@@ -93,16 +103,23 @@ impl Kind {
 
 impl Column {
     /// The Arrow field, unit and meaning in its metadata.
-    pub(super) fn field(&self) -> Field {
+    fn field(&self, kind: DataType) -> Field {
         let metadata =
             [("unit".to_string(), self.unit.clone()), ("doc".to_string(), self.doc.clone())].into();
-        Field::new(&self.name, self.kind.data_type(), self.nullable).with_metadata(metadata)
+        Field::new(&self.name, kind, self.nullable).with_metadata(metadata)
     }
 }
 
-/// The Arrow schema of columns.
+/// The Arrow schema of columns in memory.
 pub(super) fn arrow(columns: &[Column]) -> Arc<ArrowSchema> {
-    Arc::new(ArrowSchema::new(columns.iter().map(Column::field).collect::<Vec<_>>()))
+    let field = |column: &Column| column.field(column.kind.in_memory());
+    Arc::new(ArrowSchema::new(columns.iter().map(field).collect::<Vec<_>>()))
+}
+
+/// The Arrow schema of columns in a file.
+pub(super) fn in_file<'c>(columns: impl Iterator<Item = &'c Column>) -> Arc<ArrowSchema> {
+    let field = |column: &Column| column.field(column.kind.data_type());
+    Arc::new(ArrowSchema::new(columns.map(field).collect::<Vec<_>>()))
 }
 
 static SCHEMAS: LazyLock<Vec<Schema>> = LazyLock::new(|| {

@@ -529,8 +529,9 @@ fn a_choice_of_columns_is_read_as_all_of_them_are() {
         .expect("a table");
     let bytes = table.to_parquet().expect("bytes");
     let only = ["h".to_string(), "not there".to_string()];
-    let want = Want { columns: Some(&only), rows: None };
-    let some = Table::part_of_parquet("samples", bytes.clone().into(), Some("one"), want);
+    let want = Want { columns: Some(&only), ..Want::default() };
+    let some =
+        Table::part_of_parquet("samples", bytes::Bytes::from(bytes.clone()), Some("one"), want);
     let some = some.expect("two of its columns");
     let all = Table::from_parquet("samples", bytes, Some("one")).expect("all of them");
     assert!(all.has("V") && !some.has("V") && some.rows() == 2);
@@ -544,7 +545,8 @@ fn rewritten(
     table: &Table,
     change: impl Fn(&::arrow_schema::Field) -> ::arrow_schema::Field,
 ) -> Vec<u8> {
-    let batch = table.in_file().unwrap();
+    let schema = super::schema::in_file(table.file_columns());
+    let batch = table.in_file(&schema, 0..table.rows()).unwrap();
     let fields: Vec<_> = batch.schema().fields().iter().map(|f| change(f)).collect();
     let schema = Arc::new(::arrow_schema::Schema::new(fields));
     let batch = RecordBatch::try_new(schema.clone(), batch.columns().to_vec()).unwrap();
@@ -587,8 +589,13 @@ fn a_choice_of_rows_is_read_as_it_is_taken_from_all_of_them() {
         .expect("a table");
     let bytes = table.to_parquet().expect("bytes");
     let read = |rows: Rows| {
-        let want = Want { columns: None, rows: Some(&rows) };
-        let read = Table::part_of_parquet("conditions", bytes.clone().into(), Some("one"), want);
+        let want = Want { rows: Some(&rows), ..Want::default() };
+        let read = Table::part_of_parquet(
+            "conditions",
+            bytes::Bytes::from(bytes.clone()),
+            Some("one"),
+            want,
+        );
         read.expect("some of its rows").f64("value").expect("values").to_vec()
     };
     assert_eq!(read(Rows::Of("segment", std::sync::Arc::new(|s| s == "a"))), [0.0, 1.0, 5.0]);

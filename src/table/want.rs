@@ -13,6 +13,8 @@ use std::sync::Arc;
 pub struct Want<'a> {
     /// Columns besides those of the table's schema; all of them without a choice.
     pub columns: Option<&'a [String]>,
+    /// Columns of the table's schema; all of them without a choice.
+    pub own: Option<&'a [String]>,
     /// Rows; all of them without a choice.
     pub rows: Option<&'a Rows>,
 }
@@ -41,7 +43,7 @@ impl fmt::Debug for Rows {
 impl Want<'_> {
     /// Whether the whole table is wanted.
     pub fn is_all(&self) -> bool {
-        self.columns.is_none() && self.rows.is_none()
+        self.columns.is_none() && self.own.is_none() && self.rows.is_none()
     }
 
     /// The rows that are read; of the other columns nothing else is decoded.

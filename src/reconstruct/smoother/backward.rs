@@ -14,32 +14,33 @@
 //! log-likelihood with respect to the measurement's variance is `sum (u^2 - d)/2`, with respect to
 //! a process noise that enters by `g` it is `sum (g'a)^2 - g'A g` over two.
 
-use super::filter::{Filter, Scalar, Tape};
-use super::matrix::{VECTOR, adjoint_step, adjoint_update, multiply, smoothed};
+use super::filter::Filter;
+use super::matrix::{Size, adjoint_step, adjoint_update, multiply, noises, padded, smoothed};
 use super::sums::Sums;
-use crate::math::products::dot_by;
+use super::tape::{Scalar, Tape};
+use crate::math::products::dot;
+use crate::math::simd::Aligned;
 
 /// The backward pass of one run.
 pub struct Backward {
-    n: usize,
-    m: usize,
-    nx: usize,
-    lanes: usize,
-    inputs: usize,
-    a: Vec<f64>,
-    aa: Vec<f64>,
-    b: Vec<f64>,
-    w: Vec<f64>,
+    size: Size,
+    a: Aligned,
+    aa: Aligned,
+    b: Aligned,
+    w: Aligned,
+    /// Smoothed error of every input over the step that follows.
+    noise: Vec<f64>,
+    noises: Vec<[f64; 2]>,
     pub sums: Sums,
     /// Smoothed mean and covariance of the node last visited.
     pub x: Vec<f64>,
     pub p: Vec<f64>,
-    /// The node itself: `a`, `A` after its updates are undone belong to the step before it.
-    w2: Vec<f64>,
 }
 
 /// What is done at the nodes, latest first.
 pub trait Visit {
+    /// Whether nodes are visited at all; without, states need not be kept.
+    const NODES: bool = true;
     /// The smoothed mean at node `k` of the tape; `covariance` computes `P_s` when asked. `noise`
     /// is the smoothed error of every input over the step that follows (zero at the end).
     fn node(
@@ -56,118 +57,102 @@ pub trait Visit {
 
 impl Backward {
     pub fn new(filter: &Filter) -> Backward {
-        let (n, m, nx, lanes) = (filter.n, filter.m, filter.kinematics.states(), filter.lanes);
-        let (channels, inputs) = (filter.flight.channels.len(), filter.flight.inputs.len());
+        let size = filter.size;
         Backward {
-            n,
-            m,
-            nx,
-            lanes,
-            inputs,
-            a: vec![0.0; m],
-            aa: vec![0.0; n * m],
-            b: vec![0.0; m],
-            w: vec![0.0; n * m],
-            w2: vec![0.0; n * m],
+            size,
+            a: Aligned::of_zeros(size.m),
+            aa: Aligned::of_zeros(size.square()),
+            b: Aligned::of_zeros(size.m),
+            w: Aligned::of_zeros(size.square()),
+            noise: vec![0.0; size.q],
+            noises: vec![[0.0; 2]; size.q],
             sums: Sums {
-                channels: vec![[0.0; 2]; channels],
-                inputs: vec![[0.0; 2]; inputs],
-                walks: vec![[0.0; 2]; n],
+                channels: vec![[0.0; 2]; filter.flight.channels.len()],
+                inputs: vec![[0.0; 2]; size.q],
+                walks: vec![[0.0; 2]; size.n],
             },
-            x: vec![0.0; n],
-            p: vec![0.0; n * m],
+            x: vec![0.0; size.n],
+            p: vec![0.0; size.square()],
         }
     }
 
     /// Back through a whole tape.
-    pub fn over(&mut self, tape: &Tape, visit: &mut impl Visit) {
-        let (n, m) = (self.n, self.m);
-        let nu = self.inputs;
-        let mut noise = vec![0.0; nu];
+    pub fn over<V: Visit>(&mut self, tape: &Tape, visit: &mut V) {
         for k in (0..tape.t.len()).rev() {
-            noise.fill(0.0);
+            self.noise.fill(0.0);
             if tape.h[k] > 0.0 {
-                self.step(
-                    &tape.s[k * self.nx * self.lanes..(k + 1) * self.nx * self.lanes],
-                    tape.h[k],
-                    &tape.q[k * nu..],
-                    &mut noise,
-                );
+                self.step(tape, k);
             }
-            let p = &tape.p[k * n * m..(k + 1) * n * m];
-            multiply(p, m, &self.a, &mut self.b[..n]);
-            for i in 0..n {
-                self.x[i] = tape.x[k * n + i] - self.b[i];
-            }
-            let (aa, w) = (&self.aa, &mut self.w2);
-            let mut covariance = |out: &mut Vec<f64>| {
-                out.resize(n * m, 0.0);
-                smoothed(p, aa, n, m, w, out);
-            };
-            visit.node(tape, k, &self.x, &noise, &mut covariance);
-            if k == 0 {
-                covariance(&mut self.p);
+            if V::NODES || k == 0 {
+                self.node(tape, k, visit);
             }
             let last = tape.first.get(k + 1).copied().unwrap_or(tape.scalars.len());
             for j in (tape.first[k]..last).rev() {
-                self.measurement(
-                    tape.t[k],
-                    &tape.scalars[j],
-                    &tape.rows[j * m..(j + 1) * m],
-                    &tape.gains[j * m..(j + 1) * m],
-                    visit,
-                );
+                self.measurement(tape, k, j, visit);
             }
         }
     }
 
-    fn measurement(
-        &mut self,
-        t: f64,
-        scalar: &Scalar,
-        h: &[f64],
-        gain: &[f64],
-        visit: &mut impl Visit,
-    ) {
-        let n = self.n;
-        multiply(&self.aa, self.m, gain, &mut self.b[..n]);
-        let u = scalar.nu / scalar.s + dot_by::<VECTOR>(gain, &self.a);
-        let d = 1.0 / scalar.s + dot_by::<VECTOR>(gain, &self.b);
+    /// The smoothed state at node `k`.
+    fn node(&mut self, tape: &Tape, k: usize, visit: &mut impl Visit) {
+        let Size { n, m, .. } = self.size;
+        let p = &tape.p[k * n * m..(k + 1) * n * m];
+        multiply(p, n, m, &self.a, &mut self.b);
+        let filtered = &tape.x[k * n..(k + 1) * n];
+        for ((x, filtered), b) in self.x.iter_mut().zip(filtered).zip(self.b.iter()) {
+            *x = filtered - b;
+        }
+        let (aa, w) = (&self.aa, &mut self.w);
+        let mut covariance = |out: &mut Vec<f64>| {
+            out.resize(n * m, 0.0);
+            smoothed(p, aa, n, m, w, out);
+        };
+        visit.node(tape, k, &self.x, &self.noise, &mut covariance);
+        if k == 0 {
+            covariance(&mut self.p);
+        }
+    }
+
+    /// Back through measurement `j`, at node `k`.
+    fn measurement(&mut self, tape: &Tape, k: usize, j: usize, visit: &mut impl Visit) {
+        let Size { n, m, .. } = self.size;
+        let (scalar, row) = (&tape.scalars[j], j * m..(j + 1) * m);
+        let (h, gain) = (&tape.rows[row.clone()], &tape.gains[row]);
+        multiply(&self.aa, n, m, gain, &mut self.b);
+        let u = scalar.nu / scalar.s + dot(gain, &self.a);
+        let d = 1.0 / scalar.s + dot(gain, &self.b);
         let sum = &mut self.sums.channels[scalar.channel];
         sum[0] += u * u;
         sum[1] += d;
-        visit.residual(t, scalar, u, d);
+        visit.residual(tape.t[k], scalar, u, d);
         for (a, h) in self.a.iter_mut().zip(h) {
             *a -= h * u;
         }
-        adjoint_update(&mut self.aa, n, self.m, h, &self.b, d);
+        adjoint_update(&mut self.aa, n, m, h, &self.b, d);
     }
 
-    /// Back through a step `s = [Phi | Gamma]`.
-    fn step(&mut self, s: &[f64], h: f64, q: &[f64], noise: &mut [f64]) {
-        let (n, m, nx, lanes) = (self.n, self.m, self.nx, self.lanes);
-        for (l, noise) in noise.iter_mut().enumerate() {
-            let gamma = |i: usize| s[i * lanes + m + l];
-            let (mut ga, mut gag) = (0.0, 0.0);
-            for i in (0..nx).filter(|&i| gamma(i) != 0.0) {
-                ga += gamma(i) * self.a[i];
-                gag += gamma(i) * (0..nx).map(|j| self.aa[i * m + j] * gamma(j)).sum::<f64>();
-            }
+    /// Back through the step after node `k`.
+    fn step(&mut self, tape: &Tape, k: usize) {
+        let Size { m, x: nx, y, k: moving, q, .. } = self.size;
+        let h = tape.h[k];
+        let gamma = &tape.gamma[k * q * y..(k + 1) * q * y];
+        noises(&self.aa, &self.a, self.size, gamma, &mut self.noises);
+        for (l, &[ga, gag]) in self.noises.iter().enumerate() {
             self.sums.inputs[l][0] += ga * ga / h;
             self.sums.inputs[l][1] += gag / h;
-            *noise = -q[l] * ga;
+            self.noise[l] = -tape.q[k * q + l] * ga;
         }
-        for i in 0..n {
-            self.sums.walks[i][0] += self.a[i] * self.a[i] * h;
-            self.sums.walks[i][1] += self.aa[i * m + i] * h;
+        for (i, sum) in self.sums.walks.iter_mut().enumerate() {
+            sum[0] += self.a[i] * self.a[i] * h;
+            sum[1] += self.aa[i * m + i] * h;
         }
-        // a <- F'a
-        self.b[..m].copy_from_slice(&self.a);
-        self.b[..nx].fill(0.0);
-        for i in 0..nx {
-            super::matrix::add(&mut self.b, self.a[i], &s[i * lanes..i * lanes + m]);
+        // a <- F'a = a + D'a
+        let wide = padded(moving);
+        let d = &tape.d[k * nx * wide..(k + 1) * nx * wide];
+        self.b.copy_from_slice(&self.a);
+        for (row, a) in d.chunks_exact(wide).zip(self.b.iter()) {
+            self.a.iter_mut().zip(row).for_each(|(sum, d)| *sum += d * a);
         }
-        std::mem::swap(&mut self.a, &mut self.b);
-        adjoint_step(&mut self.aa, n, m, nx, s, lanes, &mut self.w);
+        adjoint_step(&mut self.aa, self.size, d, &mut self.w);
     }
 }

@@ -8,10 +8,10 @@
 //! straight between.
 
 use super::backward::Visit;
-use super::filter::Tape;
 use super::flight::Flight;
 use super::kinematics::{Evaluator, Kinematics};
 use super::matrix::padded;
+use super::tape::Tape;
 use crate::math::interpolate::between;
 use crate::signal::resample::Grid;
 

@@ -1,9 +1,12 @@
 //! A compiled model in; the programs a smoother runs (rates, chosen outputs, their exact
 //! derivatives) with their register files out.
 
+use crate::dynamics::{AHEAD, WEIGHT};
 use crate::error::{Error, Result};
 use crate::model::graph::{Leaf, Node};
+use crate::model::native::{Native, Points, Steps};
 use crate::model::{Model, Program, StartKind};
+use std::sync::Arc;
 
 /// Values of some nodes and their non-zero derivatives: the program's first outputs are the values,
 /// the others the `entries`.
@@ -13,6 +16,8 @@ pub struct Derivatives {
     pub rows: usize,
     /// (row, column): the derivative of node `row` with respect to leaf `column`.
     pub entries: Vec<(usize, usize)>,
+    /// The columns of the entries.
+    pub columns: Vec<usize>,
 }
 
 impl Derivatives {
@@ -35,6 +40,7 @@ impl Derivatives {
         Derivatives {
             program: Program::lower(&graph, &all, &model.layout),
             rows: nodes.len(),
+            columns: entries.iter().map(|&(_, column)| column).collect(),
             entries,
         }
     }
@@ -46,6 +52,8 @@ pub struct Evaluator<'m, const W: usize> {
     model: &'m Model,
     program: &'m Program,
     file: Vec<[f64; W]>,
+    /// A parameter or a start value has changed since the prologue was run.
+    stale: bool,
 }
 
 impl<'m, const W: usize> Evaluator<'m, W> {
@@ -55,7 +63,7 @@ impl<'m, const W: usize> Evaluator<'m, W> {
         for (i, p) in model.parameters.iter().enumerate() {
             file[model.layout.parameter() + i] = [p.start; W];
         }
-        Evaluator { model, program, file }
+        Evaluator { model, program, file, stale: true }
     }
 
     /// States, inputs and their time derivatives of one lane.
@@ -79,6 +87,7 @@ impl<'m, const W: usize> Evaluator<'m, W> {
         for (slot, x) in self.file[self.model.layout.start_value()..].iter_mut().zip(values) {
             slot[lane] = *x;
         }
+        self.stale = true;
     }
 
     /// Values of the parameters `free` in one lane.
@@ -86,14 +95,44 @@ impl<'m, const W: usize> Evaluator<'m, W> {
     pub fn parameters(&mut self, lane: usize, free: &[usize], values: &[f64]) {
         let first = self.model.layout.parameter();
         for (&i, v) in free.iter().zip(values) {
-            self.file[first + i][lane] = *v;
+            let slot = &mut self.file[first + i][lane];
+            self.stale |= *slot != *v;
+            *slot = *v;
+        }
+    }
+
+    /// Values of the parameters `free` in all lanes, which have never been given others.
+    #[inline]
+    pub fn parameters_of_all(&mut self, free: &[usize], values: &[f64]) {
+        let first = self.model.layout.parameter();
+        for (&i, v) in free.iter().zip(values) {
+            let slot = &mut self.file[first + i];
+            if slot[0] != *v {
+                *slot = [*v; W];
+                self.stale = true;
+            }
+        }
+    }
+
+    /// A point as the program's first registers have it: states, inputs, their rates and time.
+    #[inline]
+    pub fn registers(&mut self, lane: usize, point: &[f64]) {
+        for (slot, value) in self.file.iter_mut().zip(point) {
+            slot[lane] = *value;
         }
     }
 
     #[inline]
     pub fn run(&mut self) {
-        self.program.prepare(&mut self.file, &self.model.tables);
+        self.prepare();
         self.program.run(&mut self.file, &self.model.tables);
+    }
+
+    #[inline]
+    fn prepare(&mut self) {
+        if std::mem::take(&mut self.stale) {
+            self.program.prepare(&mut self.file, &self.model.tables);
+        }
     }
 
     /// Output `k` of all lanes.
@@ -109,18 +148,79 @@ impl<'m, const W: usize> Evaluator<'m, W> {
     }
 }
 
+impl Evaluator<'_, 1> {
+    /// All outputs at `points` (rows of registers) into rows of `out`.
+    pub fn at_each(
+        &mut self,
+        native: Option<&Native<Points>>,
+        points: (&[f64], usize),
+        out: &mut [f64],
+    ) {
+        if let Some(native) = native {
+            self.prepare();
+            return native.run(&self.file, points.0, out, &self.model.tables);
+        }
+        let outputs = self.program.outputs();
+        for (point, out) in points.0.chunks_exact(points.1).zip(out.chunks_exact_mut(outputs)) {
+            self.registers(0, point);
+            self.run();
+            out.iter_mut().enumerate().for_each(|(k, out)| *out = self.get(k, 0));
+        }
+    }
+
+    /// A Runge-Kutta step of `h` s (the program's outputs are the rates of `x`): `points` has a row
+    /// of registers per stage, whose states are filled in; `sum` is scratch.
+    pub fn step(
+        &mut self,
+        native: Option<&Native<Steps>>,
+        points: &mut [f64],
+        x: &mut [f64],
+        sum: &mut [f64],
+        h: f64,
+    ) {
+        if let Some(native) = native {
+            self.prepare();
+            let [a, b, c, d] = AHEAD.map(|ahead| ahead * h);
+            let [p, q, r, s] = WEIGHT;
+            let weights = [p, a, q, b, r, c, s, d, h / 6.0];
+            return native.march(&self.file, points, x, &weights, &self.model.tables);
+        }
+        sum.fill(0.0);
+        for (stage, row) in points.chunks_exact_mut(points.len() / 4).enumerate() {
+            for i in 0..x.len() {
+                // the rates of the stage before are still there
+                row[i] =
+                    if stage == 0 { x[i] } else { x[i] + AHEAD[stage - 1] * h * self.get(i, 0) };
+            }
+            self.registers(0, row);
+            self.run();
+            for (i, sum) in sum.iter_mut().enumerate() {
+                *sum += WEIGHT[stage] * self.get(i, 0);
+            }
+        }
+        x.iter_mut().zip(sum).for_each(|(x, sum)| *x += h / 6.0 * *sum);
+    }
+}
+
 /// The programs of one model for one choice of free parameters and of inputs whose noise drives the
 /// states.
 #[derive(Debug, Clone)]
 pub struct Kinematics<'m> {
     pub model: &'m Model,
-    /// Indices of the parameters that are part of the smoothed vector, behind the states.
+    /// Indices of the parameters that are part of the smoothed vector, behind the states: first
+    /// those that move the states.
     pub free: Vec<usize>,
+    /// States and the parameters that move them.
+    pub moving: usize,
     pub rates: Program,
+    /// Runge-Kutta steps of the rates as machine code, where this machine has a generator.
+    pub steps: Option<Arc<Native<Steps>>>,
     /// Start values of the states; measured ones are given from outside.
     pub starts: Program,
     /// d(rate)/d(states, free parameters, inputs).
     pub jacobian: Derivatives,
+    /// The same at some points as machine code.
+    pub slopes: Option<Arc<Native<Points>>>,
     /// All outputs.
     pub outputs: Program,
     /// All outputs and d(output)/d(states, free parameters, inputs, input rates).
@@ -135,7 +235,7 @@ impl<'m> Kinematics<'m> {
     /// # Errors
     /// A model with delays: delayed states are not Markov. Known sensor delays belong in the time
     /// stamps.
-    pub fn new(model: &'m Model, free: Vec<usize>) -> Result<Kinematics<'m>> {
+    pub fn new(model: &'m Model, mut free: Vec<usize>) -> Result<Kinematics<'m>> {
         model.without_noise("the flight path")?;
         if !model.delays.is_empty() {
             return Err(Error::new(format!(
@@ -148,6 +248,10 @@ impl<'m> Kinematics<'m> {
         let leaves = model.graph.leaves(&nodes);
         let differentiated =
             (0..model.inputs.len()).map(|i| leaves.contains(&Leaf::InputRate(i))).collect();
+        let moved = model.graph.leaves(&model.rates);
+        let moves = |i: &usize| moved.contains(&Leaf::Parameter(*i));
+        free.sort_by_key(|i| (!moves(i), *i));
+        let moving = model.states.len() + free.iter().filter(|i| moves(i)).count();
         let mut columns: Vec<Leaf> = (0..model.states.len()).map(Leaf::State).collect();
         columns.extend(free.iter().map(|&i| Leaf::Parameter(i)));
         columns.extend((0..model.inputs.len()).map(Leaf::Input));
@@ -159,8 +263,11 @@ impl<'m> Kinematics<'m> {
         };
         let starts: Vec<Node> = model.states.iter().enumerate().map(start).collect();
         columns.extend((0..model.inputs.len()).map(Leaf::InputRate));
+        let rates = Derivatives::new(model, &model.rates, &[]).program;
         Ok(Kinematics {
-            rates: Derivatives::new(model, &model.rates, &[]).program,
+            steps: Native::compile(&rates, model.layout.time() + 1).map(Arc::new),
+            slopes: Native::compile(&jacobian.program, model.layout.time() + 1).map(Arc::new),
+            rates,
             starts: Program::lower(&graph, &starts, &model.layout),
             jacobian,
             outputs: Derivatives::new(model, &model.output_nodes, &[]).program,
@@ -171,6 +278,7 @@ impl<'m> Kinematics<'m> {
                 .collect(),
             model,
             free,
+            moving,
         })
     }
 

@@ -66,20 +66,26 @@ pub mod kinematics;
 pub mod levels;
 mod local;
 mod matrix;
+pub mod state;
+mod step;
 pub mod sums;
+pub mod tape;
 #[cfg(test)]
 pub mod tests;
+mod update;
 
 pub use local::unwrap;
 
 use crate::signal::resample::Grid;
 use backward::{Backward, Visit};
-use filter::{About, Filter, Scalar, State, Tape, Watch, programs};
+use filter::{Filter, Watch, programs};
 use flight::Flight;
 use grid::{Outputs, Sampler};
 use kinematics::{Derivatives, Evaluator, Kinematics};
 use levels::Levels;
+use state::{About, State};
 use sums::Sums;
+use tape::{Scalar, Tape};
 
 /// Seconds that are smoothed to find a start, and how often.
 const START_S: f64 = 3.0;
@@ -88,7 +94,7 @@ const STARTS: usize = 4;
 /// are hardly distinguishable.
 const FAR: f64 = 120.0;
 /// A run whose tape is not larger is taped the first time, bytes.
-const TAPE: usize = 64 << 20;
+const TAPE: usize = 32 << 20;
 
 /// One flight ready to be smoothed.
 pub struct Smoother<'a> {
@@ -112,11 +118,18 @@ pub struct Smoothed {
     pub finite: bool,
 }
 
+impl From<Backward> for Smoothed {
+    fn from(backward: Backward) -> Smoothed {
+        Smoothed { x: backward.x, p: backward.p, sums: backward.sums, finite: true }
+    }
+}
+
 /// Nothing is done at the nodes.
 #[derive(Debug)]
 pub struct Nothing;
 
 impl Visit for Nothing {
+    const NODES: bool = false;
     fn node(&mut self, _: &Tape, _: usize, _: &[f64], _: &[f64], _: &mut dyn FnMut(&mut Vec<f64>)) {
     }
 }
@@ -244,23 +257,22 @@ impl<'a> Smoother<'a> {
 
     /// The same, linearised elsewhere.
     #[allow(clippy::too_many_arguments)]
-    pub fn run_about(
+    pub fn run_about<V: Visit>(
         &self,
         about: Option<&About>,
         levels: &Levels,
-        [from, to]: [f64; 2],
+        part: [f64; 2],
         x: &[f64],
         watch: &mut impl Watch,
-        visit: &mut impl Visit,
+        visit: &mut V,
     ) -> Smoothed {
-        let mut filter =
-            Filter::new(self.kinematics, self.flight, &self.programs, levels, self.gate, to);
-        filter.about = about;
-        let stretch =
-            if self.stretch > 0 { self.stretch } else { self.nodes(from, to).isqrt().max(16) };
-        let whole = self.stretch == 0 && self.nodes(from, to) * filter.taped() <= TAPE;
-        let mut state = filter.start(from, x);
-        let (mut checkpoints, mut tape) = (Vec::<State>::new(), Tape::default());
+        let mut filter = self.filter(about, levels, part[1]);
+        let (nodes, size) = (self.nodes(part), filter.size);
+        let stretch = if self.stretch > 0 { self.stretch } else { nodes.isqrt().max(16) };
+        let whole = self.stretch == 0 && nodes * Tape::bytes(V::NODES, size) <= TAPE;
+        let mut tape = Tape::new(V::NODES, size, if whole { nodes } else { stretch.min(nodes) });
+        let mut state = filter.start(part[0], x);
+        let mut checkpoints = Vec::<State>::new();
         let mut count = 0;
         loop {
             if !whole && count % stretch == 0 {
@@ -271,23 +283,51 @@ impl<'a> Smoother<'a> {
                 break;
             }
         }
-        let finite = state.x.iter().chain(&state.p).all(|v| v.is_finite());
         let mut backward = Backward::new(&filter);
-        if finite && whole {
-            backward.over(&tape, visit);
-        } else if finite {
-            for checkpoint in checkpoints.iter().rev() {
-                tape.clear();
-                state.clone_from(checkpoint);
-                for _ in 0..stretch {
-                    if !filter.node(&mut state, Some(&mut tape), &mut ()) {
-                        break;
-                    }
-                }
-                backward.over(&tape, visit);
-            }
+        if !state.finite() {
+            return Smoothed { finite: false, ..backward.into() };
         }
-        Smoothed { x: backward.x, p: backward.p, sums: backward.sums, finite }
+        if whole {
+            backward.over(&tape, visit);
+        }
+        for checkpoint in checkpoints.into_iter().rev() {
+            tape.clear();
+            state = checkpoint;
+            for _ in 0..stretch {
+                if !filter.node(&mut state, Some(&mut tape), &mut ()) {
+                    break;
+                }
+            }
+            backward.over(&tape, visit);
+        }
+        backward.into()
+    }
+
+    /// What `part` says of the parameters (the states stand for nothing). Of constants a filter
+    /// knows at the end what a smoother knows at the start: there is no pass back unless some of
+    /// them drift.
+    pub fn parameters(
+        &self,
+        about: Option<&About>,
+        levels: &Levels,
+        part: [f64; 2],
+        x: &[f64],
+    ) -> Smoothed {
+        if levels.walk[self.kinematics.states()..].iter().any(|walk| *walk > 0.0) {
+            return self.run_about(about, levels, part, x, &mut (), &mut Nothing);
+        }
+        let mut filter = self.filter(about, levels, part[1]);
+        let mut state = filter.start(part[0], x);
+        while filter.node(&mut state, None, &mut ()) {}
+        let finite = state.finite();
+        Smoothed { x: state.x, p: state.p.to_vec(), finite, ..Smoothed::default() }
+    }
+
+    fn filter<'f>(&'f self, about: Option<&'f About>, levels: &'f Levels, end: f64) -> Filter<'f> {
+        let (kinematics, flight) = (self.kinematics, self.flight);
+        let mut filter = Filter::new(kinematics, flight, &self.programs, levels, self.gate, end);
+        filter.about = about;
+        filter
     }
 
     /// The path on the points of a grid within `[from, to]`.
@@ -312,7 +352,7 @@ impl<'a> Smoother<'a> {
     }
 
     /// About how many nodes there are between two times.
-    fn nodes(&self, from: f64, to: f64) -> usize {
+    fn nodes(&self, [from, to]: [f64; 2]) -> usize {
         let within = |t: &[f64]| {
             t.partition_point(|&x| x <= to).saturating_sub(t.partition_point(|&x| x < from))
         };

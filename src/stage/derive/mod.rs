@@ -9,7 +9,7 @@ use crate::error::{Error, Errors, Result};
 use crate::model::Model;
 use crate::signal::resample::{Grid, cubic, hold, linear, mean};
 use crate::signal::smooth::smooth;
-use crate::table::Table;
+use crate::table::{Table, Want};
 use indexmap::IndexMap;
 use serde_json::Value;
 
@@ -43,6 +43,12 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
     Read::flight(tables, &unit.name)
 }
 
+/// Columns of the flight path that are read at a time.
+const AT_A_TIME: usize = 6;
+
+/// Points of the grid that a model is run through at a time.
+const PIECE: usize = 1 << 14;
+
 /// A column of the samples table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
@@ -54,10 +60,11 @@ pub struct Column {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let config = &campaign.derive;
-    let signals = inputs.of("signals", &unit.name)?;
-    let path = inputs.flight("flightpath", &unit.name)?;
-    let (signals, path) = (&signals, path.as_ref());
-    let series = super::series(signals)?;
+    let own = ["signal", "t_s", "value"].map(String::from);
+    let want = Want { own: Some(&own), ..Want::default() };
+    let signals = inputs.wanted("signals", &unit.name, want)?;
+    let signals = signals.map_or_else(|| inputs.of("signals", &unit.name), Ok)?;
+    let series = super::series(&signals)?;
     let dt = 1.0 / config.settings.rate_hz;
     let first =
         series.values().filter_map(|(t, _)| t.first()).copied().fold(f64::INFINITY, f64::min);
@@ -95,8 +102,22 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             },
         );
     }
-    if let (Some(path), Some(reconstruct)) = (path, &campaign.reconstruct) {
-        add_flight_path(path, &reconstruct.model, &grid, config.settings.max_gap, &mut columns)?;
+    // of a long flight the signals are large, and no longer needed; nor are the path's deviations
+    drop(series);
+    drop(signals);
+    if let Some(reconstruct) = &campaign.reconstruct {
+        let all = crate::table::schema("flightpath")?.columns.iter().map(|c| c.name.clone());
+        let names: Vec<String> =
+            all.filter(|name| reconstruct.model.output(name).is_some()).collect();
+        // some columns at a time: all of them are as much again as what is made of them
+        for some in names.chunks(AT_A_TIME) {
+            let own = [some, &["t_s".to_string()]].concat();
+            let want = Want { own: Some(&own), ..Want::default() };
+            if let Some(path) = inputs.wanted("flightpath", &unit.name, want)? {
+                let max_gap = config.settings.max_gap;
+                add_flight_path(&path, &reconstruct.model, &grid, max_gap, &mut columns)?;
+            }
+        }
     }
     for (name, window) in &config.settings.smooth {
         if let Some(column) = columns.get_mut(name) {
@@ -155,18 +176,23 @@ pub fn add_model(
     while begin < n {
         let end = (begin..n).find(|k| known(*k) != known(begin)).unwrap_or(n);
         if known(begin) && driving.len() == nu {
-            let values =
-                (begin..end).flat_map(|k| driving.iter().map(move |column| column[k])).collect();
-            let record = Record {
-                t0: grid.time(begin),
-                dt: grid.dt,
-                n: end - begin,
-                inputs: values,
-                ..Default::default()
-            };
-            let run = propagator.run(&parameters, &[], &record, false);
-            for (k, row) in run.y.chunks_exact(ny.max(1)).enumerate() {
-                row.iter().zip(&mut outputs).for_each(|(value, output)| output[begin + k] = *value);
+            for from in (begin..end).step_by(PIECE) {
+                let to = (from + PIECE).min(end);
+                // an input's rate is that of the line to a neighbour
+                let rows = from.saturating_sub(1).max(begin)..(to + 1).min(end);
+                let values = rows.clone().flat_map(|k| driving.iter().map(move |c| c[k])).collect();
+                let record = Record {
+                    t0: grid.time(rows.start),
+                    dt: grid.dt,
+                    n: rows.len(),
+                    inputs: values,
+                    ..Default::default()
+                };
+                let run = propagator.run(&parameters, &[], &record, false);
+                let rows = rows.zip(run.y.chunks_exact(ny.max(1)));
+                for (k, row) in rows.filter(|(k, _)| (from..to).contains(k)) {
+                    row.iter().zip(&mut outputs).for_each(|(value, output)| output[k] = *value);
+                }
             }
         }
         begin = end;

@@ -135,7 +135,7 @@ fn samples(
     let grid = Grid { t0: record.t0, dt: record.dt, n: record.n };
     let values = of(record, input);
     let own = (grid.times(), values.clone());
-    let Some(signals) = inputs.flight("signals", flight)? else { return Ok(own) };
+    let Some(signals) = inputs.signals(flight, &[column.to_string()])? else { return Ok(own) };
     let signals = series(&signals)?;
     let Some((t, y)) = signals.get(column) else { return Ok(own) };
     let range = values.iter().fold(0.0f64, |most, v| most.max((v - values[0]).abs()));

@@ -72,8 +72,10 @@ fn of_flight<'a>(
     inputs: &Inputs,
     (tally, notes): (&mut Tally<'a>, &mut Vec<Note>),
 ) -> Result<Vec<Ready>> {
+    let scored = config.outputs.iter().map(|scored| scored.measured.clone());
+    let telling: Vec<String> = config.columns().into_iter().chain(scored).collect();
     let (Some(samples), Some(signals)) =
-        (inputs.flight("samples", flight)?, inputs.flight("signals", flight)?)
+        (inputs.samples(flight, &telling)?, inputs.signals(flight, &telling)?)
     else {
         tally.empty(flight);
         return Ok(Vec::new());
@@ -134,7 +136,8 @@ fn measured<'a>(
 }
 
 /// Time between two samples of what each input was brought to the grid from, s. A derived column is made of
-/// several; it has a value of its own at every point of the grid where none of them is slower.
+/// several, not told here: it is taken to have a value of its own at every point of the grid where no signal
+/// of the model is slower.
 fn spacings(config: &Config, signals: &Table, dt: f64) -> Result<Vec<f64>> {
     let signals = series(signals)?;
     let spacing = |t: &[f64]| median(&t.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>());

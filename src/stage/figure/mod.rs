@@ -5,7 +5,7 @@ mod config;
 use super::{Campaign, Inputs, Key, Note, Output, Read, Severity, Stage, Unit, slice_of};
 use crate::error::{Errors, Result};
 use crate::math::distribution::INTERVAL_95;
-use crate::table::{Kind, Table};
+use crate::table::{Kind, Table, Want};
 use serde_json::json;
 use std::collections::BTreeMap;
 
@@ -77,10 +77,16 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let (mut figure, mut notes) = (Figure::default(), Vec::new());
     for series in &settings.series {
         let parts = tables(campaign, settings).into_iter().find(|name| *name == series.table);
-        let parts = parts.map(|name| inputs.all(name)).transpose()?.unwrap_or_default();
+        let names = columns(series);
+        let want = match series.table == SIGNALS {
+            true => Want::default(),
+            false => Want { own: Some(&names), columns: Some(&names), ..Want::default() },
+        };
+        let parts = parts.map(|name| inputs.all_with(name, want)).transpose()?.unwrap_or_default();
         let before = figure.drawn.len();
         if !parts.is_empty() {
             let table = Table::concat(&series.table, &parts)?;
+            drop(parts);
             let rows = match series.table == SIGNALS {
                 true => Rows::by_signal(series, &table)?,
                 false => Rows::of(series, &table)?,
@@ -163,6 +169,19 @@ impl Span {
 const TIME: &str = "t_s";
 const FLIGHT: &str = "flight";
 
+/// Columns that tell the units of others, where a table has them.
+const UNITS: [&str; 2] = ["unit", "unit_x"];
+
+/// The names of the columns that a series asks of its table, and those that tell units.
+fn columns(series: &Series) -> Vec<String> {
+    let drawn = [&series.x, &series.y].into_iter().chain(&series.sd);
+    let drawn = drawn.chain(series.ends.iter().flatten());
+    let told = series.rows.keys().chain(&series.colour).cloned();
+    let during = [TIME, FLIGHT].into_iter().filter(|_| series.during.is_some());
+    let more = during.chain(UNITS).map(String::from);
+    drawn.cloned().chain(told).chain(more).collect()
+}
+
 /// The columns of a table that a series is about.
 struct Rows {
     n: usize,
@@ -209,15 +228,8 @@ impl Rows {
             texts: BTreeMap::new(),
             units: BTreeMap::new(),
         };
-        let wanted = [&series.x, &series.y]
-            .into_iter()
-            .chain(&series.sd)
-            .chain(series.ends.iter().flatten());
-        let more = series.rows.keys().chain(&series.colour).cloned();
-        let during = [TIME, FLIGHT].into_iter().filter(|_| series.during.is_some());
-        let more = more.chain(during.map(String::from));
-        let units = ["unit", "unit_x"].map(String::from).into_iter().filter(|name| table.has(name));
-        for name in wanted.cloned().chain(more).chain(units) {
+        let there = |name: &String| !UNITS.contains(&name.as_str()) || table.has(name);
+        for name in columns(series).into_iter().filter(there) {
             let column = table.column(&name)?;
             rows.units.insert(name.clone(), column.unit.clone());
             match column.kind {

@@ -31,9 +31,14 @@ fn slice(campaign: &Campaign, _: &Unit) -> Value {
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {
     let Some(config) = &campaign.reconstruct else { return Ok(Output::default()) };
-    let signals = inputs.of("signals", &unit.name)?;
+    let method = &config.settings.method;
+    let name = |q: &Quantity| method.signals.get(&q.name).unwrap_or(&q.name).clone();
+    let names: Vec<String> =
+        config.model.inputs.iter().chain(&config.model.outputs).map(name).collect();
+    let signals = inputs.signals(&unit.name, &names)?;
+    let signals = signals.map_or_else(|| inputs.of("signals", &unit.name), Ok)?;
     let signals = super::series(&signals)?;
-    let path = reconstruct::reconstruct(
+    let mut path = reconstruct::reconstruct(
         &config.model,
         |name| signals.get(name).copied(),
         &config.settings.method,
@@ -57,7 +62,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
         .chain(of_path)
         .collect();
     let tables = vec![
-        ("flightpath", flightpath(&unit.name, &config.model, &path)?),
+        ("flightpath", flightpath(&unit.name, &config.model, &mut path)?),
         ("biases", biases(&unit.name, &path)?),
         ("consistency", consistency(&unit.name, &path)?),
         ("pathmatch", pathmatch(&unit.name, &config.model, &path)?),
@@ -66,24 +71,28 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
 }
 
 /// The columns of the flight path that the kinematic model has as outputs, where there is a path.
-fn flightpath(flight: &str, model: &Model, path: &FlightPath) -> crate::error::Result<Table> {
+/// They are most of what a long flight takes: each is handed on, not copied.
+fn flightpath(flight: &str, model: &Model, path: &mut FlightPath) -> crate::error::Result<Table> {
     let kept: Vec<usize> = (0..path.t.len())
         .filter(|&k| path.outputs.iter().any(|column| column[k].is_finite()))
         .collect();
-    let pick = |values: &[f64]| -> Vec<f64> { kept.iter().map(|&k| values[k]).collect() };
-    let mut table = Table::build("flightpath").repeat("flight", flight).f64("t_s", pick(&path.t));
+    let pick = |values: Vec<f64>| match kept.len() == values.len() {
+        true => values,
+        false => kept.iter().map(|&k| values[k]).collect(),
+    };
+    let t = pick(std::mem::take(&mut path.t));
+    let mut table = Table::build("flightpath").repeat("flight", flight).f64("t_s", t);
     for column in crate::table::schema("flightpath")?
         .columns
         .iter()
         .filter(|c| !["flight", "t_s"].contains(&c.name.as_str()))
     {
         let (name, from) = match column.name.strip_suffix("_sd") {
-            Some(name) => (name, &path.sd),
-            None => (column.name.as_str(), &path.outputs),
+            Some(name) => (name, &mut path.sd),
+            None => (column.name.as_str(), &mut path.outputs),
         };
-        let values = model.output(name).and_then(|k| from.get(k));
-        table =
-            table.f64(&column.name, values.map_or_else(|| vec![f64::NAN; kept.len()], |v| pick(v)));
+        let values = model.output(name).and_then(|k| from.get_mut(k)).map(std::mem::take);
+        table = table.f64(&column.name, values.map_or_else(|| vec![f64::NAN; kept.len()], &pick));
     }
     table.finish()
 }

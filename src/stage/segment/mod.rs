@@ -41,8 +41,10 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = &campaign.segment else { return Ok(Output::default()) };
     let flight = unit.name.as_str();
-    let (samples, signals) = (&inputs.of("samples", flight)?, inputs.of("signals", flight)?);
-    let signals = series(&signals)?;
+    let searched: Vec<String> =
+        config.settings.input.iter().map(|input| input.signal.clone()).collect();
+    let signals = inputs.signals(flight, &searched)?.unwrap_or(Table::empty("signals")?);
+    let (samples, signals) = (&inputs.of("samples", flight)?, series(&signals)?);
     let mut errors = Errors::default();
     let (mut found, mut notes) = (Vec::new(), Vec::new());
     for input in &config.settings.input {
