@@ -3,8 +3,9 @@
 
 use crate::dynamics::{AHEAD, WEIGHT};
 use crate::error::{Error, Result};
+use crate::math::simd::Width;
 use crate::model::graph::{Leaf, Node};
-use crate::model::native::{Native, Points, Steps};
+use crate::model::machine::{Chain, Points};
 use crate::model::{Model, Program, StartKind};
 use std::sync::Arc;
 
@@ -150,15 +151,10 @@ impl<'m, const W: usize> Evaluator<'m, W> {
 
 impl Evaluator<'_, 1> {
     /// All outputs at `points` (rows of registers) into rows of `out`.
-    pub fn at_each(
-        &mut self,
-        native: Option<&Native<Points>>,
-        points: (&[f64], usize),
-        out: &mut [f64],
-    ) {
-        if let Some(native) = native {
+    pub fn at_each(&mut self, code: Option<&Points>, points: (&[f64], usize), out: &mut [f64]) {
+        if let Some(code) = code {
             self.prepare();
-            return native.run(&self.file, points.0, out, &self.model.tables);
+            return code.run(&self.file, points.0, out, &self.model.tables);
         }
         let outputs = self.program.outputs();
         for (point, out) in points.0.chunks_exact(points.1).zip(out.chunks_exact_mut(outputs)) {
@@ -172,18 +168,18 @@ impl Evaluator<'_, 1> {
     /// of registers per stage, whose states are filled in; `sum` is scratch.
     pub fn step(
         &mut self,
-        native: Option<&Native<Steps>>,
+        code: Option<&Chain>,
         points: &mut [f64],
         x: &mut [f64],
         sum: &mut [f64],
         h: f64,
     ) {
-        if let Some(native) = native {
+        if let Some(code) = code {
             self.prepare();
             let [a, b, c, d] = AHEAD.map(|ahead| ahead * h);
             let [p, q, r, s] = WEIGHT;
             let weights = [p, a, q, b, r, c, s, d, h / 6.0];
-            return native.march(&self.file, points, x, &weights, &self.model.tables);
+            return code.march(&self.file, points, x, &weights, &self.model.tables);
         }
         sum.fill(0.0);
         for (stage, row) in points.chunks_exact_mut(points.len() / 4).enumerate() {
@@ -213,14 +209,14 @@ pub struct Kinematics<'m> {
     /// States and the parameters that move them.
     pub moving: usize,
     pub rates: Program,
-    /// Runge-Kutta steps of the rates as machine code, where this machine has a generator.
-    pub steps: Option<Arc<Native<Steps>>>,
+    /// Runge-Kutta steps of the rates as machine code, where there is code for this machine.
+    pub steps: Option<Arc<Chain>>,
     /// Start values of the states; measured ones are given from outside.
     pub starts: Program,
     /// d(rate)/d(states, free parameters, inputs).
     pub jacobian: Derivatives,
     /// The same at some points as machine code.
-    pub slopes: Option<Arc<Native<Points>>>,
+    pub slopes: Option<Arc<Points>>,
     /// All outputs.
     pub outputs: Program,
     /// All outputs and d(output)/d(states, free parameters, inputs, input rates).
@@ -264,9 +260,10 @@ impl<'m> Kinematics<'m> {
         let starts: Vec<Node> = model.states.iter().enumerate().map(start).collect();
         columns.extend((0..model.inputs.len()).map(Leaf::InputRate));
         let rates = Derivatives::new(model, &model.rates, &[]).program;
+        let (width, vectors) = (model.layout.time() + 1, Width::detect());
         Ok(Kinematics {
-            steps: Native::compile(&rates, model.layout.time() + 1).map(Arc::new),
-            slopes: Native::compile(&jacobian.program, model.layout.time() + 1).map(Arc::new),
+            steps: Chain::compile(&rates, width, vectors).map(Arc::new),
+            slopes: Points::compile(&jacobian.program, width, vectors).map(Arc::new),
             rates,
             starts: Program::lower(&graph, &starts, &model.layout),
             jacobian,
