@@ -200,7 +200,7 @@ impl<'p> Tangent<'p> {
         let kept = &mut self.work.kept;
         kept.resize((whole + 2) * size);
         kept[..size].copy_from_slice(&self.s[..size]);
-        let place = |step: usize| if step % m == 0 { step / m } else { whole + 1 } * size;
+        let place = |step: usize| size * if step.is_multiple_of(m) { step / m } else { whole + 1 };
         let weights = weights(run.record.dt / m as f64);
         // of grid steps with steps inside them each goes somewhere else
         let together = if m == 1 { LANES / 4 } else { 1 };
