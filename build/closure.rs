@@ -156,7 +156,12 @@ fn edges(
     if path.starts_with("src/stage/") && !hub {
         let mut names = named(code, "crate::stage::");
         names.extend((1..4).flat_map(|n| named(code, &"super::".repeat(n))));
-        names.extend(code.match_indices("::").map(|(at, _)| before(&code[..at])));
+        // `crate::fit::` is a module of the crate, no stage.
+        let relative = |name: &String, at: usize| !code[..at - name.len()].ends_with("crate::");
+        names.extend(
+            code.match_indices("::")
+                .filter_map(|(at, _)| Some(before(&code[..at])).filter(|name| relative(name, at))),
+        );
         found.extend(names.into_iter().map(|name| format!("stage/{name}")));
         found.extend(
             fields

@@ -5,7 +5,7 @@ use super::format::{few, number, plain};
 use super::grid::{Cell, Grid, Level};
 use super::place::On;
 use super::section::{Body, Section};
-use crate::signal::adequacy::{COLOUR, Leaves, SHARE, USELESS};
+use crate::signal::adequacy::{COLOUR, Leaves, SHARE, WORSE};
 
 pub const SECTION: Section = Section {
     id: "matches",
@@ -149,13 +149,13 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
         );
         return Some((Level::Good, text));
     }
-    let is_useless = |(row, _): &&&(usize, usize)| !(share(*row) <= USELESS);
-    let useless: Vec<String> = poor.iter().filter(is_useless).map(|row| name(row)).collect();
-    if !useless.is_empty() {
+    let is_worse = |(row, _): &&&(usize, usize)| !(share(*row) <= WORSE);
+    let worse_than_none: Vec<String> = poor.iter().filter(is_worse).map(|row| name(row)).collect();
+    if !worse_than_none.is_empty() {
         let text = format!(
-            "Estimates do not explain what was measured: beyond noise of the sensors they leave, of the measured variation, {}. \
-             Such a model is wrong there, or a sensor is, and so are their standard deviations.",
-            few(&useless)
+            "Estimates are worse than no model: beyond noise of the sensors they leave, of the measured variation, {}. \
+             A sign, a unit or a sensor is wrong there.",
+            few(&worse_than_none)
         );
         return Some((Level::Bad, text));
     }

@@ -32,10 +32,10 @@ pub const COLOUR: f64 = 2.0;
 /// Share of the measured variation (root mean square) that may be left. *Convention*: 96% of its
 /// power is explained.
 pub const SHARE: f64 = 0.2;
-/// An output of which more than this share of the variation is left beyond its noise is not explained: a
-/// result that stands on such a model is wrong whatever is thought of the threshold. *Convention*: a
-/// quarter of its power.
-pub const USELESS: f64 = 0.5;
+/// A model that leaves more than the variation is worse than none. Turbulence and small motions in an axis
+/// that was not excited come to that; so many times it is a sign, a unit or a sensor that is wrong.
+/// *Convention*: twice the power.
+pub const WORSE: f64 = 1.5;
 /// So many times its noise an output must move, or be missed, to tell anything. *Convention*.
 pub const MOVED: f64 = 3.0;
 

@@ -31,17 +31,11 @@ fn the_default_build_has_nothing_of_the_cluster() {
     assert!(root.expect("readable").contains("default-members = [\".\"]"));
 }
 
-/// What the cluster sends as a table is what the program writes as one.
+/// What the cluster sends as a table is what the program writes as one: the workspace has one version.
 #[test]
 fn the_cluster_has_the_arrow_of_the_program() {
-    let version = |package: &str| {
-        let tree = tree(package);
-        let found = tree.lines().filter(|line| line.starts_with("arrow-array v"));
-        let mut found: Vec<String> = found.map(|line| line.replace(" (*)", "")).collect();
-        found.sort();
-        found.dedup();
-        found
-    };
-    assert_eq!(version("koehler-cluster"), version("koehler"));
-    assert_eq!(version("koehler").len(), 1);
+    let lock = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.lock"));
+    let lock = lock.expect("readable");
+    let found = lock.lines().filter(|line| *line == "name = \"arrow-array\"");
+    assert_eq!(found.count(), 1);
 }

@@ -240,7 +240,7 @@ fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     let part = c.koehler("run", &["--until", "derive", "--flight", "flight-2"]).ended(0);
     assert_eq!((part.stage("ingest"), part.stage("derive")), ((1, 0), (1, 0)), "{}", part.out);
     assert!(part.out.contains(
-        "because the run ends with derive: segment, estimate, review, fit, page, report"
+        "because the run ends with derive: segment, estimate, review, repeats, fit, page, report"
     ));
     assert!(!c.path("out/segments").exists() && !c.path("out/samples/flight=flight-1").exists());
     let flights = c.koehler("run", &["--flight", "flight-2", "--flight", "flight-3"]).ended(0);

@@ -29,7 +29,7 @@ pub const STAGE: Stage = Stage {
 };
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
-    let of = |config: &Config| json!({ "model": config.name(), "columns": columns(config), "own": own(config) });
+    let of = |config: &Config| json!({ "model": config.name(), "columns": columns(campaign, unit.index), "own": own(config) });
     campaign.estimates.get(unit.index).map_or(Value::Null, of)
 }
 
@@ -46,10 +46,14 @@ fn own(config: &Config) -> Vec<&str> {
     config.model.parameters.iter().filter(own).map(|p| p.quantity.name.as_str()).collect()
 }
 
-/// What a model is driven by, and what it is scored with: a condition is told by these.
-fn columns(config: &Config) -> Vec<String> {
+/// A condition is told by what a model is driven by, by what it is scored with, and by what lines go along
+/// through its estimates.
+fn columns(campaign: &Campaign, estimate: usize) -> Vec<String> {
+    let Some(config) = campaign.estimates.get(estimate) else { return Vec::new() };
     let measured = config.outputs.iter().map(|scored| scored.measured.clone());
-    config.columns().into_iter().chain(measured).collect()
+    let lines = campaign.fits.iter().filter(|fit| fit.estimate == estimate);
+    let along = lines.map(|fit| fit.settings.against.clone());
+    config.columns().into_iter().chain(measured).chain(along).collect()
 }
 
 /// A maneuver: input and kind.
@@ -62,7 +66,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     };
     let common = inputs.numbered("correlations", unit.index)?;
     let common = common.as_ref().map(Correlations::read).transpose()?.unwrap_or_default();
-    let (columns, mut trims, mut flown) = (columns(config), BTreeMap::new(), Flown::new());
+    let columns = columns(campaign, unit.index);
+    let (mut trims, mut flown) = (BTreeMap::new(), Flown::new());
     for flight in &campaign.flights {
         if let Some(segments) = inputs.flight("segments", flight)? {
             let (input, kind) = (segments.strings("input")?, segments.strings("kind")?);
