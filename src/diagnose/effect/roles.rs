@@ -406,7 +406,7 @@ fn is_surface(angle: &Quantity) -> bool {
     let of = |m: &&str| {
         angle.name == *m || angle.name.strip_prefix(*m).is_some_and(|rest| rest.starts_with('_'))
     };
-    angle.unit == "rad" && !motion.iter().any(|m| of(m))
+    angle.unit == "rad" && !motion.iter().any(of)
 }
 
 /// Measured surfaces whose rate is no other state.
