@@ -13,7 +13,6 @@ pub enum Base {
     Rdx = 2,
     Rbx = 3,
     Rsp = 4,
-    Rbp = 5,
     Rsi = 6,
     Rdi = 7,
     R8 = 8,
@@ -21,7 +20,6 @@ pub enum Base {
     R12 = 12,
     R13 = 13,
     R14 = 14,
-    R15 = 15,
 }
 
 /// Memory: so many bytes behind what a register holds.

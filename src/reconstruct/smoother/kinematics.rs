@@ -136,12 +136,6 @@ impl<'m, const W: usize> Evaluator<'m, W> {
         }
     }
 
-    /// Output `k` of all lanes.
-    #[inline]
-    pub fn lanes(&self, k: usize) -> [f64; W] {
-        *self.program.output(&self.file, k)
-    }
-
     /// Output `k` of lane `lane`.
     #[inline]
     pub fn get(&self, k: usize, lane: usize) -> f64 {
