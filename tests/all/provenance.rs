@@ -244,8 +244,7 @@ fn a_part_of_a_run_leaves_the_rest_as_it_is() {
     ));
     assert!(!c.path("out/segments").exists() && !c.path("out/samples/flight=flight-1").exists());
     let flights = c.koehler("run", &["--flight", "flight-2", "--flight", "flight-3"]).ended(0);
-    let skipped =
-        "all flights together (--flight names flight-2, flight-3): review, fit, page, report";
+    let skipped = "all flights together (--flight names flight-2, flight-3): review, repeats, fit, page, report";
     assert!(flights.out.contains(skipped), "{}", flights.out);
     assert_eq!(flights.stage("ingest"), (1, 1), "{}", flights.out);
     c.run().ended(0);

@@ -1,8 +1,8 @@
 //! Estimates of single maneuvers, what they have in common and the conditions at which they were flown
 //! come in; whether repeated maneuvers scatter as their standard deviations say goes out.
 //!
-//! Repeats are flown in several flights, so this is asked of all flights at once, also of an estimate
-//! that is made flight by flight.
+//! Maneuvers at one condition are compared within a flight, and all of a kind over all flights, also of an
+//! estimate that is made flight by flight.
 
 mod trim;
 
@@ -56,8 +56,8 @@ fn columns(campaign: &Campaign, estimate: usize) -> Vec<String> {
     config.columns().into_iter().chain(measured).chain(along).collect()
 }
 
-/// A maneuver: input and kind.
-type Flown = BTreeMap<String, (String, String)>;
+/// By maneuver: flight, input and kind.
+type Flown = BTreeMap<String, [String; 3]>;
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result<Output, Errors> {
     let Some(config) = campaign.estimates.get(unit.index) else { return Ok(Output::default()) };
@@ -72,7 +72,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         if let Some(segments) = inputs.flight("segments", flight)? {
             let (input, kind) = (segments.strings("input")?, segments.strings("kind")?);
             for (row, name) in segments.strings("segment")?.into_iter().enumerate() {
-                flown.insert(name.into(), (input[row].into(), kind[row].into()));
+                flown.insert(name.into(), [flight, input[row], kind[row]].map(String::from));
             }
         }
         if let Some(conditions) = inputs.flight("conditions", flight)? {
@@ -97,8 +97,16 @@ struct One<'a> {
     value: f64,
     sd: f64,
     trim: Option<&'a Trim>,
+    flight: Option<&'a str>,
     input: Option<&'a str>,
     kind: Option<&'a str>,
+}
+
+impl One<'_> {
+    /// In the same flight, the same kind of the same input.
+    fn is_flown_as(&self, other: &One) -> bool {
+        (self.flight, self.input, self.kind) == (other.flight, other.input, other.kind)
+    }
 }
 
 /// Maneuvers that are compared.
@@ -139,22 +147,22 @@ fn ones<'a>(
             value,
             sd,
             trim: trims.get(segment),
-            input: maneuver.map(|m| m.0.as_str()),
-            kind: maneuver.map(|m| m.1.as_str()),
+            flight: maneuver.map(|m| m[0].as_str()),
+            input: maneuver.map(|m| m[1].as_str()),
+            kind: maneuver.map(|m| m[2].as_str()),
         });
     }
     Ok(all.into_values().collect())
 }
 
-/// The sets of maneuvers of one input and kind at the same trimmed condition, each as the first of
-/// it tells: repeats of one another.
+/// The sets of maneuvers of one flight, input and kind at the same trimmed condition, each as the first of
+/// it tells: repeats of one another. From flight to flight friction, mass and what nobody asked for differ.
 fn conditions<'a>(ones: &[One<'a>], common: &Correlations) -> Vec<Set<'a>> {
     let mut all: Vec<(&Trim, Vec<&One<'a>>)> = Vec::new();
     for one in ones {
         let Some(trim) = one.trim.filter(|trim| trim.is_known()) else { continue };
-        let same = |first: &One| (first.input, first.kind) == (one.input, one.kind);
         let like = |(of, set): &&mut (&Trim, Vec<&One>)| {
-            set.first().is_some_and(|f| same(f)) && of.is_like(trim)
+            set.first().is_some_and(|first| first.is_flown_as(one)) && of.is_like(trim)
         };
         match all.iter_mut().find(like) {
             Some((_, set)) => set.push(one),
