@@ -109,7 +109,8 @@ fn programs(problem: &Problem, side: &Side) -> (Program, Vec<Noisy>) {
 /// two of its samples; none where that is not known.
 fn noise(problem: &Problem, s: usize, leaf: Leaf) -> Option<(f64, usize)> {
     let (model, record) = (&problem.case.model, &problem.case.records[s]);
-    let every = |spacing: f64| (spacing / record.dt).round().max(1.0) as usize;
+    let most = record.n.max(1) as f64;
+    let every = |spacing: f64| (spacing / record.dt).round().clamp(1.0, most) as usize;
     match leaf {
         Leaf::State(i) => {
             let output = model.output(&model.states[i].quantity.name);

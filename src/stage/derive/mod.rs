@@ -7,6 +7,7 @@ use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
 use crate::dynamics::{Directions, Interpolation, Propagator, Record};
 use crate::error::{Error, Errors, Result};
 use crate::model::Model;
+use crate::model::graph::Leaf;
 use crate::signal::resample::{Grid, cubic, hold, linear, mean};
 use crate::signal::smooth::smooth;
 use crate::table::{Table, Want};
@@ -171,13 +172,17 @@ pub fn add_model(
     let driving: Vec<&[f64]> =
         inputs.iter().filter_map(|name| columns.get(name)).map(|c| c.values.as_slice()).collect();
     let known = |k: usize| driving.iter().all(|column| column[k].is_finite());
+    // What looks back, or at the clock, sees all that went before.
+    let by_itself =
+        model.delays.is_empty() && !model.graph.leaves(&model.output_nodes).contains(&Leaf::Time);
+    let piece = if by_itself { PIECE } else { n.max(1) };
     let mut outputs = vec![vec![f64::NAN; n]; ny];
     let mut begin = 0;
     while begin < n {
         let end = (begin..n).find(|k| known(*k) != known(begin)).unwrap_or(n);
         if known(begin) && driving.len() == nu {
-            for from in (begin..end).step_by(PIECE) {
-                let to = (from + PIECE).min(end);
+            for from in (begin..end).step_by(piece) {
+                let to = (from + piece).min(end);
                 // an input's rate is that of the line to a neighbour
                 let rows = from.saturating_sub(1).max(begin)..(to + 1).min(end);
                 let values = rows.clone().flat_map(|k| driving.iter().map(move |c| c[k])).collect();
@@ -250,7 +255,56 @@ fn masked(flight: &str, columns: &IndexMap<String, Column>) -> Vec<Note> {
 
 #[cfg(test)]
 mod tests {
-    use super::points;
+    use super::*;
+    use crate::model::Constants;
+
+    /// A flight longer than a piece, with what looks at its own sample alone and with what looks back or at
+    /// the clock: no seam.
+    #[test]
+    fn a_model_that_is_run_in_pieces_has_no_seams() {
+        let n = PIECE + 300;
+        let grid = Grid { t0: 5.0, dt: 0.01, n };
+        let value = |k: usize| libm::sin(0.003 * k as f64);
+        let outputs = [
+            ("own", "rad", "2*u"),
+            ("rate", "rad/s", "rate(u)"),
+            ("late", "rad", "delay(u, 0.5)"),
+            ("clock", "s", "t"),
+        ];
+        for some in [&outputs[..2], &outputs[..]] {
+            let lines: String = some
+                .iter()
+                .map(|(name, unit, text)| {
+                    format!("{name} = {{ unit = \"{unit}\", value = \"{text}\" }}\n")
+                })
+                .collect();
+            let text = format!("title = \"derived\"\n[inputs]\nu = \"rad\"\n[outputs]\n{lines}")
+                .replace("0.5", "tau");
+            let text = text.replace(
+                "[outputs]",
+                "[constants]\ntau = { unit = \"s\", value = 0.5 }\n[outputs]",
+            );
+            let model = Model::parse("derived", &text, &Constants::default())
+                .unwrap_or_else(|e| panic!("{e}"));
+            let u = Column {
+                unit: "rad".into(),
+                doc: String::new(),
+                values: (0..n).map(value).collect(),
+            };
+            let mut columns = IndexMap::from([("u".to_string(), u)]);
+            add_model(&model, &["u".to_string()], &grid, &mut columns).expect("run");
+            let at = |name: &str, k: usize| columns[name].values[k];
+            for k in [100, PIECE - 1, PIECE, PIECE + 1, PIECE + 200] {
+                assert!((at("own", k) - 2.0 * value(k)).abs() < 1e-12);
+                let rate = (value(k + 1) - value(k - 1)) / 0.02;
+                assert!((at("rate", k) - rate).abs() < 1e-2 * 0.3, "{k}: {} {rate}", at("rate", k));
+                if some.len() > 2 {
+                    assert!((at("late", k) - value(k.saturating_sub(50))).abs() < 1e-9, "{k}");
+                    assert!((at("clock", k) - 0.01 * k as f64).abs() < 1e-9, "{k}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn windows_have_a_middle_and_room_for_a_cubic() {
