@@ -60,8 +60,8 @@ pub fn locate(times: &[f64], t: f64, slope_known: bool) -> Past {
         let s = if slope_known { 1.0 } else { 0.0 };
         return Past { i: last, j: last, w: [1.0, d, 0.0, 0.0], slope: [0.0, s, 0.0, 0.0] };
     }
-    let j = times.partition_point(|&x| x <= t).clamp(1, last);
-    let i = j - 1;
+    let i = step_of(times, t);
+    let j = i + 1;
     let h = times[j] - times[i];
     let s = (t - times[i]) / h;
     if j == last && !slope_known {
@@ -81,6 +81,17 @@ pub fn locate(times: &[f64], t: f64, slope_known: bool) -> Past {
     Past { i, j, w, slope }
 }
 
+/// The step that time `t` lies in, `times[0] < t < times[last]`: steps are mostly alike, so one looks
+/// first where it would be if all were.
+fn step_of(times: &[f64], t: f64) -> usize {
+    let last = times.len() - 1;
+    let guess = (t - times[0]) / (times[last] - times[0]) * last as f64;
+    let near = (guess as usize).saturating_sub(1);
+    let found =
+        times[near..(near + 4).min(last + 1)].windows(2).position(|w| w[0] <= t && t < w[1]);
+    found.map_or_else(|| times.partition_point(|&x| x <= t).clamp(1, last) - 1, |k| near + k)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -93,6 +104,19 @@ mod tests {
         assert!((value - f(0.73)).abs() < 1e-12);
         assert!((slope - (-2.0 + 0.73)).abs() < 1e-10);
         assert_eq!(input(&column, 1, 0, 0.1, -3.0), (1.0, 0.0));
+    }
+
+    #[test]
+    fn a_step_is_found_whether_steps_are_alike_or_not() {
+        let alike: Vec<f64> = (0..50).map(|k| 0.1 * f64::from(k)).collect();
+        let uneven: Vec<f64> = alike.iter().map(|t| t * t * t).collect();
+        for times in [alike, uneven] {
+            for k in 1..4000 {
+                let t = times[49] * f64::from(k) / 4000.0;
+                let want = times.partition_point(|&x| x <= t) - 1;
+                assert_eq!(step_of(&times, t), want, "{t}");
+            }
+        }
     }
 
     #[test]

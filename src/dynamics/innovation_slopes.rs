@@ -32,6 +32,8 @@ pub(super) struct Slopes<'p> {
     dc: Aligned,
     dh: Aligned,
     rows: [Aligned; 2],
+    /// No state of a model that noise drives is read later.
+    nothing: Remembered,
 }
 
 impl<'p> Slopes<'p> {
@@ -72,6 +74,7 @@ impl<'p> Slopes<'p> {
             delays: delays(),
             outputs: filter.measured.iter().map(|m| jacobian(&m.rows, &m.program)).collect(),
             sample_delays: filter.measured.iter().map(|_| delays()).collect(),
+            nothing: Remembered::default(),
             between: [zeros(both), zeros(both)],
             sum: zeros(nx),
             noise: filter.measured.iter().map(noise).collect(),
@@ -121,8 +124,8 @@ impl<'p> Slopes<'p> {
                 let from = if number % 2 == 0 { &mut *b } else { &mut *a };
                 let pasts = &way.chunk.pasts[stage * delays..(stage + 1) * delays];
                 let at = (self.delays.at(&way.chunk.stages, stage), stage);
-                // no state of a model that noise drives is read later
-                delayed(self.propagator, self.width, run, pasts, at, from, &Remembered::default());
+                let nothing = &mut self.nothing;
+                delayed(self.propagator, self.width, run, pasts, at, from, nothing);
             }
             let mut job = Steps {
                 s: &mut self.s,
@@ -150,8 +153,8 @@ impl<'p> Slopes<'p> {
         if delays > 0 {
             let pasts = &way.pasts[e * delays..(e + 1) * delays];
             let at = (self.sample_delays[j].at(points, k), k);
-            let nothing = Remembered::default();
-            delayed(self.propagator, self.width, run, pasts, at, &mut self.s, &nothing);
+            let nothing = &mut self.nothing;
+            delayed(self.propagator, self.width, run, pasts, at, &mut self.s, nothing);
         }
         let taking = |dc| Taking {
             places: &self.filter.places,

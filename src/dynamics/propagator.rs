@@ -1,14 +1,15 @@
 //! The compiled programs of one model for one choice of free directions, ready to run over any
 //! number of records.
 
+use super::remembered::Remembered;
 use super::rows::Rows;
-use super::sweep::Sweep;
+use super::sweep::{Late, Sweep};
 use super::sweep_rows::RowSweep;
 use crate::error::Result;
 use crate::math::simd::Width;
 use crate::model::linear::{Linear, Starts};
 use crate::model::machine::{Chain, Lanes, Points};
-use crate::model::{Layout, Model, Moving, Program, StartKind, Tables};
+use crate::model::{Delay, Delayed, Layout, Model, Moving, Program, StartKind, Tables};
 use std::sync::Arc;
 
 /// Free directions: the columns of the sensitivities, parameters first.
@@ -69,7 +70,7 @@ pub(super) struct Machine {
     /// Values of the outputs over lanes of points.
     pub(super) values: Option<Lanes>,
     pub(super) entries: Entries,
-    /// S of a plain model through steps, and the rows of its outputs.
+    /// S through steps of a model without stops and friction, and the rows of its outputs.
     pub(super) sweep: Option<(Sweep, RowSweep)>,
 }
 
@@ -101,7 +102,7 @@ pub struct Propagator {
     /// Velocities that friction or a stop may hold, and what would move them.
     pub(super) moving: Vec<Moving>,
     pub(super) moving_values: Program,
-    pub(super) delays: Vec<crate::model::Delay>,
+    pub(super) delays: Vec<Delay>,
     pub(super) uses_input_rates: bool,
     pub(super) linear: Linear,
     pub(super) native: Arc<Machine>,
@@ -234,9 +235,11 @@ impl Propagator {
         let linear = &self.linear;
         let sweep = || {
             let rows = RowSweep::compile(&self.output_rows, self.directions.len(), vectors);
-            Sweep::compile(&self.rate_rows, vectors).zip(rows)
+            let kept = Remembered::states(self);
+            let late = Late { times: &self.delay_rows, kept: &kept };
+            Sweep::compile(&self.rate_rows, (!self.plain()).then_some(late), vectors).zip(rows)
         };
-        let sweep = (self.plain() && worth(self.rate_rows.operations(), swept)).then(sweep);
+        let sweep = (self.glides() && worth(self.rate_rows.operations(), swept)).then(sweep);
         let entries = || Entries {
             rates: over_lanes(&linear.rates_program),
             outputs: over_lanes(&linear.outputs_program),
@@ -256,9 +259,20 @@ impl Propagator {
         });
     }
 
+    /// Whether there is machine code of anything.
+    pub fn is_compiled(&self) -> bool {
+        self.native.values.is_some() || self.native.rates.is_some()
+    }
+
     /// Whether a step is nothing but rates: without delays, stops and friction.
     pub(super) fn plain(&self) -> bool {
         self.delays.is_empty() && self.limited.is_empty() && self.moving.is_empty()
+    }
+
+    /// Whether a step is nothing but rates, of past values too.
+    pub(super) fn glides(&self) -> bool {
+        let is_past = |delay: &Delay| matches!(delay.of, Delayed::Input(_) | Delayed::State(_));
+        self.delays.iter().all(is_past) && self.limited.is_empty() && self.moving.is_empty()
     }
 
     /// States that need a start value from outside: those that start "measured" and the free ones,

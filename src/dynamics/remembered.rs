@@ -3,6 +3,8 @@
 
 use super::history::Past;
 use super::propagator::Propagator;
+use crate::math::mixed::{Term, mix};
+use crate::math::pool;
 use crate::model::Delayed;
 
 /// Sensitivities at the remembered step times; of no other states than those that are read.
@@ -14,10 +16,26 @@ pub(super) struct Remembered {
     /// Of the states and of their rates, `[step][state][lanes]`.
     s: Vec<f64>,
     k: Vec<f64>,
+    /// A row to work with.
+    past: Vec<f64>,
 }
 
 impl Remembered {
-    pub fn of(propagator: &Propagator) -> Remembered {
+    /// `steps`: about how many there will be.
+    pub fn of(propagator: &Propagator, steps: usize) -> Remembered {
+        let states = Remembered::states(propagator);
+        let lanes = propagator.directions.lanes();
+        let empty = || {
+            let mut list = pool::take(steps * states.len() * lanes);
+            list.clear();
+            list
+        };
+        let [s, k] = [empty(), empty()];
+        Remembered { states, lanes, s, k, past: Vec::new() }
+    }
+
+    /// States that some delay reads, ascending.
+    pub fn states(propagator: &Propagator) -> Vec<usize> {
         let read = |delay: &crate::model::Delay| match delay.of {
             Delayed::State(i) => Some(i),
             _ => None,
@@ -25,12 +43,17 @@ impl Remembered {
         let mut states: Vec<usize> = propagator.delays.iter().filter_map(read).collect();
         states.sort_unstable();
         states.dedup();
-        Remembered { states, lanes: propagator.directions.lanes(), ..Remembered::default() }
+        states
     }
 
     /// Whether any state is read later.
     pub fn is_kept(&self) -> bool {
         !self.states.is_empty()
+    }
+
+    /// How many states are read later.
+    pub fn count(&self) -> usize {
+        self.states.len()
     }
 
     /// A step begins at `s`, `[state][lanes]` of all states; its rates come later.
@@ -52,6 +75,32 @@ impl Remembered {
         }
     }
 
+    /// The same, of the remembered states alone, of which none rests.
+    pub fn rates_of(&mut self, k: &[f64]) {
+        let first = self.k.len() - k.len();
+        self.k[first..].copy_from_slice(k);
+    }
+
+    /// Whether a past value is made of the rates at the begin of the step that began last.
+    pub fn is_present(&self, past: &Past) -> bool {
+        let begun = self.s.len() / (self.states.len() * self.lanes).max(1);
+        let reads = |w: f64, step: usize| w != 0.0 && step + 1 == begun;
+        reads(past.w[1], past.i) || reads(past.w[3], past.j)
+    }
+
+    /// `row = past - slope row`, with the sensitivities of the value that `past` reads of a state.
+    pub fn late(&mut self, state: Option<usize>, past: &Past, slope: f64, row: &mut [f64]) {
+        let mut own = std::mem::take(&mut self.past);
+        own.clear();
+        own.resize(row.len(), 0.0);
+        if let Some(state) = state {
+            self.read(state, past, &mut own);
+        }
+        let n = row.len();
+        mix((&own, 0, &[]), (row, 0, &[Term { factor: -slope, row: 0 }]), n, 1.0);
+        self.past = own;
+    }
+
     /// Adds those of the value that `past` reads of a state to `row`.
     pub fn read(&self, state: usize, past: &Past, row: &mut [f64]) {
         let Ok(slot) = self.states.binary_search(&state) else { return };
@@ -65,5 +114,12 @@ impl Remembered {
             let from = (step * self.states.len() + slot) * self.lanes;
             row.iter_mut().zip(&list[from..from + self.lanes]).for_each(|(r, v)| *r += w * v);
         }
+    }
+}
+
+impl Drop for Remembered {
+    fn drop(&mut self) {
+        pool::give(std::mem::take(&mut self.s));
+        pool::give(std::mem::take(&mut self.k));
     }
 }

@@ -9,6 +9,7 @@ use super::substeps;
 use super::{Grid, Record, Response};
 use crate::error::{Error, Result};
 use crate::math::pool;
+use crate::math::simd::{Eight, Width, by_width};
 use crate::model::Model;
 
 impl Propagator {
@@ -129,12 +130,40 @@ impl Propagator {
 /// Sensitivities at the samples, `[sample][direction]`; zero outside the grid.
 fn between(weights: &[Option<Weights>], rows: &[f64], nd: usize) -> Vec<f64> {
     let mut out = pool::take(weights.len() * nd);
-    out.fill(0.0);
     for (out, w) in out.chunks_exact_mut(nd.max(1)).zip(weights) {
-        let Some(w) = w else { continue };
-        for (w, row) in w.w[..w.len].iter().zip(rows[w.first * nd..].chunks_exact(nd)) {
-            out.iter_mut().zip(row).for_each(|(d, g)| *d += w * g);
+        match w {
+            // SAFETY: the width is this machine's.
+            Some(w) => unsafe { weigh(Width::detect(), w, &rows[w.first * nd..], out) },
+            None => out.fill(0.0),
         }
     }
     out
+}
+
+by_width! {
+    /// `out = sum_k w[k] rows[k]`, of rows of the length of `out`.
+    fn weigh(w: &Weights, rows: &[f64], out: &mut [f64]) = weigh_body
+}
+
+/// # Safety
+/// The machine has the width.
+#[inline(always)]
+unsafe fn weigh_body<V: Eight>(w: &Weights, rows: &[f64], out: &mut [f64]) {
+    let (nd, weights) = (out.len(), &w.w[..w.len]);
+    assert!(rows.len() >= w.len * nd);
+    let whole = nd - nd % 8;
+    for at in (0..whole).step_by(8) {
+        // SAFETY: eight numbers from `at` on lie in every row and in `out`.
+        unsafe {
+            let mut sum = V::splat(0.0);
+            for (k, w) in weights.iter().enumerate() {
+                sum = V::splat(*w).fma(V::load(rows.as_ptr().add(k * nd + at)), sum);
+            }
+            sum.store(out.as_mut_ptr().add(at));
+        }
+    }
+    for at in whole..nd {
+        let each = weights.iter().enumerate();
+        out[at] = each.fold(0.0, |sum, (k, w)| w.mul_add(rows[k * nd + at], sum));
+    }
 }

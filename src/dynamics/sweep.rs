@@ -26,6 +26,21 @@ pub struct Sweep {
     /// Numbers of S, and of the registers that hold entries.
     size: usize,
     registers: usize,
+    /// Delayed values, numbers of a row, registers of the times' entries, and numbers of the rates
+    /// that are kept.
+    delays: usize,
+    lanes: usize,
+    delay_registers: usize,
+    kept: usize,
+}
+
+/// What the code of a model with delays needs besides.
+#[derive(Clone, Copy)]
+pub struct Late<'a> {
+    /// The Jacobian of the delay times.
+    pub times: &'a Rows,
+    /// States that are read later, ascending.
+    pub kept: &'a [usize],
 }
 
 /// Vectors of directions that go side by side.
@@ -54,27 +69,30 @@ impl Group {
     }
 }
 
-/// Where an entry stands: stages side by side, of which the present one is where
-/// `Base::Rsi` points.
-pub(super) fn entry(register: u32, stage: usize) -> Place {
-    Place { base: Base::Rsi, at: 8 * (register as usize + stage) as i32 }
+/// Where an entry stands: stages side by side, of which the present one is where `base` points.
+fn entry(base: Base, register: u32, stage: usize) -> Place {
+    Place { base, at: 8 * (register as usize + stage) as i32 }
 }
 
 impl Sweep {
     /// The functions take the number of steps, where the entries of the first stage stand, S before
     /// the first step and behind it, the bytes from there to S behind the next one, and the weights.
+    /// With delays they take one step: behind S before it stand, stage by stage, the sensitivities of
+    /// the past values themselves; behind S after it go the rates of the states that are kept, at the
+    /// first stage; in place of the bytes where the entries of the delay times stand; and behind the
+    /// weights, stage by stage, minus the slopes of the delayed values.
     ///
-    /// `None` where there is no code of this width, S has delayed values behind it, or the code would
-    /// be too long for the caches.
-    pub fn compile(rows: &Rows, width: Width) -> Option<Sweep> {
-        let plain = rows.reach <= rows.size() && rows.size() > 0;
+    /// `None` where there is no code of this width, or it would be too long for the caches.
+    pub fn compile(rows: &Rows, late: Option<Late>, width: Width) -> Option<Sweep> {
+        let delays = late.map_or(0, |late| late.times.rows);
+        let plain = rows.reach <= rows.size() + delays * rows.lanes && rows.size() > 0;
         let short = rows.products.len() <= MOST;
         let mut builder = Builder::new(width, false).filter(|_| plain && short)?;
         // with more, S of so many rows finds no place in 32 registers; with 16 it finds none anyway
         let side_by_side = if rows.rows > 8 && builder.vector() == 8 { 1 } else { 2 };
         let groups = Group::all(rows.lanes, builder.vector(), side_by_side);
         for group in &groups {
-            let list = step(rows, *group);
+            let list = step(rows, late, *group);
             let next = |asm: &mut Assembler| {
                 asm.copy(Base::Rdx, Base::Rcx);
                 asm.add_register(Base::Rcx, Base::R8);
@@ -82,8 +100,16 @@ impl Sweep {
             };
             builder.function(single_lanes, &list, next, Base::Rdi);
         }
-        let (size, registers) = (rows.size(), rows.registers);
-        Some(Sweep { code: builder.finish()?, groups: groups.len(), size, registers })
+        Some(Sweep {
+            code: builder.finish()?,
+            groups: groups.len(),
+            size: rows.size(),
+            registers: rows.registers,
+            delays,
+            lanes: rows.lanes,
+            delay_registers: late.map_or(0, |late| late.times.registers),
+            kept: late.map_or(0, |late| late.kept.len() * rows.lanes),
+        })
     }
 
     /// Steps whose stages stand in `registers` from `stages.start` on. S before the first step stands
@@ -97,6 +123,7 @@ impl Sweep {
         [from, to]: [usize; 2],
     ) {
         let n = stages.len() / 4;
+        assert!(self.delays == 0 && self.kept == 0);
         assert!(registers.len() >= self.registers && stages.end <= LANES);
         assert!(from + self.size <= s.len() && to + n * self.size <= s.len());
         let entries = registers.as_flattened()[stages.start..].as_ptr() as usize;
@@ -107,7 +134,40 @@ impl Sweep {
             unsafe { self.code.call(group, [n, entries, from, to, 8 * self.size, weights]) };
         }
     }
+
+    /// One step of a model with delays, whose first stage is `stage` of both lists of registers; what
+    /// stands where is said at `compile`.
+    pub fn late_step(
+        &self,
+        [registers, times]: [&[[f64; LANES]]; 2],
+        stage: usize,
+        numbers: &[f64],
+        from: &[f64],
+        to: &mut [f64],
+    ) {
+        assert!(registers.len() >= self.registers && times.len() >= self.delay_registers);
+        assert!(stage + 4 <= LANES && numbers.len() >= SLOPES + 4 * self.delays);
+        assert!(to.len() >= self.size + self.kept);
+        assert!(from.len() >= self.size + 4 * self.delays * self.lanes);
+        let at = |of: &[[f64; LANES]]| of.as_flattened().as_ptr().wrapping_add(stage) as usize;
+        let arguments = [
+            1,
+            at(registers),
+            from.as_ptr() as usize,
+            to.as_mut_ptr() as usize,
+            at(times),
+            numbers.as_ptr() as usize,
+        ];
+        for group in 0..self.groups {
+            // SAFETY: the function reads entries of four stages, numbers, S and past values, and
+            // writes S and rates.
+            unsafe { self.code.call(group, arguments) };
+        }
+    }
 }
+
+/// Numbers before the slopes: the weights.
+pub(super) const SLOPES: usize = 8;
 
 /// Mask `k` names lane `k` (AVX-512).
 pub(super) fn single_lanes(asm: &mut Assembler) {
@@ -120,12 +180,13 @@ pub(super) fn single_lanes(asm: &mut Assembler) {
 struct Writer<'a> {
     list: List,
     rows: &'a Rows,
+    late: Option<Late<'a>>,
     group: Group,
 }
 
 /// One Runge-Kutta step.
-fn step(rows: &Rows, group: Group) -> List {
-    let mut writer = Writer { list: List::default(), rows, group };
+fn step(rows: &Rows, late: Option<Late>, group: Group) -> List {
+    let mut writer = Writer { list: List::default(), rows, late, group };
     let start = writer.states(Base::Rdx);
     let (mut at, mut sum): (_, Vec<Vec<Value>>) = (start.clone(), Vec::new());
     for stage in 0..4 {
@@ -133,9 +194,13 @@ fn step(rows: &Rows, group: Group) -> List {
             let place = Place { base: Base::R9, at: 16 * stage as i32 + k };
             writer.list.push(Step::Number(place))
         });
+        let delayed = writer.delayed(stage, &at);
         let mut next = Vec::new();
         for (row, start) in start.iter().enumerate() {
-            let k = writer.row(row, stage, &at);
+            let k = writer.row(row, stage, &at, &delayed);
+            if stage == 0 {
+                writer.keep(row, &k);
+            }
             let led = |writer: &mut Writer, k: &[Value]| -> Vec<Value> {
                 k.iter().zip(start).map(|(&k, &s)| writer.fused(ahead, k, s)).collect()
             };
@@ -175,8 +240,43 @@ impl Writer<'_> {
             .collect()
     }
 
-    fn row(&mut self, row: usize, stage: usize, s: &[Vec<Value>]) -> Vec<Value> {
-        row_of(&mut self.list, self.rows, self.group, row, stage, |_, column, i| s[column][i])
+    /// `d` stands behind `s`.
+    fn row(&mut self, row: usize, stage: usize, s: &[Vec<Value>], d: &[Vec<Value>]) -> Vec<Value> {
+        let of = |_: &mut List, column: usize, i: usize| match column.checked_sub(s.len()) {
+            Some(delay) => d[delay][i],
+            None => s[column][i],
+        };
+        row_of(&mut self.list, self.rows, self.group, row, (Base::Rsi, stage), of)
+    }
+
+    /// Sensitivities of the delayed values, `dX(t - tau) = S(t - tau) - X'(t - tau) dtau`, at a stage
+    /// where those of the states are `s`.
+    fn delayed(&mut self, stage: usize, s: &[Vec<Value>]) -> Vec<Vec<Value>> {
+        let Some(Late { times, .. }) = self.late else { return Vec::new() };
+        let (group, lanes, delays) = (self.group, self.rows.lanes, times.rows);
+        let of = |(writer, delay): (&mut Self, usize)| {
+            let list = &mut writer.list;
+            let time =
+                row_of(list, times, group, delay, (Base::R8, stage), |_, column, i| s[column][i]);
+            let at = stage * delays + delay;
+            let slope = Place { base: Base::R9, at: 8 * (SLOPES + at) as i32 };
+            let slope = list.push(Step::Number(slope));
+            let past = |(i, time): (usize, Value)| {
+                let past = group.place(Base::Rdx, writer.rows.rows + at, lanes, i);
+                let past = writer.list.push(Step::Vector(past));
+                writer.list.fused(time, slope, past)
+            };
+            time.into_iter().enumerate().map(past).collect()
+        };
+        (0..delays).map(|delay| of((&mut *self, delay))).collect()
+    }
+
+    /// The rates of a state that is read later go behind S.
+    fn keep(&mut self, row: usize, k: &[Value]) {
+        let kept = self.late.map_or(&[][..], |late| late.kept);
+        if let Ok(slot) = kept.binary_search(&row) {
+            self.store(self.rows.rows + slot, k);
+        }
     }
 
     fn added(&mut self, a: &[Value], b: &[Value]) -> Vec<Value> {
@@ -200,21 +300,22 @@ impl Writer<'_> {
     }
 }
 
-/// A row of `J_x S + J_p` as vectors; `source`: S of a column, vector `i`.
+/// A row of `J_x S + J_p` as vectors, its entries where `base` points; `source`: S of a column,
+/// vector `i`.
 pub(super) fn row_of(
     list: &mut List,
     rows: &Rows,
     group: Group,
     row: usize,
-    stage: usize,
+    (base, stage): (Base, usize),
     mut source: impl FnMut(&mut List, usize, usize) -> Value,
 ) -> Vec<Value> {
     let mut sums: Vec<Value> =
-        (0..group.vectors).map(|i| direct(list, rows, group, row, stage, i)).collect();
+        (0..group.vectors).map(|i| direct(list, rows, group, row, (base, stage), i)).collect();
     for product in rows.products_of(row) {
         let column = product.source as usize / rows.lanes;
         let one = rows.is_one(product.entry);
-        let x = list.push(Step::Number(entry(product.entry, stage)));
+        let x = list.push(Step::Number(entry(base, product.entry, stage)));
         for (i, sum) in sums.iter_mut().enumerate() {
             let s = source(list, column, i);
             *sum = if one { list.push(Step::Two(ADD, s, *sum)) } else { list.fused(x, s, *sum) };
@@ -224,7 +325,14 @@ pub(super) fn row_of(
 }
 
 /// What acts by itself on a row, vector `i`.
-fn direct(list: &mut List, rows: &Rows, group: Group, row: usize, stage: usize, i: usize) -> Value {
+fn direct(
+    list: &mut List,
+    rows: &Rows,
+    group: Group,
+    row: usize,
+    (base, stage): (Base, usize),
+    i: usize,
+) -> Value {
     let first = group.first + i * group.vector;
     let mut acts: Vec<(usize, u32)> = rows
         .acts
@@ -235,7 +343,7 @@ fn direct(list: &mut List, rows: &Rows, group: Group, row: usize, stage: usize, 
     acts.sort_unstable();
     let mut before = None;
     for (lane, register) in acts {
-        before = Some(list.push(Step::Insert(before, lane as u8, entry(register, stage))));
+        before = Some(list.push(Step::Insert(before, lane as u8, entry(base, register, stage))));
     }
     before.unwrap_or_else(|| list.push(Step::Zero))
 }

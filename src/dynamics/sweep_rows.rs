@@ -113,7 +113,7 @@ fn point(rows: &Rows, group: Group, directions: usize) -> List {
     let left = directions - group.first;
     let mut seen: Vec<Option<u32>> = vec![None; rows.reach / rows.lanes];
     for row in 0..rows.rows {
-        let sum = row_of(&mut list, rows, group, row, 0, |list, column, i| {
+        let sum = row_of(&mut list, rows, group, row, (Base::Rsi, 0), |list, column, i| {
             let place = group.place(Base::Rdx, column, rows.lanes, i);
             *seen[column].get_or_insert_with(|| list.push(Step::Vector(place)))
         });

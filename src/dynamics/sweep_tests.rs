@@ -128,7 +128,7 @@ fn s_has_the_kernels_bits() {
         for every in 1..4 {
             let want = by_kernels(&case, &start, every);
             for &width in &Width::available()[1..] {
-                let sweep = Sweep::compile(&case.rows, width).expect("code for this machine");
+                let sweep = Sweep::compile(&case.rows, None, width).expect("code for this machine");
                 let whole = 4usize.div_ceil(every);
                 let between = (whole + 1) * size;
                 let place = |step: usize| match (step, step % every) {
@@ -226,5 +226,59 @@ fn a_whole_model_has_the_interpreters_bits() {
         assert_eq!(bits(&got.y), bits(&want.y), "{n} points, {substeps} steps each");
         let differ = got.dy.iter().zip(&want.dy).position(|(a, b)| a.to_bits() != b.to_bits());
         assert_eq!(differ, None, "{n} points, {substeps} steps each");
+    }
+}
+
+/// Delays of inputs and states: by a parameter, by a distance over a speed, and shorter than a step.
+const LATE: &str = r#"title = "late"
+[inputs]
+u = "rad"
+[parameters]
+a = { unit = "1/s", start = -1.5 }
+b = { unit = "1/s", start = 0.8 }
+c = { unit = "1/s2", start = -3.0 }
+d = { unit = "1/s", start = 0.4 }
+tau = { unit = "s", start = TAU }
+l = { unit = "m", start = 6.0 }
+bias = { unit = "rad", start = 0.01 }
+[states]
+x = { unit = "rad", rate = "a*x + q + b*delay(u, tau)", start = 0.02 }
+q = { unit = "rad/s", rate = "c*x - q/s + d*delay(x, tau)/s + d*delay(q, l/V)", start = -0.01 }
+V = { unit = "m/s", rate = "-2.0*g*x", start = 60.0 }
+[constants]
+s = { unit = "s", value = 1.0 }
+g = { unit = "m/s2", value = 9.81 }
+[outputs]
+x = { unit = "rad", value = "x + bias" }
+q = { unit = "rad/s", value = "q*delay(x, l/V) + delay(q, tau)" }
+u = { unit = "rad", value = "delay(u, tau) + sin(x)" }
+"#;
+
+#[test]
+fn a_model_with_delays_has_the_interpreters_bits() {
+    for tau in ["0.1", "0.013", "0.031"] {
+        let text = LATE.replace("TAU", tau);
+        let model =
+            Model::parse("late", &text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"));
+        let parameters: Vec<f64> = model.parameters.iter().map(|p| p.start).collect();
+        for directions in [
+            Directions { parameters: (0..parameters.len()).collect(), starts: vec![0, 1, 2] },
+            Directions { parameters: vec![4], starts: vec![] },
+        ] {
+            let mut propagator = Propagator::new(&model, directions).expect("a propagator");
+            for (n, substeps) in [(1, 1), (33, 1), (70, 2), (40, 5)] {
+                let record = record(&model, n, substeps);
+                let starts =
+                    propagator.first_values(&model, &parameters, &record, &record).expect("starts");
+                let [want, got] = [Tier::Interpreter, Tier::Native].map(|tier| {
+                    propagator.compile(tier, 1, n);
+                    propagator.run(&parameters, &starts, &record, true)
+                });
+                let made = Width::detect() == Width::Plain || propagator.native.sweep.is_some();
+                assert!(made && want.finite && got.finite, "tau {tau}, {n} points");
+                assert_eq!(bits(&got.y), bits(&want.y), "tau {tau}, {n} points");
+                assert_eq!(bits(&got.dy), bits(&want.dy), "tau {tau}, {n} points, {substeps}");
+            }
+        }
     }
 }

@@ -15,7 +15,7 @@ use super::values::{Chunk, Run};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
 use crate::model::machine::Lanes;
-use crate::model::{Delayed, Program};
+use crate::model::{Delay, Delayed, Program};
 
 pub struct Tangent<'p> {
     propagator: &'p Propagator,
@@ -42,6 +42,7 @@ pub struct Tangent<'p> {
     done: usize,
     remembered: Remembered,
     work: Work,
+    late: Late,
     /// Zeros as long as all rows are finite.
     zeros: [f64; 8],
 }
@@ -111,6 +112,14 @@ struct Work {
     kept: Aligned,
 }
 
+/// What a step of a model with delays hands to its machine code, and gets back (see `Sweep`).
+#[derive(Default)]
+struct Late {
+    from: Aligned,
+    to: Aligned,
+    numbers: Vec<f64>,
+}
+
 impl<'p> Tangent<'p> {
     /// `starts`: register file of the evaluated start program.
     pub fn new(
@@ -149,15 +158,20 @@ impl<'p> Tangent<'p> {
             limits: of_limits,
             rows: (0..ny).map(|_| pool::take(points * nd)).collect(),
             done: 0,
-            remembered: Remembered::of(propagator),
+            remembered: Remembered::of(propagator, points),
             work: Work {
                 between: [zeros(both), zeros(both)],
                 k: zeros(nx),
                 sum: zeros(nx),
                 kept: Aligned::default(),
             },
+            late: Late::default(),
             zeros: [0.0; 8],
         };
+        if !propagator.plain() && propagator.native.sweep.is_some() {
+            tangent.late.from = zeros(nx + 4 * propagator.delays.len());
+            tangent.late.to = zeros(nx + tangent.remembered.count());
+        }
         if !tangent.limits.is_empty() && !propagator.limits_move {
             let point = vec![0.0; propagator.layout.time() + 1];
             let block = tangent.end_limits.at(&point, 0);
@@ -186,8 +200,95 @@ impl<'p> Tangent<'p> {
         match (self.propagator.plain(), &self.propagator.native.sweep) {
             (true, Some((steps, rows))) => self.sweep(run, chunk, steps, rows),
             (true, None) => self.march(run, chunk),
-            (false, _) => self.walk(run, chunk),
+            (false, Some((steps, rows))) => self.glide(run, chunk, steps, rows),
+            (false, None) => self.walk(run, chunk),
         }
+    }
+
+    /// A chunk of a model with delays, by machine code. A step that reads what it begins with itself
+    /// goes stage by stage.
+    fn glide(&mut self, run: &Run, chunk: &Chunk, steps: &Sweep, rows: &RowSweep) {
+        let (delays, history) = (self.propagator.delays.len(), run.keeps_history());
+        let stride = (self.propagator.layout.states + delays) * self.lanes;
+        let points = chunk.points.len() / (self.propagator.layout.time() + 1);
+        let mut kept = std::mem::take(&mut self.work.kept);
+        kept.resize(points * stride);
+        let mut step = 0;
+        for point in 0..points {
+            if history {
+                self.remembered.begin(&self.s);
+            }
+            self.delayed_at(run, chunk, point);
+            kept[point * stride..][..stride].copy_from_slice(&self.s[..stride]);
+            for s in 0..chunk.substeps.get(point).copied().unwrap_or(0) {
+                if history && s > 0 {
+                    self.remembered.begin(&self.s);
+                }
+                let (first, weights) = (4 * step, weights(chunk.lengths[step]));
+                let pasts = &chunk.pasts[first * delays..][..4 * delays];
+                if pasts.iter().any(|past| self.remembered.is_present(past)) {
+                    for (k, pasts) in pasts.chunks_exact(delays).enumerate() {
+                        self.stage(run, &chunk.stages, first + k, &[], pasts, weights);
+                    }
+                } else {
+                    self.late_step(run, chunk, first, (steps, weights.as_flattened()));
+                }
+                step += 1;
+            }
+        }
+        let mut goal = Goal::new(&mut self.rows);
+        for first in (0..points).step_by(LANES) {
+            let n = LANES.min(points - first);
+            let registers = self.outputs.registers(&chunk.points, first);
+            rows.points(registers, n, (&kept[first * stride..], stride), self.done, &mut goal);
+            self.done += n;
+        }
+        if !goal.is_finite() {
+            self.zeros = [f64::NAN; 8];
+        }
+        self.work.kept = kept;
+    }
+
+    /// One step by machine code, `first` its first stage in the chunk.
+    fn late_step(
+        &mut self,
+        run: &Run,
+        chunk: &Chunk,
+        first: usize,
+        (steps, weights): (&Sweep, &[f64]),
+    ) {
+        let (lanes, size) = (self.lanes, self.propagator.layout.states * self.lanes);
+        let delays = &self.propagator.delays;
+        let Late { from, to, numbers } = &mut self.late;
+        from[..size].copy_from_slice(&self.s[..size]);
+        from[size..].fill(0.0);
+        numbers.clear();
+        numbers.extend_from_slice(weights);
+        let pasts = chunk.pasts[first * delays.len()..].chunks_exact(delays.len()).take(4);
+        let rows = from[size..].chunks_exact_mut(lanes);
+        for ((delay, past), row) in pasts.flat_map(|pasts| delays.iter().zip(pasts)).zip(rows) {
+            numbers.push(-slope(run, delay, past));
+            if let Some(state) = state(delay) {
+                self.remembered.read(state, past, row);
+            }
+        }
+        let rates = self.rates.registers(&chunk.stages, first);
+        let times = self.delays.registers(&chunk.stages, first);
+        steps.late_step([rates, times], first % LANES, numbers, from, to);
+        self.s[..size].copy_from_slice(&to[..size]);
+        self.remembered.rates_of(&to[size..]);
+    }
+
+    /// Sensitivities of the delayed values at a point of a chunk, behind those of the states.
+    fn delayed_at(&mut self, run: &Run, chunk: &Chunk, point: usize) {
+        let delays = self.propagator.delays.len();
+        if delays == 0 {
+            return;
+        }
+        let pasts = &chunk.point_pasts[point * delays..(point + 1) * delays];
+        let at = (self.point_delays.at(&chunk.points, point), point);
+        let s = &mut self.s;
+        delayed(self.propagator, self.width, run, pasts, at, s, &mut self.remembered);
     }
 
     /// A chunk of a plain model, by machine code.
@@ -292,18 +393,7 @@ impl<'p> Tangent<'p> {
             if history {
                 self.remembered.begin(&self.s);
             }
-            if delays > 0 {
-                let pasts = &chunk.point_pasts[point * delays..(point + 1) * delays];
-                delayed(
-                    propagator,
-                    self.width,
-                    run,
-                    pasts,
-                    (self.point_delays.at(&chunk.points, point), point),
-                    &mut self.s,
-                    &self.remembered,
-                );
-            }
+            self.delayed_at(run, chunk, point);
             let to = Append {
                 lists: &mut self.rows,
                 directions: propagator.directions.len(),
@@ -384,7 +474,7 @@ impl<'p> Tangent<'p> {
                 pasts,
                 (self.delays.at(stages, at), at),
                 from,
-                &self.remembered,
+                &mut self.remembered,
             );
         }
         let k = history.then_some(&mut **k);
@@ -495,6 +585,23 @@ pub(super) fn weights(h: f64) -> [[f64; 2]; 4] {
     std::array::from_fn(|i| [WEIGHT[i], if i < 3 { AHEAD[i] * h } else { h / 6.0 }])
 }
 
+/// The state that a delay reads.
+fn state(delay: &Delay) -> Option<usize> {
+    match delay.of {
+        Delayed::State(i) => Some(i),
+        _ => None,
+    }
+}
+
+/// The time derivative of a delayed value.
+fn slope(run: &Run, delay: &Delay, past: &Past) -> f64 {
+    match delay.of {
+        Delayed::State(i) => run.past_value(i, past, &past.slope),
+        Delayed::Input(_) => past.slope[0],
+        _ => 0.0,
+    }
+}
+
 /// Sensitivities of the delayed values, behind those of the states in `s`:
 /// `dX(t - tau) = S(t - tau) - X'(t - tau) dtau`. `taus`: the Jacobian of the delay times, and the
 /// point; `remembered`: sensitivities at past steps.
@@ -505,7 +612,7 @@ pub(super) fn delayed(
     pasts: &[Past],
     (taus, point): (Block, usize),
     s: &mut [f64],
-    remembered: &Remembered,
+    remembered: &mut Remembered,
 ) {
     let (nx, lanes) = (propagator.layout.states, propagator.directions.lanes());
     let (s, out) = s.split_at_mut(nx * lanes);
@@ -513,21 +620,13 @@ pub(super) fn delayed(
     unsafe { product(width, taus, point % LANES, s, out) };
     for (k, (delay, past)) in propagator.delays.iter().zip(pasts).enumerate() {
         let (row, next) = out[k * lanes..].split_at_mut(lanes);
-        let slope = match delay.of {
-            Delayed::Input(_) => past.slope[0],
-            Delayed::Smooth(_) => {
-                // d smooth = by_reach dT + by_width dw; the row of w stands behind that of T.
-                row.iter_mut()
-                    .zip(&next[..lanes])
-                    .for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
-                continue;
-            }
-            Delayed::Within(_) => 0.0,
-            Delayed::State(i) => run.past_value(i, past, &past.slope),
-        };
-        row.iter_mut().for_each(|v| *v *= -slope);
-        if let Delayed::State(i) = delay.of {
-            remembered.read(i, past, row);
+        if let Delayed::Smooth(_) = delay.of {
+            // d smooth = by_reach dT + by_width dw; the row of w stands behind that of T.
+            row.iter_mut()
+                .zip(&next[..lanes])
+                .for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
+            continue;
         }
+        remembered.late(state(delay), past, slope(run, delay, past), row);
     }
 }

@@ -5,7 +5,7 @@ use super::choice::Chosen;
 use super::segment::{CAMPAIGN, Grouping, SEGMENT, Segment, instants};
 use super::trace::Filtered;
 use super::{Label, Line, NoiseKind, Settings, Trace};
-use crate::dynamics::{Channel, Directions, Filter, Innovation, Lost, Propagator, Record};
+use crate::dynamics::{Channel, Directions, Filter, Innovation, Lost, Propagator, Record, Tier};
 use crate::error::Result;
 use crate::least_squares::{Block, Layout, Part, Structure};
 use crate::model::graph::Leaf;
@@ -208,7 +208,13 @@ impl Case {
                 parameters: self.chosen.own.clone(),
                 starts: self.chosen.initial.clone(),
             };
-            Propagator::of_outputs(&self.model, directions, self.outputs.clone()).ok()
+            let narrow = Propagator::of_outputs(&self.model, directions, self.outputs.clone());
+            let mut narrow = narrow.ok()?;
+            if self.propagator.is_compiled() {
+                let points = self.records.iter().map(|r| r.n).sum();
+                narrow.compile(Tier::Auto, PASSES, points);
+            }
+            Some(narrow)
         };
         if let (None, Some(narrow)) = (&self.filter, self.narrow.get_or_init(made)) {
             return self.residuals(narrow, s, local, true);

@@ -1,6 +1,7 @@
 //! Small mathematics used on every floor: dense matrices in flat slices, quantiles of
 //! distributions, interpolation, Fourier sums, vectors of the width the machine has.
 
+pub mod combined;
 pub mod complex;
 pub mod dense;
 mod digits;
@@ -8,6 +9,7 @@ pub mod distribution;
 pub mod eigen;
 pub mod fourier;
 pub mod interpolate;
+pub mod mixed;
 pub mod pool;
 pub mod products;
 pub mod simd;

@@ -4,7 +4,7 @@
 use std::cell::RefCell;
 
 /// Buffers kept per thread.
-const MOST: usize = 64;
+const MOST: usize = 128;
 
 thread_local! {
     static FREE: RefCell<Vec<Vec<f64>>> = const { RefCell::new(Vec::new()) };

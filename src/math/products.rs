@@ -30,7 +30,7 @@ impl Gram {
     }
 
     /// Products of columns of equal length.
-    pub fn of(columns: &[Vec<f64>]) -> Gram {
+    pub fn of<C: AsRef<[f64]>>(columns: &[C]) -> Gram {
         let n = columns.len();
         let sums = upper_rows(columns, n);
         let scale = (0..n).map(|i| sums[i * n + i]).collect();
@@ -109,9 +109,10 @@ impl Gram {
 
 /// Products of each of the first `wanted` columns with itself and all behind it: `[wanted][columns]`,
 /// zero before the diagonal.
-pub fn upper_rows(columns: &[Vec<f64>], wanted: usize) -> Vec<f64> {
+pub fn upper_rows<C: AsRef<[f64]>>(columns: &[C], wanted: usize) -> Vec<f64> {
+    let columns: Vec<&[f64]> = columns.iter().map(AsRef::as_ref).collect();
     let (n, width) = (columns.len(), Width::detect());
-    let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
+    let rows = columns.iter().map(|column| column.len()).min().unwrap_or(0);
     let mut sums = vec![0.0; wanted * n];
     // Rows in pieces that stay in the cache while every column meets every other.
     for from in (0..rows).step_by(PIECE) {
@@ -129,15 +130,53 @@ pub fn upper_rows(columns: &[Vec<f64>], wanted: usize) -> Vec<f64> {
 
 /// Products of a column with each of some others of its length.
 pub fn with_each(column: &[f64], others: &[Vec<f64>]) -> Vec<f64> {
+    let others: Vec<&[f64]> = others.iter().map(Vec::as_slice).collect();
     let mut sums = vec![0.0; others.len()];
     // SAFETY: the width is this machine's.
-    unsafe { add_products(Width::detect(), column, others, 0..column.len(), &mut sums) };
+    unsafe { add_products(Width::detect(), column, &others, 0..column.len(), &mut sums) };
+    sums
+}
+
+/// Products of a series from sample `m` on with itself `0..=m` samples before.
+pub fn with_lags(x: &[f64], m: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; m + 1];
+    if x.len() > m {
+        // SAFETY: the width is this machine's.
+        unsafe { add_lags(Width::detect(), x, &mut sums) };
+    }
     sums
 }
 
 by_width! {
+    /// Adds the products of a series with itself before, sum `j` those of `j` samples: of the samples
+    /// that have so many before them as the last sum asks for.
+    fn add_lags(x: &[f64], sums: &mut [f64]) = add_lags_body
+}
+
+/// # Safety
+/// The machine has the width.
+#[inline(always)]
+unsafe fn add_lags_body<V: Eight>(x: &[f64], sums: &mut [f64]) {
+    let m = sums.len() - 1;
+    let late = &x[m..];
+    let before = |lag: usize| &x[m - lag..][..late.len()];
+    let mut fours = sums.chunks_exact_mut(4);
+    let mut lag = 0;
+    for sums in &mut fours {
+        // SAFETY: the machine has the width.
+        let of = unsafe { dots::<V, 4>(late, std::array::from_fn(|k| before(lag + k))) };
+        sums.iter_mut().zip(of).for_each(|(sum, x)| *sum += x);
+        lag += 4;
+    }
+    for (k, sum) in fours.into_remainder().iter_mut().enumerate() {
+        // SAFETY: the machine has the width.
+        *sum += unsafe { dots::<V, 1>(late, [before(lag + k)]) }[0];
+    }
+}
+
+by_width! {
     /// Adds the products of rows of a column with the same rows of each of the others.
-    fn add_products(a: &[f64], columns: &[Vec<f64>], rows: Range<usize>, sums: &mut [f64]) = add_products_body
+    fn add_products(a: &[f64], columns: &[&[f64]], rows: Range<usize>, sums: &mut [f64]) = add_products_body
 }
 
 /// # Safety
@@ -145,7 +184,7 @@ by_width! {
 #[inline(always)]
 unsafe fn add_products_body<V: Eight>(
     a: &[f64],
-    columns: &[Vec<f64>],
+    columns: &[&[f64]],
     rows: Range<usize>,
     sums: &mut [f64],
 ) {

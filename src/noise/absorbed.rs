@@ -14,6 +14,7 @@
 //!
 //! Own parameters of a segment are eliminated first. What the data do not determine counts as held.
 
+use crate::math::combined::combined;
 use crate::math::products::{Gram, dot, factor};
 
 /// What a column of a segment's sensitivities belongs to.
@@ -67,11 +68,11 @@ impl Part {
             .filter_map(|d| if let Direction::Shared(place) = d { Some(*place) } else { None })
             .collect();
         let order: Vec<usize> = own.iter().chain(&shared).copied().collect();
-        let columns: Vec<Vec<f64>> = order
+        let columns: Vec<&[f64]> = order
             .iter()
             .copied()
             .chain([directions.len()])
-            .map(|d| white.get(d).cloned().unwrap_or_default())
+            .map(|d| white.get(d).map(Vec::as_slice).unwrap_or_default())
             .collect();
         let mut gram = Gram::of(&columns);
         let e = order.len();
@@ -202,17 +203,11 @@ impl Taken {
     /// was absorbed; NaN where `e` is. `g`: its sensitivities, `[sample][direction]`.
     pub fn series(&self, e: &[f64], g: &[f64]) -> Vec<Vec<f64>> {
         let nd = self.step.len();
-        let mut all = vec![vec![f64::NAN; e.len()]; 1 + self.columns];
-        let mut sums = vec![0.0; self.columns];
-        for k in (0..e.len()).filter(|&k| !e[k].is_nan()) {
-            let g = &g[k * nd..(k + 1) * nd];
-            all[0][k] = e[k] - dot(g, &self.step);
-            sums.fill(0.0);
-            let rows = self.root.chunks_exact(self.columns.max(1));
-            for (g, row) in g.iter().zip(rows).filter(|(g, _)| **g != 0.0) {
-                sums.iter_mut().zip(row).for_each(|(sum, r)| *sum += g * r);
-            }
-            all[1..].iter_mut().zip(&sums).for_each(|(column, sum)| column[k] = *sum);
+        let left = |(k, e): (usize, &f64)| e - dot(&g[k * nd..(k + 1) * nd], &self.step);
+        let mut all = vec![e.iter().enumerate().map(left).collect::<Vec<f64>>()];
+        all.extend(combined(g, nd, &self.root, self.columns));
+        for k in (0..e.len()).filter(|&k| e[k].is_nan()) {
+            all.iter_mut().for_each(|column| column[k] = f64::NAN);
         }
         all
     }

@@ -21,7 +21,7 @@
 
 use super::ar::{Ar, step_up};
 use crate::math::distribution::chi2_cdf;
-use crate::math::products::dot;
+use crate::math::products::with_lags;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -89,13 +89,15 @@ impl Products {
 
     fn run(&mut self, x: &[f64]) {
         self.square += x.iter().map(|v| v * v).sum::<f64>();
-        for t in 0..self.order.min(x.len()) {
-            let triangle = &mut self.sums[begins(t)..begins(t + 1)];
+        // The first samples backwards, so that products of one with those before it stand in a row.
+        let back: Vec<f64> = x[..self.order.min(x.len())].iter().rev().copied().collect();
+        for t in 0..back.len() {
+            let (triangle, past) =
+                (&mut self.sums[begins(t)..begins(t + 1)], &back[back.len() - 1 - t..]);
             let mut at = 0;
             for i in 0..=t {
-                for j in 0..=i {
-                    triangle[at + j] += x[t - i] * x[t - j];
-                }
+                let row = &mut triangle[at..=at + i];
+                row.iter_mut().zip(past).for_each(|(sum, x)| *sum += past[i] * x);
                 at += i + 1;
             }
         }
@@ -106,9 +108,7 @@ impl Products {
         // R(0, j) by its sum, R(i + 1, j + 1) = R(i, j) + what enters before the first sample -
         // what leaves at the last.
         let triangle = &mut self.sums[begins(m)..];
-        let late = &x[m..];
-        for j in 0..=m {
-            let mut r = dot(late, &x[m - j..]);
+        for (j, mut r) in with_lags(x, m).into_iter().enumerate() {
             triangle[j * (j + 1) / 2] += r;
             for i in 1..=m - j {
                 r += x[m - i] * x[m - i - j] - x[n - i] * x[n - i - j];

@@ -7,6 +7,7 @@
 
 use super::ar::Ar;
 use super::gaps::{Gaps, innovation};
+use crate::math::mixed::{Term, mix};
 use crate::math::products::dot;
 use crate::math::simd::{Eight, Width, by_width};
 
@@ -68,6 +69,18 @@ impl Filter {
         // Samples are predicted from those before them: from the last one down.
         for i in (0..last.min(x.len())).rev() {
             x[i] = innovation(&self.predictors[i], &x[..=i]) / self.variances[i].sqrt();
+        }
+    }
+
+    /// Rows `[sample][n]` of series that were measured throughout, each series made white, into `to`.
+    pub fn whiten_rows(&self, x: &[f64], n: usize, to: &mut [f64]) {
+        let back = |(j, a): (usize, &f64)| Term { factor: -a, row: -(((j + 1) * n) as isize) };
+        let terms: Vec<Vec<Term>> =
+            self.predictors.iter().map(|of| of.iter().enumerate().map(back).collect()).collect();
+        for sample in 0..x.len().checked_div(n).unwrap_or(0) {
+            let order = self.order(sample);
+            let scale = 1.0 / self.variances[order].sqrt();
+            mix((x, sample * n, &terms[order]), (to, sample * n, &[]), n, scale);
         }
     }
 
@@ -193,6 +206,27 @@ mod tests {
         Filter::new(&model).whiten(&mut mine, &[false; 12]);
         forward(&cholesky(&sigma, n).expect("definite"), n, &mut want);
         assert!(mine.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-9), "{mine:?} {want:?}");
+    }
+
+    #[test]
+    fn rows_are_made_white_as_series_are() {
+        let filter =
+            Filter::new(&Ar::with_coefficients(&[1.2, -0.6, 0.2], 0.7).expect("stationary"));
+        for (samples, n) in [(2, 3), (40, 11), (50, 1)] {
+            let series: Vec<Vec<f64>> = (0..n)
+                .map(|k| (0..samples).map(|i| libm::sin(1.7 * (i * n + k) as f64)).collect())
+                .collect();
+            let rows: Vec<f64> =
+                (0..samples).flat_map(|i| series.iter().map(move |x| x[i])).collect();
+            let mut white = vec![f64::NAN; rows.len()];
+            filter.whiten_rows(&rows, n, &mut white);
+            for (k, x) in series.into_iter().enumerate() {
+                let mut x = x;
+                filter.whiten(&mut x, &vec![false; samples]);
+                let mine = white.iter().skip(k).step_by(n);
+                assert!(mine.zip(&x).all(|(a, b)| (a - b).abs() < 1e-12), "{samples} {n}");
+            }
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::training::Task;
 use crate::diagnose::residual::evaluation::Evaluation;
 use crate::estimate::Block;
 use crate::least_squares::give_back;
+use crate::math::pool;
 use crate::math::products::{DEPENDENT, Gram};
 use rayon::prelude::*;
 
@@ -113,6 +114,7 @@ impl Task<'_> {
         columns.push(residuals);
         to.push(self.free.len());
         let gram = self.products(s, theta, &columns);
+        columns.into_iter().for_each(pool::give);
         let own = self.case.layout.parts[s].own;
         gram.scale.iter().all(|v| v.is_finite()).then_some(Part { own, to, gram })
     }

@@ -13,6 +13,7 @@ use crate::estimate::Case;
 use crate::least_squares::{
     Block, Evaluate, Layout, Method, Part, Stop, Structure, Undetermined, give_back, minimise,
 };
+use crate::math::pool;
 use rayon::prelude::*;
 
 /// Which segments and which shared parameters take part.
@@ -154,10 +155,14 @@ impl Task<'_> {
                 (true, true) => (self.case.evaluate_own(s, &all)?, own.collect()),
                 (true, false) => (self.case.evaluate(s, &all, true)?, places[k].clone()),
             };
-            let mut columns = self.noise.whiten(s, &blocks, &wanted);
+            let known = self.noise.whiten_rows(s, &blocks, &wanted);
+            let columns = if known.is_some() { &[] } else { &wanted[..] };
+            let mut columns = self.noise.whiten(s, &blocks, columns);
             give_back(blocks);
             let e = columns.pop().filter(|e| e.iter().all(|e| e.is_finite()))?;
-            Some(vec![Block::new(0, e, rows_of(&columns))])
+            let rows = known.unwrap_or_else(|| rows_of(&columns));
+            columns.into_iter().for_each(pool::give);
+            Some(vec![Block::new(0, e, rows)])
         }
     }
 

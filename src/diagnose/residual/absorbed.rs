@@ -4,6 +4,7 @@
 use super::evaluation::Evaluation;
 use super::whitening::Noise;
 use crate::estimate::Block;
+use crate::math::pool;
 use crate::noise::{Absorbed, Direction, Part, Prior, Rule, Taken};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -86,7 +87,9 @@ impl<'a> Fitted<'a> {
             part.shared.iter().copied().chain(own).map(|i| self.prior(i)).collect();
         let all: Vec<usize> = (0..directions.len()).collect();
         let white = noise.whiten(self.segments[at], &self.blocks(at)?, &all);
-        Part::new(&directions, &white, &priors)
+        let part = Part::new(&directions, &white, &priors);
+        white.into_iter().for_each(pool::give);
+        part
     }
 
     /// The series of one segment.

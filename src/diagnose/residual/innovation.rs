@@ -64,7 +64,7 @@ pub fn sums(
         for (source, (columns, products)) in made.iter().enumerate() {
             let gram = match size {
                 Size::Alike => joined(products, columns, new),
-                Size::AsItIs => size.products(columns.clone(), new),
+                Size::AsItIs => size.products(&mut columns.clone(), new),
             };
             all.push(Sums { output: block.output, source, gram });
         }

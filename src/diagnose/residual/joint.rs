@@ -9,6 +9,7 @@
 //! `partly` says what becomes of the others.
 
 use crate::math::dense::{cholesky, cholesky_log_det, cholesky_solve, forward};
+use crate::math::mixed::{Term, mix};
 use crate::math::products::dot;
 
 use super::instants::Set;
@@ -65,12 +66,16 @@ impl Joint {
         let masked: Vec<Option<&[bool]>> =
             at.iter().map(|rows| rows.map(|rows| &rows.masked[..])).collect();
         let partly = Partly::new(&self.predictors, &masked, n);
+        let (mut series, mut white) = (vec![vec![0.0; n]; at.len()], vec![vec![0.0; n]; at.len()]);
         for column in columns {
-            let of = |rows: &Option<&Rows>| {
-                rows.map_or_else(|| vec![0.0; n], |rows| column[rows.from..rows.from + n].to_vec())
-            };
-            let mut series: Vec<Vec<f64>> = at.iter().map(of).collect();
-            let mut white = self.white(&series);
+            for (one, rows) in series.iter_mut().zip(&at) {
+                match rows {
+                    Some(rows) => one.copy_from_slice(&column[rows.from..rows.from + n]),
+                    None => one.fill(0.0),
+                }
+            }
+            white.iter_mut().zip(&series).for_each(|(white, one)| white.copy_from_slice(one));
+            self.whiten(&series, &mut white);
             partly.bridge(&self.predictors, &mut series, &mut white);
             for (rows, white) in
                 at.iter().zip(&white).filter_map(|(rows, white)| Some(((*rows)?, white)))
@@ -80,10 +85,56 @@ impl Joint {
         }
     }
 
-    /// Series of all outputs, everything measured, white.
-    fn white(&self, series: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    /// The same for rows `[sample][n]`, everything measured, into `white`, which holds them; none where
+    /// an output was not measured at all.
+    pub fn apply_rows(
+        &self,
+        series: &[f64],
+        white: &mut [f64],
+        n: usize,
+        rows: &[Option<Rows>],
+    ) -> Option<()> {
+        let of = |&o: &usize| rows.get(o).and_then(Option::as_ref);
+        let at: Vec<&Rows> = self.set.outputs.iter().map(of).collect::<Option<_>>()?;
+        let (m, last) = (at.len(), self.predictors.len() - 1);
+        let samples = at.first().map_or(0, |rows| rows.masked.len());
+        if m < 2 || at.iter().any(|rows| rows.masked.len() != samples) {
+            return Some(());
+        }
+        let between = |to: usize, from: usize, back: usize| {
+            ((at[from].from as isize - at[to].from as isize) - back as isize) * n as isize
+        };
+        let all: Vec<Vec<[Vec<Term>; 2]>> =
+            (0..=last).map(|q| (0..m).map(|i| self.terms(q, m, i, &between)).collect()).collect();
+        for t in 0..samples {
+            let q = t.min(last);
+            for (i, [past, others]) in all[q].iter().enumerate() {
+                let place = (at[i].from + t) * n;
+                let scale = 1.0 / self.predictors[q].l[i * m + i];
+                mix((series, place, past), (white, place, others), n, scale);
+            }
+        }
+        Some(())
+    }
+
+    /// What output `i` is made white with at an instant with `q` before it: series before, and white
+    /// outputs of this instant.
+    fn terms(
+        &self,
+        q: usize,
+        m: usize,
+        i: usize,
+        between: &dyn Fn(usize, usize, usize) -> isize,
+    ) -> [Vec<Term>; 2] {
+        let Predictor { b, l } = &self.predictors[q];
+        let past = |k: usize| Term { factor: -b[i * q * m + k], row: between(i, k % m, 1 + k / m) };
+        let others = |j: usize| Term { factor: -l[i * m + j], row: between(i, j, 0) };
+        [(0..q * m).map(past).collect(), (0..i).map(others).collect()]
+    }
+
+    /// Series of all outputs, everything measured, made white; `white` holds them.
+    fn whiten(&self, series: &[Vec<f64>], white: &mut [Vec<f64>]) {
         let (last, m, n) = (self.predictors.len() - 1, series.len(), series[0].len());
-        let mut white = series.to_vec();
         for t in 0..last.min(n) {
             let b = &self.predictors[t].b;
             for (i, white) in white.iter_mut().enumerate() {
@@ -118,7 +169,6 @@ impl Joint {
             }
             own.iter_mut().for_each(|w| *w *= scale);
         }
-        white
     }
 }
 
@@ -246,6 +296,21 @@ mod tests {
         ] {
             assert!((moments(x, y, lag) - want).abs() < 0.05, "{}", moments(x, y, lag));
         }
+    }
+
+    #[test]
+    fn rows_are_made_white_as_columns_are() {
+        let joint = joint(sums((0..6).map(|s| sample(500, s))));
+        let rows = rows([vec![false; 60], vec![false; 60]]);
+        let mut columns: Vec<Vec<f64>> = (0..11).map(|k| sample(60, 20 + k).concat()).collect();
+        let series: Vec<f64> = (0..120).flat_map(|i| columns.iter().map(move |x| x[i])).collect();
+        let mut white = series.clone();
+        assert_eq!(joint.apply_rows(&series, &mut white, 11, &rows), Some(()));
+        joint.apply(&mut columns, &rows);
+        for (i, white) in white.chunks(11).enumerate() {
+            assert!(white.iter().zip(&columns).all(|(a, x)| (a - x[i]).abs() < 1e-12), "{i}");
+        }
+        assert_eq!(joint.apply_rows(&series, &mut white, 11, &[None, rows[1].clone()]), None);
     }
 
     #[test]

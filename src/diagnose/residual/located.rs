@@ -159,15 +159,15 @@ mod tests {
                 })
                 .collect()
         };
-        let columns = vec![source(0), source(9)];
+        let mut columns = vec![source(0), source(9)];
         let noise =
             |x: &f64| (1.0 + bursts * x) * random.sample::<f64, _>(StandardNormal) + answer * x;
         let e: Vec<f64> = columns[0].iter().map(noise).collect();
-        let alike = Size::Alike.products(columns.clone(), &e);
+        let alike = Size::Alike.products(&mut columns.clone(), &e);
         let ridge = Settings::default().thresholds.ridge;
         [
             best(&alike, ridge).expect("a source").0,
-            by_size(&alike, &Size::AsItIs.products(columns, &e), ridge),
+            by_size(&alike, &Size::AsItIs.products(&mut columns, &e), ridge),
         ]
     }
 

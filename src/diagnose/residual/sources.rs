@@ -199,25 +199,25 @@ pub fn columns(
 ) -> Vec<Vec<Vec<f64>>> {
     let grid = Numbers::from(grid(record));
     let begin = record.t0 + record.start as f64 * record.dt;
-    let on =
-        |times: &[f64]| signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect::<Vec<_>>();
-    let (on_grid, now) = (on(&grid), on(times));
-    let mut known: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
-    let mut waves = |frequency: f64| {
-        let at = known.iter().position(|wave| wave.0 == frequency).unwrap_or_else(|| {
-            known.push((frequency, waves(times, begin, frequency)));
-            known.len() - 1
-        });
-        known[at].1.clone()
+    let on = |times: &[f64]| -> Vec<Vec<f64>> {
+        signals.iter().map(|(t, v)| sampled(t, v, times, 0.0)).collect()
     };
+    let (on_grid, now, from_grid) = (on(&grid), on(times), Places::new(&grid, times, 0.0));
+    // what several sources have in common is made once
+    let mut waving: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
+    let mut waves =
+        |frequency: f64| once(&mut waving, &frequency, || waves(times, begin, frequency)).clone();
+    let mut lagging: Vec<((usize, [f64; LAGS]), Vec<Vec<f64>>)> = Vec::new();
+    let mut ringing: Vec<(usize, Vec<Rung>)> = Vec::new();
     let of = |source: &Source| match source.kind {
         Kind::Lagged { signal, squared, lags } => {
             let (t, v) = &signals[signal];
-            let mut lagged = lags.map(|lag| sampled(t, v, times, lag));
+            let lagged = || lags.iter().map(|lag| sampled(t, v, times, *lag)).collect();
+            let mut lagged: Vec<Vec<f64>> = once(&mut lagging, &(signal, lags), lagged).clone();
             if squared {
                 lagged.iter_mut().flatten().for_each(|v| *v *= *v);
             }
-            lagged.to_vec()
+            lagged
         }
         Kind::Wave { frequency } => waves(frequency),
         Kind::Coming { signal, frequency } => {
@@ -228,11 +228,38 @@ pub fn columns(
             both
         }
         Kind::Ringing { signal, frequency, damping } => {
-            let rung = rung(&on_grid[signal], frequency, damping, record.dt);
-            rung.iter().map(|v| sampled(&grid, v, times, 0.0)).collect()
+            let all = once(&mut ringing, &signal, || {
+                rung(&on_grid[signal], &tones(sources, signal), record.dt)
+            });
+            let one = all.iter().find(|one| one.tone == (frequency, damping));
+            one.iter().flat_map(|one| &one.parts).map(|v| from_grid.of(v)).collect()
         }
     };
     sources.iter().map(of).collect()
+}
+
+/// What belongs to a key: looked up, or made and kept.
+fn once<'a, K: PartialEq + Copy, T>(
+    known: &'a mut Vec<(K, T)>,
+    key: &K,
+    make: impl FnOnce() -> T,
+) -> &'a T {
+    let at = known.iter().position(|(of, _)| of == key).unwrap_or_else(|| {
+        known.push((*key, make()));
+        known.len() - 1
+    });
+    &known[at].1
+}
+
+/// Frequencies and dampings at which a signal rings in some source.
+fn tones(sources: &[Source], signal: usize) -> Vec<(f64, f64)> {
+    let tone = |source: &Source| match source.kind {
+        Kind::Ringing { signal: of, frequency, damping } if of == signal => {
+            Some((frequency, damping))
+        }
+        _ => None,
+    };
+    sources.iter().filter_map(tone).collect()
 }
 
 /// Cosine and sine of the time since `begin`.
@@ -242,38 +269,82 @@ fn waves(times: &[f64], begin: f64, frequency: f64) -> Vec<Vec<f64>> {
 }
 
 /// Both parts of a lightly damped oscillation that the changes of a signal start.
-fn rung(v: &[f64], frequency: f64, damping: f64, dt: f64) -> [Vec<f64>; 2] {
-    let (sin, cos) = libm::sincos(frequency * dt);
-    let keep = libm::exp(-damping * frequency * dt);
-    let (mut x, mut y, mut last) = (0.0, 0.0, v.first().copied().unwrap_or(0.0));
-    let mut parts = [Vec::with_capacity(v.len()), Vec::with_capacity(v.len())];
-    for &v in v {
-        (x, y) = (keep * (cos * x - sin * y) + v - last, keep * (sin * x + cos * y));
-        last = v;
-        parts[0].push(x);
-        parts[1].push(y);
+struct Rung {
+    /// Frequency and damping.
+    tone: (f64, f64),
+    parts: [Vec<f64>; 2],
+}
+
+/// Oscillations that go side by side: a step of one does not wait for that of another.
+const TONES: usize = 8;
+
+/// Oscillations of every tone.
+fn rung(v: &[f64], tones: &[(f64, f64)], dt: f64) -> Vec<Rung> {
+    tones.chunks(TONES).flat_map(|tones| rung_together(v, tones, dt)).collect()
+}
+
+fn rung_together(v: &[f64], tones: &[(f64, f64)], dt: f64) -> Vec<Rung> {
+    let (mut sin, mut cos, mut keep) = ([0.0; TONES], [0.0; TONES], [0.0; TONES]);
+    for (k, (frequency, damping)) in tones.iter().enumerate() {
+        (sin[k], cos[k]) = libm::sincos(frequency * dt);
+        keep[k] = libm::exp(-damping * frequency * dt);
     }
-    parts
+    let (mut x, mut y, mut last) = ([0.0; TONES], [0.0; TONES], v.first().copied().unwrap_or(0.0));
+    let mut all: Vec<[f64; 2 * TONES]> = Vec::with_capacity(v.len());
+    for &v in v {
+        let mut now = [0.0; 2 * TONES];
+        for k in 0..TONES {
+            (x[k], y[k]) = (
+                keep[k] * (cos[k] * x[k] - sin[k] * y[k]) + v - last,
+                keep[k] * (sin[k] * x[k] + cos[k] * y[k]),
+            );
+            (now[k], now[TONES + k]) = (x[k], y[k]);
+        }
+        last = v;
+        all.push(now);
+    }
+    let part = |k: usize| all.iter().map(|now| now[k]).collect();
+    let one =
+        |(k, tone): (usize, &(f64, f64))| Rung { tone: *tone, parts: [k, TONES + k].map(part) };
+    tones.iter().enumerate().map(one).collect()
 }
 
 /// A sampled signal at `times` (ascending) less `lag`: straight lines between samples, held before
 /// the first and after the last; NaN for none.
 fn sampled(t: &[f64], v: &[f64], times: &[f64], lag: f64) -> Vec<f64> {
-    let mut after = 0;
-    let one = |time: &f64| {
-        let time = time - lag;
-        after += t[after..].iter().take_while(|t| **t <= time).count();
-        match (
-            after.checked_sub(1).and_then(|i| Some((t.get(i)?, v.get(i)?))),
-            t.get(after).zip(v.get(after)),
-        ) {
-            (Some((a, x)), Some((b, y))) => x + (time - a) / (b - a) * (y - x),
-            (Some((_, x)), None) => *x,
-            (None, Some((_, y))) => *y,
-            (None, None) => f64::NAN,
-        }
-    };
-    times.iter().map(one).collect()
+    Places::new(t, times, lag).of(v)
+}
+
+/// Where some times lie among those of samples: the sample before, and the share of the way to the
+/// next one; no sample at all.
+struct Places(Vec<Option<(usize, f64)>>);
+
+impl Places {
+    fn new(t: &[f64], times: &[f64], lag: f64) -> Places {
+        let mut after = 0;
+        let one = |time: &f64| {
+            let time = time - lag;
+            after += t[after..].iter().take_while(|t| **t <= time).count();
+            let (a, b) = (t.get(after.wrapping_sub(1)), t.get(after));
+            match (a, b) {
+                (Some(a), Some(b)) => Some((after - 1, (time - a) / (b - a))),
+                (Some(_), None) => Some((after - 1, 0.0)),
+                (None, Some(_)) => Some((0, 0.0)),
+                (None, None) => None,
+            }
+        };
+        Places(times.iter().map(one).collect())
+    }
+
+    /// A signal that has so many samples.
+    fn of(&self, v: &[f64]) -> Vec<f64> {
+        let one = |place: &Option<(usize, f64)>| match *place {
+            Some((i, share)) if share != 0.0 => v[i] + share * (v[i + 1] - v[i]),
+            Some((i, _)) => v[i],
+            None => f64::NAN,
+        };
+        self.0.iter().map(one).collect()
+    }
 }
 
 #[cfg(test)]
@@ -291,7 +362,8 @@ mod tests {
     #[test]
     fn a_step_rings_at_its_frequency_and_dies_out() {
         let v: Vec<f64> = (0..2000).map(|k| if k < 10 { 0.0 } else { 1.0 }).collect();
-        let [x, _] = rung(&v, 2.0 * std::f64::consts::PI, 0.03, 0.01);
+        let one = rung(&v, &[(2.0 * std::f64::consts::PI, 0.03)], 0.01);
+        let [x, _] = &one[0].parts;
         // one period after the step, and half of one
         let after = |s: f64| x[10 + (s / 0.01) as usize];
         let kept = libm::exp(-0.03 * 2.0 * std::f64::consts::PI);

@@ -17,15 +17,14 @@ pub enum Size {
 
 impl Size {
     /// Products of regressors with each other and with the residuals, regressors multiplied by
-    /// these where their size is as it is.
-    pub fn products(self, mut columns: Vec<Vec<f64>>, e: &[f64]) -> Gram {
+    /// these, in place, where their size is as it is.
+    pub fn products(self, columns: &mut [Vec<f64>], e: &[f64]) -> Gram {
         if self == Size::AsItIs {
             columns
                 .iter_mut()
                 .for_each(|column| column.iter_mut().zip(e).for_each(|(x, e)| *x *= e));
         }
-        columns.push(e.to_vec());
-        Gram::of(&columns)
+        Gram::of(&columns.iter().map(Vec::as_slice).chain([e]).collect::<Vec<_>>())
     }
 }
 
@@ -90,6 +89,7 @@ pub fn sums(
     let mut all = Vec::new();
     // Outputs that are sampled together have the same columns.
     let mut made: (&[f64], Vec<Vec<Vec<f64>>>) = (&[], Vec::new());
+    let mut white: Vec<Vec<f64>> = Vec::new();
     for trace in &traces {
         let Some(output) = case.outputs.iter().position(|&o| o == trace.output) else { continue };
         let (Some(filter), Some(less)) = (noise.filter(s, output), less(output)) else { continue };
@@ -104,11 +104,11 @@ pub fn sums(
         let masked: Vec<bool> = e.iter().map(|e| !e.is_finite()).collect();
         filter.whiten(&mut e, &masked);
         for (source, columns) in made.1.iter().enumerate() {
-            let mut white = columns.clone();
+            white.clone_from(columns);
             filter.whiten_all(white.iter_mut().map(|x| &mut x[..]), &masked);
             let unknown = |x: &&mut Vec<f64>| !x.iter().all(|v| v.is_finite());
             white.iter_mut().filter(unknown).for_each(|x| x.fill(0.0));
-            all.push(Sums { output, source, gram: size.products(white, &e) });
+            all.push(Sums { output, source, gram: size.products(&mut white, &e) });
         }
     }
     all

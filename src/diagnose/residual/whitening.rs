@@ -8,8 +8,10 @@
 
 use super::joint::{Joint, Rows};
 use crate::estimate::Block;
+use crate::math::pool;
 use crate::math::products::dot;
 use crate::noise::Filter;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -34,7 +36,7 @@ impl Noise {
     pub fn whiten(&self, segment: usize, blocks: &[Block], wanted: &[usize]) -> Vec<Vec<f64>> {
         let known = |block: &&Block| self.filter(segment, block.output).is_some();
         let samples: usize = blocks.iter().filter(known).map(|b| b.e.len()).sum();
-        let mut columns = vec![vec![0.0; samples]; wanted.len() + 1];
+        let mut columns: Vec<Vec<f64>> = (0..=wanted.len()).map(|_| pool::take(samples)).collect();
         let mut rows: Vec<Option<Rows>> = Vec::new();
         let mut from = 0;
         for block in blocks {
@@ -59,6 +61,50 @@ impl Noise {
         columns
     }
 
+    /// Sensitivities of a segment's blocks to the directions `wanted`, made white: rows
+    /// `[sample][direction]`, block by block. None where a sample was not measured: `whiten` bridges
+    /// gaps.
+    pub fn whiten_rows(
+        &self,
+        segment: usize,
+        blocks: &[Block],
+        wanted: &[usize],
+    ) -> Option<Vec<f64>> {
+        if wanted.is_empty() {
+            return Some(Vec::new());
+        }
+        if blocks.iter().any(|block| block.e.iter().any(|e| !e.is_finite())) {
+            return None;
+        }
+        let known = |block: &&Block| self.filter(segment, block.output).is_some();
+        let samples: usize = blocks.iter().filter(known).map(|block| block.e.len()).sum();
+        let n = wanted.len();
+        let mut single = pool::take(samples * n);
+        let mut rows: Vec<Option<Rows>> = Vec::new();
+        let mut from = 0;
+        for block in blocks {
+            let Some(filter) = self.filter(segment, block.output) else { continue };
+            let to = from + block.e.len();
+            let g = directions_of(block, wanted);
+            filter.whiten_rows(&g, n, &mut single[from * n..to * n]);
+            rows.resize(rows.len().max(block.output + 1), None);
+            rows[block.output] = Some(Rows { from, masked: vec![false; to - from] });
+            from = to;
+        }
+        let joint = self.groups.get(segment).and_then(|&g| self.joint.get(g));
+        let here = |joint: &&Joint| joint.set.segments.binary_search(&segment).is_ok();
+        let mut joint = joint.into_iter().flatten().filter(here).peekable();
+        if joint.peek().is_none() {
+            return Some(single);
+        }
+        let mut white = pool::take(samples * n);
+        white.copy_from_slice(&single);
+        let done: Option<()> =
+            joint.try_for_each(|joint| joint.apply_rows(&single, &mut white, n, &rows));
+        pool::give(single);
+        done.map(|()| white)
+    }
+
     /// Outputs whose noise is modelled no further than to some order, with the least such order.
     pub fn cut(&self) -> BTreeMap<usize, usize> {
         let mut least = BTreeMap::new();
@@ -81,14 +127,29 @@ impl Noise {
 
     /// Half the sum of squares of a segment's white residuals: its part of the cost.
     pub fn cost(&self, segment: usize, blocks: &[Block]) -> f64 {
-        let columns = self.whiten(segment, blocks, &[]);
-        columns.last().map_or(0.0, |e| 0.5 * dot(e, e))
+        let e = self.whiten(segment, blocks, &[]).pop().unwrap_or_default();
+        let cost = 0.5 * dot(&e, &e);
+        pool::give(e);
+        cost
     }
+}
+
+/// The sensitivities of a block to some directions, `[sample][direction]`.
+fn directions_of<'b>(block: &'b Block, wanted: &[usize]) -> Cow<'b, [f64]> {
+    let all = block.g.len().checked_div(block.e.len()).unwrap_or(0);
+    if all == wanted.len() && wanted.iter().enumerate().all(|(i, k)| i == *k) {
+        return Cow::Borrowed(&block.g);
+    }
+    let rows = block.g.chunks_exact(all.max(1));
+    Cow::Owned(rows.flat_map(|row| wanted.iter().map(|&k| row[k])).collect())
 }
 
 /// Rows of sensitivities `[sample][direction]` into the rows `to` of columns, those wanted.
 fn columns_of(g: &[f64], wanted: &[usize], to: Range<usize>, columns: &mut [Vec<f64>]) {
     let directions = g.len().checked_div(to.len()).unwrap_or(0);
+    if directions == 0 {
+        columns.iter_mut().take(wanted.len()).for_each(|column| column[to.clone()].fill(0.0));
+    }
     // Samples in pieces that stay in the cache while every column takes its own.
     for (piece, rows) in g.chunks(PIECE * directions.max(1)).enumerate() {
         let from = to.start + piece * PIECE;
@@ -105,7 +166,7 @@ const PIECE: usize = 64;
 /// Columns as rows `[sample][column]`.
 pub fn rows_of(columns: &[Vec<f64>]) -> Vec<f64> {
     let (n, samples) = (columns.len(), columns.first().map_or(0, Vec::len));
-    let mut rows = vec![0.0; n * samples];
+    let mut rows = pool::take(n * samples);
     for (piece, rows) in rows.chunks_mut(PIECE * n.max(1)).enumerate() {
         for (k, column) in columns.iter().enumerate() {
             let of = rows.chunks_exact_mut(n);

@@ -46,21 +46,21 @@ impl<'a> Probes<'a> {
             .par_iter()
             .map(|bunch| together(candidates, bunch, ground))
             .collect::<Result<_, _>>()?;
-        let own: Vec<OnceLock<Option<Probe>>> =
+        let kept: Vec<OnceLock<Option<Probe>>> =
             (0..candidates.len()).map(|_| OnceLock::new()).collect();
         let mut groups = Vec::new();
         let mut alone: Vec<(usize, Probe)> = rest
             .par_iter()
-            .map(|&i| Ok((i, Probe::new(&candidates[i], ground)?)))
+            .map(|&i| Ok((i, own(&candidates[i], ground)?)))
             .collect::<Result<_, Errors>>()?;
         for one in found {
             groups.extend(one.groups);
             alone.extend(one.alone);
         }
         for (i, probe) in alone {
-            own[i].get_or_init(|| Some(probe));
+            kept[i].get_or_init(|| Some(probe));
         }
-        Ok(Probes { candidates, groups, own })
+        Ok(Probes { candidates, groups, own: kept })
     }
 
     /// Whitened columns of every row of starts of every candidate in segment `s`,
@@ -79,7 +79,7 @@ impl<'a> Probes<'a> {
         for (i, rows) in all.iter_mut().enumerate() {
             let candidate = &self.candidates[i];
             for (row, columns) in rows.iter_mut().enumerate().filter(|(_, known)| known.is_none()) {
-                let probe = self.own[i].get_or_init(|| Probe::new(candidate, ground).ok());
+                let probe = self.own[i].get_or_init(|| own(candidate, ground).ok());
                 let at = candidate.start(row);
                 let made = probe.as_ref().and_then(|probe| white(probe, ground, s, &at, row));
                 *columns = made.map(Iterator::collect);
@@ -87,6 +87,11 @@ impl<'a> Probes<'a> {
         }
         all
     }
+}
+
+/// The probe of one candidate alone.
+fn own(candidate: &Candidate, ground: &Ground) -> Result<Probe, Errors> {
+    Ok(Probe::new(candidate, ground)?.compiled(ground.case, candidate.rows()))
 }
 
 /// Whether it adds terms and nothing else.
@@ -131,7 +136,7 @@ struct Found {
 /// other changes, say).
 fn together(candidates: &[Candidate], bunch: &[usize], ground: &Ground) -> Result<Found, Errors> {
     if let [i] = *bunch {
-        let alone = vec![(i, Probe::new(&candidates[i], ground)?)];
+        let alone = vec![(i, own(&candidates[i], ground)?)];
         return Ok(Found { alone, ..Found::default() });
     }
     match Group::new(candidates, bunch, ground) {
