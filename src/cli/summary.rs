@@ -6,7 +6,7 @@ use super::ran::Ran;
 use super::verdict;
 use super::words::say;
 use crate::error::Result;
-use crate::math::distribution::INTERVAL_95;
+use crate::fit::half_95;
 use crate::pipeline::{Plan, RunResult, Store};
 use crate::signal::adequacy::Leaves;
 use crate::stage::{Note, Part, Severity};
@@ -146,7 +146,7 @@ fn lines(plan: &Plan, store: &Store) -> Result<()> {
         let (n, relative, poor) = (t.i64("n")?, t.f64("relative_sd")?, t.bools("poor")?);
         for k in 0..t.rows() {
             let value = |(value, sd): (&[f64], &[f64])| {
-                format!("{} +- {}", number(value[k]), number(INTERVAL_95 * sd[k]))
+                format!("{} +- {}", number(value[k]), number(half_95(n[k] as f64) * sd[k]))
             };
             let name = format!("{}: {}", models[k], parameters[k]);
             rows.push(vec![
@@ -181,7 +181,8 @@ pub fn number(value: f64) -> String {
     }
 }
 
-fn notes(notes: &[Note]) {
+/// Prints what is likely to be a mistake, and what makes the exit code 1.
+pub fn notes(notes: &[Note]) {
     notes_of(
         notes,
         &[

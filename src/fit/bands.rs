@@ -38,6 +38,12 @@ impl LineFit {
     }
 }
 
+/// Half of the 95% interval of slope or intercept of a line through `n` points, in units of their
+/// sd: a t quantile with n - 2 degrees of freedom; NaN where there are none.
+pub fn half_95(n: f64) -> f64 {
+    t_quantile(0.975, n - 2.0)
+}
+
 /// The line and its bands at one `x`, all in units of y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Band {

@@ -7,7 +7,7 @@ mod repeats;
 mod together;
 mod weights;
 
-pub use bands::{Band, bands};
+pub use bands::{Band, bands, half_95};
 pub use line::{LineFit, Points, Settings, Unfit, carried, line};
 pub use repeats::{Repeats, repeats};
 pub use together::correlations;

@@ -29,6 +29,7 @@ pub mod starter;
 mod storm_tests;
 #[cfg(test)]
 mod tests;
+mod turned;
 mod walk;
 mod window;
 mod words;

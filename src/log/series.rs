@@ -34,7 +34,8 @@ pub struct Account {
     pub dropped_out_of_range: u64,
     /// Samples dropped because each stands far out of both neighbours.
     pub dropped_spikes: u64,
-    /// Samples dropped because their stamps are more than a day from the others.
+    /// Samples dropped because their stamps are more than a day from the others, or in a time that came
+    /// twice as the clock was set back.
     pub dropped_times: u64,
     /// Places where the stamp moved against the log time (or the log time moved backwards) by more
     /// than a second.

@@ -8,6 +8,7 @@ use super::flight::{SignalLog, stamp_paths};
 use super::left_out::{self, Fate, Seen};
 use super::parts::{Columns, PartData, TopicPlan};
 use super::series::{Account, Series, clock_jumps, describe, drop_stray_times, order, seconds};
+use super::turned::{Back, turned_back};
 use super::{Note, agree, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
@@ -72,8 +73,14 @@ impl Context<'_> {
                 _ => account.dropped_unreadable += 1,
             }
         }
+        let twice = turned_back(&samples.iter().map(|s| s.0).collect::<Vec<_>>());
+        let before = samples.len();
+        samples.retain(|s| !twice.iter().any(|back| back.holds(s.0)));
+        let dropped = (before - samples.len()) as u64;
         order(&mut samples, &mut account);
         drop_stray_times(&mut samples, &mut account);
+        let strays = account.dropped_times;
+        account.dropped_times += dropped;
         let factor = f64::from(signal.sign) * signal.scale;
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
         let left_out = drop_bad(signal, &mut samples, &mut account);
@@ -83,6 +90,14 @@ impl Context<'_> {
         };
         describe(&series, &samples, &mut account);
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
+        if strays > 0 {
+            let text = format!(
+                "{} {}: {strays} of {messages} messages with times more than a day from the others, dropped",
+                account.topic, account.field
+            );
+            notes.push(Note::warning(name, strays, text));
+        }
+        notes.extend(set_back(name, &account, &twice, dropped));
         notes.extend(told(name, signal, &unit, &left_out));
         notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
         Ok((SignalLog { series, account, left_out }, notes))
@@ -191,9 +206,6 @@ impl Context<'_> {
         }
         let range = format!("{} {of} outside its range, dropped", a.dropped_out_of_range);
         say(a.dropped_out_of_range, range);
-        let times =
-            format!("{} {of} with times more than a day from the others, dropped", a.dropped_times);
-        say(a.dropped_times, times);
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
         say(
             a.gaps,
@@ -233,6 +245,20 @@ impl Context<'_> {
         }
         notes
     }
+}
+
+/// What is said of a time that came twice.
+fn set_back(name: &str, a: &Account, twice: &[Back], dropped: u64) -> Option<Note> {
+    let largest = twice.iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()))?;
+    let (at, by) = (seconds(largest.to), largest.seconds());
+    let text = format!(
+        "{} {}: the clock was set back at {} places (by {by:.3} s at {at:.3} s): {dropped} of {} messages of a time that came twice, dropped",
+        a.topic,
+        a.field,
+        twice.len(),
+        a.messages
+    );
+    Some(Note::warning(name, dropped, text))
 }
 
 /// Drops samples outside the range and spikes; they are returned with their neighbours.

@@ -4,8 +4,8 @@ use crate::math::distribution::INTERVAL_95;
 use std::f64::consts::PI;
 
 /// What `±` and units mean, once for the whole page.
-pub const MEANING: &str = "± is half of the 95% interval, 1.96 standard deviations, everywhere on this page; what is called sd is one standard \
-    deviation. Plots, and what is printed with them, are in the units of their axes, angles in degrees; tables are in SI units, angles in rad, \
+pub const MEANING: &str = "± is half of the 95% interval everywhere on this page: 1.96 standard deviations, of a fitted line through n points those of a t \
+    distribution with n - 2 degrees of freedom; what is called sd is one standard deviation. Plots, and what is printed with them, are in the units of their axes, angles in degrees; tables are in SI units, angles in rad, \
     unless a unit stands there.";
 
 /// Times to the millisecond: six digits would not do for a long flight.
@@ -14,9 +14,14 @@ pub fn times(t: &[f64]) -> Vec<Option<f64>> {
 }
 
 /// `-0.372 ± 0.008`: an estimate with half of its 95% interval; alone where it has no standard
-/// deviation. No other place writes a `±`.
+/// deviation.
 pub fn plus_minus(value: f64, sd: f64) -> String {
-    let (text, half) = with_sd(value, INTERVAL_95 * sd);
+    with_half(value, INTERVAL_95 * sd)
+}
+
+/// The same with half of the interval given. No other place writes a `±`.
+pub fn with_half(value: f64, half: f64) -> String {
+    let (text, half) = with_sd(value, half);
     half.map_or(text.clone(), |half| format!("{text} ± {half}"))
 }
 

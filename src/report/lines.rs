@@ -2,13 +2,14 @@
 //! of fitted lines out.
 
 use super::columns::Columns;
-use super::format::{bracketed, display_unit, number, plain, plus_minus, shorts, slope_unit};
+use super::format::{bracketed, display_unit, number, plain, shorts, slope_unit, with_half};
 use super::grid::{Cell, Grid, Level};
 use super::place::On;
 use super::room::Room;
 use super::section::FlightStyle;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
+use crate::fit::half_95;
 use crate::math::distribution::INTERVAL_95;
 use serde::Serialize;
 
@@ -259,15 +260,20 @@ fn equation(fits: &Columns, row: usize) -> String {
     }
     let (factor, x_unit) = display_unit(&fits.unit_in("unit_x", row));
     let unit = fits.unit_in("unit", row);
-    let slope =
-        plus_minus(fits.number("slope", row) / factor, fits.number("slope_sd", row) / factor);
-    let intercept = plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row));
+    let slope = coefficient(fits, "slope", row, factor);
+    let intercept = coefficient(fits, "intercept", row, 1.0);
     let of_slope = bracketed(&slope_unit(&unit, &x_unit));
     format!(
         "{parameter} = ({slope}){of_slope} * {against}{} + ({intercept}){}",
         bracketed(&x_unit),
         bracketed(&unit)
     )
+}
+
+/// Slope or intercept over `factor`, with half of its interval.
+fn coefficient(fits: &Columns, name: &str, row: usize, factor: f64) -> String {
+    let half = half_95(fits.number("n", row)) * fits.number(&format!("{name}_sd"), row);
+    with_half(fits.number(name, row) / factor, half / factor)
 }
 
 fn facts(fits: &Columns, row: usize) -> String {
@@ -327,11 +333,7 @@ pub fn table(fits: Option<&Columns>) -> Grid {
     for row in 0..fits.rows() {
         let (unit, unit_x) = (fits.unit_in("unit", row), fits.unit_in("unit_x", row));
         let slope = |factor: f64, x: &str| {
-            let value = plus_minus(
-                fits.number("slope", row) / factor,
-                fits.number("slope_sd", row) / factor,
-            );
-            Cell::new(value).under(slope_unit(&unit, x))
+            Cell::new(coefficient(fits, "slope", row, factor)).under(slope_unit(&unit, x))
         };
         let (factor, shown_x) = display_unit(&unit_x);
         let chi = reduced_chi2(fits, row);
@@ -339,8 +341,7 @@ pub fn table(fits: Option<&Columns>) -> Grid {
         cells.extend([
             slope(factor, &shown_x),
             slope(1.0, &unit_x),
-            Cell::new(plus_minus(fits.number("intercept", row), fits.number("intercept_sd", row)))
-                .under(&unit),
+            Cell::new(coefficient(fits, "intercept", row, 1.0)).under(&unit),
             plain(correlation(fits, row), 3).into(),
             Cell::new(plain(fits.number("n", row), 0))
                 .level_if(fits.number("n", row) < 5.0, Level::Warn),

@@ -750,10 +750,9 @@ fn a_printed_line_is_the_drawn_one_and_its_interval_is_95_percent() {
         let band = plot.band.as_ref().expect("a band");
         let (x, drawn) = (band.x[50].expect("x"), band.value[50].expect("y"));
         let sd = |column: &str| fits.number(column, row);
-        let (a, b) = (
-            1.959_963_985 * sd("slope_sd") / 180.0 * std::f64::consts::PI,
-            1.959_963_985 * sd("intercept_sd"),
-        );
+        let factor = crate::math::distribution::t_quantile(0.975, fits.number("n", row) - 2.0);
+        let (a, b) =
+            (factor * sd("slope_sd") / 180.0 * std::f64::consts::PI, factor * sd("intercept_sd"));
         assert!(
             (slope * x + intercept - drawn).abs() < 0.1 * a * x + 0.1 * b,
             "{} at {x}: {drawn}",

@@ -45,6 +45,35 @@ pub fn find(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Maneuver> {
     all
 }
 
+/// A sequence of steps that a gap or the end of the record cuts off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CutOff {
+    /// When it begins, and when samples end, s.
+    pub from: f64,
+    pub to: f64,
+    /// Steps of it that are there, the last one in part.
+    pub steps: usize,
+    pub by_gap: bool,
+}
+
+/// What is cut off in the samples in which these maneuvers were found (arguments as of `find`), where
+/// it is about as large as they are.
+pub fn cut_off(t: &[f64], u: &[f64], settings: &Settings, found: &[Maneuver]) -> Vec<CutOff> {
+    if !settings.seek.contains(&Seek::Multistep) {
+        return Vec::new();
+    }
+    let amplitudes: Vec<f64> = found.iter().map(|m| m.amplitude).collect();
+    let typical = if found.is_empty() { 0.0 } else { crate::math::median(&amplitudes) };
+    let least = settings.min_amplitude.max(settings.relative_amplitude * typical);
+    let pieces = scan::Work::pieces(t, u, settings);
+    let of = |(k, work): (usize, &scan::Work)| {
+        let cut = scan::sequences(work, settings).1.filter(|cut| cut.peak >= least)?;
+        let (from, to) = (work.time(cut.start as f64), work.time(work.v.len() as f64 - 1.0));
+        Some(CutOff { from, to, steps: cut.count, by_gap: k + 1 < pieces.len() })
+    };
+    pieces.iter().enumerate().filter_map(of).collect()
+}
+
 /// The multisteps that are not much smaller than what is usual in the record.
 fn large(kept: Vec<Maneuver>, settings: &Settings) -> Vec<Maneuver> {
     let several: Vec<f64> =
@@ -58,7 +87,7 @@ fn large(kept: Vec<Maneuver>, settings: &Settings) -> Vec<Maneuver> {
 /// All that might be a maneuver in one piece; candidates may overlap.
 fn candidates(work: &scan::Work, settings: &Settings) -> Vec<Maneuver> {
     let mut candidates: Vec<Maneuver> = vec![];
-    for sequence in scan::sequences(work, settings) {
+    for sequence in scan::sequences(work, settings).0 {
         let whole = measure::maneuver(work, &sequence, settings);
         // A recovery input right behind (or a twitch before) a maneuver hides its pattern: look at
         // the parts, too.

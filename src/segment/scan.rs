@@ -92,25 +92,41 @@ fn cell_means(t: &[f64], u: &[f64], grid: &Grid, gap: f64) -> Vec<f64> {
     out
 }
 
+/// Excursions that the end of a piece cuts off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Cut {
+    /// Where the first of them begins.
+    pub start: usize,
+    /// How many there are, and the largest deviation from trim.
+    pub count: usize,
+    pub peak: f64,
+}
+
 /// Sequences of alternating excursions, each from the trim of the quiet window before it; sequences
-/// of different starts may overlap.
-pub(super) fn sequences(work: &Work, settings: &Settings) -> Vec<Vec<Excursion>> {
+/// of different starts may overlap. Behind them the longest one that the end of the piece cuts off.
+pub(super) fn sequences(work: &Work, settings: &Settings) -> (Vec<Vec<Excursion>>, Option<Cut>) {
     let trims = trailing_trims(work, settings);
     let spreads: Vec<f64> = trims.iter().filter_map(|t| t.map(|t| t.1)).collect();
     // A window that happens to be calmer than nearly all others says little about the noise.
     let floor = if spreads.is_empty() { 0.0 } else { 0.7 * quantile(&spreads, 0.25) };
-    let mut found = vec![];
+    let (mut found, mut cut): (_, Option<Cut>) = (vec![], None);
     let mut next = 0;
     for i in 0..work.v.len().saturating_sub(1) {
         let Some((trim, spread)) = trims[i].filter(|_| i >= next) else { continue };
         let threshold = (settings.threshold * spread.max(floor)).max(0.5 * settings.min_amplitude);
         let (now, then) = (work.v[i] - trim, work.v[i + 1] - trim);
         if now.abs() > threshold && then.abs() > threshold && now * then > 0.0 {
-            found.extend(follow(work, i, trim, threshold, settings));
+            match follow(work, i, trim, threshold, settings) {
+                Followed::Back(sequence) => found.push(sequence),
+                Followed::Ends(new) if cut.is_none_or(|cut| new.count > cut.count) => {
+                    cut = Some(new)
+                }
+                _ => {}
+            }
             next = i + work.count(0.25 * settings.quiet_s).max(1);
         }
     }
-    found
+    (found, cut)
 }
 
 /// Median and MAD sd of a quiet window before each grid point; `None` where it touches a gap or is
@@ -130,58 +146,71 @@ fn trailing_trims(work: &Work, settings: &Settings) -> Vec<Option<(f64, f64)>> {
         .collect()
 }
 
-/// The alternating excursions that begin at grid point `start`; `None` where the signal does not
-/// come back or alternates too long.
-fn follow(
-    work: &Work,
-    start: usize,
-    trim: f64,
-    threshold: f64,
-    settings: &Settings,
-) -> Option<Vec<Excursion>> {
+/// What became of excursions that were followed.
+enum Followed {
+    Back(Vec<Excursion>),
+    Ends(Cut),
+    /// The signal does not come back, or alternates too long.
+    Lost,
+}
+
+/// The alternating excursions that begin at grid point `start`.
+fn follow(work: &Work, start: usize, trim: f64, threshold: f64, settings: &Settings) -> Followed {
     let mut sign = (work.v[start] - trim).signum();
     let mut sequence: Vec<Excursion> = vec![];
     let mut begin = start;
     let mut largest = 0.0f64;
     loop {
-        let (end, peak) = excursion(work, begin, trim, sign, settings)?;
+        let (end, peak) = match excursion(work, begin, trim, sign, settings) {
+            Side::Back { end, peak } => (end, peak),
+            Side::Ends(peak) => {
+                let peak = largest.max(peak);
+                return Followed::Ends(Cut { start, count: sequence.len() + 1, peak });
+            }
+            Side::Stays => return Followed::Lost,
+        };
         sequence.push(Excursion { start: begin, end });
         largest = largest.max(peak);
         if sequence.len() > settings.max_steps {
-            return None;
+            return Followed::Lost;
         }
         let pause = (3 * (end - begin) / 4).max(work.count(0.5 * settings.min_step_s)).max(3);
         sign = -sign;
         match other_side(work, end, pause, trim, sign, threshold.max(0.35 * largest)) {
             Some(next) => begin = next,
-            None => return Some(sequence),
+            None => return Followed::Back(sequence),
         }
     }
 }
 
-/// Where the excursion on the side `sign` that is under way at `begin` has fallen to half its peak,
-/// and the peak.
-fn excursion(
-    work: &Work,
-    begin: usize,
-    trim: f64,
-    sign: f64,
-    settings: &Settings,
-) -> Option<(usize, f64)> {
+/// How an excursion ends.
+enum Side {
+    /// It has fallen to half its peak at `end`.
+    Back {
+        end: usize,
+        peak: f64,
+    },
+    /// It has not when the piece ends; its peak so far.
+    Ends(f64),
+    Stays,
+}
+
+/// The end of the excursion on the side `sign` that is under way at `begin`.
+fn excursion(work: &Work, begin: usize, trim: f64, sign: f64, settings: &Settings) -> Side {
     let limit = begin + work.count(settings.max_step_s);
     let mut peak = 0.0f64;
     for i in begin..work.v.len().min(limit) {
         let side = sign * (work.v[i] - trim);
         let then = work.v.get(i + 1).map_or(f64::NAN, |v| sign * (v - trim));
         if side.is_nan() {
-            return None;
+            return Side::Stays;
         }
         peak = peak.max(side);
         if side < 0.5 * peak && (then < 0.5 * peak || then.is_nan()) {
-            return Some((i, peak));
+            return Side::Back { end: i, peak };
         }
     }
-    None
+    if work.v.len() < limit { Side::Ends(peak) } else { Side::Stays }
 }
 
 /// The first of at most `pause` grid points from `from` on that is beyond `threshold` on the side

@@ -95,8 +95,9 @@ fn convert(
     source: &Source,
     output: PathBuf,
 ) -> Result<Imported, Errors> {
-    let Read { topics, notes } = read(settings, doc, source)?;
-    for (topic, rows) in settings.topic.iter().zip(&topics) {
+    let Read { mut topics, mut notes } = read(settings, doc, source).map_err(|e| of(e, source))?;
+    for (topic, rows) in settings.topic.iter().zip(&mut topics) {
+        notes.extend(rows.settle(&topic.name));
         if rows.stamp.is_empty() {
             let what = format!("the file holds no row of data for topic \"{}\"", topic.name);
             return Err(Error::at(Place::file(source.path.to_string_lossy()), what).into());
@@ -112,6 +113,18 @@ fn convert(
         fields: settings.topic.iter().map(|t| t.fields.len()).sum(),
         notes,
     })
+}
+
+/// Errors that say in which file they were met: a place in the description is one of all files.
+fn of(errors: Errors, source: &Source) -> Errors {
+    let file = source.path.to_string_lossy();
+    let told = |mut error: Error| {
+        if !error.to_string().contains(&*file) {
+            error.what = format!("{file}: {}", error.what);
+        }
+        error
+    };
+    Errors(errors.0.into_iter().map(told).collect())
 }
 
 /// Reads a file as what it is by its first bytes.
@@ -156,7 +169,7 @@ fn write(settings: &Import, topics: &[Rows], output: &Path) -> Result<(), Error>
     let streams: Vec<Stream> = (ids.iter().zip(topics))
         .map(|(&topic, rows)| Stream {
             topic,
-            log_time_ns: &rows.received,
+            log_time_ns: &rows.stamp,
             publish_time_ns: &rows.stamp,
             rows: &rows.values,
         })

@@ -4,6 +4,7 @@
 use super::settings::{Column, ISO, Import, Time, Topic};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
+use crate::log::turned::turned_back;
 use crate::units::Unit;
 
 /// Mistakes in the data that are shown before reading stops.
@@ -23,8 +24,6 @@ pub struct Read {
 pub struct Rows {
     /// ns since 1970, or since whatever the time counts from.
     pub stamp: Vec<u64>,
-    /// The stamp, never going back: a row that stands after a later one was also received after it.
-    pub received: Vec<u64>,
     /// `[rows][fields]`, in the units of the description.
     pub values: Vec<f64>,
 }
@@ -32,9 +31,42 @@ pub struct Rows {
 impl Rows {
     /// Adds a row.
     pub fn push(&mut self, stamp: u64, values: impl IntoIterator<Item = f64>) {
-        self.received.push(self.received.last().copied().unwrap_or(0).max(stamp));
         self.stamp.push(stamp);
         self.values.extend(values);
+    }
+}
+
+impl Rows {
+    /// Puts the rows in the order of their stamps, without those of a time that came twice as the clock
+    /// was set back; what there is to say of it. `topic`: its name.
+    pub fn settle(&mut self, topic: &str) -> Vec<String> {
+        let times: Vec<i64> =
+            self.stamp.iter().map(|t| i64::try_from(*t).unwrap_or(i64::MAX)).collect();
+        let twice = turned_back(&times);
+        let mut order: Vec<usize> = (0..times.len()).collect();
+        order.retain(|&row| !twice.iter().any(|back| back.holds(times[row])));
+        let dropped = times.len() - order.len();
+        let late = order.windows(2).filter(|w| times[w[1]] < times[w[0]]).count();
+        if dropped + late > 0 {
+            order.sort_by_key(|&row| times[row]);
+            let fields = self.values.len() / times.len();
+            let row = |&row: &usize| self.values[row * fields..(row + 1) * fields].iter().copied();
+            self.values = order.iter().flat_map(row).collect();
+            self.stamp = order.iter().map(|&row| self.stamp[row]).collect();
+        }
+        let back = twice.iter().map(|back| {
+            let row = times.windows(2).position(|w| w[0] == back.to && w[1] == back.from);
+            format!(
+                "topic {topic}: after row {} of its data the time goes back by {:.3} s: what came twice then is left out",
+                row.map_or(0, |row| row + 1),
+                back.seconds()
+            )
+        });
+        let mut notes: Vec<String> = back.collect();
+        if late > 0 {
+            notes.push(format!("topic {topic}: {late} rows stand behind later ones: sorted in"));
+        }
+        notes
     }
 }
 

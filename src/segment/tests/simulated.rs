@@ -1,6 +1,6 @@
 //! Simulated input channels of known truth.
 
-use super::super::{Kind, Maneuver, Settings, find};
+use super::super::{Kind, Maneuver, Settings, cut_off, find};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -331,4 +331,26 @@ fn small_and_unwanted_maneuvers_are_filtered_by_amplitude() {
     assert_eq!(find(&t, &u, &Settings::default()).len(), 2);
     assert_eq!(find(&t, &u, &Settings { relative_amplitude: 0.0, ..Settings::default() }).len(), 3);
     assert_eq!(find(&t, &u, &Settings { min_amplitude: 3.0, ..Settings::default() }), []);
+}
+
+#[test]
+fn what_a_gap_or_the_end_cuts_off_is_told() {
+    let flown = |start: f64| Flown { kind: Kind::K3211, start, unit: 0.5, amplitude: 0.05 };
+    let quiet = Disturbance { noise: 1e-4, ..Disturbance::default() };
+    let all = [flown(5.0), flown(15.0), flown(25.0)];
+    let (t, u) = record(&all, 40.0, 0.02, &quiet);
+    let settings = Settings::default();
+    let cut = |keep: &dyn Fn(f64) -> bool| {
+        let (t, u): (Vec<f64>, Vec<f64>) =
+            t.iter().zip(&u).filter(|(t, _)| keep(**t)).map(|(t, u)| (*t, *u)).unzip();
+        cut_off(&t, &u, &settings, &find(&t, &u, &settings))
+    };
+    assert_eq!(cut(&|_| true), []);
+    let ended = cut(&|t| t < 27.2);
+    assert!(
+        matches!(ended[..], [one] if (one.from - 25.0).abs() < 0.2 && one.steps == 2 && !one.by_gap),
+        "{ended:?}"
+    );
+    let gap = cut(&|t| !(16.0..18.0).contains(&t));
+    assert!(matches!(gap[..], [one] if (one.from - 15.0).abs() < 0.2 && one.by_gap), "{gap:?}");
 }

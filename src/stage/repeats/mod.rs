@@ -4,15 +4,17 @@
 //! Maneuvers at one condition are compared within a flight, and all of a kind over all flights, also of an
 //! estimate that is made flight by flight.
 
+mod apart;
 mod trim;
 
 use super::correlations::Correlations;
 use super::estimate::{Config, reads_of};
-use super::{Campaign, Inputs, Output, Read, Stage, Unit};
+use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
 use crate::error::{Errors, Result};
 use crate::fit::{Repeats, repeats};
 use crate::model::{Parameter, Scope};
 use crate::table::Table;
+use apart::{Apart, apart};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use trim::Trim;
@@ -79,14 +81,44 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             trims.extend(trim::all(&conditions, &columns)?);
         }
     }
-    let mut rows: Vec<Set> = Vec::new();
+    let (mut rows, mut strange): (Vec<Set>, Vec<Apart>) = Default::default();
     for ones in ones(&own(config), &estimates, &trims, &flown)? {
+        strange.extend(apart(&ones));
         rows.extend(conditions(&ones, &common));
         rows.extend(sets("kind", &ones, &common, |one| one.kind));
         rows.extend(sets("all", &ones, &common, |_| None));
     }
     let tables = vec![("repeats", table(&config.name(), &rows)?)];
-    Ok(Output { tables, ..Output::default() })
+    Ok(Output { tables, notes: notes(config, &strange), ..Output::default() })
+}
+
+/// What there is to say about flights that stand apart, one by one.
+fn notes(config: &Config, strange: &[Apart]) -> Vec<Note> {
+    let mut flights: BTreeMap<&str, Vec<&Apart>> = BTreeMap::new();
+    strange.iter().for_each(|apart| flights.entry(apart.flight).or_default().push(apart));
+    let note = |(flight, all): (&str, Vec<&Apart>)| {
+        let degrees = all.iter().any(|apart| apart.is_of_degrees());
+        let each = all.iter().map(|apart| {
+            let (name, value, others) = (apart.parameter, apart.value, apart.others);
+            format!("{name} is {value:.4} and in {} other flights {others:.4}", apart.count)
+        });
+        let each = each.collect::<Vec<_>>().join("; ");
+        let why = if degrees {
+            "180/pi times: angles in deg for rad?"
+        } else {
+            "a sign, a unit or a scale of its log?"
+        };
+        let severity = if degrees { Severity::Problem } else { Severity::Warning };
+        Note {
+            flight: flight.to_string(),
+            stage: STAGE.name.to_string(),
+            severity,
+            subject: config.name(),
+            count: all.len() as u64,
+            text: format!("{}: {each}: {why}", config.name()),
+        }
+    };
+    flights.into_iter().map(note).collect()
 }
 
 /// One maneuver's estimate of one parameter.

@@ -5,7 +5,7 @@ mod config;
 
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit, series, slice_of};
 use crate::error::{Errors, Result};
-use crate::segment::{self, Maneuver, Source, Step};
+use crate::segment::{self, CutOff, Maneuver, Source, Step};
 use crate::table::Table;
 use serde_json::{Value, json};
 
@@ -53,6 +53,8 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             None => (samples.f64("t_s")?, samples.f64(&input.signal)?),
         };
         let maneuvers = segment::find(t, u, &input.method);
+        let cut = segment::cut_off(t, u, &input.method, &maneuvers);
+        notes.extend(cut.iter().map(|cut| cut_note(flight, input, cut)));
         let source = Source { flight, input: input.name(), t, u };
         let edited = segment::apply(
             maneuvers,
@@ -110,6 +112,24 @@ fn note(flight: &str, input: &InputSettings, maneuvers: &[Maneuver]) -> Option<N
         count: count as u64,
         text,
     })
+}
+
+/// What to say about steps that a gap or the end of the record cuts off. One step alone that is there
+/// when the record ends may be a new trim.
+fn cut_note(flight: &str, input: &InputSettings, cut: &CutOff) -> Note {
+    let certain = cut.by_gap || cut.steps > 1;
+    let by = if cut.by_gap { "a gap" } else { "the end of the record" };
+    Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity: if certain { Severity::Warning } else { Severity::Info },
+        subject: input.name().to_string(),
+        count: 1,
+        text: format!(
+            "steps of `{}` from {:.1} s on are cut off by {by} at {:.1} s: no maneuver as it was flown",
+            input.signal, cut.from, cut.to
+        ),
+    }
 }
 
 fn segments(flight: &str, found: &[Found]) -> Result<Table> {
