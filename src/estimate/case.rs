@@ -98,6 +98,11 @@ impl Case {
         case
     }
 
+    /// Whether noise drives its states.
+    pub(super) fn is_filtered(&self) -> bool {
+        self.filter.is_some()
+    }
+
     /// Free parameters of the model, in the order of a segment's directions.
     pub fn free(&self) -> Vec<usize> {
         self.chosen.shared.iter().chain(&self.chosen.own).copied().collect()

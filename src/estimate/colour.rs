@@ -34,6 +34,11 @@ const ROUNDS: usize = 20;
 /// share.
 const SETTLED: f64 = 1e-3;
 
+/// Residuals are demonstrably coloured where white noise is so with less than this probability.
+const DEMONSTRATED: f64 = 0.99;
+/// A generalised least-squares step of more standard deviations than this is no chance.
+const FAR: f64 = 4.0;
+
 /// Covariance and colour.
 #[derive(Debug, Clone)]
 pub struct Colour {
@@ -128,23 +133,58 @@ pub fn coloured<F: Evaluate>(
     let outputs: usize = noise.iter().map(|r| r.count.len()).sum();
     let classes = if source.has_sizes() { 2 * outputs } else { outputs };
     let mut models = fit(source, classes, rule, None)?;
+    let white = models.iter().all(|model| model.coloured < DEMONSTRATED);
     let mut settled = false;
     for _ in 0..ROUNDS {
         let sigma = Sigma::new(source.layout, noise, &plain(&models));
         if !sigma.is_definite() {
             break;
         }
-        let next = fit(source, classes, rule, Some(&absorbed(source, &sigma, held)?))?;
+        let mut taken = absorbed(source, &sigma, held)?;
+        if is_too_far(source, &taken, &inverse, &factor, held, &sigma)? {
+            taken.all = taken.all.at_rest();
+        }
+        let next = fit(source, classes, rule, Some(&taken))?;
         settled = next.iter().zip(&models).all(|(a, b)| same(a, b));
         models = next;
         if settled {
             break;
         }
     }
-    let covariance =
+    let mut covariance =
         spread(source, &factor, held, &Sigma::new(source.layout, noise, &plain(&models)))?;
+    // In short records of white noise some colour is always seen, and the slow part of it may come
+    // out many times too small: what is not demonstrably coloured widens intervals, and narrows none.
+    if white {
+        let of = |(white, found): (f64, f64)| (white / found).max(1.0).sqrt();
+        let widened: Vec<f64> =
+            inverse.diagonal().into_iter().zip(covariance.diagonal()).map(of).collect();
+        covariance.scale(&widened);
+    }
     models.truncate(outputs);
     Some(Colour { crlb: inverse, covariance, models, settled })
+}
+
+/// Whether least squares with this noise would go further than its own errors explain. Where the
+/// equations are right both estimates have one mean, and the step is smaller than the estimate's sd
+/// (Hausman, Econometrica 46, 1978). Noise in regressors draws them apart: what the step leaves is no
+/// noise then, and a colour made of it feeds itself.
+fn is_too_far<F: Evaluate>(
+    source: &Source<F>,
+    taken: &Taken,
+    white: &Arrow,
+    factor: &Factor,
+    held: &[bool],
+    sigma: &Sigma,
+) -> Option<bool> {
+    let beyond = |covariance: &Arrow| {
+        let sd = covariance.diagonal().into_iter().map(f64::sqrt);
+        taken.all.step().iter().zip(sd).any(|(step, sd)| step.abs() > FAR * sd)
+    };
+    if !beyond(white) {
+        return Some(false);
+    }
+    Some(beyond(&spread(source, factor, held, sigma)?))
 }
 
 fn plain(models: &[Modelled]) -> Vec<crate::noise::Ar> {

@@ -214,7 +214,11 @@ impl Case {
             limits: self.measured_limits(),
             densities: self.densities(),
         };
-        let (method, first) = (settings.method(), self.layout.clone());
+        let method = settings.method();
+        let first = match self.is_filtered() {
+            true => self.begun(self.layout.clone(), &origin.spread(self, here), settings),
+            false => self.layout.clone(),
+        };
         let mut changed = self.stiffen(&first.start);
         let furthest: Vec<usize> = self.steps().into_iter().map(furthest).collect();
         let mut fit = lowest(&first, &origin.spread(self, here), &method, &known);

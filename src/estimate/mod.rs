@@ -52,6 +52,7 @@
 //! | `result` | names put to the solution |
 
 mod attenuation;
+mod begin;
 mod budget;
 mod case;
 mod choice;

@@ -136,6 +136,21 @@ impl Arrow {
         }
     }
 
+    /// Multiplies rows and columns by these numbers, one per parameter of the whole vector.
+    pub fn scale(&mut self, by: &[f64]) {
+        let nc = self.shared;
+        self.cc.iter_mut().enumerate().for_each(|(k, x)| *x *= by[k / nc] * by[k % nc]);
+        let mut offset = nc;
+        for own in &mut self.own {
+            let (n, m) = (own.n, own.columns.len());
+            let mine = &by[offset..offset + n];
+            own.ss.iter_mut().enumerate().for_each(|(k, x)| *x *= mine[k / n] * mine[k % n]);
+            let columns = &own.columns;
+            own.sc.iter_mut().enumerate().for_each(|(k, x)| *x *= mine[k / m] * by[columns[k % m]]);
+            offset += n;
+        }
+    }
+
     /// Element `index` of the diagonal.
     pub fn variance(&self, index: usize) -> Option<f64> {
         if index < self.shared {

@@ -116,6 +116,8 @@ pub struct Absorbed {
     /// `[shared][shared]`: root of the covariance of the shared parameters.
     root: Vec<f64>,
     step: Vec<f64>,
+    /// Whether the step is left out.
+    rests: bool,
 }
 
 impl Absorbed {
@@ -139,7 +141,17 @@ impl Absorbed {
         let half: Vec<f64> =
             (0..n).map(|k| (0..n).map(|i| root[i * n + k] * slope[i]).sum()).collect();
         let step = (0..n).map(|i| (0..n).map(|k| root[i * n + k] * half[k]).sum()).collect();
-        Absorbed { root, step }
+        Absorbed { root, step, rests: false }
+    }
+
+    /// The generalised least-squares step of the shared parameters.
+    pub fn step(&self) -> &[f64] {
+        &self.step
+    }
+
+    /// With the fit where it is: no step.
+    pub fn at_rest(self) -> Absorbed {
+        Absorbed { rests: true, ..self }
     }
 
     /// What was absorbed in one segment.
@@ -171,6 +183,9 @@ impl Absorbed {
                     }
                 }
             }
+        }
+        if self.rests {
+            taken.step.fill(0.0);
         }
         taken.narrowed()
     }

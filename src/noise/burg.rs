@@ -159,6 +159,9 @@ pub enum OrderCriterion {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Modelled {
     pub model: Ar,
+    /// Probability of less in white noise, by the tests of Monti and of Ljung and Box: near one where
+    /// the series are demonstrably not white.
+    pub coloured: f64,
     /// The recursion ended at this order, below the highest asked for, and the criterion wanted no
     /// less: what is left is rounding, or no series is longer.
     pub cut: Option<usize>,
@@ -219,7 +222,7 @@ fn coloured(products: &Products, lags: usize) -> f64 {
 pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     let c0 = products.variance();
     if !(c0 > 0.0 && c0.is_finite()) {
-        return Modelled { model: Ar::white(0.0), cut: None };
+        return Modelled { model: Ar::white(0.0), coloured: 0.0, cut: None };
     }
     let partial = partial(products);
     // Each is found from so many samples, and has a variance of one over that in white noise.
@@ -237,7 +240,8 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     };
     // Many small correlations that no single order is worth are not white noise either, nor are
     // those of one sign that weak slow noise leaves: its partial autocorrelations die out sooner.
-    let first = usize::from(unlikely(0).max(coloured(products, partial.len())) > NOT_WHITE);
+    let coloured = unlikely(0).max(coloured(products, partial.len()));
+    let first = usize::from(coloured > NOT_WHITE);
     let least = |penalty: f64| {
         let cost = |p: usize| costs[p] + p as f64 * penalty;
         (first..costs.len()).fold(first, |best, p| if cost(p) < cost(best) { p } else { best })
@@ -251,5 +255,5 @@ pub fn fit(products: &Products, criterion: OrderCriterion) -> Modelled {
     };
     let cut = (order == partial.len() && order < products.order).then_some(order);
     let variance = partial[..order].iter().fold(c0, |variance, k| variance * (1.0 - k * k));
-    Modelled { model: Ar { partial: partial[..order].to_vec(), variance }, cut }
+    Modelled { model: Ar { partial: partial[..order].to_vec(), variance }, coloured, cut }
 }

@@ -21,9 +21,13 @@ pub fn median_filter(y: &[f64], window: usize) -> Vec<f64> {
         .collect()
 }
 
+/// A signal that is rounded has so many steps of its resolution at least.
+const LEVELS: f64 = 4.0;
+
 /// The sd of white noise on a moving signal, from the MAD of its third differences: they see no
 /// quadratic, the median sees no steps and outliers. The resolution, as the least step between
-/// samples, is the floor (uniform over one step). Samples that are no numbers are left out.
+/// samples, is the floor (uniform over one step); a signal that is one of a few levels is commanded so,
+/// and not rounded. Samples that are no numbers are left out.
 ///
 /// 0 for fewer than four neighbouring values.
 pub fn noise_sd(y: &[f64]) -> f64 {
@@ -35,7 +39,10 @@ pub fn noise_sd(y: &[f64]) -> f64 {
         .map(|w| (w[1] - w[0]).abs())
         .filter(|d| *d > 0.0)
         .fold(f64::INFINITY, f64::min);
-    let floor = if step.is_finite() { step / 12f64.sqrt() } else { 0.0 };
+    let known = y.iter().filter(|v| v.is_finite());
+    let range = known.clone().fold(f64::NEG_INFINITY, |m, v| m.max(*v))
+        - known.fold(f64::INFINITY, |m, v| m.min(*v));
+    let floor = if step <= range / LEVELS { step / 12f64.sqrt() } else { 0.0 };
     // Var(e0 - 3 e1 + 3 e2 - e3) = 20 Var(e)
     if third.is_empty() { 0.0 } else { (mad_sd(&third) / 20f64.sqrt()).max(floor) }
 }
@@ -74,6 +81,8 @@ mod tests {
             .map(|(i, y)| if i % 50 == 7 { f64::NAN } else { y - 1e-3 * i as f64 + wave(i) })
             .collect();
         assert!((noise_sd(&moving) - 0.2).abs() < 0.015, "{}", noise_sd(&moving));
+        let steps: Vec<f64> = (0..100).map(|i| [0.0, 0.04, -0.04][i / 10 % 3]).collect();
+        assert_eq!(noise_sd(&steps), 0.0);
         let coarse: Vec<f64> = (0..1000).map(|i| (0.01 * f64::from(i)).floor()).collect();
         assert!((noise_sd(&coarse) - 1.0 / 12f64.sqrt()).abs() < 1e-12);
     }

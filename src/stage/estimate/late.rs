@@ -48,10 +48,10 @@ pub fn notes(
     (batch, estimation): (&Batch, &Estimation),
     again: &dyn Fn(&[Segment]) -> std::result::Result<Estimation, Errors>,
 ) -> std::result::Result<Vec<Note>, Errors> {
-    let mut notes = Vec::new();
     if estimation.stop != Stop::Converged {
-        return Ok(notes);
+        return Ok(Vec::new());
     }
+    let mut notes = held(config, batch);
     for short in shorts(config, inputs, batch, estimation)? {
         let mut others = Vec::new();
         for (kind, _) in KINDS {
@@ -66,6 +66,32 @@ pub fn notes(
         notes.push(config.note("", severity, short.name.to_string(), 1, text));
     }
     Ok(notes)
+}
+
+/// A delay of a held input looks back at a smooth curve through the grid: a step is where it stood to a
+/// twentieth of a step of the grid (see `Record::behind`), whatever the delay's sd.
+fn held(config: &Config, batch: &Batch) -> Vec<Note> {
+    let Some(record) = batch.labelled.first().map(|segment| &segment.record) else {
+        return Vec::new();
+    };
+    let is_held = |input: usize| record.interpolation.get(input) == Some(&Interpolation::Hold);
+    let mut inputs: Vec<usize> = (config.model.delays.iter())
+        .filter_map(|delay| match delay.of {
+            Delayed::Input(input) if is_held(input) => Some(input),
+            _ => None,
+        })
+        .collect();
+    inputs.dedup();
+    let note = |input: usize| {
+        let name = config.model.inputs[input].name.clone();
+        let text = format!(
+            "{}: a delay() of {name}, which is held between samples, is known to {:.1e} s, a twentieth of a step of the grid, whatever its sd: a finer grid makes it smaller",
+            batch.group,
+            record.dt / 20.0
+        );
+        config.note("", Severity::Info, name, 1, text)
+    };
+    inputs.into_iter().map(note).collect()
 }
 
 /// The delays of inputs that are shorter than a sample, the shortest of each input.

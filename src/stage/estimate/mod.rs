@@ -16,6 +16,7 @@ mod settings;
 mod stretches;
 mod tables;
 mod uncertainty;
+mod uneven;
 
 use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, slice_of};
 use crate::engine::Here;
@@ -234,6 +235,7 @@ fn of_ready(
     for (batch, estimation) in batches.iter().zip(&estimations) {
         notes.extend(outcome_notes(config, batch, estimation));
         notes.extend(late::notes(config, inputs, (batch, estimation), &estimated)?);
+        notes.extend(uneven::notes(config, batch, estimation));
     }
     let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();
     let stops = estimations.iter().map(|estimation| estimation.stop.as_str()).collect();

@@ -2,10 +2,13 @@
 
 use crate::math::distribution::INTERVAL_95;
 use crate::noise::{Theil, theil};
+use crate::signal::adequacy::{COLOUR, SHARE};
 use crate::signal::robust::noise_sd;
 
 /// Smoothed residuals within so many standard deviations are the sensor's noise.
 const SIGMAS: f64 = 3.0;
+/// Residuals of an estimate whose level at frequency zero is so many times that of white noise are slow.
+const SLOW: f64 = 1.5;
 /// Share of them that must be.
 const NOISE: f64 = 0.95;
 
@@ -29,6 +32,8 @@ pub struct Output {
     /// Standard deviation of its noise by the `R` of the estimate; not a number where that has no
     /// output of this name.
     pub r_sd: f64,
+    /// Variance of its residuals at frequency zero over their variance: one where they are white.
+    pub r_colour: f64,
     /// Length of the moving average that is held against that noise, s.
     pub smooth_s: f64,
 }
@@ -60,6 +65,8 @@ pub struct Agreement {
     pub largest_at: f64,
     /// Standard deviation of the sensor's noise, from the measurement alone.
     pub noise_sd: f64,
+    /// Theil's coefficient of a model that leaves that alone.
+    pub noise_theil: f64,
     /// Root mean square of `carried_sd`, and mean of the band.
     pub carried_sd: f64,
     pub band: f64,
@@ -78,14 +85,16 @@ pub struct Agreement {
 impl Output {
     /// Share of the moving averages of the residuals that such noise alone explains; not a number
     /// without `R`, or where no stretch is long enough. An average of `m` samples of white noise
-    /// has its standard deviation over the root of `m`.
+    /// has its standard deviation over the root of `m`; slow noise has a larger one, by the root of its
+    /// colour at most, and never more than its own.
     fn smoothed(&self) -> f64 {
         let steps: Vec<f64> = self.t.windows(2).map(|t| t[1] - t[0]).collect();
         if steps.is_empty() {
             return f64::NAN;
         }
         let m = (self.smooth_s / crate::math::median(&steps)).round().max(1.0) as usize;
-        let limit = SIGMAS / (m as f64).sqrt();
+        let slow = if self.r_colour > 1.0 { self.r_colour.min(m as f64) } else { 1.0 };
+        let limit = SIGMAS * (slow / m as f64).sqrt();
         let e = self.errors();
         let (mut inside, mut all) = (0.0, 0.0);
         for of in e.windows(m) {
@@ -96,6 +105,15 @@ impl Output {
             }
         }
         if all > 0.0 { inside / all } else { f64::NAN }
+    }
+
+    /// The sensor's noise: its fast part, read from the measurement. Where the residuals of the estimate
+    /// are slow it is what they are, as far as an adequate model may leave that (`adequacy`).
+    fn noise(&self, fast: f64, spread: f64) -> f64 {
+        if !(self.r_colour > SLOW && self.r_sd.is_finite()) {
+            return fast;
+        }
+        fast.max(self.r_sd.min((COLOUR * fast).hypot(SHARE * spread)))
     }
 
     /// Errors over the standard deviation that they have by the estimate: of the model, or of the
@@ -125,10 +143,12 @@ impl Output {
         let rms = mean(&|k| e(k) * e(k)).sqrt();
         let middle = mean(&|k| self.measured[k]);
         let spread = mean(&|k| (self.measured[k] - middle) * (self.measured[k] - middle)).sqrt();
+        let theil = theil(&self.modelled, &self.measured);
         let largest =
             all.iter().copied().fold(last, |a, b| if e(b).abs() > e(a).abs() { b } else { a });
         let noise = noise_sd(&self.measured);
-        let noise = if noise.is_finite() { noise } else { 0.0 };
+        let fast = if noise.is_finite() { noise } else { 0.0 };
+        let noise = self.noise(fast, spread);
         let half = |k: usize| {
             let sd = self.sd(k);
             self.band[k] + INTERVAL_95 * (sd * sd + noise * noise).sqrt()
@@ -141,10 +161,11 @@ impl Output {
             },
             rms,
             fit: 1.0 - rms / spread,
-            theil: theil(&self.modelled, &self.measured),
+            theil,
             largest: e(largest).abs(),
             largest_at: self.t[largest],
             noise_sd: noise,
+            noise_theil: noise * theil.coefficient / rms,
             carried_sd: mean(&|k| self.carried_sd[k] * self.carried_sd[k]).sqrt(),
             band: mean(&|k| self.band[k]),
             driven_sd: self
@@ -177,11 +198,13 @@ impl Agreement {
         }
     }
 
-    /// `good`, or what it falls short of. Where noise drives the states Theil's coefficient is not
+    /// `good`, or what it falls short of. What the sensor's noise alone makes of Theil's coefficient is
+    /// no error of the model. Where noise drives the states Theil's coefficient is not
     /// asked: a gust is no error of the model, and the interval knows how much it may do.
     pub fn verdict(&self, within: f64, theil: f64) -> String {
         let mut short = Vec::new();
-        if self.driven_sd.is_nan() && !(self.theil.coefficient <= theil) {
+        let limit = if self.noise_theil > 0.0 { theil.hypot(self.noise_theil) } else { theil };
+        if self.driven_sd.is_nan() && !(self.theil.coefficient <= limit) {
             short.push(format!("Theil {:.3} above {theil}", self.theil.coefficient));
         }
         if !(self.within >= within - self.chance(within)) {

@@ -273,25 +273,29 @@ fn with_bands(config: &Config, segment: &Segment) -> Segment {
     segment
 }
 
-/// By output, the root of the estimate's `R`: that of the mean square of its residuals.
-fn scatter(config: &Config, inputs: &Inputs) -> Result<BTreeMap<String, f64>> {
+/// By output, the root of the estimate's `R`, that of the mean square of its residuals, and their colour.
+fn scatter(config: &Config, inputs: &Inputs) -> Result<BTreeMap<String, [f64; 2]>> {
     let Some(table) = inputs.numbered("residuals", config.estimate)? else {
         return Ok(BTreeMap::new());
     };
     let (names, n, rms) = (table.strings("output")?, table.i64("n")?, table.f64("rms")?);
-    let mut sums: BTreeMap<&str, [f64; 2]> = BTreeMap::new();
+    let colour = table.f64("colour")?;
+    let mut sums: BTreeMap<&str, [f64; 3]> = BTreeMap::new();
     for (row, name) in names.into_iter().enumerate().filter(|(row, _)| rms[*row].is_finite()) {
-        let [count, square] = sums.entry(name).or_default();
+        let [count, square, level] = sums.entry(name).or_default();
+        let power = n[row] as f64 * rms[row] * rms[row];
         *count += n[row] as f64;
-        *square += n[row] as f64 * rms[row] * rms[row];
+        *square += power;
+        *level += power * if colour[row].is_finite() { colour[row] } else { 1.0 };
     }
-    Ok(sums.into_iter().map(|(name, [n, sum])| (name.to_string(), (sum / n).sqrt())).collect())
+    let of = |[n, sum, level]: [f64; 3]| [(sum / n).sqrt(), level / sum];
+    Ok(sums.into_iter().map(|(name, sums)| (name.to_string(), of(sums))).collect())
 }
 
 /// By output, the standard deviation of its noise that is held.
-fn noise(first: &Estimation, values: &Values) -> BTreeMap<String, f64> {
+fn noise(first: &Estimation, values: &Values) -> BTreeMap<String, [f64; 2]> {
     let names = first.responses.iter().flatten().map(|trace| &trace.name);
-    names.filter_map(|name| Some((name.clone(), *values.at.get(&noise_of(name))?))).collect()
+    names.filter_map(|name| Some((name.clone(), [*values.at.get(&noise_of(name))?, 1.0]))).collect()
 }
 
 /// The maneuver at the values, and what of it changes with each column of a root of their
@@ -343,7 +347,7 @@ fn outputs(
     config: &Config,
     first: &Estimation,
     carried: &[Vec<Vec<f64>>],
-    scatter: &BTreeMap<String, f64>,
+    scatter: &BTreeMap<String, [f64; 2]>,
     beyond: &dyn Fn(f64) -> bool,
 ) -> Vec<(judge::Output, Option<Agreement>)> {
     let traces: Vec<_> = first.responses.iter().flatten().collect();
@@ -356,6 +360,7 @@ fn outputs(
         let half = config.settings.band.get(&trace.name);
         let half = half.and_then(|name| traces.iter().find(|trace| trace.name == *name));
         let n = trace.t.len();
+        let [r_sd, r_colour] = scatter.get(&trace.name).copied().unwrap_or([f64::NAN; 2]);
         let output = judge::Output {
             name: trace.name.clone(),
             unit: trace.unit.clone(),
@@ -370,7 +375,8 @@ fn outputs(
             carried_sd: (0..n).map(|k| square(k).sqrt()).collect(),
             band: half.map_or_else(|| vec![0.0; n], |half| half.modelled.clone()),
             beyond: trace.t.iter().map(|t| beyond(*t)).collect(),
-            r_sd: scatter.get(&trace.name).copied().unwrap_or(f64::NAN),
+            r_sd,
+            r_colour,
             smooth_s: config.settings.smooth_s,
         };
         let agreement = output.agreement();
