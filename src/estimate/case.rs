@@ -36,6 +36,7 @@ pub struct Unknown {
 pub(super) type Narrow = Arc<OnceLock<Option<Propagator>>>;
 
 /// The segments that are used together.
+#[derive(Clone)]
 pub struct Case {
     pub model: Arc<Model>,
     pub(super) chosen: Arc<Chosen>,

@@ -2,6 +2,7 @@
 //! was left out.
 
 use super::budget::Influence;
+use super::coarse::Coarse;
 use super::decision::Decision;
 use super::influential::Influential;
 use super::modes::Mode;
@@ -155,6 +156,8 @@ pub struct Estimation {
     pub too_short: Vec<TooShort>,
     /// The sample on which a common parameter hangs, if it hangs on one.
     pub influential: Option<Influential>,
+    /// What finer integration steps would move, where states have limits.
+    pub coarse: Option<Coarse>,
     /// Parameters of the model that times of delays depend on.
     pub delaying: Vec<String>,
     /// Another start that ended elsewhere.

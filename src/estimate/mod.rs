@@ -46,6 +46,7 @@
 //! | `tries` | several starts, of which the best is kept |
 //! | `plateaus` | what was measured of a state on its limit |
 //! | `idle` | why nothing shows a parameter |
+//! | `coarse` | what finer integration steps would move |
 //! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
 //! | `estimation` | the result |
@@ -56,6 +57,7 @@ mod begin;
 mod budget;
 mod case;
 mod choice;
+mod coarse;
 mod colour;
 mod crossed;
 mod decision;
@@ -99,6 +101,7 @@ mod watched;
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::{Influence, covariance};
 pub use case::{Case, Unknown};
+pub use coarse::Coarse;
 pub use decision::{Decision, Support};
 pub use equations::NormalEquations;
 pub use estimation::{

@@ -4,6 +4,7 @@
 use super::budget::{Influence, influences};
 use super::case::{Case, PASSES, propagator};
 use super::choice::choose;
+use super::coarse::Coarse;
 use super::equations::Origin;
 use super::extend::prepare;
 use super::influential::Influential;
@@ -146,7 +147,8 @@ fn once(
                     told(&case, &solution, (settings, &used), budget, (&origin, here))?
                 }
             };
-            let Told { budget, profiles, stuck, reached, crossed, too_short, influential } = told;
+            let Told { budget, profiles, stuck, reached, crossed, too_short, influential, coarse } =
+                told;
             let traced = match settings.by {
                 By::Motion => Traced::of_motion(&case, &solution),
                 By::EquationError => Traced::of_equations(&case, &solution, settings)?,
@@ -162,6 +164,7 @@ fn once(
                 crossed,
                 too_short,
                 influential,
+                coarse,
                 delaying: case.delaying(),
                 elsewhere,
                 modes,
@@ -186,6 +189,7 @@ struct Told {
     crossed: Vec<String>,
     too_short: Vec<TooShort>,
     influential: Option<Influential>,
+    coarse: Option<Coarse>,
 }
 
 fn told(
@@ -206,6 +210,7 @@ fn told(
             crossed: case.crossed(theta)?,
             too_short,
             influential: case.influential(solution, used),
+            coarse: case.coarse(solution, settings),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.
         By::EquationError => {

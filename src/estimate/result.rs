@@ -97,6 +97,7 @@ pub fn name(
         crossed: Vec::new(),
         too_short: Vec::new(),
         influential: None,
+        coarse: None,
         delaying: Vec::new(),
         elsewhere: None,
         tried: Vec::new(),

@@ -66,9 +66,20 @@ fn with_taken(
     let left = settings.candidates.iter().filter(|name| !searched.taken.contains(name));
     trial.fixed.extend(left.cloned());
     trial.profile.retain(|name| !trial.fixed.contains(name));
-    let estimation = estimate(&trial)?;
+    let mut estimation = estimate(&trial)?;
+    // The search takes residuals for white; what does not stand out of slow ones goes again.
+    let mut dropped: Vec<Decision> = Vec::new();
+    while let Some(decision) = weakest(&estimation, settings, &trial) {
+        trial.fixed.push(decision.parameter.clone());
+        trial.profile.retain(|name| *name != decision.parameter);
+        dropped.push(decision);
+        estimation = estimate(&trial)?;
+    }
     let decide = |name: &String| match searched.taken.contains(name) {
-        true => judge(&estimation, name).map(|(decision, _)| decision),
+        true => match dropped.iter().find(|decision| decision.parameter == *name) {
+            Some(decision) => Some(decision.clone()),
+            None => judge(&estimation, name).map(|(decision, _)| decision),
+        },
         false => Some(Decision {
             parameter: name.clone(),
             unit: searched.unit(name).to_string(),

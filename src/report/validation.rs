@@ -122,7 +122,7 @@ fn noise(rows: &Columns) -> Option<String> {
 fn grid(drawn: bool) -> Grid {
     let mut table = Grid::new([
         "validation",
-        "maneuver",
+        "~maneuver",
         "output",
         "~verdict",
         "#r.m.s.",
@@ -222,8 +222,13 @@ fn stretches(t: &[f64], those: &[bool]) -> Vec<[Option<f64>; 2]> {
         .collect()
 }
 
-/// What was estimated in a maneuver, and where lines were taken outside their points.
+/// What was estimated in a maneuver, at the first of its outputs, and where lines were taken outside their
+/// points.
 fn under(rows: &Columns, row: usize) -> Option<String> {
+    let own = |row: usize| ["validation", "segment"].map(|name| rows.text(name, row));
+    if row > 0 && own(row - 1) == own(row) {
+        return None;
+    }
     let beyond = rows.flag("beyond", row) == Some(true);
     let beyond = beyond.then(|| outside(rows.number("outside", row)));
     let followed = Some(rows.text("followed", row)).filter(|text| !text.is_empty());

@@ -312,6 +312,7 @@ fn outcome_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
     notes.extend(influential_note(config, batch, estimation));
+    notes.extend(coarse_note(config, batch, estimation));
     notes.extend(moved_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(elsewhere_note(config, batch, estimation));
@@ -403,6 +404,25 @@ fn influential_note(config: &Config, batch: &Batch, estimation: &Estimation) -> 
         if sample.shift > 0.0 { "larger" } else { "smaller" },
     );
     Some(config.note("", Severity::Warning, segment, 1, text))
+}
+
+/// Parameters that are named in a note at most.
+const NAMED: usize = 4;
+
+/// Estimates that depend on how fine the integration steps are.
+fn coarse_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let coarse = estimation.coarse.as_ref()?;
+    let of = |(name, by): &(String, f64)| format!("{name} by {by:.1} sd");
+    let words: Vec<String> = coarse.moved.iter().take(NAMED).map(of).collect();
+    let more = coarse.moved.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} others") } else { String::new() };
+    let text = format!(
+        "{}: where a state meets its limit inside a step the motion is off: integration steps {} times finer would move {}{more}: say `substeps` in [[estimate]]",
+        batch.group,
+        coarse.finer,
+        words.join(", ")
+    );
+    Some(config.note("", Severity::Warning, batch.group.clone(), coarse.moved.len(), text))
 }
 
 /// Estimates by equation error that the noise of the regressors is expected to have moved.

@@ -155,9 +155,9 @@ impl Output {
         };
         Some(Agreement {
             n: all.len(),
-            independent: match self.driven {
-                Some(_) => independent(&all.iter().map(|&k| e(k)).collect::<Vec<_>>()),
-                None => n,
+            independent: match self.driven.is_some() || self.r_colour > SLOW {
+                true => independent(&all.iter().map(|&k| e(k)).collect::<Vec<_>>()),
+                false => n,
             },
             rms,
             fit: 1.0 - rms / spread,

@@ -1,0 +1,54 @@
+//! A solution in; the parameters that finer integration steps would move, out.
+//!
+//! Where a state meets its limit or leaves it inside a step the method is of first order, and the
+//! motion is off by a part of that step. Steps four times finer show by how much that moves the
+//! estimates: one step of the iteration from the solution, with the residuals that they leave.
+
+use super::case::Case;
+use super::solution::Solution;
+use super::{Settings, Stop};
+use crate::least_squares::{Layout, Method, minimise};
+
+/// So many times finer.
+const FINER: usize = 4;
+/// A parameter is moved by more than so many of its standard deviations.
+const MOVES: f64 = 1.0;
+
+/// What steps so many times finer would do: by how many standard deviations which parameters move,
+/// those that move most first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Coarse {
+    pub finer: usize,
+    pub moved: Vec<(String, f64)>,
+}
+
+impl Case {
+    /// What finer steps would move; none of a model without limits, or where nothing moves much.
+    pub(super) fn coarse(&self, solution: &Solution, settings: &Settings) -> Option<Coarse> {
+        let limited = self.model.states.iter().any(|s| s.min.is_some() || s.max.is_some());
+        if !limited || self.is_filtered() || solution.fit.stop != Stop::Converged {
+            return None;
+        }
+        let mut finer = self.clone();
+        for (s, record) in finer.records.iter_mut().enumerate() {
+            let steps = match record.substeps {
+                0 => self.substeps(s, &solution.fit.theta),
+                steps => steps,
+            };
+            record.substeps = FINER * steps;
+        }
+        let evaluate =
+            |s: usize, local: &[f64], sensitivities: bool| finer.evaluate(s, local, sensitivities);
+        let layout = Layout { start: solution.fit.theta.clone(), ..self.layout.clone() };
+        let method = Method { max_iterations: 1, ..settings.method() };
+        let theta = minimise(&layout, &evaluate, &method).theta;
+        let moved = |i: usize| {
+            let (sd, _) = solution.deviation(i)?;
+            let by = (theta.get(i)? - solution.fit.theta[i]).abs() / sd;
+            (by > MOVES).then(|| (self.unknowns[i].name.clone(), by))
+        };
+        let mut moved: Vec<(String, f64)> = (0..self.unknowns.len()).filter_map(moved).collect();
+        moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        (!moved.is_empty()).then_some(Coarse { finer: FINER, moved })
+    }
+}
