@@ -1,7 +1,6 @@
 //! The compiled programs of one model for one choice of free directions, ready to run over any
 //! number of records.
 
-use super::remembered::Remembered;
 use super::rows::Rows;
 use super::sweep::{Late, Sweep};
 use super::sweep_rows::RowSweep;
@@ -235,7 +234,7 @@ impl Propagator {
         let linear = &self.linear;
         let sweep = || {
             let rows = RowSweep::compile(&self.output_rows, self.directions.len(), vectors);
-            let kept = Remembered::states(self);
+            let kept = self.read_later();
             let late = Late { times: &self.delay_rows, kept: &kept };
             Sweep::compile(&self.rate_rows, (!self.plain()).then_some(late), vectors).zip(rows)
         };
@@ -267,6 +266,18 @@ impl Propagator {
     /// Whether a step is nothing but rates: without delays, stops and friction.
     pub(super) fn plain(&self) -> bool {
         self.delays.is_empty() && self.limited.is_empty() && self.moving.is_empty()
+    }
+
+    /// States that some delay reads, ascending.
+    pub(super) fn read_later(&self) -> Vec<usize> {
+        let read = |delay: &Delay| match delay.of {
+            Delayed::State(i) => Some(i),
+            _ => None,
+        };
+        let mut states: Vec<usize> = self.delays.iter().filter_map(read).collect();
+        states.sort_unstable();
+        states.dedup();
+        states
     }
 
     /// Whether a step is nothing but rates, of past values too.

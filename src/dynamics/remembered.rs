@@ -5,7 +5,6 @@ use super::history::Past;
 use super::propagator::Propagator;
 use crate::math::mixed::{Term, mix};
 use crate::math::pool;
-use crate::model::Delayed;
 
 /// Sensitivities at the remembered step times; of no other states than those that are read.
 #[derive(Default)]
@@ -23,7 +22,7 @@ pub(super) struct Remembered {
 impl Remembered {
     /// `steps`: about how many there will be.
     pub fn of(propagator: &Propagator, steps: usize) -> Remembered {
-        let states = Remembered::states(propagator);
+        let states = propagator.read_later();
         let lanes = propagator.directions.lanes();
         let empty = || {
             let mut list = pool::take(steps * states.len() * lanes);
@@ -32,18 +31,6 @@ impl Remembered {
         };
         let [s, k] = [empty(), empty()];
         Remembered { states, lanes, s, k, past: Vec::new() }
-    }
-
-    /// States that some delay reads, ascending.
-    pub fn states(propagator: &Propagator) -> Vec<usize> {
-        let read = |delay: &crate::model::Delay| match delay.of {
-            Delayed::State(i) => Some(i),
-            _ => None,
-        };
-        let mut states: Vec<usize> = propagator.delays.iter().filter_map(read).collect();
-        states.sort_unstable();
-        states.dedup();
-        states
     }
 
     /// Whether any state is read later.

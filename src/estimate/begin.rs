@@ -24,7 +24,10 @@ impl Case {
         evaluate: &F,
         settings: &Settings,
     ) -> Layout {
-        let sensors = self.sensors();
+        let sensors = match settings.max_iterations {
+            0 => Vec::new(),
+            _ => self.sensors(),
+        };
         let Some(sizes) = self.sizes(&layout, &layout.start).filter(|_| !sensors.is_empty()) else {
             return layout;
         };

@@ -141,7 +141,7 @@ pub fn coloured<F: Evaluate>(
             break;
         }
         let mut taken = absorbed(source, &sigma, held)?;
-        if is_too_far(source, &taken, &inverse, &factor, held, &sigma)? {
+        if white && is_too_far(source, &taken, &inverse, &factor, held, &sigma)? {
             taken.all = taken.all.at_rest();
         }
         let next = fit(source, classes, rule, Some(&taken))?;
@@ -156,7 +156,10 @@ pub fn coloured<F: Evaluate>(
     // In short records of white noise some colour is always seen, and the slow part of it may come
     // out many times too small: what is not demonstrably coloured widens intervals, and narrows none.
     if white {
-        let of = |(white, found): (f64, f64)| (white / found).max(1.0).sqrt();
+        let of = |(white, found): (f64, f64)| match found > 0.0 {
+            true => (white / found).max(1.0).sqrt(),
+            false => 1.0,
+        };
         let widened: Vec<f64> =
             inverse.diagonal().into_iter().zip(covariance.diagonal()).map(of).collect();
         covariance.scale(&widened);
@@ -165,7 +168,8 @@ pub fn coloured<F: Evaluate>(
     Some(Colour { crlb: inverse, covariance, models, settled })
 }
 
-/// Whether least squares with this noise would go further than its own errors explain. Where the
+/// Whether least squares with this noise would go further than its own errors explain, although the
+/// residuals may be white. Where the
 /// equations are right both estimates have one mean, and the step is smaller than the estimate's sd
 /// (Hausman, Econometrica 46, 1978). Noise in regressors draws them apart: what the step leaves is no
 /// noise then, and a colour made of it feeds itself.

@@ -73,7 +73,8 @@ impl Context<'_> {
                 _ => account.dropped_unreadable += 1,
             }
         }
-        let twice = turned_back(&samples.iter().map(|s| s.0).collect::<Vec<_>>());
+        let times: Vec<i64> = samples.iter().map(|s| s.0).collect();
+        let twice = turned_back(&times, |a, b| samples[a].1 == samples[b].1);
         let before = samples.len();
         samples.retain(|s| !twice.iter().any(|back| back.holds(s.0)));
         let dropped = (before - samples.len()) as u64;

@@ -3,7 +3,8 @@
 //!
 //! A message that comes late fills a hole that it left; many that come late together fill as many.
 //! Behind a clock that was set back messages go on at their usual spacing among others that are there
-//! already: twice as many as there is room for. Which of both was when cannot be known.
+//! already: twice as many as there is room for. Which of both was when cannot be known. A message that
+//! stands there twice is none of these.
 
 /// A time that came twice, ns: the clock stood at `to` and then again at `from`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,9 +29,11 @@ impl Back {
 const FEW: usize = 3;
 /// Messages for one that there is room for, at least.
 const CROWDED: f64 = 1.5;
+/// Steps back that are looked at: a log that has more is shuffled.
+const MOST: usize = 20;
 
-/// Every place where the clock was set back.
-pub fn turned_back(times: &[i64]) -> Vec<Back> {
+/// Every place where the clock was set back; `same`: whether two messages of one time say the same.
+pub fn turned_back(times: &[i64], same: impl Fn(usize, usize) -> bool) -> Vec<Back> {
     let is_back = |w: &[i64]| w[1] < w[0];
     if !times.windows(2).any(is_back) {
         return Vec::new();
@@ -42,16 +45,20 @@ pub fn turned_back(times: &[i64]) -> Vec<Back> {
     }
     let middle = steps.len() / 2;
     let spacing = *steps.select_nth_unstable(middle).1 as f64;
-    let (mut all, mut latest) = (Vec::new(), i64::MIN);
+    let (mut all, mut latest, mut looked) = (Vec::new(), i64::MIN, 0);
     for k in 0..times.len() {
         let steps_back = k > 0 && is_back(&times[k - 1..=k]) && times[k - 1] == latest;
-        if steps_back {
+        if steps_back && looked < MOST {
+            looked += 1;
             let back = Back { from: times[k], to: latest };
-            let behind = times[k..].iter().take_while(|t| **t <= latest).count();
             let before = times[..k].iter().rev().take_while(|t| **t >= times[k]).count();
-            let room = (latest.saturating_sub(times[k])) as f64 / spacing + 1.0;
-            let crowded = (before + behind) as f64 >= CROWDED * room;
-            if before.min(behind) >= FEW && crowded {
+            let room = latest.saturating_sub(times[k]) as f64 / spacing + 1.0;
+            let run = (k..times.len()).take_while(|at| times[*at] <= latest).count();
+            let crowded = |behind: usize| {
+                before.min(behind) >= FEW && (before + behind) as f64 >= CROWDED * room
+            };
+            // what stands there twice is counted once, where it matters
+            if crowded(run) && crowded(run - repeated(times, (k - before, k, k + run), &same)) {
                 all.push(back);
             }
         }
@@ -60,9 +67,29 @@ pub fn turned_back(times: &[i64]) -> Vec<Back> {
     all
 }
 
+/// How many of the messages `from..end` say the same as one of the same time among those from `first`
+/// to before `from`.
+fn repeated(
+    times: &[i64],
+    (first, from, end): (usize, usize, usize),
+    same: &impl Fn(usize, usize) -> bool,
+) -> usize {
+    let mut known: Vec<usize> = (first..from).collect();
+    known.sort_by_key(|at| times[*at]);
+    let is_known = |at: &usize| {
+        let place = known.partition_point(|of| times[*of] < times[*at]);
+        known.get(place).is_some_and(|of| times[*of] == times[*at] && same(*of, *at))
+    };
+    (from..end).filter(is_known).count()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn other(_: usize, _: usize) -> bool {
+        false
+    }
 
     fn grid(n: i64) -> Vec<i64> {
         (0..n).map(|k| 10_000_000 * k).collect()
@@ -72,22 +99,30 @@ mod tests {
     fn a_clock_set_back_is_found_and_late_messages_are_none() {
         let mut back = grid(600);
         back[300..].iter_mut().for_each(|t| *t -= 310_000_000);
-        assert_eq!(turned_back(&back), [Back { from: 2_690_000_000, to: 2_990_000_000 }]);
-        assert_eq!(turned_back(&grid(600)), []);
+        assert_eq!(turned_back(&back, other), [Back { from: 2_690_000_000, to: 2_990_000_000 }]);
+        assert_eq!(turned_back(&grid(600), other), []);
         // one late message, two that changed places, and fifteen that came late together
         let mut late = grid(600);
         late[100..111].rotate_left(1);
         late.swap(200, 201);
         late[300..330].rotate_left(15);
-        assert_eq!(turned_back(&late), []);
+        assert_eq!(turned_back(&late, other), []);
+    }
+
+    #[test]
+    fn what_stands_there_twice_is_no_clock_set_back() {
+        let mut twice = grid(600);
+        twice.splice(400..400, grid(600)[350..400].to_vec());
+        assert_eq!(turned_back(&twice, |_, _| true), []);
+        assert_eq!(turned_back(&twice, other), [Back { from: 3_500_000_000, to: 3_990_000_000 }]);
     }
 
     #[test]
     fn a_clock_that_begins_anew_elsewhere_has_no_time_twice() {
         let mut anew = grid(600);
         anew[300..].iter_mut().for_each(|t| *t -= 9_000_000_000_000);
-        assert_eq!(turned_back(&anew), []);
-        assert_eq!(turned_back(&[]), []);
-        assert_eq!(turned_back(&[5, 5, 5]), []);
+        assert_eq!(turned_back(&anew, other), []);
+        assert_eq!(turned_back(&[], other), []);
+        assert_eq!(turned_back(&[5, 5, 5], other), []);
     }
 }

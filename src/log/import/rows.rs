@@ -42,15 +42,16 @@ impl Rows {
     pub fn settle(&mut self, topic: &str) -> Vec<String> {
         let times: Vec<i64> =
             self.stamp.iter().map(|t| i64::try_from(*t).unwrap_or(i64::MAX)).collect();
-        let twice = turned_back(&times);
+        let fields = self.values.len().checked_div(times.len()).unwrap_or(0);
+        let of = |row: usize| &self.values[row * fields..(row + 1) * fields];
+        let twice = turned_back(&times, |a, b| of(a) == of(b));
         let mut order: Vec<usize> = (0..times.len()).collect();
         order.retain(|&row| !twice.iter().any(|back| back.holds(times[row])));
         let dropped = times.len() - order.len();
         let late = order.windows(2).filter(|w| times[w[1]] < times[w[0]]).count();
         if dropped + late > 0 {
             order.sort_by_key(|&row| times[row]);
-            let fields = self.values.len() / times.len();
-            let row = |&row: &usize| self.values[row * fields..(row + 1) * fields].iter().copied();
+            let row = |&row: &usize| of(row).iter().copied();
             self.values = order.iter().flat_map(row).collect();
             self.stamp = order.iter().map(|&row| self.stamp[row]).collect();
         }

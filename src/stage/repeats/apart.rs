@@ -1,7 +1,7 @@
 //! Estimates of single maneuvers of one parameter come in; flights in which it is another one by far,
 //! while all others agree, go out: a unit, a sign or a scale of one log.
 
-use super::One;
+use super::one::One;
 use crate::math::median;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;

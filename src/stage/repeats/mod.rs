@@ -5,6 +5,7 @@
 //! estimate that is made flight by flight.
 
 mod apart;
+mod one;
 mod trim;
 
 use super::correlations::Correlations;
@@ -15,6 +16,7 @@ use crate::fit::{Repeats, repeats};
 use crate::model::{Parameter, Scope};
 use crate::table::Table;
 use apart::{Apart, apart};
+use one::One;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use trim::Trim;
@@ -119,26 +121,6 @@ fn notes(config: &Config, strange: &[Apart]) -> Vec<Note> {
         }
     };
     flights.into_iter().map(note).collect()
-}
-
-/// One maneuver's estimate of one parameter.
-struct One<'a> {
-    parameter: &'a str,
-    unit: &'a str,
-    segment: &'a str,
-    value: f64,
-    sd: f64,
-    trim: Option<&'a Trim>,
-    flight: Option<&'a str>,
-    input: Option<&'a str>,
-    kind: Option<&'a str>,
-}
-
-impl One<'_> {
-    /// In the same flight, the same kind of the same input.
-    fn is_flown_as(&self, other: &One) -> bool {
-        (self.flight, self.input, self.kind) == (other.flight, other.input, other.kind)
-    }
 }
 
 /// Maneuvers that are compared.

@@ -7,6 +7,8 @@ use crate::signal::robust::noise_sd;
 
 /// Smoothed residuals within so many standard deviations are the sensor's noise.
 const SIGMAS: f64 = 3.0;
+/// What is short and yet no more than was left where the values come from.
+const AS_BEFORE: &str = ": no more than the estimate leaves itself";
 /// Residuals of an estimate whose level at frequency zero is so many times that of white noise are slow.
 const SLOW: f64 = 1.5;
 /// Share of them that must be.
@@ -75,6 +77,9 @@ pub struct Agreement {
     /// Share of the samples within the interval that is predicted for them: the band, and 95% by the
     /// standard deviations of what is modelled, of what drives the states, and of the sensor's noise.
     pub within: f64,
+    /// The same with the noise as large as what the estimate left on its own maneuvers; not a number where
+    /// that is not slow.
+    pub within_left: f64,
     /// Standard deviation of the sensor's noise by the `R` of the estimate.
     pub r_sd: f64,
     /// Share of the smoothed residuals within three standard deviations of what white noise of that
@@ -107,13 +112,12 @@ impl Output {
         if all > 0.0 { inside / all } else { f64::NAN }
     }
 
-    /// The sensor's noise: its fast part, read from the measurement. Where the residuals of the estimate
-    /// are slow it is what they are, as far as an adequate model may leave that (`adequacy`).
-    fn noise(&self, fast: f64, spread: f64) -> f64 {
-        if !(self.r_colour > SLOW && self.r_sd.is_finite()) {
-            return fast;
-        }
-        fast.max(self.r_sd.min((COLOUR * fast).hypot(SHARE * spread)))
+    /// What the estimate left on its own maneuvers, where that is slow: noise of the sensor as far as an
+    /// adequate model may leave it (`adequacy`), or a gust that nobody knows. `fast` is the part of the
+    /// noise that the measurement shows.
+    fn left(&self, fast: f64, spread: f64) -> Option<f64> {
+        let is_slow = self.r_colour > SLOW && self.r_sd.is_finite();
+        is_slow.then(|| fast.max(self.r_sd.min((COLOUR * fast).hypot(SHARE * spread))))
     }
 
     /// Errors over the standard deviation that they have by the estimate: of the model, or of the
@@ -148,11 +152,12 @@ impl Output {
             all.iter().copied().fold(last, |a, b| if e(b).abs() > e(a).abs() { b } else { a });
         let noise = noise_sd(&self.measured);
         let fast = if noise.is_finite() { noise } else { 0.0 };
-        let noise = self.noise(fast, spread);
-        let half = |k: usize| {
+        let half = |k: usize, noise: f64| {
             let sd = self.sd(k);
             self.band[k] + INTERVAL_95 * (sd * sd + noise * noise).sqrt()
         };
+        let inside = |noise: f64| mean(&|k| f64::from(u8::from(e(k).abs() <= half(k, noise))));
+        let left = self.left(fast, spread);
         Some(Agreement {
             n: all.len(),
             independent: match self.driven.is_some() || self.r_colour > SLOW {
@@ -164,15 +169,16 @@ impl Output {
             theil,
             largest: e(largest).abs(),
             largest_at: self.t[largest],
-            noise_sd: noise,
-            noise_theil: noise * theil.coefficient / rms,
+            noise_sd: fast,
+            noise_theil: left.unwrap_or(fast) * theil.coefficient / rms,
             carried_sd: mean(&|k| self.carried_sd[k] * self.carried_sd[k]).sqrt(),
             band: mean(&|k| self.band[k]),
             driven_sd: self
                 .driven
                 .as_ref()
                 .map_or(f64::NAN, |driven| mean(&|k| driven.sd[k] * driven.sd[k]).sqrt()),
-            within: mean(&|k| f64::from(u8::from(e(k).abs() <= half(k)))),
+            within: inside(fast),
+            within_left: left.map_or(f64::NAN, inside),
             r_sd: self.r_sd,
             smoothed: self.smoothed(),
         })
@@ -209,8 +215,10 @@ impl Agreement {
         }
         if !(self.within >= within - self.chance(within)) {
             let percent = |share: f64| format!("{:.0}%", 100.0 * share);
+            let least = within - self.chance(within);
+            let left = if self.within_left >= least { AS_BEFORE } else { "" };
             short.push(format!(
-                "{} within the predicted interval, {} wanted",
+                "{} within the predicted interval, {} wanted{left}",
                 percent(self.within),
                 percent(within)
             ));
