@@ -205,8 +205,7 @@ impl<'p> Tangent<'p> {
         }
     }
 
-    /// A chunk of a model with delays, by machine code. A step that reads what it begins with itself
-    /// goes stage by stage.
+    /// A chunk of a model with delays, by machine code.
     fn glide(&mut self, run: &Run, chunk: &Chunk, steps: &Sweep, rows: &RowSweep) {
         let (delays, history) = (self.propagator.delays.len(), run.keeps_history());
         let stride = (self.propagator.layout.states + delays) * self.lanes;
@@ -227,12 +226,9 @@ impl<'p> Tangent<'p> {
                 let (first, weights) = (4 * step, weights(chunk.lengths[step]));
                 let pasts = &chunk.pasts[first * delays..][..4 * delays];
                 if pasts.iter().any(|past| self.remembered.is_present(past)) {
-                    for (k, pasts) in pasts.chunks_exact(delays).enumerate() {
-                        self.stage(run, &chunk.stages, first + k, &[], pasts, weights);
-                    }
-                } else {
-                    self.late_step(run, chunk, first, (steps, weights.as_flattened()));
+                    self.rates_first(run, chunk, first);
                 }
+                self.late_step(run, chunk, first, (steps, weights.as_flattened()));
                 step += 1;
             }
         }
@@ -247,6 +243,20 @@ impl<'p> Tangent<'p> {
             self.zeros = [f64::NAN; 8];
         }
         self.work.kept = kept;
+    }
+
+    /// The sensitivities of the rates at the begin of a step, for later stages of it that read them;
+    /// `first`: its first stage in the chunk.
+    fn rates_first(&mut self, run: &Run, chunk: &Chunk, first: usize) {
+        let delays = self.propagator.delays.len();
+        let pasts = &chunk.pasts[first * delays..(first + 1) * delays];
+        let at = (self.delays.at(&chunk.stages, first), first);
+        let s = &mut self.s;
+        delayed(self.propagator, self.width, run, pasts, at, s, &mut self.remembered);
+        let (block, k) = (self.rates.at(&chunk.stages, first), &mut self.work.k);
+        // SAFETY: the width is this machine's.
+        unsafe { product(self.width, block, first % LANES, &self.s, k) };
+        self.remembered.rates(&self.work.k, |_| false);
     }
 
     /// One step by machine code, `first` its first stage in the chunk.

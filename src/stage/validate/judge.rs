@@ -58,6 +58,8 @@ pub struct Agreement {
     /// So many independent ones say as much of the share within: fewer where noise drives the
     /// states, because what a gust does lasts.
     pub independent: f64,
+    /// The same of slow residuals, for `within_left`.
+    pub independent_left: f64,
     pub rms: f64,
     /// `1 - rms/s`, with the standard deviation `s` of what was measured: 1 is a perfect fit.
     pub fit: f64,
@@ -158,12 +160,11 @@ impl Output {
         };
         let inside = |noise: f64| mean(&|k| f64::from(u8::from(e(k).abs() <= half(k, noise))));
         let left = self.left(fast, spread);
+        let few = independent(&all.iter().map(|&k| e(k)).collect::<Vec<_>>());
         Some(Agreement {
             n: all.len(),
-            independent: match self.driven.is_some() || self.r_colour > SLOW {
-                true => independent(&all.iter().map(|&k| e(k)).collect::<Vec<_>>()),
-                false => n,
-            },
+            independent: if self.driven.is_some() { few } else { n },
+            independent_left: few,
             rms,
             fit: 1.0 - rms / spread,
             theil,
@@ -190,9 +191,9 @@ impl Agreement {
     /// deviations of a share of `n` independent ones, and of the noise's size, which is known to
     /// `1.6/sqrt(n)` of it
     /// (a larger interval of 1% holds 0.23% more).
-    fn chance(&self, wanted: f64) -> f64 {
+    fn chance(wanted: f64, independent: f64) -> f64 {
         let square = wanted * (1.0 - wanted) + (0.23 * 1.6) * (0.23 * 1.6);
-        3.0 * (square / self.independent).sqrt()
+        3.0 * (square / independent).sqrt()
     }
 
     /// Whether what is left is the sensor's noise; none without `R`.
@@ -213,10 +214,11 @@ impl Agreement {
         if self.driven_sd.is_nan() && !(self.theil.coefficient <= limit) {
             short.push(format!("Theil {:.3} above {theil}", self.theil.coefficient));
         }
-        if !(self.within >= within - self.chance(within)) {
+        let least = |independent: f64| within - Agreement::chance(within, independent);
+        if !(self.within >= least(self.independent)) {
             let percent = |share: f64| format!("{:.0}%", 100.0 * share);
-            let least = within - self.chance(within);
-            let left = if self.within_left >= least { AS_BEFORE } else { "" };
+            let is_left = self.within_left >= least(self.independent_left);
+            let left = if is_left { AS_BEFORE } else { "" };
             short.push(format!(
                 "{} within the predicted interval, {} wanted{left}",
                 percent(self.within),
