@@ -60,6 +60,9 @@ pub fn locate(times: &[f64], t: f64, slope_known: bool) -> Past {
         let s = if slope_known { 1.0 } else { 0.0 };
         return Past { i: last, j: last, w: [1.0, d, 0.0, 0.0], slope: [0.0, s, 0.0, 0.0] };
     }
+    if t.is_nan() {
+        return Past { w: [f64::NAN; 4], ..at_start }; // a delay that is no number
+    }
     let i = step_of(times, t);
     let j = i + 1;
     let h = times[j] - times[i];
@@ -135,5 +138,6 @@ mod tests {
         let p = locate(&times, 0.55, false);
         assert!((value(p, p.w) - f(0.55)).abs() < 2e-4); // a parabola only
         assert_eq!(locate(&times, -1.0, true).w, [1.0, 0.0, 0.0, 0.0]);
+        assert!(locate(&times[..1], f64::NAN, true).w[0].is_nan());
     }
 }
