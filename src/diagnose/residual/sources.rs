@@ -204,11 +204,11 @@ pub fn columns(
     };
     let (on_grid, now, from_grid) = (on(&grid), on(times), Places::new(&grid, times, 0.0));
     // what several sources have in common is made once
-    let mut waving: Vec<(f64, Vec<Vec<f64>>)> = Vec::new();
+    let mut waving: Known<f64, Vec<Vec<f64>>> = Vec::new();
     let mut waves =
         |frequency: f64| once(&mut waving, &frequency, || waves(times, begin, frequency)).clone();
-    let mut lagging: Vec<((usize, [f64; LAGS]), Vec<Vec<f64>>)> = Vec::new();
-    let mut ringing: Vec<(usize, Vec<Rung>)> = Vec::new();
+    let mut lagging: Known<(usize, [f64; LAGS]), Vec<Vec<f64>>> = Vec::new();
+    let mut ringing: Known<usize, Vec<Rung>> = Vec::new();
     let of = |source: &Source| match source.kind {
         Kind::Lagged { signal, squared, lags } => {
             let (t, v) = &signals[signal];
@@ -238,9 +238,12 @@ pub fn columns(
     sources.iter().map(of).collect()
 }
 
+/// What was made for each key.
+type Known<K, T> = Vec<(K, T)>;
+
 /// What belongs to a key: looked up, or made and kept.
 fn once<'a, K: PartialEq + Copy, T>(
-    known: &'a mut Vec<(K, T)>,
+    known: &'a mut Known<K, T>,
     key: &K,
     make: impl FnOnce() -> T,
 ) -> &'a T {
