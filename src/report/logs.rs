@@ -241,7 +241,7 @@ pub fn notes(table: Option<&Columns>) -> Grid {
 pub fn severity(table: &Columns, row: usize) -> Option<Level> {
     match table.text("severity", row).as_str() {
         "warning" => Some(Level::Warn),
-        "error" | "missing" => Some(Level::Bad),
+        "error" | "missing" | "problem" => Some(Level::Bad),
         _ => None,
     }
 }
@@ -249,16 +249,22 @@ pub fn severity(table: &Columns, row: usize) -> Option<Level> {
 /// The sentence of the checks about notes.
 pub fn remarks(table: Option<&Columns>) -> Option<(Level, String)> {
     let table = table?;
-    let of =
-        |level: Level| (0..table.rows()).filter(|&row| severity(table, row) == Some(level)).count();
-    let (errors, warnings) = (of(Level::Bad), of(Level::Warn));
-    Some(match (errors, warnings) {
-        (0, 0) => (Level::Good, "No stage has left a warning.".into()),
-        (0, n) => (Level::Warn, format!("The notes name {}.", count(n, "warning"))),
-        (n, 0) => (Level::Bad, format!("The notes name {}.", count(n, "missing result"))),
-        (n, m) => (
-            Level::Bad,
-            format!("The notes name {} and {}.", count(n, "missing result"), count(m, "warning")),
-        ),
-    })
+    let of = |severity: &str| {
+        (0..table.rows()).filter(|&row| table.text("severity", row) == severity).count()
+    };
+    let kinds = [("problem", "problem"), ("missing", "missing result"), ("warning", "warning")];
+    let counts = kinds.map(|(severity, what)| (of(severity), what));
+    let named: Vec<String> =
+        counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| count(*n, what)).collect();
+    let level = match counts {
+        [(0, _), (0, _), (0, _)] => {
+            return Some((Level::Good, "No stage has left a warning.".into()));
+        }
+        [(0, _), (0, _), _] => Level::Warn,
+        _ => Level::Bad,
+    };
+    let (last, others) = named.split_last()?;
+    let others = others.join(", ");
+    let and = if others.is_empty() { "" } else { " and " };
+    Some((level, format!("The notes name {others}{and}{last}.")))
 }

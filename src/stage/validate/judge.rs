@@ -94,7 +94,7 @@ impl Output {
     /// without `R`, or where no stretch is long enough. An average of `m` samples of white noise
     /// has its standard deviation over the root of `m`; slow noise has a larger one, by the root of its
     /// colour at most, and never more than its own.
-    fn smoothed(&self) -> f64 {
+    fn smoothed(&self, left: Option<f64>) -> f64 {
         let steps: Vec<f64> = self.t.windows(2).map(|t| t[1] - t[0]).collect();
         if steps.is_empty() {
             return f64::NAN;
@@ -102,7 +102,10 @@ impl Output {
         let m = (self.smooth_s / crate::math::median(&steps)).round().max(1.0) as usize;
         let slow = if self.r_colour > 1.0 { self.r_colour.min(m as f64) } else { 1.0 };
         let limit = SIGMAS * (slow / m as f64).sqrt();
-        let e = self.errors();
+        // an inadequate model leaves more than counts as noise
+        let more = left.map_or(1.0, |left| self.r_sd / left);
+        let mut e = self.errors();
+        e.iter_mut().for_each(|e| *e *= more);
         let (mut inside, mut all) = (0.0, 0.0);
         for of in e.windows(m) {
             let mean = of.iter().sum::<f64>() / m as f64;
@@ -181,7 +184,7 @@ impl Output {
             within: inside(fast),
             within_left: left.map_or(f64::NAN, inside),
             r_sd: self.r_sd,
-            smoothed: self.smoothed(),
+            smoothed: self.smoothed(left),
         })
     }
 }
