@@ -1,13 +1,14 @@
 //! What a filter did to a record, chunk by chunk, in; the exact derivatives of its innovations and
 //! their variances (the formulas stand in `innovations`), lanes of directions, out.
 
+use super::delayed::delayed;
 use super::filter::{Filter, Innovation, Measured, Taken, Way};
 use super::gain::{Taking, take};
 use super::propagator::Propagator;
 use super::remembered::Remembered;
 use super::rows::{LANES, product};
 use super::steps::{Steps, steps};
-use super::tangent::{Jacobian, delayed, starts, weights};
+use super::tangent::{Jacobian, starts, weights};
 use super::values::Run;
 use crate::math::simd::{Aligned, Width};
 

@@ -41,6 +41,7 @@ mod between;
 #[cfg(test)]
 mod contact_tests;
 mod contacts;
+mod delayed;
 mod evaluate;
 mod few;
 mod filter;

@@ -1,5 +1,6 @@
 //! Exact sensitivities: the Runge-Kutta method applied to `S' = A S + B`, lanes of directions.
 
+use super::delayed::delayed;
 use super::evaluate::Many;
 use super::history::Past;
 use super::modes::{Event, Jump};
@@ -14,8 +15,10 @@ use super::tableau::{AHEAD, WEIGHT};
 use super::values::{Chunk, Run};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
+use crate::model::Program;
 use crate::model::machine::Lanes;
-use crate::model::{Delay, Delayed, Program};
+
+mod glide;
 
 pub struct Tangent<'p> {
     propagator: &'p Propagator,
@@ -203,90 +206,6 @@ impl<'p> Tangent<'p> {
             (false, Some((steps, rows))) => self.glide(run, chunk, steps, rows),
             (false, None) => self.walk(run, chunk),
         }
-    }
-
-    /// A chunk of a model with delays, by machine code.
-    fn glide(&mut self, run: &Run, chunk: &Chunk, steps: &Sweep, rows: &RowSweep) {
-        let (delays, history) = (self.propagator.delays.len(), run.keeps_history());
-        let stride = (self.propagator.layout.states + delays) * self.lanes;
-        let points = chunk.points.len() / (self.propagator.layout.time() + 1);
-        let mut kept = std::mem::take(&mut self.work.kept);
-        kept.resize(points * stride);
-        let mut step = 0;
-        for point in 0..points {
-            if history {
-                self.remembered.begin(&self.s);
-            }
-            self.delayed_at(run, chunk, point);
-            kept[point * stride..][..stride].copy_from_slice(&self.s[..stride]);
-            for s in 0..chunk.substeps.get(point).copied().unwrap_or(0) {
-                if history && s > 0 {
-                    self.remembered.begin(&self.s);
-                }
-                let (first, weights) = (4 * step, weights(chunk.lengths[step]));
-                let pasts = &chunk.pasts[first * delays..][..4 * delays];
-                if pasts.iter().any(|past| self.remembered.is_present(past)) {
-                    self.rates_first(run, chunk, first);
-                }
-                self.late_step(run, chunk, first, (steps, weights.as_flattened()));
-                step += 1;
-            }
-        }
-        let mut goal = Goal::new(&mut self.rows);
-        for first in (0..points).step_by(LANES) {
-            let n = LANES.min(points - first);
-            let registers = self.outputs.registers(&chunk.points, first);
-            rows.points(registers, n, (&kept[first * stride..], stride), self.done, &mut goal);
-            self.done += n;
-        }
-        if !goal.is_finite() {
-            self.zeros = [f64::NAN; 8];
-        }
-        self.work.kept = kept;
-    }
-
-    /// The sensitivities of the rates at the begin of a step, for later stages of it that read them;
-    /// `first`: its first stage in the chunk.
-    fn rates_first(&mut self, run: &Run, chunk: &Chunk, first: usize) {
-        let delays = self.propagator.delays.len();
-        let pasts = &chunk.pasts[first * delays..(first + 1) * delays];
-        let at = (self.delays.at(&chunk.stages, first), first);
-        let s = &mut self.s;
-        delayed(self.propagator, self.width, run, pasts, at, s, &mut self.remembered);
-        let (block, k) = (self.rates.at(&chunk.stages, first), &mut self.work.k);
-        // SAFETY: the width is this machine's.
-        unsafe { product(self.width, block, first % LANES, &self.s, k) };
-        self.remembered.rates(&self.work.k, |_| false);
-    }
-
-    /// One step by machine code, `first` its first stage in the chunk.
-    fn late_step(
-        &mut self,
-        run: &Run,
-        chunk: &Chunk,
-        first: usize,
-        (steps, weights): (&Sweep, &[f64]),
-    ) {
-        let (lanes, size) = (self.lanes, self.propagator.layout.states * self.lanes);
-        let delays = &self.propagator.delays;
-        let Late { from, to, numbers } = &mut self.late;
-        from[..size].copy_from_slice(&self.s[..size]);
-        from[size..].fill(0.0);
-        numbers.clear();
-        numbers.extend_from_slice(weights);
-        let pasts = chunk.pasts[first * delays.len()..].chunks_exact(delays.len()).take(4);
-        let rows = from[size..].chunks_exact_mut(lanes);
-        for ((delay, past), row) in pasts.flat_map(|pasts| delays.iter().zip(pasts)).zip(rows) {
-            numbers.push(-slope(run, delay, past));
-            if let Some(state) = state(delay) {
-                self.remembered.read(state, past, row);
-            }
-        }
-        let rates = self.rates.registers(&chunk.stages, first);
-        let times = self.delays.registers(&chunk.stages, first);
-        steps.late_step([rates, times], first % LANES, numbers, from, to);
-        self.s[..size].copy_from_slice(&to[..size]);
-        self.remembered.rates_of(&to[size..]);
     }
 
     /// Sensitivities of the delayed values at a point of a chunk, behind those of the states.
@@ -593,50 +512,4 @@ fn put_on_stops(propagator: &Propagator, limits: &[f64], lanes: usize, how: &[u8
 /// What `Steps` wants to know of steps of length `h`.
 pub(super) fn weights(h: f64) -> [[f64; 2]; 4] {
     std::array::from_fn(|i| [WEIGHT[i], if i < 3 { AHEAD[i] * h } else { h / 6.0 }])
-}
-
-/// The state that a delay reads.
-fn state(delay: &Delay) -> Option<usize> {
-    match delay.of {
-        Delayed::State(i) => Some(i),
-        _ => None,
-    }
-}
-
-/// The time derivative of a delayed value.
-fn slope(run: &Run, delay: &Delay, past: &Past) -> f64 {
-    match delay.of {
-        Delayed::State(i) => run.past_value(i, past, &past.slope),
-        Delayed::Input(_) => past.slope[0],
-        _ => 0.0,
-    }
-}
-
-/// Sensitivities of the delayed values, behind those of the states in `s`:
-/// `dX(t - tau) = S(t - tau) - X'(t - tau) dtau`. `taus`: the Jacobian of the delay times, and the
-/// point; `remembered`: sensitivities at past steps.
-pub(super) fn delayed(
-    propagator: &Propagator,
-    width: Width,
-    run: &Run,
-    pasts: &[Past],
-    (taus, point): (Block, usize),
-    s: &mut [f64],
-    remembered: &mut Remembered,
-) {
-    let (nx, lanes) = (propagator.layout.states, propagator.directions.lanes());
-    let (s, out) = s.split_at_mut(nx * lanes);
-    // SAFETY: the width is this machine's; delay times do not depend on delayed values.
-    unsafe { product(width, taus, point % LANES, s, out) };
-    for (k, (delay, past)) in propagator.delays.iter().zip(pasts).enumerate() {
-        let (row, next) = out[k * lanes..].split_at_mut(lanes);
-        if let Delayed::Smooth(_) = delay.of {
-            // d smooth = by_reach dT + by_width dw; the row of w stands behind that of T.
-            row.iter_mut()
-                .zip(&next[..lanes])
-                .for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
-            continue;
-        }
-        remembered.late(state(delay), past, slope(run, delay, past), row);
-    }
 }

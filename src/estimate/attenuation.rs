@@ -23,7 +23,7 @@ use crate::least_squares::{Layout, normal_matrix};
 use crate::math::median;
 use crate::model::Program;
 use crate::model::graph::Leaf;
-use crate::signal::robust::noise_sd;
+use crate::signal::robust::{commanded_sd, noise_sd};
 
 /// A measured quantity on the right side of an equation: its slope, and how that depends on
 /// parameters.
@@ -129,7 +129,7 @@ fn noise(problem: &Problem, s: usize, leaf: Leaf) -> Option<(f64, usize)> {
             let from = |phase: usize| from + phase * width + j;
             let values =
                 |phase: usize| record.inputs.iter().skip(from(phase)).step_by(every * width);
-            let sd = |phase: usize| noise_sd(&values(phase).copied().collect::<Vec<f64>>());
+            let sd = |phase: usize| commanded_sd(&values(phase).copied().collect::<Vec<f64>>());
             Some(((0..every).map(sd).fold(0.0, f64::max), every))
         }
         _ => Some((0.0, 1)),

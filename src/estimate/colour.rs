@@ -169,9 +169,8 @@ pub fn coloured<F: Evaluate>(
 }
 
 /// Whether least squares with this noise would go further than its own errors explain, although the
-/// residuals may be white. Where the
-/// equations are right both estimates have one mean, and the step is smaller than the estimate's sd
-/// (Hausman, Econometrica 46, 1978). Noise in regressors draws them apart: what the step leaves is no
+/// residuals may be white. Where the equations are right both estimates have one mean, and the step
+/// is smaller than the estimate's sd (Hausman, Econometrica 46, 1978). Noise in regressors draws them apart: what the step leaves is no
 /// noise then, and a colour made of it feeds itself.
 fn is_too_far<F: Evaluate>(
     source: &Source<F>,

@@ -1,6 +1,8 @@
 //! The raw samples of one signal in file order in; a series sorted in time and the account of what
 //! was dropped out.
 
+use super::turned::{Back, turned_back};
+
 /// A signal: values at times, ascending.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
@@ -37,6 +39,8 @@ pub struct Account {
     /// Samples dropped because their stamps are more than a day from the others, or in a time that came
     /// twice as the clock was set back.
     pub dropped_times: u64,
+    /// Those of them that lay in a time that came twice.
+    pub dropped_twice: u64,
     /// Places where the stamp moved against the log time (or the log time moved backwards) by more
     /// than a second.
     pub clock_jumps: u64,
@@ -72,6 +76,20 @@ pub(super) fn clock_jumps(log_ns: &[i64], stamp_ns: &[i64]) -> u64 {
     pairs.filter(jumped).count() as u64
 }
 
+/// Drops samples, in file order, in a time that came twice as the clock was set back.
+pub(super) fn drop_twice(samples: &mut Vec<(i64, f64)>, account: &mut Account) -> Vec<Back> {
+    if samples.is_sorted_by_key(|s| s.0) {
+        return Vec::new();
+    }
+    let times: Vec<i64> = samples.iter().map(|s| s.0).collect();
+    let twice = turned_back(&times, |a, b| samples[a].1 == samples[b].1);
+    let before = samples.len();
+    samples.retain(|s| !twice.iter().any(|back| back.holds(s.0)));
+    account.dropped_twice = (before - samples.len()) as u64;
+    account.dropped_times += account.dropped_twice;
+    twice
+}
+
 /// Sorts by stamp (stable), drops samples that repeat a stamp (the first in the file stays), and
 /// files the counts.
 pub(super) fn order(samples: &mut Vec<(i64, f64)>, account: &mut Account) {
@@ -98,7 +116,7 @@ pub(super) fn drop_stray_times(samples: &mut Vec<(i64, f64)>, account: &mut Acco
     if let Some(&(middle, _)) = samples.get(before / 2) {
         samples.retain(|s| s.0.saturating_sub(middle).saturating_abs() <= DAY_NS);
     }
-    account.dropped_times = (before - samples.len()) as u64;
+    account.dropped_times += (before - samples.len()) as u64;
 }
 
 /// Files spacing, range and extent of ordered samples.

@@ -7,8 +7,10 @@ use super::file::LogFile;
 use super::flight::{SignalLog, stamp_paths};
 use super::left_out::{self, Fate, Seen};
 use super::parts::{Columns, PartData, TopicPlan};
-use super::series::{Account, Series, clock_jumps, describe, drop_stray_times, order, seconds};
-use super::turned::{Back, turned_back};
+use super::series::{
+    Account, Series, clock_jumps, describe, drop_stray_times, drop_twice, order, seconds,
+};
+use super::turned::Back;
 use super::{Note, agree, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
@@ -73,15 +75,9 @@ impl Context<'_> {
                 _ => account.dropped_unreadable += 1,
             }
         }
-        let times: Vec<i64> = samples.iter().map(|s| s.0).collect();
-        let twice = turned_back(&times, |a, b| samples[a].1 == samples[b].1);
-        let before = samples.len();
-        samples.retain(|s| !twice.iter().any(|back| back.holds(s.0)));
-        let dropped = (before - samples.len()) as u64;
+        let twice = drop_twice(&mut samples, &mut account);
         order(&mut samples, &mut account);
         drop_stray_times(&mut samples, &mut account);
-        let strays = account.dropped_times;
-        account.dropped_times += dropped;
         let factor = f64::from(signal.sign) * signal.scale;
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
         let left_out = drop_bad(signal, &mut samples, &mut account);
@@ -91,14 +87,7 @@ impl Context<'_> {
         };
         describe(&series, &samples, &mut account);
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
-        if strays > 0 {
-            let text = format!(
-                "{} {}: {strays} of {messages} messages with times more than a day from the others, dropped",
-                account.topic, account.field
-            );
-            notes.push(Note::warning(name, strays, text));
-        }
-        notes.extend(set_back(name, &account, &twice, dropped));
+        notes.extend(set_back(name, &account, &twice));
         notes.extend(told(name, signal, &unit, &left_out));
         notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
         Ok((SignalLog { series, account, left_out }, notes))
@@ -207,6 +196,8 @@ impl Context<'_> {
         }
         let range = format!("{} {of} outside its range, dropped", a.dropped_out_of_range);
         say(a.dropped_out_of_range, range);
+        let strays = a.dropped_times - a.dropped_twice;
+        say(strays, format!("{strays} {of} with times more than a day from the others, dropped"));
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
         say(
             a.gaps,
@@ -249,17 +240,18 @@ impl Context<'_> {
 }
 
 /// What is said of a time that came twice.
-fn set_back(name: &str, a: &Account, twice: &[Back], dropped: u64) -> Option<Note> {
+fn set_back(name: &str, a: &Account, twice: &[Back]) -> Option<Note> {
     let largest = twice.iter().max_by(|a, b| a.seconds().total_cmp(&b.seconds()))?;
     let (at, by) = (seconds(largest.to), largest.seconds());
     let text = format!(
-        "{} {}: the clock was set back at {} places (by {by:.3} s at {at:.3} s): {dropped} of {} messages of a time that came twice, dropped",
+        "{} {}: the clock was set back at {} places (by {by:.3} s at {at:.3} s): {} of {} messages of a time that came twice, dropped",
         a.topic,
         a.field,
         twice.len(),
+        a.dropped_twice,
         a.messages
     );
-    Some(Note::warning(name, dropped, text))
+    Some(Note::warning(name, a.dropped_twice, text))
 }
 
 /// Drops samples outside the range and spikes; they are returned with their neighbours.

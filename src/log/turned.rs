@@ -21,7 +21,7 @@ impl Back {
 
     /// By how much the clock was set back, s.
     pub fn seconds(&self) -> f64 {
-        super::series::seconds(self.to.saturating_sub(self.from))
+        self.to.saturating_sub(self.from) as f64 / 1e9
     }
 }
 
@@ -29,7 +29,7 @@ impl Back {
 const FEW: usize = 3;
 /// Messages for one that there is room for, at least.
 const CROWDED: f64 = 1.5;
-/// Steps back that are looked at: a log that has more is shuffled.
+/// Steps back of several messages that are looked at: a log that has more is shuffled.
 const MOST: usize = 20;
 
 /// Every place where the clock was set back; `same`: whether two messages of one time say the same.
@@ -48,7 +48,15 @@ pub fn turned_back(times: &[i64], same: impl Fn(usize, usize) -> bool) -> Vec<Ba
     let (mut all, mut latest, mut looked) = (Vec::new(), i64::MIN, 0);
     for k in 0..times.len() {
         let steps_back = k > 0 && is_back(&times[k - 1..=k]) && times[k - 1] == latest;
-        if steps_back && looked < MOST {
+        // a message or two that come late are nothing to look at
+        let several = |few: &mut dyn Iterator<Item = &i64>, is: &dyn Fn(i64) -> bool| {
+            few.take(FEW).filter(|t| is(**t)).count() == FEW
+        };
+        if steps_back
+            && looked < MOST
+            && several(&mut times[k..].iter(), &|t| t <= latest)
+            && several(&mut times[..k].iter().rev(), &|t| t >= times[k])
+        {
             looked += 1;
             let back = Back { from: times[k], to: latest };
             let before = times[..k].iter().rev().take_while(|t| **t >= times[k]).count();
@@ -107,6 +115,9 @@ mod tests {
         late.swap(200, 201);
         late[300..330].rotate_left(15);
         assert_eq!(turned_back(&late, other), []);
+        // with many late ones before it
+        (0..100).for_each(|k| back.swap(2 * k, 2 * k + 1));
+        assert_eq!(turned_back(&back, other).len(), 1);
     }
 
     #[test]

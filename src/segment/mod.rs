@@ -24,25 +24,13 @@ pub use kind::Kind;
 pub use maneuver::{Maneuver, NO_RISES, Step};
 pub use settings::{Seek, Settings};
 
-/// The maneuvers in the samples `u` (SI) at ascending times `t` (s; equal lengths), in order of
-/// time and not overlapping.
-///
-/// NaN samples are skipped; times that do not ascend are skipped as well.
-pub fn find(t: &[f64], u: &[f64], settings: &Settings) -> Vec<Maneuver> {
-    let pieces = scan::Work::pieces(t, u, settings);
-    let best = |what: Seek, candidates: fn(&scan::Work, &Settings) -> Vec<Maneuver>| {
-        let pieces = pieces.iter().filter(|_| settings.seek.contains(&what));
-        let mut all: Vec<Maneuver> = pieces.flat_map(|work| candidates(work, settings)).collect();
-        all.retain(|m| m.score >= settings.min_score && m.amplitude >= settings.min_amplitude);
-        best_without_overlap(all)
-    };
-    let sweeps = best(Seek::Sweep, sweep::candidates);
-    // What fits a sweep's lines is no sequence of steps.
-    let mut steps = large(best(Seek::Multistep, candidates), settings);
-    steps.retain(|m| sweeps.iter().all(|s| m.t_end <= s.t_start || m.onset >= s.t_end));
-    let mut all = [sweeps, steps].concat();
-    all.sort_by(|a, b| a.t_start.total_cmp(&b.t_start));
-    all
+/// What is found on a channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// In order of time and not overlapping.
+    pub maneuvers: Vec<Maneuver>,
+    /// Sequences of steps about as large as these that are cut off.
+    pub cut: Vec<CutOff>,
 }
 
 /// A sequence of steps that a gap or the end of the record cuts off.
@@ -56,22 +44,36 @@ pub struct CutOff {
     pub by_gap: bool,
 }
 
-/// What is cut off in the samples in which these maneuvers were found (arguments as of `find`), where
-/// it is about as large as they are.
-pub fn cut_off(t: &[f64], u: &[f64], settings: &Settings, found: &[Maneuver]) -> Vec<CutOff> {
-    if !settings.seek.contains(&Seek::Multistep) {
-        return Vec::new();
-    }
-    let amplitudes: Vec<f64> = found.iter().map(|m| m.amplitude).collect();
-    let typical = if found.is_empty() { 0.0 } else { crate::math::median(&amplitudes) };
-    let least = settings.min_amplitude.max(settings.relative_amplitude * typical);
+/// What there is in the samples `u` (SI) at ascending times `t` (s; equal lengths).
+///
+/// NaN samples are skipped; times that do not ascend are skipped as well.
+pub fn search(t: &[f64], u: &[f64], settings: &Settings) -> Found {
     let pieces = scan::Work::pieces(t, u, settings);
-    let of = |(k, work): (usize, &scan::Work)| {
-        let cut = scan::sequences(work, settings).1.filter(|cut| cut.peak >= least)?;
+    let sought = |what: Seek| pieces.iter().filter(move |_| settings.seek.contains(&what));
+    let best = |mut all: Vec<Maneuver>| {
+        all.retain(|m| m.score >= settings.min_score && m.amplitude >= settings.min_amplitude);
+        best_without_overlap(all)
+    };
+    let sweeps = sought(Seek::Sweep).flat_map(|work| sweep::candidates(work, settings));
+    let sweeps = best(sweeps.collect());
+    let scanned: Vec<_> =
+        sought(Seek::Multistep).map(|work| (work, scan::sequences(work, settings))).collect();
+    let steps = scanned.iter().flat_map(|(work, (all, _))| candidates(work, all, settings));
+    // What fits a sweep's lines is no sequence of steps.
+    let mut steps = large(best(steps.collect()), settings);
+    steps.retain(|m| sweeps.iter().all(|s| m.t_end <= s.t_start || m.onset >= s.t_end));
+    let mut maneuvers = [sweeps, steps].concat();
+    maneuvers.sort_by(|a, b| a.t_start.total_cmp(&b.t_start));
+    let amplitudes: Vec<f64> = maneuvers.iter().map(|m| m.amplitude).collect();
+    let typical = if amplitudes.is_empty() { 0.0 } else { crate::math::median(&amplitudes) };
+    let least = settings.min_amplitude.max(settings.relative_amplitude * typical);
+    let cut = scanned.iter().enumerate().filter_map(|(k, (work, (_, cut)))| {
+        let cut = cut.filter(|cut| cut.peak >= least)?;
         let (from, to) = (work.time(cut.start as f64), work.time(work.v.len() as f64 - 1.0));
         Some(CutOff { from, to, steps: cut.count, by_gap: k + 1 < pieces.len() })
-    };
-    pieces.iter().enumerate().filter_map(of).collect()
+    });
+    let cut = cut.collect();
+    Found { maneuvers, cut }
 }
 
 /// The multisteps that are not much smaller than what is usual in the record.
@@ -85,10 +87,14 @@ fn large(kept: Vec<Maneuver>, settings: &Settings) -> Vec<Maneuver> {
 }
 
 /// All that might be a maneuver in one piece; candidates may overlap.
-fn candidates(work: &scan::Work, settings: &Settings) -> Vec<Maneuver> {
+fn candidates(
+    work: &scan::Work,
+    sequences: &[Vec<scan::Excursion>],
+    settings: &Settings,
+) -> Vec<Maneuver> {
     let mut candidates: Vec<Maneuver> = vec![];
-    for sequence in scan::sequences(work, settings).0 {
-        let whole = measure::maneuver(work, &sequence, settings);
+    for sequence in sequences {
+        let whole = measure::maneuver(work, sequence, settings);
         // A recovery input right behind (or a twitch before) a maneuver hides its pattern: look at
         // the parts, too.
         if whole.as_ref().is_none_or(|m| m.kind == Kind::Multistep) {

@@ -21,30 +21,44 @@ pub fn median_filter(y: &[f64], window: usize) -> Vec<f64> {
         .collect()
 }
 
-/// A signal that is rounded has so many steps of its resolution at least.
-const LEVELS: f64 = 4.0;
-
 /// The sd of white noise on a moving signal, from the MAD of its third differences: they see no
 /// quadratic, the median sees no steps and outliers. The resolution, as the least step between
-/// samples, is the floor (uniform over one step); a signal that is one of a few levels is commanded so,
-/// and not rounded. Samples that are no numbers are left out.
+/// samples, is the floor (uniform over one step). Samples that are no numbers are left out.
 ///
 /// 0 for fewer than four neighbouring values.
 pub fn noise_sd(y: &[f64]) -> f64 {
+    let Some(fast) = fast_sd(y) else { return 0.0 };
+    let step = least_step(y);
+    fast.max(if step.is_finite() { step / 12f64.sqrt() } else { 0.0 })
+}
+
+/// The same of a signal that may be commanded, one of a few levels: these are exact, and no rounding.
+pub fn commanded_sd(y: &[f64]) -> f64 {
+    let known = || y.iter().filter(|v| v.is_finite());
+    let range = known().fold(f64::NEG_INFINITY, |m, v| m.max(*v))
+        - known().fold(f64::INFINITY, |m, v| m.min(*v));
+    match least_step(y) > range / LEVELS {
+        true => fast_sd(y).unwrap_or(0.0),
+        false => noise_sd(y),
+    }
+}
+
+/// A signal that is rounded has so many steps of its resolution at least, one that is commanded fewer.
+const LEVELS: f64 = 4.0;
+
+/// By the third differences alone; none for fewer than four neighbouring values.
+fn fast_sd(y: &[f64]) -> Option<f64> {
     let third =
         y.windows(4).map(|w| w[0] - 3.0 * w[1] + 3.0 * w[2] - w[3]).filter(|d| d.is_finite());
     let third: Vec<f64> = third.collect();
-    let step = y
-        .windows(2)
-        .map(|w| (w[1] - w[0]).abs())
-        .filter(|d| *d > 0.0)
-        .fold(f64::INFINITY, f64::min);
-    let known = y.iter().filter(|v| v.is_finite());
-    let range = known.clone().fold(f64::NEG_INFINITY, |m, v| m.max(*v))
-        - known.fold(f64::INFINITY, |m, v| m.min(*v));
-    let floor = if step <= range / LEVELS { step / 12f64.sqrt() } else { 0.0 };
     // Var(e0 - 3 e1 + 3 e2 - e3) = 20 Var(e)
-    if third.is_empty() { 0.0 } else { (mad_sd(&third) / 20f64.sqrt()).max(floor) }
+    (!third.is_empty()).then(|| mad_sd(&third) / 20f64.sqrt())
+}
+
+/// The least step between two samples; infinite where none differ.
+fn least_step(y: &[f64]) -> f64 {
+    let steps = y.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0);
+    steps.fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]
@@ -82,8 +96,9 @@ mod tests {
             .collect();
         assert!((noise_sd(&moving) - 0.2).abs() < 0.015, "{}", noise_sd(&moving));
         let steps: Vec<f64> = (0..100).map(|i| [0.0, 0.04, -0.04][i / 10 % 3]).collect();
-        assert!(noise_sd(&steps) < 1e-15);
+        assert!(commanded_sd(&steps) < 1e-15 && noise_sd(&steps) > 0.01);
         let coarse: Vec<f64> = (0..1000).map(|i| (0.01 * f64::from(i)).floor()).collect();
         assert!((noise_sd(&coarse) - 1.0 / 12f64.sqrt()).abs() < 1e-12);
+        assert_eq!(commanded_sd(&coarse), noise_sd(&coarse));
     }
 }

@@ -16,6 +16,7 @@ mod named;
 mod noise;
 mod points;
 mod shifts;
+mod starts;
 
 use super::{Settings, neighbours::Known, solution::Solution, solution::solve};
 use crate::least_squares::{Block, Layout};

@@ -1,7 +1,8 @@
 //! Hand edits: what they change, and what happens to one that matches nothing.
 
 use super::super::edits::{Exclude, Include, Move};
-use super::super::{Edits, Kind, Maneuver, Settings, Source, apply, find};
+use super::super::{Edits, Kind, Maneuver, Settings, Source, apply};
+use super::find;
 use crate::error::Place;
 
 fn channel() -> (Vec<f64>, Vec<f64>) {

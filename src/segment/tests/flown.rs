@@ -1,7 +1,8 @@
 //! Flown records of the HFB-320 and the ATTAS: the steps listed by hand are found.
 
-use super::super::{Kind, Maneuver, Settings, find};
+use super::super::{Kind, Maneuver, Settings};
 use super::data::{mat_columns, text_columns};
+use super::find;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 

@@ -1,6 +1,7 @@
 //! Simulated input channels of known truth.
 
-use super::super::{Kind, Maneuver, Settings, cut_off, find};
+use super::super::{Kind, Maneuver, Settings, search};
+use super::find;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -343,7 +344,7 @@ fn what_a_gap_or_the_end_cuts_off_is_told() {
     let cut = |keep: &dyn Fn(f64) -> bool| {
         let (t, u): (Vec<f64>, Vec<f64>) =
             t.iter().zip(&u).filter(|(t, _)| keep(**t)).map(|(t, u)| (*t, *u)).unzip();
-        cut_off(&t, &u, &settings, &find(&t, &u, &settings))
+        search(&t, &u, &settings).cut
     };
     assert_eq!(cut(&|_| true), []);
     let ended = cut(&|t| t < 27.2);

@@ -1,7 +1,8 @@
 //! Sweeps of known rate and size under noise; what is no sweep.
 
 use super::super::edits::Include;
-use super::super::{Edits, Kind, Maneuver, Seek, Settings, Source, apply, find};
+use super::super::{Edits, Kind, Maneuver, Seek, Settings, Source, apply};
+use super::find;
 use crate::error::Place;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};

@@ -52,8 +52,7 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
             Some(series) => *series,
             None => (samples.f64("t_s")?, samples.f64(&input.signal)?),
         };
-        let maneuvers = segment::find(t, u, &input.method);
-        let cut = segment::cut_off(t, u, &input.method, &maneuvers);
+        let segment::Found { maneuvers, cut } = segment::search(t, u, &input.method);
         notes.extend(cut.iter().map(|cut| cut_note(flight, input, cut)));
         let source = Source { flight, input: input.name(), t, u };
         let edited = segment::apply(
