@@ -253,7 +253,8 @@ thresholds! {
     rounds_per_effect: usize = 3, "rounds";
 
     /// If what is left, or contradicted, explains more than this share of what was explained,
-    /// nothing is named. *First guess*. Lower: names are lost to small rests. Higher: names beside
+    /// nothing is named; what is contradicted gives way to what explains the same and lacks no more
+    /// than this share of its evidence. *First guess*. Lower: names are lost to small rests. Higher: names beside
     /// larger things that are not understood.
     rest_share: f64 = 0.2, "share of the evidence";
 

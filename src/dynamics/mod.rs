@@ -58,6 +58,7 @@ mod record;
 mod remembered;
 mod respond;
 mod rows;
+mod scratch;
 mod sigma_filter;
 mod starts;
 mod step;
@@ -76,6 +77,7 @@ pub use filter::{Filter, Innovation, Innovations};
 pub use modes::Lost;
 pub use numbers::Numbers;
 pub use propagator::{Directions, Propagator, Tier};
+pub use scratch::Scratch;
 
 pub use record::{Channel, Interpolation, Record};
 pub use sigma_filter::{Smooth, smoothed};

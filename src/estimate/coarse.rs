@@ -37,8 +37,20 @@ impl Case {
             };
             record.substeps = FINER * steps;
         }
+        let moved = self.moved(&finer, solution, settings);
+        (!moved.is_empty()).then_some(Coarse { finer: FINER, moved })
+    }
+
+    /// The parameters that one step of the iteration moves where the problem is another one, from the
+    /// solution of this one: by how many of their standard deviations, those that move most first.
+    pub(super) fn moved(
+        &self,
+        other: &Case,
+        solution: &Solution,
+        settings: &Settings,
+    ) -> Vec<(String, f64)> {
         let evaluate =
-            |s: usize, local: &[f64], sensitivities: bool| finer.evaluate(s, local, sensitivities);
+            |s: usize, local: &[f64], sensitivities: bool| other.evaluate(s, local, sensitivities);
         let layout = Layout { start: solution.fit.theta.clone(), ..self.layout.clone() };
         let method = Method { max_iterations: 1, ..settings.method() };
         let theta = minimise(&layout, &evaluate, &method).theta;
@@ -49,6 +61,6 @@ impl Case {
         };
         let mut moved: Vec<(String, f64)> = (0..self.unknowns.len()).filter_map(moved).collect();
         moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        (!moved.is_empty()).then_some(Coarse { finer: FINER, moved })
+        moved
     }
 }

@@ -4,6 +4,7 @@
 use super::budget::Influence;
 use super::coarse::Coarse;
 use super::decision::Decision;
+use super::edges::Edges;
 use super::influential::Influential;
 use super::modes::Mode;
 use super::preroll::TooShort;
@@ -158,6 +159,8 @@ pub struct Estimation {
     pub influential: Option<Influential>,
     /// What finer integration steps would move, where states have limits.
     pub coarse: Option<Coarse>,
+    /// What the estimates owe to when inputs stepped between two of their samples.
+    pub edges: Option<Edges>,
     /// Parameters of the model that times of delays depend on.
     pub delaying: Vec<String>,
     /// Another start that ended elsewhere.

@@ -47,6 +47,7 @@
 //! | `plateaus` | what was measured of a state on its limit |
 //! | `idle` | why nothing shows a parameter |
 //! | `coarse` | what finer integration steps would move |
+//! | `edges` | what the estimates owe to when inputs stepped between two samples |
 //! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
 //! | `estimation` | the result |
@@ -62,6 +63,7 @@ mod colour;
 mod crossed;
 mod decision;
 mod densities;
+mod edges;
 mod elsewhere;
 mod equations;
 mod estimation;
@@ -103,6 +105,7 @@ pub use budget::{Influence, covariance};
 pub use case::{Case, Unknown};
 pub use coarse::Coarse;
 pub use decision::{Decision, Support};
+pub use edges::Edges;
 pub use equations::NormalEquations;
 pub use estimation::{
     Correlation, Doubtful, Elsewhere, Estimation, LeftOut, OutputScatter, Row, Tried,

@@ -5,6 +5,7 @@ use super::budget::{Influence, influences};
 use super::case::{Case, PASSES, propagator};
 use super::choice::choose;
 use super::coarse::Coarse;
+use super::edges::Edges;
 use super::equations::Origin;
 use super::extend::prepare;
 use super::influential::Influential;
@@ -147,8 +148,17 @@ fn once(
                     told(&case, &solution, (settings, &used), budget, (&origin, here))?
                 }
             };
-            let Told { budget, profiles, stuck, reached, crossed, too_short, influential, coarse } =
-                told;
+            let Told {
+                budget,
+                profiles,
+                stuck,
+                reached,
+                crossed,
+                too_short,
+                influential,
+                coarse,
+                edges,
+            } = told;
             let traced = match settings.by {
                 By::Motion => Traced::of_motion(&case, &solution),
                 By::EquationError => Traced::of_equations(&case, &solution, settings)?,
@@ -165,6 +175,7 @@ fn once(
                 too_short,
                 influential,
                 coarse,
+                edges,
                 delaying: case.delaying(),
                 elsewhere,
                 modes,
@@ -190,6 +201,7 @@ struct Told {
     too_short: Vec<TooShort>,
     influential: Option<Influential>,
     coarse: Option<Coarse>,
+    edges: Option<Edges>,
 }
 
 fn told(
@@ -211,6 +223,7 @@ fn told(
             too_short,
             influential: case.influential(solution, used),
             coarse: case.coarse(solution, settings),
+            edges: case.edges(solution, settings),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.
         By::EquationError => {

@@ -38,20 +38,27 @@ pub struct Term {
     pub change: f64,
 }
 
-impl std::fmt::Display for Term {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        match (&self.group, self.segment) {
-            (Some(group), _) => write!(f, "{} of {group}", self.name),
-            (None, Some(s)) => write!(f, "{} of segment {s}", self.name),
-            (None, None) => f.write_str(&self.name),
-        }
+impl Combination {
+    /// Its terms, each with the group or the segment that it belongs to by the name that `segment`
+    /// has for it.
+    pub fn names(&self, segment: &dyn Fn(usize) -> String) -> Vec<String> {
+        let one = |term: &Term| match (&term.group, term.segment) {
+            (Some(group), _) => format!("{} of {group}", term.name),
+            (None, Some(s)) => format!("{} of {}", term.name, segment(s)),
+            (None, None) => term.name.clone(),
+        };
+        self.terms.iter().map(one).collect()
+    }
+
+    /// What is wrong, with segments by their names.
+    pub fn words(&self, segment: &dyn Fn(usize) -> String) -> String {
+        weak_words(&self.names(segment))
     }
 }
 
 impl std::fmt::Display for Combination {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let names: Vec<String> = self.terms.iter().map(Term::to_string).collect();
-        f.write_str(&weak_words(&names))
+        f.write_str(&self.words(&|s| format!("segment {s}")))
     }
 }
 

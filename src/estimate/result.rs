@@ -98,6 +98,7 @@ pub fn name(
         too_short: Vec::new(),
         influential: None,
         coarse: None,
+        edges: None,
         delaying: Vec::new(),
         elsewhere: None,
         tried: Vec::new(),

@@ -21,6 +21,7 @@ use crate::stage::{
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 pub use aircraft::{Source, lacking};
 pub use logs::FlightLog;
@@ -184,6 +185,7 @@ impl Reader {
                     fits: fits.into_iter().flatten().collect(),
                     told,
                     stages: STAGES,
+                    written: OnceLock::new(),
                 },
                 told: said,
                 files: BTreeMap::new(),

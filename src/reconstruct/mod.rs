@@ -15,13 +15,14 @@
 //! | turbulence | gusts as random walks of the velocities, their size estimated | not part of the model |
 //! | standard deviations | of every signal along the path, and of the sensor errors | of the sensor errors |
 //!
-//! Either way every channel is first checked by itself and against all others (`consistency`, by
-//! the smoother).
+//! Either way every channel is first checked by itself, gyros against the attitude (`axes`), and each
+//! against all others (`consistency`, by the smoother).
 //!
 //! `alphadot`-like quantities come from the model's own rates (`udot`, `wdot`), never from
 //! differencing a vane. With gusts these are the accelerations of the aircraft's motion, without
 //! the gusts' own.
 
+mod axes;
 pub mod consistency;
 mod found;
 mod health;

@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 use std::borrow::Cow;
 
+use super::axes::axes;
 use super::consistency::{self, Comparison, Which, inertial};
 use super::found::Found;
 use super::health;
@@ -182,6 +183,14 @@ fn smooth(
     settings: &Settings,
     mut path: FlightPath,
 ) -> std::result::Result<(FlightPath, Vec<Which>), Errors> {
+    let axes = axes(model, driving, &measured);
+    path.checks.extend(axes.rows);
+    if let Some((which, words)) = axes.exchanged {
+        path.notes.push(Note::lost(format!(
+            "no flight path: {words}: each turns as the other one's axis does, by the attitude"
+        )));
+        return Ok((path, which.map(Which::Input).to_vec()));
+    }
     slow(model, &mut measured, settings, &mut path);
     let mut found = Found::default();
     if !(settings.late.is_empty() && settings.candidates.is_empty() && settings.free.is_empty()) {

@@ -66,8 +66,12 @@ impl Comparison {
             } else {
                 "early"
             };
+            let why = match verdict {
+                "early" => ": no sensor is ahead of the motion, so what it is held against is late",
+                _ => "",
+            };
             let text = format!(
-                "measured behind reconstructed by {tau:.4} +- {:.4} s (95%)",
+                "measured behind reconstructed by {tau:.4} +- {:.4} s (95%){why}",
                 INTERVAL_95 * sd
             );
             rows.push(row("time skew", tau, [-limit, limit], "s", verdict, text));

@@ -33,7 +33,8 @@ fn build(given: &Given) -> Result<Option<Body>> {
 }
 
 /// Checks with a column of their own, and its heading.
-const SHOWN: [(&str, &str); 8] = [
+const SHOWN: [(&str, &str); 9] = [
+    ("axis", "#correlation|with its axis"),
     ("sign", "#correlation|with others"),
     ("scale", "#scale"),
     ("time skew", "#behind by|s"),

@@ -9,6 +9,7 @@ use crate::error::Errors;
 use crate::report::Section;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::sync::OnceLock;
 
 /// A model by its name in the tables, and the columns of the samples table that drive it.
 pub type Columned = (String, Vec<String>);
@@ -219,6 +220,8 @@ pub struct Campaign {
     pub told: Told,
     /// The stages that are run, in this order: [`super::STAGES`].
     pub stages: &'static [Stage],
+    /// What `written` found.
+    pub written: OnceLock<Vec<&'static str>>,
 }
 
 // What these give belongs into the slice of the stage that asks: a stage's code does not count what
@@ -229,5 +232,14 @@ impl Campaign {
     pub fn parts(&self, table: &str) -> Vec<Part> {
         let writers = self.stages.iter().filter(|stage| stage.writes.contains(&table));
         writers.flat_map(|stage| (stage.units)(self)).map(|unit| unit.part).collect()
+    }
+
+    /// The tables that stages with anything to do write. Every page of a report wants them, and every stage
+    /// has a unit for every flight: they are asked once.
+    pub fn written(&self) -> &[&'static str] {
+        self.written.get_or_init(|| {
+            let at_work = self.stages.iter().filter(|stage| !(stage.units)(self).is_empty());
+            at_work.flat_map(|stage| stage.writes).copied().collect()
+        })
     }
 }

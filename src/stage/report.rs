@@ -10,7 +10,7 @@ use crate::table::{Rows, Table, Want};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 pub const STAGE: Stage = Stage {
     name: "report",
@@ -113,12 +113,9 @@ pub fn own(table: &str) -> bool {
 
 /// Tables that no unit of this campaign writes: sections about them have no place on the page.
 fn unasked(campaign: &Campaign) -> Vec<&'static str> {
-    // Each stage is asked once: every page wants this.
-    let at_work = campaign.stages.iter().filter(|stage| !(stage.units)(campaign).is_empty());
-    let written: BTreeSet<&str> =
-        at_work.flat_map(|stage| stage.writes).copied().chain([NOTES, STAGES_TABLE]).collect();
+    let written = campaign.written();
     let mut tables = report::tables(&Form::One, &sections(campaign));
-    tables.retain(|table| !written.contains(table));
+    tables.retain(|table| !written.contains(table) && !own(table));
     tables
 }
 

@@ -5,19 +5,19 @@
 pub fn simplified(text: &str) -> String {
     let mut factors = Vec::new();
     let mut rest = text.trim();
-    if product(&mut rest, 1, &mut factors).is_none() || !rest.is_empty() {
+    if product(&mut rest, 1.0, &mut factors).is_none() || !rest.is_empty() {
         return text.to_string();
     }
-    let side = |sign: i32| -> Vec<String> {
-        let there = factors.iter().filter(|(_, power)| power * sign > 0);
+    let side = |sign: f64| -> Vec<String> {
+        let there = factors.iter().filter(|(_, power)| power * sign > 0.0);
         there
             .map(|(name, power)| match power.abs() {
-                1 => name.clone(),
+                1.0 => name.clone(),
                 power => format!("{name}^{power}"),
             })
             .collect()
     };
-    let (up, down) = (side(1), side(-1));
+    let (up, down) = (side(1.0), side(-1.0));
     let up = if up.is_empty() { "1".to_string() } else { up.join(" ") };
     match (down.len(), up.as_str()) {
         (0, "1") => "-".to_string(),
@@ -28,7 +28,7 @@ pub fn simplified(text: &str) -> String {
 }
 
 /// Factors up to the end or a closing parenthesis, each to the power `sign` times its own.
-fn product(rest: &mut &str, sign: i32, factors: &mut Vec<(String, i32)>) -> Option<()> {
+fn product(rest: &mut &str, sign: f64, factors: &mut Vec<(String, f64)>) -> Option<()> {
     let mut of_next = sign;
     loop {
         *rest = rest.trim_start();
@@ -53,7 +53,7 @@ fn product(rest: &mut &str, sign: i32, factors: &mut Vec<(String, i32)>) -> Opti
 }
 
 /// One name with its power.
-fn factor(rest: &mut &str, sign: i32, factors: &mut Vec<(String, i32)>) -> Option<()> {
+fn factor(rest: &mut &str, sign: f64, factors: &mut Vec<(String, f64)>) -> Option<()> {
     let end = rest.find(|c: char| !c.is_alphabetic()).unwrap_or(rest.len());
     let (name, behind) = match rest.strip_prefix(['1', '-']) {
         Some(behind) => ("", behind),
@@ -61,11 +61,11 @@ fn factor(rest: &mut &str, sign: i32, factors: &mut Vec<(String, i32)>) -> Optio
         None => rest.split_at(end),
     };
     *rest = behind;
-    let mut power = 1;
+    let mut power = 1.0;
     if let Some(behind) = rest.strip_prefix('^') {
         let end = behind
             .char_indices()
-            .find(|(i, c)| !(c.is_ascii_digit() || *i == 0 && *c == '-'))
+            .find(|(i, c)| !(c.is_ascii_digit() || *c == '.' || *i == 0 && *c == '-'))
             .map_or(behind.len(), |(i, _)| i);
         power = behind[..end].parse().ok()?;
         *rest = &behind[end..];
@@ -95,6 +95,8 @@ mod tests {
             ("N m/(rad/s)", "N m s/rad"),
             ("rad^2/(rad s^-1)", "rad s"),
             ("kg m^2/s^2", "kg m^2/s^2"),
+            ("rad/s s^-0.5", "rad/s^1.5"),
+            ("m/s^0.5 s^0.5", "m"),
             ("-", "-"),
         ] {
             assert_eq!(simplified(text), simple, "{text}");

@@ -274,6 +274,7 @@ mod tests {
             score: 0.0,
             refit: None,
             evidence,
+            instead: None,
             standing: Standing::Chance,
             why: text(),
         }

@@ -10,6 +10,7 @@
 //! named: the others are judged with it in place.
 
 use super::ending::ended;
+use super::fits::Fits;
 use super::judged::Standing;
 use super::judged::{Judged, Round};
 use super::refit::joined;
@@ -75,6 +76,8 @@ struct Search<'a> {
     links: Vec<Link>,
     /// The models that were fitted so far.
     made: RefCell<Vec<Made>>,
+    /// The candidates' fits.
+    fits: Fits,
     dropped: Vec<String>,
     /// Links are only taken out any more.
     ending: bool,
@@ -137,6 +140,7 @@ pub fn diagnose(
         progress,
         links: Vec::new(),
         made: RefCell::default(),
+        fits: Fits::default(),
         dropped: Vec::new(),
         ending: false,
         out,
@@ -304,13 +308,25 @@ impl Search<'_> {
             let others = |j: &&Judged| self.links.iter().all(|l| l.name != j.name);
             let this = round.judged.iter().find(|j| j.name == name);
             let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
+            let thresholds = &self.subject.settings.thresholds;
+            // One that is contradicted gives way to one that explains the same and is not, where what that
+            // one leaves of it would not stand in the way of its name.
+            let is_doubted = this.is_some_and(|j| DOUBTED.contains(&j.standing));
+            let instead = |j: &&Judged| {
+                is_doubted
+                    && j.instead.is_some_and(|share| share > thresholds.replaces)
+                    && j.evidence > (1.0 - thresholds.rest_share) * evidence
+            };
             let better = round
                 .class
                 .iter()
                 .filter_map(judged)
                 .find(others)
-                .filter(|j| !self.ending && !(j.evidence < evidence));
+                .filter(|j| !self.ending && (!(j.evidence < evidence) || instead(j)));
             if let Some(better) = better.and_then(|j| link(round, j, self.rivals())) {
+                if better.evidence < evidence {
+                    self.dropped.push(name);
+                }
                 self.links[i] = better;
                 return Ok(false);
             }
@@ -420,7 +436,8 @@ impl Search<'_> {
             Some(_) => Vec::new(),
         };
         let tell = |text: &str| (self.progress)(&format!("round {number}: {text}"));
-        let mut round = held_against(stand, found, &case, located, offered, self.subject, &tell)?;
+        let mut round =
+            held_against(stand, found, &case, located, offered, (self.subject, &self.fits), &tell)?;
         round.base = self.links.iter().map(|l| l.name.clone()).collect();
         Ok(round)
     }

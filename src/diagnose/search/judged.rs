@@ -84,6 +84,9 @@ pub struct Judged {
     /// Log-likelihood for it, training and held out, less what chance gives it alone; NaN without a
     /// refit.
     pub evidence: f64,
+    /// The share of what the round's tested effect explains that this one explains as well, where that
+    /// one may not be believed and this one may.
+    pub instead: Option<f64>,
     pub standing: Standing,
     /// The standing in words, with its figures.
     pub why: String,

@@ -4,7 +4,8 @@
 pub mod decide;
 pub mod diagnose;
 pub mod ending;
-pub mod ground;
+pub mod fits;
+mod ground;
 pub mod judged;
 pub mod probe;
 pub mod probes;

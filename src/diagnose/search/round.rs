@@ -1,10 +1,11 @@
 //! A fitted base and candidates in; all of them screened, the best refitted and judged, out.
 
 use super::decide::{Distance, class, distances, is_faint, objection};
+use super::fits::Fits;
 use super::ground;
 use super::judged::Standing;
 use super::judged::{Judged, Round};
-use super::refit::{self, refit};
+use super::refit;
 use super::screen::screen;
 use super::surrogate::{best_of_surrogates, chance};
 use super::tried::Screened;
@@ -21,7 +22,7 @@ use crate::model::Scope;
 
 /// Screens all candidates, refits and judges the best. Chance gives at least `least`: fewer
 /// candidates may take part than one of them was found among. `tested`: the one that the round is
-/// about; none where the best of all is looked for.
+/// about; none where the best of all is looked for. `fits`: those that were made before.
 ///
 /// # Errors
 /// A candidate's model does not fit the settings of the base's estimation.
@@ -31,7 +32,7 @@ pub fn held_against(
     case: &Case,
     located: Vec<Located>,
     (candidates, least, tested): (&[Candidate], f64, Option<&str>),
-    subject: &Subject,
+    (subject, fits): (&Subject, &Fits),
     progress: &dyn Fn(&str),
 ) -> Result<Round, Errors> {
     let settings = subject.settings;
@@ -72,7 +73,7 @@ pub fn held_against(
         frozen: &found.frozen,
         thresholds: &settings.thresholds,
     };
-    let mut passing = Vec::new();
+    let (mut passing, mut refused) = (Vec::new(), None);
     let refits = order.len().min(settings.refits);
     progress(&match order.first() {
         Some(&best) => {
@@ -86,7 +87,7 @@ pub fn held_against(
     });
     for (at, &i) in order.iter().take(settings.refits).enumerate() {
         progress(&format!("fit {} of {refits}, {}", at + 1, judged[i].name));
-        let one = refit(&ground, &candidates[i], &judged[i].screened.at)?;
+        let one = fits.of(found, &ground, &candidates[i], &judged[i].screened.at)?;
         let judged = &mut judged[i];
         let Some((one, left)) = one else {
             (judged.standing, judged.why) =
@@ -104,11 +105,19 @@ pub fn held_against(
         let faint =
             || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
         match objection(judged, settings).or_else(faint) {
-            Some((standing, why)) => (judged.standing, judged.why) = (standing, why),
+            Some((standing, why)) => {
+                (judged.standing, judged.why) = (standing, why);
+                if Some(&judged.name[..]) == tested {
+                    refused = Some(left);
+                }
+            }
             None => passing.push((i, left)),
         }
     }
     let without = refit::left_by_base(&ground);
+    for (i, left) in &passing {
+        judged[*i].instead = refused.as_ref().map(|refused| refit::shared(&without, refused, left));
+    }
     // Of a test of one effect only what explains the same takes part.
     let this = passing.iter().position(|(i, _)| Some(&judged[*i].name[..]) == tested);
     if let Some(this) = this {
@@ -209,6 +218,7 @@ fn screened(candidate: &Candidate, screened: &Screened, limit: f64, settings: &S
         score,
         refit: None,
         evidence: f64::NAN,
+        instead: None,
         standing,
         why,
     }

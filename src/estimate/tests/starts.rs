@@ -1,5 +1,5 @@
-//! Starts of a filter that are far off, and integration steps that are too long for a limit: is the
-//! best minimum found, and is what steps do told?
+//! Starts of a filter that are far off, integration steps too long for a limit, inputs sampled too slowly: is the
+//! best minimum found, and is what steps and samples do told?
 
 use super::{normal, rng};
 use crate::dynamics::{Channel, Directions, Propagator, Record};
@@ -130,4 +130,62 @@ fn an_estimate_that_finer_steps_would_move_says_so() {
     let moved = (row(&short).value - row(&long).value).abs() / row(&long).sd.unwrap();
     assert!((sds / moved - 1.0).abs() < 0.5, "{name}: {sds} of {moved}");
     assert_eq!(short.coarse, None);
+}
+
+/// A command that steps between its samples, by how it is recorded: every `every` of the points on which
+/// the truth moves, which holds it.
+fn stepped(every: usize) -> Estimation {
+    let model = model(
+        r#"
+title = "A lag"
+[inputs]
+u = "rad"
+[parameters]
+a = { unit = "1/s", start = 3.0 }
+k = { unit = "1", start = 0.8 }
+[states]
+x = { unit = "rad", rate = "a*(k*u - x)", start = 0.0 }
+[outputs]
+x = { unit = "rad", value = "x" }
+"#,
+    );
+    let (dt, n) = (0.01, 1001);
+    let times: Vec<f64> = (0..n).map(|k| dt * k as f64).collect();
+    // each step just behind a sample, where the straight line has it half a sample later
+    let u: Vec<f64> = times.iter().map(|t| 0.1 * maneuver(*t, 1.005, 0.8)).collect();
+    let record = Record {
+        dt,
+        n,
+        inputs: u.clone().into(),
+        interpolation: vec![crate::dynamics::Interpolation::Hold],
+        channels: vec![Channel { output: 0, t: times.clone().into(), z: vec![].into() }],
+        ..Record::default()
+    };
+    let propagator = Propagator::new(&model, Directions::default()).unwrap();
+    let y = propagator.respond(&[4.0, 1.0], &[], &record, false).y;
+    let mut random = rng(5);
+    let z = y[0].iter().map(|y| y + 2e-4 * normal(&mut random)).collect();
+    let record = Record {
+        dt: dt * every as f64,
+        n: n.div_ceil(every),
+        inputs: u.into_iter().step_by(every).collect::<Vec<f64>>().into(),
+        interpolation: Vec::new(),
+        channels: vec![Channel { output: 0, t: times.into(), z }],
+        ..record
+    };
+    let e = estimate(&model, &[record], &Settings::default()).unwrap();
+    assert_eq!(e.stop, Stop::Converged);
+    e
+}
+
+#[test]
+fn an_input_that_steps_between_its_samples_says_what_hangs_on_it() {
+    let slow = stepped(20);
+    let edges = slow.edges.as_ref().expect("it is told");
+    assert_eq!(edges.inputs, [("u".to_string(), 0.2)]);
+    let a = &slow.rows[0];
+    let off = (a.value - 4.0).abs() / a.sd.unwrap();
+    let by = edges.moved.iter().find(|(name, _)| name == "a").expect("a hangs on it").1;
+    // of the order of what is off, which half a sample bounds
+    assert!(off > 3.0 && by > 0.3 * off && by < 30.0 * off, "{off} {by}");
 }

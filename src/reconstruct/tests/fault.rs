@@ -99,6 +99,28 @@ fn fault_a_recorder_that_is_late_is_found() {
 }
 
 #[test]
+fn fault_gyros_that_are_exchanged_or_late_are_named_by_the_attitude() {
+    let heights = altitude();
+    let mut flown = fly(18, 0.0, &heights);
+    let [p, q] = ["p_imu", "q_imu"].map(|name| flown.signals[name].clone());
+    flown.signals.insert("p_imu".to_string(), q);
+    flown.signals.insert("q_imu".to_string(), p);
+    let exchanged = path(&flown);
+    assert_eq!(verdict(&exchanged, "p_imu", "axis"), "exchanged", "{:?}", exchanged.checks);
+    assert_eq!(verdict(&exchanged, "q_imu", "axis"), "exchanged");
+    assert_eq!(verdict(&exchanged, "r_imu", "axis"), "good");
+    let why = exchanged.notes.iter().find(|note| note.missing).expect("why there is no path");
+    assert!(why.text.contains("p_imu and q_imu are exchanged"), "{}", why.text);
+    let mut flown = fly(18, 0.0, &heights);
+    flown.signals["q_imu"].0.iter_mut().for_each(|t| *t += 0.06);
+    let late = path(&flown);
+    let row = |name| late.checks.iter().find(|r| r.channel == name && r.check == "time skew");
+    let of = row("q_imu").expect("a row");
+    assert!(of.verdict == "late" && (of.value - 0.06).abs() < 0.01, "{of:?}");
+    assert!(row("p_imu").is_none_or(|r| r.verdict == "good"), "{:?}", row("p_imu"));
+}
+
+#[test]
 fn fault_a_clock_that_jumps_is_named() {
     // long enough that each half of the flight is a part by itself
     let scene = Scene { duration: 42.0, ..CALM };

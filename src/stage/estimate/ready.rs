@@ -7,8 +7,8 @@ use super::names::{Driver, Scored};
 use super::records::{Grid, Measured, Source, Unusable, record};
 use super::stretches::{self, Stretch, Whole};
 use crate::config::list;
-use crate::dynamics::{Interpolation, Record};
-use crate::error::Result;
+use crate::dynamics::{Interpolation, Record, Scratch};
+use crate::error::{Error, Result};
 use crate::estimate::Segment;
 use crate::math::median;
 use crate::stage::{Campaign, Inputs, Note, Severity, series};
@@ -35,11 +35,28 @@ pub fn of(
     notes: &mut Vec<Note>,
 ) -> Result<Vec<Ready>> {
     let mut tally = Tally::new(config.settings.chosen());
+    let mib = usize::try_from(config.settings.samples_memory_mib).unwrap_or(usize::MAX);
+    let mut scratch = Scratch::beyond(mib.saturating_mul(1 << 20));
     let mut ready = Vec::new();
     for flight in &campaign.flights {
-        if tally.flight(flight) {
-            ready.extend(of_flight(config, flight, inputs, (&mut tally, notes))?);
+        if !tally.flight(flight) {
+            continue;
         }
+        let mut of_flight = of_flight(config, flight, inputs, (&mut tally, notes))?;
+        for one in &mut of_flight {
+            scratch.take(&mut one.labelled.record).map_err(|e| {
+                Error::new(format!("no scratch file for the samples of {}: {e}", config.name()))
+                    .help(format!(
+                        "make room in {}, name another folder in TMPDIR, or give more memory by `samples_memory_mib`",
+                        std::env::temp_dir().display()
+                    ))
+            })?;
+        }
+        ready.extend(of_flight);
+    }
+    if scratch.written() > 0 {
+        let mib = scratch.written() >> 20;
+        (inputs.tell)(&format!("{}: samples of {mib} MiB are in a scratch file", config.name()));
     }
     notes.extend(tally.notes(NAME, &config.name()));
     Ok(ready)

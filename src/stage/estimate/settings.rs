@@ -94,6 +94,10 @@ pub struct Settings {
     /// Outputs of the model that are not scored.
     #[serde(default)]
     pub unscored: Vec<String>,
+    /// What the samples of its maneuvers may take in memory, MiB; those beyond are read from a scratch
+    /// file (in the folder that the environment names for such files). No result depends on it.
+    #[serde(default = "default_samples_memory")]
+    pub samples_memory_mib: u64,
     /// How the estimation is run.
     #[serde(default)]
     pub method: estimate::Settings,
@@ -165,6 +169,10 @@ pub enum Group {
 
 fn default_pre() -> f64 {
     1.0
+}
+
+fn default_samples_memory() -> u64 {
+    1024
 }
 
 fn default_post() -> f64 {

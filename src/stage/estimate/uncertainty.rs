@@ -87,7 +87,7 @@ fn findings<'a>(batch: &'a Batch, e: &'a Estimation) -> Vec<Finding<'a>> {
     let mut all = vec![whole];
     for combination in &e.verdict.combinations {
         let number = all.last().map_or(0, |f| f.number) + 1;
-        let (verdict, text) = words(combination);
+        let (verdict, text) = words(batch, combination);
         for term in &combination.terms {
             let of = |r: &&Row| {
                 r.name == term.name && r.segment == term.segment && r.group == term.group
@@ -208,13 +208,14 @@ fn decided(d: &Decision) -> String {
     }
 }
 
-fn words(combination: &Combination) -> (&'static str, String) {
+fn words(batch: &Batch, combination: &Combination) -> (&'static str, String) {
+    let name = |s: usize| segment(batch, Some(s)).unwrap_or_default().to_string();
     match (combination.terms.len(), combination.information <= NOTHING) {
-        (0 | 1, true) => ("no effect", combination.to_string()),
-        (_, true) => ("not separable", combination.to_string()),
+        (0 | 1, true) => ("no effect", combination.words(&name)),
+        (_, true) => ("not separable", combination.words(&name)),
         (_, false) => {
-            let names: Vec<String> = combination.terms.iter().map(ToString::to_string).collect();
-            ("hardly separable", format!("{}: hardly determined by these data", names.join(", ")))
+            let names = combination.names(&name).join(", ");
+            ("hardly separable", format!("{names}: hardly determined by these data"))
         }
     }
 }

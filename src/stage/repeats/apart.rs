@@ -41,7 +41,13 @@ impl Apart<'_> {
     }
 }
 
-/// The flights that stand apart in this parameter: at most one.
+/// Of what is about zero the sign says nothing.
+fn is_turned(ratio: f64) -> bool {
+    (-2.0..-0.5).contains(&ratio)
+}
+
+/// The flights that stand apart in this parameter: at most one. Of two that contradict each other
+/// the second is told, and only where the ratio names its cause: degrees for radians, or a sign.
 pub fn apart<'a>(ones: &[One<'a>]) -> Option<Apart<'a>> {
     let mut flights: BTreeMap<&str, [f64; 2]> = BTreeMap::new();
     for one in ones {
@@ -50,15 +56,20 @@ pub fn apart<'a>(ones: &[One<'a>]) -> Option<Apart<'a>> {
         sums[1] += 1.0 / (one.sd * one.sd);
     }
     let mean = |[sum, weight]: &[f64; 2]| sum / weight;
+    let known = |sums: &[f64; 2]| 1.0 / sums[1].sqrt() < SURE * mean(sums).abs();
+    if let [(_, first), (flight, second)] = flights.iter().collect::<Vec<_>>()[..] {
+        let (value, others) = (mean(second), mean(first));
+        let this = Apart { flight, parameter: ones[0].parameter, value, others, count: 1 };
+        let named = this.is_of_degrees() || is_turned(this.ratio());
+        return (known(first) && known(second) && named).then_some(this);
+    }
     let mut found = flights.iter().filter_map(|(flight, sums)| {
         let others: Vec<f64> =
             flights.iter().filter(|(of, _)| *of != flight).map(|(_, sums)| mean(sums)).collect();
         let (value, sd, middle) = (mean(sums), 1.0 / sums[1].sqrt(), median(&others));
         let alike = others.iter().all(|x| (x - middle).abs() <= ALIKE * middle.abs());
         let ratio = value / middle;
-        // of what is about zero the sign says nothing
-        let turned = (-2.0..-0.5).contains(&ratio);
-        let another = turned || !(1.0 / TIMES..TIMES).contains(&ratio.abs());
+        let another = is_turned(ratio) || !(1.0 / TIMES..TIMES).contains(&ratio.abs());
         let sure = sd < SURE * (value - middle).abs();
         (others.len() >= FEWEST && alike && another && sure).then(|| Apart {
             flight,
@@ -111,6 +122,16 @@ mod tests {
         ] {
             assert_eq!(apart(&ones(&values)), None, "{values:?}");
         }
-        assert_eq!(apart(&ones(&[("a", -9.0, 0.1), ("b", -516.0, 0.1)])), None);
+        assert_eq!(apart(&ones(&[("a", -9.0, 0.1), ("b", -400.0, 0.1)])), None);
+        assert_eq!(apart(&ones(&[("a", -9.0, 2.0), ("b", -516.0, 0.1)])), None);
+    }
+
+    #[test]
+    fn two_flights_are_told_where_the_ratio_names_its_cause() {
+        let found = ones(&[("a", -9.0, 0.1), ("b", -516.0, 0.8)]);
+        let found = apart(&found).expect("degrees");
+        assert_eq!((found.flight, found.count), ("b", 1));
+        assert!(found.is_of_degrees());
+        assert!(apart(&ones(&[("a", -9.0, 0.1), ("b", 9.2, 0.1)])).is_some());
     }
 }

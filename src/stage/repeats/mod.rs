@@ -102,7 +102,10 @@ fn notes(config: &Config, strange: &[Apart]) -> Vec<Note> {
         let degrees = all.iter().any(|apart| apart.is_of_degrees());
         let each = all.iter().map(|apart| {
             let (name, value, others) = (apart.parameter, apart.value, apart.others);
-            format!("{name} is {value:.4} and in {} other flights {others:.4}", apart.count)
+            match apart.count {
+                1 => format!("{name} is {value:.4} and in the other flight {others:.4}"),
+                n => format!("{name} is {value:.4} and in {n} other flights {others:.4}"),
+            }
         });
         let each = each.collect::<Vec<_>>().join("; ");
         let why = if degrees {

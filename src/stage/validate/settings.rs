@@ -38,7 +38,8 @@ pub struct Settings {
     /// records.
     #[serde(default)]
     pub input: Option<Used>,
-    /// Flights used, with `*` for any characters; empty for all.
+    /// Flights used, with `*` for any characters; empty for all: those of the estimate are not taken
+    /// over, a proof is made on what was not used.
     #[serde(default)]
     pub flights: Vec<String>,
     /// Flights or maneuvers left out of them, with `*` for any characters.

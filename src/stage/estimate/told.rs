@@ -1,0 +1,284 @@
+//! An estimation comes in; what there is to say of it, as notes, goes out.
+
+use super::batch::{Batch, segment};
+use super::config::Config;
+use super::limits;
+use crate::estimate::regression::Regressed;
+use crate::estimate::{self, Estimation, Row, Trace};
+use crate::math::digits;
+use crate::noise::Modelled;
+use crate::stage::{Note, Severity};
+
+/// What to say about one estimation that did not end well, or whose parameters the data hardly
+/// separate.
+pub fn notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let mut notes = Vec::new();
+    if estimation.stop != estimate::Stop::Converged {
+        let why = estimation.why.as_ref().map_or(String::new(), |why| format!(": {why}"));
+        let text = format!(
+            "{}: the estimate of {} ended with \"{}\"{why}",
+            batch.group,
+            config.name(),
+            estimation.stop
+        );
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
+    }
+    for left in &estimation.left_out {
+        let segment = batch.segments.get(left.segment).cloned().unwrap_or_default();
+        let text =
+            format!("{segment} is left out of the estimate of {}: {}", config.name(), left.why);
+        notes.push(config.note("", Severity::Missing, segment, 1, text));
+    }
+    for doubtful in &estimation.doubtful {
+        let segment = batch.segments.get(doubtful.segment).cloned().unwrap_or_default();
+        let text = format!("output {} of {segment}: {}", doubtful.output, doubtful.why);
+        notes.push(config.note("", Severity::Warning, segment, 1, text));
+    }
+    for (segment, state) in &estimation.stuck {
+        let segment = batch.segments.get(*segment).cloned().unwrap_or_default();
+        let text = format!("{state} is stuck throughout {segment}: friction holds it all along");
+        notes.push(config.note("", Severity::Warning, segment, 1, text));
+    }
+    for short in &estimation.too_short {
+        let segment = batch.segments.get(short.segment).cloned().unwrap_or_default();
+        let text = format!(
+            "{segment}: a delay of {} is {:.3} s, and the record has {:.3} s before its start: what came before is taken for its first value \
+             (`preroll_s` gives more)",
+            short.input, short.delay, short.preroll
+        );
+        notes.push(config.note("", Severity::Warning, segment, 1, text));
+    }
+    for text in &estimation.crossed {
+        let text = format!("{}: {text}", batch.group);
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
+    }
+    notes.extend(influential_note(config, batch, estimation));
+    notes.extend(coarse_note(config, batch, estimation));
+    notes.extend(edges_note(config, batch, estimation));
+    notes.extend(moved_note(config, batch, estimation));
+    notes.extend(tried_notes(config, batch, estimation));
+    notes.extend(elsewhere_note(config, batch, estimation));
+    if config.settings.method.stabilise.values().any(|gain| *gain != 0.0) {
+        let text = format!(
+            "{}: states are led back to what was measured of them, whose noise drives the model: no standard deviations",
+            batch.group
+        );
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
+    }
+    notes.extend(colour_notes(config, batch, estimation));
+    for row in estimation.rows.iter().filter(|row| row.idle) {
+        let text = format!("{}: {}", batch.group, limits::idle(estimation, row).1);
+        notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
+    }
+    for row in estimation.rows.iter().filter(|row| row.at_bound) {
+        notes.push(bound_note(config, batch, row));
+    }
+    notes.extend(still_notes(config, batch, estimation));
+    let name = |s: usize| segment(batch, Some(s)).unwrap_or_default().to_string();
+    for combination in &estimation.verdict.combinations {
+        notes.push(config.note(
+            "",
+            Severity::Warning,
+            batch.group.clone(),
+            1,
+            format!("{}: {}", batch.group, combination.words(&name)),
+        ));
+    }
+    notes
+}
+
+/// A parameter on its bound. None of something that cannot be negative is an ordinary result.
+fn bound_note(config: &Config, batch: &Batch, row: &Row) -> Note {
+    let severity = if row.value == 0.0 { Severity::Info } else { Severity::Warning };
+    let unit = if row.unit == "-" { String::new() } else { format!(" {}", row.unit) };
+    let text = format!(
+        "{}: {} is on its bound, {}{unit}: it has no sd, and the other estimates hold for it fixed there",
+        batch.group,
+        row.name,
+        digits(row.value)
+    );
+    config.note("", severity, batch.group.clone(), 1, text)
+}
+
+/// Outputs of which one value was measured throughout a maneuver in which the model moves them.
+fn still_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let mut notes = Vec::new();
+    for (segment, traces) in batch.segments.iter().zip(&estimation.responses) {
+        for trace in traces.iter().filter(|trace| is_still(trace)) {
+            let text = format!(
+                "{segment}: {} has one value throughout, and the model moves it: is its sensor dead?",
+                trace.name
+            );
+            notes.push(config.note("", Severity::Problem, segment.clone(), 1, text));
+        }
+    }
+    notes
+}
+
+/// Fewest samples of one value that tell something.
+const STILL: usize = 20;
+
+fn is_still(trace: &Trace) -> bool {
+    let both = trace.measured.iter().zip(trace.modelled.iter());
+    let scored: Vec<(f64, f64)> =
+        both.map(|(z, y)| (*z, *y)).filter(|(z, _)| z.is_finite()).collect();
+    let Some(&(first, start)) = scored.first() else { return false };
+    let scale = scored.iter().fold(0.0f64, |most, (z, y)| most.max(z.abs()).max(y.abs()));
+    let moves = scored.iter().any(|(_, y)| (y - start).abs() > MOVES * scale);
+    scored.len() >= STILL && moves && scored.iter().all(|(z, _)| *z == first)
+}
+
+/// A modelled output that changes by less than this share of its size is at rest.
+const MOVES: f64 = 1e-3;
+
+/// The sample on which the estimate hangs.
+fn influential_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let sample = estimation.influential.as_ref()?;
+    let (row, segment) =
+        (estimation.rows.get(sample.row)?, batch.segments.get(sample.segment)?.clone());
+    let text = format!(
+        "{}: {} hangs on one sample: without {} of {segment} at {:.3} s, {:.0} sd of the others' noise off the model, it would be {:.2} sd {}",
+        batch.group,
+        row.name,
+        sample.output,
+        sample.t,
+        sample.residual.abs(),
+        sample.shift.abs(),
+        if sample.shift > 0.0 { "larger" } else { "smaller" },
+    );
+    Some(config.note("", Severity::Warning, segment, 1, text))
+}
+
+/// Parameters that are named in a note at most.
+const NAMED: usize = 4;
+
+/// Parameters with the sd by which they move.
+fn moved(all: &[(String, f64)]) -> String {
+    let of = |(name, by): &(String, f64)| format!("{name} by {by:.1} sd");
+    let words: Vec<String> = all.iter().take(NAMED).map(of).collect();
+    match all.len().saturating_sub(NAMED) {
+        0 => words.join(", "),
+        more => format!("{} and {more} others", words.join(", ")),
+    }
+}
+
+/// Estimates that depend on how fine the integration steps are.
+fn coarse_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let coarse = estimation.coarse.as_ref()?;
+    let text = format!(
+        "{}: where a state meets its limit inside a step the motion is off: integration steps {} times finer would move {}: say `substeps` in [[estimate]]",
+        batch.group,
+        coarse.finer,
+        moved(&coarse.moved)
+    );
+    Some(config.note("", Severity::Warning, batch.group.clone(), coarse.moved.len(), text))
+}
+
+/// Estimates that hang on when inputs stepped between two of their samples, unless the pipeline file says
+/// how each of them runs there.
+fn edges_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let edges = estimation.edges.as_ref()?;
+    let said: Vec<&str> = config.settings.interpolation.named().collect();
+    if edges.inputs.iter().all(|(name, _)| said.contains(&name.as_str())) {
+        return None;
+    }
+    let each = |(name, spacing): &(String, f64)| format!("{name} ({spacing:.3} s)");
+    let names: Vec<String> = edges.inputs.iter().map(each).collect();
+    let text = format!(
+        "{}: {} step between two samples, a straight line is drawn there, and steps at the later sample would move {}: record faster, or say `interpolation` in [[estimate]] (\"hold\" for a command that is held)",
+        batch.group,
+        names.join(", "),
+        moved(&edges.moved)
+    );
+    Some(config.note("", Severity::Warning, batch.group.clone(), edges.moved.len(), text))
+}
+
+/// Estimates by equation error that the noise of the regressors is expected to have moved.
+fn moved_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let regression = estimation.regression.as_ref().filter(|r| r.is_estimate)?;
+    if regression.rows.iter().all(|r| r.shift.is_none())
+        && regression.rows.iter().any(|r| r.sd.is_some())
+    {
+        let text = format!(
+            "{}: how far noise in the regressors has moved the estimates cannot be told: signals are slower than the grid, and of a derived column nobody knows which ones it has its noise from",
+            batch.group
+        );
+        return Some(config.note("", Severity::Info, batch.group.clone(), 1, text));
+    }
+    let moved = regression.rows.iter().filter(|r| r.is_moved());
+    let words = |r: &Regressed| {
+        let (row, shift) = (estimation.rows.get(r.row)?, r.shift?);
+        Some(format!("{} by {shift:.2e}", row.name))
+    };
+    let words: Vec<String> = moved.filter_map(words).collect();
+    let text = format!(
+        "{}: noise in the regressors is expected to have moved these by more than their sd: {} (`shift` in the table regressions)",
+        batch.group,
+        words.join(", ")
+    );
+    let note = config.note("", Severity::Warning, batch.group.clone(), words.len(), text);
+    (!words.is_empty()).then_some(note)
+}
+
+/// What became of several starts.
+fn tried_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let tried = &estimation.tried;
+    let Some(best) = tried.iter().filter(|t| t.there).map(|t| t.cost).reduce(f64::min) else {
+        return Vec::new();
+    };
+    let of = |severity, text: String| {
+        config.note("", severity, batch.group.clone(), 1, format!("{}: {text}", batch.group))
+    };
+    let there = tried.iter().filter(|t| t.there).count();
+    let text = format!("the best of {} starts, and {there} of them end there", tried.len());
+    let mut notes = vec![of(Severity::Info, text)];
+    let names: Vec<&String> = config.settings.method.tries.keys().collect();
+    let mut said: Vec<String> = Vec::new();
+    for rival in tried.iter().filter(|t| t.rivals(best)) {
+        let ends = names.iter().zip(&rival.ends);
+        let at: Vec<String> =
+            ends.map(|(name, end)| format!("{name} = {}", digits(*end))).collect();
+        let at = at.join(", ");
+        if !said.contains(&at) {
+            let more = rival.cost - best;
+            notes.push(of(
+                Severity::Warning,
+                format!("another minimum, at {at}, is hardly worse (cost + {more:.2}): these data do not tell which"),
+            ));
+            said.push(at);
+        }
+    }
+    notes
+}
+
+/// What is said of another start that ended in another minimum.
+fn elsewhere_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let other = estimation.elsewhere.as_ref()?;
+    let ends = other.ends.iter().map(|(name, value)| format!("{name} = {}", digits(*value)));
+    let at = ends.collect::<Vec<_>>().join(", ");
+    let (from, worse) = (other.from, other.worse);
+    let text = match other.taken {
+        true => format!(
+            "from {from} the iteration ends in a worse minimum (cost + {worse:.1}), at {at}: the estimate is where another start leads to"
+        ),
+        false => format!(
+            "from {from} the iteration ends in another minimum, at {at}, which is worse (cost + {worse:.1})"
+        ),
+    };
+    let text = format!("{}: {text}", batch.group);
+    Some(config.note("", Severity::Warning, batch.group.clone(), 1, text))
+}
+
+/// What was cut off where the colour of the residuals was found.
+fn colour_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let of = |text: String| config.note("", Severity::Info, batch.group.clone(), 1, text);
+    let cut = |output: &estimate::OutputScatter| {
+        let order = output.colour.as_ref()?.cut?;
+        let words = Modelled::cut_words(order);
+        Some(of(format!("{}: {}: {words}", batch.group, output.name)))
+    };
+    let unsettled = (!estimation.settled).then(|| {
+        of(format!("{}: the colour of the residuals still changed in the last round: sd may be off by some percent", batch.group))
+    });
+    estimation.outputs.iter().filter_map(cut).chain(unsettled).collect()
+}
