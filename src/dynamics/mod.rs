@@ -44,6 +44,7 @@ mod contacts;
 mod delayed;
 mod evaluate;
 mod few;
+mod filed;
 mod filter;
 mod gain;
 mod history;

@@ -1,7 +1,7 @@
 //! Samples that many hold and nobody changes: a copy is another holder of the same memory, and who
 //! changes one that others hold gets samples of their own.
 
-use super::scratch::Filed;
+use super::filed::Filed;
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 

@@ -7,34 +7,12 @@
 //! and nothing is left of it however the process ends.
 
 use super::Record;
+use super::filed::{EACH, Filed};
 use super::numbers::Numbers;
-use memmap2::{Mmap, MmapOptions};
+use memmap2::MmapOptions;
 use std::fs::File;
 use std::io::{self, Write};
-use std::ops::Deref;
 use std::sync::Arc;
-
-/// Bytes of a number.
-const EACH: usize = size_of::<f64>();
-
-/// Samples in a scratch file.
-#[derive(Debug, Clone)]
-pub(super) struct Filed {
-    map: Arc<Mmap>,
-    /// The first of them, and how many they are.
-    from: usize,
-    count: usize,
-}
-
-impl Deref for Filed {
-    type Target = [f64];
-    fn deref(&self) -> &[f64] {
-        let bytes = &self.map[self.from * EACH..(self.from + self.count) * EACH];
-        // SAFETY: the bytes are those of `count` numbers, written as they stood in memory; the map
-        // begins at a multiple of a number's alignment, and `from` counts whole numbers.
-        unsafe { std::slice::from_raw_parts(bytes.as_ptr().cast(), self.count) }
-    }
-}
 
 /// What samples may take in memory, and the file for all others.
 #[derive(Debug)]
@@ -105,7 +83,7 @@ impl Scratch {
         let map = Arc::new(map);
         self.written += bytes.len() as u64;
         self.file = Some(file);
-        let filed = |(from, count)| Filed { map: map.clone(), from, count };
+        let filed = |(from, count)| Filed::of(map.clone(), from, count);
         Ok(places.into_iter().map(filed).collect())
     }
 }

@@ -10,15 +10,16 @@
 //! ```
 //!
 //! and the gyros say `g = int w dt`. Each `a` must go with the gyro of its own axis, and with no other
-//! one as well. One that is late by `tau` has `a = k g + tau (w(t2) - w(t1)) + b (t2 - t1)` (least squares).
+//! one as well. Of one that is late by `tau` the turns since a time go as `a = k (g + tau w) + c0 + c1 t` (least
+//! squares, a straight line in every part of 20 s; standard deviations allow for the colour of what is left).
 //! It needs no other sensor and no model of the flight, so a gyro is told here where everything that is
 //! integrated from it would contradict innocent sensors.
 
-use super::consistency::Row;
+use super::consistency::{PART, Row, modelled};
 use super::signals::{Logged, Series};
-use crate::math::dense;
 use crate::math::distribution::INTERVAL_95;
 use crate::math::interpolate::{between, locate};
+use crate::math::products::dot;
 use crate::model::Model;
 
 /// Time over which the aircraft turns, s.
@@ -41,13 +42,14 @@ pub struct Axes {
     pub exchanged: Option<([usize; 2], String)>,
 }
 
-/// Turns about the three axes, by the attitude and by the gyros, and what the gyros read in the end less
-/// what in the beginning.
-#[derive(Default)]
-struct Turns {
-    attitude: [Vec<f64>; 3],
-    gyros: [Vec<f64>; 3],
-    change: [Vec<f64>; 3],
+/// From one sample of the attitude to the next: its end and length, s, the turns about the three axes by
+/// the attitude and by the gyros, rad, and what the gyros read in the end, rad/s.
+struct Step {
+    t: f64,
+    length: f64,
+    attitude: [f64; 3],
+    gyros: [f64; 3],
+    rates: [f64; 3],
 }
 
 /// Holds the gyros against the attitude; nothing where one of the six is not measured, or hardly moves.
@@ -63,11 +65,12 @@ pub fn axes(model: &Model, driving: &[Series], measured: &[Logged]) -> Axes {
     let (Some(gyros), Some(angles)) = (all(GYROS.map(gyro)), all(ANGLES.map(angle))) else {
         return Axes::default();
     };
-    let turns = turns(gyros, angles);
-    if turns.attitude[0].len() < FEWEST {
+    let runs = runs(gyros, angles);
+    let turns = turns(&runs);
+    if turns.len() < FEWEST {
         return Axes::default();
     }
-    let goes = |i: usize, j: usize| correlation(&turns.attitude[i], &turns.gyros[j]);
+    let goes = |i: usize, j: usize| goes(&turns, i, j);
     let is_exchanged = |i: usize, j: usize| {
         goes(i, j).abs() > ANOTHER
             && goes(j, i).abs() > ANOTHER
@@ -90,7 +93,7 @@ pub fn axes(model: &Model, driving: &[Series], measured: &[Logged]) -> Axes {
         );
         found.rows.push(row(i, "axis", own, [f64::NAN; 2], "-", (verdict, text)));
         if other.is_none() {
-            found.rows.extend(late(i, &turns));
+            found.rows.extend(late(i, &runs));
         }
     }
     let place =
@@ -159,40 +162,53 @@ fn all<T>(of: [Option<T>; 3]) -> Option<[T; 3]> {
     Some([a?, b?, c?])
 }
 
-/// Turns of at least `TURN`, one behind the other, each the sum of those from sample to sample of the roll
-/// angle.
-fn turns(gyros: [Series; 3], angles: [Series; 3]) -> Turns {
+/// The steps from sample to sample of the roll angle, in runs without a gap.
+fn runs(gyros: [Series; 3], angles: [Series; 3]) -> Vec<Vec<Step>> {
     let rates = gyros.map(|(t, y)| Lines::new(t, y));
     let angles = angles.map(|(t, y)| Lines::new(t, y));
-    let mut out = Turns::default();
-    // Where the turn began, and the last attitude, with what was turned until then.
-    let mut begun: Option<(f64, f64, [f64; 3], [f64; 3])> = None;
+    let mut out: Vec<Vec<Step>> = vec![Vec::new()];
+    let mut last: Option<(f64, [f64; 3])> = None;
     for &t in &angles[0].t {
-        let Some(now) = all(angles.each_ref().map(|trace| trace.at(t))) else {
-            begun = None;
-            continue;
-        };
-        let Some((t0, _, attitude, sum)) = begun.filter(|b| t - b.1 < TURN) else {
-            begun = Some((t, t, now, [0.0; 3]));
-            continue;
-        };
-        let step = turned(attitude, now);
-        let sum = [sum[0] + step[0], sum[1] + step[1], sum[2] + step[2]];
-        if t < t0 + TURN - 1e-9 {
-            begun = Some((t0, t, now, sum));
-            continue;
+        let now = all(angles.each_ref().map(|angle| angle.at(t)));
+        let step = last.zip(now).and_then(|((t0, before), now)| {
+            let (length, attitude) = (t - t0, turned(before, now));
+            let gyros = all(rates.each_ref().map(|rate| rate.integral(t0, t)))?;
+            let rates = all(rates.each_ref().map(|rate| rate.at(t)))?;
+            (length < TURN).then_some(Step { t, length, attitude, gyros, rates })
+        });
+        match (step, out.last_mut()) {
+            (Some(step), Some(run)) => run.push(step),
+            _ => out.push(Vec::new()),
         }
-        begun = Some((t, t, now, [0.0; 3]));
-        let at = |t: f64| all(rates.each_ref().map(|rate| rate.at(t)));
-        let whole = all(rates.each_ref().map(|rate| rate.integral(t0, t)));
-        let (Some(g), Some(w0), Some(w1)) = (whole, at(t0), at(t)) else { continue };
-        for i in 0..3 {
-            out.attitude[i].push(sum[i] / (t - t0));
-            out.gyros[i].push(g[i] / (t - t0));
-            out.change[i].push((w1[i] - w0[i]) / (t - t0));
+        last = now.map(|now| (t, now));
+    }
+    out
+}
+
+/// Mean rates of turns of at least `TURN`, one behind the other: by the attitude, and by the gyros.
+fn turns(runs: &[Vec<Step>]) -> Vec<[[f64; 3]; 2]> {
+    let mut out = Vec::new();
+    for run in runs {
+        let (mut length, mut sum) = (0.0, [[0.0; 3]; 2]);
+        for step in run {
+            length += step.length;
+            for i in 0..3 {
+                sum[0][i] += step.attitude[i];
+                sum[1][i] += step.gyros[i];
+            }
+            if length > TURN - 1e-9 {
+                out.push(sum.map(|turn| turn.map(|angle| angle / length)));
+                (length, sum) = (0.0, [[0.0; 3]; 2]);
+            }
         }
     }
     out
+}
+
+/// How well turns by the attitude about axis `i` go with those by gyro `j`.
+fn goes(turns: &[[[f64; 3]; 2]], i: usize, j: usize) -> f64 {
+    let of = |which: usize, axis: usize| turns.iter().map(|t| t[which][axis]).collect::<Vec<f64>>();
+    correlation(&of(0, i), &of(1, j))
 }
 
 /// The turn about the body's axes between two attitudes (phi, theta, psi).
@@ -201,6 +217,24 @@ fn turned(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
     let (sf, cf, st, ct) = (libm::sin(phi), libm::cos(phi), libm::sin(theta), libm::cos(theta));
     [d[0] - d[2] * st, d[1] * cf + d[2] * ct * sf, d[2] * ct * cf - d[1] * sf]
+}
+
+/// Sums of a quantity of every step, from the first one on.
+fn since(part: &[Step], of: impl Fn(&Step) -> f64) -> Vec<f64> {
+    let add = |sum: &mut f64, step: &Step| {
+        *sum += of(step);
+        Some(*sum)
+    };
+    part.iter().scan(0.0, add).collect()
+}
+
+/// Less the straight line of least squares.
+fn detrended(t: &[f64], y: &[f64]) -> Vec<f64> {
+    let n = t.len() as f64;
+    let (mt, my) = (t.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let square: f64 = t.iter().map(|t| (t - mt).powi(2)).sum();
+    let slope = t.iter().zip(y).map(|(t, y)| (t - mt) * (y - my)).sum::<f64>() / square;
+    t.iter().zip(y).map(|(t, y)| y - my - slope * (t - mt)).collect()
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
@@ -213,25 +247,29 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt().max(f64::MIN_POSITIVE)
 }
 
-/// How far a gyro is behind the attitude; none where that is not known.
-fn late(axis: usize, turns: &Turns) -> Option<Row> {
-    let (a, g, w) = (&turns.attitude[axis], &turns.gyros[axis], &turns.change[axis]);
-    let rows: Vec<[f64; 3]> = g.iter().zip(w).map(|(g, w)| [*g, *w, 1.0]).collect();
-    let (mut gram, mut right) = ([0.0; 9], [0.0; 3]);
-    for (row, a) in rows.iter().zip(a) {
-        for i in 0..3 {
-            right[i] += row[i] * a;
-            (0..3).for_each(|j| gram[3 * i + j] += row[i] * row[j]);
-        }
+/// How far a gyro is behind the attitude; none where that is not known. What both have turned since the
+/// beginning of a part is compared, less a straight line in each (a bias): `a = k g + k tau w`.
+fn late(axis: usize, runs: &[Vec<Step>]) -> Option<Row> {
+    let mut columns: [Vec<f64>; 3] = Default::default();
+    let mut parts = Vec::new();
+    let same = |a: &Step, b: &Step| (a.t / PART).floor() == (b.t / PART).floor();
+    for part in runs.iter().flat_map(|run| run.chunk_by(same)).filter(|part| part.len() >= FEWEST) {
+        let t: Vec<f64> = part.iter().map(|step| step.t).collect();
+        let rates: Vec<f64> = part.iter().map(|step| step.rates[axis]).collect();
+        let of = [since(part, |s| s.attitude[axis]), since(part, |s| s.gyros[axis]), rates];
+        columns.iter_mut().zip(of).for_each(|(all, y)| all.extend(detrended(&t, &y)));
+        parts.push(part.len());
     }
-    let factor = dense::cholesky(&gram, 3).ok()?;
-    dense::cholesky_solve(&factor, 3, &mut right);
-    let inverse = dense::cholesky_inverse(&factor, 3);
-    let left = |(row, a): (&[f64; 3], &f64)| a - (0..3).map(|i| row[i] * right[i]).sum::<f64>();
-    let square: f64 = rows.iter().zip(a).map(left).map(|e| e * e).sum();
-    let sd = (inverse[4] * square / (rows.len() - 3) as f64).sqrt();
-    let tau = right[1];
-    if !(sd < LATE) {
+    let [a, g, w] = &columns;
+    let (gg, gw, ww, ga, wa) = (dot(g, g), dot(g, w), dot(w, w), dot(g, a), dot(w, a));
+    let determinant = gg * ww - gw * gw;
+    let (k, slope) = ((ga * ww - wa * gw) / determinant, (wa * gg - ga * gw) / determinant);
+    let left: Vec<f64> = (0..a.len()).map(|i| a[i] - k * g[i] - slope * w[i]).collect();
+    let dof = left.len().checked_sub(2 + 2 * parts.len()).filter(|dof| *dof > 0)? as f64;
+    let colour = modelled(&left, &parts).model.colour().max(1.0);
+    let sd = (gg / determinant * dot(&left, &left) / dof * colour).sqrt() / k.abs();
+    let tau = slope / k;
+    if !(sd < LATE && tau.is_finite()) {
         return None;
     }
     let limit = LATE.max(3.0 * sd);
@@ -240,7 +278,7 @@ fn late(axis: usize, turns: &Turns) -> Option<Row> {
     let text = format!(
         "behind the attitude by {tau:.4} +- {:.4} s (95%), scale {:.4}{}",
         INTERVAL_95 * sd,
-        right[0],
+        k,
         if tau < -limit { ": the attitude is late" } else { "" }
     );
     Some(row(axis, "time skew", tau, [-limit, limit], "s", (verdict, text)))
@@ -251,7 +289,7 @@ mod tests {
     use super::*;
 
     /// Gyros and attitude of a flight that rolls, pitches and yaws, the gyros behind by `late`.
-    fn flown(late: f64) -> Turns {
+    fn flown(late: f64) -> Vec<Vec<Step>> {
         let attitude = |t: f64| {
             [
                 0.3 * libm::sin(0.9 * t),
@@ -265,7 +303,7 @@ mod tests {
         let gyro = |i: usize| t.iter().map(|t| rate(t - late)[i]).collect::<Vec<f64>>();
         let angle = |i: usize| slow.iter().map(|t| attitude(*t)[i]).collect::<Vec<f64>>();
         let (gyros, angles) = ([gyro(0), gyro(1), gyro(2)], [angle(0), angle(1), angle(2)]);
-        turns(
+        runs(
             gyros.each_ref().map(|y| (&t[..], &y[..])),
             angles.each_ref().map(|y| (&slow[..], &y[..])),
         )
@@ -273,13 +311,14 @@ mod tests {
 
     #[test]
     fn each_gyro_goes_with_its_own_axis() {
-        let turns = flown(0.0);
+        let runs = flown(0.0);
+        let turns = turns(&runs);
         for i in 0..3 {
             for j in 0..3 {
-                let goes = correlation(&turns.attitude[i], &turns.gyros[j]);
+                let goes = goes(&turns, i, j);
                 assert!(if i == j { goes > 0.999 } else { goes.abs() < 0.7 }, "{i} {j} {goes}");
             }
-            let row = late(i, &turns).expect("it is known");
+            let row = late(i, &runs).expect("it is known");
             assert!(row.verdict == "good" && row.value.abs() < 2e-3, "{row:?}");
         }
     }

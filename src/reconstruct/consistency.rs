@@ -27,7 +27,7 @@ use crate::signal::resample::Grid;
 use rayon::prelude::*;
 
 /// Length of the parts a channel is compared on, s.
-const PART: f64 = 20.0;
+pub const PART: f64 = 20.0;
 /// Means over this time of an input and what the others say of it, s.
 const BIN: f64 = 0.2;
 /// Rate at which what the others say is read, Hz.
@@ -385,7 +385,7 @@ fn regress(which: Which, pairs: &[Pair]) -> Option<Comparison> {
 
 /// The noise of all `parts`. By its `colour`, power at frequency zero over that of white noise of the
 /// same size, coloured errors widen the variance of what is slow.
-fn modelled(errors: &[f64], parts: &[usize]) -> Modelled {
+pub fn modelled(errors: &[f64], parts: &[usize]) -> Modelled {
     let rule = Rule::default();
     let mut products = Products::new(rule.highest);
     let mut from = 0;

@@ -63,6 +63,7 @@ name = "lag"
 model = "lag.model.toml"
 input = "drive"
 kinds = ["3211"]
+interpolation = { u = "linear" }
 
 [[fit]]
 estimate = "lag"

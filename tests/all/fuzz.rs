@@ -1,7 +1,9 @@
 //! Any bytes in; every reader of files that people give must answer or refuse, and never panic.
 //!
-//! The targets are plain functions of bytes. The bytes come from seeds by a generator of this file
-//! (damaged pieces of sound files), so that the same bytes come again and no other crate is needed.
+//! The targets are plain functions of bytes. First come the files of `tests/corpus`, a folder per target:
+//! what readers were written with in view, and whatever broke one. Then bytes that a generator of this file
+//! makes of these and of sound files, damaged piece by piece, from one number per run: what fails comes
+//! again by that number, here and elsewhere.
 
 use crate::counted::peak;
 use koehler::config;
@@ -56,9 +58,22 @@ fn within_memory(run: u64, bytes: &[u8], target: impl FnOnce(&[u8])) {
     assert!(most <= allowed(bytes.len()), "run {run}: {most} bytes held for {}", bytes.len());
 }
 
-fn drive(runs: u64, seeds: &[Vec<u8>], mut target: impl FnMut(&[u8])) {
+/// What is kept for a target, by name.
+fn corpus(of: &str) -> Vec<Vec<u8>> {
+    let folder = std::fs::read_dir(shipped("tests/corpus").join(of)).expect("a corpus");
+    let mut files: Vec<PathBuf> = folder.map(|file| file.expect("a file").path()).collect();
+    files.sort();
+    assert!(!files.is_empty(), "{of} has no corpus");
+    files.iter().map(|file| std::fs::read(file).expect("readable")).collect()
+}
+
+/// Drives a target with its corpus, and with what is made of that and of `seeds`.
+fn drive(of: &str, runs: u64, seeds: &[Vec<u8>], mut target: impl FnMut(&[u8])) {
+    let kept = corpus(of);
+    kept.iter().for_each(|bytes| within_memory(0, bytes, &mut target));
+    let seeds = [seeds, &kept].concat();
     for run in 0..runs {
-        let bytes = made(&mut Pcg64::seed_from_u64(run), seeds);
+        let bytes = made(&mut Pcg64::seed_from_u64(run), &seeds);
         within_memory(run, &bytes, &mut target);
     }
 }
@@ -91,7 +106,7 @@ fn log() -> Vec<u8> {
 fn fault_any_bytes_are_walked_as_a_log() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.mcap");
-    drive(runs(), &[log()], |bytes| {
+    drive("log", runs(), &[log()], |bytes| {
         std::fs::write(&path, bytes).expect("written");
         let Ok(log) = LogFile::open(&path) else { return };
         let mut buffer = Buffer::default();
@@ -123,8 +138,8 @@ fn fault_any_bytes_are_decoded_as_messages_and_read_as_schemas() {
             let prepared = (known.prepare)(channel, &sound).expect("a sound schema");
             let mut row = vec![0.0; sound.len()];
             let mut reader = prepared();
-            drive(runs(), &messages, |bytes| reader(bytes, &mut row));
-            drive(runs() / 10, std::slice::from_ref(&channel.schema), |bytes| {
+            drive(encoding, runs(), &messages, |bytes| reader(bytes, &mut row));
+            drive(encoding, runs() / 10, std::slice::from_ref(&channel.schema), |bytes| {
                 let mut other = channel.clone();
                 other.schema = bytes.to_vec();
                 let paths = paths((known.fields)(&other, messages.first().map(Vec::as_slice)));
@@ -186,11 +201,11 @@ fn fault_any_bytes_are_imported_or_refused() {
         .replace("\"t\"", "1")
         .replace("\"x\", name", "2, name");
     let kinds = [
-        (text, b"t,x\n0,1\n0.1,2\n0.2,\"3\"\n".to_vec()),
-        (of_mat, mat()),
-        (format!("{head}{}", topic("from = \"outer\"\n")), ulog()),
+        ("text", text, b"t,x\n0,1\n0.1,2\n0.2,\"3\"\n".to_vec()),
+        ("mat", of_mat, mat()),
+        ("ulog", format!("{head}{}", topic("from = \"outer\"\n")), ulog()),
     ];
-    for (description, seed) in kinds {
+    for (kind, description, seed) in kinds {
         std::fs::write(at("import.toml"), &description).expect("written");
         let run = |bytes: &[u8]| {
             std::fs::write(at("a.bin"), bytes).expect("written");
@@ -199,7 +214,7 @@ fn fault_any_bytes_are_imported_or_refused() {
         let sound = run(&seed);
         assert!(sound.as_ref().is_ok_and(|s| s.0 == 1), "{description}{sound:?}");
         // Each run writes two files and waits for the disk.
-        drive(runs() / 40, std::slice::from_ref(&seed), |bytes| drop(run(bytes)));
+        drive(kind, runs() / 40, std::slice::from_ref(&seed), |bytes| drop(run(bytes)));
     }
 }
 
@@ -209,7 +224,7 @@ fn fault_any_bytes_are_read_as_a_channel_map() {
         crate::campaign::CHANNELS.as_bytes().to_vec(),
         std::fs::read(shipped("pipelines/citation/channels.toml")).expect("a channel map"),
     ];
-    drive(runs(), &seeds, |bytes| {
+    drive("channels", runs(), &seeds, |bytes| {
         let text = String::from_utf8_lossy(bytes);
         if let Ok((map, doc)) = config::parse::<ChannelMap>("channels.toml", &text) {
             let _ = map.check(&doc);
@@ -223,7 +238,7 @@ fn fault_any_bytes_are_read_as_a_model() {
         crate::campaign::MODEL.as_bytes().to_vec(),
         std::fs::read(shipped("pipelines/hfb320/hfb320.model.toml")).expect("a model"),
     ];
-    drive(runs(), &seeds, |bytes| {
+    drive("model", runs(), &seeds, |bytes| {
         let text = String::from_utf8_lossy(bytes);
         let _ = Model::parse("a.model.toml", &text, &Constants::default());
     });

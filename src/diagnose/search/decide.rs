@@ -135,6 +135,14 @@ pub fn held_out_objection(
     Some((Standing::HeldOut, why))
 }
 
+/// Whether an effect that is tested, and contradicted, gives way to one that explains the same and is not:
+/// what that one leaves of it would not stand in the way of its name.
+pub fn gives_way(this: &Judged, to: &Judged, thresholds: &Thresholds) -> bool {
+    this.standing.is_doubt()
+        && to.instead.is_some_and(|share| share > thresholds.replaces)
+        && to.evidence > (1.0 - thresholds.rest_share) * this.evidence
+}
+
 /// A candidate that passes: its place among those judged, and what its fit leaves.
 pub type Passing = (usize, Left);
 
@@ -309,6 +317,27 @@ mod tests {
         };
         assert_eq!(class(&white, &half), [2, 0]);
         assert_eq!(class(&half, &other), [2, 0, 1]);
+    }
+
+    #[test]
+    fn what_is_contradicted_gives_way_to_what_explains_the_same_and_nearly_as_much() {
+        let contradicted = Judged {
+            standing: Standing::HeldOut,
+            ..judged("contradicted", Family::Aerodynamic, 678.0)
+        };
+        let other = |evidence: f64, instead: Option<f64>| Judged {
+            instead,
+            standing: Standing::Chosen,
+            ..judged("other", Family::Aerodynamic, evidence)
+        };
+        let gives = |this: &Judged, to: Judged| gives_way(this, &to, &Thresholds::default());
+        assert!(gives(&contradicted, other(661.0, Some(0.97))));
+        // less than four fifths of the evidence, something else, or nothing against the first
+        assert!(!gives(&contradicted, other(500.0, Some(0.97))));
+        assert!(!gives(&contradicted, other(661.0, Some(0.3))));
+        assert!(!gives(&contradicted, other(661.0, None)));
+        let passing = Judged { standing: Standing::Chosen, ..contradicted };
+        assert!(!gives(&passing, other(661.0, Some(0.97))));
     }
 
     #[test]

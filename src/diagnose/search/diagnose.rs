@@ -9,6 +9,7 @@
 //! on. One that explains most and is contradicted all the same stays in the model without being
 //! named: the others are judged with it in place.
 
+use super::decide::gives_way;
 use super::ending::ended;
 use super::fits::Fits;
 use super::judged::Standing;
@@ -37,10 +38,6 @@ pub type Offered = (Vec<Candidate>, Vec<(String, String)>);
 
 /// Attaches the library to a model.
 pub type Offer<'a> = dyn Fn(&Model) -> Result<Offered, Errors> + 'a;
-
-/// Explains something, and may not be named all the same.
-const DOUBTED: [Standing; 3] =
-    [Standing::HeldOut, Standing::Inconsistent, Standing::Unidentifiable];
 
 /// An effect in the model as it stands.
 #[derive(Debug, Clone)]
@@ -309,14 +306,7 @@ impl Search<'_> {
             let this = round.judged.iter().find(|j| j.name == name);
             let evidence = this.map_or(f64::NEG_INFINITY, |j| j.evidence);
             let thresholds = &self.subject.settings.thresholds;
-            // One that is contradicted gives way to one that explains the same and is not, where what that
-            // one leaves of it would not stand in the way of its name.
-            let is_doubted = this.is_some_and(|j| DOUBTED.contains(&j.standing));
-            let instead = |j: &&Judged| {
-                is_doubted
-                    && j.instead.is_some_and(|share| share > thresholds.replaces)
-                    && j.evidence > (1.0 - thresholds.rest_share) * evidence
-            };
+            let instead = |j: &&Judged| this.is_some_and(|this| gives_way(this, j, thresholds));
             let better = round
                 .class
                 .iter()
@@ -330,12 +320,10 @@ impl Search<'_> {
                 self.links[i] = better;
                 return Ok(false);
             }
-            let thresholds = &self.subject.settings.thresholds;
             let kept = |j: &&Judged| {
                 evidence > times(thresholds.kept_factor, round.limit, j.screened.taken, thresholds)
             };
-            let doubt =
-                this.filter(|j| DOUBTED.contains(&j.standing)).filter(kept).map(|j| j.why.clone());
+            let doubt = this.filter(|j| j.standing.is_doubt()).filter(kept).map(|j| j.why.clone());
             if doubt.is_some() {
                 self.links[i].doubt = doubt;
                 continue;
@@ -449,7 +437,7 @@ impl Search<'_> {
 fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
     let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
     let held = |j: &Judged| {
-        DOUBTED.contains(&j.standing)
+        j.standing.is_doubt()
             && !(j.standing == Standing::Unidentifiable && round.class.is_empty())
             && j.evidence > round.limit
             && j.evidence > (1.0 - settings.thresholds.held_out_taken) * gain(j)

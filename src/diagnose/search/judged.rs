@@ -41,6 +41,11 @@ pub enum Standing {
 }
 
 impl Standing {
+    /// Whether it explains something, and may not be named all the same.
+    pub fn is_doubt(self) -> bool {
+        matches!(self, Standing::HeldOut | Standing::Inconsistent | Standing::Unidentifiable)
+    }
+
     /// The stable text that tables carry.
     pub fn as_str(self) -> &'static str {
         match self {
