@@ -1,5 +1,6 @@
 //! The command line: arguments come in; verbs do the work; the exit code goes out.
 
+mod allocator;
 mod args;
 pub mod cluster;
 mod design;
@@ -46,6 +47,7 @@ pub fn main_with(
     engines: &[(&str, &dyn Engine)],
     args: impl Iterator<Item = OsString>,
 ) -> ExitCode {
+    allocator::give_back();
     let args: Vec<OsString> = args.collect();
     let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,

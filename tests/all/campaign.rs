@@ -59,11 +59,11 @@ name = "drive"
 signal = "u"
 
 [[estimate]]
+interpolation = { u = "hold" }
 name = "lag"
 model = "lag.model.toml"
 input = "drive"
 kinds = ["3211"]
-interpolation = { u = "linear" }
 
 [[fit]]
 estimate = "lag"

@@ -165,10 +165,10 @@ fn choosing_what_there_is_not_is_a_mistake() {
     assert_eq!(
         said,
         [
-            "pipeline.toml:17:12: there is no flight \"fligth-1\"",
-            "pipeline.toml:18:11: no flight or maneuver matches \"glider-*\"",
-            "pipeline.toml:19:18: there is no signal or column \"Mach\"",
-            "pipeline.toml:19:18: no value is in a range from 0.3 to 0.2",
+            "pipeline.toml:18:12: there is no flight \"fligth-1\"",
+            "pipeline.toml:19:11: no flight or maneuver matches \"glider-*\"",
+            "pipeline.toml:20:18: there is no signal or column \"Mach\"",
+            "pipeline.toml:20:18: no value is in a range from 0.3 to 0.2",
         ]
     );
 }

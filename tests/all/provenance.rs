@@ -298,7 +298,7 @@ fn a_command_says_less_more_or_one_json_document() {
     for verb in ["check", "run", "status"] {
         let wrong = json(&c.koehler(verb, &["--json"]).ended(2));
         assert_eq!(wrong["exit_code"], 2);
-        assert_eq!(wrong["errors"][0]["place"]["line"], 22, "{wrong}");
+        assert_eq!(wrong["errors"][0]["place"]["line"], 23, "{wrong}");
     }
 }
 

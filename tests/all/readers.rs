@@ -235,7 +235,7 @@ fn effects_of_ones_own_are_one_folder_or_several() {
     );
     let check = c.koehler("check", &[]).ended(2);
     assert!(
-        check.err.contains("pipeline.toml:28:11") && check.err.contains("there is no folder"),
+        check.err.contains("pipeline.toml:29:11") && check.err.contains("there is no folder"),
         "{}",
         check.err
     );

@@ -7,11 +7,7 @@ use koehler::table::read_dataset;
 /// Lines through the maneuvers of two flights, flown through those of the third one.
 fn validated(more: &str) -> Campaign {
     let c = Campaign::new();
-    c.edit(
-        "pipeline.toml",
-        "kinds = [\"3211\"]",
-        "except = [\"flight-3\"]\ninterpolation = \"hold\"",
-    );
+    c.edit("pipeline.toml", "kinds = [\"3211\"]", "except = [\"flight-3\"]");
     let section = format!(
         "[[validate]]\nestimate = \"lag\"\nlines = [\"lag-V\"]\nfree = [\"y_0\"]\n{more}\n[report]"
     );
@@ -44,8 +40,8 @@ fn lines_tell_a_flight_that_they_have_not_seen() {
 #[test]
 fn fault_what_did_not_converge_validates_nothing() {
     let c = validated("flights = [\"flight-3\"]");
-    let method = "interpolation = \"hold\"\nmethod = { max_iterations = 1 }";
-    c.edit("pipeline.toml", "interpolation = \"hold\"", method);
+    let method = "except = [\"flight-3\"]\nmethod = { max_iterations = 1 }";
+    c.edit("pipeline.toml", "except = [\"flight-3\"]", method);
     let run = c.run().ended(1);
     let wanted = "flight-3.01 is not validated: there is no line of K";
     assert!(run.out.contains(wanted), "{}", run.out);
