@@ -486,6 +486,10 @@ impl Work<'_> {
                 smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt(),
             );
             let known = sd < UNKNOWN * levels.start_sd[nx + k];
+            if let Some(sensor) = self.sensor(&parameter.quantity.name).filter(|_| known) {
+                let row = verdicts::bias_row(&sensor, &parameter.quantity.unit, value);
+                self.path.checks.extend(row);
+            }
             let half = INTERVAL_95 * sd;
             let text = format!(
                 "{} {value:.4e} +- {half:.1e} (95%), stretch {stretch}",
@@ -506,6 +510,12 @@ impl Work<'_> {
                 text,
             });
         }
+    }
+
+    /// The inertial sensor whose bias this is.
+    fn sensor(&self, bias: &str) -> Option<String> {
+        let name = format!("{}_imu", bias.strip_prefix("b_")?);
+        self.kinematics.model.inputs.iter().any(|input| input.name == name).then_some(name)
     }
 
     /// Lines about the sensor errors that were held because the data do not support them.

@@ -90,6 +90,28 @@ impl Comparison {
     }
 }
 
+/// The largest bias that an inertial sensor may have, by its unit.
+const BIASES: [(&str, f64); 2] = [("m/s^2", 2.0), ("rad/s", 0.1)];
+
+/// The line of a sensor whose bias, as it was found, no such sensor has: what it measures in another unit,
+/// about another axis or with another sign is taken up by that.
+pub fn bias_row(channel: &str, unit: &str, value: f64) -> Option<Row> {
+    let (_, most) = BIASES.into_iter().find(|(of, _)| *of == unit)?;
+    let text = format!(
+        "a bias of {value:.3} {unit}, where such a sensor has {most} at most: another unit, axis or sign?"
+    );
+    (value.abs() > most).then(|| Row {
+        channel: channel.to_string(),
+        check: "bias",
+        value,
+        low: -most,
+        high: most,
+        unit: unit.to_string(),
+        verdict: "implausible",
+        text,
+    })
+}
+
 /// The line of a channel that was not compared with the others.
 pub fn not_compared(channel: &str) -> Row {
     Row {

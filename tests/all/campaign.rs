@@ -59,7 +59,7 @@ name = "drive"
 signal = "u"
 
 [[estimate]]
-interpolation = { u = "hold" }
+interpolation = "hold"
 name = "lag"
 model = "lag.model.toml"
 input = "drive"
