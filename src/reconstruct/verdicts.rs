@@ -295,3 +295,17 @@ pub fn innovation_rows(
         ),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bias_that_no_sensor_has_is_implausible() {
+        let of = |unit: &str, value: f64| bias_row("az_imu", unit, value).map(|row| row.verdict);
+        assert_eq!(of("m/s^2", 9.037), Some("implausible"));
+        assert_eq!(of("m/s^2", -10.8), Some("implausible"));
+        assert_eq!(of("rad/s", 0.2), Some("implausible"));
+        assert_eq!((of("m/s^2", 0.08), of("rad/s", 0.01), of("rad", 3.0)), (None, None, None));
+    }
+}

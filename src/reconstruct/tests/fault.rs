@@ -121,17 +121,6 @@ fn fault_gyros_that_are_exchanged_or_late_are_named_by_the_attitude() {
 }
 
 #[test]
-fn fault_an_accelerometer_in_another_unit_has_a_bias_that_none_has() {
-    let heights = altitude();
-    let right = path(&fly(18, 0.0, &heights));
-    assert!(right.checks.iter().all(|row| row.check != "bias"));
-    let mut flown = fly(18, 0.0, &heights);
-    flown.signals["az_imu"].1.iter_mut().for_each(|y| *y /= 9.80665);
-    let wrong = path(&flown);
-    assert_eq!(verdict(&wrong, "az_imu", "bias"), "implausible", "{:?}", wrong.notes);
-}
-
-#[test]
 fn fault_a_clock_that_jumps_is_named() {
     // long enough that each half of the flight is a part by itself
     let scene = Scene { duration: 42.0, ..CALM };
