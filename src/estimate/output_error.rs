@@ -4,18 +4,13 @@
 use super::budget::{Influence, influences};
 use super::case::{Case, PASSES, propagator};
 use super::choice::choose;
-use super::coarse::Coarse;
-use super::edges::Edges;
 use super::equations::Origin;
 use super::extend::prepare;
-use super::influential::Influential;
-use super::preroll::TooShort;
-use super::profile::{Profile, profiles};
+use super::profile::profiles;
 use super::rank::{NONE, weak_words};
-use super::reached::Reached;
 use super::regression::{Regression, estimated};
 use super::regressors::Problem;
-use super::result::{Further, Traced, name};
+use super::result::{Further, Told, Traced, name};
 use super::search::searched;
 use super::segment::Segment;
 use super::selection::select;
@@ -148,34 +143,16 @@ fn once(
                     told(&case, &solution, (settings, &used), budget, (&origin, here))?
                 }
             };
-            let Told {
-                budget,
-                profiles,
-                stuck,
-                reached,
-                crossed,
-                too_short,
-                influential,
-                coarse,
-                edges,
-            } = told;
             let traced = match settings.by {
                 By::Motion => Traced::of_motion(&case, &solution),
                 By::EquationError => Traced::of_equations(&case, &solution, settings)?,
             };
-            let further = Further { budget, profiles, regression };
+            let further = Further { told, regression };
             let modes = if settings.briefly { Vec::new() } else { case.modes(&solution, &used) };
             let named = name(&case, &used, segments.len(), solution, traced, further);
             return Ok(Estimation {
                 left_out,
                 doubtful: doubtful(&model, segments),
-                stuck,
-                reached,
-                crossed,
-                too_short,
-                influential,
-                coarse,
-                edges,
                 delaying: case.delaying(),
                 elsewhere,
                 modes,
@@ -188,20 +165,6 @@ fn once(
         );
         used.retain(|s| left_out.iter().all(|left| left.segment != *s));
     }
-}
-
-/// What else is told of a solution.
-#[derive(Default)]
-struct Told {
-    budget: Vec<Influence>,
-    profiles: Vec<Profile>,
-    stuck: Vec<(usize, String)>,
-    reached: Vec<Reached>,
-    crossed: Vec<String>,
-    too_short: Vec<TooShort>,
-    influential: Option<Influential>,
-    coarse: Option<Coarse>,
-    edges: Option<Edges>,
 }
 
 fn told(

@@ -2,8 +2,13 @@
 
 use super::budget::{Influence, added};
 use super::case::Case;
+use super::coarse::Coarse;
+use super::edges::Edges;
+use super::influential::Influential;
+use super::preroll::TooShort;
 use super::profile::Profile;
 use super::rank::{Combination, Term, Verdict, Weak};
+use super::reached::Reached;
 use super::regression::Regression;
 use super::regressors::Problem;
 use super::sides::Side;
@@ -12,11 +17,24 @@ use super::{Correlation, Estimation, OutputScatter, Row, Settings, Trace};
 use crate::error::Result;
 use crate::least_squares::{Arrow, Layout};
 
-/// What is known of the uncertainty beyond the covariances.
+/// What is known of a solution beyond its values and covariances.
 pub struct Further {
+    pub told: Told,
+    pub regression: Option<Regression>,
+}
+
+/// What is told of a solution, each as the estimation has it; nothing where that is not asked for.
+#[derive(Default)]
+pub struct Told {
     pub budget: Vec<Influence>,
     pub profiles: Vec<Profile>,
-    pub regression: Option<Regression>,
+    pub stuck: Vec<(usize, String)>,
+    pub reached: Vec<Reached>,
+    pub crossed: Vec<String>,
+    pub too_short: Vec<TooShort>,
+    pub influential: Option<Influential>,
+    pub coarse: Option<Coarse>,
+    pub edges: Option<Edges>,
 }
 
 /// What was compared with measurements: the outputs of the model, or its equations.
@@ -62,7 +80,8 @@ pub fn name(
     traced: Traced,
     further: Further,
 ) -> Estimation {
-    let rows = rows(case, used, &solution, &further);
+    let Further { told, regression } = further;
+    let rows = rows(case, used, &solution, &told);
     let combinations = solution.weak.iter().map(|weak| combination(&rows, weak)).collect();
     let (mut responses, mut noise_groups) = (vec![Vec::new(); segments], vec![None; segments]);
     for ((at, &s), traces) in used.iter().enumerate().zip(traced.traces) {
@@ -84,21 +103,21 @@ pub fn name(
         },
         iterations: solution.fit.iterations,
         rows,
-        budget: further.budget,
-        profiles: further.profiles,
-        regression: further.regression,
+        budget: told.budget,
+        profiles: told.profiles,
+        regression,
         modes: Vec::new(),
         searched: Vec::new(),
         decisions: Vec::new(),
         left_out: Vec::new(),
         doubtful: Vec::new(),
-        stuck: Vec::new(),
-        reached: Vec::new(),
-        crossed: Vec::new(),
-        too_short: Vec::new(),
-        influential: None,
-        coarse: None,
-        edges: None,
+        stuck: told.stuck,
+        reached: told.reached,
+        crossed: told.crossed,
+        too_short: told.too_short,
+        influential: told.influential,
+        coarse: told.coarse,
+        edges: told.edges,
         delaying: Vec::new(),
         elsewhere: None,
         tried: Vec::new(),
@@ -106,11 +125,11 @@ pub fn name(
     }
 }
 
-fn rows(case: &Case, used: &[usize], solution: &Solution, further: &Further) -> Vec<Row> {
+fn rows(case: &Case, used: &[usize], solution: &Solution, told: &Told) -> Vec<Row> {
     let row = |i: usize| {
         let (sd, sd_crlb) = solution.deviation(i).unzip();
-        let assumed = added(&further.budget, i);
-        let profile = further.profiles.iter().find(|p| p.row == i);
+        let assumed = added(&told.budget, i);
+        let profile = told.profiles.iter().find(|p| p.row == i);
         let unknown = &case.unknowns[i];
         Row {
             name: unknown.name.clone(),
