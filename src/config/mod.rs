@@ -12,8 +12,11 @@ mod union;
 mod watch;
 mod words;
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -163,12 +166,17 @@ fn syntax<'a>(file: &str, text: &'a str) -> Result<Spanned<DeTable<'a>>, Errors>
     Errors(errors).or(tree)
 }
 
-/// The JSON Schema of `T`, draft 2020-12.
-fn schema<T: JsonSchema>() -> serde_json::Value {
-    schemars::generate::SchemaSettings::draft2020_12()
-        .into_generator()
-        .into_root_schema_for::<T>()
-        .to_value()
+/// The JSON Schema of `T`, draft 2020-12: made once, as a search parses hundreds of models.
+fn schema<T: JsonSchema>() -> Arc<serde_json::Value> {
+    static MADE: Mutex<BTreeMap<Cow<'static, str>, Arc<serde_json::Value>>> =
+        Mutex::new(BTreeMap::new());
+    let make = || {
+        let generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
+        Arc::new(generator.into_root_schema_for::<T>().to_value())
+    };
+    // A thread that panicked while it held the lock has left the map as it was.
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    made.entry(T::schema_id()).or_insert_with(make).clone()
 }
 
 /// The JSON Schema of `T` as a part of another: without references and without a title.
@@ -184,7 +192,7 @@ pub fn schema_of<T: JsonSchema>() -> serde_json::Value {
 
 /// The JSON Schema of `T` as text for editors, pretty printed, under the title `title`.
 pub fn schema_text<T: JsonSchema>(title: &str) -> String {
-    let mut schema = schema::<T>();
+    let mut schema = (*schema::<T>()).clone();
     if let Some(object) = schema.as_object_mut() {
         object.insert("title".into(), title.into());
     }

@@ -123,6 +123,7 @@ impl Propagator {
             }
         }
         pool::give(grid.y);
+        rows.into_iter().for_each(pool::give);
         out
     }
 }

@@ -127,7 +127,8 @@ impl<'a> Sigma<'a> {
     /// residuals, scored samples block by block.
     pub fn whiten(&self, s: usize, blocks: &[Block]) -> Vec<Vec<f64>> {
         let nd = self.layout.parts[s].directions();
-        let mut columns: Vec<Vec<f64>> = vec![Vec::new(); nd + 1];
+        let samples = blocks.iter().map(|block| block.e.len()).sum();
+        let mut columns: Vec<Vec<f64>> = (0..=nd).map(|_| Vec::with_capacity(samples)).collect();
         let mut begins = Vec::new();
         for block in blocks {
             begins.push(columns[0].len());

@@ -112,7 +112,11 @@ pub fn scatter_of(layout: &Layout, s: usize, blocks: &[Block]) -> Scatter {
 /// by instant.
 pub fn whiten(layout: &Layout, s: usize, blocks: &[Block], r: &Covariance) -> Option<Block> {
     let nd = layout.parts[s].directions();
-    let mut white = Block::new(0, Vec::new(), Vec::new());
+    let samples: usize = blocks.iter().map(|block| block.e.len()).sum();
+    let [mut e, mut g] = [samples, samples * nd].map(pool::take);
+    e.clear();
+    g.clear();
+    let mut white = Block::new(0, e, g);
     let (mut known, mut outputs) = (true, Vec::new());
     at_instants(layout, s, blocks, Samples::Scored, |present| {
         outputs.clear();

@@ -99,9 +99,13 @@ pub fn segment_sums<E: Evaluate>(
             .map(|block| sum_block(block, nd))
             .collect::<Option<_>>()
             .map(SegmentSums::PerOutput),
-        Wanted::Weighed(r) => whiten(layout, s, &blocks, &r[layout.parts[s].group])
-            .and_then(|white| sum_block(&white, nd))
-            .map(SegmentSums::Weighed),
+        Wanted::Weighed(r) => {
+            whiten(layout, s, &blocks, &r[layout.parts[s].group]).and_then(|white| {
+                let sums = sum_block(&white, nd);
+                give_back(vec![white]);
+                sums.map(SegmentSums::Weighed)
+            })
+        }
     };
     give_back(blocks);
     sums

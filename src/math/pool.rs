@@ -16,17 +16,25 @@ pub fn take(n: usize) -> Vec<f64> {
         let fits = (0..free.len())
             .filter(|&i| free[i].capacity() >= n)
             .min_by_key(|&i| free[i].capacity());
-        fits.map(|i| free.swap_remove(i)).unwrap_or_default()
+        fits.map(|i| free.swap_remove(i))
     });
-    buffer.resize(n, 0.0);
-    buffer
+    match &mut buffer {
+        Some(buffer) => buffer.resize(n, 0.0),
+        // pages of the system, which are zero before they are touched
+        None => return vec![0.0; n],
+    }
+    buffer.unwrap_or_default()
 }
 
-/// Keeps a buffer for whoever takes the next one.
+/// Keeps a buffer for whoever takes the next one; the smallest ones are let go first.
 pub fn give(buffer: Vec<f64>) {
     FREE.with_borrow_mut(|free| {
-        if free.len() < MOST && buffer.capacity() > 0 {
+        if free.len() < MOST {
             free.push(buffer);
+        } else if let Some(least) = free.iter_mut().min_by_key(|kept| kept.capacity())
+            && least.capacity() < buffer.capacity()
+        {
+            *least = buffer;
         }
     });
 }

@@ -42,6 +42,9 @@ pub(super) fn innovation(predictor: &[f64], x: &[f64]) -> f64 {
 impl Gaps {
     /// `predictors` of every order and the `variances` of their errors.
     pub(super) fn new(predictors: &[Vec<f64>], variances: &[f64], masked: &[bool]) -> Gaps {
+        if !masked.contains(&true) {
+            return Gaps(Vec::new());
+        }
         let last = predictors.len() - 1;
         let mut errors = Errors { n: last, p: vec![0.0; last * last] };
         // The sample behind which the window holds no masked one.

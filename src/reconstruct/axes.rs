@@ -1,240 +1,159 @@
-//! Body rates and attitude as they were measured, in; whether each gyro turns about its own axis, and
-//! how far it is behind the attitude, out.
+//! Body rates and attitude as they were measured, in; whether each gyro turns about its own axis, by as much
+//! as the attitude and at the same time, out.
 //!
-//! Between two samples of the attitude the aircraft turns about its axes by
-//!
-//! ```text
-//! a_p = dphi - dpsi sin(theta)
-//! a_q = dtheta cos(phi) + dpsi cos(theta) sin(phi)          angles in the middle of the two
-//! a_r = dpsi cos(theta) cos(phi) - dtheta sin(phi)
-//! ```
-//!
-//! and the gyros say `g = int w dt`. Each `a` must go with the gyro of its own axis, and with no other
-//! one as well. Of one that is late by `tau` the turns since a time go as `a = k (g + tau w) + c0 + c1 t` (least
-//! squares, a straight line in every part of 20 s; standard deviations allow for the colour of what is left).
-//! It needs no other sensor and no model of the flight, so a gyro is told here where everything that is
-//! integrated from it would contradict innocent sensors.
+//! Turns by the attitude, `a`, and by the gyros, `g` (`turns`). Each `a` must go with the gyro of its own axis,
+//! and with no other one as well; angles must change by as much as the gyros say (an angle in degrees that is
+//! said to be in radians changes 57 times as far); neither may be late, and no bias may drift (`gyros`). It
+//! needs no other sensor and no model of the flight, so a gyro is told here where everything that is integrated
+//! from it would contradict innocent sensors.
 
-use super::consistency::{PART, Row, modelled};
+use super::consistency::Row;
+use super::gyros::{LATE, Skew, drift, late, skew};
+use super::settings::Settings;
 use super::signals::{Logged, Series};
-use crate::math::distribution::INTERVAL_95;
-use crate::math::interpolate::{between, locate};
+use super::turns::{FEWEST, Step, all, angles, runs, turns};
 use crate::math::products::dot;
 use crate::model::Model;
 
-/// Time over which the aircraft turns, s.
-const TURN: f64 = 0.4;
-/// Turns that are compared, at least.
-const FEWEST: usize = 30;
 /// A gyro that goes so well with another axis, and so badly with its own, is exchanged.
 const ANOTHER: f64 = 0.9;
 const OWN: f64 = 0.7;
-/// A delay is told from this size on, s.
-const LATE: f64 = 0.01;
-const GYROS: [&str; 3] = ["p_imu", "q_imu", "r_imu"];
-const ANGLES: [&str; 3] = ["phi", "theta", "psi"];
+/// Angles and gyros that go so well with each other and differ by such a ratio are in different units.
+const ALIKE: f64 = 0.9;
+const UNITS: [f64; 2] = [0.2, 5.0];
+pub const GYROS: [&str; 3] = ["p_imu", "q_imu", "r_imu"];
+pub const ANGLES: [&str; 3] = ["phi", "theta", "psi"];
 
 /// What was found.
 #[derive(Debug, Default)]
 pub struct Axes {
     pub rows: Vec<Row>,
-    /// Gyros that turn about each other's axes: their places among the inputs, and words.
-    pub exchanged: Option<([usize; 2], String)>,
+    /// Gyros without which there is no path, by their places among the inputs, and why.
+    pub unfit: Option<(Vec<usize>, String)>,
+    /// The attitude is late by this, s.
+    pub late: Option<f64>,
 }
-
-/// From one sample of the attitude to the next: its end and length, s, the turns about the three axes by
-/// the attitude and by the gyros, rad, and what the gyros read in the end, rad/s.
-struct Step {
-    t: f64,
-    length: f64,
-    attitude: [f64; 3],
-    gyros: [f64; 3],
-    rates: [f64; 3],
-}
-
 /// Holds the gyros against the attitude; nothing where one of the six is not measured, or hardly moves.
-pub fn axes(model: &Model, driving: &[Series], measured: &[Logged]) -> Axes {
-    let gyro = |name: &str| {
-        let at = model.inputs.iter().position(|input| input.name == name)?;
-        driving.get(at).copied()
-    };
+pub fn axes(model: &Model, driving: &[Series], measured: &[Logged], settings: &Settings) -> Axes {
+    let place = |name: &str| model.inputs.iter().position(|input| input.name == name);
+    let gyro = |name: &str| driving.get(place(name)?).copied();
     let angle = |name: &str| {
         let at = model.output(name)?;
         measured.iter().find(|m| m.output == at).map(|m| (m.t, &m.z[..]))
     };
-    let (Some(gyros), Some(angles)) = (all(GYROS.map(gyro)), all(ANGLES.map(angle))) else {
+    let (Some(gyros), Some(attitude)) = (all(GYROS.map(gyro)), all(ANGLES.map(angle))) else {
         return Axes::default();
     };
-    let runs = runs(gyros, angles);
+    let runs = runs(gyros, attitude);
     let turns = turns(&runs);
     if turns.len() < FEWEST {
         return Axes::default();
     }
-    let goes = |i: usize, j: usize| goes(&turns, i, j);
-    let is_exchanged = |i: usize, j: usize| {
-        goes(i, j).abs() > ANOTHER
-            && goes(j, i).abs() > ANOTHER
-            && goes(i, i).abs() < OWN
-            && goes(j, j).abs() < OWN
-    };
-    let pair = [(0, 1), (0, 2), (1, 2)].into_iter().find(|&(i, j)| is_exchanged(i, j));
-    let mut found = Axes::default();
-    for i in 0..3 {
-        let other = pair.and_then(|(a, b)| [(a, b), (b, a)].into_iter().find(|one| one.0 == i));
-        let own = goes(i, i);
-        let verdict = if other.is_some() { "exchanged" } else { "good" };
-        let text = format!(
-            "correlation of its turns with those of the attitude about its axis {own:.3}; {}",
-            (0..3)
-                .filter(|j| *j != i)
-                .map(|j| format!("about that of {} {:.3}", GYROS[j], goes(j, i)))
-                .collect::<Vec<_>>()
-                .join(", ")
-        );
-        found.rows.push(row(i, "axis", own, [f64::NAN; 2], "-", (verdict, text)));
-        if other.is_none() {
-            found.rows.extend(late(i, &runs));
-        }
+    let places = |of: &[usize]| of.iter().filter_map(|&i| place(GYROS[i])).collect();
+    let units = units(&runs);
+    if !units.is_empty() {
+        let words: Vec<String> = units.iter().map(|(_, text)| text.clone()).collect();
+        let these: Vec<usize> = units.iter().map(|(axis, _)| *axis).collect();
+        let row = |(axis, text)| row(GYROS[axis], "axis", f64::NAN, "-", ("another unit", text));
+        return Axes {
+            rows: units.into_iter().map(row).collect(),
+            unfit: Some((places(&these), words.join("; "))),
+            late: None,
+        };
     }
-    let place =
-        |i: usize| model.inputs.iter().position(|input| input.name == GYROS[i]).unwrap_or(i);
-    found.exchanged = pair.map(|(i, j)| {
-        ([place(i), place(j)], format!("{} and {} are exchanged", GYROS[i], GYROS[j]))
+    let pair = exchanged(&turns);
+    let mut found = Axes::default();
+    for axis in 0..3 {
+        let verdict =
+            if pair.is_some_and(|pair| pair.contains(&axis)) { "exchanged" } else { "good" };
+        found.rows.push(turning(axis, &turns, verdict));
+    }
+    found.unfit = pair.map(|pair| {
+        let [i, j] = pair.map(|axis| GYROS[axis]);
+        let why = "each turns as the other one's axis does, by the attitude";
+        (places(&pair), format!("{i} and {j} are exchanged: {why}"))
     });
+    if pair.is_none() {
+        let skews: Vec<Skew> = (0..3).filter_map(|axis| skew(axis, &runs)).collect();
+        // how late they are is estimated where that is asked for
+        let is_asked = ANGLES.iter().any(|angle| settings.late.iter().any(|late| late == angle));
+        found.late = late(&skews).filter(|_| !is_asked);
+        found.rows.extend(skews.iter().map(Skew::row));
+        for angle in ANGLES.iter().filter(|_| found.late.is_some()) {
+            let tau = found.late.unwrap_or_default();
+            let text = format!("behind all gyros by {tau:.4} s: its stamps are moved back by that");
+            let row = row(angle, "time skew", tau, "s", ("late", text));
+            found.rows.push(Row { low: -LATE, high: LATE, ..row });
+        }
+        let may = |axis: usize| {
+            settings.walk.contains_key(&format!("b_{}", GYROS[axis].trim_end_matches("_imu")))
+        };
+        found.rows.extend((0..3).filter_map(|axis| drift(axis, &runs, may(axis))));
+    }
     found
 }
 
-fn row(
-    axis: usize,
+/// Two gyros that turn about each other's axes.
+fn exchanged(turns: &[[[f64; 3]; 2]]) -> Option<[usize; 2]> {
+    let goes = |i: usize, j: usize| goes(turns, i, j).abs();
+    let is_exchanged = |&[i, j]: &[usize; 2]| {
+        goes(i, j).min(goes(j, i)) > ANOTHER && goes(i, i).max(goes(j, j)) < OWN
+    };
+    [[0, 1], [0, 2], [1, 2]].into_iter().find(is_exchanged)
+}
+
+/// The line of a gyro's axis.
+fn turning(axis: usize, turns: &[[[f64; 3]; 2]], verdict: &'static str) -> Row {
+    let own = goes(turns, axis, axis);
+    let others: Vec<String> = (0..3)
+        .filter(|j| *j != axis)
+        .map(|j| format!("about that of {} {:.3}", GYROS[j], goes(turns, j, axis)))
+        .collect();
+    let text = format!(
+        "correlation of its turns with those of the attitude about its axis {own:.3}; {}",
+        others.join(", ")
+    );
+    row(GYROS[axis], "axis", own, "-", (verdict, text))
+}
+
+/// Axes whose angle changes by far more, or less, than the gyros say, in words. The angle of one that is in
+/// another unit stands in what is said of the next.
+fn units(runs: &[Vec<Step>]) -> Vec<(usize, String)> {
+    let rates = angles(runs);
+    let column = |by: usize, axis: usize| rates.iter().map(|r| r[by][axis]).collect::<Vec<f64>>();
+    let mut out = Vec::new();
+    for axis in 0..3 {
+        let [angle, gyro] = [column(0, axis), column(1, axis)];
+        let ratio = dot(&angle, &gyro) / dot(&gyro, &gyro);
+        if correlation(&angle, &gyro).abs() > ALIKE && !(UNITS[0]..UNITS[1]).contains(&ratio.abs())
+        {
+            out.push((
+                axis,
+                format!(
+                    "{} changes {ratio:.3} times as far as {} says: one of them is in another unit (180/pi is 57.3)",
+                    ANGLES[axis], GYROS[axis]
+                ),
+            ));
+        }
+    }
+    out
+}
+
+pub fn row(
+    channel: &str,
     check: &'static str,
     value: f64,
-    [low, high]: [f64; 2],
     unit: &str,
     (verdict, text): (&'static str, String),
 ) -> Row {
-    let (channel, unit) = (GYROS[axis].to_string(), unit.to_string());
-    Row { channel, check, value, low, high, unit, verdict, text }
-}
-
-/// Samples that are numbers, with straight lines between them, and what is below these.
-struct Lines {
-    t: Vec<f64>,
-    y: Vec<f64>,
-    sum: Vec<f64>,
-}
-
-impl Lines {
-    fn new(t: &[f64], y: &[f64]) -> Lines {
-        let good = || t.iter().zip(y).filter(|(_, y)| y.is_finite());
-        let (t, y): (Vec<f64>, Vec<f64>) =
-            (good().map(|s| *s.0).collect(), good().map(|s| *s.1).collect());
-        let mut sum = vec![0.0; t.len()];
-        for k in 1..t.len() {
-            sum[k] = sum[k - 1] + 0.5 * (y[k - 1] + y[k]) * (t[k] - t[k - 1]);
-        }
-        Lines { t, y, sum }
-    }
-
-    /// The place of a time; none outside, or in a gap.
-    fn place(&self, t: f64) -> Option<(usize, f64)> {
-        let inside = self.t.len() > 1 && t >= self.t[0] && t <= self.t[self.t.len() - 1];
-        let (k, share, _) = if inside { locate(&self.t, t) } else { return None };
-        (self.t[k + 1] - self.t[k] < TURN).then_some((k, share))
-    }
-
-    fn at(&self, t: f64) -> Option<f64> {
-        self.place(t).map(|(k, share)| between(self.y[k], self.y[k + 1], share))
-    }
-
-    fn integral(&self, from: f64, to: f64) -> Option<f64> {
-        let (first, last) = (self.place(from)?, self.place(to)?);
-        let whole = (first.0..last.0).all(|k| self.t[k + 1] - self.t[k] < TURN);
-        let below = |(k, share): (usize, f64)| {
-            let (h, end) = (self.t[k + 1] - self.t[k], between(self.y[k], self.y[k + 1], share));
-            self.sum[k] + 0.5 * (self.y[k] + end) * share * h
-        };
-        whole.then(|| below(last) - below(first))
-    }
-}
-
-fn all<T>(of: [Option<T>; 3]) -> Option<[T; 3]> {
-    let [a, b, c] = of;
-    Some([a?, b?, c?])
-}
-
-/// The steps from sample to sample of the roll angle, in runs without a gap.
-fn runs(gyros: [Series; 3], angles: [Series; 3]) -> Vec<Vec<Step>> {
-    let rates = gyros.map(|(t, y)| Lines::new(t, y));
-    let angles = angles.map(|(t, y)| Lines::new(t, y));
-    let mut out: Vec<Vec<Step>> = vec![Vec::new()];
-    let mut last: Option<(f64, [f64; 3])> = None;
-    for &t in &angles[0].t {
-        let now = all(angles.each_ref().map(|angle| angle.at(t)));
-        let step = last.zip(now).and_then(|((t0, before), now)| {
-            let (length, attitude) = (t - t0, turned(before, now));
-            let gyros = all(rates.each_ref().map(|rate| rate.integral(t0, t)))?;
-            let rates = all(rates.each_ref().map(|rate| rate.at(t)))?;
-            (length < TURN).then_some(Step { t, length, attitude, gyros, rates })
-        });
-        match (step, out.last_mut()) {
-            (Some(step), Some(run)) => run.push(step),
-            _ => out.push(Vec::new()),
-        }
-        last = now.map(|now| (t, now));
-    }
-    out
-}
-
-/// Mean rates of turns of at least `TURN`, one behind the other: by the attitude, and by the gyros.
-fn turns(runs: &[Vec<Step>]) -> Vec<[[f64; 3]; 2]> {
-    let mut out = Vec::new();
-    for run in runs {
-        let (mut length, mut sum) = (0.0, [[0.0; 3]; 2]);
-        for step in run {
-            length += step.length;
-            for i in 0..3 {
-                sum[0][i] += step.attitude[i];
-                sum[1][i] += step.gyros[i];
-            }
-            if length > TURN - 1e-9 {
-                out.push(sum.map(|turn| turn.map(|angle| angle / length)));
-                (length, sum) = (0.0, [[0.0; 3]; 2]);
-            }
-        }
-    }
-    out
+    let (channel, unit) = (channel.to_string(), unit.to_string());
+    Row { channel, check, value, low: f64::NAN, high: f64::NAN, unit, verdict, text }
 }
 
 /// How well turns by the attitude about axis `i` go with those by gyro `j`.
 fn goes(turns: &[[[f64; 3]; 2]], i: usize, j: usize) -> f64 {
     let of = |which: usize, axis: usize| turns.iter().map(|t| t[which][axis]).collect::<Vec<f64>>();
     correlation(&of(0, i), &of(1, j))
-}
-
-/// The turn about the body's axes between two attitudes (phi, theta, psi).
-fn turned(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    let [phi, theta] = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-    let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-    let (sf, cf, st, ct) = (libm::sin(phi), libm::cos(phi), libm::sin(theta), libm::cos(theta));
-    [d[0] - d[2] * st, d[1] * cf + d[2] * ct * sf, d[2] * ct * cf - d[1] * sf]
-}
-
-/// Sums of a quantity of every step, from the first one on.
-fn since(part: &[Step], of: impl Fn(&Step) -> f64) -> Vec<f64> {
-    let add = |sum: &mut f64, step: &Step| {
-        *sum += of(step);
-        Some(*sum)
-    };
-    part.iter().scan(0.0, add).collect()
-}
-
-/// Less the straight line of least squares.
-fn detrended(t: &[f64], y: &[f64]) -> Vec<f64> {
-    let n = t.len() as f64;
-    let (mt, my) = (t.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
-    let square: f64 = t.iter().map(|t| (t - mt).powi(2)).sum();
-    let slope = t.iter().zip(y).map(|(t, y)| (t - mt) * (y - my)).sum::<f64>() / square;
-    t.iter().zip(y).map(|(t, y)| y - my - slope * (t - mt)).collect()
 }
 
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
@@ -247,49 +166,14 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt().max(f64::MIN_POSITIVE)
 }
 
-/// How far a gyro is behind the attitude; none where that is not known. What both have turned since the
-/// beginning of a part is compared, less a straight line in each (a bias): `a = k g + k tau w`.
-fn late(axis: usize, runs: &[Vec<Step>]) -> Option<Row> {
-    let mut columns: [Vec<f64>; 3] = Default::default();
-    let mut parts = Vec::new();
-    let same = |a: &Step, b: &Step| (a.t / PART).floor() == (b.t / PART).floor();
-    for part in runs.iter().flat_map(|run| run.chunk_by(same)).filter(|part| part.len() >= FEWEST) {
-        let t: Vec<f64> = part.iter().map(|step| step.t).collect();
-        let rates: Vec<f64> = part.iter().map(|step| step.rates[axis]).collect();
-        let of = [since(part, |s| s.attitude[axis]), since(part, |s| s.gyros[axis]), rates];
-        columns.iter_mut().zip(of).for_each(|(all, y)| all.extend(detrended(&t, &y)));
-        parts.push(part.len());
-    }
-    let [a, g, w] = &columns;
-    let (gg, gw, ww, ga, wa) = (dot(g, g), dot(g, w), dot(w, w), dot(g, a), dot(w, a));
-    let determinant = gg * ww - gw * gw;
-    let (k, slope) = ((ga * ww - wa * gw) / determinant, (wa * gg - ga * gw) / determinant);
-    let left: Vec<f64> = (0..a.len()).map(|i| a[i] - k * g[i] - slope * w[i]).collect();
-    let dof = left.len().checked_sub(2 + 2 * parts.len()).filter(|dof| *dof > 0)? as f64;
-    let colour = modelled(&left, &parts).model.colour().max(1.0);
-    let sd = (gg / determinant * dot(&left, &left) / dof * colour).sqrt() / k.abs();
-    let tau = slope / k;
-    if !(sd < LATE && tau.is_finite()) {
-        return None;
-    }
-    let limit = LATE.max(3.0 * sd);
-    // No sensor is ahead of what it measures: the attitude is behind then, and told so elsewhere.
-    let verdict = if tau > limit { "late" } else { "good" };
-    let text = format!(
-        "behind the attitude by {tau:.4} +- {:.4} s (95%), scale {:.4}{}",
-        INTERVAL_95 * sd,
-        k,
-        if tau < -limit { ": the attitude is late" } else { "" }
-    );
-    Some(row(axis, "time skew", tau, [-limit, limit], "s", (verdict, text)))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::turns::turned;
     use super::*;
 
-    /// Gyros and attitude of a flight that rolls, pitches and yaws, the gyros behind by `late`.
-    fn flown(late: f64) -> Vec<Vec<Step>> {
+    /// Gyros and attitude of a flight that rolls, pitches and yaws: gyros behind by `late`, with a bias `b(t)`;
+    /// the pitch angle `theta` times as large.
+    fn flown(late: f64, b: impl Fn(f64) -> f64, theta: f64) -> Vec<Vec<Step>> {
         let attitude = |t: f64| {
             [
                 0.3 * libm::sin(0.9 * t),
@@ -298,10 +182,12 @@ mod tests {
             ]
         };
         let rate = |t: f64| turned(attitude(t - 1e-4), attitude(t + 1e-4)).map(|a| a / 2e-4);
-        let t: Vec<f64> = (0..6000).map(|k| 0.01 * f64::from(k)).collect();
-        let slow: Vec<f64> = (0..1500).map(|k| 0.04 * f64::from(k)).collect();
-        let gyro = |i: usize| t.iter().map(|t| rate(t - late)[i]).collect::<Vec<f64>>();
-        let angle = |i: usize| slow.iter().map(|t| attitude(*t)[i]).collect::<Vec<f64>>();
+        let t: Vec<f64> = (0..12000).map(|k| 0.01 * f64::from(k)).collect();
+        let slow: Vec<f64> = (0..3000).map(|k| 0.04 * f64::from(k)).collect();
+        let gyro = |i: usize| t.iter().map(|t| rate(t - late)[i] + b(*t)).collect::<Vec<f64>>();
+        let scale = |i: usize| if i == 1 { theta } else { 1.0 };
+        let angle =
+            |i: usize| slow.iter().map(|t| scale(i) * attitude(*t)[i]).collect::<Vec<f64>>();
         let (gyros, angles) = ([gyro(0), gyro(1), gyro(2)], [angle(0), angle(1), angle(2)]);
         runs(
             gyros.each_ref().map(|y| (&t[..], &y[..])),
@@ -310,26 +196,54 @@ mod tests {
     }
 
     #[test]
-    fn each_gyro_goes_with_its_own_axis() {
-        let runs = flown(0.0);
+    fn each_gyro_goes_with_its_own_axis_at_its_time() {
+        let runs = flown(0.0, |_| 0.002, 1.0);
         let turns = turns(&runs);
+        assert!(units(&runs).is_empty() && exchanged(&turns).is_none());
         for i in 0..3 {
             for j in 0..3 {
                 let goes = goes(&turns, i, j);
                 assert!(if i == j { goes > 0.999 } else { goes.abs() < 0.7 }, "{i} {j} {goes}");
             }
-            let row = late(i, &runs).expect("it is known");
+            let row = skew(i, &runs).expect("it is known").row();
             assert!(row.verdict == "good" && row.value.abs() < 2e-3, "{row:?}");
+            let row = drift(i, &runs, false).expect("it is known");
+            assert!(row.verdict == "good" && row.value.abs() < 1e-3, "{row:?}");
         }
     }
 
     #[test]
-    fn fault_a_late_gyro_is_late_and_no_gyro_is_early() {
-        for i in 0..3 {
-            let row = late(i, &flown(0.05)).expect("it is known");
+    fn fault_a_late_gyro_is_late_and_an_early_one_has_a_late_attitude() {
+        let skews = |late: f64| -> Vec<Skew> {
+            let runs = flown(late, |_| 0.0, 1.0);
+            (0..3).map(|axis| skew(axis, &runs).expect("it is known")).collect()
+        };
+        for one in skews(0.05) {
+            let row = one.row();
             assert!(row.verdict == "late" && (row.value - 0.05).abs() < 3e-3, "{row:?}");
-            let row = late(i, &flown(-0.05)).expect("it is known");
+        }
+        assert_eq!(late(&skews(0.05)), None);
+        for one in skews(-0.05) {
+            let row = one.row();
             assert!(row.verdict == "good" && row.text.ends_with("attitude is late"), "{row:?}");
         }
+        let tau = late(&skews(-0.05)).expect("the attitude is late");
+        assert!((tau - 0.05).abs() < 3e-3, "{tau}");
+    }
+
+    #[test]
+    fn fault_a_bias_that_drifts_is_told_where_it_is_taken_for_constant() {
+        // half a degree per second a minute
+        let runs = flown(0.0, |t| 0.5_f64.to_radians() / 60.0 * t, 1.0);
+        let row = drift(1, &runs, false).expect("it is known");
+        assert!(row.verdict == "drifts" && (row.value - 0.0145).abs() < 1e-3, "{row:?}");
+        assert_eq!(drift(1, &runs, true).expect("it is known").verdict, "good");
+    }
+
+    #[test]
+    fn fault_an_angle_in_degrees_that_is_said_to_be_in_radians_is_named() {
+        let of = units(&flown(0.0, |_| 0.0, 1.0_f64.to_degrees()));
+        assert_eq!(of.first().map(|of| of.0), Some(1), "{of:?}");
+        assert!(of[0].1.starts_with("theta changes 57.") && of.len() == 1, "{of:?}");
     }
 }

@@ -57,6 +57,13 @@ pub struct Row {
     pub text: String,
 }
 
+impl Row {
+    /// Whether it is of the same channel and check.
+    pub fn is_of(&self, other: &Row) -> bool {
+        (&self.channel, self.check) == (&other.channel, other.check)
+    }
+}
+
 /// A channel: an input or a measured output, by its place in the smoother's flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Which {

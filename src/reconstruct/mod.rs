@@ -23,11 +23,14 @@
 //! the gusts' own.
 
 mod axes;
+mod checked;
 pub mod consistency;
 mod found;
+mod gyros;
 mod health;
 mod output_error;
 mod path;
+mod sensor_errors;
 mod settings;
 mod signals;
 mod slow;
@@ -38,6 +41,8 @@ mod survey;
 pub mod taken;
 #[cfg(test)]
 mod tests;
+mod turns;
+mod usable;
 mod verdicts;
 mod windows;
 
@@ -136,7 +141,7 @@ fn checked(
     grid: &Grid,
     settings: &Settings,
 ) -> Result<FlightPath, Errors> {
-    let seen = smoothed::checks(model, driving, measured, grid, settings)?;
+    let seen = checked::checks(model, driving, measured, grid, settings)?;
     if seen.unfit {
         let (t, nowhere) = (grid.times(), vec![vec![f64::NAN; grid.n]; model.outputs.len()]);
         return Ok(FlightPath {

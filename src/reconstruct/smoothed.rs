@@ -2,30 +2,27 @@
 //! noise levels estimated first, out.
 
 use rayon::prelude::*;
-use std::borrow::Cow;
 
-use super::axes::axes;
-use super::consistency::{self, Comparison, Which, inertial};
+use super::axes::{ANGLES, axes};
+use super::consistency::{self, Comparison, Which};
 use super::found::Found;
-use super::health;
-use super::path::{Bias, FLIGHT_PATH, FlightPath, Note};
+use super::path::{FlightPath, Note};
+use super::sensor_errors::{biases, estimated, held};
 use super::settings::Settings;
 use super::signals::{Logged, Series};
 use super::slow::slow;
 use super::smoother::grid::Outputs;
 use super::smoother::kinematics::Kinematics;
 use super::smoother::levels::Levels;
-use super::smoother::{Innovations, Smoothed, Smoother};
+use super::smoother::{Innovations, Smoother};
 use super::stretches::{SHORTEST, guess, levels, stretches};
-use super::survey::{LATE, SIGNIFICANT, Survey, UNKNOWN, survey};
+use super::survey::{LATE, Survey, UNKNOWN, survey};
+use super::usable::usable;
 use super::verdicts;
 use crate::error::{Errors, Result};
-use crate::math::distribution::INTERVAL_95;
-use crate::model::{Model, Quantity};
+use crate::model::Model;
 use crate::signal::resample::Grid;
 
-/// A sensor with fewer samples is not used: its noise cannot be told.
-const FEW: usize = 20;
 /// Standard deviations per second along the path.
 const DEVIATIONS_HZ: f64 = 10.0;
 
@@ -61,136 +58,40 @@ pub fn path(
     let nothing = Outputs::empty(model.outputs.len(), 0, grid.n);
     (path.outputs, path.sd) = (nothing.value, nothing.sd);
 
-    let fit = fit(model, driving, measured, &mut path);
-    if fit.unfit {
+    let usable = usable(model, driving, measured, &mut path);
+    if usable.unfit {
         return Ok(path);
     }
-    let (driving, measured) = fit.series(driving);
+    let (driving, measured) = usable.series(driving);
     Ok(smooth(model, &driving, measured, grid, settings, path)?.0)
-}
-
-/// What the checks of a flight found.
-pub struct Checked<'s> {
-    pub checks: Vec<consistency::Row>,
-    pub notes: Vec<Note>,
-    /// An input of the model is dead or has its sign reversed: there is no path.
-    pub unfit: bool,
-    /// The signals with what is dead or frozen masked, and without the outputs whose sign is
-    /// reversed.
-    pub driving: Vec<Cow<'s, [f64]>>,
-    pub measured: Vec<Logged<'s>>,
-}
-
-/// Output grid of a smoothing whose path nobody asks for, Hz: it has to be fine enough to be a
-/// grid.
-const COARSE_HZ: f64 = 1.0;
-
-/// The checks of a flight alone, for a path that is found otherwise; the sensor errors are left to
-/// that.
-///
-/// # Errors
-/// As `path`.
-pub fn checks<'s>(
-    model: &Model,
-    driving: &[Series<'s>],
-    measured: &'s [Logged<'s>],
-    grid: &Grid,
-    settings: &Settings,
-) -> std::result::Result<Checked<'s>, Errors> {
-    let mut path = FlightPath::default();
-    let fit = fit(model, driving, measured, &mut path);
-    if fit.unfit {
-        let Fit { unfit, driving, measured } = fit;
-        return Ok(Checked { checks: path.checks, notes: path.notes, unfit, driving, measured });
-    }
-    let plain =
-        Settings { late: Vec::new(), candidates: Vec::new(), free: Vec::new(), ..settings.clone() };
-    let coarse = Grid::covering(grid.t0, grid.time(grid.n - 1), 1.0 / COARSE_HZ);
-    let nothing = Outputs::empty(model.outputs.len(), 0, coarse.n);
-    (path.t, path.outputs, path.sd) = (coarse.times(), nothing.value, nothing.sd);
-    let (path, out) = {
-        let (driving, measured) = fit.series(driving);
-        smooth(model, &driving, measured, &coarse, &plain, path)?
-    };
-    let unfit = out.iter().any(|which| matches!(which, Which::Input(_)));
-    let reversed = |m: &Logged| out.contains(&Which::Output(m.output));
-    Ok(Checked {
-        checks: path.checks.into_iter().filter(|row| row.check != "sensor error").collect(),
-        // what the smoother says of its own path is of no interest here
-        notes: path
-            .notes
-            .into_iter()
-            .filter(|note| note.subject != FLIGHT_PATH || unfit && note.missing)
-            .collect(),
-        unfit,
-        driving: fit.driving,
-        measured: fit.measured.into_iter().filter(|m| !reversed(m)).collect(),
-    })
-}
-
-/// Signals that are fit to be used.
-struct Fit<'s> {
-    /// An input that ought to move is dead.
-    unfit: bool,
-    driving: Vec<Cow<'s, [f64]>>,
-    measured: Vec<Logged<'s>>,
-}
-
-impl<'s> Fit<'s> {
-    fn series<'a>(&'a self, driving: &[Series<'a>]) -> (Vec<Series<'a>>, Vec<Logged<'a>>) {
-        let measured = self.measured.iter().map(|m| Logged {
-            output: m.output,
-            t: m.t,
-            z: Cow::Borrowed(&m.z[..]),
-        });
-        (
-            driving.iter().zip(&self.driving).map(|((t, _), y)| (*t, &y[..])).collect(),
-            measured.collect(),
-        )
-    }
-}
-
-/// The signals with what is dead or frozen masked; their health goes into the rows and notes of the
-/// path.
-fn fit<'s>(
-    model: &Model,
-    driving: &[Series<'s>],
-    measured: &'s [Logged<'s>],
-    path: &mut FlightPath,
-) -> Fit<'s> {
-    let (driving, inputs_well) =
-        well(model.inputs.iter().map(|q| (q, inertial(&q.unit))), driving, path);
-    let series: Vec<Series> = measured.iter().map(|m| (m.t, &m.z[..])).collect();
-    let (outputs, _) =
-        well(measured.iter().map(|m| (&model.outputs[m.output], true)), &series, path);
-    if !inputs_well {
-        path.notes.push(Note::lost(
-            "no flight path: an input of the kinematic model is dead".to_string(),
-        ));
-    }
-    let measured =
-        measured.iter().zip(outputs).map(|(m, z)| Logged { output: m.output, t: m.t, z }).collect();
-    Fit { unfit: !inputs_well, driving, measured }
 }
 
 /// The path by the smoother, and the channels that were left out because their sign is reversed
 /// (outputs by their place in the model).
-fn smooth(
+pub fn smooth(
     model: &Model,
     driving: &[Series],
-    mut measured: Vec<Logged>,
+    measured: Vec<Logged>,
     grid: &Grid,
     settings: &Settings,
     mut path: FlightPath,
 ) -> std::result::Result<(FlightPath, Vec<Which>), Errors> {
-    let axes = axes(model, driving, &measured);
+    let axes = axes(model, driving, &measured, settings);
     path.checks.extend(axes.rows);
-    if let Some((which, words)) = axes.exchanged {
-        path.notes.push(Note::lost(format!(
-            "no flight path: {words}: each turns as the other one's axis does, by the attitude"
-        )));
-        return Ok((path, which.map(Which::Input).to_vec()));
+    if let Some((which, words)) = axes.unfit {
+        path.notes.push(Note::lost(format!("no flight path: {words}")));
+        return Ok((path, which.into_iter().map(Which::Input).collect()));
     }
+    let is_angle = |m: &Logged| ANGLES.contains(&&*model.outputs[m.output].name);
+    let earlier: Vec<Option<Vec<f64>>> = measured
+        .iter()
+        .map(|m| axes.late.filter(|_| is_angle(m)).map(|tau| m.t.iter().map(|t| t - tau).collect()))
+        .collect();
+    let mut measured: Vec<Logged> = measured
+        .into_iter()
+        .zip(&earlier)
+        .map(|(m, earlier)| Logged { t: earlier.as_deref().unwrap_or(m.t), ..m })
+        .collect();
     slow(model, &mut measured, settings, &mut path);
     let mut found = Found::default();
     if !(settings.late.is_empty() && settings.candidates.is_empty() && settings.free.is_empty()) {
@@ -218,48 +119,6 @@ fn smooth(
         out: Vec::new(),
     }
     .run(grid)?)
-}
-
-/// Signals with what is dead or frozen masked where it ought to move, their health as rows; false
-/// where one is dead.
-fn well<'n, 's>(
-    names: impl Iterator<Item = (&'n Quantity, bool)>,
-    series: &[Series<'s>],
-    path: &mut FlightPath,
-) -> (Vec<Cow<'s, [f64]>>, bool) {
-    let mut good = true;
-    let mut out = Vec::new();
-    for ((quantity, moves), (t, y)) in names.zip(series) {
-        let (name, mut y) = (&quantity.name, Cow::Borrowed(*y));
-        let health = health::health(t, &y);
-        path.checks.extend(verdicts::health_rows(name, &health, moves));
-        if moves && health.dead {
-            y.to_mut().fill(f64::NAN);
-            good = false;
-            path.notes.push(Note::of(
-                name,
-                health.samples,
-                format!("{name} is dead: its value never changes"),
-            ));
-        } else if moves && health.samples < FEW {
-            y.to_mut().fill(f64::NAN);
-            let text = format!("{name} has only {} samples: not used", health.samples);
-            path.notes.push(Note::of(name, health.samples, text));
-        } else if moves && health.frozen_s > 0.0 {
-            let y = y.to_mut();
-            for run in &health.frozen {
-                // the first sample of a run was still measured
-                y[run.start + 1..run.end].fill(f64::NAN);
-            }
-            let text = format!(
-                "{name} stands still for together {:.1} s: not used there",
-                health.frozen_s
-            );
-            path.notes.push(Note::of(name, health.frozen.iter().map(|run| run.len()).sum(), text));
-        }
-        out.push(y);
-    }
-    (out, good)
 }
 
 impl Work<'_> {
@@ -347,7 +206,10 @@ impl Work<'_> {
     fn rows(&mut self, compared: &[Comparison]) {
         for comparison in compared {
             let name = self.name(comparison.which);
-            self.path.checks.extend(comparison.rows(&name));
+            let mut rows = comparison.rows(&name);
+            // what gyros and attitude alone tell is told already
+            rows.retain(|row| !self.path.checks.iter().any(|known| known.is_of(row)));
+            self.path.checks.extend(rows);
         }
         // A check that did not run is told.
         let is_compared = |which: &Which| compared.iter().any(|c| c.which == *which);
@@ -456,8 +318,9 @@ impl Work<'_> {
                 self.path.notes.push(Note::lost(text));
                 continue;
             }
-            self.path.biases.extend(biases(kinematics, &self.found, &smoothed, number, stretch));
-            self.parameters(levels, &smoothed, number);
+            let found = &self.found;
+            self.path.biases.extend(biases(kinematics, found, &smoothed, number, stretch));
+            self.path.checks.extend(estimated(kinematics, found, levels, &smoothed, number));
             if stretch[1] - stretch[0] > longest {
                 longest = stretch[1] - stretch[0];
                 errors.values = Survey::of(kinematics, levels, &smoothed).values();
@@ -469,76 +332,10 @@ impl Work<'_> {
                 format!("no flight path from {from:.1} s to {to:.1} s: an input has a gap").into(),
             );
         }
-        self.held();
+        self.path.checks.extend(held(kinematics, &self.found));
         self.undetermined(levels, &mut out);
         (self.path.outputs, self.path.sd, self.path.innovations) = (out.value, out.sd, innovations);
         errors
-    }
-
-    /// Lines about the sensor errors: what the data say of them.
-    fn parameters(&mut self, levels: &Levels, smoothed: &Smoothed, stretch: usize) {
-        let (nx, n) = (self.kinematics.states(), self.kinematics.size());
-        let m = smoothed.p.len() / n.max(1);
-        for (k, &i) in self.kinematics.free.iter().enumerate() {
-            let parameter = &self.kinematics.model.parameters[i];
-            let (value, sd) = (
-                smoothed.x[nx + k] + self.found.offset(self.kinematics.model, i),
-                smoothed.p[(nx + k) * m + nx + k].max(0.0).sqrt(),
-            );
-            let known = sd < UNKNOWN * levels.start_sd[nx + k];
-            if let Some(sensor) = self.sensor(&parameter.quantity.name).filter(|_| known) {
-                let row = verdicts::bias_row(&sensor, &parameter.quantity.unit, value);
-                self.path.checks.extend(row);
-            }
-            let half = INTERVAL_95 * sd;
-            let text = format!(
-                "{} {value:.4e} +- {half:.1e} (95%), stretch {stretch}",
-                parameter.quantity.doc
-            );
-            self.path.checks.push(consistency::Row {
-                channel: parameter.quantity.name.clone(),
-                check: "sensor error",
-                value,
-                low: parameter.start - SIGNIFICANT * sd,
-                high: parameter.start + SIGNIFICANT * sd,
-                unit: parameter.quantity.unit.clone(),
-                verdict: match (known, (value - parameter.start).abs() > SIGNIFICANT * sd) {
-                    (false, _) => "not observable",
-                    (true, true) => "significant",
-                    (true, false) => "not significant",
-                },
-                text,
-            });
-        }
-    }
-
-    /// The inertial sensor whose bias this is.
-    fn sensor(&self, bias: &str) -> Option<String> {
-        let name = format!("{}_imu", bias.strip_prefix("b_")?);
-        self.kinematics.model.inputs.iter().any(|input| input.name == name).then_some(name)
-    }
-
-    /// Lines about the sensor errors that were held because the data do not support them.
-    fn held(&mut self) {
-        for held in &self.found.held {
-            let parameter = &self.kinematics.model.parameters[held.parameter];
-            self.path.checks.push(consistency::Row {
-                channel: parameter.quantity.name.clone(),
-                check: "sensor error",
-                value: held.value,
-                low: parameter.start - SIGNIFICANT * held.sd,
-                high: parameter.start + SIGNIFICANT * held.sd,
-                unit: parameter.quantity.unit.clone(),
-                verdict: if held.known { "not significant" } else { "not observable" },
-                text: format!(
-                    "{} {:.4e} +- {:.1e} (95%) if it were estimated: held at {}",
-                    parameter.quantity.doc,
-                    held.value,
-                    INTERVAL_95 * held.sd,
-                    parameter.start
-                ),
-            });
-        }
     }
 
     /// Outputs of states that no sensor determines have no value: not a number that was only
@@ -570,32 +367,4 @@ impl Work<'_> {
             }
         }
     }
-}
-
-/// The smoothed parameters of a stretch.
-fn biases(
-    kinematics: &Kinematics,
-    found: &Found,
-    smoothed: &Smoothed,
-    window: usize,
-    [t_start_s, t_end_s]: [f64; 2],
-) -> Vec<Bias> {
-    let (nx, n) = (kinematics.states(), kinematics.size());
-    let m = smoothed.p.len() / n.max(1);
-    let row = |(k, &i): (usize, &usize)| {
-        let quantity = &kinematics.model.parameters[i].quantity;
-        let at = nx + k;
-        Bias {
-            window,
-            t_start_s,
-            t_end_s,
-            parameter: quantity.name.clone(),
-            unit: quantity.unit.clone(),
-            value: smoothed.x[at] + found.offset(kinematics.model, i),
-            sd: Some(smoothed.p[at * m + at].max(0.0).sqrt()),
-        }
-    };
-    let mut rows: Vec<(usize, &usize)> = kinematics.free.iter().enumerate().collect();
-    rows.sort_by_key(|(_, parameter)| **parameter);
-    rows.into_iter().map(row).collect()
 }

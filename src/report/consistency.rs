@@ -58,7 +58,7 @@ const REMARKS: [&str; 7] = [
 const NOT_COMPARED: &str = "not compared";
 
 /// Verdicts that are a matter of degree: worth a look.
-const DEGREE: [&str; 4] = ["too large", "saturated", "outliers", "not used"];
+const DEGREE: [&str; 5] = ["too large", "saturated", "outliers", "not used", "drifts"];
 /// A channel of which more than this share is rejected does not fit with the others.
 const MOST_REJECTED: f64 = 0.1;
 

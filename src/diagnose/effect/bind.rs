@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use indexmap::IndexMap;
+use rayon::prelude::*;
 
 use super::added::{Added, Check};
 use super::block::Block;
@@ -19,18 +20,20 @@ use crate::units::simplified;
 
 /// All candidates for a base model, in the order of the effects and of the model.
 pub fn candidates(base: &Model, context: &Context, effects: &[Effect]) -> Offer {
+    let of = |effect: &Effect| match options(base, context, effect) {
+        Ok(options) => {
+            let bound = |chosen| candidate(base, context, effect, &options, chosen);
+            combinations(effect, &options).into_iter().map(bound).collect()
+        }
+        Err(why) => vec![Err(Skipped { effect: effect.name.clone(), why })],
+    };
+    // Every model is compiled, which takes longer than what is done with most of them.
+    let all: Vec<Vec<Result<Candidate, Skipped>>> = effects.par_iter().map(of).collect();
     let mut offer = Offer::default();
-    for effect in effects {
-        match options(base, context, effect) {
-            Ok(options) => {
-                for chosen in combinations(effect, &options) {
-                    match candidate(base, context, effect, &options, chosen) {
-                        Ok(candidate) => offer.candidates.push(candidate),
-                        Err(skipped) => offer.skipped.push(skipped),
-                    }
-                }
-            }
-            Err(why) => offer.skipped.push(Skipped { effect: effect.name.clone(), why }),
+    for one in all.into_iter().flatten() {
+        match one {
+            Ok(candidate) => offer.candidates.push(candidate),
+            Err(skipped) => offer.skipped.push(skipped),
         }
     }
     offer

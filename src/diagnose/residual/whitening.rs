@@ -87,6 +87,9 @@ impl Noise {
             let to = from + block.e.len();
             let g = directions_of(block, wanted);
             filter.whiten_rows(&g, n, &mut single[from * n..to * n]);
+            if let Cow::Owned(g) = g {
+                pool::give(g);
+            }
             rows.resize(rows.len().max(block.output + 1), None);
             rows[block.output] = Some(Rows { from, masked: vec![false; to - from] });
             from = to;
@@ -140,8 +143,12 @@ fn directions_of<'b>(block: &'b Block, wanted: &[usize]) -> Cow<'b, [f64]> {
     if all == wanted.len() && wanted.iter().enumerate().all(|(i, k)| i == *k) {
         return Cow::Borrowed(&block.g);
     }
+    let mut some = pool::take(block.e.len() * wanted.len());
     let rows = block.g.chunks_exact(all.max(1));
-    Cow::Owned(rows.flat_map(|row| wanted.iter().map(|&k| row[k])).collect())
+    for (some, row) in some.chunks_exact_mut(wanted.len().max(1)).zip(rows) {
+        some.iter_mut().zip(wanted).for_each(|(x, &k)| *x = row[k]);
+    }
+    Cow::Owned(some)
 }
 
 /// Rows of sensitivities `[sample][direction]` into the rows `to` of columns, those wanted.

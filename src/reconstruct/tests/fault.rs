@@ -96,6 +96,14 @@ fn fault_a_recorder_that_is_late_is_found() {
         path.checks.iter().find(|r| r.channel == "theta" && r.check == "time skew").expect("a row");
     assert_eq!(row.verdict, "late");
     assert!((row.value - 0.06).abs() < 0.02, "{row:?}");
+    // no other channel is accused, and the path is that of the flight
+    let innocent = ["V", "alpha_vane", "beta_vane", "static_pressure", "p_imu", "q_imu", "r_imu"];
+    let wrong = |r: &&consistency::Row| {
+        innocent.contains(&&*r.channel) && ["scaled", "late", "early"].contains(&r.verdict)
+    };
+    let accused: Vec<_> = path.checks.iter().filter(wrong).collect();
+    assert!(accused.is_empty(), "{accused:#?}");
+    nowhere_wrong(&flown, &heights, &path, 5.5);
 }
 
 #[test]
