@@ -8,7 +8,7 @@ use super::words::say;
 use crate::error::Result;
 use crate::fit::half_95;
 use crate::pipeline::{Plan, RunResult, Store};
-use crate::signal::adequacy::Leaves;
+use crate::signal::adequacy::{Leaves, is_far};
 use crate::stage::{Note, Part, Severity};
 use crate::table::Table;
 use std::collections::{BTreeMap, BTreeSet};
@@ -132,7 +132,15 @@ fn poor(left: &Table) -> Result<String> {
     };
     let more =
         if poor.len() > POOR { format!(", {} more", poor.len() - POOR) } else { String::new() };
-    Ok(poor.iter().take(POOR).map(one).collect::<Vec<_>>().join(", ") + &more)
+    let (lefts, noises) = (left.f64("left")?, left.f64("noise")?);
+    let is_little =
+        |i: &usize| leaves[*i] == Leaves::Little.as_str() && is_far(lefts[*i], noises[*i]);
+    let far = (0..left.rows()).filter(is_little).max_by(|a, b| shares[*a].total_cmp(&shares[*b]));
+    let far = far.filter(|_| poor.is_empty());
+    let far = far
+        .map(|i| format!("(a little of {}, {:.0} times its noise)", one(&i), lefts[i] / noises[i]));
+    let all: Vec<String> = poor.iter().take(POOR).map(one).chain(far).collect();
+    Ok(all.join(", ") + &more)
 }
 
 fn lines(plan: &Plan, store: &Store) -> Result<()> {

@@ -67,6 +67,23 @@ impl Doc {
         self.spans.contains_key(path)
     }
 
+    /// The text with other values in the place of these, which stay where they are; none where the file has no
+    /// such value.
+    pub fn with_values(&self, values: &[(String, String)]) -> Option<String> {
+        let span = |(path, value): &(String, String)| {
+            Some((self.spans.get(path)?.value.clone(), value.clone()))
+        };
+        let mut spans: Vec<(Range<usize>, String)> =
+            values.iter().map(span).collect::<Option<_>>()?;
+        spans.sort_by_key(|(span, _)| span.start);
+        let mut text = self.text.clone();
+        for (span, value) in spans.into_iter().rev() {
+            text.get(span.clone())?;
+            text.replace_range(span, &value);
+        }
+        Some(text)
+    }
+
     /// Where the value of `path` stands (a table: its header or `{`); without such a key, where its
     /// nearest parent stands.
     pub fn place(&self, path: &str) -> Place {

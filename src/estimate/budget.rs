@@ -45,6 +45,19 @@ pub fn covariance(a: &Influence, b: &Influence, row: usize) -> Option<f64> {
     Some(2.0 * r * share(a)? * share(b)?)
 }
 
+/// Influences by the model and by the columns of its records: a constant that is in both is one, with one error.
+pub fn together(model: Vec<Influence>, columns: Vec<Influence>) -> Vec<Influence> {
+    let mut all = model;
+    for other in columns {
+        let is_same = |i: &&mut Influence| i.constant.quantity.name == other.constant.quantity.name;
+        match all.iter_mut().find(is_same) {
+            Some(one) => one.slopes.iter_mut().zip(&other.slopes).for_each(|(a, b)| *a += b),
+            None => all.push(other),
+        }
+    }
+    all
+}
+
 /// The variance that all constants add to the estimate `row`.
 pub fn added(all: &[Influence], row: usize) -> f64 {
     let own = all.iter().map(|i| (i.slopes[row] * i.constant.sd).powi(2)).sum::<f64>();
@@ -90,15 +103,21 @@ pub fn influences(
     let opened_case = Case::new(opened.clone(), wider, propagator, segments, given, settings)
         .with_steps(&case.steps());
     let wide = &opened_case;
+    let one = |&p: &usize| {
+        let parameter = &opened.parameters[p];
+        let of = |c: &&Assumed| c.quantity.name == parameter.quantity.name;
+        Some((opened.constants.iter().find(of)?.clone(), parameter.start))
+    };
+    let constants: Vec<(Assumed, f64)> = constants.iter().filter_map(one).collect();
     let all = match settings.by {
         By::Motion => {
             let evaluate = |s: usize, local: &[f64], slopes: bool| wide.evaluate(s, local, slopes);
-            slopes(&opened, &constants, (&wide.layout, &evaluate), case, solution)
+            slopes(&constants, (&wide.layout, &evaluate), case, solution)
         }
         By::EquationError => {
             let (problem, _) = Problem::new(wide, settings)?;
             let layout = problem.layout(settings);
-            slopes(&opened, &constants, (&layout, &problem), case, solution)
+            slopes(&constants, (&layout, &problem), case, solution)
         }
     };
     Ok(all.unwrap_or_default())
@@ -141,9 +160,9 @@ fn reaching(opened: &Model, behind: std::ops::Range<usize>, outputs: &[usize]) -
     behind.filter(|&p| leaves.contains(&crate::model::graph::Leaf::Parameter(p))).collect()
 }
 
-fn slopes<F: Evaluate>(
-    opened: &Model,
-    constants: &[usize],
+/// The slopes by constants that are the last shared parameters of a problem, at these values.
+pub(super) fn slopes<F: Evaluate>(
+    constants: &[(Assumed, f64)],
     (layout, evaluate): (&Layout, &F),
     case: &Case,
     solution: &Solution,
@@ -151,12 +170,12 @@ fn slopes<F: Evaluate>(
     let (nc, k) = (case.layout.shared, constants.len());
     let theta = &solution.fit.theta;
     let mut at: Vec<f64> = theta[..nc].to_vec();
-    at.extend(constants.iter().map(|&p| opened.parameters[p].start));
+    at.extend(constants.iter().map(|(_, value)| value));
     at.extend(&theta[nc..]);
     let matrix = normal_matrix(layout, evaluate, &at)?;
     let shifted = |i: usize| if i < nc { i } else { i + k };
     let mut all = Vec::with_capacity(k);
-    for (j, &p) in constants.iter().enumerate() {
+    for (j, (constant, _)) in constants.iter().enumerate() {
         let mut matrix = matrix.clone();
         let mut rhs = vec![0.0; at.len()];
         for other in 0..k {
@@ -167,13 +186,8 @@ fn slopes<F: Evaluate>(
         }
         let step = matrix.factor().ok()?.solve(&rhs);
         let slopes: Vec<f64> = (0..theta.len()).map(|i| step[shifted(i)]).collect();
-        let constant = opened
-            .constants
-            .iter()
-            .find(|c| c.quantity.name == opened.parameters[p].quantity.name)?
-            .clone();
         if slopes.iter().any(|s| *s != 0.0) {
-            all.push(Influence { constant, slopes });
+            all.push(Influence { constant: constant.clone(), slopes });
         }
     }
     Some(all)

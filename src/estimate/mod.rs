@@ -22,7 +22,7 @@
 //! | `elsewhere` | where another start leads to |
 //! | `sizes` | parameters that only show from a certain size on |
 //! | `solution` | the six together: estimates and covariances by parameter index |
-//! | `budget` | how the constants that a model assumes move the estimates |
+//! | `budget`, `made` | how the constants move the estimates that a model assumes, or that columns were made with |
 //! | `profile` | intervals from the likelihood's profile |
 //! | `modes` | the modes of the linearised model |
 //! | `selection` | candidates that the data do not support are held, one after the other |
@@ -70,6 +70,7 @@ mod estimation;
 mod extend;
 mod idle;
 mod influential;
+mod made;
 mod measured_limits;
 mod modes;
 mod neighbours;
@@ -122,7 +123,7 @@ pub use profile::{End, Point, Profile};
 pub use rank::{Combination, Term, Verdict};
 pub use reached::{Follows, Over, Reached};
 pub use search::unsearchable;
-pub use segment::{Grouping, Label, SEGMENT, Segment, Stretch};
+pub use segment::{Grouping, Label, Made, SEGMENT, Segment, Stretch};
 pub use settings::{
     By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
 };

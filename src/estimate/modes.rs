@@ -49,6 +49,10 @@ pub struct Mode {
 /// States that do less than this share of a mode are not named.
 const SHARE: f64 = 0.1;
 
+/// An eigenvalue below this share of the largest is zero (that of a state that is integrated and moves nothing),
+/// and what is left of it rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// The Jacobian of the rates and its derivatives.
 struct Matrix {
     /// States of the motion.
@@ -159,7 +163,12 @@ impl Case {
             };
             told(e.value, of, (segment, k + 1, states))
         };
-        eigen(&a, n).unwrap_or_default().into_iter().enumerate().map(mode).collect()
+        let mut found = eigen(&a, n).unwrap_or_default();
+        let largest = found.iter().map(|e| e.value.abs()).fold(0.0, f64::max);
+        for e in found.iter_mut().filter(|e| e.value.abs() <= ROUNDING * largest) {
+            e.value = Complex::ZERO;
+        }
+        found.into_iter().enumerate().map(mode).collect()
     }
 
     /// States by their share of a mode (participation factors, Perez-Arriaga et al. 1982).

@@ -1,11 +1,12 @@
 //! A compiled model over segments in; its maximum-likelihood estimate, with segments that cannot be
 //! used left out and named, out.
 
-use super::budget::{Influence, influences};
+use super::budget::{Influence, influences, together};
 use super::case::{Case, PASSES, propagator};
 use super::choice::choose;
 use super::equations::Origin;
 use super::extend::prepare;
+use super::made;
 use super::profile::profiles;
 use super::rank::{NONE, weak_words};
 use super::regression::{Regression, estimated};
@@ -140,6 +141,8 @@ fn once(
                     let values = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned());
                     let budget =
                         influences(base, &these, values.collect(), &case, &solution, settings)?;
+                    let made = made::influences(base, (all, &used), &case, &solution, settings)?;
+                    let budget = together(budget, made);
                     told(&case, &solution, (settings, &used), budget, (&origin, here))?
                 }
             };

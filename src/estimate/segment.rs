@@ -1,7 +1,8 @@
 //! Records with labels in; groups of segments, and which samples of different outputs belong
 //! together, out.
 
-use crate::dynamics::{Channel, Record};
+use crate::dynamics::{Channel, Numbers, Record};
+use crate::model::Assumed;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -31,6 +32,21 @@ pub struct Segment {
     pub conditions: IndexMap<String, f64>,
     /// Which part of the record is scored; all of it unless given.
     pub stretch: Option<Stretch>,
+    /// What the assumed constants change of the record that its columns were made with. Whoever sums over
+    /// segments elsewhere has no use for it.
+    #[serde(skip)]
+    pub made: Vec<Made>,
+}
+
+/// What one assumed constant changes of a record: the columns as they are where it is larger by `by`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Made {
+    pub constant: Assumed,
+    pub by: f64,
+    /// By input: one value per point of the grid.
+    pub inputs: Vec<(usize, Numbers)>,
+    /// By channel of the record: one value per sample.
+    pub channels: Vec<(usize, Numbers)>,
 }
 
 /// A stretch of a longer record. The model runs from the record's beginning, with start values and
@@ -46,6 +62,23 @@ pub struct Stretch {
 }
 
 impl Segment {
+    /// The segment as it is where the constant of this name is larger; itself where that changes nothing.
+    pub fn remade(&self, constant: &str) -> Segment {
+        let mut segment = Segment { made: Vec::new(), ..self.clone() };
+        let made = self.made.iter().find(|made| made.constant.quantity.name == constant);
+        let Some(made) = made else { return segment };
+        let record = &mut segment.record;
+        let nu = record.inputs.len() / record.n.max(1);
+        for (input, values) in &made.inputs {
+            let rows = record.inputs.chunks_exact_mut(nu.max(1));
+            rows.zip(values.iter()).for_each(|(row, value)| row[*input] = *value);
+        }
+        for (channel, values) in &made.channels {
+            record.channels[*channel].z = values.clone();
+        }
+        segment
+    }
+
     /// The record as far as it is run, with the samples that are scored.
     pub fn scored(&self) -> Record {
         let record = &self.record;

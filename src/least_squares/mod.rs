@@ -20,15 +20,19 @@
 //! | `sums` | what is added over a segment, and over all of them |
 //! | `problem` | the pass over all segments |
 //! | `iteration` | how it went, and why it ended |
-//! | `gauss` | the iteration: step, bounds, halving or damping, stopping |
+//! | `point` | cost, normal equations and the step inside the bounds at one parameter vector |
+//! | `gauss` | the iteration: halving or damping, stopping |
+//! | `fit` | where it ended |
 
 mod arrow;
 mod blocks;
 mod covariance;
+mod fit;
 mod gauss;
 mod iteration;
 mod layout;
 mod method;
+mod point;
 mod problem;
 mod rows;
 mod sums;
@@ -38,10 +42,12 @@ pub use blocks::{Block, Samples, at_instants, give_back};
 #[cfg(test)]
 pub use covariance::Scatter;
 pub use covariance::{Covariance, Structure};
-pub use gauss::{Fit, cost, minimise, normal_matrix};
+pub use fit::Fit;
+pub use gauss::minimise;
 pub use iteration::{Iteration, Stop};
 pub use layout::{Layout, Part};
 pub use method::{Method, StepControl, Undetermined};
+pub use point::{cost, normal_matrix};
 pub use problem::{Evaluate, SegmentSums, Wanted, each, segment_sums};
 #[cfg(test)]
 pub use problem::{pass, scatter, weighed};

@@ -157,10 +157,15 @@ fn anywhere(log: &LogFile, ids: &[u16], path: &str) -> Result<bool> {
     Ok(found)
 }
 
-/// The field at a path; a schema has `*` where the path has a place in a list.
-fn field<'f>(known: &'f [FieldInfo], path: &str) -> Option<&'f FieldInfo> {
+/// The field at a path.
+fn field<'f>(known: &'f [FieldInfo], path: &'f str) -> Option<&'f FieldInfo> {
+    fields(known, path).next()
+}
+
+/// The field at a path as every channel has it; a schema has `*` where the path has a place in a list.
+fn fields<'f>(known: &'f [FieldInfo], path: &'f str) -> impl Iterator<Item = &'f FieldInfo> {
     let place = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
-    let fits = |f: &&FieldInfo| {
+    let fits = move |f: &&FieldInfo| {
         let (mut of_field, mut of_path) = (f.path.split('.'), path.split('.'));
         loop {
             match (of_field.next(), of_path.next()) {
@@ -170,7 +175,7 @@ fn field<'f>(known: &'f [FieldInfo], path: &str) -> Option<&'f FieldInfo> {
             }
         }
     };
-    known.iter().find(fits)
+    known.iter().filter(fits)
 }
 
 /// A topic that is not in a log, or cannot be decoded.
@@ -228,9 +233,13 @@ pub(super) enum Stated {
 
 /// Holds the unit of the channel map against the one that the log states for the field.
 pub(super) fn unit(name: &str, signal: &SignalMap, known: &[FieldInfo], place: Place) -> Stated {
-    let Some(stated) = field(known, &signal.field).map(|f| f.unit.trim()) else {
-        return Stated::Agrees;
-    };
+    let mut stated = fields(known, &signal.field).map(|f| stated(name, signal, &f.unit, &place));
+    stated.find(|one| !matches!(one, Stated::Agrees)).unwrap_or(Stated::Agrees)
+}
+
+/// The same of one channel's unit.
+fn stated(name: &str, signal: &SignalMap, stated: &str, place: &Place) -> Stated {
+    let (stated, place) = (stated.trim(), place.clone());
     let said = signal.despite.as_deref().map(str::trim);
     if NO_UNIT.contains(&stated.to_lowercase().as_str()) || said == Some(stated) {
         return Stated::Agrees;

@@ -56,6 +56,7 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
     let mut notes = log.notes.clone();
     notes.extend(damage_note(&log, &parts));
     notes.extend(count_notes(&log, &plans, &parts));
+    notes.extend(plans.iter().enumerate().filter_map(|(at, plan)| two_sources(at, plan, &parts)));
     notes.extend(remarks);
 
     let signals: Vec<(&String, &SignalMap)> = map.signal.iter().collect();
@@ -196,7 +197,8 @@ pub(super) fn topic_fields(
     for (id, channel) in channels.iter().filter_map(|id| Some((id, known.get(id)?))) {
         let Some(encoding) = decode::encoding_of(channel) else { continue };
         for field in (encoding.fields)(channel, samples.get(id).map(Vec::as_slice)) {
-            if taken.insert(field.path.clone()) {
+            // one that another channel has in another unit is told of
+            if taken.insert((field.path.clone(), field.unit.clone())) {
                 fields.push(field);
             }
         }
@@ -228,6 +230,17 @@ fn count_notes(log: &LogFile, plans: &[TopicPlan], parts: &[PartData]) -> Vec<No
     parts.iter().for_each(|part| counts.merge(&part.counts));
     let concerns = |n: &Note| n.subject == "file" || plans.iter().any(|p| p.topic == n.subject);
     log.counted(&counts).into_iter().filter(concerns).collect()
+}
+
+/// A topic that several channels write by turns. A recorder that begins a new channel does so once.
+fn two_sources(at: usize, plan: &TopicPlan, parts: &[PartData]) -> Option<Note> {
+    let count = plan.channels.len() as u64;
+    let alternates: u64 = parts.iter().map(|part| part.topics[at].alternates).sum();
+    let text = format!(
+        "{}: {count} channels write to it by turns: several sources are read as if they were one",
+        plan.topic
+    );
+    (alternates > 2 * count).then(|| Note::warning(&plan.topic, count, text))
 }
 
 fn damage_note(log: &LogFile, parts: &[PartData]) -> Option<Note> {

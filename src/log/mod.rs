@@ -24,6 +24,8 @@ mod records;
 mod series;
 mod signal;
 mod source;
+#[cfg(test)]
+mod sources_tests;
 pub mod starter;
 #[cfg(test)]
 mod storm_tests;

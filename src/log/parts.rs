@@ -23,6 +23,9 @@ pub(super) struct Columns {
     pub publish: Vec<u64>,
     /// `[n][paths]`, row by row.
     pub values: Vec<f64>,
+    /// The channel of the last one, and how often a message is of another channel than the one before.
+    last: Option<u16>,
+    pub alternates: u64,
 }
 
 impl Columns {
@@ -33,6 +36,8 @@ impl Columns {
             log: times(),
             publish: times(),
             values: Vec::with_capacity(rows * plan.paths.len()),
+            last: None,
+            alternates: 0,
         }
     }
 }
@@ -117,6 +122,8 @@ fn decode_part(
             columns.log.push(m.log_time);
             columns.publish.push(m.publish_time);
             columns.values.extend_from_slice(row);
+            columns.alternates += u64::from(columns.last.is_some_and(|last| last != m.channel));
+            columns.last = Some(m.channel);
         }
     })?;
     rows.iter_mut().zip(&topics).for_each(|(n, columns)| *n = columns.log.len());

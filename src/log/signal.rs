@@ -14,7 +14,7 @@ use super::turned::Back;
 use super::{Note, agree, words};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
-use crate::signal::spikes;
+use crate::signal::{round, spikes};
 use crate::units::Unit;
 
 /// Time stamps, ns since the flight's zero; `None` where a message has none.
@@ -81,6 +81,7 @@ impl Context<'_> {
         let factor = f64::from(signal.sign) * signal.scale;
         samples.iter_mut().for_each(|s| s.1 = factor * unit.to_si(s.1) + signal.offset);
         let left_out = drop_bad(signal, &mut samples, &mut account);
+        let turns = turn(signal).map_or(0, |turn| round::unroll(&mut samples, turn));
         let series = Series {
             t_s: samples.iter().map(|s| seconds(s.0) - signal.delay).collect(),
             value: samples.iter().map(|s| s.1).collect(),
@@ -89,6 +90,7 @@ impl Context<'_> {
         let mut notes = self.notes(name, &account, &log_ns, &stamps);
         notes.extend(set_back(name, &account, &twice));
         notes.extend(told(name, signal, &unit, &left_out));
+        notes.extend((turns > 0).then(|| goes_round(name, signal, turns)));
         notes.extend(signal.trend.and_then(|trend| against(name, signal, trend, &series)));
         Ok((SignalLog { series, account, left_out }, notes))
     }
@@ -263,10 +265,7 @@ fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Acc
     account.dropped_out_of_range = (samples.len() - inside.len()) as u64;
     if signal.spikes != Spikes::Keep {
         let (t, y): (Vec<i64>, Vec<f64>) = inside.iter().map(|&k| samples[k]).unzip();
-        let is_angle = ["deg", "degree", "degrees", "°", "rad", "radian", "radians"]
-            .contains(&signal.unit.as_str());
-        let round = is_angle.then_some(2.0 * std::f64::consts::PI * signal.scale.abs());
-        let found = spikes::found(&t, &y, round);
+        let found = spikes::found(&t, &y, turn(signal));
         account.dropped_spikes = found.len() as u64;
         found.into_iter().for_each(|k| fates[inside[k]] = Fate::Spike);
     }
@@ -276,6 +275,23 @@ fn drop_bad(signal: &SignalMap, samples: &mut Vec<(i64, f64)>, account: &mut Acc
         samples.retain(|_| fates.next() == Some(&Fate::Kept));
     }
     seen
+}
+
+/// A whole turn of an angle, in SI.
+fn turn(signal: &SignalMap) -> Option<f64> {
+    let is_angle = ["deg", "degree", "degrees", "°", "rad", "radian", "radians"]
+        .contains(&signal.unit.as_str());
+    is_angle.then_some(2.0 * std::f64::consts::PI * signal.scale.abs())
+}
+
+/// What is said of an angle that was logged within one turn.
+fn goes_round(name: &str, signal: &SignalMap, turns: u64) -> Note {
+    let times = if turns == 1 { "once".to_string() } else { format!("{turns} times") };
+    let text = format!(
+        "{} {}: steps by a whole turn {times}: it goes on beyond one, so that what lies between two samples is the shorter way",
+        signal.topic, signal.field
+    );
+    Note::info(name, turns, text)
 }
 
 /// Spikes that a note tells one by one.

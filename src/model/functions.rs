@@ -181,13 +181,30 @@ fn clamp(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
         call.at,
         "compared with",
     )?;
+    if let [Some(low), Some(high)] = [a[1], a[2]].map(|x| c.graph().constant(x.node))
+        && low > high
+    {
+        let what = format!("clamp() keeps between {low} and {high}: the first is above the second");
+        c.report(call.at, call.arguments[1].at, what);
+        return None;
+    }
     let g = c.graph();
     let low = g.max(a[0].node, a[1].node);
     Some(Typed { node: g.min(low, a[2].node), dim })
 }
 
+/// A constant that may not be below zero: half a width, a time.
+fn not_negative(c: &mut Compiler, x: Typed, offset: usize, at: &At, what: &str) -> Option<()> {
+    let Some(negative) = c.graph().constant(x.node).filter(|value| *value < 0.0) else {
+        return Some(());
+    };
+    c.report(at, offset, format!("{what} is {negative}: it cannot be below zero"));
+    None
+}
+
 fn deadband(c: &mut Compiler, call: &Call, a: &[Typed]) -> Option<Typed> {
     let dim = c.same_unit(a[0], a[1], call.arguments[1].at, call.at, "compared with")?;
+    not_negative(c, a[1], call.arguments[1].at, call.at, "half the width of deadband()")?;
     let (g, x, w) = (c.graph(), a[0].node, a[1].node);
     let (above, minus) = (g.sub(x, w), g.add(x, w));
     let below = g.neg(minus);
@@ -247,6 +264,7 @@ fn delay(c: &mut Compiler, &Call { arguments, offset, at }: &Call) -> Option<Typ
     let (x, tau) = (c.build(&arguments[0], at), c.build(&arguments[1], at));
     let (x, tau) = (x?, tau?);
     seconds(c, tau, arguments[1].at, at, "a delay")?;
+    not_negative(c, tau, arguments[1].at, at, "a delay")?;
     if c.leaves(tau.node).iter().any(|l| matches!(l, Leaf::Delayed(_))) {
         c.report(at, offset, "a delay time cannot itself depend on a delayed value".into());
         return None;

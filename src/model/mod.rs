@@ -424,6 +424,20 @@ impl Model {
         self.recipe.as_ref().map_or(&[], |recipe| &recipe.estimated)
     }
 
+    /// The text of the model's own file with these numbers as starts of its parameters, and those that stand in
+    /// what it uses; none if it was not compiled from text.
+    pub fn started_at(&self, values: &[(&str, f64)]) -> Option<(String, Vec<String>)> {
+        let sources = self.recipe.iter().flat_map(|r| &r.sources);
+        let doc = &sources.into_iter().rfind(|s| s.amends.is_none())?.doc;
+        let place = |name: &str| format!("parameters.{name}.start");
+        let (own, others): (Vec<_>, Vec<_>) =
+            values.iter().partition(|(name, _)| doc.has(&place(name)));
+        let own: Vec<(String, String)> =
+            own.iter().map(|(name, value)| (place(name), format!("{value:?}"))).collect();
+        let others = others.iter().map(|(name, _)| name.to_string()).collect();
+        Some((doc.with_values(&own)?, others))
+    }
+
     /// The text of the model's own file, without what it uses; empty if it was not compiled from
     /// text.
     pub fn own_text(&self) -> &str {

@@ -11,7 +11,7 @@ use super::consistency::Row;
 use super::gyros::{LATE, Skew, drift, late, skew};
 use super::settings::Settings;
 use super::signals::{Logged, Series};
-use super::turns::{FEWEST, Step, all, angles, runs, turns};
+use super::turns::{FEWEST, GYROS, Step, all, angles, runs, turns};
 use crate::math::products::dot;
 use crate::model::Model;
 
@@ -21,7 +21,6 @@ const OWN: f64 = 0.7;
 /// Angles and gyros that go so well with each other and differ by such a ratio are in different units.
 const ALIKE: f64 = 0.9;
 const UNITS: [f64; 2] = [0.2, 5.0];
-pub const GYROS: [&str; 3] = ["p_imu", "q_imu", "r_imu"];
 pub const ANGLES: [&str; 3] = ["phi", "theta", "psi"];
 
 /// What was found.
@@ -54,7 +53,8 @@ pub fn axes(model: &Model, driving: &[Series], measured: &[Logged], settings: &S
     if !units.is_empty() {
         let words: Vec<String> = units.iter().map(|(_, text)| text.clone()).collect();
         let these: Vec<usize> = units.iter().map(|(axis, _)| *axis).collect();
-        let row = |(axis, text)| row(GYROS[axis], "axis", f64::NAN, "-", ("another unit", text));
+        let row =
+            |(axis, text)| Row::of(GYROS[axis], "axis", f64::NAN, "-", ("another unit", text));
         return Axes {
             rows: units.into_iter().map(row).collect(),
             unfit: Some((places(&these), words.join("; "))),
@@ -82,7 +82,7 @@ pub fn axes(model: &Model, driving: &[Series], measured: &[Logged], settings: &S
         for angle in ANGLES.iter().filter(|_| found.late.is_some()) {
             let tau = found.late.unwrap_or_default();
             let text = format!("behind all gyros by {tau:.4} s: its stamps are moved back by that");
-            let row = row(angle, "time skew", tau, "s", ("late", text));
+            let row = Row::of(angle, "time skew", tau, "s", ("late", text));
             found.rows.push(Row { low: -LATE, high: LATE, ..row });
         }
         let may = |axis: usize| {
@@ -113,7 +113,7 @@ fn turning(axis: usize, turns: &[[[f64; 3]; 2]], verdict: &'static str) -> Row {
         "correlation of its turns with those of the attitude about its axis {own:.3}; {}",
         others.join(", ")
     );
-    row(GYROS[axis], "axis", own, "-", (verdict, text))
+    Row::of(GYROS[axis], "axis", own, "-", (verdict, text))
 }
 
 /// Axes whose angle changes by far more, or less, than the gyros say, in words. The angle of one that is in
@@ -137,17 +137,6 @@ fn units(runs: &[Vec<Step>]) -> Vec<(usize, String)> {
         }
     }
     out
-}
-
-pub fn row(
-    channel: &str,
-    check: &'static str,
-    value: f64,
-    unit: &str,
-    (verdict, text): (&'static str, String),
-) -> Row {
-    let (channel, unit) = (channel.to_string(), unit.to_string());
-    Row { channel, check, value, low: f64::NAN, high: f64::NAN, unit, verdict, text }
 }
 
 /// How well turns by the attitude about axis `i` go with those by gyro `j`.

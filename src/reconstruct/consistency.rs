@@ -58,6 +58,18 @@ pub struct Row {
 }
 
 impl Row {
+    /// A line without limits.
+    pub fn of(
+        channel: &str,
+        check: &'static str,
+        value: f64,
+        unit: &str,
+        (verdict, text): (&'static str, String),
+    ) -> Row {
+        let (channel, unit) = (channel.to_string(), unit.to_string());
+        Row { channel, check, value, low: f64::NAN, high: f64::NAN, unit, verdict, text }
+    }
+
     /// Whether it is of the same channel and check.
     pub fn is_of(&self, other: &Row) -> bool {
         (&self.channel, self.check) == (&other.channel, other.check)

@@ -6,9 +6,8 @@
 //! turns `g - a` in every part; what the parts' have of a straight line is its drift. Where all gyros are ahead
 //! of the attitude by as much, it is the attitude that is late.
 
-use super::axes::{GYROS, row};
 use super::consistency::{PART, Row, modelled};
-use super::turns::{FEWEST, Step};
+use super::turns::{FEWEST, GYROS, Step};
 use crate::math::distribution::{INTERVAL_95, t_quantile};
 use crate::math::products::dot;
 
@@ -73,7 +72,7 @@ impl Skew {
             self.scale,
             if tau < -limit { ": the attitude is late" } else { "" }
         );
-        let row = row(GYROS[self.axis], "time skew", tau, "s", (verdict, text));
+        let row = Row::of(GYROS[self.axis], "time skew", tau, "s", (verdict, text));
         Row { low: -limit, high: limit, ..row }
     }
 }
@@ -118,7 +117,7 @@ pub fn drift(axis: usize, runs: &[Vec<Step>], may: bool) -> Option<Row> {
             ", and is taken for constant: see [reconstruct.method.walk]"
         }
     );
-    let row = row(GYROS[axis], "drift", change, "rad/s", (verdict, text));
+    let row = Row::of(GYROS[axis], "drift", change, "rad/s", (verdict, text));
     Some(Row { low: -limit, high: limit, ..row })
 }
 

@@ -14,6 +14,7 @@
 use super::signals::Series;
 use crate::math::interpolate::{between, locate};
 
+pub const GYROS: [&str; 3] = ["p_imu", "q_imu", "r_imu"];
 /// Time over which the aircraft turns, s.
 const TURN: f64 = 0.4;
 /// Turns that are compared, at least.

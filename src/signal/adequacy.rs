@@ -36,6 +36,9 @@ pub const SHARE: f64 = 0.2;
 /// that was not excited come to that; so many times it is a sign, a unit or a sensor that is wrong.
 /// *Convention*: twice the power.
 pub const WORSE: f64 = 1.5;
+/// Little that is left is so many times what noise may leave, and no noise: a remark, as a term that is missing
+/// moves the others. *Convention*: six times the noise that was read.
+pub const FAR: f64 = 3.0;
 /// So many times its noise an output must move, or be missed, to tell anything. *Convention*.
 pub const MOVED: f64 = 3.0;
 
@@ -62,6 +65,11 @@ impl Leaves {
             Leaves::Unmoved => "hardly moved",
         }
     }
+}
+
+/// Whether what is left, little as it may be beside the motion, is no noise of a sensor.
+pub fn is_far(left: f64, noise: f64) -> bool {
+    left > FAR * COLOUR * noise
 }
 
 /// Sums over samples of one output.

@@ -5,6 +5,7 @@ pub mod adequacy;
 pub mod oscillation;
 pub mod resample;
 pub mod robust;
+pub mod round;
 pub mod smooth;
 pub mod spikes;
 pub mod still;

@@ -15,6 +15,8 @@
 //! Signals of four values or fewer (switches, commanded steps), and samples that do not come at a steady
 //! rate (one message at each change), are not judged.
 
+use super::round::beyond;
+
 /// Samples on each side that show how much the signal moves.
 const AROUND: usize = 25;
 /// Those beside a spike that show nothing: the spike is in their neighbourhood.
@@ -35,8 +37,6 @@ const OF_VALUE: f64 = 0.1;
 const SWITCH: usize = 4;
 /// A rate is steady where this share of the spacings is within half of the median.
 const STEADY: f64 = 0.9;
-/// An angle that goes round steps by a period, give or take this share of it.
-const ROUND: f64 = 0.25;
 /// Fewer samples show nothing.
 const FEWEST: usize = 20;
 
@@ -51,11 +51,8 @@ pub fn found(t: &[i64], y: &[f64], period: Option<f64>) -> Vec<usize> {
     let step = |from: usize, to: usize| {
         let step = y[to] - y[from];
         match period {
-            // Once around, and no further: what is many turns away has nothing to do with those beside it.
-            Some(period) if (step.abs() / period - 1.0).abs() < ROUND => {
-                step - period * step.signum()
-            }
-            _ => step,
+            Some(period) => step - beyond(step, period),
+            None => step,
         }
     };
     let bend = |k: usize| 0.5 * (step(k, k - 1) + step(k, k + 1)).abs();

@@ -66,7 +66,7 @@ fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
     let Some((place, base)) = parts(campaign, unit) else { return Value::Null };
     let predicted = is_predicted(campaign, place);
-    json!({ "name": unit.name, "predicted": predicted, "estimate": slice_of(&base.settings), "model": super::said(&base.model), "left_out": estimate::ready::left_out(base, campaign) })
+    json!({ "name": unit.name, "predicted": predicted, "estimate": slice_of(&base.settings), "model": super::said(&base.model), "left_out": estimate::ready::left_out(base, campaign), "derived": estimate::derived(base, campaign).map(super::said) })
 }
 
 fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Errors> {

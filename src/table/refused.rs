@@ -9,8 +9,8 @@ use crate::error::{Error, Place};
 const QUERY: &str = "query";
 
 /// What to do where a query is none.
-pub const HELP: &str =
-    "a query is one SELECT, as SELECT flight, count(*) FROM segments GROUP BY flight";
+pub const HELP: &str = "a query is one SELECT, as SELECT flight, count(*) FROM segments GROUP BY flight; \
+     columns that are words of SQL stand in double quotes: \"group\", \"interval\", \"from\", \"to\", \"of\"";
 
 /// The error of a query of the tables `there`; those it names have these columns.
 pub(super) fn refused(e: &PolarsError, there: &[&str], columns: &[String]) -> Error {
@@ -32,6 +32,12 @@ fn column(said: &str, columns: &[String]) -> Error {
     let mut all: Vec<&str> = columns.iter().map(String::as_str).collect();
     all.sort_unstable();
     all.dedup();
+    if all.contains(&name) {
+        return Error::new(format!("column \"{name}\" is not known where the query asks for it"))
+            .help(
+                "ON compares columns of both tables; a comparison with a value belongs into WHERE",
+            );
+    }
     Error::new(format!("no table of the query has a column \"{name}\"")).help(among(
         name,
         &all,
@@ -50,6 +56,8 @@ fn sql(said: &str, there: &[&str]) -> Error {
         ));
     }
     let said = first(said.strip_prefix("sql parser error: ").unwrap_or(said));
+    // What the parser has made of it says nothing to whoever wrote it.
+    let said = said.split_once(" { value: ").map_or(said, |(what, _)| what);
     let (what, place) = match said.rsplit_once(" at Line: ") {
         Some((what, at)) => (what, place(at)),
         None => (said, None),

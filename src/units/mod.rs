@@ -242,13 +242,11 @@ impl Reader<'_> {
             return Ok(inner);
         }
         let start = self.at;
-        while self.peek().is_some_and(|c| {
-            c.is_alphabetic() || c == '%' || c == '°' || c == '1' && self.at == start
-        }) {
+        if self.peek().is_some_and(|c| c.is_ascii_digit()) {
+            return self.one();
+        }
+        while self.peek().is_some_and(|c| c.is_alphabetic() || c == '%' || c == '°') {
             self.at += 1;
-            if self.chars[start] == '1' {
-                break;
-            }
         }
         let name: String = self.chars[start..self.at].iter().collect();
         let unit = lookup(&name).ok_or_else(|| {
@@ -274,6 +272,17 @@ impl Reader<'_> {
         }
     }
 
+    /// The one of `1/s`; any other number would be a scale, which no unit has.
+    fn one(&mut self) -> Result<Unit, String> {
+        let start = self.at;
+        while self.peek().is_some_and(|c| c.is_ascii_digit() || ".eE".contains(c)) {
+            self.at += 1;
+        }
+        let number: String = self.chars[start..self.at].iter().collect();
+        let wrong = || format!("unit \"{}\": {number} is a scale, not a unit", self.text);
+        lookup(&number).filter(|_| number == "1").ok_or_else(wrong)
+    }
+
     fn exponent(&mut self) -> Result<Option<f64>, String> {
         if let Some(power) = ['²', '³'].iter().position(|&c| self.peek() == Some(c)) {
             self.at += 1;
@@ -292,9 +301,13 @@ impl Reader<'_> {
         }
         let digits: String = self.chars[start..self.at].iter().collect();
         match (digits.parse::<f64>(), caret) {
-            (Ok(e), _) if e.abs() <= 12.0 && (2.0 * e).fract() == 0.0 => Ok(Some(e)),
+            // "g0" is no unit without a dimension
+            (Ok(e), _) if e != 0.0 && e.abs() <= 12.0 && (2.0 * e).fract() == 0.0 => Ok(Some(e)),
             (Err(_), false) if digits.is_empty() => Ok(None),
-            _ => Err(format!("unit \"{}\": \"^\" wants a whole number, or a half one", self.text)),
+            _ => Err(format!(
+                "unit \"{}\": \"^\" wants a whole number above or below zero, or a half one",
+                self.text
+            )),
         }
     }
 }
@@ -362,6 +375,10 @@ mod tests {
         assert!(Unit::parse("m/").is_err());
         assert!(Unit::parse("degC/s").unwrap_err().contains("K"));
         assert!(Unit::parse("m^x").is_err());
+        for scaled in ["100 ft", "10 kPa", "1000 lb/h", "1/100 ft", "10%", "1e3 m", "1.5 s"] {
+            assert!(Unit::parse(scaled).is_err_and(|e| e.contains("is a scale")), "{scaled}");
+        }
+        assert!(["g0", "m0", "deg0", "2 m", "0.1 deg"].iter().all(|u| Unit::parse(u).is_err()));
         assert!(Unit::parse("").is_err());
     }
 }

@@ -3,8 +3,11 @@
 
 use super::{noise, normal, rng};
 use crate::dynamics::{Channel, Directions, Propagator, Record};
-use crate::estimate::{End, Estimation, Settings, StartFrom, Stop, estimate};
-use crate::model::{Constants, Given, Model};
+use crate::estimate::{
+    End, Estimation, Influence, Made, Segment, Settings, StartFrom, Stop, estimate,
+    estimate_segments,
+};
+use crate::model::{Assumed, Constants, Given, Model, Quantity};
 use rayon::prelude::*;
 
 const SHORT_PERIOD: &str = r#"
@@ -147,6 +150,58 @@ fn recovery_constants_move_estimates_as_the_budget_says() {
         let assumed: f64 = base.budget.iter().map(|b| (b.slopes[i] * b.constant.sd).powi(2)).sum();
         let total = (row.sd.unwrap().powi(2) + assumed).sqrt();
         assert!((row.sd_total.unwrap() - total).abs() < 1e-12 * total && total > row.sd.unwrap());
+    }
+}
+
+/// Records whose first input was made with a factor of 1, and of which a second output was, too.
+fn made(records: &[Record], factor: f64, by: f64) -> Vec<Segment> {
+    let scaled = |record: &Record, by: f64| -> Vec<f64> {
+        record.inputs.chunks_exact(2).map(|row| row[0] * by).collect()
+    };
+    let one = |record: &Record| {
+        let mut made = record.clone();
+        let values = scaled(record, factor);
+        let rows = made.inputs.chunks_exact_mut(2);
+        rows.zip(&values).for_each(|(row, value)| row[0] = *value);
+        let measured =
+            |by: f64| made.channels[1].z.iter().map(|z| z * by * by).collect::<Vec<f64>>();
+        let (z, larger) = (measured(factor), measured(factor + by));
+        made.channels[1].z = z.into();
+        let quantity = Quantity { name: "factor".into(), unit: "-".into(), ..Quantity::default() };
+        let (source, origin) = (String::new(), None);
+        let constant = Assumed { quantity, value: 1.0, sd: 0.01, source, origin };
+        let change = Made {
+            constant,
+            by,
+            inputs: vec![(0, scaled(record, factor + by).into())],
+            channels: vec![(1, larger.into())],
+        };
+        Segment { record: made, made: vec![change], ..Segment::default() }
+    };
+    records.iter().map(one).collect()
+}
+
+#[test]
+fn recovery_constants_of_columns_move_estimates_as_the_budget_says() {
+    // What it changes is less than the noise, which weighs the outputs otherwise.
+    const STEP: f64 = 1e-6;
+    let records: Vec<Record> = (0..6).map(|seed| flight(&[], 1e-6, seed)).collect();
+    let model = Model::parse("assumed", SHORT_PERIOD, &Constants::default()).unwrap();
+    let tight = Settings { tolerance: 1e-12, step_tolerance: 1e-5, ..Settings::default() };
+    let at = |factor: f64| {
+        estimate_segments(&model, &made(&records, factor, 1e-6), &tight).expect("it converges")
+    };
+    let (base, up, down) = (at(1.0), at(1.0 + STEP), at(1.0 - STEP));
+    let of = |b: &&Influence| b.constant.quantity.name == "factor";
+    let influence = base.budget.iter().find(of).expect("it moves the estimates");
+    for (i, row) in base.rows.iter().enumerate() {
+        let difference = (up.rows[i].value - down.rows[i].value) / (2.0 * STEP);
+        let close = 0.01 * difference.abs() + 1e-3 * row.sd.unwrap_or(0.0) / STEP;
+        let slope = influence.slopes[i];
+        assert!((difference - slope).abs() <= close, "{}: {difference}, {slope}", row.name);
+        let assumed: f64 = base.budget.iter().map(|b| (b.slopes[i] * b.constant.sd).powi(2)).sum();
+        let total = (row.sd.unwrap().powi(2) + assumed).sqrt();
+        assert!((row.sd_total.unwrap() - total).abs() < 1e-12 * total);
     }
 }
 

@@ -68,16 +68,22 @@ pub fn column_of(separator: Separator, line: &str, cell: usize) -> usize {
     line.chars().count() + 1
 }
 
-/// Whether a cell has no value.
+/// Whether a cell has no value: nothing, or what stands for a missing one, however a number is written.
 pub fn is_missing(settings: &Import, cell: &str) -> bool {
-    cell.is_empty() || settings.missing.iter().any(|m| m == cell)
+    cell.is_empty()
+        || settings.missing.iter().any(|m| m == cell)
+        || parsed(settings, cell).is_some_and(|number| settings.says_missing(number))
 }
 
 /// A number, or NaN where the cell is empty or says that it is missing.
 pub fn number(settings: &Import, cell: &str) -> Option<f64> {
-    if is_missing(settings, cell) {
+    if cell.is_empty() || settings.missing.iter().any(|m| m == cell) {
         return Some(f64::NAN);
     }
+    parsed(settings, cell).map(|x| if settings.says_missing(x) { f64::NAN } else { x })
+}
+
+fn parsed(settings: &Import, cell: &str) -> Option<f64> {
     match settings.decimal {
         Decimal::Point => fast_float2::parse::<f64, _>(cell).ok(),
         // A point would be one of thousands: read as a decimal point, it makes 1.234 a thousandth of itself.

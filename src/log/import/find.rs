@@ -89,7 +89,7 @@ fn every(settings: &Import, doc: &Doc, folder: &Path) -> Result<Vec<Source>, Err
         let Some((before, after)) = place.split_once("{name}") else { continue };
         let pattern = [&glob::Pattern::escape(before), "*", &glob::Pattern::escape(after)].concat();
         let options =
-            glob::MatchOptions { require_literal_leading_dot: true, ..Default::default() };
+            glob::MatchOptions { require_literal_leading_dot: true, ..glob::MatchOptions::new() };
         let found = glob::glob_with(&pattern, options)
             .map_err(|e| doc.error("input", format!("\"{input}\" is no pattern: {e}")))?;
         let mut all: Vec<Source> = Vec::new();

@@ -8,6 +8,7 @@ mod mat;
 mod parquet;
 mod rows;
 mod settings;
+mod settle;
 mod text;
 mod ulog;
 
@@ -97,7 +98,10 @@ fn convert(
 ) -> Result<Imported, Errors> {
     let Read { mut topics, mut notes } = read(settings, doc, source).map_err(|e| of(e, source))?;
     for (topic, rows) in settings.topic.iter().zip(&mut topics) {
-        notes.extend(rows.settle(&topic.name));
+        let settled = rows.settle(&topic.name);
+        notes.extend(
+            settled.map_err(|what| Error::at(Place::file(source.path.to_string_lossy()), what))?,
+        );
         if rows.stamp.is_empty() {
             let what = format!("the file holds no row of data for topic \"{}\"", topic.name);
             return Err(Error::at(Place::file(source.path.to_string_lossy()), what).into());

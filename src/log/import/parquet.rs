@@ -1,10 +1,9 @@
 //! A Parquet file in; the rows of topics that are columns of it out.
 
-use super::rows::{Columns, Read, Values, Wanted, gather};
+use super::rows::{Columns, Read, Values, Wanted, gather, named};
 use super::settings::{Column, Import};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
-use crate::log::words::nearest_first;
 use arrow_array::cast::AsArray;
 use arrow_array::types;
 use arrow_array::{Array, RecordBatch};
@@ -24,6 +23,11 @@ pub fn is_parquet(bytes: &[u8]) -> bool {
 /// The file is damaged or packed in a way that is not read; columns that it lacks, or that are no
 /// numbers.
 pub fn read(settings: &Import, doc: &Doc, (file, bytes): (&str, Vec<u8>)) -> Result<Read, Errors> {
+    if settings.header_lines > 0 {
+        return Err(doc
+            .error("header_lines", format!("{file} is Parquet: it has no lines"))
+            .into());
+    }
     let bytes = Bytes::from(bytes);
     let opened = ParquetRecordBatchReaderBuilder::try_new(bytes.clone())
         .map_err(|e| Error::at(Place::file(file), format!("no readable Parquet file: {e}")))?;
@@ -46,12 +50,7 @@ impl Columns for File {
                 .checked_sub(1)
                 .filter(|n| *n < names.len())
                 .ok_or_else(|| format!("column {n} is wanted, the file has {}", names.len())),
-            Column::Name(name) => names.iter().position(|n| n == name).ok_or_else(|| {
-                format!(
-                    "there is no column \"{name}\"; the file has {}",
-                    nearest_first(name, &names)
-                )
-            }),
+            Column::Name(name) => named(name, &names, "the file"),
         }?;
         let name = names.get(index).copied().unwrap_or_default();
         let read = || -> Result<Vec<RecordBatch>, String> {

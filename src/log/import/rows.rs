@@ -4,7 +4,7 @@
 use super::settings::{Column, ISO, Import, Time, Topic};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
-use crate::log::turned::turned_back;
+use crate::log::words::nearest_first;
 use crate::units::Unit;
 
 /// Mistakes in the data that are shown before reading stops.
@@ -33,41 +33,6 @@ impl Rows {
     pub fn push(&mut self, stamp: u64, values: impl IntoIterator<Item = f64>) {
         self.stamp.push(stamp);
         self.values.extend(values);
-    }
-}
-
-impl Rows {
-    /// Puts the rows in the order of their stamps, without those of a time that came twice as the clock
-    /// was set back; what there is to say of it. `topic`: its name.
-    pub fn settle(&mut self, topic: &str) -> Vec<String> {
-        let times: Vec<i64> =
-            self.stamp.iter().map(|t| i64::try_from(*t).unwrap_or(i64::MAX)).collect();
-        let fields = self.values.len().checked_div(times.len()).unwrap_or(0);
-        let of = |row: usize| &self.values[row * fields..(row + 1) * fields];
-        let twice = turned_back(&times, |a, b| of(a) == of(b));
-        let mut order: Vec<usize> = (0..times.len()).collect();
-        order.retain(|&row| !twice.iter().any(|back| back.holds(times[row])));
-        let dropped = times.len() - order.len();
-        let late = order.windows(2).filter(|w| times[w[1]] < times[w[0]]).count();
-        if dropped + late > 0 {
-            order.sort_by_key(|&row| times[row]);
-            let row = |&row: &usize| of(row).iter().copied();
-            self.values = order.iter().flat_map(row).collect();
-            self.stamp = order.iter().map(|&row| self.stamp[row]).collect();
-        }
-        let back = twice.iter().map(|back| {
-            let row = times.windows(2).position(|w| w[0] == back.to && w[1] == back.from);
-            format!(
-                "topic {topic}: after row {} of its data the time goes back by {:.3} s: what came twice then is left out",
-                row.map_or(0, |row| row + 1),
-                back.seconds()
-            )
-        });
-        let mut notes: Vec<String> = back.collect();
-        if late > 0 {
-            notes.push(format!("topic {topic}: {late} rows stand behind later ones: sorted in"));
-        }
-        notes
     }
 }
 
@@ -137,6 +102,25 @@ impl Values {
         match self {
             Values::Numbers(all) => all.len(),
             Values::Stamps(all) => all.len(),
+        }
+    }
+}
+
+/// The place of the one column of this name; `has`: what has the names.
+///
+/// # Errors
+/// There is none, with the nearest names; there are several.
+pub fn named(name: &str, names: &[&str], has: &str) -> Result<usize, String> {
+    let mut all = names.iter().enumerate().filter(|(_, n)| **n == name).map(|(i, _)| i);
+    match (all.next(), all.next()) {
+        (Some(one), None) => Ok(one),
+        (Some(one), Some(other)) => Err(format!(
+            "columns {} and {} are both called \"{name}\": give the number of the one that is meant",
+            one + 1,
+            other + 1
+        )),
+        _ => {
+            Err(format!("there is no column \"{name}\"; {has} has {}", nearest_first(name, names)))
         }
     }
 }
@@ -266,8 +250,9 @@ fn fields(
     let mut all = Vec::with_capacity(fields.len());
     for (k, field) in fields.iter().enumerate() {
         let wanted = Wanted { column: &field.column, matrix: field.matrix.as_deref() };
+        let known = |x: f64| if settings.says_missing(x) { f64::NAN } else { x };
         let values = columns.column(wanted).and_then(|values| match values {
-            Values::Numbers(all) => Ok((wanted.words(), all)),
+            Values::Numbers(all) => Ok((wanted.words(), all.into_iter().map(known).collect())),
             Values::Stamps(_) => Err(format!("{} has times, no numbers", wanted.words())),
         });
         let at = format!("topic.{topic}.fields.{k}.column");

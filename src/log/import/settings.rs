@@ -39,7 +39,8 @@ pub struct Import {
     /// How numbers are written in a text file.
     #[serde(default)]
     pub decimal: Decimal,
-    /// What stands in a cell without a value, besides nothing: `["n/a", "-9999"]`.
+    /// What stands in a cell without a value, besides nothing: `["n/a", "-9999"]`. A number is one in
+    /// every kind of file, however it is written there (-9999.0).
     #[serde(default)]
     pub missing: Vec<String>,
     /// Lines before the data. With names in one of them, columns may be given by name.
@@ -151,6 +152,12 @@ pub struct Field {
 }
 
 impl Import {
+    /// Whether a number stands for a missing value.
+    pub fn says_missing(&self, number: f64) -> bool {
+        let is = |m: &String| fast_float2::parse::<f64, _>(m).is_ok_and(|m| m == number);
+        !self.missing.is_empty() && self.missing.iter().any(is)
+    }
+
     /// The time of a topic, and whether it is its own.
     pub fn time_of<'a>(&'a self, topic: &'a Topic) -> (Option<&'a Time>, bool) {
         (topic.time.as_ref().or(self.time.as_ref()), topic.time.is_some())

@@ -1,11 +1,10 @@
 //! A text file of columns in; the rows of its topics out.
 
 use super::cells::{column_of, each_row, is_missing, moment, number, plain};
-use super::rows::{Clock, Read, Rows, SHOWN, at_rate, timeless};
-use super::settings::{Column, ISO, Import, Time};
+use super::rows::{Clock, Read, Rows, SHOWN, at_rate, named, timeless};
+use super::settings::{Column, ISO, Import, Separator, Time};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
-use crate::log::words::nearest_first;
 
 /// Names of the columns, from the line that has them; none without one.
 fn header(settings: &Import, text: &str) -> Vec<String> {
@@ -121,10 +120,62 @@ fn index(
         Column::Name(name) if names.is_empty() => {
             Err(wrong(format!("there is no header to find column \"{name}\" in: give its number")))
         }
-        Column::Name(name) => names.iter().position(|h| h == name).ok_or_else(|| {
-            let has = nearest_first(name, names);
-            wrong(format!("there is no column \"{name}\"; the header has {has}"))
-        }),
+        Column::Name(name) => named(name, names, "the header").map_err(wrong),
+    }
+}
+
+/// How many cells a row may have. A cell too many (a comma in a remark, a decimal comma) moves all behind it
+/// by one.
+struct Width {
+    cells: Option<usize>,
+    of: &'static str,
+    /// Names with blanks in them have other numbers of cells than their columns.
+    exact: bool,
+    blanks: bool,
+}
+
+/// Lines in one quoted cell, at most: more are rows that a quote without its end has swallowed.
+const LINES: usize = 4;
+
+impl Width {
+    fn of(settings: &Import, header: &[String]) -> Width {
+        let is_name = |column: &Column| matches!(column, Column::Name(_));
+        let of_times = settings.topic.iter().filter_map(|t| t.time.as_ref());
+        let named = settings.topic.iter().flat_map(|t| &t.fields).any(|f| is_name(&f.column))
+            || settings.time.iter().chain(of_times).any(|t| t.column.as_ref().is_some_and(is_name));
+        let blanks = settings.separator == Separator::Whitespace;
+        let cells = (named && !header.is_empty()).then_some(header.len());
+        Width { cells, of: "the line of names", exact: blanks && cells.is_some(), blanks }
+    }
+
+    /// Without names the first row says how many there are, but for columns between blanks, behind which
+    /// remarks may stand.
+    ///
+    /// # Errors
+    /// In words: the row has others.
+    fn holds(&mut self, cells: &[&str]) -> Result<(), String> {
+        if cells.iter().any(|cell| cell.matches('\n').count() > LINES) {
+            return Err(format!(
+                "a quoted cell of more than {LINES} lines begins in this row: the quote at its end is missing"
+            ));
+        }
+        let has = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+        let Some(wanted) = self.cells else {
+            if !self.blanks {
+                (self.cells, self.of) = (Some(cells.len()), "the first row");
+            }
+            return Ok(());
+        };
+        let wrong = has > wanted || self.exact && has < wanted;
+        let why = if self.blanks {
+            "a name with a blank in it counts as two: give the columns by number"
+        } else {
+            "a separator within a cell that is not quoted?"
+        };
+        if wrong {
+            return Err(format!("the row has {has} cells, {} has {wanted}: {why}", self.of));
+        }
+        Ok(())
     }
 }
 
@@ -142,6 +193,7 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
     let mut lost = vec![0; topics.len()];
     let mut errors = Errors::default();
     let mut row_number = 0;
+    let mut width = Width::of(settings, &header(settings, text));
     each_row(settings.separator, data, &mut |start, cells| {
         let (before, row) = data.split_at_checked(start).unwrap_or((data, ""));
         let at = |i: usize| Place {
@@ -149,6 +201,10 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
             line: settings.header_lines + before.matches('\n').count() + 1,
             column: column_of(settings.separator, row.lines().next().unwrap_or(""), i),
         };
+        if let Err(what) = width.holds(cells) {
+            errors.push(Error::at(at(0), what));
+            return errors.0.len() < SHOWN;
+        }
         let cell = |i: usize| {
             cells.get(i).copied().ok_or_else(|| {
                 let what = format!("column {} is wanted, the row has {}", i + 1, cells.len());
@@ -192,6 +248,10 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
         row_number += 1;
         errors.0.len() < SHOWN
     });
+    if errors.0.len() >= SHOWN {
+        let what = format!("reading stopped after {SHOWN} mistakes: there may be more");
+        errors.push(Error::at(Place::file(file), what));
+    }
     let notes = settings.topic.iter().zip(lost).filter_map(|(t, n)| timeless(&t.name, n)).collect();
     errors.or(Read { topics, notes })
 }

@@ -166,16 +166,32 @@ pub fn add_model(
     grid: &Grid,
     columns: &mut IndexMap<String, Column>,
 ) -> Result<()> {
-    let propagator = Propagator::new(model, Directions::default())?;
-    let parameters = model.parameter_starts();
-    let (n, nu, ny) = (grid.n, inputs.len(), model.outputs.len());
     let driving: Vec<&[f64]> =
         inputs.iter().filter_map(|name| columns.get(name)).map(|c| c.values.as_slice()).collect();
+    let outputs = outputs(model, &model.parameter_starts(), &driving, grid)?;
+    for (quantity, values) in model.outputs.iter().zip(outputs) {
+        columns.insert(
+            quantity.name.clone(),
+            Column { unit: quantity.unit.clone(), doc: quantity.doc.clone(), values },
+        );
+    }
+    Ok(())
+}
+
+/// The outputs of a model without states at these parameters, wherever all that drives it has values.
+///
+/// # Errors
+/// The model has states.
+pub fn outputs(
+    model: &Model,
+    parameters: &[f64],
+    driving: &[&[f64]],
+    grid: &Grid,
+) -> Result<Vec<Vec<f64>>> {
+    let propagator = Propagator::new(model, Directions::default())?;
+    let (n, nu, ny) = (grid.n, model.inputs.len(), model.outputs.len());
     let known = |k: usize| driving.iter().all(|column| column[k].is_finite());
-    // What looks back, or at the clock, sees all that went before.
-    let by_itself =
-        model.delays.is_empty() && !model.graph.leaves(&model.output_nodes).contains(&Leaf::Time);
-    let piece = if by_itself { PIECE } else { n.max(1) };
+    let piece = if looks_at_its_own_sample(model) { PIECE } else { n.max(1) };
     let mut outputs = vec![vec![f64::NAN; n]; ny];
     let mut begin = 0;
     while begin < n {
@@ -193,7 +209,7 @@ pub fn add_model(
                     inputs: values,
                     ..Default::default()
                 };
-                let run = propagator.run(&parameters, &[], &record, false);
+                let run = propagator.run(parameters, &[], &record, false);
                 let rows = rows.zip(run.y.chunks_exact(ny.max(1)));
                 for (k, row) in rows.filter(|(k, _)| (from..to).contains(k)) {
                     row.iter().zip(&mut outputs).for_each(|(value, output)| output[k] = *value);
@@ -202,13 +218,13 @@ pub fn add_model(
         }
         begin = end;
     }
-    for (quantity, values) in model.outputs.iter().zip(outputs) {
-        columns.insert(
-            quantity.name.clone(),
-            Column { unit: quantity.unit.clone(), doc: quantity.doc.clone(), values },
-        );
-    }
-    Ok(())
+    Ok(outputs)
+}
+
+/// Whether a point of the outputs depends on the inputs there alone, and on their rates: what looks back, or
+/// at the clock, sees all that went before.
+pub fn looks_at_its_own_sample(model: &Model) -> bool {
+    model.delays.is_empty() && !model.graph.leaves(&model.output_nodes).contains(&Leaf::Time)
 }
 
 /// Points of the grid in a window of so many seconds: an odd number, enough for a cubic.

@@ -5,8 +5,10 @@ mod adequacy;
 mod batch;
 pub mod chosen;
 mod config;
+mod identified;
 mod late;
 mod limits;
+mod made;
 mod method;
 mod names;
 pub(super) mod ready;
@@ -23,6 +25,7 @@ use super::{Campaign, Inputs, Note, Output, Part, Read, Severity, Stage, Unit, s
 use crate::engine::Here;
 use crate::error::Errors;
 use crate::estimate::{self, Estimation};
+use crate::model::Model;
 use crate::table::Table;
 use batch::Batch;
 use rayon::prelude::*;
@@ -121,8 +124,16 @@ fn slice(campaign: &Campaign, unit: &Unit) -> Value {
         }
         entries.insert("model".into(), super::said(&config.model));
         entries.extend(super::taken(&config.model));
+        if let Some(model) = derived(config, campaign) {
+            entries.insert("derived".into(), super::said(model));
+        }
     }
     slice
+}
+
+/// The model of columns that an estimate uses, where it assumes constants.
+pub(super) fn derived<'a>(config: &Config, campaign: &'a Campaign) -> Option<&'a Model> {
+    made::model(config, &campaign.derive)
 }
 
 fn reads(campaign: &Campaign, unit: &Unit) -> Vec<Read> {
@@ -156,17 +167,24 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> Result<Output, Erro
     let Some(config) = campaign.estimates.get(unit.index) else { return Ok(Output::default()) };
     match unit.flight() {
         "" => estimated(config, campaign, inputs),
-        flight => of_flight(config, flight, inputs),
+        flight => of_flight(config, flight, campaign, inputs),
     }
 }
 
 /// What one flight has of an estimate: the tables that have a row.
-fn of_flight(config: &Config, flight: &str, inputs: &Inputs) -> Result<Output, Errors> {
+fn of_flight(
+    config: &Config,
+    flight: &str,
+    campaign: &Campaign,
+    inputs: &Inputs,
+) -> Result<Output, Errors> {
     let mut notes = Vec::new();
-    let ready = ready::of_one(config, flight, inputs, &mut notes)?;
-    let (mut tables, _) = of_ready(config, ready, inputs, &mut notes)?;
+    let mut ready = ready::of_one(config, flight, inputs, &mut notes)?;
+    made::add(config, &campaign.derive, inputs, &mut ready)?;
+    let Estimated { mut tables, files, .. } =
+        of_ready(config, ready, (Some(flight), inputs), &mut notes)?;
     tables.retain(|(_, table)| table.rows() > 0);
-    Ok(Output { tables, files: Vec::new(), notes })
+    Ok(Output { tables, files, notes })
 }
 
 /// One estimate of the campaign's maneuvers.
@@ -176,10 +194,11 @@ pub(super) fn estimated(
     inputs: &Inputs,
 ) -> Result<Output, Errors> {
     let mut notes = Vec::new();
-    let ready = ready::of(config, campaign, inputs, &mut notes)?;
-    let (tables, stops) = of_ready(config, ready, inputs, &mut notes)?;
+    let mut ready = ready::of(config, campaign, inputs, &mut notes)?;
+    made::add(config, &campaign.derive, inputs, &mut ready)?;
+    let Estimated { tables, files, stops } = of_ready(config, ready, (None, inputs), &mut notes)?;
     notes.extend(together(config, &stops));
-    Ok(Output { tables, files: Vec::new(), notes })
+    Ok(Output { tables, files, notes })
 }
 
 /// What is said of all estimations of an estimate together, by how each of them stopped.
@@ -206,14 +225,18 @@ pub(super) fn together(config: &Config, stops: &[&str]) -> Vec<Note> {
     notes
 }
 
-/// Tables, and how each estimation stopped.
-type Estimated = (Vec<(&'static str, Table)>, Vec<&'static str>);
+/// What estimations are told in, and how each of them stopped.
+struct Estimated {
+    tables: Vec<(&'static str, Table)>,
+    files: Vec<(String, Vec<u8>)>,
+    stops: Vec<&'static str>,
+}
 
 /// Estimates from records that are ready.
 fn of_ready(
     config: &Config,
     ready: Vec<Ready>,
-    inputs: &Inputs,
+    (flight, inputs): (Option<&str>, &Inputs),
     notes: &mut Vec<Note>,
 ) -> Result<Estimated, Errors> {
     let batches = batches(config.settings.group, ready);
@@ -237,7 +260,11 @@ fn of_ready(
     }
     let results: Vec<(&Batch, &Estimation)> = batches.iter().zip(&estimations).collect();
     let stops = estimations.iter().map(|estimation| estimation.stop.as_str()).collect();
-    Ok((tables::all(&config.name(), &results)?, stops))
+    let files = match results[..] {
+        [one] => identified::file(config, flight, one).into_iter().collect(),
+        _ => Vec::new(),
+    };
+    Ok(Estimated { tables: tables::all(&config.name(), &results)?, files, stops })
 }
 
 /// Groups the records, in order of flights and maneuvers.

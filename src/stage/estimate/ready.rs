@@ -232,7 +232,7 @@ fn labelled(
         record: Record { substeps: settings.substeps, interpolation, ..record },
         labels,
         conditions: held.iter().map(|(name, value)| (name.to_string(), *value)).collect(),
-        stretch: None,
+        ..Segment::default()
     }))
 }
 

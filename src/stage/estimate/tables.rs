@@ -114,7 +114,11 @@ fn modes(model: &str, done: &[Done]) -> Result<Table> {
     let rows: Vec<(&Batch, &Mode)> =
         done.iter().flat_map(|(b, e)| e.modes.iter().map(move |mode| (*b, mode))).collect();
     let number = |of: fn(&Mode) -> f64| rows.iter().map(|(_, m)| of(m)).collect::<Vec<f64>>();
-    let kind = |m: &Mode| if m.imag.value > 0.0 { "oscillation" } else { "aperiodic" };
+    let kind = |m: &Mode| match (m.imag.value > 0.0, m.real.value == 0.0) {
+        (true, _) => "oscillation",
+        (_, true) => "integrator",
+        _ => "aperiodic",
+    };
     Table::build("modes")
         .repeat("model", model)
         .strings("group", rows.iter().map(|(b, _)| &b.group))

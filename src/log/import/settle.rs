@@ -1,0 +1,193 @@
+//! The rows of one topic as a file has them, in; the same in the order of time, without those that are none
+//! of the topic or came twice, and what there is to say of it, out.
+
+use super::rows::Rows;
+use crate::log::turned::{Back, turned_back};
+
+/// What clocks count that begin anew, s: a day, a week of GPS, 32 bits of microseconds and of
+/// milliseconds.
+const PERIODS: [(f64, &str); 4] = [
+    (86_400.0, "a day"),
+    (604_800.0, "a week"),
+    (4_294.967_296, "2^32 us"),
+    (4_294_967.296, "2^32 ms"),
+];
+/// A clock begins anew where it falls by a period to within this, s, or two steps, and this share of it.
+const NEAR: f64 = 0.05;
+const SHARE: f64 = 1e-3;
+/// Rows that may be left out because their time came twice: of more nothing is known.
+const TWICE: f64 = 0.1;
+/// Rows with values that are further apart than so many steps have a hole between them.
+const HOLE: f64 = 2.5;
+
+impl Rows {
+    /// Puts the rows in the order of their stamps. `topic`: its name.
+    ///
+    /// # Errors
+    /// In words: too many rows are of a time that came twice.
+    pub fn settle(&mut self, topic: &str) -> Result<Vec<String>, String> {
+        let mut notes = Vec::new();
+        notes.extend(self.begin_anew().map(|note| format!("topic {topic}: {note}")));
+        self.without_values();
+        let times = self.times();
+        let twice = turned_back(&times, |a, b| self.of(a) == self.of(b));
+        let mut order: Vec<usize> = (0..times.len()).collect();
+        order.retain(|&row| !twice.iter().any(|back| back.holds(times[row])));
+        let dropped = times.len() - order.len();
+        for back in &twice {
+            notes.push(format!(
+                "topic {topic}: {}: what came twice then is left out, {dropped} of {} rows",
+                set_back(&times, back),
+                times.len()
+            ));
+        }
+        if dropped as f64 > TWICE * times.len() as f64 {
+            return Err(notes.pop().unwrap_or_default().replace(
+                "is left out, ",
+                "is more than can be left out: give each part as a file of its own; ",
+            ));
+        }
+        let late: Vec<usize> =
+            (1..order.len()).filter(|&k| times[order[k]] < times[order[k - 1]]).collect();
+        if let Some(&first) = late.first() {
+            let back = (times[order[first - 1]] - times[order[first]]) as f64 / 1e9;
+            notes.push(format!(
+                "topic {topic}: the time goes back {} times, first behind row {} by {back:.3} s: rows are put in the order of time",
+                late.len(),
+                order[first - 1] + 1
+            ));
+        }
+        if dropped + late.len() > 0 {
+            order.sort_by_key(|&row| times[row]);
+            self.take(&order);
+        }
+        Ok(notes)
+    }
+
+    fn times(&self) -> Vec<i64> {
+        self.stamp.iter().map(|t| i64::try_from(*t).unwrap_or(i64::MAX)).collect()
+    }
+
+    fn of(&self, row: usize) -> &[f64] {
+        let fields = self.values.len().checked_div(self.stamp.len()).unwrap_or(0);
+        &self.values[row * fields..(row + 1) * fields]
+    }
+
+    fn take(&mut self, rows: &[usize]) {
+        let values = rows.iter().flat_map(|&row| self.of(row).iter().copied()).collect();
+        self.stamp = rows.iter().map(|&row| self.stamp[row]).collect();
+        self.values = values;
+    }
+
+    /// Adds a period to what stands behind the one row at which the clock begins anew.
+    fn begin_anew(&mut self) -> Option<String> {
+        let times = self.times();
+        let step = usual(&times)?;
+        let mut backs = (1..times.len()).filter(|&k| times[k] < times[k - 1]);
+        let (Some(at), None) = (backs.next(), backs.next()) else { return None };
+        let fall = (times[at - 1] - times[at] + step) as f64 / 1e9;
+        let steps = NEAR.max(2.0 * step as f64 / 1e9);
+        let is_near = |period: &f64| (fall - period).abs() < steps.min(SHARE * period);
+        let (period, name) = PERIODS.iter().find(|(period, _)| is_near(period))?;
+        let more = libm::round(period * 1e9) as u64;
+        self.stamp[at..].iter_mut().for_each(|stamp| *stamp = stamp.saturating_add(more));
+        Some(format!(
+            "the time falls by {:.3} s behind row {at}, as a clock does that begins anew: {name} is added from there on",
+            fall - step as f64 / 1e9
+        ))
+    }
+
+    /// Leaves out rows without any value: of a file in which each clock has rows of its own, most are of
+    /// other topics. In a hole they stay, as what tells that there is one.
+    fn without_values(&mut self) {
+        let has_value = |&row: &usize| self.of(row).iter().any(|v| !v.is_nan());
+        let times = self.times();
+        let mut with: Vec<i64> = (0..times.len()).filter(has_value).map(|row| times[row]).collect();
+        with.sort_unstable();
+        let Some(step) = usual(&with) else { return };
+        let in_hole = |&row: &usize| {
+            let next = with.partition_point(|t| *t < times[row]);
+            let beside = next.checked_sub(1).and_then(|last| with.get(last)).zip(with.get(next));
+            beside.is_none_or(|(a, b)| b.saturating_sub(*a) as f64 > HOLE * step as f64)
+        };
+        let stay: Vec<usize> =
+            (0..times.len()).filter(|row| has_value(row) || in_hole(row)).collect();
+        if stay.len() < times.len() {
+            self.take(&stay);
+        }
+    }
+}
+
+/// The middle one of the steps forward.
+fn usual(times: &[i64]) -> Option<i64> {
+    let steps = times.windows(2).map(|w| w[1].saturating_sub(w[0]));
+    let mut steps: Vec<i64> = steps.filter(|step| *step > 0).collect();
+    let middle = steps.len() / 2;
+    (!steps.is_empty()).then(|| *steps.select_nth_unstable(middle).1)
+}
+
+fn set_back(times: &[i64], back: &Back) -> String {
+    let row = times.windows(2).position(|w| w[0] == back.to && w[1] == back.from);
+    let row = row.map_or(0, |row| row + 1);
+    format!("after row {row} of its data the time goes back by {:.3} s", back.seconds())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(all: impl IntoIterator<Item = (f64, f64)>) -> Rows {
+        let mut rows = Rows::default();
+        all.into_iter().for_each(|(t, v)| rows.push((t * 1e9) as u64, [v]));
+        rows
+    }
+
+    fn values(rows: &Rows) -> Vec<f64> {
+        rows.values.clone()
+    }
+
+    #[test]
+    fn a_clock_that_begins_anew_goes_on() {
+        let mut midnight = rows((0..100).map(|k| {
+            let t = 86_399.0 + 0.02 * f64::from(k);
+            (t % 86_400.0, f64::from(k))
+        }));
+        let notes = midnight.settle("/t").expect("it goes on");
+        assert!(notes[0].contains("a day is added") && notes.len() == 1, "{notes:?}");
+        assert!(values(&midnight).is_sorted() && midnight.stamp.is_sorted());
+        assert_eq!(midnight.stamp.len(), 100);
+    }
+
+    #[test]
+    fn rows_of_other_clocks_are_none_and_holes_stay() {
+        // every other row is of another recorder; for a while the sensor says nothing
+        let value = |k: u32| {
+            if k % 2 == 1 || (40..60).contains(&k) { f64::NAN } else { f64::from(k) }
+        };
+        let mut own = rows((0..100).map(|k| (0.01 * f64::from(k), value(k))));
+        assert_eq!(own.settle("/t").expect("nothing is twice"), Vec::<String>::new());
+        let known = values(&own).iter().filter(|v| !v.is_nan()).count();
+        assert_eq!((known, own.stamp.len()), (40, 40 + 21 + 1));
+        // one below the other, at times between each other
+        let (a, b) = (
+            (0..100).map(|k| (f64::from(k), 1.0)),
+            (0..100).map(|k| (0.4 + f64::from(k), f64::NAN)),
+        );
+        let mut stacked = rows(a.chain(b));
+        stacked.settle("/t").expect("those of the other are none");
+        assert_eq!(stacked.stamp.len(), 101);
+    }
+
+    #[test]
+    fn a_file_of_two_runs_is_refused_and_a_shuffled_one_is_sorted() {
+        let run = || (0..300).map(|k| (0.02 * f64::from(k), f64::from(k)));
+        let second = run().map(|(t, v)| (t, -v));
+        let error = rows(run().chain(second)).settle("/t").expect_err("all came twice");
+        assert!(error.contains("after row 300") && error.contains("600 of 600 rows"), "{error}");
+        let mut shuffled =
+            rows((0..600).map(|k| (f64::from(k * 331 % 600), f64::from(k * 331 % 600))));
+        let notes = shuffled.settle("/t").expect("nothing is twice");
+        assert!(notes[0].contains("put in the order of time"), "{notes:?}");
+        assert!(values(&shuffled).is_sorted() && shuffled.stamp.len() == 600);
+    }
+}

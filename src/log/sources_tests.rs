@@ -1,0 +1,73 @@
+//! Topics that several channels write, and angles that go round, in; what is said of them, out.
+
+use super::tests::{START, read, texts};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Messages every 10 ms (which channel, angle), the channels being of one topic with these units.
+fn written(path: &Path, units: &[&str], messages: &[(usize, f64)]) {
+    let file = std::fs::File::create(path).expect("a file");
+    let mut w = mcap::Writer::new(std::io::BufWriter::new(file)).expect("a log");
+    let channels: Vec<u16> = units
+        .iter()
+        .enumerate()
+        .map(|(i, unit)| {
+            let schema = format!(
+                "{{\"type\":\"object\",\"properties\":{{\"x\":{{\"type\":\"number\",\"unit\":\"{unit}\"}}}}}}"
+            );
+            let schema = w.add_schema("angle", "jsonschema", schema.as_bytes()).expect("a schema");
+            let of = BTreeMap::from([("source".to_string(), i.to_string())]);
+            w.add_channel(schema, "/t", "json", &of).expect("a channel")
+        })
+        .collect();
+    for (k, (of, x)) in messages.iter().enumerate() {
+        let log_time = START + 10_000_000 * k as u64;
+        let header = mcap::records::MessageHeader {
+            channel_id: channels[*of],
+            sequence: k as u32,
+            log_time,
+            publish_time: log_time,
+        };
+        w.write_to_known_channel(&header, format!("{{\"x\":{x}}}").as_bytes()).expect("written");
+    }
+    w.finish().expect("whole");
+}
+
+const MAP: &str = "[signal.x]\ntopic = \"/t\"\nfield = \"x\"\nunit = \"deg\"\ntime = \"log\"\n";
+
+#[test]
+fn fault_channels_of_one_topic_in_different_units_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    for units in [["deg", "rad"], ["rad", "deg"]] {
+        written(&path, &units, &[(0, 1.0), (0, 1.5), (1, 0.03)]);
+        let why = read(&path, MAP).expect_err("two units");
+        assert!(why.contains("is in \"rad\""), "{why}");
+    }
+}
+
+#[test]
+fn fault_two_sources_by_turns_are_told_and_one_after_the_other_are_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let told = |messages: &[(usize, f64)]| {
+        written(&path, &["deg", "deg"], messages);
+        let log = read(&path, MAP).expect("read");
+        texts(&log).iter().any(|text| text.contains("2 channels write to it by turns"))
+    };
+    let by_turns: Vec<(usize, f64)> = (0..40).map(|k| (k % 2, k as f64)).collect();
+    let in_order: Vec<(usize, f64)> = (0..40).map(|k| (k / 20, k as f64)).collect();
+    assert!(told(&by_turns) && !told(&in_order));
+}
+
+#[test]
+fn a_heading_goes_on_beyond_north() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.mcap");
+    let heading = |k: usize| (0, (355.0 + 0.25 * k as f64) % 360.0);
+    written(&path, &["deg"], &(0..40).map(heading).collect::<Vec<_>>());
+    let log = read(&path, MAP).expect("read");
+    let values = &log.signals["x"].series.value;
+    assert!((values[39].to_degrees() - 364.75).abs() < 1e-9, "{values:?}");
+    assert!(texts(&log).iter().any(|text| text.contains("a whole turn once")));
+}
