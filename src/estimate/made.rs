@@ -53,7 +53,11 @@ pub fn influences(
         let moved: Vec<Segment> = all.iter().map(|s| s.remade(&constant.quantity.name)).collect();
         let (_, segments) = prepare(base, &moved, settings)?;
         let given = starts(&case.model, &case.propagator, &segments, &case.chosen, settings)?;
-        let given = used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
+        let given: Vec<Vec<f64>> =
+            used.iter().filter_map(|&s| given[s].as_ref().ok().cloned()).collect();
+        if given.len() < used.len() {
+            return Ok(Vec::new());
+        }
         let these: Vec<&Segment> = used.iter().map(|&s| &segments[s]).collect();
         let (model, chosen) = (case.model.clone(), case.chosen.clone());
         let moved = Case::new(model, chosen, case.propagator.clone(), &these, given, settings);
@@ -71,7 +75,7 @@ pub fn influences(
                 })
                 .collect();
             let wide = Wide { layout: &case.layout, base: &base, moved: &moved, by: &by };
-            slopes(&values, (&wide.widened(&case.layout), &wide), case, solution)
+            slopes(&values, (&wide.widened(), &wide), case, solution)
         }
         By::EquationError => {
             let (base, _) = Problem::new(case, settings)?;
@@ -81,7 +85,7 @@ pub fn influences(
                 .map(|case| Ok(Problem::new(case, settings)?.0))
                 .collect::<Result<_, Errors>>()?;
             let wide = Wide { layout: &layout, base: &base, moved: &moved, by: &by };
-            slopes(&values, (&wide.widened(&layout), &wide), case, solution)
+            slopes(&values, (&wide.widened(), &wide), case, solution)
         }
     };
     Ok(found.unwrap_or_default())
@@ -97,9 +101,9 @@ struct Wide<'a, B, M> {
 
 impl<B: Evaluate, M: Evaluate> Wide<'_, B, M> {
     /// The layout with the constants as the last shared parameters.
-    fn widened(&self, layout: &Layout) -> Layout {
-        let (nc, k) = (layout.shared, self.by.len());
-        let mut wide = layout.clone();
+    fn widened(&self) -> Layout {
+        let (nc, k) = (self.layout.shared, self.by.len());
+        let mut wide = self.layout.clone();
         wide.shared += k;
         let insert = |of: &mut Vec<f64>, value: f64| drop(of.splice(nc..nc, repeat_n(value, k)));
         insert(&mut wide.start, 0.0);

@@ -81,7 +81,7 @@ pub fn axes(model: &Model, driving: &[Series], measured: &[Logged], settings: &S
         found.rows.extend(skews.iter().map(Skew::row));
         for angle in ANGLES.iter().filter(|_| found.late.is_some()) {
             let tau = found.late.unwrap_or_default();
-            let text = format!("behind all gyros by {tau:.4} s: its stamps are moved back by that");
+            let text = format!("behind all gyros by {tau:.4} s");
             let row = Row::of(angle, "time skew", tau, "s", ("late", text));
             found.rows.push(Row { low: -LATE, high: LATE, ..row });
         }

@@ -82,6 +82,13 @@ pub fn smooth(
         path.notes.push(Note::lost(format!("no flight path: {words}")));
         return Ok((path, which.into_iter().map(Which::Input).collect()));
     }
+    if let Some(tau) = axes.late {
+        let text = format!(
+            "{} are late by {tau:.3} s, by all gyros: the path has their stamps moved back by that",
+            ANGLES.join(", ")
+        );
+        path.notes.push(text.into());
+    }
     let is_angle = |m: &Logged| ANGLES.contains(&&*model.outputs[m.output].name);
     let earlier: Vec<Option<Vec<f64>>> = measured
         .iter()
@@ -101,6 +108,8 @@ pub fn smooth(
     let flight = found.flight(&kinematics, driving, &measured, settings);
     let smoother = Smoother::new(&kinematics, &flight, settings.gate);
     path.late.clone_from(&found.late);
+    let angles = ANGLES.iter().filter_map(|angle| model.output(angle));
+    path.late.extend(angles.zip(axes.late.into_iter().cycle()));
     let stretches = stretches(&flight, settings);
     if stretches.is_empty() {
         let text = format!(

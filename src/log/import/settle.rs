@@ -34,17 +34,18 @@ impl Rows {
         let mut order: Vec<usize> = (0..times.len()).collect();
         order.retain(|&row| !twice.iter().any(|back| back.holds(times[row])));
         let dropped = times.len() - order.len();
-        for back in &twice {
-            notes.push(format!(
-                "topic {topic}: {}: what came twice then is left out, {dropped} of {} rows",
-                set_back(&times, back),
-                times.len()
+        let backs: Vec<String> = twice.iter().map(|back| set_back(&times, back)).collect();
+        let all = times.len();
+        if dropped as f64 > TWICE * all as f64 {
+            return Err(format!(
+                "topic {topic}: {}: {dropped} of {all} rows are of a time that came twice; give each part as a file of its own",
+                backs.join(", ")
             ));
         }
-        if dropped as f64 > TWICE * times.len() as f64 {
-            return Err(notes.pop().unwrap_or_default().replace(
-                "is left out, ",
-                "is more than can be left out: give each part as a file of its own; ",
+        if dropped > 0 {
+            notes.push(format!(
+                "topic {topic}: {}: what came twice then is left out, {dropped} of {all} rows",
+                backs.join(", ")
             ));
         }
         let late: Vec<usize> =

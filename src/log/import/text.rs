@@ -185,7 +185,8 @@ impl Width {
 /// Columns that the header lacks; cells that are no numbers, rows that are too short: all at once,
 /// up to ten.
 pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read, Errors> {
-    let wanted = Wanted::new(settings, doc, &header(settings, text))?;
+    let names = header(settings, text);
+    let wanted = Wanted::new(settings, doc, &names)?;
     let text = plain(text);
     let data: usize = text.split_inclusive('\n').take(settings.header_lines).map(str::len).sum();
     let data = text.get(data..).unwrap_or("");
@@ -193,7 +194,7 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
     let mut lost = vec![0; topics.len()];
     let mut errors = Errors::default();
     let mut row_number = 0;
-    let mut width = Width::of(settings, &header(settings, text));
+    let mut width = Width::of(settings, &names);
     each_row(settings.separator, data, &mut |start, cells| {
         let (before, row) = data.split_at_checked(start).unwrap_or((data, ""));
         let at = |i: usize| Place {

@@ -219,7 +219,8 @@ fn driven(short: &Short, kind: Interpolation, segments: &[Segment]) -> Option<Ve
         }
         let start = record.start * times;
         let record = Record { dt, n: fine.n, inputs: values.into(), start, ..record.clone() };
-        Some(Segment { record, ..segment.clone() })
+        // on the finer grid, what constants change of the columns has no place
+        Some(Segment { record, made: Vec::new(), ..segment.clone() })
     };
     segments.iter().zip(&short.samples).map(one).collect()
 }

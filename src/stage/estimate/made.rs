@@ -4,7 +4,7 @@
 use super::config::Config;
 use super::names::Driver;
 use super::ready::Ready;
-use crate::dynamics::Record;
+use crate::dynamics::{Numbers, Record};
 use crate::error::{Errors, Result};
 use crate::estimate::Made;
 use crate::model::graph::Leaf;
@@ -12,6 +12,7 @@ use crate::model::{Assumed, Model};
 use crate::signal::resample::Grid;
 use crate::stage::Inputs;
 use crate::stage::derive::{self, looks_at_its_own_sample, outputs};
+use std::collections::BTreeSet;
 
 /// The share of its sd by which a constant is made larger: the change of a column is a line there.
 const STEP: f64 = 0.01;
@@ -50,14 +51,14 @@ pub fn add(
 pub fn model<'a>(config: &Config, derive: &'a derive::Config) -> Option<&'a Model> {
     let model = derive.model.as_ref()?;
     let is_assumed = model.constants.iter().any(|c| c.sd > 0.0);
-    (is_assumed && model.outputs.iter().any(|output| is_used(config, &output.name)))
-        .then_some(model)
+    (is_assumed && !used(config, model).is_empty()).then_some(model)
 }
 
-/// Whether an estimate uses a column.
-fn is_used(config: &Config, name: &str) -> bool {
-    config.columns().iter().any(|column| column == name)
-        || config.outputs.iter().any(|scored| scored.measured == name)
+/// The outputs of a model that are columns of an estimate.
+fn used(config: &Config, model: &Model) -> Vec<usize> {
+    let mut names: BTreeSet<String> = config.columns().into_iter().collect();
+    names.extend(config.outputs.iter().map(|scored| scored.measured.clone()));
+    (0..model.outputs.len()).filter(|&o| names.contains(&model.outputs[o].name)).collect()
 }
 
 impl<'a> Making<'a> {
@@ -66,14 +67,13 @@ impl<'a> Making<'a> {
         derive: &'a derive::Config,
     ) -> std::result::Result<Option<Making<'a>>, Errors> {
         let Some(model) = self::model(config, derive) else { return Ok(None) };
-        let names: Vec<&str> = model.outputs.iter().map(|output| output.name.as_str()).collect();
         // An input whose place an output of its name has taken is not there any more.
-        let is_lost = derive.inputs.iter().any(|input| names.contains(&input.as_str()));
+        let is_lost = derive.inputs.iter().any(|input| model.output(input).is_some());
         if is_lost {
             return Ok(None);
         }
         let model = model.opened()?;
-        let wanted: Vec<usize> = (0..names.len()).filter(|&o| is_used(config, names[o])).collect();
+        let wanted = used(config, &model);
         let mut nodes: Vec<_> = wanted.iter().map(|&o| model.output_nodes[o]).collect();
         nodes.extend(model.delays.iter().map(|delay| delay.tau));
         let leaves = model.graph.leaves(&nodes);
@@ -175,7 +175,7 @@ impl<'a> Making<'a> {
 }
 
 /// By input, and by channel.
-type Changed = (Vec<(usize, crate::dynamics::Numbers)>, Vec<(usize, crate::dynamics::Numbers)>);
+type Changed = (Vec<(usize, Numbers)>, Vec<(usize, Numbers)>);
 
 /// The point of the grid at a time.
 fn place(grid: &Grid, t: f64) -> usize {
