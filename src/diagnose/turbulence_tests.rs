@@ -21,7 +21,7 @@ de = "rad"
 V = "m/s"
 {inputs}
 [constants]
-rad = {{ unit = "rad", value = 1.0 }}
+rad = {{ unit = "rad", value = 1.0, sd = 0.01 }}
 half = {{ unit = "1/s^2", value = -3.0 }}
 [parameters]
 Z_a = {{ unit = "1/s", start = -0.9 }}

@@ -24,7 +24,7 @@ use super::solution::Solution;
 use super::{By, Settings, Stop};
 use crate::error::Errors;
 use crate::least_squares::{Evaluate, Layout, normal_matrix};
-use crate::model::{Assumed, Model, Scope, StartKind};
+use crate::model::{Assumed, Model, Parameter, Scope, StartKind};
 use std::sync::Arc;
 
 /// How one assumed constant moves the estimates.
@@ -96,7 +96,8 @@ pub fn influences(
         opened = opened.with_covariance(&case.model.scored(), &case.chosen.initial, &scope)?;
     }
     let constants = reaching(&opened, behind, &case.outputs);
-    let wider = widened(case, &opened, &constants);
+    // A model that is not that of its text has no constants that could be opened.
+    let Some(wider) = widened(case, &opened, &constants) else { return Ok(Vec::new()) };
     let owned: Vec<Segment> = segments.iter().map(|s| (*s).clone()).collect();
     let propagator = propagator(&opened, &wider, &owned)?;
     let (opened, wider, propagator) = (Arc::new(opened), Arc::new(wider), Arc::new(propagator));
@@ -124,11 +125,11 @@ pub fn influences(
 }
 
 /// The case's choice for the opened model, whose parameters have other indices, with the constants
-/// as further shared parameters.
-fn widened(case: &Case, opened: &Model, constants: &[usize]) -> Chosen {
+/// as further shared parameters; none where it lacks one of the case's parameters.
+fn widened(case: &Case, opened: &Model, constants: &[usize]) -> Option<Chosen> {
     let (model, chosen) = (&case.model, &case.chosen);
-    let there: Vec<usize> =
-        model.parameters.iter().filter_map(|p| opened.parameter(&p.quantity.name)).collect();
+    let place = |p: &Parameter| opened.parameter(&p.quantity.name);
+    let there: Vec<usize> = model.parameters.iter().map(place).collect::<Option<_>>()?;
     let moved = |of: &[usize]| of.iter().map(|&p| there[p]).collect::<Vec<usize>>();
     let mut parameters = opened.parameter_starts();
     let mut scopes = vec![Scope::Campaign; parameters.len()];
@@ -137,14 +138,14 @@ fn widened(case: &Case, opened: &Model, constants: &[usize]) -> Chosen {
         scopes[to] = chosen.scopes[p].clone();
     }
     let shared = [moved(&chosen.shared), constants.to_vec()].concat();
-    Chosen {
+    Some(Chosen {
         shared,
         own: moved(&chosen.own),
         initial: chosen.initial.clone(),
         parameters,
         scopes,
         lines: Vec::new(),
-    }
+    })
 }
 
 /// Indices of the opened constants that the chosen outputs, or what they follow from, depend on.

@@ -84,6 +84,7 @@ mod rank;
 mod reached;
 pub mod regression;
 mod regressors;
+mod residuals;
 mod result;
 mod search;
 mod segment;
@@ -98,12 +99,13 @@ mod terms;
 mod tests;
 mod trace;
 mod tries;
+mod unknowns;
 mod usable;
 mod watched;
 
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::{Influence, covariance};
-pub use case::{Case, Unknown};
+pub use case::Case;
 pub use coarse::Coarse;
 pub use decision::{Decision, Support};
 pub use edges::Edges;
@@ -129,3 +131,4 @@ pub use settings::{
 };
 pub use terms::Step;
 pub use trace::{Filtered, Trace};
+pub use unknowns::Unknown;

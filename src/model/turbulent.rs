@@ -54,6 +54,8 @@ impl Model {
             let noise = model.graph.leaf(Leaf::Parameter(model.parameters.len() - 1));
             model.states[state].noise = Some(noise);
         }
+        // Its text does not say so.
+        model.recipe = None;
         errors.or(model)
     }
 

@@ -3,7 +3,8 @@
 
 use std::borrow::Cow;
 
-use super::consistency::{self, Which};
+use super::consistency;
+use super::pairs::Which;
 use super::path::{FLIGHT_PATH, FlightPath, Note};
 use super::settings::Settings;
 use super::signals::{Logged, Series};

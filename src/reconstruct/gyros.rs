@@ -6,7 +6,8 @@
 //! turns `g - a` in every part; what the parts' have of a straight line is its drift. Where all gyros are ahead
 //! of the attitude by as much, it is the attitude that is late.
 
-use super::consistency::{PART, Row, modelled};
+use super::consistency::{PART, Row};
+use super::pairs::modelled;
 use super::turns::{FEWEST, GYROS, Step};
 use crate::math::distribution::{INTERVAL_95, t_quantile};
 use crate::math::products::dot;

@@ -29,6 +29,7 @@ mod found;
 mod gyros;
 mod health;
 mod output_error;
+mod pairs;
 mod path;
 mod sensor_errors;
 mod settings;

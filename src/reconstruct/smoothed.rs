@@ -4,8 +4,9 @@
 use rayon::prelude::*;
 
 use super::axes::{ANGLES, axes};
-use super::consistency::{self, Comparison, Which};
+use super::consistency;
 use super::found::Found;
+use super::pairs::{Comparison, Which};
 use super::path::{FlightPath, Note};
 use super::sensor_errors::{biases, estimated, held};
 use super::settings::Settings;

@@ -1,8 +1,9 @@
 //! What a channel shows of itself, against the others and against its predicted noise, in; the
 //! lines of the consistency table with their verdicts out.
 
-use super::consistency::{Comparison, Row, Which};
+use super::consistency::Row;
 use super::health::Health;
+use super::pairs::{Comparison, Which};
 use super::smoother::Innovation;
 use crate::math::distribution::INTERVAL_95;
 use crate::noise::Modelled;

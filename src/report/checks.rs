@@ -17,8 +17,7 @@ use super::lines::EXCESS;
 use super::place::{Form, On};
 use super::section::{Body, Given, Section};
 use super::{
-    adequacy, consistency, diagnosis, estimates, flights, lines, logs, still, tolerances,
-    uncertainty,
+    adequacy, consistency, diagnosis, estimates, flights, lines, logs, repeats, still, tolerances,
 };
 use crate::error::Result;
 use serde::Serialize;
@@ -167,7 +166,7 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (adequacy::summary(get("adequacy")), "matches", "matches"),
         (estimates::colour(get("estimates")), "estimates", "estimates"),
         (estimates::separation(get("correlations")), "correlations", "correlations"),
-        (uncertainty::honesty(get("repeats")), "uncertainty", "repeats"),
+        (repeats::honesty(get("repeats")), "uncertainty", "repeats"),
         (scatter(get("fits")), "fits", "fits"),
         (few_points(get("fits")), "fits", "fits"),
         (tolerances::summary(get("tolerances")), "validation", "tolerances"),

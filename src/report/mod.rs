@@ -57,6 +57,7 @@ mod paths;
 mod place;
 mod predictions;
 mod provenance;
+mod repeats;
 mod room;
 mod section;
 mod still;

@@ -467,7 +467,7 @@ fn a_mat_file_has_several_matrices_vectors_and_no_column_of_time() {
         &[],
         &[
             "X is a matrix of 3 x 2: say which column",
-            "there is no matrix \"Y\"; the file has t (3 x 1), q (1 x 3), X (3 x 2), z (4 x 1)",
+            "there is no numeric matrix \"Y\"; the file has t (3 x 1), q (1 x 3), X (3 x 2), z (4 x 1)",
             "the file has several matrices, name one as `matrix`",
         ],
     );

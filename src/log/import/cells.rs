@@ -1,6 +1,5 @@
 //! Text in; its rows as cells, and what is in a cell, out.
 
-use super::rows::later;
 use super::settings::{Decimal, Import, Separator};
 
 /// The text without the mark that some programs put in front of it.
@@ -8,14 +7,23 @@ pub fn plain(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
-/// Calls `each` with the first byte and the cells of every row that is not blank, as long as it says
-/// to go on.
-pub fn each_row(separator: Separator, text: &str, each: &mut dyn FnMut(usize, &[&str]) -> bool) {
+/// A row of a text.
+#[derive(Debug, Clone, Copy)]
+pub struct Row<'a> {
+    /// Its first byte in the text.
+    pub start: usize,
+    /// All of it, with the end of its last line.
+    pub text: &'a str,
+    pub cells: &'a [&'a str],
+}
+
+/// Calls `each` with every row that is not blank, as long as it says to go on.
+pub fn each_row(separator: Separator, text: &str, each: &mut dyn FnMut(Row) -> bool) {
     let Some(by) = separator.byte() else {
         let mut start = 0;
         for line in text.split_inclusive('\n') {
             let cells: Vec<&str> = line.split_whitespace().collect();
-            if !cells.is_empty() && !each(start, &cells) {
+            if !cells.is_empty() && !each(Row { start, text: line, cells: &cells }) {
                 return;
             }
             start += line.len();
@@ -31,10 +39,12 @@ pub fn each_row(separator: Separator, text: &str, each: &mut dyn FnMut(usize, &[
     let mut record = csv::StringRecord::new();
     while let Ok(true) = reader.read_record(&mut record) {
         let from = record.position().map_or(0, |p| p.byte() as usize);
+        let to = reader.position().byte() as usize;
         // Blank lines before a row count as its beginning.
-        let row = text.get(from..).unwrap_or("").trim_start_matches(['\r', '\n']);
+        let row = text.get(from..to).unwrap_or("").trim_start_matches(['\r', '\n']);
         let cells: Vec<&str> = record.iter().collect();
-        if cells != [""] && !each(text.len() - row.len(), &cells) {
+        let row = Row { start: to - row.len(), text: row, cells: &cells };
+        if cells != [""] && !each(row) {
             return;
         }
     }
@@ -90,19 +100,6 @@ fn parsed(settings: &Import, cell: &str) -> Option<f64> {
         Decimal::Comma if cell.contains('.') => None,
         Decimal::Comma => fast_float2::parse::<f64, _>(cell.replacen(',', ".", 1)).ok(),
     }
-}
-
-/// The stamp of a date with its time, ns since 1970; one without a time zone is UTC.
-pub fn moment(cell: &str, start_s: f64) -> Result<u64, String> {
-    let utc = || {
-        let civil = cell.parse::<jiff::civil::DateTime>().ok()?;
-        civil.to_zoned(jiff::tz::TimeZone::UTC).ok().map(|z| z.timestamp())
-    };
-    let at = cell.parse::<jiff::Timestamp>().ok().or_else(utc).ok_or_else(|| {
-        format!("\"{cell}\" is no date with time, such as 2024-05-06T10:00:00.25Z")
-    })?;
-    later(start_s, at.as_nanosecond())
-        .map_err(|_| format!("\"{cell}\" lies before 1970 or too late"))
 }
 
 impl Separator {

@@ -1,6 +1,7 @@
 //! The settings of an import in; every mistake in them that needs no data to be seen out.
 
-use super::settings::{ALL, Column, Decimal, ISO, Import, Separator, Time, Topic};
+use super::clock::Clock;
+use super::settings::{ALL, Column, Decimal, Import, Separator, Time, Topic};
 use crate::config::Doc;
 use crate::error::{Error, Errors};
 use crate::units::Unit;
@@ -149,12 +150,12 @@ impl Time {
             found.extend(checked.err().map(|e| doc.error(&at("column"), e)));
         }
         if let Some(unit) = &self.unit {
-            let second = Unit::parse("s").map(|s| s.dim).unwrap_or_default();
-            let wrong = match Unit::parse(unit) {
+            let wrong = match Clock::new(unit, self.start_s) {
                 _ if self.rate_hz.is_some() => Some("a rate in Hz needs no unit".to_string()),
-                _ if unit == ISO && !messages => None,
-                Ok(parsed) if parsed.dim == second => None,
-                Ok(_) => Some(format!("\"{unit}\" is no unit of time")),
+                Ok(clock) if clock.is_written() && messages => {
+                    Some("times of messages are numbers".to_string())
+                }
+                Ok(_) => None,
                 Err(e) => Some(e),
             };
             found.extend(wrong.map(|what| doc.error(&at("unit"), what)));

@@ -1,8 +1,8 @@
-//! The bytes of a MATLAB 5 MAT file in; its numeric matrices out.
+//! The bytes of a MATLAB 5 MAT file in; its numeric matrices out, those in structures too.
 //!
 //! The format is that of "MAT-File Format" (MathWorks), level 5: a header of 128 bytes, then
 //! elements of a tag (type, bytes) and data padded to 8 bytes. A variable is an element of type 14
-//! that holds flags, dimensions, a name and numbers, or type 15 that holds such an element
+//! that holds flags, dimensions, a name and numbers (of a structure its fields, which are variables again), or type 15 that holds such an element
 //! compressed. Numbers may be stored in any smaller type than their class.
 
 use std::io::Read;
@@ -26,15 +26,25 @@ struct Element<'a> {
     data: &'a [u8],
 }
 
-/// Every real numeric matrix, in the order of the file.
+/// What a file has.
+#[derive(Debug, Default)]
+pub struct Variables {
+    /// In the order of the file; those of a structure are called `structure.field`, and
+    /// `structure(2).field` where there are several.
+    pub matrices: Vec<Matrix>,
+    /// What is no real numeric matrix: its name, and what it is.
+    pub others: Vec<(String, &'static str)>,
+}
+
+/// Every variable.
 ///
 /// # Errors
 /// What is wrong with the file.
-pub fn variables(bytes: &[u8]) -> Result<Vec<Matrix>, String> {
+pub fn variables(bytes: &[u8]) -> Result<Variables, String> {
     if bytes.get(126..128) != Some(b"IM") {
         return Err("the file was written on a big-endian machine, which is not read".into());
     }
-    let mut found: Vec<Matrix> = Vec::new();
+    let mut found = Variables::default();
     let mut rest = bytes.get(128..).unwrap_or_default();
     while !rest.is_empty() {
         let element = next(&mut rest)?;
@@ -46,7 +56,7 @@ pub fn variables(bytes: &[u8]) -> Result<Vec<Matrix>, String> {
             element
         };
         if element.kind == MATRIX {
-            found.extend(matrix(element.data)?);
+            found.take(element.data, None, 0)?;
         }
     }
     Ok(found)
@@ -85,27 +95,93 @@ fn next<'a>(rest: &mut &'a [u8]) -> Result<Element<'a>, String> {
     Ok(Element { kind, data })
 }
 
-/// A real numeric two-dimensional matrix; none for anything else (text, structures, complex
-/// numbers).
-fn matrix(data: &[u8]) -> Result<Option<Matrix>, String> {
-    let mut rest = data;
-    let flags = word(next(&mut rest)?.data, 0)?;
-    let (class, complex) = (flags & 0xff, flags & 0x800 != 0);
-    let dimensions = next(&mut rest)?;
-    let name = next(&mut rest)?;
-    if !(6..=15).contains(&class) || complex || dimensions.data.len() != 8 {
-        return Ok(None);
+/// Structures in structures, at most.
+const DEEP: usize = 16;
+
+impl Variables {
+    /// Takes a variable, or the field of a structure that is called `name`.
+    fn take(&mut self, data: &[u8], name: Option<String>, deep: usize) -> Result<(), String> {
+        let mut rest = data;
+        if let (true, Some(name)) = (rest.is_empty(), &name) {
+            self.others.push((name.clone(), "empty"));
+            return Ok(());
+        }
+        let flags = word(next(&mut rest)?.data, 0)?;
+        let (class, complex) = (flags & 0xff, flags & 0x800 != 0);
+        let sizes = sizes(next(&mut rest)?.data)?;
+        let own = String::from_utf8_lossy(next(&mut rest)?.data).into_owned();
+        let name = name.unwrap_or(own);
+        let is_flat = sizes.len() == 2 || sizes.iter().filter(|n| **n != 1).count() <= 1;
+        let what = match class {
+            2 if deep < DEEP => return self.structure(rest, &name, &sizes, deep),
+            6..=15 if complex => "complex numbers",
+            6..=15 if !is_flat => "an array of more than two dimensions",
+            6..=15 => {
+                self.matrices.push(matrix(&mut rest, name, &sizes)?);
+                return Ok(());
+            }
+            1 => "a cell array",
+            2 => "a structure in too many others",
+            4 => "text",
+            5 => "a sparse matrix",
+            _ => "an object",
+        };
+        self.others.push((name, what));
+        Ok(())
     }
-    let (rows, columns) = (word(dimensions.data, 0)? as usize, word(dimensions.data, 4)? as usize);
-    let name = String::from_utf8_lossy(name.data).into_owned();
-    let values = numbers(&next(&mut rest)?)?;
-    if Some(values.len()) != rows.checked_mul(columns) {
+
+    /// The fields of a structure, or of an array of such: after its name the length of a field's name,
+    /// the names, and the fields of each in turn.
+    fn structure(
+        &mut self,
+        mut rest: &[u8],
+        name: &str,
+        sizes: &[usize],
+        deep: usize,
+    ) -> Result<(), String> {
+        let long = word(next(&mut rest)?.data, 0)? as usize;
+        let names = next(&mut rest)?.data.chunks(long.max(1)).map(|field| {
+            let end = field.iter().position(|b| *b == 0).unwrap_or(field.len());
+            String::from_utf8_lossy(field.get(..end).unwrap_or_default()).into_owned()
+        });
+        let names: Vec<String> = names.collect();
+        let count = sizes.iter().try_fold(1, |all: usize, n| all.checked_mul(*n));
+        let mut at = 0;
+        while !names.is_empty() && count.is_none_or(|count| at < count) {
+            at += 1;
+            for field in &names {
+                let which = if count == Some(1) { String::new() } else { format!("({at})") };
+                let element = next(&mut rest)?;
+                if element.kind != MATRIX {
+                    return Err(format!("field {field} of {name} is no variable"));
+                }
+                self.take(element.data, Some(format!("{name}{which}.{field}")), deep + 1)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The sizes of a variable.
+fn sizes(data: &[u8]) -> Result<Vec<usize>, String> {
+    (0..data.len() / 4).map(|i| Ok(word(data, 4 * i)? as usize)).collect()
+}
+
+/// A real matrix; an array of more dimensions, of which one is not 1, is a vector.
+fn matrix(rest: &mut &[u8], name: String, sizes: &[usize]) -> Result<Matrix, String> {
+    let of = |sizes: &[usize]| sizes.iter().try_fold(1, |all: usize, n| all.checked_mul(*n));
+    let (rows, columns) = match *sizes {
+        [rows, columns] => (rows, columns),
+        _ => (of(sizes).unwrap_or(usize::MAX), 1),
+    };
+    let values = numbers(&next(rest)?)?;
+    if Some(values.len()) != of(sizes) {
         return Err(format!(
             "matrix {name} says {rows} x {columns} and holds {} numbers",
             values.len()
         ));
     }
-    Ok(Some(Matrix { name, rows, columns, values }))
+    Ok(Matrix { name, rows, columns, values })
 }
 
 fn numbers(element: &Element) -> Result<Vec<f64>, String> {
@@ -181,16 +257,56 @@ mod tests {
             variable("small", 2, &[1, 2, 3, 4, 5, 250]),
             packed,
         ]);
-        let [plain, small, packed] = &variables(&bytes).unwrap()[..] else { panic!("three") };
+        let [plain, small, packed] = &variables(&bytes).unwrap().matrices[..] else {
+            panic!("three")
+        };
         assert_eq!((plain.name.as_str(), plain.rows, plain.columns), ("plain", 2, 3));
         assert_eq!(plain.values, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]);
         assert_eq!((small.name.as_str(), small.values[5]), ("small", 250.0));
         assert_eq!((packed.name.as_str(), &packed.values), ("packed", &plain.values));
     }
 
+    /// A structure of `count` times these fields.
+    fn structure(name: &str, count: u32, fields: &[(&str, Vec<u8>)]) -> Vec<u8> {
+        let names: Vec<u8> =
+            (fields.iter()).flat_map(|(name, _)| format!("{name:\0<32}").into_bytes()).collect();
+        let size = [1, count].map(u32::to_le_bytes).concat();
+        let mut parts = [
+            element(6, &[2, 0, 0, 0, 0, 0, 0, 0]),
+            element(5, &size),
+            element(1, name.as_bytes()),
+            [(4u32 << 16 | 5).to_le_bytes(), 32u32.to_le_bytes()].concat(),
+            element(1, &names),
+        ]
+        .concat();
+        (0..count).for_each(|_| fields.iter().for_each(|(_, bytes)| parts.extend(bytes)));
+        element(MATRIX, &parts)
+    }
+
+    fn text(name: &str) -> Vec<u8> {
+        let flags = element(6, &[4, 0, 0, 0, 0, 0, 0, 0]);
+        let size = element(5, &[1u32, 2].map(u32::to_le_bytes).concat());
+        let parts = [flags, size, element(1, name.as_bytes()), element(16, b"ab")];
+        element(MATRIX, &parts.concat())
+    }
+
+    #[test]
+    fn fields_of_structures_have_names_and_what_is_no_matrix_is_said() {
+        let inner = structure("", 1, &[("values", variable("", 9, &doubles()))]);
+        let fields = [("signals", inner), ("unit", text("")), ("none", element(MATRIX, &[]))];
+        let bytes = file(&[structure("out", 1, &fields), structure("two", 2, &fields[..1])]);
+        let found = variables(&bytes).unwrap();
+        let names: Vec<&str> = found.matrices.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!(names, ["out.signals.values", "two(1).signals.values", "two(2).signals.values"]);
+        assert_eq!(found.matrices[2].values, [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]);
+        let others = [("out.unit".to_string(), "text"), ("out.none".to_string(), "empty")];
+        assert_eq!(found.others, others);
+    }
+
     #[test]
     fn fault_damaged_files_are_refused_in_words() {
-        let whole = file(&[variable("plain", 9, &doubles())]);
+        let inside = [("field", variable("", 9, &doubles()))];
+        let whole = file(&[structure("s", 2, &inside), variable("plain", 9, &doubles())]);
         for end in 128..whole.len() {
             let _ = variables(&whole[..end]);
         }

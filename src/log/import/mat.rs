@@ -1,8 +1,8 @@
 //! A MATLAB 5 MAT file in; the rows of topics that are columns of its numeric matrices out.
 
-use super::level5::{Matrix, variables};
+use super::level5::{Matrix, Variables, variables};
 use super::rows::{Columns, Read, Values, Wanted, gather};
-use super::settings::{Column, Import};
+use super::settings::{Along, Column, Import};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 
@@ -29,16 +29,18 @@ pub fn read(
 ) -> Result<Read, Errors> {
     let all = variables(bytes).map_err(|e| Error::at(Place::file(file), e))?;
     let variable = settings.variable.as_deref().map(named);
-    let mut matrices = Matrices { all, variable, skip: settings.header_lines, named };
+    let (skip, signals) = (settings.header_lines, settings.signals);
+    let mut matrices = Matrices { all, variable, skip, signals, named };
     gather(settings, doc, file, &mut matrices)
 }
 
 /// The matrices of a file as columns.
 struct Matrices<'a> {
-    all: Vec<Matrix>,
+    all: Variables,
     variable: Option<String>,
-    /// Rows before the data.
+    /// Values before the data.
     skip: usize,
+    signals: Along,
     named: &'a dyn Fn(&str) -> String,
 }
 
@@ -53,30 +55,43 @@ impl Columns for Matrices<'_> {
                         matrix.name, matrix.rows, matrix.columns, matrix.name
                     ));
                 }
-                &matrix.values[..]
+                matrix.values.clone()
             }
             Column::Number(n) => {
                 let named = wanted.matrix.map(self.named).or_else(|| self.variable.clone());
                 let matrix = self.find(named.as_deref())?;
-                let column = n.checked_sub(1).filter(|n| *n < matrix.columns).ok_or_else(|| {
-                    let (name, has) = (&matrix.name, matrix.columns);
-                    format!("column {n} is wanted, matrix {name} has {has}")
-                })?;
-                let from = column * matrix.rows;
-                matrix.values.get(from..from + matrix.rows).unwrap_or_default()
+                signal(matrix, self.signals, *n)?
             }
         };
         Ok(Values::Numbers(values.get(self.skip..).unwrap_or_default().to_vec()))
     }
 }
 
+/// Column or row `n` (from 1) of a matrix.
+fn signal(matrix: &Matrix, signals: Along, n: usize) -> Result<Vec<f64>, String> {
+    let (word, has) = match signals {
+        Along::Columns => ("column", matrix.columns),
+        Along::Rows => ("row", matrix.rows),
+    };
+    let at = n.checked_sub(1).filter(|n| *n < has);
+    let at = at.ok_or_else(|| format!("{word} {n} is wanted, matrix {} has {has}", matrix.name))?;
+    let (first, step, count) = match signals {
+        Along::Columns => (at * matrix.rows, 1, matrix.rows),
+        Along::Rows => (at, matrix.rows.max(1), matrix.columns),
+    };
+    let values = matrix.values.get(first..).unwrap_or_default();
+    Ok(values.iter().step_by(step).take(count).copied().collect())
+}
+
 impl Matrices<'_> {
     /// The variable `name`, or the only numeric matrix without one.
     fn find(&self, name: Option<&str>) -> Result<&Matrix, String> {
-        let names: Vec<String> =
-            (self.all.iter()).map(|m| format!("{} ({} x {})", m.name, m.rows, m.columns)).collect();
-        let has = if names.is_empty() { "no numeric matrix".to_string() } else { names.join(", ") };
-        let mut fitting = self.all.iter().filter(|m| name.is_none_or(|name| m.name == name));
+        let Variables { matrices, others } = &self.all;
+        let names = matrices.iter().map(|m| format!("{} ({} x {})", m.name, m.rows, m.columns));
+        let others = others.iter().map(|(name, what)| format!("{name} ({what})"));
+        let all: Vec<String> = names.chain(others).collect();
+        let has = if all.is_empty() { "nothing".to_string() } else { all.join(", ") };
+        let mut fitting = matrices.iter().filter(|m| name.is_none_or(|name| m.name == name));
         match (fitting.next(), fitting.next(), name) {
             (Some(one), None, _) => Ok(one),
             (Some(_), Some(_), None) => Err(format!(
@@ -86,9 +101,9 @@ impl Matrices<'_> {
                 Err(format!("there are two matrices \"{name}\"; the file has {has}"))
             }
             (None, _, Some(name)) => {
-                Err(format!("there is no matrix \"{name}\"; the file has {has}"))
+                Err(format!("there is no numeric matrix \"{name}\"; the file has {has}"))
             }
-            (None, _, None) => Err("the file has no numeric matrix".into()),
+            (None, _, None) => Err(format!("the file has no numeric matrix; it has {has}")),
         }
     }
 }

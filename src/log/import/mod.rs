@@ -2,7 +2,9 @@
 
 mod cells;
 mod check;
+mod clock;
 mod find;
+mod letters;
 mod level5;
 mod mat;
 mod parquet;
@@ -11,6 +13,7 @@ mod settings;
 mod settle;
 mod text;
 mod ulog;
+mod width;
 
 pub use settings::Import;
 
@@ -147,6 +150,9 @@ fn read(settings: &Import, doc: &Doc, source: &Source) -> Result<Read, Errors> {
     if mat::is_mat(&bytes) {
         return mat::read(settings, doc, (file, &bytes), &|name| source.named(name));
     }
+    if settings.signals == settings::Along::Rows {
+        return Err(doc.error("signals", format!("{file} is no MAT file of matrices")).into());
+    }
     if mat::is_hdf(&bytes) {
         return Err(at("a MAT file of version 7.3, which is another format".into())
             .help("save it in MATLAB with -v7")
@@ -155,11 +161,10 @@ fn read(settings: &Import, doc: &Doc, source: &Source) -> Result<Read, Errors> {
     if parquet::is_parquet(&bytes) {
         return parquet::read(settings, doc, (file, bytes));
     }
-    let text = std::str::from_utf8(&bytes).map_err(|e| {
-        let byte = e.valid_up_to();
-        at(format!("neither text nor a MATLAB 5 MAT file, Parquet or ULog: byte {byte} is no text"))
-    })?;
-    text::read(settings, doc, file, text)
+    let (text, note) = letters::text(&bytes).map_err(at)?;
+    let mut read = text::read(settings, doc, file, &text)?;
+    read.notes.extend(note);
+    Ok(read)
 }
 
 fn write(settings: &Import, topics: &[Rows], output: &Path) -> Result<(), Error> {

@@ -1,11 +1,11 @@
 //! Columns of numbers and times in; the messages of each topic, with their stamps, out: the form in
 //! which every kind of file is handed on.
 
-use super::settings::{Column, ISO, Import, Time, Topic};
+use super::clock::Clock;
+use super::settings::{Column, Import, Time, Topic};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 use crate::log::words::nearest_first;
-use crate::units::Unit;
 
 /// Mistakes in the data that are shown before reading stops.
 pub const SHOWN: usize = 10;
@@ -34,54 +34,6 @@ impl Rows {
         self.stamp.push(stamp);
         self.values.extend(values);
     }
-}
-
-/// How times become stamps.
-#[derive(Debug, Clone)]
-pub struct Clock {
-    unit: Unit,
-    start_s: f64,
-}
-
-impl Clock {
-    /// The clock of a time in `unit`.
-    ///
-    /// # Errors
-    /// It is no unit.
-    pub fn new(unit: &str, start_s: f64) -> Result<Clock, String> {
-        Ok(Clock { unit: Unit::parse(unit)?, start_s })
-    }
-
-    /// The stamp of a time in the unit of the clock, ns.
-    ///
-    /// # Errors
-    /// It is negative, too large or no number.
-    pub fn stamp(&self, t: f64) -> Result<u64, String> {
-        let ns = libm::round((self.unit.to_si(t) + self.start_s) * 1e9);
-        let fits = (0.0..9e18).contains(&ns);
-        if fits {
-            Ok(ns as u64)
-        } else {
-            Err("the time is negative, not a number or too large".into())
-        }
-    }
-}
-
-/// The stamp of a whole number of ns after the start, ns.
-///
-/// # Errors
-/// It lies before 1970 or too late.
-pub fn later(start_s: f64, ns: i128) -> Result<u64, String> {
-    let ns = ns.saturating_add(libm::round(start_s * 1e9) as i128);
-    u64::try_from(ns).map_err(|_| "the time lies before 1970 or too late".into())
-}
-
-/// The stamp of row `row` (from 0) at `rate_hz`.
-///
-/// # Errors
-/// It is too large.
-pub fn at_rate(rate_hz: f64, start_s: f64, row: usize) -> Result<u64, String> {
-    Clock { unit: Unit::parse("s")?, start_s }.stamp(row as f64 / rate_hz)
 }
 
 /// A topic's rows that have values but no time.
@@ -166,20 +118,20 @@ impl Times {
         let Some(column) = &time.column else { return Err(doc.error(key, "there is no column")) };
         let wanted = Wanted { column, matrix: time.matrix.as_deref() };
         let values = columns.column(wanted).map_err(|e| doc.error(&at, e))?;
-        let unit = match (&values, time.unit.as_deref()) {
+        let clock = match (&values, time.unit.as_deref()) {
             // Stamps are ns already.
-            (Values::Stamps(_), _) => "s",
-            (Values::Numbers(_), Some(ISO)) => {
-                let what = format!("{} has numbers, no dates with times", wanted.words());
-                return Err(doc.error(&format!("{key}.unit"), what));
-            }
-            (Values::Numbers(_), Some(unit)) => unit,
+            (Values::Stamps(_), _) => Ok(Clock::seconds(time.start_s)),
+            (Values::Numbers(_), Some(unit)) => Clock::new(unit, time.start_s),
             (Values::Numbers(_), None) => {
                 let what = format!("{} has numbers: their unit is not said", wanted.words());
                 return Err(doc.error(key, what).help("unit = \"s\""));
             }
         };
-        let clock = Clock::new(unit, time.start_s).map_err(|e| doc.error(key, e))?;
+        let clock = clock.map_err(|e| doc.error(&format!("{key}.unit"), e))?;
+        if clock.is_written() && matches!(values, Values::Numbers(_)) {
+            let what = format!("{} has numbers, no times that are written", wanted.words());
+            return Err(doc.error(&format!("{key}.unit"), what));
+        }
         Ok(Times { words: wanted.words(), values, clock })
     }
 
@@ -188,7 +140,7 @@ impl Times {
         match &self.values {
             Values::Stamps(all) => {
                 let ns = all.get(row).copied().flatten();
-                ns.map(|ns| later(self.clock.start_s, i128::from(ns))).transpose()
+                ns.map(|ns| self.clock.later(i128::from(ns))).transpose()
             }
             Values::Numbers(all) => {
                 let t = all.get(row).filter(|t| !t.is_nan());
@@ -283,7 +235,7 @@ fn rows(
         let values = || fields.iter().filter_map(|(_, values)| values.get(row).copied());
         let stamp = match (times, time.rate_hz) {
             (Some((times, _)), _) => times.stamp(row),
-            (None, Some(rate)) => at_rate(rate, time.start_s, row).map(Some),
+            (None, Some(rate)) => Clock::at_rate(time.start_s, rate, row).map(Some),
             (None, None) => Ok(None),
         };
         match stamp {

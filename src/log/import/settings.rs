@@ -4,9 +4,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The unit of a column of dates with times.
-pub const ISO: &str = "iso8601";
-
 /// In `names`: every file that there is.
 pub const ALL: &str = "*";
 
@@ -28,6 +25,10 @@ pub struct Import {
     /// where it is the only one.
     #[serde(default)]
     pub variable: Option<String>,
+    /// What a signal is in a matrix of a MAT file: a column of it, or a row; `column` gives the number
+    /// of either.
+    #[serde(default)]
+    pub signals: Along,
     /// The log to write, relative to this file.
     pub output: String,
     /// Where the data come from and how to get them; part of the message when no input is found.
@@ -80,20 +81,31 @@ pub enum Decimal {
     Comma,
 }
 
+/// How a matrix holds signals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Along {
+    #[default]
+    Columns,
+    Rows,
+}
+
 /// Time: a column, or a rate for data without one.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
-    /// Number (from 1) or name of the column; in a MAT file the name of a vector; in a ULog another
-    /// field than `timestamp`.
+    /// Number (from 1) or name of the column; in a MAT file the name of a vector (`data.t` in a
+    /// structure); in a ULog another field than `timestamp`.
     #[serde(default)]
     pub column: Option<Column>,
     /// The matrix of a MAT file that has the column of this number.
     #[serde(default)]
     pub matrix: Option<String>,
     /// Unit of the column, for example "s" or "ms"; "iso8601" for dates with times, such as
-    /// 2024-05-06T10:00:00.25Z (UTC where they name no zone). Timestamps of Parquet have theirs, and
-    /// those of a ULog are microseconds.
+    /// 2024-05-06T10:00:00.25Z (UTC where they name no zone); "hh:mm:ss" for times of day, such as
+    /// 10:00:00.25, or 127:10:00:00.25 with the day of the year before it (`start_s` is the start of
+    /// that day or year, where it is to be known); "excel" for Excel's days, "datenum" for MATLAB's.
+    /// Timestamps of Parquet have theirs, and those of a ULog are microseconds.
     #[serde(default)]
     pub unit: Option<String>,
     /// Rows per second, Hz, where there is no column of time: the first row is at time zero.
@@ -136,8 +148,8 @@ pub struct Topic {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
-    /// Number (from 1) or name of the column; in a MAT file the name of a vector; in a ULog the
-    /// field of the message, such as "rollspeed" or "q[0]".
+    /// Number (from 1) or name of the column; in a MAT file the name of a vector (`data.alpha` in a
+    /// structure); in a ULog the field of the message, such as "rollspeed" or "q[0]".
     pub column: Column,
     /// The matrix of a MAT file that has the column of this number.
     #[serde(default)]

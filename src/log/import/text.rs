@@ -1,8 +1,10 @@
 //! A text file of columns in; the rows of its topics out.
 
-use super::cells::{column_of, each_row, is_missing, moment, number, plain};
-use super::rows::{Clock, Read, Rows, SHOWN, at_rate, named, timeless};
-use super::settings::{Column, ISO, Import, Separator, Time};
+use super::cells::{column_of, each_row, is_missing, number, plain};
+use super::clock::Clock;
+use super::rows::{Read, Rows, SHOWN, named, timeless};
+use super::settings::{Column, Import, Time};
+use super::width::Width;
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
 
@@ -11,8 +13,8 @@ fn header(settings: &Import, text: &str) -> Vec<String> {
     let line = settings.names_line.unwrap_or(settings.header_lines).checked_sub(1);
     let Some(line) = line.and_then(|n| plain(text).lines().nth(n)) else { return Vec::new() };
     let mut names = Vec::new();
-    each_row(settings.separator, line, &mut |_, cells| {
-        names = cells.iter().map(|name| name.to_string()).collect();
+    each_row(settings.separator, line, &mut |row| {
+        names = row.cells.iter().map(|name| name.to_string()).collect();
         true
     });
     names
@@ -20,20 +22,13 @@ fn header(settings: &Import, text: &str) -> Vec<String> {
 
 /// Where the time of a row comes from.
 enum Origin {
-    Column { at: usize, of: Cells },
-    Rate(f64),
-}
-
-/// What the cells of a column of time are.
-enum Cells {
-    Numbers(Clock),
-    Moments,
+    Column { at: usize, clock: Clock },
+    Rate { rate_hz: f64, start_s: f64 },
 }
 
 /// A time that topics have; their own one may be missing in a row.
 struct Timed {
     from: Origin,
-    start_s: f64,
     is_own: bool,
 }
 
@@ -83,24 +78,19 @@ impl Timed {
         let from = match (&time.column, time.rate_hz, time.unit.as_deref()) {
             (Some(column), _, Some(unit)) => {
                 let at = index(column, time.matrix.is_some(), key, doc, names)?;
-                let of = match unit {
-                    ISO => Cells::Moments,
-                    unit => {
-                        let clock = Clock::new(unit, time.start_s);
-                        Cells::Numbers(clock.map_err(|e| doc.error(&format!("{key}.unit"), e))?)
-                    }
-                };
-                Origin::Column { at, of }
+                let clock = Clock::new(unit, time.start_s);
+                let clock = clock.map_err(|e| doc.error(&format!("{key}.unit"), e))?;
+                Origin::Column { at, clock }
             }
-            (None, Some(rate), _) => Origin::Rate(rate),
+            (None, Some(rate_hz), _) => Origin::Rate { rate_hz, start_s: time.start_s },
             _ => {
                 return Err(doc
                     .error(key, "the unit of the column of time is not said")
-                    .help("unit = \"s\", or \"iso8601\" for dates with times")
+                    .help("unit = \"s\", \"iso8601\" for dates with times, \"hh:mm:ss\" for times of day")
                     .into());
             }
         };
-        Ok(Timed { from, start_s: time.start_s, is_own })
+        Ok(Timed { from, is_own })
     }
 }
 
@@ -124,61 +114,6 @@ fn index(
     }
 }
 
-/// How many cells a row may have. A cell too many (a comma in a remark, a decimal comma) moves all behind it
-/// by one.
-struct Width {
-    cells: Option<usize>,
-    of: &'static str,
-    /// Names with blanks in them have other numbers of cells than their columns.
-    exact: bool,
-    blanks: bool,
-}
-
-/// Lines in one quoted cell, at most: more are rows that a quote without its end has swallowed.
-const LINES: usize = 4;
-
-impl Width {
-    fn of(settings: &Import, header: &[String]) -> Width {
-        let is_name = |column: &Column| matches!(column, Column::Name(_));
-        let of_times = settings.topic.iter().filter_map(|t| t.time.as_ref());
-        let named = settings.topic.iter().flat_map(|t| &t.fields).any(|f| is_name(&f.column))
-            || settings.time.iter().chain(of_times).any(|t| t.column.as_ref().is_some_and(is_name));
-        let blanks = settings.separator == Separator::Whitespace;
-        let cells = (named && !header.is_empty()).then_some(header.len());
-        Width { cells, of: "the line of names", exact: blanks && cells.is_some(), blanks }
-    }
-
-    /// Without names the first row says how many there are, but for columns between blanks, behind which
-    /// remarks may stand.
-    ///
-    /// # Errors
-    /// In words: the row has others.
-    fn holds(&mut self, cells: &[&str]) -> Result<(), String> {
-        if cells.iter().any(|cell| cell.matches('\n').count() > LINES) {
-            return Err(format!(
-                "a quoted cell of more than {LINES} lines begins in this row: the quote at its end is missing"
-            ));
-        }
-        let has = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
-        let Some(wanted) = self.cells else {
-            if !self.blanks {
-                (self.cells, self.of) = (Some(cells.len()), "the first row");
-            }
-            return Ok(());
-        };
-        let wrong = has > wanted || self.exact && has < wanted;
-        let why = if self.blanks {
-            "a name with a blank in it counts as two: give the columns by number"
-        } else {
-            "a separator within a cell that is not quoted?"
-        };
-        if wrong {
-            return Err(format!("the row has {has} cells, {} has {wanted}: {why}", self.of));
-        }
-        Ok(())
-    }
-}
-
 /// Reads the columns that the description names; `file` is the file's name in messages.
 ///
 /// # Errors
@@ -195,14 +130,14 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
     let mut errors = Errors::default();
     let mut row_number = 0;
     let mut width = Width::of(settings, &names);
-    each_row(settings.separator, data, &mut |start, cells| {
-        let (before, row) = data.split_at_checked(start).unwrap_or((data, ""));
+    each_row(settings.separator, data, &mut |row| {
+        let (before, cells) = (data.get(..row.start).unwrap_or(data), row.cells);
         let at = |i: usize| Place {
             file: file.to_string(),
             line: settings.header_lines + before.matches('\n').count() + 1,
-            column: column_of(settings.separator, row.lines().next().unwrap_or(""), i),
+            column: column_of(settings.separator, row.text.lines().next().unwrap_or(""), i),
         };
-        if let Err(what) = width.holds(cells) {
+        if let Err(what) = width.holds(&row) {
             errors.push(Error::at(at(0), what));
             return errors.0.len() < SHOWN;
         }
@@ -218,20 +153,18 @@ pub fn read(settings: &Import, doc: &Doc, file: &str, text: &str) -> Result<Read
             number(settings, cell).ok_or_else(wrong)
         };
         let stamp = |time: &Timed| -> Result<Option<u64>, Error> {
-            let (i, of) = match &time.from {
-                Origin::Rate(rate) => {
-                    let stamp = at_rate(*rate, time.start_s, row_number);
+            let (i, clock) = match &time.from {
+                Origin::Rate { rate_hz, start_s } => {
+                    let stamp = Clock::at_rate(*start_s, *rate_hz, row_number);
                     return stamp.map(Some).map_err(|e| Error::at(at(0), e));
                 }
-                Origin::Column { at, of } => (*at, of),
+                Origin::Column { at, clock } => (*at, clock),
             };
             if time.is_own && cells.get(i).is_none_or(|cell| is_missing(settings, cell)) {
                 return Ok(None);
             }
-            let stamp = match of {
-                Cells::Moments => moment(cell(i)?, time.start_s),
-                Cells::Numbers(clock) => clock.stamp(value(i)?),
-            };
+            let stamp =
+                if clock.is_written() { clock.read(cell(i)?) } else { clock.stamp(value(i)?) };
             stamp.map(Some).map_err(|e| Error::at(at(i), e))
         };
         let stamps: Vec<Option<u64>> =
@@ -301,6 +234,14 @@ mod tests {
         let text = "t,v\n1970-01-01T00:00:01.5Z,1\n1970-01-01 01:00:02+01:00,2\n1970-01-01T00:00:03.000000001,3\n";
         let rows = read_all(&settings, text).unwrap();
         assert_eq!(rows.stamp, [1_500_000_000, 2_000_000_000, 3_000_000_001]);
+        let e = read_all(
+            &settings,
+            "t,v\n1970-01-01T00:00:01Z,1\n1970-01-01T00:00:02Z,\"2\n1970-01-01T00:00:03Z,3\n",
+        );
+        assert!(
+            e.as_ref().is_err_and(|e| e.contains("a.csv:3:1: a quoted cell of 2 lines")),
+            "{e:?}"
+        );
         for (bad, wanted) in
             [("noon", "is no date with time"), ("1969-12-31T00:00:00Z", "before 1970")]
         {

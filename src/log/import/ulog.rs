@@ -3,7 +3,8 @@
 //! `px4-ulog` takes the records apart. They are handed to it one by one, so that a mistake has a
 //! place, and records that nobody asks for (texts, parameters) cannot be one.
 
-use super::rows::{Clock, Read, Rows, later};
+use super::clock::Clock;
+use super::rows::{Read, Rows};
 use super::settings::{Column, Import, Topic};
 use crate::config::Doc;
 use crate::error::{Error, Errors, Place};
@@ -83,9 +84,8 @@ struct Sink<'a> {
     /// The field of time, and the clock it is read on.
     time: &'a str,
     clock: Clock,
-    /// Seconds from 1970 to time zero, for times that are whole microseconds; none where the unit is
-    /// another.
-    start_us: Option<f64>,
+    /// Whether times are microseconds.
+    is_us: bool,
     /// The field of time and the others, once the first message has told what it holds.
     layout: Option<Option<(FlattenedField, Vec<FlattenedField>)>>,
     rows: Rows,
@@ -120,7 +120,7 @@ impl<'a> Sink<'a> {
                 _ => TIMESTAMP,
             },
             clock: Clock::new(unit.unwrap_or("us"), start_s).map_err(|e| doc.error(&at, e))?,
-            start_us: unit.is_none_or(|unit| unit == "us").then_some(start_s),
+            is_us: unit.is_none_or(|unit| unit == "us"),
             layout: None,
             rows: Rows::default(),
             errors: Vec::new(),
@@ -174,9 +174,9 @@ impl<'a> Sink<'a> {
 
     /// The stamp of a message, ns. Whole microseconds stay exact.
     fn stamp(&self, time: &FlattenedField, data: &[u8]) -> Result<u64, String> {
-        match (self.start_us, &time.field_type, bytes_at(time, data)) {
-            (Some(start_s), FlattenedFieldType::UInt64, Some(us)) => {
-                later(start_s, i128::from(u64::from_le_bytes(us)) * 1000)
+        match (&time.field_type, bytes_at(time, data)) {
+            (FlattenedFieldType::UInt64, Some(us)) if self.is_us => {
+                self.clock.later(i128::from(u64::from_le_bytes(us)) * 1000)
             }
             _ => self.clock.stamp(number(time, data)),
         }
