@@ -12,7 +12,7 @@ use crate::least_squares::{Layout, Method, minimise};
 /// So many times finer.
 const FINER: usize = 4;
 /// A parameter is moved by more than so many of its standard deviations.
-const MOVES: f64 = 1.0;
+pub(super) const MOVES: f64 = 1.0;
 
 /// What steps so many times finer would do: by how many standard deviations which parameters move,
 /// those that move most first.
@@ -37,17 +37,19 @@ impl Case {
             };
             record.substeps = FINER * steps;
         }
-        let moved = self.moved(&finer, solution, settings);
+        let moved = self.moved(&finer, solution, settings, MOVES);
         (!moved.is_empty()).then_some(Coarse { finer: FINER, moved })
     }
 
     /// The parameters that one step of the iteration moves where the problem is another one, from the
-    /// solution of this one: by how many of their standard deviations, those that move most first.
+    /// solution of this one, by more than `least` of their standard deviations: by how many, those that
+    /// move most first.
     pub(super) fn moved(
         &self,
         other: &Case,
         solution: &Solution,
         settings: &Settings,
+        least: f64,
     ) -> Vec<(String, f64)> {
         let evaluate =
             |s: usize, local: &[f64], sensitivities: bool| other.evaluate(s, local, sensitivities);
@@ -57,7 +59,7 @@ impl Case {
         let moved = |i: usize| {
             let (sd, _) = solution.deviation(i)?;
             let by = (theta.get(i)? - solution.fit.theta[i]).abs() / sd;
-            (by > MOVES).then(|| (self.unknowns[i].name.clone(), by))
+            (by > least).then(|| (self.unknowns[i].name.clone(), by))
         };
         let mut moved: Vec<(String, f64)> = (0..self.unknowns.len()).filter_map(moved).collect();
         moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));

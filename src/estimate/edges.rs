@@ -6,6 +6,7 @@
 //! owe to that.
 
 use super::case::Case;
+use super::coarse::MOVES;
 use super::solution::Solution;
 use super::{Settings, Stop};
 use crate::dynamics::{Interpolation, Record};
@@ -42,7 +43,7 @@ impl Case {
         if inputs.is_empty() {
             return None;
         }
-        let moved = self.moved(&later, solution, settings);
+        let moved = self.moved(&later, solution, settings, MOVES);
         (!moved.is_empty()).then_some(Edges { inputs, moved })
     }
 }
@@ -76,7 +77,9 @@ fn steps(column: &[f64], points: usize) -> Vec<usize> {
     let (low, high) = column
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
-    let least = (STEP * (high - low)).max(CLEAR * commanded_sd(column));
+    // Between its own samples a column runs on lines, which know no noise.
+    let own: Vec<f64> = column.iter().step_by(points.max(1)).copied().collect();
+    let least = (STEP * (high - low)).max(CLEAR * commanded_sd(&own));
     let change = |k: usize| match column.get(k + points) {
         Some(next) => (next - column[k]).abs(),
         None => 0.0,
@@ -110,6 +113,14 @@ mod tests {
         let noise: Vec<f64> =
             (0..200).map(|k: usize| (k * k * 7919 % 104_729) as f64 / 104_729.0).collect();
         assert!(steps(&noise, 1).is_empty(), "{:?}", steps(&noise, 1));
+        // the same, sampled slower than the grid
+        let slow: Vec<f64> = (0..199 * 5)
+            .map(|k: usize| {
+                let (i, w) = (k / 5, (k % 5) as f64 / 5.0);
+                noise[i] + (noise[i + 1] - noise[i]) * w
+            })
+            .collect();
+        assert!(steps(&slow, 5).is_empty(), "{:?}", steps(&slow, 5));
         assert!(steps(&[0.0; 20], 1).is_empty());
     }
 

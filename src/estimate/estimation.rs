@@ -2,6 +2,7 @@
 //! was left out.
 
 use super::budget::Influence;
+use super::chords::Chords;
 use super::coarse::Coarse;
 use super::decision::Decision;
 use super::edges::Edges;
@@ -161,6 +162,8 @@ pub struct Estimation {
     pub coarse: Option<Coarse>,
     /// What the estimates owe to when inputs stepped between two of their samples.
     pub edges: Option<Edges>,
+    /// What straight lines between the points of the grid move.
+    pub chords: Option<Chords>,
     /// Parameters of the model that times of delays depend on.
     pub delaying: Vec<String>,
     /// Another start that ended elsewhere.

@@ -47,6 +47,7 @@
 //! | `plateaus` | what was measured of a state on its limit |
 //! | `idle` | why nothing shows a parameter |
 //! | `coarse` | what finer integration steps would move |
+//! | `chords` | what the estimates owe to straight lines between the points of the grid |
 //! | `edges` | what the estimates owe to when inputs stepped between two samples |
 //! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
@@ -58,6 +59,7 @@ mod begin;
 mod budget;
 mod case;
 mod choice;
+mod chords;
 mod coarse;
 mod colour;
 mod crossed;
@@ -106,6 +108,7 @@ mod watched;
 pub use crate::least_squares::{Block, Iteration, StepControl, Stop};
 pub use budget::{Influence, covariance};
 pub use case::Case;
+pub use chords::Chords;
 pub use coarse::Coarse;
 pub use decision::{Decision, Support};
 pub use edges::Edges;

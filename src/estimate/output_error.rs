@@ -190,6 +190,7 @@ fn told(
             influential: case.influential(solution, used),
             coarse: case.coarse(solution, settings),
             edges: case.edges(solution, settings),
+            chords: case.chords(solution, settings),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.
         By::EquationError => {

@@ -2,6 +2,7 @@
 
 use super::budget::{Influence, added};
 use super::case::Case;
+use super::chords::Chords;
 use super::coarse::Coarse;
 use super::edges::Edges;
 use super::influential::Influential;
@@ -35,6 +36,7 @@ pub struct Told {
     pub influential: Option<Influential>,
     pub coarse: Option<Coarse>,
     pub edges: Option<Edges>,
+    pub chords: Option<Chords>,
 }
 
 /// What was compared with measurements: the outputs of the model, or its equations.
@@ -118,6 +120,7 @@ pub fn name(
         influential: told.influential,
         coarse: told.coarse,
         edges: told.edges,
+        chords: told.chords,
         delaying: Vec::new(),
         elsewhere: None,
         tried: Vec::new(),

@@ -1,5 +1,5 @@
-//! Turns by the gyros and by the attitude, in; how far each gyro is behind the attitude, and how its bias
-//! drifts, out.
+//! Turns by the gyros and by the attitude, in; how far each gyro is behind the attitude, what it has of its
+//! turns, and how its bias drifts, out.
 //!
 //! Of a gyro that is late by `tau` the turns since a time go as `a = k (g + tau w) + c0 + c1 t` (least squares,
 //! a straight line in every part of 20 s; standard deviations allow for the colour of what is left). A bias
@@ -14,6 +14,8 @@ use crate::math::products::dot;
 
 /// A delay is told from this size on, s.
 pub const LATE: f64 = 0.01;
+/// A scale is told from this deviation on.
+const SCALE: f64 = 0.03;
 /// A bias drifts from this change over the flight on, rad/s: from one that is constant for the filter that
 /// makes an attitude wrong by a degree in 20 s.
 const DRIFT: f64 = 2e-3;
@@ -26,12 +28,14 @@ fn parts(runs: &[Vec<Step>]) -> impl Iterator<Item = &[Step]> {
     runs.iter().flat_map(move |run| run.chunk_by(same)).filter(|part| part.len() >= FEWEST)
 }
 
-/// How far a gyro is behind the attitude, s, with its standard deviation, and its scale.
+/// How far a gyro is behind the attitude, s, with its standard deviation; what the attitude turns per turn of
+/// the gyro, likewise.
 pub struct Skew {
     axis: usize,
     tau: f64,
     sd: f64,
     scale: f64,
+    scale_sd: f64,
 }
 
 /// None where that is not known. What both have turned since the beginning of a part is compared, less a
@@ -53,9 +57,10 @@ pub fn skew(axis: usize, runs: &[Vec<Step>]) -> Option<Skew> {
     let left: Vec<f64> = (0..a.len()).map(|i| a[i] - k * g[i] - slope * w[i]).collect();
     let dof = left.len().checked_sub(2 + 2 * lengths.len()).filter(|dof| *dof > 0)? as f64;
     let colour = modelled(&left, &lengths).model.colour().max(1.0);
-    let sd = (gg / determinant * dot(&left, &left) / dof * colour).sqrt() / k.abs();
+    let variance = dot(&left, &left) / dof * colour / determinant;
+    let (sd, scale_sd) = ((gg * variance).sqrt() / k.abs(), (ww * variance).sqrt());
     let tau = slope / k;
-    (sd < LATE && tau.is_finite()).then_some(Skew { axis, tau, sd, scale: k })
+    (sd < LATE && tau.is_finite()).then_some(Skew { axis, tau, sd, scale: k, scale_sd })
 }
 
 impl Skew {
@@ -68,13 +73,28 @@ impl Skew {
         // No sensor is ahead of what it measures: the attitude is behind then.
         let verdict = if tau > limit { "late" } else { "good" };
         let text = format!(
-            "behind the attitude by {tau:.4} +- {:.4} s (95%), scale {:.4}{}",
+            "behind the attitude by {tau:.4} +- {:.4} s (95%){}",
             INTERVAL_95 * self.sd,
-            self.scale,
             if tau < -limit { ": the attitude is late" } else { "" }
         );
         let row = Row::of(GYROS[self.axis], "time skew", tau, "s", (verdict, text));
         Row { low: -limit, high: limit, ..row }
+    }
+}
+
+impl Skew {
+    /// The line about the scale: what the gyro turns per turn of the attitude.
+    pub fn scale_row(&self) -> Row {
+        let k = 1.0 / self.scale;
+        let sd = self.scale_sd * k * k;
+        let limit = SCALE.max(3.0 * sd);
+        let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
+        let text = format!(
+            "turns by the gyro per turn of the attitude {k:.4} +- {:.4} (95%)",
+            INTERVAL_95 * sd
+        );
+        let row = Row::of(GYROS[self.axis], "scale", k, "-", (verdict, text));
+        Row { low: 1.0 - limit, high: 1.0 + limit, ..row }
     }
 }
 

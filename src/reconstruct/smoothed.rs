@@ -189,8 +189,22 @@ impl Work<'_> {
                 (sd, fast, levels.given[0][k]),
             ));
         }
+        self.needed(&levels);
         self.filtered(&levels);
         Ok(self.finish())
+    }
+
+    /// The lines about how noisy the inertial sensors have to be.
+    fn needed(&mut self, levels: &Levels) {
+        let flight = self.smoother.flight;
+        for (i, input) in flight.inputs.iter().enumerate().filter(|(_, input)| input.sd > 0.0) {
+            let quantity = &self.kinematics.model.inputs[i];
+            if consistency::inertial(&quantity.unit) {
+                let sd = (levels.density[i] / flight.clocks[input.clock].spacing).sqrt();
+                let of = (sd, input.sd, levels.given[1][i]);
+                self.path.checks.push(verdicts::needed_row(&quantity.name, &quantity.unit, of));
+            }
+        }
     }
 
     /// A note of the channels whose noise cannot be estimated because a recorder filtered it away.

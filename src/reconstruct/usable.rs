@@ -70,6 +70,7 @@ fn well<'n, 's>(
         let (name, mut y) = (&quantity.name, Cow::Borrowed(*y));
         let health = health::health(t, &y);
         path.checks.extend(verdicts::health_rows(name, &health, moves));
+        path.checks.extend(verdicts::temperature_row(name, &quantity.unit, &y));
         if moves && health.dead {
             y.to_mut().fill(f64::NAN);
             good = false;

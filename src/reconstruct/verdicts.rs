@@ -6,10 +6,13 @@ use super::health::Health;
 use super::pairs::{Comparison, Which};
 use super::smoother::Innovation;
 use crate::math::distribution::INTERVAL_95;
+use crate::math::median;
 use crate::noise::Modelled;
 
 /// Below this correlation with what the others say, a channel's sign is reversed.
 const REVERSED: f64 = -0.8;
+/// Below this it goes against the others: a reversed sign, seen through noise, or another one's.
+const OPPOSED: f64 = -0.5;
 /// A delay is told from this size on, s, where it is known; a scale from this deviation on.
 const DELAY: f64 = 0.01;
 const SCALE: f64 = 0.05;
@@ -37,13 +40,22 @@ impl Comparison {
             verdict,
             text,
         };
-        let verdict = if self.reversed() { "sign reversed" } else { "good" };
+        let verdict = match self.correlation {
+            _ if self.reversed() => "sign reversed",
+            r if r < OPPOSED => "opposed",
+            _ => "good",
+        };
         let cut = self.cut.map_or(String::new(), |n| format!("; {}", Modelled::cut_words(n)));
         let text = format!(
-            "measured against what the other sensors say of it, trend removed: correlation {:.3}, {:.2e} left{cut}",
-            self.correlation, self.left
+            "measured against what the other sensors say of it, trend removed: correlation {:.3}, {:.2e} left{}{cut}",
+            self.correlation,
+            self.left,
+            match verdict {
+                "opposed" => ": its sign, or that of one it is held against?",
+                _ => "",
+            }
         );
-        let mut rows = vec![row("sign", self.correlation, [REVERSED, 1.0], "-", verdict, text)];
+        let mut rows = vec![row("sign", self.correlation, [OPPOSED, 1.0], "-", verdict, text)];
         if self.reversed() {
             return rows;
         }
@@ -113,13 +125,30 @@ pub fn bias_row(channel: &str, unit: &str, value: f64) -> Option<Row> {
     })
 }
 
+/// Temperatures of air and what flies in it, K.
+const TEMPERATURES: [f64; 2] = [150.0, 700.0];
+
+/// The line of a temperature that no air has; none where it may be one.
+pub fn temperature_row(channel: &str, unit: &str, y: &[f64]) -> Option<Row> {
+    let known: Vec<f64> = y.iter().copied().filter(|v| v.is_finite()).collect();
+    let [low, high] = TEMPERATURES;
+    let middle = median(&known);
+    let text = format!(
+        "{middle:.1} K in the middle of the flight's values, which no air has: degrees Celsius?"
+    );
+    (unit == "K" && !known.is_empty() && !(low..high).contains(&middle)).then(|| {
+        let row = Row::of(channel, "unit", middle, unit, ("another unit", text));
+        Row { low, high, ..row }
+    })
+}
+
 /// The line of a channel that was not compared with the others.
 pub fn not_compared(channel: &str) -> Row {
     Row {
         channel: channel.to_string(),
         check: "sign",
         value: f64::NAN,
-        low: REVERSED,
+        low: OPPOSED,
         high: 1.0,
         unit: "-".to_string(),
         verdict: "not compared",
@@ -297,9 +326,46 @@ pub fn innovation_rows(
     ]
 }
 
+/// An inertial sensor that needs this many times its noise has errors of its own, or is held against something
+/// wrong.
+const NEEDED: f64 = 2.0;
+
+/// The line about how noisy an inertial sensor has to be for the path to fit the measurements: what
+/// contradicts them (an airspeed in another unit, a sign, an arm) ends there. `sd` of a sample as the path needs
+/// it, or as it was given, and of its fast part.
+pub fn needed_row(channel: &str, unit: &str, (sd, fast, given): (f64, f64, bool)) -> Row {
+    let needs = sd > NEEDED * fast && !given;
+    let by = if given { "was given" } else { "the path needs it" };
+    let why = match needs {
+        true => {
+            ": it, or what it is held against, has slow errors, or another sign, unit, scale or place than is said"
+        }
+        false => "",
+    };
+    let text = format!("standard deviation of a sample as {by}; its fast part {fast:.2e}{why}");
+    let verdict = if needs { "needs noise" } else { "good" };
+    let row = Row::of(channel, "noise", sd, unit, (verdict, text));
+    Row { low: 0.0, high: NEEDED * fast, ..row }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_input_that_the_others_contradict_needs_much_noise() {
+        let of = |sd: f64, given: bool| needed_row("az", "m/s^2", (sd, 0.05, given)).verdict;
+        assert_eq!(of(0.09, false), "good");
+        assert_eq!(of(0.15, false), "needs noise");
+        assert_eq!(of(0.15, true), "good");
+    }
+
+    #[test]
+    fn air_is_not_at_twenty_kelvin() {
+        let of = |unit: &str, y: &[f64]| temperature_row("T", unit, y).map(|row| row.verdict);
+        assert_eq!(of("K", &[15.0, f64::NAN, 14.0]), Some("another unit"));
+        assert_eq!((of("K", &[288.0, 250.0]), of("m", &[15.0]), of("K", &[])), (None, None, None));
+    }
 
     #[test]
     fn a_bias_that_no_sensor_has_is_implausible() {

@@ -167,7 +167,7 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     if !worse_than_none.is_empty() {
         let text = format!(
             "Estimates are worse than no model: beyond noise of the sensors they leave, of the measured variation, {}. \
-             A sign, a unit or a sensor is wrong there.",
+             Something basic is wrong there: a sign, a unit, an offset, a sensor, or another configuration.",
             few(&worse_than_none)
         );
         return Some((Level::Bad, text));

@@ -17,7 +17,8 @@ use super::lines::EXCESS;
 use super::place::{Form, On};
 use super::section::{Body, Given, Section};
 use super::{
-    adequacy, consistency, diagnosis, estimates, flights, lines, logs, repeats, still, tolerances,
+    adequacy, consistency, diagnosis, estimates, flights, lines, logs, repeats, signs, still,
+    tolerances,
 };
 use crate::error::Result;
 use serde::Serialize;
@@ -163,6 +164,7 @@ pub fn answers(given: &Given) -> Vec<Check> {
         (flights::summary(get("segments"), get("responses"), &given.ids()), "flights", "segments"),
         (by_hand(get("segments")), "flights", "segments"),
         (estimates::convergence(get("estimates")), "estimates", "estimates"),
+        (signs::summary(get("estimates")), "estimates", "estimates"),
         (adequacy::summary(get("adequacy")), "matches", "matches"),
         (estimates::colour(get("estimates")), "estimates", "estimates"),
         (estimates::separation(get("correlations")), "correlations", "correlations"),

@@ -45,9 +45,10 @@ const SHOWN: [(&str, &str); 9] = [
     ("noise", "#noise sd"),
 ];
 /// Verdicts that are remarks, not faults.
-const REMARKS: [&str; 7] = [
+const REMARKS: [&str; 8] = [
     "coloured",
     "slow errors",
+    NEEDS_NOISE,
     "too small",
     "gaps",
     "significant",
@@ -58,7 +59,14 @@ const REMARKS: [&str; 7] = [
 const NOT_COMPARED: &str = "not compared";
 
 /// Verdicts that are a matter of degree: worth a look.
-const DEGREE: [&str; 5] = ["too large", "saturated", "outliers", "not used", "drifts"];
+const DEGREE: [&str; 6] = ["too large", "saturated", "outliers", "not used", "drifts", "opposed"];
+/// Of an inertial sensor that needs more noise than it shows, for the path to fit.
+const NEEDS_NOISE: &str = "needs noise";
+/// What it does in this share of the flights, and in several, is no matter of one flight's air.
+const OFTEN: f64 = 0.75;
+/// Verdicts that name the culprit: others of the flight may be held against it, and be wrong for that.
+const CERTAIN: [&str; 7] =
+    ["sign reversed", "exchanged", "another unit", "implausible", "dead", "frozen", "saturated"];
 /// A channel of which more than this share is rejected does not fit with the others.
 const MOST_REJECTED: f64 = 0.1;
 
@@ -149,6 +157,7 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
             .collect()
     };
     let (bad, odd, remarks) = (names(Level::Bad), names(Level::Warn), names(Level::Info));
+    let odd = [needs_noise(table), odd].concat();
     let unknown = |row: &usize| table.text("verdict", *row) == NOT_COMPARED;
     let unknown: Vec<String> = (0..table.rows())
         .filter(unknown)
@@ -166,9 +175,55 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     Some(match (bad.as_slice(), odd.as_slice(), remarks.len() - unknown.len()) {
         ([], [], 0) => (Level::Good, format!("{agrees}.")),
         ([], [], n) => (Level::Info, format!("{agrees}; {}.", count(n, "remark"))),
-        ([], _, _) => (Level::Warn, format!("{agrees}.{also}")),
-        (bad, _, _) => {
-            (Level::Bad, format!("Channels that do not fit with the others: {}.{also}", few(bad)))
+        ([], odd, _) => {
+            (Level::Warn, format!("No channel contradicts the others. Worth a look: {}.", few(odd)))
         }
+        (bad, _, _) => (Level::Bad, format!("{}{also}", contradicted(bad, &odd))),
     })
+}
+
+/// Inertial sensors that need more noise than they show, in nearly all flights.
+fn needs_noise(table: &Columns) -> Vec<String> {
+    let noises = |rows: &[usize], verdict: Option<&str>| {
+        let is = |row: &&usize| {
+            table.text("check", **row) == "noise"
+                && verdict.is_none_or(|verdict| table.text("verdict", **row) == verdict)
+        };
+        rows.iter().filter(is).count()
+    };
+    let often = |([channel], rows): ([String; 1], Vec<usize>)| {
+        let (all, needs) = (noises(&rows, None), noises(&rows, Some(NEEDS_NOISE)));
+        (needs > 1 && needs as f64 >= OFTEN * all as f64).then(|| {
+            format!("{channel} (needs more than twice its noise in {needs} of {all} flights: it, or what it is held against, has another sign, unit, scale or place than is said)")
+        })
+    };
+    table.groups(["channel"]).into_iter().filter_map(often).collect()
+}
+
+/// The sentences about channels that do not fit with the others. Where some have a fault that is certain
+/// (one of `odd` may), they stand first, and of others of their flights it is said that they may follow.
+fn contradicted(bad: &[String], odd: &[String]) -> String {
+    let certain = |name: &&String| CERTAIN.iter().any(|v| name.ends_with(&format!("({v})")));
+    let flight = |name: &str| name.split(' ').next().unwrap_or_default().to_string();
+    let flights: Vec<String> =
+        bad.iter().chain(odd).filter(certain).map(|name| flight(name)).collect();
+    let (follow, first): (Vec<String>, Vec<String>) =
+        bad.iter().cloned().partition(|name| !certain(&name) && flights.contains(&flight(name)));
+    let (mut culprits, others): (Vec<String>, Vec<String>) =
+        first.into_iter().partition(|name| certain(&name));
+    culprits.extend(others);
+    let named = match culprits.is_empty() {
+        true => String::new(),
+        false => format!("Channels that do not fit with the others: {}.", few(&culprits)),
+    };
+    let gap = if named.is_empty() || follow.is_empty() { "" } else { " " };
+    let rest = match (follow.is_empty(), named.is_empty()) {
+        (true, _) => String::new(),
+        (false, false) => format!("What may follow from that: {}.", few(&follow)),
+        (false, true) => format!(
+            "Channels that do not fit with the others, perhaps because of one that is saturated: {}.",
+            few(&follow)
+        ),
+    };
+    format!("{named}{gap}{rest}")
 }

@@ -60,6 +60,7 @@ mod provenance;
 mod repeats;
 mod room;
 mod section;
+mod signs;
 mod still;
 mod tolerances;
 mod uncertainty;

@@ -96,6 +96,7 @@ pub fn diagnose(
         rounds: Vec::new(),
         findings: Vec::new(),
         doubts: Vec::new(),
+        unsettled: Vec::new(),
         unstable: Vec::new(),
         added: Vec::new(),
         values: Vec::new(),

@@ -39,25 +39,28 @@ pub fn ended(
     out.comparison = comparison(subject, base, last)?;
     out.turned = turned(&out.comparison.shifts, &settings.thresholds);
     out.unphysical = unphysical(last, &settings.thresholds);
+    out.unsettled = unsettled(out, &settings.thresholds);
     out.complete = out.located.is_empty()
         && out.doubts.is_empty()
+        && out.unsettled.is_empty()
         && out.missed.is_empty()
         && out.unphysical.is_empty();
     out.verdict = verdict(out, doubted, &settings.thresholds);
     let but_records = is_but_records(out, &settings.thresholds);
+    let refuted = is_refuted(out, &settings.thresholds);
     out.left = left(last);
     if !out.left.iter().any(|l| l.adequacy.is_poor()) {
         if but_records {
             out.verdict = Verdict::ButRecords;
         }
-    } else if out.verdict != Verdict::Located || but_records {
+    } else if out.verdict != Verdict::Located || but_records || refuted {
         progress("more than noise is left: does turbulence account for it?");
         let turbulence = turbulence(subject, stand, last, &out.left);
         // Beside a name gusts may be left that last, which noise on the rates does not account for;
         // but nothing that goes with an input.
         out.verdict = match (&turbulence.objection, &out.verdict) {
             (None, Verdict::NothingMissing) => Verdict::ButTurbulence,
-            (None, _) if but_records => Verdict::ButTurbulence,
+            (None, _) if but_records || refuted => Verdict::ButTurbulence,
             (Some(_), Verdict::NothingMissing) => Verdict::Located,
             (_, named) if turbulence.with_input.is_none() => named.clone(),
             _ => Verdict::Located,
@@ -92,6 +95,32 @@ fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     found && else_nothing && quiet && !out.comparison.shifts.iter().any(moves)
 }
 
+/// Whether nothing was found, and all that gains more than chance on the training maneuvers is contradicted:
+/// what gusts do goes with anything, a little, for a while.
+fn is_refuted(out: &Diagnosis, thresholds: &Thresholds) -> bool {
+    let Some(round) = out.rounds.first().filter(|_| out.findings.is_empty() && out.complete) else {
+        return false;
+    };
+    let contradicted = |j: &Judged| {
+        matches!(j.standing, Standing::HeldOut | Standing::Inconsistent | Standing::Bounds)
+    };
+    round.judged.iter().filter(|j| stands_out(j, round, thresholds)).all(contradicted)
+}
+
+/// What gains more than chance in the last round of all candidates and could not be fitted.
+fn unsettled(out: &Diagnosis, thresholds: &Thresholds) -> Vec<String> {
+    let Some(round) = out.rounds.iter().rfind(|round| !round.strict) else { return Vec::new() };
+    let failed =
+        |j: &&Judged| j.standing == Standing::FitFailed && stands_out(j, round, thresholds);
+    let words = |j: &Judged| {
+        format!(
+            "{} gains {:.1} by screening, where chance gives {:.1}, and its full fit did not settle",
+            j.name, j.score, round.limit
+        )
+    };
+    round.judged.iter().filter(failed).map(words).collect()
+}
+
 /// Whether a parameter moves by more than so many of its sd.
 fn is_moved(shift: &Shift, sds: f64) -> bool {
     let by = (shift.after - shift.before).abs();
@@ -101,10 +130,13 @@ fn is_moved(shift: &Shift, sds: f64) -> bool {
 /// Whether a candidate of a round gains more than chance and is too faint for a name, or was not
 /// asked further.
 fn shows(round: &Round, thresholds: &Thresholds) -> bool {
-    let much =
-        |j: &Judged| times(thresholds.shown_factor, round.limit, j.screened.taken, thresholds);
-    let one = |j: &Judged| j.standing == Standing::Faint || j.score > much(j);
+    let one = |j: &Judged| j.standing == Standing::Faint || stands_out(j, round, thresholds);
     round.judged.iter().any(one)
+}
+
+/// Whether a candidate gains more by screening than chance gives.
+fn stands_out(j: &Judged, round: &Round, thresholds: &Thresholds) -> bool {
+    j.score > times(thresholds.shown_factor, round.limit, j.screened.taken, thresholds)
 }
 
 /// `doubted`: evidence of what explains something and is contradicted. Like what is left it must be

@@ -72,7 +72,10 @@ pub struct Diagnosis {
     /// Candidates that are in the model and explain most of something, but are contradicted, and
     /// why.
     pub doubts: Vec<(String, String)>,
-    /// Those among them that other choices of the maneuvers do not choose, with the votes.
+    /// Candidates that gain more than chance beside everything that was named, and whose full fit did not
+    /// end; in words.
+    pub unsettled: Vec<String>,
+    /// Those among the doubts that other choices of the maneuvers do not choose, with the votes.
     pub unstable: Vec<(String, Stability)>,
     /// What was added, in order: the candidates as they stand in the model.
     pub added: Vec<effect::Candidate>,

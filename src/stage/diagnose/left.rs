@@ -81,6 +81,16 @@ pub fn but_turbulence(d: &Diagnosis) -> String {
     )
 }
 
+/// What turbulence accounts for beside what is named; none where it does not.
+pub fn accounted(d: &Diagnosis) -> Option<String> {
+    let found = d.turbulence.as_ref().filter(|t| t.objection.is_none() && d.is_named())?;
+    Some(format!(
+        " What the model leaves beyond that and the sensors' noise is turbulence: noise that drives the rates accounts for it (root of its spectral \
+         density, +- is 95%): {}.",
+        densities(found)
+    ))
+}
+
 /// The strongest evidence that something is missing, in two sentences: the equation that lacks most
 /// with what that goes with, and the outputs of which more than noise is left. Empty where there is
 /// neither.
@@ -94,12 +104,18 @@ pub fn evidence(d: &Diagnosis) -> String {
     [lacks(d), outputs].into_iter().filter(|text| !text.is_empty()).map(|t| t + ". ").collect()
 }
 
+/// An equation lacks something where what is left of it is this many times what noise makes of it.
+const LACKS: f64 = 1.2;
+
 fn lacks(d: &Diagnosis) -> String {
     let comparison = &d.comparison;
     let Some(found) = strongest(&comparison.equations, &comparison.relations) else {
         return String::new();
     };
     let e = &found.equation;
+    if e.rms < LACKS * e.noise {
+        return String::new();
+    }
     let name = if e.is_rate { format!("The rate of {}", e.name) } else { e.name.clone() };
     let times =
         format!("{name} lacks most, {} times what noise makes of it", digits(e.rms / e.noise));

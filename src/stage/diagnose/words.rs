@@ -123,6 +123,7 @@ fn missing(outcome: &Outcome) -> String {
     let classes = || counted(d.findings.iter().map(|f| class(outcome, f)));
     let (left, evidence) = (unexplained(outcome), left::evidence(d));
     let rest = if left.is_empty() { String::new() } else { format!(" It is not all: {left}.") };
+    let rest = rest + &left::accounted(d).unwrap_or_default();
     match &d.verdict {
         Verdict::NothingMissing => "Nothing is missing that these flights could show.".into(),
         Verdict::ButRecords => {
@@ -207,11 +208,14 @@ fn unexplained(outcome: &Outcome) -> String {
     let doubts =
         d.doubts.iter().map(|(name, why)| format!("{name} would explain part of it, but {why}"));
     let missed = d.missed.iter().map(|m| missed(outcome, m));
-    // Where nothing is named the evidence has them.
-    let poor = d.is_named().then(|| left::outputs(d)).filter(|text| !text.is_empty());
+    // Where nothing is named the evidence has them; what turbulence accounts for is told by itself.
+    let accounted = left::accounted(d).is_some();
+    let poor =
+        (d.is_named() && !accounted).then(|| left::outputs(d)).filter(|text| !text.is_empty());
     let unphysical = d.unphysical.iter().map(|why| format!("with it {why}, which is not physical"));
     responses
         .chain(doubts)
+        .chain(d.unsettled.iter().cloned())
         .chain(unphysical)
         .chain(missed)
         .chain(poor)

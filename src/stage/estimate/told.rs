@@ -55,6 +55,7 @@ pub fn notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Not
     notes.extend(influential_note(config, batch, estimation));
     notes.extend(coarse_note(config, batch, estimation));
     notes.extend(edges_note(config, batch, estimation));
+    notes.extend(chords_note(config, batch, estimation));
     notes.extend(moved_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(elsewhere_note(config, batch, estimation));
@@ -191,6 +192,18 @@ fn edges_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option
         moved(&edges.moved)
     );
     Some(config.note("", Severity::Warning, batch.group.clone(), edges.moved.len(), text))
+}
+
+/// Estimates that straight lines between the points of the grid move.
+fn chords_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let chords = estimation.chords.as_ref()?;
+    let text = format!(
+        "{}: inputs run on straight lines between the points of the grid ({:.3} s), which moves {}: a finer grid (`rate_hz`) halves the spacing and leaves a quarter of it, `interpolation = \"cubic\"` in [[estimate]] is for measured inputs that are smooth",
+        batch.group,
+        chords.spacing,
+        moved(&chords.moved)
+    );
+    Some(config.note("", Severity::Warning, batch.group.clone(), chords.moved.len(), text))
 }
 
 /// Estimates by equation error that the noise of the regressors is expected to have moved.

@@ -8,7 +8,8 @@ use crate::signal::robust::noise_sd;
 /// Smoothed residuals within so many standard deviations are the sensor's noise.
 const SIGMAS: f64 = 3.0;
 /// What is short and yet no more than was left where the values come from.
-const AS_BEFORE: &str = ": no more than the estimate leaves itself";
+const AS_BEFORE: &str =
+    ": the estimate leaves as much itself, so that noise and what the model lacks look alike";
 /// Residuals of an estimate whose level at frequency zero is so many times that of white noise are slow.
 const SLOW: f64 = 1.5;
 /// Share of them that must be.
