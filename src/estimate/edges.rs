@@ -10,7 +10,7 @@ use super::coarse::MOVES;
 use super::solution::Solution;
 use super::{Settings, Stop};
 use crate::dynamics::{Interpolation, Record};
-use crate::signal::robust::commanded_sd;
+use crate::math::mad_sd;
 
 /// A change between two samples of more than this share of the input's range is a step.
 const STEP: f64 = 0.3;
@@ -72,14 +72,20 @@ fn late(record: &mut Record, input: usize) -> Option<f64> {
     Some(points as f64 * record.dt)
 }
 
+/// Standard deviation of the noise of a column that has a sample of its own at every `points`: between these it
+/// runs on lines, which know none. By the changes from one to the next, of which a few may be steps.
+fn noise(column: &[f64], points: usize) -> f64 {
+    let own: Vec<f64> = column.iter().step_by(points.max(1)).copied().collect();
+    let changes: Vec<f64> = own.windows(2).map(|w| w[1] - w[0]).collect();
+    mad_sd(&changes) / std::f64::consts::SQRT_2
+}
+
 /// The points before each step: where the change over `points` is largest.
 fn steps(column: &[f64], points: usize) -> Vec<usize> {
     let (low, high) = column
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
-    // Between its own samples a column runs on lines, which know no noise.
-    let own: Vec<f64> = column.iter().step_by(points.max(1)).copied().collect();
-    let least = (STEP * (high - low)).max(CLEAR * commanded_sd(&own));
+    let least = (STEP * (high - low)).max(CLEAR * noise(column, points));
     let change = |k: usize| match column.get(k + points) {
         Some(next) => (next - column[k]).abs(),
         None => 0.0,

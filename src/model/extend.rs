@@ -20,6 +20,11 @@ pub fn input_shift(input: &str) -> String {
     format!("du_{input}")
 }
 
+/// Whether a parameter is the zero shift of an output or of an input, by its name.
+pub fn is_shift(name: &str) -> bool {
+    [output_shift(""), input_shift("")].iter().any(|begin| name.starts_with(begin.as_str()))
+}
+
 /// Name of the delay of an output.
 pub fn output_delay(output: &str) -> String {
     format!("tau_{output}")

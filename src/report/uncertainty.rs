@@ -115,7 +115,8 @@ fn budget(table: Option<&Columns>) -> Grid {
     }
     grid.note = Some(
         "Shares of the square of sd_total, mean over the estimates. An error of a constant is the same in all maneuvers: more flights do \
-         not reduce it, and the scatter of repeats does not show it."
+         not reduce it, and the scatter of repeats does not show it. What the flight path was reconstructed with (places of vanes) and what \
+         conditions are made of is not in it."
             .into(),
     );
     grid.or_missing(none)

@@ -31,7 +31,11 @@ const FRICTION: Hidden = Hidden {
 /// A tenth of a degree to either side between the elevator and its synchro.
 const PLAY: Hidden = Hidden {
     edits: &[
-        ("truth.model.toml", "value = \"delta_e\" }", "value = \"synchro\" }"),
+        (
+            "truth.model.toml",
+            "value = \"delta_e\" }",
+            "value = \"synchro + deadband(delta_e - synchro, play)\" }",
+        ),
         (
             "truth.model.toml",
             "[constants]\n",

@@ -10,12 +10,16 @@ use crate::diagnose::base::found::Found;
 use crate::diagnose::gap::before_after::Shift;
 use crate::diagnose::thresholds::Thresholds;
 use crate::math::digits;
+use crate::model::extend::is_shift;
 
-/// Words on each derivative that is known and turned its sign.
+/// Words on each derivative that is known and turned its sign; the zero shift of a sensor has no sign of its own.
 pub fn turned(shifts: &[Shift], thresholds: &Thresholds) -> Vec<String> {
     let known = |v: f64, sd: Option<f64>| sd.is_some_and(|sd| v.abs() > thresholds.turned_sds * sd);
     let turned = shifts.iter().filter(|s| {
-        s.before * s.after < 0.0 && known(s.before, s.before_sd) && known(s.after, s.after_sd)
+        !is_shift(&s.name)
+            && s.before * s.after < 0.0
+            && known(s.before, s.before_sd)
+            && known(s.after, s.after_sd)
     });
     let words = |s: &Shift| {
         let (before, after, unit) = (digits(s.before), digits(s.after), &s.unit);

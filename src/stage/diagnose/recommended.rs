@@ -56,14 +56,17 @@ pub fn values(diagnosis: &str, additions: &Table, again: Option<&Table>) -> Resu
         .finish()
 }
 
-/// Value and sd of a parameter of which there is one converged estimate.
+/// Value and sd of a parameter of which there is one converged estimate: with the sd of the constants that the
+/// model assumes, where it has any.
 fn estimated(table: &Table, parameter: &str) -> Result<Option<(f64, f64)>> {
     let (names, stops) = (table.strings("parameter")?, table.strings("stop")?);
     let (values, sds) = (table.f64("value")?, table.f64("sd")?);
+    let totals = table.f64("sd_total")?;
     let mut mine = (0..names.len()).filter(|&i| names[i] == parameter);
     let (Some(i), None) = (mine.next(), mine.next()) else { return Ok(None) };
     let is_known = stops[i] == "converged" && values[i].is_finite() && sds[i].is_finite();
-    Ok(is_known.then_some((values[i], sds[i])))
+    let sd = if totals[i].is_finite() { totals[i] } else { sds[i] };
+    Ok(is_known.then_some((values[i], sd)))
 }
 
 #[cfg(test)]

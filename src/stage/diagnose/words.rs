@@ -136,7 +136,10 @@ fn missing(outcome: &Outcome) -> String {
         Verdict::Named | Verdict::OneOfThese => {
             let turned = match d.turned.is_empty() {
                 true => String::new(),
-                false => format!(" With it {}: is that what it should be?", d.turned.join(", ")),
+                false => format!(
+                    " From the fit to the training maneuvers without it to that with it {}: is that what it should be?",
+                    d.turned.join(", ")
+                ),
             };
             format!("The model lacks (+- is 95%): {}.{rest}{turned}", classes())
         }

@@ -152,7 +152,7 @@ pub fn fly(
                 n: points,
                 inputs: rows,
                 start,
-                substeps: (dt / (0.01 * setting.aircraft.quick)).ceil().max(4.0) as usize,
+                substeps: (dt / (0.01 * setting.aircraft.quick)).ceil().max(10.0) as usize,
                 interpolation: vec![Interpolation::Cubic; 5],
                 ..Record::default()
             };

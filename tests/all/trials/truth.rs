@@ -241,10 +241,10 @@ pub const INSIDE: &[Hidden] = hidden![
     "elevator lag" = ["actuator-lag:de"], "s", 0.06, { "de": "lag(de_seen, A)" };
     "elevator delay" = ["actuator-delay:de"], "s", 0.06, { "de": "delay(de_seen, A)" };
     "elevator rate limit" = ["actuator-rate-limit:de"], "s/rad", 8.0, {
-        "states": "z = { unit = \"rad\", rate = \"clamp(100*(de_seen - z)/sec, -1/A, 1/A)\", start = \"de_seen\" }", "de": "z" };
+        "states": "z = { unit = \"rad\", rate = \"clamp(500*(de_seen - z)/sec, -1/A, 1/A)\", start = \"de_seen\" }", "de": "z" };
     "elevator stop" = ["actuator-limit:de"], "rad", 0.03, { "de": "min(de_seen, 0.07 - A)" };
     "elevator backlash" = ["actuator-backlash:de"], "rad", 0.006, {
-        "states": "z = { unit = \"rad\", rate = \"100*deadband(de_seen - z, A)/sec\", start = \"de_seen\" }", "de": "z" };
+        "states": "z = { unit = \"rad\", rate = \"100*deadband(de_seen - z, A)/sec\", start = \"de_seen\" }", "de": "z + deadband(de_seen - z, A)" };
     "flap lag" = ["actuator-lag:eta"], "s", 0.1, { "eta": "lag(eta_seen, A)" };
     "flap delay" = ["actuator-delay:eta"], "s", 0.1, { "eta": "delay(eta_seen, A)" };
     "elastic elevator" = ["surface-stretch:de"], "1/Pa", 3e-5, { "de": "de_seen*(1 - A*qbar)" };
