@@ -78,7 +78,8 @@ pub fn axes(model: &Model, driving: &[Series], measured: &[Logged], settings: &S
         // how late they are is estimated where that is asked for
         let is_asked = ANGLES.iter().any(|angle| settings.late.iter().any(|late| late == angle));
         found.late = late(&skews).filter(|_| !is_asked);
-        found.rows.extend(skews.iter().flat_map(|skew| [skew.row(), skew.scale_row()]));
+        found.rows.extend(skews.iter().map(Skew::row));
+        found.rows.extend(skews.iter().filter_map(Skew::scale_row));
         for angle in ANGLES.iter().filter(|_| found.late.is_some()) {
             let tau = found.late.unwrap_or_default();
             let text = format!("behind all gyros by {tau:.4} s");

@@ -83,8 +83,9 @@ impl Skew {
 }
 
 impl Skew {
-    /// The line about the scale: what the gyro turns per turn of the attitude.
-    pub fn scale_row(&self) -> Row {
+    /// The line about the scale: what the gyro turns per turn of the attitude; none where it turns the other
+    /// way, which is told of its sign.
+    pub fn scale_row(&self) -> Option<Row> {
         let k = 1.0 / self.scale;
         let sd = self.scale_sd * k * k;
         let limit = SCALE.max(3.0 * sd);
@@ -94,7 +95,7 @@ impl Skew {
             INTERVAL_95 * sd
         );
         let row = Row::of(GYROS[self.axis], "scale", k, "-", (verdict, text));
-        Row { low: 1.0 - limit, high: 1.0 + limit, ..row }
+        (k > 0.0).then_some(Row { low: 1.0 - limit, high: 1.0 + limit, ..row })
     }
 }
 

@@ -22,6 +22,7 @@ use super::{
 };
 use crate::error::Result;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 pub const SECTION: Section = Section {
     id: "checks",
@@ -204,6 +205,14 @@ pub fn problems(checks: &[Check]) -> Vec<String> {
         .filter(|check| check.level == Level::Bad)
         .map(|check| check.text.clone())
         .collect()
+}
+
+/// The sentences that are worth a look and that no note of a stage says.
+pub fn looks(tables: &BTreeMap<String, Columns>) -> Vec<String> {
+    let get = |table: &str| tables.get(table);
+    let answers = [consistency::summary(get("consistency")), signs::summary(get("estimates"))];
+    let is_look = |(level, text): (Level, String)| (level == Level::Warn).then_some(text);
+    answers.into_iter().flatten().filter_map(is_look).collect()
 }
 
 fn check(level: Level, text: String, link: Option<Link>) -> Check {

@@ -142,6 +142,8 @@ pub struct Report {
     pub page: String,
     /// The sentences that the page marks as problems.
     pub problems: Vec<String>,
+    /// Those that it marks as worth a look and that no note of another stage says.
+    pub looks: Vec<String>,
 }
 
 /// The page, and the problems that stand on it.
@@ -149,7 +151,9 @@ pub struct Report {
 /// # Errors
 /// As `page`.
 pub fn report(input: &ReportInput) -> Result<Report> {
-    Ok(Report { page: page(input)?, problems: checks::problems(&checks(&input.tables)) })
+    let columns = Columns::of_all(checks::SECTION.tables, &input.tables);
+    let problems = checks::problems(&checks(&input.tables));
+    Ok(Report { page: page(input)?, problems, looks: checks::looks(&columns) })
 }
 
 /// The page as HTML. The same input gives the same bytes. An error is a fault of the program, not

@@ -167,7 +167,9 @@ fn run(campaign: &Campaign, _: &Unit, inputs: &Inputs) -> std::result::Result<Ou
     Ok(Output {
         tables: Vec::new(),
         files: [page].into_iter().chain(script).collect(),
-        notes: report.problems.into_iter().map(problem).collect(),
+        notes: (report.problems.into_iter().map(|text| note(Severity::Problem, text)))
+            .chain(report.looks.into_iter().map(|text| note(Severity::Warning, text)))
+            .collect(),
     })
 }
 
@@ -219,17 +221,10 @@ pub fn drawn_of(campaign: &Campaign, mut names: Vec<String>) -> Vec<String> {
     names
 }
 
-/// What the page calls a problem, for the screen and the exit code.
-fn problem(text: String) -> Note {
+/// What the page calls a problem, or worth a look, for the screen and the exit code.
+fn note(severity: Severity, text: String) -> Note {
     let (flight, subject) = (String::new(), "report".to_string());
-    Note {
-        flight,
-        stage: STAGE.name.to_string(),
-        severity: Severity::Problem,
-        subject,
-        count: 1,
-        text,
-    }
+    Note { flight, stage: STAGE.name.to_string(), severity, subject, count: 1, text }
 }
 
 #[cfg(test)]

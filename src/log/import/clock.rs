@@ -28,7 +28,7 @@ enum Of {
     /// Dates with times, ISO 8601.
     Dates,
     /// Hours, minutes and seconds, with the day of the year before them or without.
-    OfDay,
+    Times,
 }
 
 impl Clock {
@@ -40,7 +40,7 @@ impl Clock {
         let days = DAYS.iter().find(|(name, _)| *name == unit);
         let of = match (unit, days) {
             ("iso8601", _) => Of::Dates,
-            ("hh:mm:ss", _) => Of::OfDay,
+            ("hh:mm:ss", _) => Of::Times,
             (_, Some((_, first))) => Of::Days(*first),
             _ => Of::Numbers(in_seconds(unit)?),
         };
@@ -49,7 +49,7 @@ impl Clock {
 
     /// Whether times are written in letters, so that a column of numbers has none.
     pub fn is_written(&self) -> bool {
-        matches!(self.of, Of::Dates | Of::OfDay)
+        matches!(self.of, Of::Dates | Of::Times)
     }
 
     /// The stamp of a number, ns.
@@ -60,7 +60,7 @@ impl Clock {
         let seconds = match &self.of {
             Of::Numbers(scale) => t * scale,
             Of::Days(first) => (t - first) * 86_400.0,
-            Of::Dates | Of::OfDay => return Err(format!("{t} is a number, no time")),
+            Of::Dates | Of::Times => return Err(format!("{t} is a number, no time")),
         };
         let ns = libm::round((seconds + self.start_s) * 1e9);
         let fits = (0.0..9e18).contains(&ns);
@@ -77,11 +77,11 @@ impl Clock {
     /// It is none; it lies before 1970.
     pub fn read(&self, cell: &str) -> Result<u64, String> {
         let ns = match self.of {
-            Of::OfDay => of_day(cell),
+            Of::Times => of_day(cell),
             _ => date(cell),
         };
         let (word, example) = match self.of {
-            Of::OfDay => ("time of day", WRITTEN[1].1),
+            Of::Times => ("time of day", WRITTEN[1].1),
             _ => ("date with time", WRITTEN[0].1),
         };
         let ns = ns.ok_or_else(|| format!("\"{cell}\" is no {word}, such as {example}"))?;
