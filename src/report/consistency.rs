@@ -176,7 +176,7 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
         ([], [], 0) => (Level::Good, format!("{agrees}.")),
         ([], [], n) => (Level::Info, format!("{agrees}; {}.", count(n, "remark"))),
         ([], odd, _) => {
-            (Level::Warn, format!("No channel contradicts the others. Worth a look: {}.", few(odd)))
+            (Level::Warn, format!("No channel is wrong beyond doubt. Worth a look: {}.", few(odd)))
         }
         (bad, _, _) => (Level::Bad, format!("{}{also}", contradicted(bad, &odd))),
     })
