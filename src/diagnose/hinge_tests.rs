@@ -10,7 +10,7 @@ use crate::model::Model;
 use crate::simulate::Stream;
 
 /// A surface at 30 rad/s under its servo and the angle of attack; `position` and `velocity` go into the lines of the states, `play` is the
-/// line of a state `z`, where what is moved with that play was pushed to, which is measured in place of the surface.
+/// line of a state `z`, to where the sensor was pushed: with play it is measured in place of the surface.
 fn surface(position: &str, velocity: &str, play: &str) -> Model {
     let measured = if play.is_empty() { "delta" } else { "z + deadband(delta - z, 0.002*one)" };
     parsed(&format!(

@@ -96,6 +96,9 @@ pub fn influences(
         opened = opened.with_covariance(&case.model.scored(), &case.chosen.initial, &scope)?;
     }
     let constants = reaching(&opened, behind, &case.outputs);
+    if constants.is_empty() {
+        return Ok(Vec::new());
+    }
     // A model that is not that of its text has no constants that could be opened.
     let Some(wider) = widened(case, &opened, &constants) else { return Ok(Vec::new()) };
     let owned: Vec<Segment> = segments.iter().map(|s| (*s).clone()).collect();

@@ -212,18 +212,18 @@ fn contradicted(bad: &[String], odd: &[String]) -> String {
     let (mut culprits, others): (Vec<String>, Vec<String>) =
         first.into_iter().partition(|name| certain(&name));
     culprits.extend(others);
-    let named = match culprits.is_empty() {
-        true => String::new(),
-        false => format!("Channels that do not fit with the others: {}.", few(&culprits)),
+    let not_fit = "Channels that do not fit with the others";
+    let mut sentences = Vec::new();
+    if !culprits.is_empty() {
+        sentences.push(format!("{not_fit}: {}.", few(&culprits)));
+    }
+    // Without culprits among them it is one that is worth a look.
+    let because = match culprits.is_empty() {
+        true => format!("{not_fit}, perhaps because of one that is worth a look"),
+        false => "What may follow from that".to_string(),
     };
-    let gap = if named.is_empty() || follow.is_empty() { "" } else { " " };
-    let rest = match (follow.is_empty(), named.is_empty()) {
-        (true, _) => String::new(),
-        (false, false) => format!("What may follow from that: {}.", few(&follow)),
-        (false, true) => format!(
-            "Channels that do not fit with the others, perhaps because of one that is saturated: {}.",
-            few(&follow)
-        ),
-    };
-    format!("{named}{gap}{rest}")
+    if !follow.is_empty() {
+        sentences.push(format!("{because}: {}.", few(&follow)));
+    }
+    sentences.join(" ")
 }

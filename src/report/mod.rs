@@ -152,7 +152,7 @@ pub struct Report {
 /// As `page`.
 pub fn report(input: &ReportInput) -> Result<Report> {
     let columns = Columns::of_all(checks::SECTION.tables, &input.tables);
-    let problems = checks::problems(&checks(&input.tables));
+    let problems = checks::problems(&checked(&columns));
     Ok(Report { page: page(input)?, problems, looks: checks::looks(&columns) })
 }
 
@@ -173,13 +173,16 @@ pub fn of_figures(input: &ReportInput) -> Result<String> {
 /// The answers to "can these results be trusted?", in the order of the processing: tables by name
 /// in, as the page shows them out.
 pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
-    let columns = Columns::of_all(checks::SECTION.tables, tables);
-    let flights = flight_styles(&columns);
+    checked(&Columns::of_all(checks::SECTION.tables, tables))
+}
+
+fn checked(columns: &BTreeMap<String, Columns>) -> Vec<Check> {
+    let flights = flight_styles(columns);
     let input = ReportInput::default();
     checks::answers(&Given {
         input: &input,
         flights: &flights,
-        tables: &columns,
+        tables: columns,
         named: checks::SECTION.tables,
         sections: SECTIONS,
     })

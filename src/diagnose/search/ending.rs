@@ -95,8 +95,7 @@ fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     found && else_nothing && quiet && !out.comparison.shifts.iter().any(moves)
 }
 
-/// Whether nothing was found, and all that gains more than chance on the training maneuvers is contradicted:
-/// what gusts do goes with anything, a little, for a while.
+/// Whether nothing was found, and all that shows on the training maneuvers is contradicted: what gusts do goes with anything, a little, for a while.
 fn is_refuted(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     let Some(round) = out.rounds.first().filter(|_| out.findings.is_empty() && out.complete) else {
         return false;
@@ -104,7 +103,7 @@ fn is_refuted(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     let contradicted = |j: &Judged| {
         matches!(j.standing, Standing::HeldOut | Standing::Inconsistent | Standing::Bounds)
     };
-    round.judged.iter().filter(|j| stands_out(j, round, thresholds)).all(contradicted)
+    round.judged.iter().filter(|j| is_shown(j, round, thresholds)).all(contradicted)
 }
 
 /// What gains more than chance in the last round of all candidates and could not be fitted.
@@ -127,11 +126,14 @@ fn is_moved(shift: &Shift, sds: f64) -> bool {
     shift.before_sd.is_some_and(|sd| by > sds * sd)
 }
 
-/// Whether a candidate of a round gains more than chance and is too faint for a name, or was not
-/// asked further.
+/// Whether any candidate of a round shows.
 fn shows(round: &Round, thresholds: &Thresholds) -> bool {
-    let one = |j: &Judged| j.standing == Standing::Faint || stands_out(j, round, thresholds);
-    round.judged.iter().any(one)
+    round.judged.iter().any(|j| is_shown(j, round, thresholds))
+}
+
+/// Whether a candidate gains more than chance and is too faint for a name, or was not asked further.
+fn is_shown(j: &Judged, round: &Round, thresholds: &Thresholds) -> bool {
+    j.standing == Standing::Faint || stands_out(j, round, thresholds)
 }
 
 /// Whether a candidate gains more by screening than chance gives.

@@ -3,12 +3,6 @@
 
 use crate::units::Unit;
 
-/// Times that are no numbers in a unit, as a description names them, with an example of each.
-pub const WRITTEN: [(&str, &str); 2] = [
-    ("iso8601", "2024-05-06T10:00:00.25Z"),
-    ("hh:mm:ss", "10:00:00.25, or 127:10:00:00.25 with the day of the year"),
-];
-
 /// Days that programs count, by name: the number of 1970-01-01.
 const DAYS: [(&str, f64); 2] = [("excel", 25_569.0), ("datenum", 719_529.0)];
 
@@ -76,15 +70,14 @@ impl Clock {
     /// # Errors
     /// It is none; it lies before 1970.
     pub fn read(&self, cell: &str) -> Result<u64, String> {
-        let ns = match self.of {
-            Of::Times => of_day(cell),
-            _ => date(cell),
+        let (ns, wanted) = match self.of {
+            Of::Times => (
+                of_day(cell),
+                "time of day, such as 10:00:00.25, or 127:10:00:00.25 with the day of the year",
+            ),
+            _ => (date(cell), "date with time, such as 2024-05-06T10:00:00.25Z"),
         };
-        let (word, example) = match self.of {
-            Of::Times => ("time of day", WRITTEN[1].1),
-            _ => ("date with time", WRITTEN[0].1),
-        };
-        let ns = ns.ok_or_else(|| format!("\"{cell}\" is no {word}, such as {example}"))?;
+        let ns = ns.ok_or_else(|| format!("\"{cell}\" is no {wanted}"))?;
         self.later(ns).map_err(|_| format!("\"{cell}\" lies before 1970 or too late"))
     }
 

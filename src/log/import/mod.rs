@@ -23,6 +23,7 @@ use crate::error::{Error, Errors, Place};
 use crate::guard;
 use find::Source;
 use rows::{Read, Rows};
+use settings::Along;
 use std::path::{Path, PathBuf};
 
 /// What an import has done.
@@ -139,6 +140,9 @@ fn read(settings: &Import, doc: &Doc, source: &Source) -> Result<Read, Errors> {
     let file: &str = &source.path.to_string_lossy();
     let at = |what: String| Error::at(Place::file(file), what);
     let bytes = std::fs::read(&source.path).map_err(|e| at(e.to_string()))?;
+    if settings.signals == Along::Rows && !mat::is_mat(&bytes) {
+        return Err(doc.error("signals", format!("{file} is no MAT file of matrices")).into());
+    }
     if ulog::is_ulog(&bytes) {
         return ulog::read(settings, doc, file, &bytes);
     }
@@ -149,9 +153,6 @@ fn read(settings: &Import, doc: &Doc, source: &Source) -> Result<Read, Errors> {
     }
     if mat::is_mat(&bytes) {
         return mat::read(settings, doc, (file, &bytes), &|name| source.named(name));
-    }
-    if settings.signals == settings::Along::Rows {
-        return Err(doc.error("signals", format!("{file} is no MAT file of matrices")).into());
     }
     if mat::is_hdf(&bytes) {
         return Err(at("a MAT file of version 7.3, which is another format".into())
