@@ -3,6 +3,7 @@
 
 use super::tests::{Tables, all_of, campaign, frame};
 use super::*;
+use crate::table::Table;
 use std::collections::BTreeSet;
 
 fn ids(n: usize) -> Vec<String> {

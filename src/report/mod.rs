@@ -69,7 +69,6 @@ mod validation;
 mod verdict;
 
 use crate::error::Result;
-use crate::table::Table;
 use std::collections::BTreeMap;
 
 pub use checks::Check;
@@ -170,12 +169,7 @@ pub fn of_figures(input: &ReportInput) -> Result<String> {
     frame::page([&figures::SECTION], SECTIONS, input, false)
 }
 
-/// The answers to "can these results be trusted?", in the order of the processing: tables by name
-/// in, as the page shows them out.
-pub fn checks(tables: &BTreeMap<String, Table>) -> Vec<Check> {
-    checked(&Columns::of_all(checks::SECTION.tables, tables))
-}
-
+/// The answers to "can these results be trusted?", in the order of the processing.
 fn checked(columns: &BTreeMap<String, Columns>) -> Vec<Check> {
     let flights = flight_styles(columns);
     let input = ReportInput::default();

@@ -3,6 +3,7 @@
 //! a browser.
 
 use super::*;
+use crate::table::Table;
 use rand::{Rng, RngExt, SeedableRng};
 
 const LINES: [(&str, &str, f64, f64, f64); 4] = [
