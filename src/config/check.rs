@@ -31,6 +31,8 @@ pub(super) enum Key {
     Lacking(String),
     /// An unknown one, which stands there in the text, is most likely a misspelling of it.
     Meant(String, Range<usize>),
+    /// Its value, which stands there in the text, is of none of these JSON types, which are wanted.
+    Value(Range<usize>, Vec<String>),
 }
 
 impl Found {
@@ -100,8 +102,9 @@ impl<'s> Checker<'s> {
             self.value(self.resolve(schema), value, path, out);
         }
         if !fits_type(object.get("type"), value.get_ref()) {
-            let wanted = type_words(object.get("type")).join(" or ");
-            return out.push(wrong(value, path, &wanted));
+            let mut kinds = Vec::new();
+            self.kinds(schema, &mut kinds);
+            return out.push(of_no_kind(value, path, &kinds));
         }
         for part in list_of(object, "allOf") {
             self.value(part, value, path, out);
@@ -271,6 +274,14 @@ pub(super) fn wrong(value: &Spanned<DeValue>, path: &str, wanted: &str) -> Found
     )
 }
 
+/// As `wrong`, of a value that is of none of the JSON types `kinds`.
+pub(super) fn of_no_kind(value: &Spanned<DeValue>, path: &str, kinds: &[&str]) -> Found {
+    let words: Vec<&str> = kinds.iter().map(|k| type_word(k)).collect();
+    let kinds = kinds.iter().map(|k| k.to_string()).collect();
+    let key = Some(Key::Value(value.span(), kinds));
+    Found { key, ..wrong(value, path, &words.join(" or ")) }
+}
+
 fn number(object: &Map<String, Json>, value: &Spanned<DeValue>, path: &str, out: &mut Vec<Found>) {
     let Some(x) = as_f64(value.get_ref()).filter(|x| x.is_finite()) else {
         return out.push(wrong(value, path, "a finite number within range"));
@@ -348,16 +359,6 @@ fn fits_type(wanted: Option<&Json>, value: &DeValue) -> bool {
         Some(Json::String(w)) => kind_fits(w, had),
         Some(Json::Array(ws)) => ws.iter().filter_map(Json::as_str).any(|w| kind_fits(w, had)),
         _ => true,
-    }
-}
-
-fn type_words(wanted: Option<&Json>) -> Vec<&'static str> {
-    match wanted {
-        Some(Json::String(w)) => vec![type_word(w)],
-        Some(Json::Array(ws)) => {
-            ws.iter().filter_map(Json::as_str).filter(|w| *w != "null").map(type_word).collect()
-        }
-        _ => Vec::new(),
     }
 }
 

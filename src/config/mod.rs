@@ -8,6 +8,7 @@
 
 mod check;
 mod doc;
+mod form;
 mod union;
 mod watch;
 mod words;
@@ -85,8 +86,8 @@ pub fn parse<T: DeserializeOwned + JsonSchema>(
     Ok((value, doc))
 }
 
-/// What is sound of a file with mistakes: every misspelt key read as it was meant, and every one
-/// that does not fit `T` taken away, as if it had not been written. So that what only the rest can
+/// What is sound of a file with mistakes: every misspelt key and every value in another form read as
+/// it was meant, and every one that does not fit `T` taken away, as if it had not been written. So that what only the rest can
 /// tell is told in one go with the mistakes that `load` found, and nothing that follows from them.
 /// `None` where too little is left.
 pub fn load_sound<T: DeserializeOwned + JsonSchema>(path: &Path) -> Option<(T, Doc)> {
@@ -106,18 +107,27 @@ pub fn load_sound<T: DeserializeOwned + JsonSchema>(path: &Path) -> Option<(T, D
 }
 
 /// The text with misspelt keys written as they were meant, where the key that was meant is not
-/// there as well; what stands behind them in their lines moves.
+/// there as well, and numbers in quotes without them; what stands behind them in their lines moves.
 fn as_meant(schema: &serde_json::Value, name: &str, text: String) -> Option<String> {
     let tree = syntax(name, &text).ok()?;
     let doc = Doc::new(name, &text, tree.get_ref());
     let root = Spanned::new(tree.span(), DeValue::Table(tree.into_inner()));
     let mut meant: Vec<(Range<usize>, String)> = Vec::new();
     for found in check::find(schema, &root) {
-        if let Some(Key::Meant(path, span)) = found.key
-            && !doc.has(&path)
+        let (span, instead) = match found.key {
+            Some(Key::Meant(path, span)) if !doc.has(&path) => {
+                (span, path.rsplit('.').next().map(str::to_string))
+            }
+            Some(Key::Value(span, kinds)) => {
+                let kinds: Vec<&str> = kinds.iter().map(String::as_str).collect();
+                (span.clone(), form::as_wanted(text.get(span)?, &kinds))
+            }
+            _ => continue,
+        };
+        if let Some(instead) = instead
             && !meant.iter().any(|(other, _)| *other == span)
         {
-            meant.push((span, path.rsplit('.').next().unwrap_or_default().to_string()));
+            meant.push((span, instead));
         }
     }
     let mut rest = text.clone();

@@ -5,7 +5,7 @@ use serde_json::{Map, Value as Json};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::check::{Checker, Found, kind_fits, kind_of, list_of, one_of, type_word, wrong};
+use super::check::{Checker, Found, kind_fits, kind_of, list_of, of_no_kind, one_of, wrong};
 use super::words::{quoted, suggestion};
 
 impl<'s> Checker<'s> {
@@ -27,8 +27,7 @@ impl<'s> Checker<'s> {
             [] => {
                 let mut kinds = Vec::new();
                 all.iter().for_each(|s| self.kinds(s, &mut kinds));
-                let words: Vec<&str> = kinds.iter().map(|k| type_word(k)).collect();
-                out.push(wrong(value, path, &words.join(" or ")));
+                out.push(of_no_kind(value, path, &kinds));
             }
             [only] => self.value(only, value, path, out),
             many => {

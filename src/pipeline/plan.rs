@@ -217,9 +217,16 @@ impl Reader {
         if !self.given.names_a_file("channels", &name) {
             return None;
         }
-        let (map, doc) =
-            self.given.errors.take(config::load::<ChannelMap>(&self.given.path(&name)))?;
-        self.given.errors.take(map.check(&doc))?;
+        let path = self.given.path(&name);
+        let (map, doc) = match config::load::<ChannelMap>(&path) {
+            Ok(read) => read,
+            Err(errors) => {
+                self.given.errors.0.extend(errors.0);
+                config::load_sound(&path)?
+            }
+        };
+        // Names are known all the same; a signal whose unit has a mistake has none.
+        self.given.errors.take(map.check(&doc));
         Some(Channels { map, doc })
     }
 

@@ -147,15 +147,26 @@ pub struct Script {
     pub text: String,
 }
 
+/// Lines, markers and heat maps of plotly.js: `html/plotly/README.md`.
+const PLOTLY: &str = include_str!("html/plotly/plotly-cartesian.min.js");
+
 pub static SCRIPT: LazyLock<Script> = LazyLock::new(|| {
-    let text = format!("{}\n{}", plotly(), include_str!("html/page.js"));
+    let text = format!("{PLOTLY}\n{}", include_str!("html/page.js"));
     let hash = blake3::hash(text.as_bytes()).to_hex();
     Script { path: place::of_script(&hash[..16]), text }
 });
 
-/// The plotting library without its formula typesetter, which is another 2 MB and not used.
-fn plotly() -> String {
-    let tags = plotly::Plot::offline_js_sources();
-    let first = tags.split("</script>").next().unwrap_or_default();
-    first.split_once('>').map_or("", |(_, script)| script).to_string()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_plotting_library_is_the_published_one_and_ends_no_script_element() {
+        let hash = blake3::hash(PLOTLY.as_bytes()).to_hex();
+        assert_eq!(
+            hash.as_str(),
+            "881efbd133719726dbeadec2527758fc0ae25e17fe9d25f198f6570ecd6b8e21"
+        );
+        assert!(!SCRIPT.text.contains("</script"));
+    }
 }

@@ -3,7 +3,7 @@
 //!
 //! [`SECTIONS`] is the one list of what is shown: its order, its navigation and the tables that it is
 //! made from follow. The templates in `html/` are filled with escaped text; `html/page.js` draws the
-//! plots from numbers embedded as JSON; the plotting script comes out of the `plotly` crate. What is
+//! plots from numbers embedded as JSON; the plotting library is plotly.js (`html/plotly`). What is
 //! not there is said on the page, it never fails it.
 //!
 //! # Many flights

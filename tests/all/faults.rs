@@ -56,6 +56,24 @@ fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
     }
 }
 
+#[test]
+fn mistakes_of_the_channel_map_do_not_hide_a_name_that_is_not_there() {
+    for (old, new, wanted) in [
+        ("unit = \"m/s\"", "unit = \"furlong\"", "\"furlong\""),
+        ("unit = \"m/s\"", "unit = \"m/s\", scale = \"2\"", "the text \"2\""),
+        ("unit = \"m/s\"", "unit = \"m/s\", sgin = 1", "\"sgin\""),
+    ] {
+        let c = Campaign::new();
+        c.edit("channels.toml", old, new);
+        c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = \"100\"");
+        c.edit("pipeline.toml", "against = \"V\"", "against = \"Mach\"");
+        let run = c.koehler("check", &[]).ended(2);
+        for wanted in [wanted, "the text \"100\"", "\"Mach\"", "3 errors"] {
+            assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
+        }
+    }
+}
+
 /// The shipped campaign, whose flight path drives `[derive]`, which drives its model: a mistake at
 /// the beginning touches all behind it.
 fn chained() -> Campaign {

@@ -127,7 +127,6 @@
       { x: ends, y: [plot.limit, plot.limit], mode: "lines", line: { color: t.model, width: 1.2, dash: "5px,2px" }, hoverinfo: "skip" },
     ], layout({ xaxis: axis(withUnit(plot.parameter, plot.unit)), yaxis: axis("twice the rise of the cost") }), config);
   }
-  const drawProfiles = () => data.profiles.forEach(drawProfile);
 
   // ---- stacked time histories: rows of {title, height, traces} share one time axis ----
   function stack(element, rows, xTitle, shapes, annotations) {
@@ -234,7 +233,6 @@
   // ---- held-out maneuvers before and after an addition ----
   let overlay = 0;
   function drawOverlay() { beforeAndAfter(data.overlays[overlay], byId("overlay-plot")); }
-  const drawVerdicts = () => data.verdicts.forEach((o, i) => beforeAndAfter(o, byId("verdict-" + i)));
   function beforeAndAfter(o, element) {
     if (!o || !element) return;
     const t = theme();
@@ -294,17 +292,19 @@
   const brief = (v) => (v >= 9.95 ? v.toFixed(0) : v.toFixed(1));
   const clip = (v) => Math.max(0, Math.min(1, v));
   let whose = 0, regime = 0;
-  function drawGap() {
+  const both = (split) => [{ title: split.by + (split.after.columns.length ? ": before" : ""), map: split.before }, { title: "after", map: split.after }];
+  const sizes = (t) => ({ height: (v) => clip(Math.log10(Math.max(v, 1))), text: brief, colours: [[0, t.cold], [0.5, t.warm], [1, t.hot]] });
+  const gapPlots = {
+    "gap-maneuvers": (g, t) => [both(g.maneuvers), sizes(t)],
+    "gap-splits": (g, t) => [[g.bands, g.times].concat(g.regimes[regime] ? [g.regimes[regime]] : []).flatMap(both), sizes(t)],
+    "gap-driven": (g, t) => [[{ title: "state with feedback", map: g.driven }], { height: (v) => clip(1 - v), text: (v) => (100 * v).toFixed(0), colours: [[0, t.cold], [1, t.gone]] }],
+    "gap-relations": (g, t) => [[{ title: "correlation over its limit", map: g.relations }], { height: (v) => clip((v - 1) / 4), text: (v) => (v > 1 ? brief(v) : ""), colours: sizes(t).colours }],
+  };
+  function drawGap(id) {
     const g = data.gaps[whose];
-    if (!g || !byId("gap-maneuvers")) return;
-    const t = theme(), colours = [[0, t.cold], [0.5, t.warm], [1, t.hot]];
-    const sizes = { height: (v) => clip(Math.log10(Math.max(v, 1))), text: brief, colours: colours };
-    const both = (split) => [{ title: split.by + (split.after.columns.length ? ": before" : ""), map: split.before }, { title: "after", map: split.after }];
-    heat(byId("gap-maneuvers"), both(g.maneuvers), sizes);
-    heat(byId("gap-splits"), [g.bands, g.times].concat(g.regimes[regime] ? [g.regimes[regime]] : []).flatMap(both), sizes);
-    heat(byId("gap-driven"), [{ title: "state with feedback", map: g.driven }], { height: (v) => clip(1 - v), text: (v) => (100 * v).toFixed(0), colours: [[0, t.cold], [1, t.gone]] });
-    heat(byId("gap-relations"), [{ title: "correlation over its limit", map: g.relations }], { height: (v) => clip((v - 1) / 4), text: (v) => (v > 1 ? brief(v) : ""), colours: colours });
+    if (g && byId(id)) heat(byId(id), ...gapPlots[id](g, theme()));
   }
+  const drawGaps = () => Object.keys(gapPlots).forEach(drawGap);
   function fillRegimes() {
     const select = byId("gap-regime"), g = data.gaps[whose];
     select.replaceChildren();
@@ -312,9 +312,9 @@
     g.regimes.forEach((s, i) => { const option = document.createElement("option"); option.value = String(i); option.textContent = s.by; select.appendChild(option); });
   }
   if (byId("gap-select") && data.gaps.length > 0) {
-    fill(byId("gap-select"), data.gaps.map((g) => g.name), (i) => { whose = i; fillRegimes(); drawGap(); });
+    fill(byId("gap-select"), data.gaps.map((g) => g.name), (i) => { whose = i; fillRegimes(); drawGaps(); });
     fillRegimes();
-    byId("gap-regime").addEventListener("change", () => { regime = Number(byId("gap-regime").value); drawGap(); });
+    byId("gap-regime").addEventListener("change", () => { regime = Number(byId("gap-regime").value); drawGap("gap-splits"); });
   }
 
   // ---- whole flights ----
@@ -352,15 +352,24 @@
     sift();
   }
 
-  // One plot after the other, so that the page answers between them; all at once for the printer.
-  let turn = 0;
+  // A plot is drawn when it is about to be seen, so that a page of many plots answers at once; all of them for the printer.
+  const draws = new Map();
+  const place = (id, draw) => { if (byId(id)) draws.set(byId(id), draw); };
+  data.lines.forEach((plot) => place("line-" + plot.index, () => drawLine(plot)));
+  data.figures.forEach((figure, i) => place("figure-" + i, () => drawFigure(figure, i)));
+  data.leftOut.forEach((plot, i) => place("left-out-" + i, () => drawLeftOut(plot, i)));
+  data.profiles.forEach((plot) => place("profile-" + plot.index, () => drawProfile(plot)));
+  data.verdicts.forEach((o, i) => place("verdict-" + i, () => beforeAndAfter(o, byId("verdict-" + i))));
+  Object.keys(gapPlots).forEach((id) => place(id, () => drawGap(id)));
+  [["maneuver-plot", drawManeuver], ["validation-plot", drawValidation], ["overlay-plot", drawOverlay], ["correlation-plot", drawCorrelation], ["flight-plot", drawFlight], ["path-plot", drawPath]]
+    .forEach(([id, draw]) => place(id, draw));
+  const near = new IntersectionObserver((entries) => entries.filter((entry) => entry.isIntersecting).forEach((entry) => {
+    near.unobserve(entry.target);
+    setTimeout(draws.get(entry.target));
+  }), { rootMargin: "800px" });
   function drawAll() {
-    const steps = [...data.lines.map((plot) => () => drawLine(plot)), ...data.figures.map((figure, i) => () => drawFigure(figure, i)), ...data.leftOut.map((plot, i) => () => drawLeftOut(plot, i)),
-      drawProfiles, drawManeuver, drawValidation, drawOverlay, drawVerdicts, drawCorrelation, drawGap, drawFlight, drawPath];
-    turn += 1;
-    if (printing) return steps.forEach((step) => step());
-    const mine = turn, next = () => { if (turn === mine && steps.length > 0) { steps.shift()(); setTimeout(next); } };
-    setTimeout(next);
+    near.disconnect();
+    draws.forEach((draw, element) => { if (printing) draw(); else near.observe(element); });
   }
   dark.addEventListener("change", drawAll);
   window.addEventListener("beforeprint", () => { printing = true; drawAll(); });

@@ -41,7 +41,8 @@ pub struct Column {
 }
 
 impl Columns {
-    /// The signals of the channel map; none where it has mistakes.
+    /// The signals of the channel map, nothing being said of those whose unit is a mistake; none where
+    /// it cannot be read.
     pub fn of_signals(channels: Option<&Channels>) -> Columns {
         let Some(channels) = channels else { return Columns { open: true, ..Columns::default() } };
         let column = |name: &String| Column {
@@ -50,8 +51,11 @@ impl Columns {
             stated: channels.stated(name),
             made: false,
         };
-        let all = channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect();
-        Columns { all, ..Columns::default() }
+        let all: IndexMap<_, _> =
+            channels.map.signal.keys().map(|name| (name.clone(), column(name))).collect();
+        let no_unit = all.iter().filter(|(_, column)| column.unit.is_empty());
+        let unsure = no_unit.map(|(name, _)| name.clone()).collect();
+        Columns { all, unsure, ..Columns::default() }
     }
 
     /// With the columns of the flight path that the kinematic model has; none where the model has

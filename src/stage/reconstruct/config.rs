@@ -155,7 +155,7 @@ fn itself(model: &Model, settings: &Settings, apart: &Apart, doc: &Doc) -> Error
         .help(format!("leave out `{output}`"))
 }
 
-/// Files an error where a signal's dimension is not the model's.
+/// Files an error where a signal's dimension is not the model's; one without a unit has been told.
 fn same(
     errors: &mut Errors,
     (doc, channels): (&Doc, &Channels),
@@ -163,7 +163,7 @@ fn same(
     unit: &str,
     wanted: &str,
 ) {
-    if !agree(unit, wanted) {
+    if !unit.is_empty() && !agree(unit, wanted) {
         let stated = channels.stated(name);
         let by = "the kinematic model";
         let unlike = Unlike { name, unit, wanted, by, stated: stated.as_ref() };
