@@ -8,7 +8,7 @@ use super::words::say;
 use crate::error::Result;
 use crate::fit::half_95;
 use crate::pipeline::{Plan, RunResult, Store};
-use crate::signal::adequacy::{Leaves, is_far};
+use crate::signal::adequacy::{Leaves, is_far, words};
 use crate::stage::{Note, Part, Severity};
 use crate::table::Table;
 use std::collections::{BTreeMap, BTreeSet};
@@ -114,7 +114,7 @@ fn estimates(plan: &Plan, store: &Store) -> Result<()> {
 fn poor(left: &Table) -> Result<String> {
     let (outputs, leaves, shares) =
         (left.strings("output")?, left.strings("leaves")?, left.f64("share")?);
-    let flights = left.strings("flight")?;
+    let (flights, variations) = (left.strings("flight")?, left.f64("variation")?);
     let mut poor: Vec<usize> =
         (0..left.rows()).filter(|&i| leaves[i] == Leaves::More.as_str()).collect();
     // What was measured not to move has no share, and comes first.
@@ -125,10 +125,7 @@ fn poor(left: &Table) -> Result<String> {
     let several = flights.iter().any(|flight| *flight != flights[0]);
     let one = |&i: &usize| {
         let of = if several { format!(" in {}", flights[i]) } else { String::new() };
-        match shares[i].is_finite() {
-            true => format!("{}{of} ({:.0}%)", outputs[i], 100.0 * shares[i]),
-            false => format!("{}{of} (measured not to move)", outputs[i]),
-        }
+        format!("{}{of} ({})", outputs[i], words(shares[i], variations[i]))
     };
     let more =
         if poor.len() > POOR { format!(", {} more", poor.len() - POOR) } else { String::new() };

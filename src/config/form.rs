@@ -2,7 +2,7 @@
 //! a form that is wanted, out.
 
 /// The value `raw` (`"50"`, `50`, `true`) as one of the JSON types `wanted` where that is what a
-/// person may have meant: a number in quotes, a number that is a text, one item that is a list.
+/// person may have meant: a number in quotes, one item of a list.
 pub fn as_wanted(raw: &str, wanted: &[&str]) -> Option<String> {
     let bare = raw.trim_matches(['"', '\'']);
     let quoted = bare.len() < raw.len();
@@ -12,7 +12,6 @@ pub fn as_wanted(raw: &str, wanted: &[&str]) -> Option<String> {
         "number" if quoted && is_number => Some(bare.to_string()),
         "integer" if quoted && bare.parse::<i64>().is_ok() => Some(bare.to_string()),
         "boolean" if quoted && ["true", "false"].contains(&bare) => Some(bare.to_string()),
-        "string" if !quoted && is_number => Some(format!("\"{raw}\"")),
         "array" if plain => Some(format!("[{raw}]")),
         _ => None,
     })
@@ -31,7 +30,8 @@ mod tests {
             ("\"1.5\"", "integer", None),
             ("\"3\"", "integer", Some("3")),
             ("\"true\"", "boolean", Some("true")),
-            ("1", "string", Some("\"1\"")),
+            // No name is a number.
+            ("1", "string", None),
             ("\"a\"", "array", Some("[\"a\"]")),
             ("{ a = 1 }", "array", None),
         ] {

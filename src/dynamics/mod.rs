@@ -75,6 +75,7 @@ mod tangent;
 mod values;
 
 pub use filter::{Filter, Innovation, Innovations};
+pub use history::value as between_samples;
 pub use modes::Lost;
 pub use numbers::Numbers;
 pub use propagator::{Directions, Propagator, Tier};

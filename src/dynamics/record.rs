@@ -2,6 +2,7 @@
 //! own times.
 
 use super::numbers::Numbers;
+use crate::math::median;
 
 /// What was measured of one model output, at its own time stamps.
 #[derive(Debug, Clone, Default, PartialEq, serde::Deserialize, serde::Serialize)]
@@ -12,6 +13,18 @@ pub struct Channel {
     pub t: Numbers,
     /// Values in SI; NaN marks a masked sample.
     pub z: Numbers,
+}
+
+impl Channel {
+    /// The usual time between two samples, s; not a number where there are none.
+    pub fn spacing(&self) -> f64 {
+        median(&self.t.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>())
+    }
+
+    /// The same in steps of a grid, one at least.
+    pub fn every(&self, dt: f64) -> usize {
+        (self.spacing() / dt).round().max(1.0) as usize
+    }
 }
 
 /// How inputs run between two grid points.

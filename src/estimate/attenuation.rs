@@ -20,7 +20,6 @@ use super::sides::Side;
 use super::solution::Solution;
 use crate::dynamics::Channel;
 use crate::least_squares::{Layout, normal_matrix};
-use crate::math::median;
 use crate::model::Program;
 use crate::model::graph::Leaf;
 use crate::signal::robust::{commanded_sd, noise_sd};
@@ -58,9 +57,8 @@ pub(super) fn shifts(problem: &Problem, layout: &Layout, solution: &Solution) ->
                 if x.mixed.is_empty() {
                     continue;
                 }
-                let is_state = matches!(x.leaf, Leaf::State(_));
                 let (sd, every) = noise(problem, s, x.leaf)?;
-                let variance = sd * sd * problem.segments[s].gain(side.is_rate, is_state, every);
+                let variance = sd * sd * problem.segments[s].gain_of_regressor(side, every);
                 for (column, mixed) in &x.mixed {
                     let common: f64 = known()
                         .filter(|(_, left)| left.is_finite())
@@ -115,10 +113,7 @@ fn noise(problem: &Problem, s: usize, leaf: Leaf) -> Option<(f64, usize)> {
         Leaf::State(i) => {
             let output = model.output(&model.states[i].quantity.name);
             let channel = record.channels.iter().find(|c| Some(c.output) == output);
-            let of = |c: &Channel| {
-                let steps: Vec<f64> = c.t.windows(2).map(|w| w[1] - w[0]).collect();
-                (noise_sd(&c.z), every(if steps.is_empty() { record.dt } else { median(&steps) }))
-            };
+            let of = |c: &Channel| (noise_sd(&c.z), c.every(record.dt).min(record.n.max(1)));
             Some(channel.map_or((0.0, 1), of))
         }
         Leaf::Input(j) => {

@@ -3,12 +3,14 @@
 //!
 //! The equation of a measured state is `d x/dt = f(x, u, theta)`. Both sides are seen through one
 //! filter: the derivative filter of Savitzky and Golay acts on the measured state and on the
-//! integral of `f` at the smoothed measured states, so that the smoothing of the one is the
-//! smoothing of the other and only the trapezoidal rule is left as an error. A measured output that
-//! is not a state gives `z = h(x, u, theta)` at the same points. Nothing is integrated over time.
+//! integral of `f` at the measured states, as they are, so that without noise both sides are the same
+//! but for the trapezoidal rule, whatever the window. (States that are smoothed before `f` lack what
+//! inputs still have: that was taken up by the derivatives.) A measured output that is not a state
+//! gives `z = h(x, u, theta)` at the same points, both sides smoothed where `h` has states. Nothing is
+//! integrated over time.
 
 use super::case::Case;
-use super::sides::{Considered, Side, measured, sides};
+use super::sides::{Considered, Seen, Side, measured, sides};
 use super::{Settings, Trace};
 use crate::dynamics::{self, Numbers, Record};
 use crate::error::Result;
@@ -16,6 +18,7 @@ use crate::least_squares::{Block, Evaluate, Layout, Structure};
 use crate::model::linear::{Entry, Linear};
 use crate::model::{Delayed, Model, Program};
 use crate::signal::resample::{Grid, linear};
+use crate::signal::robust::noise_sd;
 use crate::signal::smooth::SavitzkyGolay;
 use std::collections::{BTreeMap, btree_map};
 use std::sync::Arc;
@@ -31,7 +34,7 @@ pub(super) struct Sampled {
     pub left: Vec<Vec<f64>>,
 }
 
-/// What smooths states, and what gives their rates, on a grid of one spacing.
+/// What smooths both sides of an output's equation, and of a rate's, on a grid of one spacing.
 pub(super) struct Filters {
     pub smooth: SavitzkyGolay,
     pub rate: SavitzkyGolay,
@@ -85,7 +88,6 @@ fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Samp
                 .map_or_else(|| vec![f64::NAN; n], |output| on_grid(record, output, first))
         })
         .collect();
-    let smoothed: Vec<Vec<f64>> = raw.iter().map(|x| filters.smooth.apply(x)).collect();
     let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
     let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
     let taus = delays(model, &parameters);
@@ -98,7 +100,7 @@ fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Samp
     );
     for k in 0..n {
         let point = &mut points[k * width..(k + 1) * width];
-        smoothed.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
+        raw.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
         for j in 0..l.inputs {
             let (before, after) =
                 ((k + first).saturating_sub(1), (k + first + 1).min(record.n - 1));
@@ -122,20 +124,24 @@ fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Samp
                     without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0])
                 }
                 Delayed::State(i) => {
-                    back(k as f64, &|m| smoothed[i].get(m).copied().unwrap_or(f64::NAN))
+                    back(k as f64, &|m| raw[i].get(m).copied().unwrap_or(f64::NAN))
                 }
             };
         }
         point[l.time()] = record.t0 + (k + first) as f64 * dt;
     }
     let left = sides.iter().map(|side| {
-        let known = |k: usize| side.states.iter().all(|&i| smoothed[i][k].is_finite());
+        let known = |k: usize| side.states.iter().all(|&i| raw[i][k].is_finite());
         let z: Vec<f64> = on_grid(record, side.output, first)
             .into_iter()
             .enumerate()
             .map(|(k, z)| if known(k) { z } else { f64::NAN })
             .collect();
-        if side.is_rate { filters.rate.apply(&z) } else { z }
+        match side.seen() {
+            Seen::Rate => filters.rate.apply(&z),
+            Seen::Smoothed => filters.smooth.apply(&z),
+            Seen::Raw => z,
+        }
     });
     let left = left.collect();
     Sampled { points, n, dt, filters, left }
@@ -263,15 +269,9 @@ impl<'a> Problem<'a> {
         all
     }
 
-    /// A column of the right side as the left one is seen: through the derivative filter of its
-    /// integral.
+    /// A column of the right side of segment `s` as the left one is seen.
     pub fn seen(&self, side: &Side, s: usize, column: Vec<f64>) -> Vec<f64> {
-        let sampled = &self.segments[s];
-        if side.is_rate {
-            sampled.filters.rate.apply(&integral(&column, sampled.dt))
-        } else {
-            column
-        }
+        self.segments[s].seen(side, column)
     }
 
     fn residuals(&self, s: usize, local: &[f64], sensitivities: bool) -> Vec<Block> {
@@ -314,6 +314,19 @@ impl<'a> Problem<'a> {
         blocks
     }
 
+    /// Standard deviation that the sensor's noise has on the left side, where that is seen through a filter.
+    fn noise(&self, s: usize, side: &Side) -> Option<f64> {
+        let (record, sampled) = (&self.case.records[s], &self.segments[s]);
+        let channel = record.channels.iter().find(|c| c.output == side.output)?;
+        let filter = match side.seen() {
+            Seen::Rate => &sampled.filters.rate,
+            Seen::Smoothed => &sampled.filters.smooth,
+            Seen::Raw => return None,
+        };
+        let variance = sampled.gain(channel.every(record.dt), |noise| filter.apply(&noise));
+        Some(noise_sd(&channel.z) * variance.sqrt()).filter(|sd| sd.is_finite())
+    }
+
     /// Both sides of the equations of segment `s` at its points.
     pub fn traces(&self, s: usize, theta: &[f64]) -> Vec<Trace> {
         let (record, sampled) = (&self.case.records[s], &self.segments[s]);
@@ -329,6 +342,7 @@ impl<'a> Problem<'a> {
                 t: t.clone(),
                 measured: left.clone().into(),
                 modelled: left.iter().zip(&block.e).map(|(l, e)| l - e).collect(),
+                noise: self.noise(s, side),
                 filtered: None,
             }
         };
@@ -343,20 +357,28 @@ impl Evaluate for Problem<'_> {
 }
 
 impl Sampled {
-    /// The variance of white noise of unit variance in a regressor as an equation sees it, the mean over
-    /// grid points. The regressor has a sample `every` so many of them, and straight lines between: one
-    /// sample is a triangle.
-    pub fn gain(&self, is_rate: bool, is_state: bool, every: usize) -> f64 {
+    /// The variance of white noise of unit variance once it is `seen`, the mean over grid points. What is
+    /// measured has a sample `every` so many of them, and straight lines between: one sample is a triangle.
+    fn gain(&self, every: usize, seen: impl Fn(Vec<f64>) -> Vec<f64>) -> f64 {
         let reach = 2 * self.filters.rate.window() + every;
         let triangle = |k: usize| 1.0 - k.abs_diff(reach) as f64 / every as f64;
-        let mut noise: Vec<f64> = (0..=2 * reach).map(|k| triangle(k).max(0.0)).collect();
-        if is_state {
-            noise = self.filters.smooth.apply(&noise);
+        let noise = (0..=2 * reach).map(|k| triangle(k).max(0.0)).collect();
+        seen(noise).iter().map(|v| v * v).sum::<f64>() / every as f64
+    }
+
+    /// The same of noise in a regressor, as the equation sees it.
+    pub fn gain_of_regressor(&self, side: &Side, every: usize) -> f64 {
+        self.gain(every, |noise| self.seen(side, noise))
+    }
+
+    /// A column of the right side as the left one is seen: that of a rate through the derivative filter of
+    /// its integral.
+    fn seen(&self, side: &Side, column: Vec<f64>) -> Vec<f64> {
+        match side.seen() {
+            Seen::Rate => self.filters.rate.apply(&integral(&column, self.dt)),
+            Seen::Smoothed => self.filters.smooth.apply(&column),
+            Seen::Raw => column,
         }
-        if is_rate {
-            noise = self.filters.rate.apply(&integral(&noise, self.dt));
-        }
-        noise.iter().map(|v| v * v).sum::<f64>() / every as f64
     }
 }
 

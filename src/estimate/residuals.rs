@@ -152,6 +152,7 @@ impl Case {
         let trace = |(channel, (modelled, filtered)): (&Channel, (Vec<f64>, Option<Filtered>))| {
             let quantity = self.model.outputs.get(channel.output)?;
             Some(Trace {
+                noise: None,
                 output: channel.output,
                 name: quantity.name.clone(),
                 unit: quantity.unit.clone(),

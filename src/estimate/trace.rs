@@ -14,6 +14,8 @@ pub struct Trace {
     /// As measured; NaN where masked.
     pub measured: Numbers,
     pub modelled: Vec<f64>,
+    /// Standard deviation that the sensor's noise has in `measured`, where that was filtered.
+    pub noise: Option<f64>,
     /// Where `modelled` is what a filter predicts from all samples before.
     pub filtered: Option<Filtered>,
 }

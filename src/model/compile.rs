@@ -4,6 +4,8 @@
 //! All mistakes of a model are collected. An equation is built when it is first needed; one that is
 //! needed while it is being built is a cycle.
 
+mod states;
+
 use std::collections::{BTreeMap, HashMap};
 
 use indexmap::IndexMap;
@@ -13,7 +15,7 @@ use super::file::Value;
 use super::fragments::Source;
 use super::graph::{Leaf, Node};
 use super::syntax;
-use super::{Constants, Model, Quantity, StartKind};
+use super::{Constants, Model, Quantity};
 use crate::error::{Error, Errors};
 use crate::units::{Dim, Unit};
 
@@ -57,6 +59,8 @@ pub(super) struct TableInfo {
 
 pub(super) struct Compiler<'a> {
     pub(super) sources: &'a [Source],
+    /// The aircraft's constants.
+    pub(super) given: &'a Constants,
     pub(super) symbols: IndexMap<String, (Symbol, At)>,
     status: HashMap<String, Status>,
     path: Vec<String>,
@@ -91,6 +95,7 @@ pub fn compile(
 ) -> Result<Model, Errors> {
     let mut c = Compiler {
         sources,
+        given: constants,
         symbols: IndexMap::new(),
         status: HashMap::new(),
         path: Vec::new(),
@@ -182,55 +187,6 @@ impl Compiler<'_> {
         }
     }
 
-    fn states(&mut self) {
-        for i in 0..self.model.states.len() {
-            self.state_rate(i);
-        }
-        let sources = self.sources;
-        for i in 0..self.state_at.len() {
-            let at = self.state_at[i].clone();
-            let name = self.model.states[i].quantity.name.clone();
-            let Some(entry) = sources[at.source].file.states.get(&name) else { continue };
-            let dim = self.dims[&name];
-            let prefix = &sources[at.source].prefix;
-            let key = |field: &str| At {
-                source: at.source,
-                key: format!("{prefix}states.{name}.{field}"),
-            };
-            self.model.states[i].start = match &entry.start {
-                Value::Text(text) if text == "measured" => StartKind::Measured,
-                value => match self.value(value, &key("start"), dim, "start") {
-                    Some(node) => StartKind::Expression(node),
-                    None => continue,
-                },
-            };
-            self.model.states[i].min = self.bound(&Target::Min(name.clone()), i);
-            self.model.states[i].max = self.bound(&Target::Max(name.clone()), i);
-            let per_root = SECOND.power(0.5).map_or(dim, |root| dim.over(root));
-            self.model.states[i].noise =
-                entry.noise.as_ref().and_then(|v| self.limit(v, &key("noise"), per_root, "noise"));
-            let start_sd = entry.start_sd.as_ref();
-            self.model.states[i].start_sd =
-                start_sd.and_then(|v| self.limit(v, &key("start_sd"), dim, "start_sd"));
-        }
-        self.limits_of_limits();
-        self.starts_of_noise();
-    }
-
-    /// The uncertainty of a start is asked for by a filter alone.
-    fn starts_of_noise(&mut self) {
-        let driven = self.model.is_driven();
-        let uncertain = (0..self.state_at.len()).find(|&i| self.model.states[i].start_sd.is_some());
-        if let Some(i) = uncertain.filter(|_| !driven) {
-            let name = self.model.states[i].quantity.name.clone();
-            let at = self.state_at[i].clone();
-            let what = format!("\"{name}\" has a start_sd, but no noise drives the model");
-            let help =
-                "estimate the start instead (`initial` of the method), or give a state `noise`";
-            self.error_help(&at, 0, what, help);
-        }
-    }
-
     /// A number in the unit of its place, or an expression that must have that unit.
     fn value(&mut self, value: &Value, at: &At, dim: Dim, what: &str) -> Option<Node> {
         match value {
@@ -266,102 +222,12 @@ impl Compiler<'_> {
         true
     }
 
-    /// A limit may depend on states, but not on those that have limits themselves: which of them is
-    /// put on its stop first would matter.
-    fn limits_of_limits(&mut self) {
-        let limits = |s: &super::State| [s.min, s.max];
-        for i in 0..self.state_at.len() {
-            let state = &self.model.states[i];
-            let nodes: Vec<Node> = limits(state).into_iter().flatten().collect();
-            let name = state.quantity.name.clone();
-            let limited = self.model.graph.leaves(&nodes).into_iter().find_map(|leaf| match leaf {
-                Leaf::State(j) if limits(&self.model.states[j]) != [None, None] => Some(j),
-                _ => None,
-            });
-            if let Some(j) = limited {
-                let (at, other) = (self.state_at[i].clone(), &self.model.states[j].quantity.name);
-                let what = format!(
-                    "the limits of \"{name}\" depend on \"{other}\", which has limits itself"
-                );
-                self.error_help(
-                    &at,
-                    0,
-                    what,
-                    "let them depend on inputs, or on states without limits",
-                );
-            }
-        }
-    }
-
     fn expect(&mut self, typed: Typed, dim: Dim, at: &At, offset: usize, what: &str) {
         if let Some(d) = typed.dim
             && d != dim
         {
             self.error(at, offset, format!("{what} must be in {dim}, the expression is in {d}"));
         }
-    }
-
-    /// The rate of state i, limits included.
-    pub(super) fn state_rate(&mut self, i: usize) -> Option<Typed> {
-        let name = self.model.states[i].quantity.name.clone();
-        let dim = self.dims.get(&name).copied().unwrap_or(Dim::NONE).over(SECOND);
-        if let Some(node) = self.rates[i] {
-            return Some(Typed { node, dim: Some(dim) });
-        }
-        let at = self.state_at.get(i)?.clone();
-        let sources = self.sources;
-        let entry = sources[at.source].file.states.get(&name)?;
-        let prefix = &sources[at.source].prefix;
-        let key =
-            |field: &str| At { source: at.source, key: format!("{prefix}states.{name}.{field}") };
-        let target = Target::Rate(name.clone());
-        let typed = self.amended_value(&target, self.amendments_of(&target), &key("rate"))?;
-        let mut node = typed.node;
-        if let Some(k) = self.model.moving.iter().position(|m| m.velocity == i) {
-            node = self.held_rate(k, node, &key("friction"))?;
-        }
-        if let Some(limit) = &entry.rate_max {
-            let high = self.limit(limit, &key("rate_max"), dim, "rate_max")?;
-            self.model.states[i].rate_max = Some(high);
-            let g = &mut self.model.graph;
-            let low = g.neg(high);
-            node = g.min(node, high);
-            node = g.max(node, low);
-        }
-        if self.model.moving.iter().any(|m| m.position == Some(i)) {
-            // its velocity is zero on the stop
-            self.rates[i] = Some(node);
-            return Some(Typed { node, dim: Some(dim) });
-        }
-        let x = self.model.graph.leaf(Leaf::State(i));
-        for target in [Target::Min(name.clone()), Target::Max(name.clone())] {
-            let Some(bound) = self.bound(&target, i) else { continue };
-            self.unstopped.entry(i).or_insert(node);
-            let g = &mut self.model.graph;
-            let zero = g.c(0.0);
-            // on the stop and beyond it the rate cannot lead further out
-            let (inside, back) = if matches!(target, Target::Min(_)) {
-                (g.sub(x, bound), g.max(node, zero))
-            } else {
-                (g.sub(bound, x), g.min(node, zero))
-            };
-            node = g.select(inside, node, back);
-        }
-        self.rates[i] = Some(node);
-        Some(Typed { node, dim: Some(dim) })
-    }
-
-    /// The rate of state i as its line says it.
-    pub(super) fn own_rate(&mut self, i: usize) -> Option<Typed> {
-        let name = self.model.states[i].quantity.name.clone();
-        let dim = self.dims.get(&name).copied().unwrap_or(Dim::NONE).over(SECOND);
-        let at = self.state_at.get(i)?.clone();
-        let sources = self.sources;
-        let entry = sources[at.source].file.states.get(&name)?;
-        let at = self.at(at.source, format!("states.{name}.rate"));
-        let typed = self.once(&format!("rate({name})"), &at, |c| c.expression(&entry.rate, &at))?;
-        self.expect(typed, dim, &at, 0, "the rate");
-        Some(Typed { node: typed.node, dim: Some(dim) })
     }
 
     /// Builds what `name` stands for once; a second visit while it is being built is a cycle.

@@ -201,8 +201,15 @@ impl Compiler<'_> {
                     let unit = self.model.constants[i].quantity.unit.clone();
                     let what = format!("constant \"{name}\" has no value");
                     let place = self.sources[declared.source].doc.key_place(&declared.key);
+                    // What nobody here asks for may have been meant.
+                    let idle = self.given.0.keys().map(String::as_str);
+                    let idle = idle.filter(|other| !self.symbols.contains_key(*other));
+                    let meant =
+                        crate::config::nearest(name, idle).map_or_else(String::new, |other| {
+                            format!("did you mean this by \"{other}\" of the aircraft file? Else ")
+                        });
                     let error = Error::at(place, what).help(format!(
-                        "add to the aircraft file: {name} = {{ value = ..., unit = \"{unit}\", sd = ..., source = \"...\" }}"
+                        "{meant}add to the aircraft file: {name} = {{ value = ..., unit = \"{unit}\", sd = ..., source = \"...\" }}"
                     ));
                     if !self.errors.0.contains(&error) {
                         self.errors.push(error);

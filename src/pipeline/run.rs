@@ -2,23 +2,24 @@
 //! time and then those of the campaign stage by stage, in parallel, where the engine says; tables
 //! go out.
 
+mod filing;
+
 use super::assess::{Assessment, Content, Contents, State, assess};
 use super::gc;
 use super::limits::Limits;
 use super::order;
 use super::origin::Origin;
-use super::own::{failure_note, own_tables};
+use super::own::failure_note;
 use super::owners::Owners;
 use super::plan::Plan;
-use super::provenance::{Provenance, VERSION};
+use super::provenance::Provenance;
 use super::result::{Ended, Event, RunResult, StageResult, Watch};
 use super::status::gone;
 use super::store::Store;
-use super::unit::{Item, Made, Needed, UnitOfStage, Work, keep};
+use super::unit::{Item, Made, Needed, UnitOfStage, Work};
 use crate::engine::{self, Engine, Here, Kept, Said};
 use crate::error::{Error, Errors, Result};
-use crate::stage::{Output, Part, Read, Stage, Unit};
-use crate::table::Table;
+use crate::stage::{Read, Stage, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
@@ -172,19 +173,6 @@ impl Run<'_> {
         }
     }
 
-    /// What becomes of a unit that is not run.
-    fn spared(&self, a: &Assessment, owners: &Owners) -> Result<Outcome> {
-        match (&a.state, &a.record) {
-            (State::Blocked(what), record) => {
-                self.give_up(a, &BTreeMap::new(), owners)?;
-                record.iter().try_for_each(|record| self.store.remove_record(record))?;
-                Ok(Outcome::Blocked(record.as_ref().map(|_| what.clone())))
-            }
-            (_, None) => Ok(Outcome::Blocked(None)),
-            (_, Some(record)) => Ok(Outcome::Fresh(self.with_settings(a, record)?)),
-        }
-    }
-
     /// Tells what becomes of a unit that is not run.
     fn tell_spared(&self, a: &Assessment, outcome: Option<&Outcome>) {
         let ended = match (outcome, &a.state) {
@@ -193,30 +181,6 @@ impl Run<'_> {
             _ => return,
         };
         (self.watch)(Event::Unit { unit: &a.unit, ended });
-    }
-
-    /// The record of a fresh unit. One of an earlier program is given the values of its settings:
-    /// their hashes say that they are these.
-    fn with_settings(&self, a: &Assessment, record: &Provenance) -> Result<Provenance> {
-        let mut record = record.clone();
-        if record.settings.is_none() {
-            record.settings = Some(a.ingredients.settings.clone());
-            self.store.put_record(&record)?;
-        }
-        Ok(record)
-    }
-
-    /// Removes what a unit made earlier and does not make now.
-    fn give_up(
-        &self,
-        a: &Assessment,
-        made: &BTreeMap<String, String>,
-        owners: &Owners,
-    ) -> Result<()> {
-        let earlier = a.record.iter().flat_map(|earlier| earlier.outputs.keys());
-        earlier
-            .filter(|path| !made.contains_key(*path) && owners.leave(path, &a.unit))
-            .try_for_each(|path| self.store.remove(path))
     }
 
     /// Runs units, and files what each of them made as soon as it is there.
@@ -306,86 +270,6 @@ impl Run<'_> {
     fn keep(&mut self, record: Provenance) {
         self.result.notes.extend(record.notes.iter().cloned());
         self.records.push(record);
-    }
-
-    /// Files what a unit made, and its record.
-    fn filed(
-        &self,
-        stage: &Stage,
-        a: &Assessment,
-        made: std::result::Result<Output, Errors>,
-        owners: &Owners,
-    ) -> Result<Outcome> {
-        let mut record = Provenance {
-            stage: stage.name.to_string(),
-            unit: a.unit.name.clone(),
-            key: a.ingredients.key(stage.name, &a.unit.name),
-            ingredients: a.ingredients.hashes.clone(),
-            outputs: BTreeMap::new(),
-            notes: Vec::new(),
-            error: None,
-            asked: (stage.asked)(&self.plan.campaign, &a.unit),
-            settings: Some(a.ingredients.settings.clone()),
-            version: Some(VERSION.to_string()),
-        };
-        let outcome = match made {
-            Ok(output) => {
-                self.file(&a.unit, output, &mut record)?;
-                Outcome::Ran(record.clone())
-            }
-            Err(errors) => {
-                record.error = Some(errors.to_string());
-                Outcome::Failed(errors)
-            }
-        };
-        self.give_up(a, &record.outputs, owners)?;
-        self.store.put_record(&record)?;
-        Ok(outcome)
-    }
-
-    /// Writes a unit's outputs and enters them in its record.
-    fn file(&self, unit: &Unit, output: Output, record: &mut Provenance) -> Result<()> {
-        for (name, table) in output.tables {
-            let path = unit.part.path(name);
-            let hash = self.store.put_table(&path, &table)?;
-            keep(&self.kept, &path, &hash, table);
-            record.outputs.insert(path, hash);
-        }
-        for (path, bytes) in output.files {
-            let hash = self.store.put(&path, &bytes)?;
-            record.outputs.insert(path, hash);
-        }
-        record.notes = output.notes;
-        // Whatever a unit of one flight says is about that flight.
-        let silent = record.notes.iter_mut().filter(|note| note.flight.is_empty());
-        silent.for_each(|note| note.flight = unit.flight().to_string());
-        Ok(())
-    }
-
-    /// Writes those of the pipeline's own tables, notes and provenance so far, that a stage shows; all
-    /// of them where nothing is to be shown.
-    fn file_own_tables(&mut self, stage: &Stage) -> Result<()> {
-        let unit = (stage.units)(&self.plan.campaign).into_iter().next();
-        let reads = unit.map(|unit| (stage.reads)(&self.plan.campaign, &unit));
-        let shown = |table: &Table| {
-            reads.as_ref().is_none_or(|reads| reads.iter().any(|read| read.table == table.name()))
-        };
-        let mut tables = own_tables(&self.result.notes, &self.records)?;
-        tables.retain(|(_, table)| shown(table));
-        // Of a flight that has no notes any more there is no part.
-        let is_filed = |path: &str| {
-            let name = Part::of_path(path).map(|(table, _)| table);
-            tables.iter().any(|(_, table)| Some(table.name()) == name)
-        };
-        self.own.retain(|path, _| !is_filed(path));
-        for (part, table) in tables {
-            let path = part.path(table.name());
-            let hash = self.store.put_table(&path, &table)?;
-            keep(&self.kept, &path, &hash, table);
-            self.own.insert(path.clone(), hash.clone());
-            self.contents.insert(path, Content::Hash(hash));
-        }
-        Ok(())
     }
 
     /// Removes the outputs of flights, estimates, fits and stages that are no longer part of the

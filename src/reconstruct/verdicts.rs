@@ -63,8 +63,12 @@ impl Comparison {
         if sd < SCALE / 3.0 && matches!(self.which, Which::Output(_)) {
             let limit = SCALE.max(3.0 * sd);
             let verdict = if (k - 1.0).abs() > limit { "scaled" } else { "good" };
+            let why = match verdict {
+                "scaled" if channel == "V" => equivalent(k),
+                _ => String::new(),
+            };
             let text = format!(
-                "measured change per reconstructed change {k:.4} +- {:.4} (95%)",
+                "measured change per reconstructed change {k:.4} +- {:.4} (95%){why}",
                 INTERVAL_95 * sd
             );
             rows.push(row("scale", k, [1.0 - limit, 1.0 + limit], "-", verdict, text));
@@ -100,6 +104,19 @@ impl Comparison {
             rows.push(row("clock", jump, [-limit, limit], "s", verdict, text));
         }
         rows
+    }
+}
+
+/// Where an equivalent airspeed is this share of the true one, in words; nothing where no aircraft is.
+fn equivalent(k: f64) -> String {
+    // ICAO standard atmosphere below 11 km: sigma = (1 - h/44331 m)^4.2559; EAS = TAS sqrt(sigma)
+    let height = 44331.0 * (1.0 - libm::pow(k * k, 1.0 / 4.2559));
+    match height {
+        h if (300.0..11_000.0).contains(&h) => format!(
+            "; an indicated or equivalent airspeed would be so at {:.0} m in standard air, and a true one is wanted",
+            (h / 100.0).round() * 100.0
+        ),
+        _ => String::new(),
     }
 }
 
@@ -365,6 +382,14 @@ mod tests {
         let of = |unit: &str, y: &[f64]| temperature_row("T", unit, y).map(|row| row.verdict);
         assert_eq!(of("K", &[15.0, f64::NAN, 14.0]), Some("another unit"));
         assert_eq!((of("K", &[288.0, 250.0]), of("m", &[15.0]), of("K", &[])), (None, None, None));
+    }
+
+    #[test]
+    fn an_equivalent_airspeed_is_told_by_the_height_that_it_would_mean() {
+        // standard air at 3000 m: 0.9093 kg/m^3 of 1.2250
+        let k = (0.9093f64 / 1.2250).sqrt();
+        assert!(equivalent(k).contains("at 3000 m"), "{}", equivalent(k));
+        assert_eq!((equivalent(1.1), equivalent(0.995), equivalent(0.3)), Default::default());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::format::{few, number, plain};
 use super::grid::{Cell, Grid, Level};
 use super::place::On;
 use super::section::{Body, Section};
-use crate::signal::adequacy::{COLOUR, Leaves, SHARE, WORSE, is_far};
+use crate::signal::adequacy::{COLOUR, Leaves, SHARE, WORSE, is_far, words};
 
 pub const SECTION: Section = Section {
     id: "matches",
@@ -133,10 +133,7 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     rows.sort_by(|a, b| share(b.0).total_cmp(&share(a.0)));
     let name = |&(row, others): &(usize, usize)| {
         let of = ["output", "model", "flight"].map(|name| table.text(name, row));
-        let left = match share(row).is_finite() {
-            true => format!("{:.0}%", 100.0 * share(row)),
-            false => "all: it was measured not to move".to_string(),
-        };
+        let left = words(share(row), table.number("variation", row));
         let more = if others > 0 { format!(" and {others} more") } else { String::new() };
         format!("{} of {} ({left}; {}{more})", of[0], of[1], of[2])
     };

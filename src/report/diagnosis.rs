@@ -2,8 +2,9 @@
 //! reader should know of what the models lack, out.
 
 use super::columns::Columns;
-use super::format::{display_unit, number, plus_minus, short, shorts, thin};
+use super::format::{number, plus_minus};
 use super::grid::{Cell, Grid, Level};
+use super::overlays::{Overlay, overlays};
 use super::place::On;
 use super::section::{Body, Given, Section};
 use super::{adequacy, again, gap, used};
@@ -87,27 +88,6 @@ pub struct Verdict {
     pub held_out: String,
 }
 
-/// One held-out maneuver, before and after (JSON).
-#[derive(Debug, Clone, Serialize)]
-pub struct Overlay {
-    pub label: String,
-    pub diagnosis: String,
-    pub segment: String,
-    pub outputs: Vec<Curve>,
-}
-
-#[derive(Debug, Clone, Serialize)]
-pub struct Curve {
-    pub name: String,
-    pub unit: String,
-    pub t: Vec<Option<f64>>,
-    pub measured: Vec<Option<f64>>,
-    pub before: Vec<Option<f64>>,
-    pub after: Vec<Option<f64>>,
-}
-
-/// Samples drawn per curve.
-const DRAWN: usize = 500;
 /// Candidates shown per round that were not refitted.
 const SHOWN: usize = 5;
 /// Gaps below this many times the noise are not listed by regime.
@@ -356,53 +336,6 @@ fn gaps<'a>(get: impl Fn(&str) -> Option<&'a Columns>) -> Grid {
         "The noise is read from the measurements alone, so 1 is a model as good as the sensor. Ranges are listed where they stand out.".into(),
     );
     grid.or_missing("Nothing was compared.")
-}
-
-/// Every held-out maneuver, what changed most first.
-pub fn overlays(table: Option<&Columns>) -> Vec<Overlay> {
-    let Some(table) = table else { return Vec::new() };
-    let mut all: Vec<Overlay> = Vec::new();
-    for ([diagnosis, segment, output], rows) in table.groups(["diagnosis", "segment", "output"]) {
-        let label = format!("{diagnosis}: {segment}");
-        let column = |name: &str| rows.iter().map(|&r| table.number(name, r)).collect::<Vec<f64>>();
-        let (t, measured, before, after) =
-            (column("t_s"), column("measured"), column("before"), column("after"));
-        let (factor, unit) =
-            display_unit(&rows.first().map(|&r| table.unit_in("unit", r)).unwrap_or_default());
-        let kept = thin(t.len(), &[&measured, &before, &after], DRAWN);
-        let some = |values: &[f64]| shorts(kept.iter().map(|&k| values[k]), factor);
-        let curve = Curve {
-            name: output,
-            unit,
-            t: kept.iter().map(|&k| short(t[k])).collect(),
-            measured: some(&measured),
-            before: some(&before),
-            after: some(&after),
-        };
-        match all.iter_mut().find(|o| o.label == label) {
-            Some(overlay) => overlay.outputs.push(curve),
-            None => all.push(Overlay { label, diagnosis, segment, outputs: vec![curve] }),
-        }
-    }
-    // What changed most is shown first.
-    let changed = |overlay: &Overlay| overlay.outputs.iter().map(Curve::moved).sum::<f64>();
-    all.sort_by(|a, b| changed(b).total_cmp(&changed(a)));
-    all
-}
-
-impl Curve {
-    /// What the addition moved, as a share of what was measured.
-    pub fn moved(&self) -> f64 {
-        let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
-        let known: Vec<f64> = self.measured.iter().flatten().copied().collect();
-        let mean = known.iter().sum::<f64>() / known.len() as f64;
-        let moved = squares(
-            &mut self.before.iter().zip(&self.after).filter_map(|(b, a)| Some((*b)? - (*a)?)),
-        );
-        Some(moved / squares(&mut known.iter().map(|v| v - mean)))
-            .filter(|share| share.is_finite())
-            .unwrap_or(0.0)
-    }
 }
 
 /// The sentence of the checks; where models were estimated and none was diagnosed, how to have one.

@@ -51,6 +51,7 @@ mod list;
 mod logs;
 mod maneuvers;
 mod modes;
+mod overlays;
 mod owner;
 mod packed;
 mod paths;

@@ -2,9 +2,10 @@
 //! parameter out.
 
 use super::columns::Columns;
-use super::diagnosis::{self, Overlay};
+use super::diagnosis;
 use super::format::{brief, number};
 use super::grid::Level;
+use super::overlays::{Overlay, overlays};
 use super::place::On;
 use super::section::{Body, Given, Section};
 use super::used::{self, Added};
@@ -53,7 +54,7 @@ const OUTPUTS: usize = 3;
 fn build(given: &Given) -> Result<Option<Body>> {
     let Some(findings) = given.get("findings").filter(|t| t.rows() > 0) else { return Ok(None) };
     let added = used::added(given.get("recommended"));
-    let overlays = diagnosis::overlays(given.get("overlays"));
+    let overlays = overlays(given.get("overlays"));
     let (mut verdicts, mut figures) = (Vec::new(), Vec::new());
     for verdict in diagnosis::verdicts(findings) {
         let rows: Vec<usize> = (0..findings.rows())

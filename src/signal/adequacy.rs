@@ -72,6 +72,18 @@ pub fn is_far(left: f64, noise: f64) -> bool {
     left > FAR * COLOUR * noise
 }
 
+/// What is left beyond noise of the measured variation, in words; `variation` is the measured one.
+pub fn words(share: f64, variation: f64) -> String {
+    match share {
+        s if s < 10.0 => format!("{:.0}%", 100.0 * s),
+        s if s < 1000.0 => format!("{s:.0} times as much"),
+        _ if variation > 0.0 => {
+            "the model runs away: other start values, or `start = \"equation error\"`?".into()
+        }
+        _ => "measured not to move".into(),
+    }
+}
+
 /// Sums over samples of one output.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Adequacy {
@@ -115,6 +127,12 @@ impl Adequacy {
     /// model driven by noise predictions follow the measurement, right or wrong.
     pub fn with_noise(self, sd: f64) -> Adequacy {
         Adequacy { left: self.n * sd * sd, parts: [0.0; 3], ..self }
+    }
+
+    /// The same, with noise of the sensor that is at least so large: that of a signal which was filtered is
+    /// not its fast part.
+    pub fn with_sensor(self, sd: f64) -> Adequacy {
+        Adequacy { noise: self.noise.max(self.n * sd * sd), ..self }
     }
 
     pub fn add(&mut self, other: &Adequacy) {

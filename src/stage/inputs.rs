@@ -6,6 +6,7 @@ use crate::engine::{Engine, Kept};
 use crate::error::{Error, Result};
 use crate::table::{Rows, Table, Want};
 use indexmap::IndexMap;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -178,12 +179,7 @@ impl Inputs<'_> {
     /// # Errors
     /// One cannot be read.
     pub fn numbered(&self, table: &'static str, number: usize) -> Result<Option<Table>> {
-        let is =
-            |(name, part): &&(&'static str, Part)| *name == table && part.number() == Some(number);
-        let mut parts = Vec::new();
-        for (_, part) in self.parts.iter().filter(is) {
-            parts.push((self.table)(table, part, Want::default())?);
-        }
+        let mut parts = self.read(table, |part| part.number() == Some(number), Want::default())?;
         match parts.len() {
             0 | 1 => Ok(parts.pop()),
             _ => Table::concat(table, &parts).map(Some),
@@ -203,8 +199,21 @@ impl Inputs<'_> {
     /// # Errors
     /// One cannot be read.
     pub fn all_with(&self, table: &'static str, want: Want) -> Result<Vec<Table>> {
-        let parts = self.parts.iter().filter(|(name, _)| *name == table);
-        parts.map(|(_, part)| (self.table)(table, part, want)).collect()
+        self.read(table, |_| true, want)
+    }
+
+    /// The parts of a table that are meant, in order; a campaign has one for each of its flights.
+    fn read(
+        &self,
+        table: &'static str,
+        is_meant: impl Fn(&Part) -> bool,
+        want: Want,
+    ) -> Result<Vec<Table>> {
+        let of_table = self.parts.iter().filter(|(name, part)| *name == table && is_meant(part));
+        let parts: Vec<&Part> = of_table.map(|(_, part)| part).collect();
+        let read: Vec<Result<Table>> =
+            parts.into_par_iter().map(|part| (self.table)(table, part, want)).collect();
+        read.into_iter().collect()
     }
 }
 

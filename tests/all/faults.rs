@@ -60,8 +60,8 @@ fn a_key_that_does_not_fit_does_not_hide_a_name_that_is_not_there() {
 fn mistakes_of_the_channel_map_do_not_hide_a_name_that_is_not_there() {
     for (old, new, wanted) in [
         ("unit = \"m/s\"", "unit = \"furlong\"", "\"furlong\""),
-        ("unit = \"m/s\"", "unit = \"m/s\", scale = \"2\"", "the text \"2\""),
-        ("unit = \"m/s\"", "unit = \"m/s\", sgin = 1", "\"sgin\""),
+        ("unit = \"m/s\"", "unit = \"m/s\"\nscale = \"2\"", "the text \"2\""),
+        ("unit = \"m/s\"", "unit = \"m/s\"\nsgin = 1", "\"sgin\""),
     ] {
         let c = Campaign::new();
         c.edit("channels.toml", old, new);
@@ -203,6 +203,14 @@ fn told(c: &Campaign) -> Vec<String> {
         }
     }
     all
+}
+
+#[test]
+fn a_constant_by_another_name_is_asked_for() {
+    let c = chained();
+    c.edit("aircraft.toml", "\nS_e  ", "\nS_ee ");
+    let err = c.koehler("check", &[]).ended(2).err;
+    assert!(err.contains("did you mean this by \"S_ee\" of the aircraft file?"), "{err}");
 }
 
 #[test]

@@ -130,7 +130,7 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 32] = [
+const THREADS: [(&str, &str); 33] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
@@ -139,6 +139,7 @@ const THREADS: [(&str, &str); 32] = [
     ("estimate/neighbours.rs", "segments of one estimate, each alone"),
     ("estimate/profile.rs", "the two sides of an interval of one estimate"),
     ("stage/estimate/mod.rs", "groups of maneuvers of one estimate, whose sums go to the engine"),
+    ("stage/inputs.rs", "files of one table, which one unit reads"),
     ("stage/validate/mod.rs", "runs of one maneuver, whose sums go to the engine"),
     ("log/flight.rs", "signals of one log"),
     ("log/inspect.rs", "chunks of one log"),

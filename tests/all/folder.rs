@@ -59,7 +59,7 @@ fn a_report_in_a_single_file_is_one_and_says_the_same() {
     c.run().ended(0);
     let one = index(&c);
     assert!(!c.path("out/report/flights").exists() && scripts(&c).is_empty());
-    assert!(one.len() > 4_000_000 && several.len() < 1_000_000);
+    assert!(one.len() > 1_500_000 && several.len() < 1_000_000);
     assert!(one.contains("id=\"maneuvers\"") && !one.contains("<script src="));
     let equation = |html: &str| {
         let text = html.split("<p class=\"equation\">").nth(1).expect("a line");

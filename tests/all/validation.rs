@@ -35,6 +35,17 @@ fn lines_tell_a_flight_that_they_have_not_seen() {
     let segments = traces.strings("segment").expect("column");
     let beyond = traces.bools("beyond").expect("column");
     assert!((0..traces.rows()).all(|k| beyond[k] == (segments[k] == "flight-3.04")));
+    let values = read_dataset(&c.path("out"), "validation_values").expect("a table");
+    let text = |name: &str| values.strings(name).expect("column");
+    let (names, sources, units) = (text("parameter"), text("source"), text("unit"));
+    let (value, sd) = (values.f64("value").expect("column"), values.f64("sd").expect("column"));
+    let of = |name: &str| (0..values.rows()).filter(|k| names[*k] == name).collect::<Vec<_>>();
+    // K is the line's value at each of the four maneuvers' airspeeds; the state begins where it was found.
+    let (gain, start) = (of("K"), of("x(0)"));
+    assert!(gain.len() == 4 && start.len() == 4, "{names:?}");
+    assert!(gain.iter().all(|&k| sources[k] == "line" && units[k] == "-" && sd[k] > 0.0));
+    assert!(gain.windows(2).all(|k| value[k[0]] != value[k[1]]));
+    assert!(start.iter().all(|&k| sources[k] == "maneuver" && value[k].is_finite()));
 }
 
 #[test]

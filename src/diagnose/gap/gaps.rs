@@ -243,6 +243,7 @@ mod tests {
         let t = (0..values.len()).map(|k| 0.02 * k as f64).collect();
         let modelled = vec![0.0; values.len()];
         Trace {
+            noise: None,
             output: 0,
             name: "q".into(),
             unit: "rad/s".into(),

@@ -229,6 +229,7 @@ mod tests {
         let value = Value {
             name,
             unit,
+            doc: String::new(),
             value: 1.0,
             sd,
             null,

@@ -241,6 +241,10 @@ fn values(
 ) -> Vec<(Value, Option<usize>)> {
     let last = &free[free.len() - k..];
     let sd = |at: usize| spread.and_then(|s| s.sd.get(at).copied().flatten());
+    let model = &tried.0.model;
+    let doc = |name: &str| {
+        model.parameter(name).map(|i| model.parameters[i].quantity.doc.clone()).unwrap_or_default()
+    };
     let one = |(added, start): (&Added, &f64)| {
         // Of a parameter that differs from flight to flight the value that is furthest from null,
         // in its sd: there, if anywhere, it is seen.
@@ -259,6 +263,7 @@ fn values(
         let value = Value {
             name: added.name.clone(),
             unit: added.unit.clone(),
+            doc: doc(&added.name),
             value,
             sd: at.and_then(sd),
             null: added.null,

@@ -9,6 +9,8 @@ pub struct Value {
     pub name: String,
     /// SI unit.
     pub unit: String,
+    /// What it is.
+    pub doc: String,
     pub value: f64,
     /// Under the noise of the base fit; none where it is held or the data do not determine it.
     pub sd: Option<f64>,

@@ -75,7 +75,8 @@ fn findings(outcome: &Outcome) -> Result<Table> {
     };
     let sentence = |m: &Member| {
         let (j, limit) = (m.judged, m.round.limit);
-        format!("{}: {}; {}.", j.sentence, words::values(j), words::evidence(j, limit))
+        let (values, meaning) = (words::values(j), words::meaning(j));
+        format!("{}: {values}{meaning}; {}.", j.sentence, words::evidence(j, limit))
     };
     let sentences = std::iter::once(words::verdict(outcome)).chain(members.iter().map(sentence));
     let held: Vec<&str> = outcome

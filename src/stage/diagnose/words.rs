@@ -36,6 +36,14 @@ pub fn values(judged: &Judged) -> String {
     all.map(value).collect::<Vec<_>>().join(", ")
 }
 
+/// What the estimated parameters of a candidate are, in brackets.
+pub fn meaning(judged: &Judged) -> String {
+    let all = judged.refit.iter().flat_map(|r| &r.values);
+    let said = all.filter(|v| !v.held && !v.doc.is_empty());
+    let words: Vec<String> = said.map(|v| format!("{}: {}", v.name, v.doc)).collect();
+    if words.is_empty() { String::new() } else { format!(" ({})", words.join(", ")) }
+}
+
 /// One candidate's evidence in words.
 pub fn evidence(judged: &Judged, limit: f64) -> String {
     let Some(refit) = &judged.refit else { return judged.why.clone() };

@@ -19,6 +19,7 @@ struct Judged<'a> {
 /// noise as the filter has it.
 fn of(estimation: &Estimation, segment: usize, trace: &Trace) -> Adequacy {
     let found = Adequacy::of(&trace.measured, &trace.modelled);
+    let found = trace.noise.map_or(found, |sd| found.with_sensor(sd));
     match (trace.filtered.is_none(), estimation.scatter(segment, &trace.name)) {
         (false, Some(scatter)) => found.with_noise(scatter.r.sqrt()),
         _ => found,

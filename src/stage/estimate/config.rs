@@ -44,8 +44,10 @@ impl Config {
         count: usize,
         text: String,
     ) -> Note {
-        let text =
-            if text.contains(&self.name()) { text } else { format!("{}: {text}", self.name()) };
+        let name = self.name();
+        let is_of_word = |c: char| c.is_alphanumeric() || "_-.".contains(c);
+        let mut words = text.split(|c| !is_of_word(c)).map(|word| word.trim_end_matches('.'));
+        let text = if words.any(|word| word == name) { text } else { format!("{name}: {text}") };
         Note {
             flight: flight.to_string(),
             stage: NAME.to_string(),

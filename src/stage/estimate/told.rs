@@ -197,8 +197,19 @@ fn edges_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option
 /// Estimates that straight lines between the points of the grid move.
 fn chords_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
     let chords = estimation.chords.as_ref()?;
+    let (points, remedy) = match chords.finer {
+        true => ("points of the grid", "the record has more samples: a finer grid (`rate_hz`)"),
+        false => ("samples of the record", "nothing but a faster record"),
+    };
+    let (curve, smooth) = match chords.smooth {
+        true => ("smooth curves", ""),
+        false => (
+            "straight lines",
+            "; where inputs have no edges, `interpolation = \"cubic\"` in [[estimate]]",
+        ),
+    };
     let text = format!(
-        "{}: inputs run on straight lines between the points of the grid ({:.3} s), which moves {}: a finer grid (`rate_hz`) halves the spacing and leaves a quarter of it, `interpolation = \"cubic\"` in [[estimate]] is for measured inputs that are smooth",
+        "{}: inputs run on {curve} between {points} ({:.3} s), which moves {}: {remedy} tells more, and half the spacing leaves a quarter of it{smooth}",
         batch.group,
         chords.spacing,
         moved(&chords.moved)

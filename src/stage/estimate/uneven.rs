@@ -65,6 +65,7 @@ mod tests {
         let trace = |size: f64| {
             let e = |k: usize| if k.is_multiple_of(2) { size } else { -size };
             vec![Trace {
+                noise: None,
                 name: "q".into(),
                 measured: (0..100).map(e).collect(),
                 modelled: vec![0.0; 100],

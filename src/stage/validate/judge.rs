@@ -12,6 +12,8 @@ const AS_BEFORE: &str =
     ": the estimate leaves as much itself, so that noise and what the model lacks look alike";
 /// Residuals of an estimate whose level at frequency zero is so many times that of white noise are slow.
 const SLOW: f64 = 1.5;
+/// So many times the limit of Theil's coefficient is far beyond it.
+const FAR_THEIL: f64 = 3.0;
 /// Share of them that must be.
 const NOISE: f64 = 0.95;
 
@@ -59,7 +61,8 @@ pub struct Agreement {
     /// So many independent ones say as much of the share within: fewer where noise drives the
     /// states, because what a gust does lasts.
     pub independent: f64,
-    /// The same of slow residuals, for `within_left`.
+    /// The same for `within_left`, by the colour of what the estimate left: an error of its own that lasts would
+    /// excuse itself.
     pub independent_left: f64,
     pub rms: f64,
     /// `1 - rms/s`, with the standard deviation `s` of what was measured: 1 is a perfect fit.
@@ -164,11 +167,11 @@ impl Output {
         };
         let inside = |noise: f64| mean(&|k| f64::from(u8::from(e(k).abs() <= half(k, noise))));
         let left = self.left(fast, spread);
-        let few = independent(&all.iter().map(|&k| e(k)).collect::<Vec<_>>());
+        let few = || independent(&all.iter().map(|&k| e(k)).collect::<Vec<_>>());
         Some(Agreement {
             n: all.len(),
-            independent: if self.driven.is_some() { few } else { n },
-            independent_left: few,
+            independent: if self.driven.is_some() { few() } else { n },
+            independent_left: if self.r_colour > 1.0 { n / self.r_colour } else { n },
             rms,
             fit: 1.0 - rms / spread,
             theil,
@@ -207,6 +210,16 @@ impl Agreement {
             share if share >= NOISE => Some("noise"),
             _ => Some("more than noise"),
         }
+    }
+
+    /// Whether the model says something else than what was flown: far beyond Theil's limit, and far beyond
+    /// noise of the sensor and what the estimate left.
+    pub fn is_far(&self, theil: f64) -> bool {
+        let noise =
+            if self.r_sd.is_finite() { self.noise_sd.max(self.r_sd) } else { self.noise_sd };
+        self.driven_sd.is_nan()
+            && !(self.theil.coefficient <= FAR_THEIL * theil)
+            && !(self.rms <= COLOUR * noise)
     }
 
     /// `good`, or what it falls short of. What the sensor's noise alone makes of Theil's coefficient is

@@ -30,7 +30,7 @@ use super::{
 use crate::dynamics::Channel;
 use crate::engine::Here;
 use crate::error::{Errors, Result};
-use crate::estimate::{Estimation, Segment, Stop, Trace, estimate_where};
+use crate::estimate::{Estimation, Row, Segment, Stop, Trace, estimate_where};
 use crate::math::products::factor;
 use crate::model::noise_of;
 use rayon::prelude::*;
@@ -53,7 +53,7 @@ pub const STAGE: Stage = Stage {
     key: Some(Key::of::<Vec<Settings>>()),
     check: config::check,
     units: |campaign| Unit::entries(all(campaign).iter().map(|config| config.settings.name())),
-    writes: &["validation", "validation_traces", "tolerances"],
+    writes: &["validation", "validation_traces", "validation_values", "tolerances"],
     reads,
     slice,
     run,
@@ -241,12 +241,43 @@ fn validated(
         segment: one.segment.clone(),
         outside: found.share_outside(),
         followed: notes::followed(&first.rows),
+        values: flown_at(config, &found, &first.rows),
         beyond: found.beyond,
         input,
         kind,
         outputs,
         judged,
     }))
+}
+
+/// Every value at which a maneuver was flown, by name: those that are held, and what was found in it.
+fn flown_at(config: &Config, held: &Values, found: &[Row]) -> Vec<validated::Value> {
+    let model = &config.run.model;
+    let unit = |name: &str| {
+        let parameter = model.parameter(name).map(|i| model.parameters[i].quantity.unit.clone());
+        let noise = || model.outputs.iter().find(|o| noise_of(&o.name) == name);
+        parameter.or_else(|| Some(noise()?.unit.clone())).unwrap_or_default()
+    };
+    let n = held.at.len();
+    let own = held.at.iter().zip(&config.sources).enumerate();
+    let mut all: Vec<validated::Value> = own
+        .map(|(i, ((name, value), (_, source)))| validated::Value {
+            name: name.clone(),
+            unit: unit(name),
+            value: *value,
+            sd: held.covariance[i * n + i].max(0.0).sqrt(),
+            source: source.word(),
+        })
+        .collect();
+    all.extend(found.iter().filter(|row| !row.idle).map(|row| validated::Value {
+        name: row.name.clone(),
+        unit: row.unit.clone(),
+        value: row.value,
+        sd: row.sd.unwrap_or(f64::NAN),
+        source: "maneuver",
+    }));
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    all
 }
 
 /// The values along a maneuver of every input of the model.

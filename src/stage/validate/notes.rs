@@ -6,6 +6,7 @@ use super::proof::{Judged, Verdict, worst};
 use super::settings::{NAME, Settings};
 use super::tolerances::Checked;
 use super::validated::Validated;
+use crate::config::list;
 use crate::estimate::Row;
 use crate::math::distribution::INTERVAL_95;
 use crate::stage::{Note, Severity};
@@ -38,7 +39,24 @@ pub fn doubts(config: &Config, one: &Validated) -> Vec<Note> {
         };
         notes.push(note(config, &one.flight, Severity::Warning, &one.segment, text));
     }
+    notes.extend(far(config, one));
     notes
+}
+
+/// A maneuver that the model does not fly at all: half of its outputs, or more, are something else.
+fn far(config: &Config, one: &Validated) -> Option<Note> {
+    let theil = config.settings.theil;
+    let judged = one.outputs.iter().filter_map(|(output, a)| Some((output, a.as_ref()?)));
+    let far = judged.clone().filter(|(_, a)| a.is_far(theil));
+    let each: Vec<String> =
+        far.map(|(o, a)| format!("{} (Theil {:.2})", o.name, a.theil.coefficient)).collect();
+    let text = format!(
+        "{}: the model does not tell {}: another configuration, or a sign, a unit, a sensor?",
+        one.segment,
+        list(&each)
+    );
+    let is_problem = !each.is_empty() && 2 * each.len() >= judged.count();
+    is_problem.then(|| note(config, &one.flight, Severity::Problem, &one.segment, text))
 }
 
 /// The tests of a maneuver that are not passed.

@@ -20,6 +20,17 @@ pub enum Source {
     Line { fit: usize, parameter: String, part: Part },
 }
 
+impl Source {
+    /// The word for it in the table `validation_values`.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Source::Estimate(_) => "estimate",
+            Source::Held(_) => "held",
+            Source::Line { .. } => "line",
+        }
+    }
+}
+
 /// What is taken of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {

@@ -4,7 +4,7 @@ use super::judge::{Agreement, Driven, Output};
 use super::proof::Judged;
 use super::settings::Settings;
 use super::tolerances::Checked;
-use super::validated::Validated;
+use super::validated::{Validated, Value};
 use crate::error::Result;
 use crate::table::Table;
 
@@ -97,8 +97,30 @@ pub fn all(
         .f64("ahead", driven(|d| &d.ahead))
         .f64("ahead_sd", driven(|d| &d.ahead_sd))
         .finish()?;
-    let judged = tolerances(&settings.name(), all, done)?;
-    Ok(vec![("validation", validation), ("validation_traces", traces), ("tolerances", judged)])
+    Ok(vec![
+        ("validation", validation),
+        ("validation_traces", traces),
+        ("validation_values", values(&settings.name(), model, done)?),
+        ("tolerances", tolerances(&settings.name(), all, done)?),
+    ])
+}
+
+/// One row per maneuver and value of its run.
+fn values(name: &str, model: &str, done: &[Validated]) -> Result<Table> {
+    let mut rows: Vec<(&Validated, &Value)> =
+        done.iter().flat_map(|one| one.values.iter().map(move |value| (one, value))).collect();
+    rows.sort_by_key(|(one, value)| (&one.segment, &value.name));
+    Table::build("validation_values")
+        .repeat("validation", name)
+        .repeat("model", model)
+        .strings("flight", rows.iter().map(|(one, _)| &one.flight))
+        .strings("segment", rows.iter().map(|(one, _)| &one.segment))
+        .strings("parameter", rows.iter().map(|(_, value)| &value.name))
+        .strings("unit", rows.iter().map(|(_, value)| &value.unit))
+        .f64("value", rows.iter().map(|(_, value)| value.value).collect::<Vec<_>>())
+        .f64("sd", rows.iter().map(|(_, value)| value.sd).collect::<Vec<_>>())
+        .strings("source", rows.iter().map(|(_, value)| value.source))
+        .finish()
 }
 
 /// One row per maneuver and tolerance that is for it.

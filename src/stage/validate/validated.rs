@@ -4,6 +4,17 @@
 use super::judge::{Agreement, Output};
 use super::proof::Judged;
 
+/// A parameter's value in the run of a maneuver.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Value {
+    pub name: String,
+    pub unit: String,
+    pub value: f64,
+    pub sd: f64,
+    /// Where it comes from: a word of the table `validation_values`.
+    pub source: &'static str,
+}
+
 /// One validated maneuver.
 #[derive(Debug)]
 pub struct Validated {
@@ -19,6 +30,8 @@ pub struct Validated {
     pub outputs: Vec<(Output, Option<Agreement>)>,
     /// Zero shifts and initial states that followed, with their sizes, in words.
     pub followed: String,
+    /// Every value of the run, by name.
+    pub values: Vec<Value>,
     /// What the tolerances say of it.
     pub judged: Vec<Judged>,
 }

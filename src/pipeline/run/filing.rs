@@ -1,0 +1,132 @@
+//! What a unit made, or had made before, comes in; files in the output folder, and the record of it,
+//! go out.
+
+use super::{Outcome, Run};
+use crate::error::{Errors, Result};
+use crate::pipeline::assess::{Assessment, Content, State};
+use crate::pipeline::own::own_tables;
+use crate::pipeline::owners::Owners;
+use crate::pipeline::provenance::{Provenance, VERSION};
+use crate::pipeline::unit::keep;
+use crate::stage::{Output, Part, Stage, Unit};
+use crate::table::Table;
+use std::collections::BTreeMap;
+
+impl Run<'_> {
+    /// What becomes of a unit that is not run.
+    pub(super) fn spared(&self, a: &Assessment, owners: &Owners) -> Result<Outcome> {
+        match (&a.state, &a.record) {
+            (State::Blocked(what), record) => {
+                self.give_up(a, &BTreeMap::new(), owners)?;
+                record.iter().try_for_each(|record| self.store.remove_record(record))?;
+                Ok(Outcome::Blocked(record.as_ref().map(|_| what.clone())))
+            }
+            (_, None) => Ok(Outcome::Blocked(None)),
+            (_, Some(record)) => Ok(Outcome::Fresh(self.with_settings(a, record)?)),
+        }
+    }
+
+    /// The record of a fresh unit. One of an earlier program is given the values of its settings:
+    /// their hashes say that they are these.
+    pub(super) fn with_settings(&self, a: &Assessment, record: &Provenance) -> Result<Provenance> {
+        let mut record = record.clone();
+        if record.settings.is_none() {
+            record.settings = Some(a.ingredients.settings.clone());
+            self.store.put_record(&record)?;
+        }
+        Ok(record)
+    }
+
+    /// Removes what a unit made earlier and does not make now.
+    fn give_up(
+        &self,
+        a: &Assessment,
+        made: &BTreeMap<String, String>,
+        owners: &Owners,
+    ) -> Result<()> {
+        let earlier = a.record.iter().flat_map(|earlier| earlier.outputs.keys());
+        earlier
+            .filter(|path| !made.contains_key(*path) && owners.leave(path, &a.unit))
+            .try_for_each(|path| self.store.remove(path))
+    }
+
+    /// Files what a unit made, and its record.
+    pub(super) fn filed(
+        &self,
+        stage: &Stage,
+        a: &Assessment,
+        made: std::result::Result<Output, Errors>,
+        owners: &Owners,
+    ) -> Result<Outcome> {
+        let mut record = Provenance {
+            stage: stage.name.to_string(),
+            unit: a.unit.name.clone(),
+            key: a.ingredients.key(stage.name, &a.unit.name),
+            ingredients: a.ingredients.hashes.clone(),
+            outputs: BTreeMap::new(),
+            notes: Vec::new(),
+            error: None,
+            asked: (stage.asked)(&self.plan.campaign, &a.unit),
+            settings: Some(a.ingredients.settings.clone()),
+            version: Some(VERSION.to_string()),
+        };
+        let outcome = match made {
+            Ok(output) => {
+                self.file(&a.unit, output, &mut record)?;
+                Outcome::Ran(record.clone())
+            }
+            Err(errors) => {
+                record.error = Some(errors.to_string());
+                Outcome::Failed(errors)
+            }
+        };
+        self.give_up(a, &record.outputs, owners)?;
+        self.store.put_record(&record)?;
+        Ok(outcome)
+    }
+
+    /// Writes a unit's outputs and enters them in its record.
+    fn file(&self, unit: &Unit, output: Output, record: &mut Provenance) -> Result<()> {
+        for (name, table) in output.tables {
+            let path = unit.part.path(name);
+            let hash = self.store.put_table(&path, &table)?;
+            keep(&self.kept, &path, &hash, table);
+            record.outputs.insert(path, hash);
+        }
+        for (path, bytes) in output.files {
+            let hash = self.store.put(&path, &bytes)?;
+            record.outputs.insert(path, hash);
+        }
+        record.notes = output.notes;
+        // Whatever a unit of one flight says is about that flight.
+        let silent = record.notes.iter_mut().filter(|note| note.flight.is_empty());
+        silent.for_each(|note| note.flight = unit.flight().to_string());
+        Ok(())
+    }
+
+    /// Writes those of the pipeline's own tables, notes and provenance so far, that a stage shows; all
+    /// of them where nothing is to be shown.
+    pub(super) fn file_own_tables(&mut self, stage: &Stage) -> Result<()> {
+        let unit = (stage.units)(&self.plan.campaign).into_iter().next();
+        let reads = unit.map(|unit| (stage.reads)(&self.plan.campaign, &unit));
+        let shown = |table: &Table| {
+            reads.as_ref().is_none_or(|reads| reads.iter().any(|read| read.table == table.name()))
+        };
+        let mut tables = own_tables(&self.result.notes, &self.records)?;
+        tables.retain(|(_, table)| shown(table));
+        // Of a flight that has no notes any more there is no part.
+        let is_filed = |path: &str| {
+            let name = Part::of_path(path).map(|(table, _)| table);
+            tables.iter().any(|(_, table)| Some(table.name()) == name)
+        };
+        self.own.retain(|path, _| !is_filed(path));
+        for (part, table) in tables {
+            let path = part.path(table.name());
+            let hash = self.store.put_table(&path, &table)?;
+            keep(&self.kept, &path, &hash, table);
+            self.own.insert(path.clone(), hash.clone());
+            self.contents.insert(path, Content::Hash(hash));
+        }
+        Ok(())
+    }
+}
