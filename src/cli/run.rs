@@ -36,7 +36,7 @@ struct Checked {
 /// `koehler check`
 pub fn check(pipeline: &Path, form: Form) -> Result<End, Errors> {
     let plan = Plan::read(pipeline)?;
-    let seen = pipeline::summaries(&plan);
+    let seen = plan.summaries();
     said(&seen);
     for source in &plan.sources {
         source.lacking.0.iter().for_each(|e| note(&format!("{}; a run makes it first", e.what)));
@@ -111,7 +111,7 @@ fn said(seen: &Summaries) {
 /// # Errors
 /// No log fits: every mistake.
 fn look_at_logs(plan: &Plan) -> Result<(), Errors> {
-    let seen = pipeline::summaries(plan);
+    let seen = plan.summaries();
     said(&seen);
     if seen.hopeless() {
         return Err(seen.mistakes);

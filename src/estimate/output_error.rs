@@ -296,7 +296,7 @@ fn useless(case: &Case, solution: &Solution) -> Vec<(usize, String)> {
 /// Why a segment cannot be run at the start values.
 fn given_up(case: &Case, s: usize) -> String {
     match case.lost(s, &case.layout.start) {
-        None | Some(Lost::Diverges) => "the model is not finite there at the start values".into(),
+        None | Some(Lost::Diverges) => "the model is not finite there at the start values (other ones, or `start = \"equation error\"`?)".into(),
         Some(lost) => format!("{} at the start values", lost.words(&case.model.states)),
     }
 }

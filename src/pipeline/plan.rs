@@ -5,6 +5,7 @@ mod aircraft;
 mod logs;
 mod loose;
 mod once;
+mod summaries;
 
 use super::provenance::hash_bytes;
 use super::settings::Settings;
@@ -25,6 +26,7 @@ use std::sync::OnceLock;
 
 pub use aircraft::{Source, lacking};
 pub use logs::FlightLog;
+pub use summaries::Summaries;
 
 /// A checked campaign, ready to run.
 #[derive(Debug)]
@@ -91,6 +93,11 @@ impl Plan {
         };
         errors.0.extend(more.0);
         Err(once::once(errors))
+    }
+
+    /// What its logs say at their ends against its channel map.
+    pub fn summaries(&self) -> Summaries {
+        summaries::summaries(&self.campaign.channels, &self.logs)
     }
 
     /// The log of a flight.
@@ -193,7 +200,13 @@ impl Reader {
                 simulation,
                 logs,
             }),
-            _ => Err(self.given.errors),
+            (_, channels, _) => {
+                // What no log agrees with is a mistake of the channel map as well.
+                let seen = channels.map(|channels| summaries::summaries(&channels, &logs));
+                let hopeless = seen.filter(Summaries::hopeless);
+                self.given.errors.0.extend(hopeless.into_iter().flat_map(|seen| seen.mistakes.0));
+                Err(self.given.errors)
+            }
         }
     }
 

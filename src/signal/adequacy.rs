@@ -77,9 +77,7 @@ pub fn words(share: f64, variation: f64) -> String {
     match share {
         s if s < 10.0 => format!("{:.0}%", 100.0 * s),
         s if s < 1000.0 => format!("{s:.0} times as much"),
-        _ if variation > 0.0 => {
-            "the model runs away: other start values, or `start = \"equation error\"`?".into()
-        }
+        _ if variation > 0.0 => "the model runs away".into(),
         _ => "measured not to move".into(),
     }
 }

@@ -67,8 +67,9 @@ fn mistakes_of_the_channel_map_do_not_hide_a_name_that_is_not_there() {
         c.edit("channels.toml", old, new);
         c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = \"100\"");
         c.edit("pipeline.toml", "against = \"V\"", "against = \"Mach\"");
+        c.edit("channels.toml", "topic = \"/air\"", "topic = \"/airs\"");
         let run = c.koehler("check", &[]).ended(2);
-        for wanted in [wanted, "the text \"100\"", "\"Mach\"", "3 errors"] {
+        for wanted in [wanted, "the text \"100\"", "\"Mach\"", "\"/airs\"", "4 errors"] {
             assert!(run.err.contains(wanted), "{wanted} is not in\n{}", run.err);
         }
     }

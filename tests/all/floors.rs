@@ -163,7 +163,7 @@ const THREADS: [(&str, &str); 33] = [
     ("diagnose/search/stability.rs", "other choices of the maneuvers of one diagnosis"),
     ("diagnose/search/surrogate.rs", "series of chance of one round of a diagnosis"),
     ("pipeline/assess.rs", "hashes of what units read, which decide what is run at all"),
-    ("pipeline/summaries.rs", "a look at the logs before work starts"),
+    ("pipeline/plan/summaries.rs", "a look at the logs before work starts"),
 ];
 
 /// Whole flights that are not handed to the engine.

@@ -388,7 +388,10 @@ fn fault_a_segment_that_is_not_finite_at_the_start_is_left_out_by_name() {
     let e = estimate_segments(&model, &all, &Settings::default()).unwrap();
     assert_eq!(e.stop, Stop::Converged);
     let why_not = [
-        (2, "the model is not finite there at the start values"),
+        (
+            2,
+            "the model is not finite there at the start values (other ones, or `start = \"equation error\"`?)",
+        ),
         (3, "input u has no value at 1 of its samples"),
     ];
     assert_eq!(why(&e), why_not);

@@ -1,10 +1,11 @@
 //! A plan comes in; what its logs say at their ends against the channel map (topics, fields,
 //! units), for all logs at once, goes out.
 
-use super::plan::Plan;
+use super::logs::FlightLog;
 use crate::config::list;
 use crate::error::{Error, Errors};
 use crate::log::{self, Look, Mistake};
+use crate::stage::Channels;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -36,10 +37,9 @@ impl Summaries {
 }
 
 /// Holds the channel map against the summary section of every log that is there.
-pub fn summaries(plan: &Plan) -> Summaries {
-    let channels = &plan.campaign.channels;
+pub fn summaries(channels: &Channels, logs: &[FlightLog]) -> Summaries {
     let there: Vec<&Path> =
-        plan.logs.iter().map(|log| log.path.as_path()).filter(|path| path.is_file()).collect();
+        logs.iter().map(|log| log.path.as_path()).filter(|path| path.is_file()).collect();
     let looks: Vec<_> =
         there.par_iter().map(|path| log::look(path, &channels.map, &channels.doc)).collect();
     let mut all = Summaries::default();
