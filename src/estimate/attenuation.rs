@@ -11,7 +11,7 @@
 //! to first order, over all points and measured `x`; for `f = x' theta` that is `-(X'X)^-1 N Sigma
 //! theta`, the attenuation of errors in variables (Klein & Morelli 2006, sec. 5.1; Fuller 1987, sec.
 //! 1.1). `sigma` is the fast part of the signal, from its third differences at its own spacing, taken for
-//! white; what interpolation to a finer grid and the derivative filter leave of it counts. Where the spacing is not
+//! white; what interpolation to a finer grid and smoothing leave of it counts. Where the spacing is not
 //! known, no shift can be told. In the rate of a state its own noise does no more harm than this: the
 //! derivative filter is odd and the smoothing even, so that the two are not correlated.
 

@@ -119,13 +119,13 @@ impl<'a, F: Evaluate> Source<'a, F> {
 
 /// Covariance of the estimates when the residuals have the colour they show. `matrix` is the normal
 /// matrix with priors, parameters on a bound (`held`) pinned; `noise` the `R` of every group it was
-/// weighted with.
+/// weighted with. `exact` says that regressors have no noise of their own, as what a model integrates has none.
 pub fn coloured<F: Evaluate>(
     source: &Source<F>,
     matrix: &Arrow,
     held: &[bool],
     noise: &[Covariance],
-    rule: Rule,
+    (rule, exact): (Rule, bool),
 ) -> Option<Colour> {
     let factor = matrix.factor().ok()?;
     let mut inverse = factor.sandwich(matrix);
@@ -141,7 +141,7 @@ pub fn coloured<F: Evaluate>(
             break;
         }
         let mut taken = absorbed(source, &sigma, held)?;
-        if white && is_too_far(source, &taken, &inverse, &factor, held, &sigma)? {
+        if (white || !exact) && is_too_far(source, &taken, &inverse, &factor, held, &sigma)? {
             taken.all = taken.all.at_rest();
         }
         let next = fit(source, classes, rule, Some(&taken))?;
@@ -169,7 +169,7 @@ pub fn coloured<F: Evaluate>(
 }
 
 /// Whether least squares with this noise would go further than its own errors explain, although the
-/// residuals may be white. Where the equations are right both estimates have one mean, and the step
+/// residuals may be white, or regressors have noise. Where the equations are right both estimates have one mean, and the step
 /// is smaller than the estimate's sd (Hausman, Econometrica 46, 1978). Noise in regressors draws them apart: what the step leaves is no
 /// noise then, and a colour made of it feeds itself.
 fn is_too_far<F: Evaluate>(

@@ -6,11 +6,11 @@
 //! integral of `f` at the measured states, as they are, so that without noise both sides are the same
 //! but for the trapezoidal rule, whatever the window. (States that are smoothed before `f` lack what
 //! inputs still have: that was taken up by the derivatives.) A measured output that is not a state
-//! gives `z = h(x, u, theta)` at the same points, nothing smoothed. Nothing is integrated over time.
-//! Noise of the measured states weighs on what multiplies them: `attenuation` says by how much.
+//! gives `z = h(x, u, theta)` at the same points, both sides smoothed where `h` has states. Nothing is
+//! integrated over time.
 
 use super::case::Case;
-use super::sides::{Considered, Side, measured, sides};
+use super::sides::{Considered, Seen, Side, measured, sides};
 use super::{Settings, Trace};
 use crate::dynamics::{self, Numbers, Record};
 use crate::error::Result;
@@ -29,15 +29,23 @@ pub(super) struct Sampled {
     pub points: Vec<f64>,
     pub n: usize,
     pub dt: f64,
-    pub rate: Arc<SavitzkyGolay>,
+    pub filters: Arc<Filters>,
     /// Per equation the left side; NaN where the equation has no value.
     pub left: Vec<Vec<f64>>,
 }
 
-/// What gives the rates of states on a grid of one spacing.
-fn derivative(smoothing_s: f64, dt: f64) -> Result<SavitzkyGolay> {
-    let window = (((smoothing_s / dt / 2.0).round() as usize).max(2) * 2) + 1;
-    SavitzkyGolay::new(window, ORDER, 1, dt)
+/// What smooths both sides of an output's equation, and of a rate's, on a grid of one spacing.
+pub(super) struct Filters {
+    pub smooth: SavitzkyGolay,
+    pub rate: SavitzkyGolay,
+}
+
+impl Filters {
+    fn new(smoothing_s: f64, dt: f64) -> Result<Filters> {
+        let window = (((smoothing_s / dt / 2.0).round() as usize).max(2) * 2) + 1;
+        let filter = |derivative| SavitzkyGolay::new(window, ORDER, derivative, dt);
+        Ok(Filters { smooth: filter(0)?, rate: filter(1)? })
+    }
 }
 
 /// The equations of a case over its segments.
@@ -68,7 +76,7 @@ fn on_grid(record: &Record, output: usize, first: usize) -> Vec<f64> {
     channel.map_or_else(|| vec![f64::NAN; n], |c| linear(&c.t, &c.z, &grid, f64::INFINITY))
 }
 
-fn prepare(case: &Case, sides: &[Side], s: usize, rate: Arc<SavitzkyGolay>) -> Sampled {
+fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Sampled {
     let (model, record) = (&case.model, &case.records[s]);
     let (l, first, dt) = (model.layout, record.start, record.dt);
     let n = record.n.saturating_sub(first);
@@ -129,10 +137,14 @@ fn prepare(case: &Case, sides: &[Side], s: usize, rate: Arc<SavitzkyGolay>) -> S
             .enumerate()
             .map(|(k, z)| if known(k) { z } else { f64::NAN })
             .collect();
-        if side.is_rate { rate.apply(&z) } else { z }
+        match side.seen() {
+            Seen::Rate => filters.rate.apply(&z),
+            Seen::Smoothed => filters.smooth.apply(&z),
+            Seen::Raw => z,
+        }
     });
     let left = left.collect();
-    Sampled { points, n, dt, rate, left }
+    Sampled { points, n, dt, filters, left }
 }
 
 /// Delay times at these parameters.
@@ -153,11 +165,11 @@ impl<'a> Problem<'a> {
     pub fn new(case: &'a Case, settings: &Settings) -> Result<(Problem<'a>, Vec<Considered>)> {
         let (sides, equations) = sides(case);
         let model = &case.model;
-        // Segments of one spacing share their filter.
-        let mut filters: BTreeMap<u64, Arc<SavitzkyGolay>> = BTreeMap::new();
+        // Segments of one spacing share their filters.
+        let mut filters: BTreeMap<u64, Arc<Filters>> = BTreeMap::new();
         for record in &case.records {
             if let btree_map::Entry::Vacant(place) = filters.entry(record.dt.to_bits()) {
-                place.insert(Arc::new(derivative(settings.smoothing_s, record.dt)?));
+                place.insert(Arc::new(Filters::new(settings.smoothing_s, record.dt)?));
             }
         }
         let of = |s: usize| filters[&case.records[s].dt.to_bits()].clone();
@@ -302,14 +314,17 @@ impl<'a> Problem<'a> {
         blocks
     }
 
-    /// Standard deviation that the sensor's noise has in the rate of a state.
+    /// Standard deviation that the sensor's noise has on the left side, where that is seen through a filter.
     fn noise(&self, s: usize, side: &Side) -> Option<f64> {
         let (record, sampled) = (&self.case.records[s], &self.segments[s]);
         let channel = record.channels.iter().find(|c| c.output == side.output)?;
-        let variance =
-            || sampled.gain(channel.every(record.dt), |noise| sampled.rate.apply(&noise));
-        let sd = side.is_rate.then(|| noise_sd(&channel.z) * variance().sqrt());
-        sd.filter(|sd| sd.is_finite())
+        let filter = match side.seen() {
+            Seen::Rate => &sampled.filters.rate,
+            Seen::Smoothed => &sampled.filters.smooth,
+            Seen::Raw => return None,
+        };
+        let variance = sampled.gain(channel.every(record.dt), |noise| filter.apply(&noise));
+        Some(noise_sd(&channel.z) * variance.sqrt()).filter(|sd| sd.is_finite())
     }
 
     /// Both sides of the equations of segment `s` at its points.
@@ -345,7 +360,7 @@ impl Sampled {
     /// The variance of white noise of unit variance once it is `seen`, the mean over grid points. What is
     /// measured has a sample `every` so many of them, and straight lines between: one sample is a triangle.
     fn gain(&self, every: usize, seen: impl Fn(Vec<f64>) -> Vec<f64>) -> f64 {
-        let reach = 2 * self.rate.window() + every;
+        let reach = 2 * self.filters.rate.window() + every;
         let triangle = |k: usize| 1.0 - k.abs_diff(reach) as f64 / every as f64;
         let noise = (0..=2 * reach).map(|k| triangle(k).max(0.0)).collect();
         seen(noise).iter().map(|v| v * v).sum::<f64>() / every as f64
@@ -359,9 +374,10 @@ impl Sampled {
     /// A column of the right side as the left one is seen: that of a rate through the derivative filter of
     /// its integral.
     fn seen(&self, side: &Side, column: Vec<f64>) -> Vec<f64> {
-        match side.is_rate {
-            true => self.rate.apply(&integral(&column, self.dt)),
-            false => column,
+        match side.seen() {
+            Seen::Rate => self.filters.rate.apply(&integral(&column, self.dt)),
+            Seen::Smoothed => self.filters.smooth.apply(&column),
+            Seen::Raw => column,
         }
     }
 }

@@ -45,9 +45,9 @@ pub struct Settings {
     pub briefly: bool,
     /// Where parameters start that no entry of `starts` speaks of.
     pub start: StartFrom,
-    /// Of `by = "equation error"` and of `start = "equation error"`: the window, s, over which the rate
-    /// of a state is taken (at least five points of the grid). A longer one keeps more noise out, a
-    /// shorter one more of what is fast.
+    /// Of `by = "equation error"` and of `start = "equation error"`: the window, s, over which both
+    /// sides of an equation are smoothed, or the rate of a state is taken (at least five points of the
+    /// grid). Longer keeps noise out, shorter what inputs do fast.
     pub smoothing_s: f64,
     /// States whose initial value is estimated, one value per segment; all others begin where the
     /// model says.

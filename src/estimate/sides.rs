@@ -15,6 +15,16 @@ pub(super) struct Side {
     pub unit: String,
 }
 
+/// How both sides of an equation are seen.
+pub(super) enum Seen {
+    /// Through the derivative filter: what is measured, and the integral of the right side.
+    Rate,
+    /// Smoothed: noise of the states would else weigh on their derivatives.
+    Smoothed,
+    /// As they are: there is no state in it.
+    Raw,
+}
+
 /// An equation of the model, and whether it is used.
 pub(super) struct Considered {
     pub name: String,
@@ -27,6 +37,14 @@ pub(super) struct Considered {
 pub(super) const USED: &str = "used";
 
 impl Side {
+    pub fn seen(&self) -> Seen {
+        match (self.is_rate, self.states.is_empty()) {
+            (true, _) => Seen::Rate,
+            (false, false) => Seen::Smoothed,
+            (false, true) => Seen::Raw,
+        }
+    }
+
     /// The number of the output, or of the state's rate behind all outputs.
     pub fn number(&self, model: &Model) -> usize {
         if self.is_rate { model.outputs.len() + self.row } else { self.output }

@@ -1,10 +1,10 @@
 //! A problem over segments in; estimates, both covariances, colour and rank verdict, all by
 //! parameter index, out.
 
-use super::Settings;
 use super::colour::{Source, coloured};
 use super::neighbours::{Known, lowest};
 use super::rank::{Weak, judge};
+use super::{By, Settings};
 use crate::least_squares::{Arrow, Evaluate, Fit, Layout, Stop};
 use crate::noise::Modelled;
 
@@ -82,7 +82,8 @@ pub fn judged<F: Evaluate>(
     if solution.fit.stop == Stop::Converged {
         let fit = &solution.fit;
         let source = Source::new(layout, evaluate, &fit.theta);
-        let colour = coloured(&source, &matrix, &fit.held, &fit.noise, settings.colour());
+        let exact = settings.by != By::EquationError;
+        let colour = coloured(&source, &matrix, &fit.held, &fit.noise, (settings.colour(), exact));
         if let Some(colour) = colour {
             solution.crlb = Some(colour.crlb);
             solution.covariance = Some(colour.covariance);

@@ -63,7 +63,11 @@ pub fn repeats(table: Option<&Columns>) -> Grid {
         cells.push(table.unit_in("unit", row).into());
         let kind = table.text("kind", row);
         cells.push(table.text("input", row).into());
-        cells.push(Cell::new(if kind.is_empty() { "all".to_string() } else { kind }));
+        cells.push(Cell::new(match (kind.as_str(), table.text("set", row).as_str()) {
+            (_, "flights") => "one value per flight".to_string(),
+            ("", _) => "all".to_string(),
+            _ => kind,
+        }));
         cells.push(if repeated {
             table.text("condition", row).into()
         } else {

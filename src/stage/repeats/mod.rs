@@ -2,22 +2,25 @@
 //! come in; whether repeated maneuvers scatter as their standard deviations say goes out.
 //!
 //! Maneuvers at one condition are compared within a flight, and all of a kind over all flights, also of an
-//! estimate that is made flight by flight.
+//! estimate that is made flight by flight; what is one number per flight, from flight to flight.
 
 mod apart;
+mod flights;
 mod one;
+mod set;
 mod trim;
 
 use super::correlations::Correlations;
 use super::estimate::{Config, reads_of};
 use super::{Campaign, Inputs, Note, Output, Read, Severity, Stage, Unit};
 use crate::error::{Errors, Result};
-use crate::fit::{Repeats, repeats};
+use crate::fit::Repeats;
 use crate::model::{Parameter, Scope};
 use crate::table::Table;
 use apart::{Apart, apart};
 use one::One;
 use serde_json::{Value, json};
+use set::{Set, set};
 use std::collections::BTreeMap;
 use trim::Trim;
 
@@ -33,7 +36,7 @@ pub const STAGE: Stage = Stage {
 };
 
 fn slice(campaign: &Campaign, unit: &Unit) -> Value {
-    let of = |config: &Config| json!({ "model": config.name(), "columns": columns(campaign, unit.index), "own": own(config) });
+    let of = |config: &Config| json!({ "model": config.name(), "columns": columns(campaign, unit.index), "own": own(config), "lined": lined(campaign, unit.index) });
     campaign.estimates.get(unit.index).map_or(Value::Null, of)
 }
 
@@ -90,15 +93,29 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         rows.extend(sets("kind", &ones, &common, |one| one.kind));
         rows.extend(sets("all", &ones, &common, |_| None));
     }
+    for ones in flights::of_flights(&estimates)? {
+        strange.extend(apart(&ones));
+        rows.extend(flights::beside(&ones));
+    }
+    rows.sort_by_key(|row| row.parameter);
+    let mut notes = notes(config, &strange);
+    let loose = flights::loose(&rows, &lined(campaign, unit.index));
+    notes.extend(loose.map(|(count, text)| note(config, "", Severity::Warning, count, &text)));
     let tables = vec![("repeats", table(&config.name(), &rows)?)];
-    Ok(Output { tables, notes: notes(config, &strange), ..Output::default() })
+    Ok(Output { tables, notes, ..Output::default() })
+}
+
+/// Parameters of an estimate that lines go through.
+fn lined(campaign: &Campaign, estimate: usize) -> Vec<&str> {
+    let lines = campaign.fits.iter().filter(|fit| fit.estimate == estimate);
+    lines.flat_map(|fit| fit.settings.parameters.iter().map(String::as_str)).collect()
 }
 
 /// What there is to say about flights that stand apart, one by one.
 fn notes(config: &Config, strange: &[Apart]) -> Vec<Note> {
     let mut flights: BTreeMap<&str, Vec<&Apart>> = BTreeMap::new();
     strange.iter().for_each(|apart| flights.entry(apart.flight).or_default().push(apart));
-    let note = |(flight, all): (&str, Vec<&Apart>)| {
+    let told = |(flight, all): (&str, Vec<&Apart>)| {
         let degrees = all.iter().any(|apart| apart.is_of_degrees());
         let each = all.iter().map(|apart| {
             let (name, value, others) = (apart.parameter, apart.value, apart.others);
@@ -114,27 +131,20 @@ fn notes(config: &Config, strange: &[Apart]) -> Vec<Note> {
             "a sign, a unit or a scale of its log?"
         };
         let severity = if degrees { Severity::Problem } else { Severity::Warning };
-        Note {
-            flight: flight.to_string(),
-            stage: STAGE.name.to_string(),
-            severity,
-            subject: config.name(),
-            count: all.len() as u64,
-            text: format!("{}: {each}: {why}", config.name()),
-        }
+        note(config, flight, severity, all.len(), &format!("{each}: {why}"))
     };
-    flights.into_iter().map(note).collect()
+    flights.into_iter().map(told).collect()
 }
 
-/// Maneuvers that are compared.
-struct Set<'a> {
-    parameter: &'a str,
-    unit: &'a str,
-    set: &'static str,
-    trim: Option<&'a Trim>,
-    input: Option<&'a str>,
-    kind: Option<&'a str>,
-    found: Repeats,
+fn note(config: &Config, flight: &str, severity: Severity, count: usize, text: &str) -> Note {
+    Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity,
+        subject: config.name(),
+        count: count as u64,
+        text: format!("{}: {text}", config.name()),
+    }
 }
 
 /// The estimates that belong to one maneuver and have an sd, parameter by parameter in the order of
@@ -210,24 +220,6 @@ fn sets<'a>(
         Some(Set { kind: *kind, ..set(name, &mine, common)? })
     };
     keys.iter().filter_map(of).collect()
-}
-
-/// Estimates that are compared; none for fewer than two.
-fn set<'a>(set: &'static str, mine: &[&One<'a>], common: &Correlations) -> Option<Set<'a>> {
-    let first = mine.first()?;
-    let number = |of: fn(&One) -> f64| mine.iter().map(|one| of(one)).collect::<Vec<f64>>();
-    let (values, sds) = (number(|one| one.value), number(|one| one.sd));
-    let segments: Vec<&str> = mine.iter().map(|one| one.segment).collect();
-    let shared = common.shared(first.parameter, &segments, &sds);
-    Some(Set {
-        parameter: first.parameter,
-        unit: first.unit,
-        set,
-        trim: None,
-        input: first.input,
-        kind: first.kind,
-        found: repeats(&values, &sds, &shared)?,
-    })
 }
 
 fn table(model: &str, rows: &[Set]) -> Result<Table> {
