@@ -40,12 +40,16 @@ pub fn bracketed(unit: &str) -> String {
     if unit.is_empty() { String::new() } else { format!(" [{unit}]") }
 }
 
+/// Share of a value below which its standard deviation is rounding.
+const EXACT: f64 = 1e-12;
+
 /// `value` and `sd` as text: two significant digits of `sd`, and `value` to the same decimal place.
 pub fn with_sd(value: f64, sd: f64) -> (String, Option<String>) {
     if !value.is_finite() {
         return ("none".into(), None);
     }
-    if !(sd.is_finite() && sd > 0.0) {
+    // What rounding leaves of a number that is exact is no standard deviation.
+    if !(sd.is_finite() && sd > EXACT * value.abs()) {
         return (number(value, 5), None);
     }
     let digits = 1 - exponent(sd);

@@ -8,6 +8,7 @@ use super::one::One;
 use super::set::{Set, set};
 use crate::config::list;
 use crate::error::Result;
+use crate::model::extend::is_shift;
 use crate::stage::correlations::Correlations;
 use crate::table::Table;
 use std::collections::BTreeMap;
@@ -27,7 +28,9 @@ pub fn of_flights(estimates: &Table) -> Result<Vec<Vec<One<'_>>>> {
     for (row, flight) in estimates.opt_strings("flight")?.into_iter().enumerate() {
         let (parameter, value, sd) = (parameters[row], values[row], sds[row]);
         let is_one = segments[row].is_none() && per[row] == "campaign";
-        let Some(flight) = flight.filter(|_| is_one && !parameter.ends_with("(0)")) else {
+        // Initial values and zero shifts are no repeats of each other.
+        let differs = parameter.ends_with("(0)") || is_shift(parameter);
+        let Some(flight) = flight.filter(|_| is_one && !differs) else {
             continue;
         };
         if !(value.is_finite() && sd > 0.0 && sd.is_finite()) {

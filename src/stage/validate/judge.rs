@@ -12,8 +12,8 @@ const AS_BEFORE: &str =
     ": the estimate leaves as much itself, so that noise and what the model lacks look alike";
 /// Residuals of an estimate whose level at frequency zero is so many times that of white noise are slow.
 const SLOW: f64 = 1.5;
-/// So many times the limit of Theil's coefficient is far beyond it.
-const FAR_THEIL: f64 = 3.0;
+/// So many times the limit of Theil's coefficient, and the noise, is far beyond it.
+const FAR: f64 = 3.0;
 /// Share of them that must be.
 const NOISE: f64 = 0.95;
 
@@ -218,8 +218,8 @@ impl Agreement {
         let noise =
             if self.r_sd.is_finite() { self.noise_sd.max(self.r_sd) } else { self.noise_sd };
         self.driven_sd.is_nan()
-            && !(self.theil.coefficient <= FAR_THEIL * theil)
-            && !(self.rms <= COLOUR * noise)
+            && !(self.theil.coefficient <= FAR * theil)
+            && !(self.rms <= FAR * noise)
     }
 
     /// `good`, or what it falls short of. What the sensor's noise alone makes of Theil's coefficient is
