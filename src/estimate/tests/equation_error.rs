@@ -166,10 +166,13 @@ q = { unit = "rad/s", value = "q" }
 
 const OF_MOTION: [f64; 4] = [-1.0, -6.0, -2.0, -10.0];
 
-/// The motion under a swept sine, integrated in small steps; alpha, q.
-fn motion(n: usize, dt: f64) -> (Vec<f64>, [Vec<f64>; 2]) {
-    let [z_a, m_a, m_q, m_d] = OF_MOTION;
-    let de = |t: f64| 0.1 * (0.5 * t * (1.0 + 0.1 * t)).sin();
+/// The motion under an input, integrated in small steps: the input, and alpha, q. `of` are Z_a, Z_d, M_a, M_q,
+/// M_d.
+fn motion(
+    [z_a, z_d, m_a, m_q, m_d]: [f64; 5],
+    de: impl Fn(f64) -> f64,
+    (n, dt): (usize, f64),
+) -> (Vec<f64>, [Vec<f64>; 2]) {
     let (mut a, mut q) = (0.0, 0.0);
     let mut out = [Vec::new(), Vec::new()];
     let steps = 50;
@@ -179,7 +182,7 @@ fn motion(n: usize, dt: f64) -> (Vec<f64>, [Vec<f64>; 2]) {
         for i in 0..steps {
             let h = dt / f64::from(steps);
             let at = de(k as f64 * dt + (f64::from(i) + 0.5) * h);
-            let rate = |a: f64, q: f64| (q + z_a * a, m_a * a + m_q * q + m_d * at);
+            let rate = |a: f64, q: f64| (q + z_a * a + z_d * at, m_a * a + m_q * q + m_d * at);
             let (ra, rq) = rate(a, q);
             let (ra, rq) = rate(a + 0.5 * h * ra, q + 0.5 * h * rq);
             (a, q) = (a + h * ra, q + h * rq);
@@ -188,10 +191,17 @@ fn motion(n: usize, dt: f64) -> (Vec<f64>, [Vec<f64>; 2]) {
     ((0..n).map(|k| de(k as f64 * dt)).collect(), out)
 }
 
+/// That of `MOTION` under a swept sine, at 50 Hz.
+fn swept_motion(n: usize) -> (Vec<f64>, [Vec<f64>; 2]) {
+    let [z_a, m_a, m_q, m_d] = OF_MOTION;
+    let de = |t: f64| 0.1 * (0.5 * t * (1.0 + 0.1 * t)).sin();
+    motion([z_a, 0.0, m_a, m_q, m_d], de, (n, 0.02))
+}
+
 #[test]
 fn recovery_what_noise_in_a_state_does_to_its_rate_is_told() {
     let model = model(MOTION);
-    let (de, [alpha, q]) = motion(800, 0.02);
+    let (de, [alpha, q]) = swept_motion(800);
     let run = |seed: u64, sd: f64| {
         let mut random = rng(seed);
         let alpha = sums(&alpha, &noise(&mut random, 800, sd, 0.0));
@@ -234,7 +244,7 @@ a_z = { unit = "rad/s", value = "Z_a*alpha + Z_d*de" }
 #[test]
 fn recovery_of_a_light_aircraft_whatever_the_window() {
     let truth = [-3.0, -0.3, -40.0, -6.0, -30.0];
-    let [z_a, z_d, m_a, m_q, m_d] = truth;
+    let [z_a, z_d, ..] = truth;
     // Edges of 0.1 s: 3, 2, 1, 1 times 0.3 s.
     let level = |t: f64| match t {
         t if t < 0.5 => 0.0,
@@ -245,25 +255,9 @@ fn recovery_of_a_light_aircraft_whatever_the_window() {
         _ => 0.0,
     };
     let de = |t: f64| (0..100).map(|i| level(t - 0.001 * f64::from(i))).sum::<f64>() / 100.0;
-    let (n, dt, steps) = (500, 0.01, 20);
-    let (mut a, mut q) = (0.0, 0.0);
-    let mut columns: [Vec<f64>; 4] = Default::default();
-    for k in 0..n {
-        let now = de(k as f64 * dt);
-        for (column, value) in columns.iter_mut().zip([now, a, q, z_a * a + z_d * now]) {
-            column.push(value);
-        }
-        for i in 0..steps {
-            let h = dt / f64::from(steps);
-            let at = de(k as f64 * dt + (f64::from(i) + 0.5) * h);
-            let rate = |a: f64, q: f64| (q + z_a * a + z_d * at, m_a * a + m_q * q + m_d * at);
-            let (ra, rq) = rate(a, q);
-            let (ra, rq) = rate(a + 0.5 * h * ra, q + 0.5 * h * rq);
-            (a, q) = (a + h * ra, q + h * rq);
-        }
-    }
-    let [de, alpha, q, a_z] = columns;
-    let record = record(dt, &[de], &[(0, alpha), (1, q), (2, a_z)]);
+    let (de, [alpha, q]) = motion(truth, de, (500, 0.01));
+    let a_z = alpha.iter().zip(&de).map(|(a, de)| z_a * a + z_d * de).collect();
+    let record = record(0.01, &[de], &[(0, alpha), (1, q), (2, a_z)]);
     for smoothing_s in [0.1, 0.5, 1.0] {
         let settings = Settings { smoothing_s, ..method() };
         let e = estimate(&model(LIFT), std::slice::from_ref(&record), &settings).unwrap();
@@ -370,7 +364,7 @@ fn the_noise_that_drives_a_model_is_in_no_equation() {
     let driven = MOTION
         .replace("[states]", "F = { unit = \"rad/s^1.5\", start = 0.1, min = 0.0 }\n[states]")
         .replace("M_d*de\", start = 0.0", "M_d*de\", start = 0.0, noise = \"F\"");
-    let (de, [alpha, q]) = motion(400, 0.02);
+    let (de, [alpha, q]) = swept_motion(400);
     let e = estimate(&model(&driven), &[record(0.02, &[de], &[(0, alpha), (1, q)])], &method())
         .unwrap();
     let row = e.rows.iter().find(|r| r.name == "F").expect("a row");
