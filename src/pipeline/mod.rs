@@ -43,7 +43,6 @@ pub use settings::Settings;
 pub use simulate::Simulation;
 pub use status::{gone, status, status_within};
 pub use store::{Lock, Store, out_folder};
-
 use unit::UnitOfStage;
 pub use values::shown;
 pub use verify::{Fault, Verified, verify};

@@ -123,6 +123,12 @@ fn a_mistake_is_told_without_those_that_only_follow_from_it() {
             "in kg",
         ),
         (
+            "channels.toml",
+            "field = \"elevator\", unit = \"deg\"",
+            "field = \"elevator\", unit = \"furlong\"",
+            "\"furlong\" is not a known unit",
+        ),
+        (
             "elevator-linkage.model.toml",
             "unit = \"rad\", value = \"delta_e\"",
             "unit = \"rad\", value = \"delta\"",

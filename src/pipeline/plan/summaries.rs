@@ -1,5 +1,5 @@
-//! A plan comes in; what its logs say at their ends against the channel map (topics, fields,
-//! units), for all logs at once, goes out.
+//! A channel map and logs come in; what these say at their ends against it (topics, fields, units), for
+//! all logs at once, goes out.
 
 use super::logs::FlightLog;
 use crate::config::list;

@@ -151,7 +151,8 @@ pub fn outputs(
                 continue;
             }
         };
-        if !agree(unit, &quantity.unit) {
+        // A signal without a unit has been told.
+        if !unit.is_empty() && !agree(unit, &quantity.unit) {
             let stated = columns.stated(&measured).filter(|_| is_signal);
             let by = format!("output \"{}\" of the model", quantity.name);
             let (name, wanted) = (&measured, &quantity.unit);
