@@ -69,8 +69,8 @@ pub fn gc(args: &PipelineArgs, dry_run: bool) -> Result<End, Errors> {
     for file in &unneeded {
         say(&format!("{}: {} bytes ({})", file.path.display(), file.bytes, file.why));
     }
-    if !unneeded.is_empty() && !dry_run {
-        pipeline::remove(&store, &unneeded)?;
+    if is_there && !dry_run {
+        pipeline::remove(&plan, &store, &unneeded)?;
     }
     let bytes: u64 = unneeded.iter().map(|file| file.bytes).sum();
     let files = count(unneeded.len(), "file");

@@ -80,7 +80,9 @@ fn answer(plan: &Plan, store: &Store, limits: &Limits) -> Result<Answer, Errors>
             .iter()
             .flat_map(|(stage, all)| all.iter().map(|a| state(stage.name, a)))
             .collect(),
-        gone: gone.map(|record| Gone { stage: record.stage, unit: record.unit }).collect(),
+        gone: gone
+            .map(|record| Gone { stage: record.stage.clone(), unit: record.unit.clone() })
+            .collect(),
         left_out: limits.words(plan),
     })
 }

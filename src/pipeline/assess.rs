@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::stage::{Stage, Unit};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// The state of one unit of a stage.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +45,7 @@ pub struct Assessment {
     pub unit: Unit,
     pub state: State,
     pub ingredients: Ingredients,
-    pub record: Option<Provenance>,
+    pub record: Option<Arc<Provenance>>,
 }
 
 /// Holds these units of a stage against the record of its last run, in order of units.

@@ -59,8 +59,8 @@ pub fn explain(
     }
     let gone = gone(plan, store).into_iter().filter(|r| is_asked(&r.stage, &r.unit));
     all.extend(gone.map(|record| Explained {
-        stage: record.stage,
-        units: vec![record.unit],
+        stage: record.stage.clone(),
+        units: vec![record.unit.clone()],
         state: "gone",
         causes: vec!["no longer part of the campaign: a run removes what it made".to_string()],
         roots: Vec::new(),
@@ -120,7 +120,7 @@ fn one(stage: &Stage, a: &Assessment) -> Explained {
         (State::Fresh, None) => ("fresh", Vec::new()),
         (State::New, _) => ("missing", vec!["never run here".to_string()]),
         (State::Stale(reasons), record) => {
-            let words = |reason| stale(reason, &a.ingredients, record.as_ref());
+            let words = |reason| stale(reason, &a.ingredients, record.as_deref());
             ("stale", reasons.iter().flat_map(words).collect())
         }
         (State::Waits(reasons), _) => ("stale", reasons.clone()),

@@ -4,6 +4,7 @@
 use super::hashed::cannot;
 use crate::error::Result;
 use crate::guard::MARK;
+use std::fs::DirEntry;
 use std::path::{Path, PathBuf};
 
 /// How the names of files begin that are being written (`table::write_atomic`).
@@ -26,10 +27,23 @@ pub fn remove_file(path: &Path) -> Result<()> {
 
 /// The entries of a folder in order of name; none where there is no such folder.
 pub fn entries(folder: &Path) -> Vec<PathBuf> {
-    let mut all: Vec<PathBuf> =
-        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect();
-    all.sort();
-    all
+    listed(folder).into_iter().map(|(path, _)| path).collect()
+}
+
+/// The same, each with whether it is a folder or leads to one.
+pub fn listed(folder: &Path) -> Vec<(PathBuf, bool)> {
+    let mut all: Vec<_> = std::fs::read_dir(folder).into_iter().flatten().flatten().collect();
+    all.sort_by_cached_key(DirEntry::file_name);
+    let entry = |entry: DirEntry| {
+        let path = entry.path();
+        // Only of links the disk has to be asked.
+        let is_folder = match entry.file_type() {
+            Ok(kind) if !kind.is_symlink() => kind.is_dir(),
+            _ => path.is_dir(),
+        };
+        (path, is_folder)
+    };
+    all.into_iter().map(entry).collect()
 }
 
 /// Every file of an output folder but hidden ones and those of output folders that stand in it.
@@ -37,8 +51,9 @@ pub fn all(root: &Path) -> Vec<PathBuf> {
     let mut all = Vec::new();
     let mut folders = vec![root.to_path_buf()];
     while let Some(folder) = folders.pop() {
-        for path in entries(&folder).into_iter().filter(|path| !is_hidden(path)) {
-            match path.is_dir() {
+        for (path, is_folder) in listed(&folder) {
+            match is_folder {
+                _ if is_hidden(&path) => {}
                 false => all.push(path),
                 true if path.join(MARK).is_dir() || path.is_symlink() => {}
                 true => folders.push(path),
@@ -51,10 +66,10 @@ pub fn all(root: &Path) -> Vec<PathBuf> {
 
 /// The files in the hidden folder that marks an output folder.
 pub fn in_the_mark(root: &Path) -> Vec<PathBuf> {
-    let (folders, mut files): (Vec<_>, Vec<_>) =
-        entries(&root.join(MARK)).into_iter().partition(|path| path.is_dir());
-    files.extend(folders.iter().flat_map(|folder| entries(folder)));
-    files
+    let (folders, files): (Vec<_>, Vec<_>) =
+        listed(&root.join(MARK)).into_iter().partition(|(_, is_folder)| *is_folder);
+    let inside = folders.iter().flat_map(|(folder, _)| entries(folder));
+    files.into_iter().map(|(path, _)| path).chain(inside).collect()
 }
 
 /// The name of a file, without its folder.

@@ -21,14 +21,14 @@ pub struct Unneeded {
 }
 
 /// The files of an output folder that no unit of the plan needs, in order of their paths: what units
-/// made that are no longer part of the campaign with their records, and what runs left that were
-/// stopped. Files of others are none of these.
+/// made that are no longer part of the campaign, and what runs left that were stopped. Files of others are none of these.
 pub fn unneeded(plan: &Plan, store: &Store) -> Vec<Unneeded> {
     let gone = gone(plan, store);
     let is_gone = |r: &Provenance| gone.iter().any(|g| (&g.stage, &g.unit) == (&r.stage, &r.unit));
-    let kept = store.records().into_iter().filter(|record| !is_gone(record));
+    let records = store.records();
+    let kept = records.iter().filter(|record| !is_gone(record));
     let known: BTreeSet<String> = kept
-        .flat_map(|record| record.outputs.into_keys())
+        .flat_map(|record| record.outputs.keys().cloned())
         .chain(own_parts(&plan.campaign))
         .collect();
     let mut all = BTreeMap::new();
@@ -40,23 +40,23 @@ pub fn unneeded(plan: &Plan, store: &Store) -> Vec<Unneeded> {
         for path in record.outputs.keys().filter(|path| !known.contains(*path)) {
             all.insert(store.path(path), why.clone());
         }
-        all.insert(store.record_path(&record.stage, &record.unit), why);
     }
     all.into_iter().filter_map(|(path, why)| file(path, why)).collect()
 }
 
-/// Removes such files, and folders that are empty then.
+/// Removes such files, folders that are empty then, and the records of units that the plan has no more.
 ///
 /// # Errors
 /// One cannot be removed.
-pub fn remove(store: &Store, unneeded: &[Unneeded]) -> Result<()> {
+pub fn remove(plan: &Plan, store: &Store, unneeded: &[Unneeded]) -> Result<()> {
     for file in unneeded {
         match file.path.strip_prefix(store.root()) {
             Ok(relative) => store.remove(&relative.to_string_lossy())?,
             Err(_) => files::remove_file(&file.path)?,
         }
     }
-    store.put_memo()
+    gone(plan, store).iter().try_for_each(|record| store.remove_record(record))?;
+    store.settle()
 }
 
 /// The tables that a run of this plan writes.

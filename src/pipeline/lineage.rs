@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Where a file comes from.
 #[derive(Debug, Serialize)]
@@ -92,7 +93,8 @@ pub fn lineage(file: &Path) -> Result<Lineage> {
     let origin = Origin::wanted(&store)?;
     let records = store.records();
     let is_meant = |other: &String| *other == path || other.starts_with(&format!("{path}/"));
-    let outputs = records.iter().flat_map(|record| &record.outputs).chain(&origin.tables);
+    let own = origin.tables.iter().map(|(path, filed)| (path, &filed.hash));
+    let outputs = records.iter().flat_map(|record| &record.outputs).chain(own);
     let files: BTreeMap<String, String> = outputs
         .filter(|(path, _)| is_meant(path))
         .map(|(path, hash)| (path.clone(), hash.clone()))
@@ -117,7 +119,7 @@ pub fn lineage(file: &Path) -> Result<Lineage> {
 }
 
 /// The record of what made a part, by the part in words as ingredients name it.
-fn makers(records: &[Provenance]) -> BTreeMap<String, (usize, &String)> {
+fn makers(records: &[Arc<Provenance>]) -> BTreeMap<String, (usize, &String)> {
     let mut all = BTreeMap::new();
     for (i, record) in records.iter().enumerate() {
         for (path, hash) in &record.outputs {
@@ -130,7 +132,7 @@ fn makers(records: &[Provenance]) -> BTreeMap<String, (usize, &String)> {
 }
 
 struct History<'a> {
-    records: &'a [Provenance],
+    records: &'a [Arc<Provenance>],
     origin: &'a Origin,
     makers: BTreeMap<String, (usize, &'a String)>,
 }
@@ -159,7 +161,8 @@ impl<'a> History<'a> {
                 }
             }
         }
-        let mut all: Vec<&Provenance> = seen.iter().filter_map(|i| self.records.get(*i)).collect();
+        let record = |i: &usize| self.records.get(*i).map(Arc::as_ref);
+        let mut all: Vec<&Provenance> = seen.iter().filter_map(record).collect();
         all.sort_by_key(|record| STAGES.iter().position(|stage| stage.name == record.stage));
         (all, outdated)
     }

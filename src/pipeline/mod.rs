@@ -17,6 +17,7 @@ mod own;
 mod owners;
 mod plan;
 mod provenance;
+mod records;
 mod result;
 mod run;
 mod settings;

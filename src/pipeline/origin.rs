@@ -1,13 +1,14 @@
 //! A plan comes in; what its run reads and writes that no stage's record names (settings files,
 //! where the logs are, the pipeline's own tables) goes out, to be kept beside the records.
 
+use super::own::Filed;
 use super::plan::Plan;
 use super::provenance::VERSION;
 use super::store::Store;
 use crate::error::{Error, Result};
 use crate::guard::MARK;
 use crate::table::write_atomic;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -23,14 +24,14 @@ pub struct Origin {
     pub settings: BTreeMap<String, String>,
     /// Where the log of each flight is; its hash is in the records.
     pub logs: BTreeMap<String, String>,
-    /// The tables that the pipeline itself writes, relative to the output folder, with the hash of
-    /// their bytes.
-    pub tables: BTreeMap<String, String>,
+    /// The tables that the pipeline itself writes, relative to the output folder.
+    #[serde(deserialize_with = "tables")]
+    pub tables: BTreeMap<String, Filed>,
 }
 
 impl Origin {
-    /// Of a plan's run, with the hashes of the tables that it wrote itself.
-    pub fn of(plan: &Plan, tables: BTreeMap<String, String>) -> Origin {
+    /// Of a plan's run, with the tables that it wrote itself.
+    pub fn of(plan: &Plan, tables: BTreeMap<String, Filed>) -> Origin {
         let folder = folder(&plan.pipeline);
         let name = plan.pipeline.file_name().map(|n| n.to_string_lossy().into_owned());
         let inside = |path: &Path| {
@@ -77,6 +78,25 @@ impl Origin {
             .map_err(|e| Error::new(format!("cannot write what a run was made from: {e}")))?;
         write_atomic(&path(store), text.as_bytes())
     }
+}
+
+/// The tables as this program says them, or as an earlier one did: by the hash of their bytes alone.
+fn tables<'de, D: Deserializer<'de>>(
+    from: D,
+) -> std::result::Result<BTreeMap<String, Filed>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Said {
+        Filed(Filed),
+        Hash(String),
+    }
+    let said = BTreeMap::<String, Said>::deserialize(from)?.into_iter();
+    Ok(said
+        .map(|(path, said)| match said {
+            Said::Filed(filed) => (path, filed),
+            Said::Hash(hash) => (path, Filed { hash, of: None }),
+        })
+        .collect())
 }
 
 fn path(store: &Store) -> PathBuf {

@@ -9,7 +9,7 @@ use super::gc;
 use super::limits::Limits;
 use super::order;
 use super::origin::Origin;
-use super::own::failure_note;
+use super::own::{Filed, failure_note};
 use super::owners::Owners;
 use super::plan::Plan;
 use super::provenance::Provenance;
@@ -21,7 +21,7 @@ use crate::engine::{self, Engine, Here, Kept, Said};
 use crate::error::{Error, Errors, Result};
 use crate::stage::{Read, Stage, Unit};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// The state of a run while it goes through the stages.
 struct Run<'a> {
@@ -34,16 +34,16 @@ struct Run<'a> {
     /// Tables of this run: later stages need not read them back.
     kept: Kept,
     /// Records of the units that succeeded.
-    records: Vec<Provenance>,
-    /// The pipeline's own tables, with the hash of their bytes.
-    own: BTreeMap<String, String>,
+    records: Vec<Arc<Provenance>>,
+    /// The pipeline's own tables.
+    own: BTreeMap<String, Filed>,
     result: RunResult,
 }
 
 /// What became of one unit.
 enum Outcome {
-    Fresh(Provenance),
-    Ran(Provenance),
+    Fresh(Arc<Provenance>),
+    Ran(Arc<Provenance>),
     Failed(Errors),
     /// Not run; why, where earlier outputs were removed.
     Blocked(Option<String>),
@@ -85,7 +85,7 @@ pub fn run(
         run.settle(stage, taken);
     }
     run.sweep()?;
-    store.put_memo()?;
+    store.settle()?;
     Origin::of(plan, std::mem::take(&mut run.own)).keep(store)?;
     run.result.files = run.contents.into_keys().collect();
     Ok(run.result)
@@ -267,7 +267,7 @@ impl Run<'_> {
         }
     }
 
-    fn keep(&mut self, record: Provenance) {
+    fn keep(&mut self, record: Arc<Provenance>) {
         self.result.notes.extend(record.notes.iter().cloned());
         self.records.push(record);
     }
@@ -288,8 +288,8 @@ impl Run<'_> {
     fn sweep(&self) -> Result<()> {
         let mut known: BTreeSet<String> = self.contents.keys().cloned().collect();
         if self.limits.leave_out() {
-            let records = self.store.records().into_iter();
-            known.extend(records.flat_map(|record| record.outputs.into_keys()));
+            let records = self.store.records();
+            known.extend(records.iter().flat_map(|record| record.outputs.keys().cloned()));
             known.extend(self.own.keys().cloned());
         }
         self.store.sweep(&gc::tables(self.plan), &known)

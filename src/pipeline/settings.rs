@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
 
 /// What is done with a campaign's logs, stage by stage. Paths are relative to this file.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -200,7 +201,7 @@ impl Settings {
 
     /// Adds what commands asked for earlier and whose results are in the output folder.
     pub fn keep(&mut self, store: &Store) {
-        let place = |record: &Provenance| {
+        let place = |record: &Arc<Provenance>| {
             record.ingredients.get(PLACE).and_then(|p| p.parse::<usize>().ok())
         };
         let estimates: Vec<String> = self.estimate.iter().map(|e| e.name()).collect();

@@ -2,16 +2,18 @@
 
 use super::assess::{Assessment, Content, Contents, State, assess, contents_after};
 use super::limits::Limits;
+use super::origin::Origin;
 use super::own::{own_parts, own_tables};
 use super::plan::Plan;
-use super::provenance::{Provenance, hash_bytes};
+use super::provenance::Provenance;
 use super::store::Store;
 use crate::error::Result;
 use crate::stage::Stage;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Records of units that are no longer part of the campaign.
-pub fn gone(plan: &Plan, store: &Store) -> Vec<Provenance> {
+pub fn gone(plan: &Plan, store: &Store) -> Vec<Arc<Provenance>> {
     let of = |s: &Stage| {
         (s.units)(&plan.campaign)
             .into_iter()
@@ -46,16 +48,14 @@ pub fn status_within(
     let mut contents = Contents::new();
     let mut all = Vec::new();
     let mut fresh = Some((Vec::new(), Vec::new()));
+    let filed = Origin::read(store).map(|origin| origin.tables).unwrap_or_default();
     let (of_flights, of_campaign) = limits.stages(plan);
     for stage in of_flights.iter().chain(of_campaign) {
         if stage.reads_records {
             match &fresh {
                 Some((notes, records)) => {
-                    for (part, table) in own_tables(notes, records)? {
-                        contents.insert(
-                            part.path(table.name()),
-                            Content::Hash(hash_bytes(&table.to_parquet()?)),
-                        );
+                    for own in own_tables(notes, records) {
+                        contents.insert(own.path(), Content::Hash(own.hash(&filed)?));
                     }
                 }
                 None => {

@@ -5,6 +5,7 @@ use super::files::{self, UNFINISHED, entries, make_parent, name, remove_file};
 use super::hashed::cannot;
 use super::memo::Memo;
 use super::provenance::{Provenance, hash_bytes};
+use super::records::Records;
 use crate::engine::Key;
 use crate::error::{Error, Place, Result};
 use crate::guard::{self, MARK};
@@ -15,6 +16,7 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
 /// Where a pipeline's results go unless a command says otherwise: `out/` beside `pipeline.toml`;
 /// pipelines of other names beside it keep theirs apart, in `out/<name>/`.
@@ -24,15 +26,17 @@ pub fn out_folder(pipeline: &Path) -> PathBuf {
     name.map_or_else(|| out.clone(), |name| out.join(name))
 }
 
-/// The form of the records that this program writes. It reads those of form 1 as well, which have
-/// no values of settings; their folders do not say their form.
-const FORM: u32 = 2;
+/// The form of the records that this program writes. It reads those of form 2 as well, which had a
+/// file for every unit, and of form 1, which have no values of settings either; their folders do not
+/// say their form.
+const FORM: u32 = 3;
 
 /// An output folder.
 #[derive(Debug)]
 pub struct Store {
     root: PathBuf,
     pub memo: Memo,
+    records: Records,
 }
 
 /// Held while a run writes into an output folder.
@@ -44,7 +48,12 @@ pub struct Lock {
 impl Store {
     /// The output folder at `root`, which need not exist yet: nothing is written by opening it.
     pub fn open(root: &Path) -> Store {
-        Store { root: root.to_path_buf(), memo: Memo::read(&root.join(MARK).join("memo.json")) }
+        let mark = root.join(MARK);
+        Store {
+            root: root.to_path_buf(),
+            memo: Memo::read(&mark.join("memo.json")),
+            records: Records::at(mark),
+        }
     }
 
     /// The same for a run that will write: the folder has to be one of ours, or new, or empty, unless
@@ -117,8 +126,12 @@ impl Store {
             .map_err(|e| cannot("open", &path, &e))?;
         match file.try_lock() {
             Ok(()) => {
-                write_atomic(&self.form_path(), format!("{FORM}\n").as_bytes())?;
-                write_atomic(&self.tables_path(), format!("{SCHEMA_VERSION}\n").as_bytes())?;
+                // Another run may have written since they were read; those of an earlier form are
+                // taken over before the folder says that it has this one.
+                self.records.refresh();
+                self.records.settle()?;
+                self.put(&format!("{MARK}/form"), format!("{FORM}\n").as_bytes())?;
+                self.put(&format!("{MARK}/tables"), format!("{SCHEMA_VERSION}\n").as_bytes())?;
                 Ok(Lock { _file: file })
             }
             Err(std::fs::TryLockError::WouldBlock) => {
@@ -129,38 +142,20 @@ impl Store {
         }
     }
 
-    /// Where a record is kept.
-    pub fn record_path(&self, stage: &str, unit: &str) -> PathBuf {
-        self.root.join(MARK).join(stage).join(format!("{unit}.json"))
-    }
-
     /// The record of the last run of a stage for a unit; an unreadable one counts as absent.
-    pub fn record(&self, stage: &str, unit: &str) -> Option<Provenance> {
-        let bytes = std::fs::read(self.record_path(stage, unit)).ok()?;
-        serde_json::from_slice(&bytes).ok()
+    pub fn record(&self, stage: &str, unit: &str) -> Option<Arc<Provenance>> {
+        self.records.get(stage, unit)
     }
 
     /// Every record in the folder, by stage and unit.
-    pub fn records(&self) -> Vec<Provenance> {
-        let mut all = Vec::new();
-        for stage in entries(&self.root.join(MARK)).into_iter().filter(|p| p.is_dir()) {
-            for path in entries(&stage) {
-                if let Some(record) =
-                    std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok())
-                {
-                    all.push(record);
-                }
-            }
-        }
-        all
+    pub fn records(&self) -> Vec<Arc<Provenance>> {
+        self.records.all()
     }
 
     /// Files a record. It is written after the outputs it names, so that a run that is stopped
     /// leaves nothing half-made that would pass for fresh.
-    pub fn put_record(&self, record: &Provenance) -> Result<()> {
-        let text = serde_json::to_string_pretty(record)
-            .map_err(|e| Error::new(format!("cannot write a record: {e}")))?;
-        write_atomic(&self.record_path(&record.stage, &record.unit), text.as_bytes())
+    pub fn put_record(&self, record: Arc<Provenance>) -> Result<()> {
+        self.records.put(record)
     }
 
     /// Removes a record and every output it names.
@@ -173,7 +168,7 @@ impl Store {
 
     /// Removes a record alone.
     pub fn remove_record(&self, record: &Provenance) -> Result<()> {
-        remove_file(&self.record_path(&record.stage, &record.unit))
+        self.records.remove(&record.stage, &record.unit)
     }
 
     /// Writes an output file and returns the hash of its bytes. A file that holds these bytes
@@ -237,8 +232,8 @@ impl Store {
         let mut left = BTreeSet::new();
         for table in tables {
             let mut parts = Vec::new();
-            for path in entries(&self.root.join(table)) {
-                if path.is_dir() { parts.extend(entries(&path)) } else { parts.push(path) }
+            for (path, is_folder) in files::listed(&self.root.join(table)) {
+                if is_folder { parts.extend(entries(&path)) } else { parts.push(path) }
             }
             for path in parts {
                 let name = name(&path);
@@ -260,9 +255,13 @@ impl Store {
         Some(relative.to_string_lossy().replace('\\', "/"))
     }
 
-    /// Writes the memory of content hashes.
-    pub fn put_memo(&self) -> Result<()> {
-        write_atomic(&self.root.join(MARK).join("memo.json"), &self.memo.bytes())
+    /// Ends a run's writing: the records in order, and the memory of content hashes.
+    pub fn settle(&self) -> Result<()> {
+        self.records.settle()?;
+        match self.memo.bytes() {
+            Some(bytes) => write_atomic(&self.root.join(MARK).join("memo.json"), &bytes),
+            None => Ok(()),
+        }
     }
 }
 

@@ -95,8 +95,8 @@ fn recorded(store: &Store, origin: &Origin, pipeline: &Path) -> BTreeMap<PathBuf
     for (path, hash) in &origin.settings {
         put(folder.join(path), hash, "settings".to_string());
     }
-    for (path, hash) in &origin.tables {
-        put(store.path(path), hash, "made by the pipeline itself".to_string());
+    for (path, filed) in &origin.tables {
+        put(store.path(path), &filed.hash, "made by the pipeline itself".to_string());
     }
     for record in store.records() {
         let log = origin.logs.get(&record.unit);

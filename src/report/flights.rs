@@ -10,7 +10,7 @@ use super::room::Room;
 use super::section::{Body, Given, Section};
 use crate::error::Result;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub const SECTION: Section = Section {
     id: "flights",
@@ -61,8 +61,11 @@ fn unit_of(name: &str, samples: Option<&Columns>, channels: Option<&Columns>) ->
 /// Whether a segment is the record of a flight, or one of its equal pieces (`flight-003`).
 pub fn is_record(segment: &str, flight: &str) -> bool {
     let piece = segment.strip_prefix(flight).and_then(|rest| rest.strip_prefix('-'));
-    segment == flight
-        || piece.is_some_and(|n| n.len() >= 3 && n.chars().all(|c| c.is_ascii_digit()))
+    segment == flight || piece.is_some_and(is_piece)
+}
+
+fn is_piece(number: &str) -> bool {
+    number.len() >= 3 && number.chars().all(|c| c.is_ascii_digit())
 }
 
 /// What was estimated: maneuvers that were found, and records (or pieces of them) that were taken
@@ -305,15 +308,17 @@ pub fn summary(
     responses: Option<&Columns>,
     flights: &[String],
 ) -> Option<(Level, String)> {
-    let records: Vec<String> = responses
+    let records: BTreeSet<String> = responses
         .map(|r| r.rows_by(["segment"]).into_keys().flatten().collect())
         .unwrap_or_default();
-    let whole = |flight: &str| records.iter().any(|segment| is_record(segment, flight));
-    let searched = |flight: &str| {
-        segments.is_some_and(|s| {
-            (0..s.rows()).any(|r| s.text("flight", r) == *flight && included(s, r))
-        })
-    };
+    let pieces = records.iter().filter_map(|segment| segment.rsplit_once('-'));
+    let of_pieces: BTreeSet<&str> =
+        pieces.filter(|(_, piece)| is_piece(piece)).map(|(flight, _)| flight).collect();
+    let whole = |flight: &str| records.contains(flight) || of_pieces.contains(flight);
+    let used: BTreeSet<String> = segments.map_or(BTreeSet::new(), |s| {
+        (0..s.rows()).filter(|&r| included(s, r)).map(|r| s.text("flight", r)).collect()
+    });
+    let searched = |flight: &str| used.contains(flight);
     if segments.is_none() && !flights.iter().any(|f| whole(f)) {
         return None;
     }

@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::fit::half_95;
 use crate::math::distribution::INTERVAL_95;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 pub const PLOTS: Section = Section {
     id: "lines",
@@ -234,19 +235,14 @@ fn limits(table: &Columns, rows: &[usize], name: &str) -> Option<Limits> {
 }
 
 fn points_of(table: &Columns, rows: &[usize], factor: f64) -> Vec<Points> {
-    let mut flights: Vec<String> = rows.iter().map(|&r| table.text("flight", r)).collect();
-    flights.sort();
-    flights.dedup();
-    let of_flight = |flight: String| {
-        let rows: Vec<usize> =
-            rows.iter().copied().filter(|&r| table.text("flight", r) == flight).collect();
-        Points {
-            segment: rows.iter().map(|&r| table.text("segment", r)).collect(),
-            x: shorts(rows.iter().map(|&r| table.number("x", r)), factor),
-            value: shorts(rows.iter().map(|&r| table.number("value", r)), 1.0),
-            bar: shorts(rows.iter().map(|&r| table.number("sd", r)), INTERVAL_95),
-            flight,
-        }
+    let mut flights: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    rows.iter().for_each(|&r| flights.entry(table.text("flight", r)).or_default().push(r));
+    let of_flight = |(flight, rows): (String, Vec<usize>)| Points {
+        segment: rows.iter().map(|&r| table.text("segment", r)).collect(),
+        x: shorts(rows.iter().map(|&r| table.number("x", r)), factor),
+        value: shorts(rows.iter().map(|&r| table.number("value", r)), 1.0),
+        bar: shorts(rows.iter().map(|&r| table.number("sd", r)), INTERVAL_95),
+        flight,
     };
     flights.into_iter().map(of_flight).collect()
 }

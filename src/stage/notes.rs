@@ -53,7 +53,7 @@ pub const STAGES_TABLE: &str = "stages";
 ///
 /// # Errors
 /// The table's schema does not fit.
-pub fn notes_table(notes: &[Note]) -> Result<Table> {
+pub fn notes_table(notes: &[&Note]) -> Result<Table> {
     Table::build(NOTES)
         .strings("flight", notes.iter().map(|n| &n.flight))
         .strings("stage", notes.iter().map(|n| &n.stage))

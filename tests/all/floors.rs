@@ -130,7 +130,7 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 33] = [
+const THREADS: [(&str, &str); 34] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
@@ -163,6 +163,7 @@ const THREADS: [(&str, &str); 33] = [
     ("diagnose/search/stability.rs", "other choices of the maneuvers of one diagnosis"),
     ("diagnose/search/surrogate.rs", "series of chance of one round of a diagnosis"),
     ("pipeline/assess.rs", "hashes of what units read, which decide what is run at all"),
+    ("pipeline/records.rs", "lines of one file of records, before work starts and at its end"),
     ("pipeline/plan/summaries.rs", "a look at the logs before work starts"),
 ];
 

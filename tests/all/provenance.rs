@@ -35,6 +35,22 @@ fn every_file_of_a_run_is_held_against_its_record() {
 }
 
 #[test]
+fn the_pipelines_own_tables_are_made_good_and_otherwise_left_alone() {
+    let c = Campaign::new();
+    c.run().ended(0);
+    let notes = c.path("out/notes/part-0.parquet");
+    let sound = std::fs::read(&notes).expect("a table");
+    let written = || notes.metadata().and_then(|file| file.modified()).expect("a table");
+    let before = written();
+    assert!(c.run().ended(0).out.contains("nothing to do"));
+    assert_eq!(written(), before);
+    std::fs::write(&notes, b"mine").expect("written");
+    c.run().ended(0);
+    assert_eq!(std::fs::read(&notes).expect("a table"), sound);
+    c.koehler("verify", &[]).ended(0);
+}
+
+#[test]
 fn a_setting_that_changed_is_told_with_its_old_and_new_value() {
     let c = Campaign::new();
     let new = c.koehler("explain", &["estimate", "lag"]).ended(0);
@@ -77,17 +93,20 @@ fn a_setting_that_changed_is_told_with_its_old_and_new_value() {
     assert!(c.koehler("explain", &["derivative"]).ended(2).err.contains("the stages are ingest"));
 }
 
-/// Every record as a program wrote it that kept no values of settings.
+/// Every record as a program wrote it that kept no values of settings: in a file of its own.
 fn without_values(c: &Campaign) {
-    for stage in std::fs::read_dir(c.path("out/.koehler")).expect("records").flatten() {
-        for record in std::fs::read_dir(stage.path()).into_iter().flatten().flatten() {
-            let text = std::fs::read_to_string(record.path()).expect("a record");
-            let mut value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-            let all = value.as_object_mut().expect("an object");
-            ["settings", "version"].iter().for_each(|key| drop(all.remove(*key)));
-            std::fs::write(record.path(), value.to_string()).expect("written");
-        }
+    let path = c.path("out/.koehler/records.jsonl");
+    for line in std::fs::read_to_string(&path).expect("records").lines() {
+        let mut value: serde_json::Value = serde_json::from_str(line).expect("JSON");
+        let all = value.as_object_mut().expect("an object");
+        ["settings", "version"].iter().for_each(|key| drop(all.remove(*key)));
+        let name = |key: &str| value[key].as_str().expect("a name");
+        let folder = c.path("out/.koehler").join(name("stage"));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let record = folder.join(format!("{}.json", name("unit")));
+        std::fs::write(record, value.to_string()).expect("written");
     }
+    std::fs::remove_file(path).expect("removed");
     std::fs::remove_file(c.path("out/.koehler/form")).expect("removed");
     std::fs::remove_file(c.path("out/.koehler/tables")).expect("removed");
     std::fs::remove_file(c.path("out/.koehler/run.json")).expect("removed");
@@ -105,14 +124,15 @@ fn a_folder_of_an_earlier_program_is_read_and_completed_and_one_of_a_later_is_re
     assert!(unknown.out.contains("it is 50.0 now; what it was is not known"), "{}", unknown.out);
     c.edit("pipeline.toml", "rate_hz = 50.0", "rate_hz = 100.0");
     assert!(c.run().ended(0).out.contains("nothing to do"));
+    assert!(!c.path("out/.koehler/ingest").exists(), "the records of an earlier form are left");
     c.edit("pipeline.toml", "rate_hz = 100.0", "rate_hz = 50.0");
     let known = c.koehler("explain", &["derive"]).ended(0);
     assert!(known.out.contains("setting `rate_hz`: 100.0 -> 50.0"), "{}", known.out);
 
-    std::fs::write(c.path("out/.koehler/form"), "3\n").expect("written");
+    std::fs::write(c.path("out/.koehler/form"), "4\n").expect("written");
     for verb in ["run", "status", "verify", "explain"] {
         let run = c.koehler(verb, &[]).ended(2);
-        assert!(run.err.contains("have form 3; this program reads 1 to 2"), "{}", run.err);
+        assert!(run.err.contains("have form 4; this program reads 1 to 3"), "{}", run.err);
     }
 }
 
@@ -227,7 +247,9 @@ fn what_no_unit_needs_is_removed_and_nothing_else() {
     assert!(dry.out.contains("would be removed") && of_2.exists(), "{}", dry.out);
     let done = c.koehler("gc", &[]).ended(0);
     assert_eq!(done.out.replace(", removed", ", would be removed"), dry.out);
-    assert!(!of_2.exists() && !c.path("out/.koehler/ingest/flight-2.json").exists());
+    let records = std::fs::read_to_string(c.path("out/.koehler/records.jsonl")).expect("records");
+    assert!(!of_2.exists() && records.contains(r#""unit":"flight-1""#));
+    assert!(!records.contains(r#""unit":"flight-2""#));
     assert!(!c.path("out/fits/part-5.parquet").exists());
     assert!(!c.path("out/report/.unfinished-1").exists());
     assert!(c.path("out/fits/mine.txt").exists() && c.path("out/fits/part-0.parquet").exists());

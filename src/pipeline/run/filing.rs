@@ -4,13 +4,13 @@
 use super::{Outcome, Run};
 use crate::error::{Errors, Result};
 use crate::pipeline::assess::{Assessment, Content, State};
-use crate::pipeline::own::own_tables;
+use crate::pipeline::own::{Filed, Own, own_tables};
 use crate::pipeline::owners::Owners;
 use crate::pipeline::provenance::{Provenance, VERSION};
 use crate::pipeline::unit::keep;
 use crate::stage::{Output, Part, Stage, Unit};
-use crate::table::Table;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 impl Run<'_> {
     /// What becomes of a unit that is not run.
@@ -28,12 +28,17 @@ impl Run<'_> {
 
     /// The record of a fresh unit. One of an earlier program is given the values of its settings:
     /// their hashes say that they are these.
-    pub(super) fn with_settings(&self, a: &Assessment, record: &Provenance) -> Result<Provenance> {
-        let mut record = record.clone();
-        if record.settings.is_none() {
-            record.settings = Some(a.ingredients.settings.clone());
-            self.store.put_record(&record)?;
+    pub(super) fn with_settings(
+        &self,
+        a: &Assessment,
+        record: &Arc<Provenance>,
+    ) -> Result<Arc<Provenance>> {
+        if record.settings.is_some() {
+            return Ok(Arc::clone(record));
         }
+        let settings = Some(a.ingredients.settings.clone());
+        let record = Arc::new(Provenance { settings, ..Provenance::clone(record) });
+        self.store.put_record(Arc::clone(&record))?;
         Ok(record)
     }
 
@@ -70,19 +75,20 @@ impl Run<'_> {
             settings: Some(a.ingredients.settings.clone()),
             version: Some(VERSION.to_string()),
         };
-        let outcome = match made {
+        let failed = match made {
             Ok(output) => {
                 self.file(&a.unit, output, &mut record)?;
-                Outcome::Ran(record.clone())
+                None
             }
             Err(errors) => {
                 record.error = Some(errors.to_string());
-                Outcome::Failed(errors)
+                Some(errors)
             }
         };
         self.give_up(a, &record.outputs, owners)?;
-        self.store.put_record(&record)?;
-        Ok(outcome)
+        let record = Arc::new(record);
+        self.store.put_record(Arc::clone(&record))?;
+        Ok(failed.map_or_else(|| Outcome::Ran(record), Outcome::Failed))
     }
 
     /// Writes a unit's outputs and enters them in its record.
@@ -109,24 +115,36 @@ impl Run<'_> {
     pub(super) fn file_own_tables(&mut self, stage: &Stage) -> Result<()> {
         let unit = (stage.units)(&self.plan.campaign).into_iter().next();
         let reads = unit.map(|unit| (stage.reads)(&self.plan.campaign, &unit));
-        let shown = |table: &Table| {
-            reads.as_ref().is_none_or(|reads| reads.iter().any(|read| read.table == table.name()))
+        let is_shown = |own: &Own| {
+            reads.as_ref().is_none_or(|reads| reads.iter().any(|read| read.table == own.name()))
         };
-        let mut tables = own_tables(&self.result.notes, &self.records)?;
-        tables.retain(|(_, table)| shown(table));
+        let mut shown = own_tables(&self.result.notes, &self.records);
+        shown.retain(is_shown);
         // Of a flight that has no notes any more there is no part.
-        let is_filed = |path: &str| {
-            let name = Part::of_path(path).map(|(table, _)| table);
-            tables.iter().any(|(_, table)| Some(table.name()) == name)
-        };
-        self.own.retain(|path, _| !is_filed(path));
-        for (part, table) in tables {
-            let path = part.path(table.name());
-            let hash = self.store.put_table(&path, &table)?;
-            keep(&self.kept, &path, &hash, table);
-            self.own.insert(path.clone(), hash.clone());
-            self.contents.insert(path, Content::Hash(hash));
+        let mut earlier = std::mem::take(&mut self.own);
+        let names: BTreeSet<&str> = shown.iter().map(Own::name).collect();
+        let is_filed =
+            |path: &str| Part::of_path(path).is_some_and(|(table, _)| names.contains(table));
+        self.own = earlier.extract_if(.., |path, _| !is_filed(path)).collect();
+        for own in shown {
+            let (path, of) = (own.path(), Some(own.of()));
+            let hash = match earlier.get(&path).filter(|filed| filed.of == of) {
+                Some(filed) if self.is_there(&path, &filed.hash)? => filed.hash.clone(),
+                _ => {
+                    let table = own.table()?;
+                    let hash = self.store.put_table(&path, &table)?;
+                    keep(&self.kept, &path, &hash, table);
+                    hash
+                }
+            };
+            self.contents.insert(path.clone(), Content::Hash(hash.clone()));
+            self.own.insert(path, Filed { hash, of });
         }
         Ok(())
+    }
+
+    /// Whether a file of the output folder has these bytes.
+    fn is_there(&self, path: &str, hash: &str) -> Result<bool> {
+        Ok(self.store.memo.hash(&self.store.path(path))?.as_deref() == Some(hash))
     }
 }

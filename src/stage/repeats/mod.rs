@@ -186,14 +186,17 @@ fn ones<'a>(
 /// it tells: repeats of one another. From flight to flight friction, mass and what nobody asked for differ.
 fn conditions<'a>(ones: &[One<'a>], common: &Correlations) -> Vec<Set<'a>> {
     let mut all: Vec<(&Trim, Vec<&One<'a>>)> = Vec::new();
+    // Places in `all` of what was flown in one way: a set is looked for among these.
+    let mut flown: BTreeMap<[Option<&str>; 3], Vec<usize>> = BTreeMap::new();
     for one in ones {
         let Some(trim) = one.trim.filter(|trim| trim.is_known()) else { continue };
-        let like = |(of, set): &&mut (&Trim, Vec<&One>)| {
-            set.first().is_some_and(|first| first.is_flown_as(one)) && of.is_like(trim)
-        };
-        match all.iter_mut().find(like) {
-            Some((_, set)) => set.push(one),
-            None => all.push((trim, vec![one])),
+        let places = flown.entry(one.flown()).or_default();
+        match places.iter().find(|&&k| all[k].0.is_like(trim)) {
+            Some(&k) => all[k].1.push(one),
+            None => {
+                places.push(all.len());
+                all.push((trim, vec![one]));
+            }
         }
     }
     let of = |(trim, mine): &(&'a Trim, Vec<&One<'a>>)| {

@@ -16,9 +16,9 @@ pub struct One<'a> {
     pub kind: Option<&'a str>,
 }
 
-impl One<'_> {
-    /// In the same flight, the same kind of the same input.
-    pub fn is_flown_as(&self, other: &One) -> bool {
-        (self.flight, self.input, self.kind) == (other.flight, other.input, other.kind)
+impl<'a> One<'a> {
+    /// How it was flown: flight, input and kind.
+    pub fn flown(&self) -> [Option<&'a str>; 3] {
+        [self.flight, self.input, self.kind]
     }
 }
