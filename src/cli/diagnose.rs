@@ -10,9 +10,12 @@ use crate::diagnose::Base;
 use crate::engine::Engine;
 use crate::error::{Error, Errors, Result};
 use crate::pipeline::{Limits, Plan, Settings, Store};
-use crate::stage::diagnose;
+use crate::stage::{Note, diagnose};
 use crate::table::Table;
 use std::time::Instant;
+
+/// The stages of a diagnosis, whose warnings are printed.
+const OWN: [&str; 2] = [diagnose::STAGE.name, crate::stage::rerun::STAGE.name];
 
 /// `koehler diagnose`
 pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result<End, Errors> {
@@ -40,8 +43,11 @@ pub fn diagnose(args: &DiagnoseArgs, engine: &dyn Engine) -> std::result::Result
     let result = work.done(&Bars::new())?;
     print_errors(&result.errors);
     result.removed.iter().for_each(|unit| tell(&format!("removed: {unit}")));
-    // What makes the exit code 1 is named.
-    summary::failing(&result.notes);
+    // Of what a diagnosis stands on only what makes the exit code 1 is named.
+    let (own, before): (Vec<Note>, Vec<Note>) =
+        result.notes.iter().cloned().partition(|note| OWN.contains(&note.stage.as_str()));
+    summary::failing(&before);
+    summary::notes(&own);
     end = if result.complete() { end } else { End::Partial.max(end) };
     for (i, diagnosis) in
         diagnose::all(&plan.campaign).iter().enumerate().filter(|(_, d)| !d.settings.idle)

@@ -9,7 +9,7 @@ use crate::estimate::{Segment, Stretch};
 pub struct Rule {
     pub held_out: Vec<bool>,
     pub words: String,
-    /// Names in the settings that no maneuver has.
+    /// Names in the settings that no maneuver and no flight has.
     pub unknown: Vec<String>,
 }
 
@@ -17,9 +17,16 @@ pub struct Rule {
 /// the order given.
 pub fn held_out(segments: &[Segment], names: &[String], settings: &Settings) -> Rule {
     if !settings.held_out.is_empty() {
-        let held_out = names.iter().map(|name| settings.held_out.contains(name)).collect();
+        // A maneuver by its name, or with all others of its flight.
+        let is_meant = |(segment, name): (&Segment, &String), meant: &String| {
+            name == meant || segment.labels.get("flight") == Some(meant)
+        };
+        let all = || segments.iter().zip(names);
+        let held_out =
+            all().map(|one| settings.held_out.iter().any(|meant| is_meant(one, meant))).collect();
+        let unknown = settings.held_out.iter();
         let unknown =
-            settings.held_out.iter().filter(|name| !names.contains(name)).cloned().collect();
+            unknown.filter(|meant| !all().any(|one| is_meant(one, meant))).cloned().collect();
         return Rule { held_out, words: "chosen by the settings".into(), unknown };
     }
     let every = settings.hold_every.max(2);
@@ -125,6 +132,15 @@ mod tests {
         let settings =
             Settings { held_out: vec!["s6".into(), "s06".into()], ..Settings::default() };
         let rule = held_out(&segments, &names, &settings);
+        let of_flight: Vec<Segment> = ["f", "f", "g"]
+            .map(|flight| Segment {
+                labels: [("flight".to_string(), flight.to_string())].into(),
+                ..Segment::default()
+            })
+            .to_vec();
+        let whole = Settings { held_out: vec!["f".into()], ..Settings::default() };
+        let whole = held_out(&of_flight, &names[..3], &whole);
+        assert_eq!((&whole.held_out[..], whole.unknown.len()), (&[true, true, false][..], 0));
         assert_eq!(
             (rule.held_out.iter().filter(|h| **h).count(), &rule.unknown[..]),
             (1, &["s06".to_string()][..])

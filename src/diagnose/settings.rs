@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 pub struct Settings {
     /// Whether the base model's parameters are estimated from the flights, or predicted and held.
     pub base: Base,
-    /// Ids of the maneuvers that are held out: never touched by estimation and screening, they
-    /// decide. Without any: every `hold_every`-th maneuver of each input, in the order of flights
+    /// Ids of the maneuvers that are held out, or of flights of which all are: never touched by estimation
+    /// and screening, they decide. Without any: every `hold_every`-th maneuver of each input, in the order of flights
     /// and time, beginning with the last of the first `hold_every`.
     pub held_out: Vec<String>,
     /// Every how many-th maneuver of an input is held out (2 or more).

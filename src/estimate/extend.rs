@@ -62,13 +62,21 @@ pub fn prepare<'a>(
     Ok((model, segments.iter().map(fed).collect()))
 }
 
+/// A setting that a filter does not know.
+pub fn not_filtered(model: &Model, settings: &Settings) -> Option<Error> {
+    let is_filtered = model.is_driven() && settings.by == By::Motion;
+    (is_filtered && settings.noise == NoiseKind::Full).then(|| {
+        Error::new("noise = \"full\" is not known to a filter, which takes the noise of outputs to be independent")
+            .help("leave `noise` out: the model is driven by noise, so it is estimated by a filter")
+    })
+}
+
 /// A model driven by noise with the covariance of its states, and the noise of what is measured as
 /// parameters: they start at the fast part of the measurements, and are no less than `floor` says,
 /// or than the resolution that the numbers show.
 fn filtered(model: &Model, segments: &[Segment], settings: &Settings) -> Result<Model, Errors> {
-    if settings.noise == NoiseKind::Full {
-        let what = "noise = \"full\" is not known to a filter, which takes the noise of outputs to be independent";
-        return Err(Error::new(what).into());
+    if let Some(error) = not_filtered(model, settings) {
+        return Err(error.into());
     }
     let scored = (0..model.outputs.len()).filter_map(|output| {
         let of = |s: &'_ Segment| -> Vec<f64> {

@@ -116,7 +116,7 @@ pub use equations::NormalEquations;
 pub use estimation::{
     Correlation, Doubtful, Elsewhere, Estimation, LeftOut, OutputScatter, Row, Tried,
 };
-pub use extend::extended;
+pub use extend::{extended, not_filtered};
 pub use idle::Idle;
 pub use influential::Influential;
 pub use modes::{Mode, Uncertain};
@@ -134,4 +134,5 @@ pub use settings::{
 };
 pub use terms::Step;
 pub use trace::{Filtered, Trace};
+pub use tries::too_many;
 pub use unknowns::Unknown;

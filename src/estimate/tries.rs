@@ -65,10 +65,8 @@ pub fn best_of(
 
 /// Every combination of the starts, with that of the model (or of `starts`) first.
 fn starts(settings: &Settings) -> Result<Vec<Vec<(String, f64)>>, Errors> {
-    let count: usize = settings.tries.values().map(Vec::len).product();
-    if count > MOST {
-        let what = format!("`tries` makes {count} starts, and {MOST} are the most");
-        return Err(Error::new(what).help("give fewer parameters, or fewer values").into());
+    if let Some(error) = too_many(settings) {
+        return Err(error.into());
     }
     let mut all: Vec<Vec<(String, f64)>> = vec![Vec::new()];
     for (name, values) in &settings.tries {
@@ -80,6 +78,13 @@ fn starts(settings: &Settings) -> Result<Vec<Vec<(String, f64)>>, Errors> {
     }
     all.insert(0, Vec::new());
     Ok(all)
+}
+
+/// More starts than are tried.
+pub fn too_many(settings: &Settings) -> Option<Error> {
+    let count = settings.tries.values().map(Vec::len).fold(1, usize::saturating_mul);
+    let what = format!("`tries` makes {count} starts, and {MOST} are the most");
+    (count > MOST).then(|| Error::new(what).help("give fewer parameters, or fewer values"))
 }
 
 fn cost(estimation: &Estimation) -> f64 {

@@ -431,7 +431,7 @@ fn a_mistake_at_the_beginning_hides_none_behind_it() {
 #[test]
 fn a_role_that_is_none_and_one_that_nothing_plays_are_refused() {
     let c = Campaign::new();
-    let roles = "[[diagnose]]\nestimate = \"lag\"\nroles = { elevatr = [\"u\"], elevator = [\"uu\"], surface = [\"u\"] }\n\n[[fit]]";
+    let roles = "[[diagnose]]\nestimate = \"lag\"\nroles = { elevatr = [\"u\"], elevator = [\"uu\"], surface = [\"u\"], airspeed = [\"u\"] }\n\n[[fit]]";
     c.edit("pipeline.toml", "[[fit]]", roles);
     let run = c.koehler("check", &[]).ended(2);
     assert!(
@@ -440,6 +440,45 @@ fn a_role_that_is_none_and_one_that_nothing_plays_are_refused() {
         run.err
     );
     assert!(!run.err.contains("\"surface\""), "{}", run.err);
+    assert!(run.err.contains("u has unit rad, and \"airspeed\" has m/s"), "{}", run.err);
+}
+
+#[test]
+fn an_effect_of_ones_own_that_no_model_can_have_is_a_mistake_of_its_file() {
+    let c = Campaign::new();
+    c.edit(
+        "pipeline.toml",
+        "[[fit]]",
+        "[[diagnose]]\nestimate = \"lag\"\neffects = \"mine\"\n\n[[fit]]",
+    );
+    std::fs::create_dir(c.path("mine")).expect("a folder");
+    let effect = "title = \"t\"\nfamily = \"sensor\"\nsignature = \"s\"\n[bind]\ny = \"sensor\"\n[parameters]\n\
+                  k = { unit = \"rad\", null = 0.0 }\n[add]\n\"{y}\" = \"{k}\"\n";
+    c.write("mine/zero.toml", effect);
+    c.koehler("check", &[]).ended(0);
+    for (sound, wrong) in [("unit = \"rad\"", "unit = \"m\""), ("= \"{k}\"", "= \"{k}*qq\"")] {
+        c.write("mine/zero.toml", &effect.replace(sound, wrong));
+        let check = c.koehler("check", &[]).ended(2);
+        let told = "zero.toml: the model lag cannot be had with this effect";
+        assert!(check.err.contains(told), "{}", check.err);
+    }
+    // What the model has nothing of is no mistake: a folder may serve several aircraft.
+    c.write("mine/zero.toml", &effect.replace("\"sensor\"\n[p", "\"elevator\"\n[p"));
+    c.koehler("check", &[]).ended(0);
+}
+
+#[test]
+fn settings_of_an_estimate_that_do_not_go_together_are_refused_by_check() {
+    let c = Campaign::new();
+    let many: Vec<String> = (0..70).map(|k| format!("{}.0", k + 1)).collect();
+    let method = format!(
+        "window_s = 5.0\nkinds = [\"3211\"]\n[estimate.method]\ntries = {{ K = [{}] }}\n",
+        many.join(", ")
+    );
+    c.edit("pipeline.toml", "kinds = [\"3211\"]\n", &method);
+    let check = c.koehler("check", &[]).ended(2);
+    let both = ["`tries` makes 70 starts, and 64 are the most", "`window_s` cuts whole records"];
+    assert!(both.iter().all(|what| check.err.contains(what)), "{}", check.err);
 }
 
 #[test]

@@ -25,7 +25,7 @@ pub fn candidates(base: &Model, context: &Context, effects: &[Effect]) -> Offer 
             let bound = |chosen| candidate(base, context, effect, &options, chosen);
             combinations(effect, &options).into_iter().map(bound).collect()
         }
-        Err(why) => vec![Err(Skipped { effect: effect.name.clone(), why })],
+        Err(why) => vec![Err(Skipped { effect: effect.name.clone(), why, wrong: false })],
     };
     // Every model is compiled, which takes longer than what is done with most of them.
     let all: Vec<Vec<Result<Candidate, Skipped>>> = effects.par_iter().map(of).collect();
@@ -39,12 +39,23 @@ pub fn candidates(base: &Model, context: &Context, effects: &[Effect]) -> Offer 
     offer
 }
 
+/// What keeps an effect from being tried with a model whatever is bound: what is wrong with its file, or what
+/// the model has nothing of.
+pub fn useless(base: &Model, context: &Context, effect: &Effect) -> Option<Skipped> {
+    let offer = candidates(base, context, std::slice::from_ref(effect));
+    offer.candidates.is_empty().then(|| offer.skipped.into_iter().next()).flatten()
+}
+
 /// What may be bound to each name of the effect.
 fn options(
     base: &Model,
     context: &Context,
     effect: &Effect,
 ) -> Result<IndexMap<String, Vec<Bound>>, String> {
+    let has = |role: &&String| !roles::find(role, base, context).is_empty();
+    if let Some(role) = effect.file.unless.as_ref().filter(has) {
+        return Err(format!("the model has a {role} ({})", roles::meaning(role)));
+    }
     let mut options = IndexMap::new();
     for (key, bind) in &effect.file.bind {
         let mut found = roles::find(bind.role(), base, context);
@@ -147,7 +158,7 @@ fn candidate<'a>(
     let added: Vec<Added> =
         file.parameters.iter().map(|(key, size)| binding.added(key, size)).collect();
     let block = binding.block();
-    let skipped = |why: String| Skipped { effect: name.clone(), why };
+    let skipped = |why: String| Skipped { effect: name.clone(), why, wrong: true };
     let nulls = block.text(&added, &BTreeMap::new(), false, &[], "");
     let model = base.amended(&format!("\n{nulls}")).map_err(|e| skipped(e.to_string()))?;
     if model.inputs != base.inputs || model.outputs != base.outputs {

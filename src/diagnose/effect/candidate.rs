@@ -22,6 +22,8 @@ pub struct Skipped {
     /// Name of the effect, or of the candidate.
     pub effect: String,
     pub why: String,
+    /// The model has what the effect speaks of, and cannot be had with it: a mistake of its file.
+    pub wrong: bool,
 }
 
 /// One binding of an effect to a base model.

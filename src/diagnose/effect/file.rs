@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::fill;
 use super::roles;
 use crate::config::{self, Doc};
-use crate::error::{Error, Errors};
+use crate::error::{Error, Errors, Place};
 use crate::model::file::{ConstantFull, State};
 
 include!(concat!(env!("OUT_DIR"), "/effects.rs"));
@@ -48,6 +48,9 @@ pub struct EffectFile {
     /// Where the equations come from.
     #[serde(default)]
     pub source: String,
+    /// A role of which the model must have nothing: another effect is for models that have it.
+    #[serde(default)]
+    pub unless: Option<String>,
     /// Roles that the model must fill: a name of the effect's own, and the role.
     pub bind: IndexMap<String, Bind>,
     /// What the effect adds to what can be estimated.
@@ -207,6 +210,8 @@ pub struct Effect {
     /// The file's name without `.toml`.
     pub name: String,
     pub file: EffectFile,
+    /// Where it stands; none for one of the library.
+    pub place: Option<String>,
 }
 
 /// The library of the program, then the files of the folders; a file of a name that is known
@@ -225,15 +230,38 @@ pub fn load(folders: &[&Path]) -> Result<Vec<Effect>, Errors> {
         );
     }
     for folder in folders {
-        for path in errors.take(files(folder)).unwrap_or_default() {
+        let Some(paths) = errors.take(files(folder)) else { continue };
+        if paths.is_empty() {
+            let what = "there is no effect file (*.toml) in this folder";
+            errors.push(Error::at(Place::file(folder.to_string_lossy()), what));
+        }
+        for path in paths {
             let name =
                 path.file_stem().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let read = config::read_text(&path).map_err(Errors::from);
-            let effect = read.and_then(|text| parse(&name, &path.to_string_lossy(), &text));
+            let place = path.to_string_lossy().into_owned();
+            let effect = read.and_then(|text| parse(&name, &place, &text));
+            let effect = effect.map(|effect| Effect { place: Some(place), ..effect });
             found.extend(errors.take(effect).map(|e| (e.name.clone(), e)));
         }
     }
+    check_rivals(&found, &mut errors);
     errors.or(found.into_values().collect())
+}
+
+/// Rivals of effects of the user's own are effects.
+fn check_rivals(found: &BTreeMap<String, Effect>, errors: &mut Errors) {
+    for (effect, place) in found.values().filter_map(|e| Some((e, e.place.as_ref()?))) {
+        for rival in effect.file.rivals.iter().filter(|rival| !found.contains_key(*rival)) {
+            let what = format!("`rivals`: there is no effect \"{rival}\"");
+            let near = config::nearest(rival, found.keys().map(String::as_str));
+            let error = Error::at(Place::file(place), what);
+            errors.push(match near {
+                Some(near) => error.help(format!("did you mean \"{near}\"?")),
+                None => error,
+            });
+        }
+    }
 }
 
 fn files(folder: &Path) -> Result<Vec<std::path::PathBuf>, Error> {
@@ -261,7 +289,7 @@ pub fn parse(name: &str, place: &str, text: &str) -> Result<Effect, Errors> {
     check_binds(&file, &doc, &mut errors);
     check_placeholders(&file, &doc, &mut errors);
     check_sizes(&file, &doc, &mut errors);
-    errors.or(Effect { name: name.to_string(), file })
+    errors.or(Effect { name: name.to_string(), file, place: None })
 }
 
 fn check_binds(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
@@ -271,6 +299,9 @@ fn check_binds(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
             let what = format!("there is no role \"{}\"", bind.role());
             errors.push(doc.error(&format!("bind.{key}"), what).help(format!("roles: {known}")));
         }
+    }
+    if let Some(role) = file.unless.as_ref().filter(|role| !roles::exists(role)) {
+        errors.push(doc.error("unless", format!("there is no role \"{role}\"")));
     }
     if file.add.is_empty() && file.replace.is_empty() {
         errors.push(doc.error("", "an effect adds to something or replaces something"));

@@ -18,7 +18,7 @@ pub mod roles;
 mod tests;
 
 pub use added::{Added, Check};
-pub use bind::candidates;
+pub use bind::{candidates, useless};
 pub use candidate::{Candidate, Offer, Skipped};
 pub use context::Context;
 pub use file::{Effect, Family, load, parse};

@@ -46,6 +46,8 @@ enum Find {
     Acceleration(&'static str),
     /// The first constant of the model or of the aircraft file with that dimension.
     Constant(&'static str, &'static [&'static str]),
+    /// The first constant that the model itself reads, with that dimension.
+    OwnConstant(&'static str, &'static [&'static str]),
     /// The first output of these names.
     Output(&'static str, &'static [&'static str]),
     /// All outputs of these names.
@@ -162,6 +164,11 @@ const ROLES: &[(&str, Find, &str)] = &[
         "moment of inertia about y",
     ),
     ("yaw-inertia", Constant("kg m^2", &["I_z", "Iz", "I_zz", "Izz"]), "moment of inertia about z"),
+    (
+        "product-of-inertia",
+        OwnConstant("kg m^2", &["I_xz", "Ixz", "I_zx", "Izx"]),
+        "product of inertia in the plane of symmetry",
+    ),
     ("mass", Constant("kg", &["m", "mass"]), "mass"),
     ("surface", List(surfaces), "each control surface"),
     ("elevator", Value("rad", ELEVATORS), "elevator"),
@@ -262,6 +269,18 @@ pub fn meaning(role: &str) -> &'static str {
     ROLES.iter().find(|r| r.0 == role).map_or("", |r| r.2)
 }
 
+/// The SI unit of what fills a role; none where that is of several kinds.
+pub fn unit(role: &str) -> Option<&'static str> {
+    match ROLES.iter().find(|r| r.0 == role)?.1 {
+        Value(unit, _)
+        | Constant(unit, _)
+        | OwnConstant(unit, _)
+        | Output(unit, _)
+        | Outputs(unit, _) => Some(unit),
+        _ => None,
+    }
+}
+
 /// Everything of the model that fills the role, in the model's order.
 pub fn find(role: &str, model: &Model, context: &Context) -> Vec<Bound> {
     if let Some(names) = context.roles.get(role) {
@@ -288,6 +307,10 @@ fn found(how: &Find, model: &Model, context: &Context) -> Vec<Bound> {
         Named(names) => coefficient(model, names).into_iter().collect(),
         Acceleration(state) => rate_of(model, state, context).into_iter().collect(),
         Constant(unit, names) => constant(model, unit, names).into_iter().collect(),
+        OwnConstant(unit, names) => {
+            let own = |b: &Bound| model.dims.contains_key(&b.text);
+            constant(model, unit, names).into_iter().filter(own).collect()
+        }
         Output(unit, names) => outputs(model, unit, names).into_iter().take(1).collect(),
         Outputs(unit, names) => outputs(model, unit, names),
         Any(roles) => roles.iter().flat_map(|r| find(r, model, context)).collect(),
@@ -299,10 +322,10 @@ fn dim(unit: &str) -> Option<Dim> {
     Unit::parse(unit).ok().map(|u| u.dim)
 }
 
-/// Whether a name that the pipeline file gives to a role is something of the model: an expression's
-/// name, or `output(name)`.
-pub fn is_of(model: &Model, name: &str) -> bool {
-    named(model, name).is_some()
+/// The unit of what the pipeline file gives to a role: an expression's name, or `output(name)`; none where
+/// the model has nothing of that name.
+pub fn unit_in(model: &Model, name: &str) -> Option<String> {
+    named(model, name).map(|bound| bound.unit)
 }
 
 /// What a name of the pipeline file stands for: an expression's name, or an output.

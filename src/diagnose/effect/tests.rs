@@ -27,6 +27,29 @@ fn shipped(path: &str) -> Model {
     Model::load(&path, &constants).unwrap_or_else(|e| panic!("{e}"))
 }
 
+/// Three rates without a product of inertia: no shipped model that takes any motion is without one.
+fn rates() -> Model {
+    let text = r#"
+title = "Rates"
+[inputs]
+de = "rad"
+[constants]
+I_x = { unit = "kg m^2", value = 1000.0 }
+I_y = { unit = "kg m^2", value = 2000.0 }
+I_z = { unit = "kg m^2", value = 3000.0 }
+[parameters]
+a = { unit = "1/s", start = -1.0 }
+b = { unit = "1/s^2", start = -1.0 }
+[states]
+p = { unit = "rad/s", rate = "a*p", start = 0.0 }
+q = { unit = "rad/s", rate = "a*q + b*de", start = 0.0 }
+r = { unit = "rad/s", rate = "a*r", start = 0.0 }
+[outputs]
+q = { unit = "rad/s", value = "q" }
+"#;
+    Model::parse("rates", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
 fn library() -> Vec<Effect> {
     load(&[]).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -110,8 +133,8 @@ fn every_effect_is_complete_and_names_rivals_that_exist() {
 fn every_effect_binds_to_a_shipped_model_and_leaves_it_as_it_is_at_null() {
     let effects = library();
     let mut bound: BTreeSet<String> = BTreeSet::new();
-    for name in BASES {
-        let base = shipped(name);
+    let bases = BASES.iter().map(|name| (*name, shipped(name))).chain([("rates", rates())]);
+    for (name, base) in bases {
         let offer = candidates(&base, &Context::default(), &effects);
         let (record, (p, x0)) = (record(&base), point(&base));
         let want = outputs(&base, &p, &x0, &record);
@@ -270,6 +293,16 @@ y = { unit = "rad/s", value = "x1" }
     let roles = [("pitch-rate".to_string(), vec!["x1".to_string()])].into_iter().collect();
     let told = named(&Context { roles, ..Default::default() });
     assert!(told.contains(&"downwash-lag:lever".to_string()), "{told:?}");
+}
+
+#[test]
+fn a_product_of_inertia_is_corrected_where_the_model_has_one_and_added_where_not() {
+    let offered = |base: &Model| -> Vec<String> {
+        let all = candidates(base, &Context::default(), &library()).candidates;
+        all.into_iter().map(|c| c.name).filter(|name| name.contains("product-of-inertia")).collect()
+    };
+    assert_eq!(offered(&shipped("attas/aerodynamics_a.model.toml")), ["product-of-inertia"]);
+    assert_eq!(offered(&rates()), ["product-of-inertia-pitch"]);
 }
 
 #[test]

@@ -397,7 +397,7 @@ nz = {{ unit = "1/s", value = "ddt_alpha - q" }}
         let found = at_first(&stand, &subject)
             .unwrap_or_else(|e| panic!("{e}"))
             .unwrap_or_else(|e| panic!("{e:?}"));
-        comparison(&subject, &found, &found).unwrap_or_else(|e| panic!("{e}")).equations
+        comparison(&subject, &found, &found).unwrap_or_else(|e| panic!("{e}")).lacking.equations
     }
 
     fn ratio(all: &[EquationError], name: &str) -> f64 {

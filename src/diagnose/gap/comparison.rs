@@ -24,10 +24,25 @@ pub struct Comparison {
     pub channels: Vec<Channel>,
     pub overlays: Vec<Overlay>,
     pub shifts: Vec<Shift>,
-    /// Of the base, before anything was added.
-    pub relations: Vec<Relation>,
     pub driven: Vec<Driven>,
+    /// Of the base, before anything was added.
+    pub lacking: Lacking,
+    /// The same with everything that was added; none where nothing was.
+    pub still_lacking: Option<Lacking>,
+}
+
+/// What the equations of a model lack, and what that goes with.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Lacking {
     pub equations: Vec<EquationError>,
+    pub relations: Vec<Relation>,
+}
+
+impl Comparison {
+    /// What is lacking at the end of the search.
+    pub fn lacking_at_last(&self) -> &Lacking {
+        self.still_lacking.as_ref().unwrap_or(&self.lacking)
+    }
 }
 
 /// What the additions did: the gap before and after, and the other parameters' shifts.
@@ -37,19 +52,19 @@ pub struct Comparison {
 pub fn comparison(subject: &Subject, first: &Found, last: &Found) -> Result<Comparison, Errors> {
     let (before, after, thresholds) = (first.case(), last.case(), &subject.settings.thresholds);
     let looks = Looks::of(thresholds, characteristic_time(before.records.iter(), thresholds));
-    let states = measured_states(first);
-    let lacking = coefficients(first, subject.segments, subject.context, &states, &looks)?;
     let inputs: Vec<String> = before.model.inputs.iter().map(|i| i.name.clone()).collect();
-    let flown = flown(first, &before);
+    let (flown_before, flown_after) = (flown(first, &before), flown(last, &after));
+    let (driven, lacking) = lacking(subject, first, &flown_before, &looks)?;
     let mut comparison = Comparison {
-        gaps_before: gaps(&flown, &inputs, &looks),
-        relations: relations(&flown, &inputs, &lacking, &looks),
+        gaps_before: gaps(&flown_before, &inputs, &looks),
+        gaps_after: gaps(&flown_after, &inputs, &looks),
+        driven,
+        lacking,
         ..Comparison::default()
     };
-    comparison.gaps_after = gaps(&self::flown(last, &after), &inputs, &looks);
-    (comparison.driven, comparison.equations) =
-        driven(first, subject.segments, &states, looks.feedback)?;
-    comparison.equations.extend(lacking.iter().flat_map(|lack| errors(lack, &first.prepared.used)));
+    if first.model.parameters.len() != last.model.parameters.len() {
+        comparison.still_lacking = Some(self::lacking(subject, last, &flown_after, &looks)?.1);
+    }
     if first.prepared.used != last.prepared.used {
         return Ok(comparison);
     }
@@ -65,6 +80,21 @@ pub fn comparison(subject: &Subject, first: &Found, last: &Found) -> Result<Comp
     );
     comparison.shifts = shifts((first, &before), (last, &after), thresholds);
     Ok(comparison)
+}
+
+/// What goes away with one state driven, and what the equations of a model at its fit lack.
+fn lacking(
+    subject: &Subject,
+    found: &Found,
+    flown: &[Flown],
+    looks: &Looks,
+) -> Result<(Vec<Driven>, Lacking), Errors> {
+    let states = measured_states(found);
+    let lacks = coefficients(found, subject.segments, subject.context, &states, looks)?;
+    let inputs: Vec<String> = found.model.inputs.iter().map(|i| i.name.clone()).collect();
+    let (driven, mut equations) = driven(found, subject.segments, &states, looks.feedback)?;
+    equations.extend(lacks.iter().flat_map(|lack| errors(lack, &found.prepared.used)));
+    Ok((driven, Lacking { equations, relations: relations(flown, &inputs, &lacks, looks) }))
 }
 
 /// What a coefficient lacks, of all maneuvers together and of each.

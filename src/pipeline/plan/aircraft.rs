@@ -67,8 +67,22 @@ fn file(given: &mut Given, key: &str, name: &str) -> Option<Constants> {
         return None;
     }
     let path = given.path(name);
-    given.errors.take(config::load::<Constants>(&path)).map(|(constants, _)| constants)
+    let (constants, doc) = given.errors.take(config::load::<Constants>(&path))?;
+    let before = given.errors.0.len();
+    for (name, constant) in &constants.0 {
+        if let Some(what) = POSITIVE.iter().find(|(unit, _)| *unit == constant.unit)
+            && !(constant.value > 0.0)
+        {
+            let text = format!("{name} is {} {}", constant.value, constant.unit);
+            let error = doc.error(&format!("{name}.value"), text);
+            given.errors.push(error.help(format!("{} is larger than zero", what.1)));
+        }
+    }
+    (given.errors.0.len() == before).then_some(constants)
 }
+
+/// Units of what cannot be zero or less.
+const POSITIVE: [(&str, &str); 2] = [("kg", "a mass"), ("m^2", "an area")];
 
 /// What one entry takes; none where it asks for what the other pipeline does not estimate.
 fn values(

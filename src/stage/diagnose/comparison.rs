@@ -106,7 +106,7 @@ pub fn overlays(outcome: &Outcome) -> Result<Table> {
 }
 
 pub fn relations(outcome: &Outcome) -> Result<Table> {
-    let rows = &outcome.diagnosis.comparison.relations;
+    let rows = &outcome.diagnosis.comparison.lacking.relations;
     let column = |of: fn(&Relation) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
     Table::build("relations")
         .repeat("diagnosis", &outcome.config.name())
@@ -141,8 +141,14 @@ pub fn driven(outcome: &Outcome) -> Result<Table> {
 }
 
 pub fn equation_errors(outcome: &Outcome) -> Result<Table> {
-    let rows: Vec<_> =
-        outcome.diagnosis.comparison.equations.iter().filter(|e| e.rms.is_finite()).collect();
+    let rows: Vec<_> = outcome
+        .diagnosis
+        .comparison
+        .lacking
+        .equations
+        .iter()
+        .filter(|e| e.rms.is_finite())
+        .collect();
     Table::build("equation_errors")
         .repeat("diagnosis", &outcome.config.name())
         .strings(

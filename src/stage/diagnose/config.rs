@@ -2,13 +2,15 @@
 //! name, or the mistakes, go out.
 
 use crate::diagnose;
-use crate::diagnose::effect::{self, Effect};
+use crate::diagnose::effect::{self, Context, Effect};
+use crate::error::{Error, Place};
 use crate::estimate::By;
 use crate::model::Model;
 use crate::stage::check::{Given, folders};
 use crate::stage::kind::{Campaign, Known};
 use crate::stage::slice::slice_of;
 use crate::stage::{Told, estimate};
+use crate::units::Unit;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -179,7 +181,11 @@ impl Config {
             given.push(&format!("{key}.estimate"), what, help);
             return None;
         }
+        let before = given.errors.0.len();
         roles((given, key), &settings, &base.model);
+        if given.errors.0.len() == before {
+            fit(given, &settings, &effects, &base.model);
+        }
         Some(Config { settings, estimate: index, effects })
     }
 
@@ -195,16 +201,46 @@ fn roles((given, key): (&mut Given, &str), settings: &Settings, model: &Model) {
         if !effect::roles::exists(role) {
             given.unknown(&format!("{key}.roles.{role}"), "role", role, &known);
         }
-        for (i, name) in
-            players.iter().enumerate().filter(|(_, name)| !effect::roles::is_of(model, name))
-        {
+        for (i, name) in players.iter().enumerate() {
+            let at = format!("{key}.roles.{role}.{i}");
+            match (effect::roles::unit_in(model, name), effect::roles::unit(role)) {
+                (None, _) => given.push(
+                    &at,
+                    format!(
+                        "\"{name}\" is nothing of the model that could play the role \"{role}\""
+                    ),
+                    "give an input, a state, an equation, a constant, or output(name)",
+                ),
+                (Some(unit), Some(wanted)) if !is_alike(&unit, wanted) => given.push(
+                    &at,
+                    format!("{name} has unit {unit}, and \"{role}\" has {wanted}"),
+                    &format!("\"{role}\" is {}", effect::roles::meaning(role)),
+                ),
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Whether two units are of one dimension; what cannot be read is not held against anything.
+fn is_alike(one: &str, other: &str) -> bool {
+    let dim = |unit| Unit::parse(unit).map(|unit| unit.dim);
+    !matches!((dim(one), dim(other)), (Ok(one), Ok(other)) if one != other)
+}
+
+/// Files what is wrong with effects of the user's own: each has to fit the model that is diagnosed, where the
+/// model has what it speaks of.
+fn fit(given: &mut Given, settings: &Settings, effects: &[Effect], model: &Model) {
+    let context = Context { roles: settings.roles.clone(), ..Context::default() };
+    for effect in effects {
+        let Some(place) = &effect.place else { continue };
+        let useless = effect::useless(model, &context, effect).filter(|skipped| skipped.wrong);
+        if let Some(skipped) = useless {
             let what =
-                format!("\"{name}\" is nothing of the model that could play the role \"{role}\"");
-            given.push(
-                &format!("{key}.roles.{role}.{i}"),
-                what,
-                "give an input, a state, an equation, a constant, or output(name)",
-            );
+                format!("the model {} cannot be had with this effect: {}", model.name, skipped.why);
+            given.errors.push(Error::at(Place::file(place), what).help(
+                "`add`, `replace`, equations and units of the effect are lines of the model once its names are put in",
+            ));
         }
     }
 }

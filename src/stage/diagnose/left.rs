@@ -85,8 +85,8 @@ pub fn but_turbulence(d: &Diagnosis) -> String {
 pub fn accounted(d: &Diagnosis) -> Option<String> {
     let found = d.turbulence.as_ref().filter(|t| t.objection.is_none() && d.is_named())?;
     Some(format!(
-        " What the model leaves beyond that and the sensors' noise is turbulence: noise that drives the rates accounts for it (root of its spectral \
-         density, +- is 95%): {}.",
+        " What the model leaves beyond that and the sensors' noise goes with no input, and noise that drives the rates, as turbulence would, accounts \
+         for it (root of its spectral density, +- is 95%): {}.",
         densities(found)
     ))
 }
@@ -108,8 +108,8 @@ pub fn evidence(d: &Diagnosis) -> String {
 const LACKS: f64 = 1.2;
 
 fn lacks(d: &Diagnosis) -> String {
-    let comparison = &d.comparison;
-    let Some(found) = strongest(&comparison.equations, &comparison.relations) else {
+    let lacking = d.comparison.lacking_at_last();
+    let Some(found) = strongest(&lacking.equations, &lacking.relations) else {
         return String::new();
     };
     let e = &found.equation;
@@ -117,8 +117,14 @@ fn lacks(d: &Diagnosis) -> String {
         return String::new();
     }
     let name = if e.is_rate { format!("The rate of {}", e.name) } else { e.name.clone() };
-    let times =
-        format!("{name} lacks most, {} times what noise makes of it", digits(e.rms / e.noise));
+    let with = match d.comparison.still_lacking {
+        Some(_) => ", with what was found,",
+        None => "",
+    };
+    let times = format!(
+        "{name}{with} lacks most, {} times what noise makes of it",
+        digits(e.rms / e.noise)
+    );
     match &found.relation {
         Some(r) => {
             let source = r.source.strip_prefix("modelled ").unwrap_or(&r.source);

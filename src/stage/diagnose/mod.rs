@@ -186,8 +186,9 @@ fn lost(config: &Config, names: &[String], rule: &Rule, diagnosis: &Diagnosis) -
         notes.push(note(Severity::Missing, &config.name(), 1, text));
     }
     for name in &rule.unknown {
-        let text = format!("{name} is to be held out, and no maneuver of that name takes part");
-        notes.push(note(Severity::Missing, name, 1, text));
+        let text =
+            format!("{name} is to be held out, and no maneuver or flight of that name takes part");
+        notes.push(note(Severity::Problem, name, 1, text));
     }
     for left in &diagnosis.left_out {
         let name = names.get(left.segment).map_or("", String::as_str);
@@ -208,12 +209,22 @@ fn lost(config: &Config, names: &[String], rule: &Rule, diagnosis: &Diagnosis) -
         let severity = if order.is_some() { Severity::Info } else { Severity::Warning };
         notes.push(note(severity, output, 1, text));
     }
-    if !diagnosis.skipped.is_empty() {
-        // Most of a library is about something that a model does not have; the list is for whoever
-        // misses one.
-        let each = diagnosis.skipped.iter().map(|(effect, why)| format!("{effect} ({why})"));
-        let text = format!("effects not tried: {}", each.collect::<Vec<_>>().join("; "));
-        notes.push(note(Severity::Info, &config.name(), diagnosis.skipped.len(), text));
+    // Most of a library is about something that a model does not have; the list is for whoever misses
+    // one. Effects of the user's own are there to be tried.
+    let own = |name: &str| {
+        let of = name.split(':').next().unwrap_or_default();
+        config.effects.iter().any(|e| e.name == of && e.place.is_some())
+    };
+    let (mine, library): (Vec<_>, Vec<_>) =
+        diagnosis.skipped.iter().partition(|(effect, _)| own(effect));
+    for (skipped, whose, severity) in
+        [(mine, "effects of your own", Severity::Warning), (library, "effects", Severity::Info)]
+    {
+        if !skipped.is_empty() {
+            let each = skipped.iter().map(|(effect, why)| format!("{effect} ({why})"));
+            let text = format!("{whose} not tried: {}", each.collect::<Vec<_>>().join("; "));
+            notes.push(note(severity, &config.name(), skipped.len(), text));
+        }
     }
     notes
 }

@@ -84,6 +84,13 @@ impl Config {
         if settings.alone && settings.input.is_none() {
             given.push(&format!("{key}.alone"), "`alone` belongs to `input`, which is missing", "");
         }
+        if settings.window_s != 0.0 && settings.input.is_some() {
+            given.push(
+                &format!("{key}.window_s"),
+                "`window_s` cuts whole records, and this estimate takes maneuvers by `input`",
+                "leave one of them out; `pre_s` and `post_s` say how long a maneuver's segment is",
+            );
+        }
         settings.chosen().check((given, key), flights, columns, settings.input.is_some());
         let kinds = Kind::ALL.map(Kind::name);
         for (i, kind) in

@@ -6,7 +6,7 @@ use crate::config::Doc;
 use crate::error::Errors;
 use crate::estimate::{self, By, NoiseKind, Search, StartFrom};
 use crate::model::Model;
-use crate::stage::check::unknown;
+use crate::stage::check::{placed, unknown};
 
 /// Checks the names in the settings of the estimator, against the model with the shifts that they
 /// ask for.
@@ -41,6 +41,11 @@ pub fn names(model: &Model, settings: &Settings, doc: &Doc, key: &str, errors: &
     check("per", method.per.keys().collect(), &parameters, "parameter of the model");
     check("floor", method.floor.keys().collect(), &outputs, "output of the model");
     columns_are_known(model, settings, doc, key, errors);
+    let refused =
+        [("tries", estimate::too_many(method)), ("noise", estimate::not_filtered(model, method))];
+    for (name, error) in refused.into_iter().filter_map(|(name, error)| Some((name, error?))) {
+        errors.push(placed(doc, &format!("{key}.method.{name}"), error));
+    }
     if method.by == By::EquationError {
         for (name, is_said, why) in of_motion(method) {
             if is_said {

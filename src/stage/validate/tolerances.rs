@@ -167,6 +167,10 @@ fn limit(
         push(key, format!("a tolerance of {value}"), "it must be larger than 0");
         return None;
     }
+    if key == ".share" && value > 1.0 {
+        push(key, format!("a share of {value}"), "it is a part of what is measured: 0.1 is 10%");
+        return None;
+    }
     let text = match (&one.unit, one.within) {
         (Some(text), Some(_)) => text,
         (None, Some(_)) => {
@@ -283,6 +287,7 @@ mod tests {
             ("share = 0.1\nwithin = 1.0\nunit = \"deg/s\"", "both `within` and `share`"),
             ("", "a tolerance without a size"),
             ("share = -0.1", "a tolerance of -0.1"),
+            ("share = 10.0", "a share of 10"),
             ("share = 0.1\ninput = [\"rudder\"]", "there is no [[segment.input]] \"rudder\""),
             ("share = 0.1\nwhere = { W = [0.0, 1.0] }", "there is no signal or column \"W\""),
             ("share = 0.1\nwhere = { V = [2.0, 1.0] }", "no value is in a range from 2 to 1"),
