@@ -183,7 +183,7 @@ pub enum Verb {
     /// Print the JSON Schema of a configuration file, or write all of them, for editors
     #[command(after_help = text::SCHEMA)]
     Schema {
-        /// Which file: pipeline, channels, aircraft, campaign, design, model, import
+        /// Which file: pipeline, channels, aircraft, campaign, design, model, import, effect, tolerances
         file: Option<String>,
         /// Folder to write all schemas to
         #[arg(long, value_name = "DIR")]

@@ -56,8 +56,11 @@ fn checked(plan: &Plan, seen: Summaries) -> Checked {
     let campaign = &plan.campaign;
     let with_key = campaign.stages.iter().filter(|stage| stage.key.is_some());
     let listed = with_key.map(|stage| (stage.name, (stage.units)(campaign)));
+    // Units of flights are no entries of a list, nor is the campaign.
     let is_list = |(_, units): &(&str, Vec<Unit>)| {
-        units.first().is_some_and(|unit| Some(unit) != Unit::campaign().first())
+        units.first().is_some_and(|unit| {
+            unit.part.number().is_some() && Some(unit) != Unit::campaign().first()
+        })
     };
     Checked {
         errors: [],

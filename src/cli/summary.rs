@@ -247,7 +247,7 @@ fn kind(note: &Note) -> String {
     let mut kind = String::new();
     for piece in text.split_inclusive(|c: char| !part_of_word(c)) {
         let word = piece.trim_end_matches(|c: char| !part_of_word(c));
-        let name = [&note.subject, &note.flight].contains(&&word.to_string());
+        let name = !word.is_empty() && [&note.subject, &note.flight].iter().any(|n| *n == word);
         kind += if name {
             "~"
         } else if word.contains(|c: char| c.is_ascii_digit()) {
@@ -257,7 +257,27 @@ fn kind(note: &Note) -> String {
         };
         kind += &piece[word.len()..];
     }
-    kind
+    without_lists(&kind)
+}
+
+/// A kind without the parameters that move by so many sd, and without initial states of maneuvers: which they
+/// are differs from one to the next.
+fn without_lists(kind: &str) -> String {
+    let words: Vec<&str> = kind.split_whitespace().collect();
+    let (mut kept, mut k): (Vec<&str>, usize) = Default::default();
+    while k < words.len() {
+        match words[k..] {
+            [_, "by", "#", sd, ..] if sd.starts_with("sd") => k += 4,
+            [state, "of", _, ..] if state.ends_with("(#)") => k += 3,
+            ["and", "#", others, ..] if others.starts_with("others") => k += 3,
+            [word, ..] => {
+                kept.push(word);
+                k += 1;
+            }
+            [] => break,
+        }
+    }
+    kept.join(" ")
 }
 
 /// One line for the notes of one kind: the one with the largest count stands for them.
@@ -362,6 +382,27 @@ mod tests {
             ]
         );
         assert_eq!(grouped(&notes, Severity::Missing).len(), 1);
+        let moves = |subject: &str, of: &str| {
+            let text = format!("{subject}: straight lines move {of}: record faster");
+            note(Severity::Warning, "", subject, 1, &text)
+        };
+        let notes = [
+            moves("f-1.01", "M_q by 1.3 sd, M_de by 0.5 sd"),
+            moves(
+                "f-1.02",
+                "Z_a by 2.0 sd, M_q by 1.1 sd, M_de by 0.6 sd, Z_q by 0.5 sd and 3 others",
+            ),
+        ];
+        assert_eq!(grouped(&notes, Severity::Warning).len(), 1);
+        let alike = |of: &str| {
+            note(Severity::Warning, "", "all", 1, &format!("all: {of} are not distinguishable"))
+        };
+        let notes = [
+            alike("alpha(0) of f-1.01, q(0) of f-1.01"),
+            alike("p(0) of f-2.01, phi(0) of f-2.01, beta(0) of f-2.01"),
+            alike("M_q, M_de"),
+        ];
+        assert_eq!(grouped(&notes, Severity::Warning).len(), 2);
     }
 
     #[test]

@@ -212,6 +212,7 @@ usage error.";
 pub const SCHEMA: &str = "\
 Examples:
   koehler schema pipeline               print the schema of pipeline.toml
+  koehler schema effect                 that of an effect file
   koehler schema --out schemas          write all of them
 An editor completes and checks a file that begins with a line such as
   #:schema ./schemas/pipeline.schema.json";

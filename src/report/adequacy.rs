@@ -24,7 +24,9 @@ fn is_poor(table: &Columns, row: usize) -> bool {
 
 /// One row for each output of each estimate: of several flights the one of which most is left.
 pub fn grid(table: Option<&Columns>) -> Grid {
-    let note = "Where noise drives the model, what its filter takes for noise of the sensors is looked at.";
+    let note = "Where noise drives the model, what its filter takes for noise of the sensors is looked at. What is left and goes with an input is \
+         missing in the model: koehler diagnose looks for it. What goes with none may be turbulence: standard deviations of output error are too small \
+         then, and a model whose states have `noise` is estimated by filter error.";
     let worst: Vec<usize> = table.iter().flat_map(|t| worst(t)).map(|(row, _)| row).collect();
     judged(table, &worst, ["model", "flight"].as_slice(), &[], note)
 }

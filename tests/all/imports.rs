@@ -491,7 +491,7 @@ name = "/air"
 fields = [{ column = "V", name = "V", unit = "m/s" }, { column = "gear", name = "gear", unit = "1" }, { column = 4, name = "n", unit = "1" }]
 [[topic]]
 name = "/slow"
-time = { column = "t", unit = "s" }
+time = { column = "t", unit = "s", start_s = 1700000000 }
 fields = [{ column = "V", name = "V", unit = "m/s" }]
 "#,
     );
@@ -519,9 +519,14 @@ fields = [{ column = "V", name = "V", unit = "m/s" }]
         assert_eq!(told(&air[1]), (1_700_000_000_100_000_000, r#"{"V":null,"gear":0.0,"n":8.0}"#));
         assert_eq!(
             import.messages("a.mcap", "/slow"),
-            [(2_500_000_000, r#"{"V":null}"#.to_string())]
+            [(1_700_000_002_500_000_000, r#"{"V":null}"#.to_string())]
         );
     }
+    // Topics that were never recorded together are on different clocks.
+    let text = std::fs::read_to_string(import.at("import.toml")).expect("readable");
+    import.put("import.toml", text.replace(", start_s = 1700000000", ""));
+    import.refused(&[], &["topic \"/air\" begins at 1700000000 s since 1970", "19676 days before"]);
+    import.put("import.toml", text);
     let text = std::fs::read_to_string(import.at("import.toml")).expect("readable");
     import.put(
         "import.toml",

@@ -25,6 +25,7 @@ mod equation_error;
 mod faults;
 mod figures;
 mod filter_error;
+mod first_estimate;
 mod flightdata;
 mod floors;
 mod folder;

@@ -111,6 +111,11 @@ fn convert(
             return Err(Error::at(Place::file(source.path.to_string_lossy()), what).into());
         }
     }
+    if let Some(what) = apart(settings, &topics) {
+        return Err(Error::at(Place::file(source.path.to_string_lossy()), what)
+            .help("topics of a log share one clock: `start_s` of a topic's time says when its column is zero, in seconds since 1970")
+            .into());
+    }
     write(settings, &topics, &output)?;
     Ok(Imported {
         input: source.path.clone(),
@@ -120,6 +125,30 @@ fn convert(
         topics: topics.len(),
         fields: settings.topic.iter().map(|t| t.fields.len()).sum(),
         notes,
+    })
+}
+
+/// Topics further apart than this were never recorded together, s.
+const A_DAY: f64 = 86_400.0;
+
+/// Whether a topic begins more than a day after another has ended, in words.
+fn apart(settings: &Import, topics: &[Rows]) -> Option<String> {
+    let spans = || {
+        settings.topic.iter().zip(topics).filter_map(|(topic, rows)| {
+            Some((topic.name.as_str(), *rows.stamp.first()?, *rows.stamp.last()?))
+        })
+    };
+    let (early, _, end) = spans().min_by_key(|(_, _, end)| *end)?;
+    let (late, begin, _) = spans().max_by_key(|(_, begin, _)| *begin)?;
+    let seconds = |ns: u64| ns as f64 * 1e-9;
+    let between = seconds(begin.saturating_sub(end));
+    (between > A_DAY).then(|| {
+        format!(
+            "topic \"{late}\" begins at {:.0} s since 1970, and \"{early}\" has ended at {:.0} s, {:.0} days before",
+            seconds(begin),
+            seconds(end),
+            between / A_DAY
+        )
     })
 }
 

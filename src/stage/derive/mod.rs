@@ -67,20 +67,22 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
     let signals = signals.map_or_else(|| inputs.of("signals", &unit.name), Ok)?;
     let series = super::series(&signals)?;
     let dt = 1.0 / config.settings.rate_hz;
-    let first =
-        series.values().filter_map(|(t, _)| t.first()).copied().fold(f64::INFINITY, f64::min);
-    let last =
-        series.values().filter_map(|(t, _)| t.last()).copied().fold(f64::NEG_INFINITY, f64::max);
+    let ends = || series.iter().filter_map(|(name, (t, _))| Some((*name, *t.first()?, *t.last()?)));
+    let earliest = ends().min_by(|a, b| a.1.total_cmp(&b.1));
+    let latest = ends().max_by(|a, b| a.2.total_cmp(&b.2));
+    let (from, first) = earliest.map_or(("", f64::INFINITY), |(name, first, _)| (name, first));
+    let (to, last) = latest.map_or(("", f64::NEG_INFINITY), |(name, _, last)| (name, last));
     // Grid points are whole multiples of dt: the same times whatever the first sample's is.
     let grid = Grid::covering(libm::ceil(first / dt - 1e-6) * dt, last, dt);
     if grid.n > Grid::MOST {
         let what = format!(
-            "the signals run from {first:.0} s to {last:.0} s: {} points of the grid",
-            grid.n
+            "the signals run from {first:.0} s ({from}) to {last:.0} s ({to}): {} points of the grid, and {} are the most",
+            grid.n,
+            Grid::MOST
         );
         return Err(Error::new(what)
             .help(
-                "some clock has jumped: the table `channels` says when each signal begins and ends",
+                "some clock has jumped, or is another one: the table `channels` says when each signal begins and ends",
             )
             .into());
     }
