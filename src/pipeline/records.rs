@@ -72,10 +72,20 @@ impl Records {
         self.mark.join("records.jsonl")
     }
 
+    fn held(&self) -> MutexGuard<'_, Option<State>> {
+        self.state.lock().unwrap_or_else(|p| p.into_inner())
+    }
+
     /// What to do with the records, read where they are not yet.
     fn with<T>(&self, to: impl FnOnce(&mut State) -> T) -> T {
-        let mut held: MutexGuard<Option<State>> =
-            self.state.lock().unwrap_or_else(|p| p.into_inner());
+        // They are read side by side, by threads that may take up work that asks for a record as well:
+        // the lock is never held meanwhile.
+        let is_read = self.held().is_some();
+        let read = (!is_read).then(|| State::read(&self.mark, &self.path()));
+        let mut held = self.held();
+        if held.is_none() {
+            *held = read;
+        }
         to(held.get_or_insert_with(|| State::read(&self.mark, &self.path())))
     }
 
@@ -119,7 +129,7 @@ impl Records {
 
     /// Forgets what was read, and reads it again when it is asked for: another run may have written.
     pub fn refresh(&self) {
-        *self.state.lock().unwrap_or_else(|p| p.into_inner()) = None;
+        *self.held() = None;
     }
 
     /// Puts the file in order: a line for each unit, by stage and unit. Records of an earlier form go
@@ -128,16 +138,15 @@ impl Records {
     /// # Errors
     /// The file cannot be written.
     pub fn settle(&self) -> Result<()> {
-        self.with(|state| {
-            if state.disordered {
-                let lines: Result<Vec<Vec<u8>>> =
-                    state.all.par_iter().map(|(_, record)| line(&**record)).collect();
-                write_atomic(&self.path(), &lines?.concat())?;
+        if self.with(|state| state.disordered) {
+            let lines: Result<Vec<Vec<u8>>> =
+                self.all().par_iter().map(|record| line(&**record)).collect();
+            write_atomic(&self.path(), &lines?.concat())?;
+            self.with(|state| {
                 state.file = None;
                 (state.disordered, state.torn) = (false, false);
-            }
-            Ok(())
-        })?;
+            });
+        }
         for path in earlier(&self.mark) {
             files::remove_file(&path)?;
             // Its folder goes with the last one.
