@@ -40,7 +40,7 @@ pub(super) const KNOWN: &[Known] = &[
     known("ay_imu", "m/s^2", "Lateral specific force, right positive", &["ay", "ayimu", "accely", "accy", "accelerationy", "linearaccelerationy", "lateralacceleration"]),
     known("az_imu", "m/s^2", "Normal specific force, down positive (about -9.8 in level flight)", &["az", "azimu", "accelz", "accz", "accelerationz", "linearaccelerationz", "normalacceleration"]),
     known("h", "m", "Altitude", &["h", "alt", "altitude", "height", "pressurealtitude", "baroaltitude"]),
-    known("delta_e", "rad", "Elevator deflection, trailing edge down positive", &["de", "deltae", "elevator", "elev", "eta", "elevatordeflection", "elevatorposition"]),
+    known("delta_e", "rad", "Elevator deflection, trailing edge down positive", &["de", "deltae", "elevator", "elev", "elevatordeflection", "elevatorposition"]),
     known("delta_a", "rad", "Aileron deflection", &["da", "deltaa", "aileron", "ail", "xi", "ailerondeflection", "aileronposition"]),
     known("delta_r", "rad", "Rudder deflection", &["dr", "deltar", "rudder", "rud", "zeta", "rudderdeflection", "rudderposition"]),
     known("thrust", "N", "Thrust", &["thrust", "totalthrust", "netthrust"]),
