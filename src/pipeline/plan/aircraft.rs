@@ -70,19 +70,28 @@ fn file(given: &mut Given, key: &str, name: &str) -> Option<Constants> {
     let (constants, doc) = given.errors.take(config::load::<Constants>(&path))?;
     let before = given.errors.0.len();
     for (name, constant) in &constants.0 {
-        if let Some(what) = POSITIVE.iter().find(|(unit, _)| *unit == constant.unit)
-            && !(constant.value > 0.0)
-        {
+        if POSITIVE.contains(&(name.as_str(), constant.unit.as_str())) && !(constant.value > 0.0) {
             let text = format!("{name} is {} {}", constant.value, constant.unit);
             let error = doc.error(&format!("{name}.value"), text);
-            given.errors.push(error.help(format!("{} is larger than zero", what.1)));
+            given
+                .errors
+                .push(error.help("a mass, an inertia, an area or a length is larger than zero"));
         }
     }
     (given.errors.0.len() == before).then_some(constants)
 }
 
-/// Units of what cannot be zero or less.
-const POSITIVE: [(&str, &str); 2] = [("kg", "a mass"), ("m^2", "an area")];
+/// Constants that cannot be zero or less, with their units. Others in these units can: what is added to a mass.
+const POSITIVE: [(&str, &str); 8] = [
+    ("m", "kg"),
+    ("mass", "kg"),
+    ("S", "m^2"),
+    ("b", "m"),
+    ("c", "m"),
+    ("I_x", "kg m^2"),
+    ("I_y", "kg m^2"),
+    ("I_z", "kg m^2"),
+];
 
 /// What one entry takes; none where it asks for what the other pipeline does not estimate.
 fn values(
