@@ -3,11 +3,11 @@
 use super::{Directions, Interpolation, Lost, Propagator, Record};
 use crate::model::{Constants, Model};
 
-fn model(text: &str) -> Model {
+pub(super) fn model(text: &str) -> Model {
     Model::parse("test", text, &Constants::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn record(n: usize, dt: f64, input: impl Fn(f64) -> f64) -> Record {
+pub(super) fn record(n: usize, dt: f64, input: impl Fn(f64) -> f64) -> Record {
     let inputs = (0..n).map(|k| input(k as f64 * dt)).collect();
     Record { dt, n, inputs, ..Record::default() }
 }
@@ -88,7 +88,7 @@ w = {{ unit = "rad/s", value = "w" }}
 
 /// The largest difference between sensitivities and central differences, over the largest
 /// sensitivity of each output and direction.
-fn worst(model: &Model, record: &Record) -> f64 {
+pub(super) fn worst(model: &Model, record: &Record) -> f64 {
     let n = model.parameters.len();
     let all = Directions { parameters: (0..n).collect(), starts: Vec::new() };
     let propagator = Propagator::new(model, all).expect("a propagator");

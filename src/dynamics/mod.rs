@@ -28,7 +28,10 @@
 //! A state with a stop is put on it wherever it would be beyond it: in the arguments of every
 //! stage, and at the end of every step. Its sensitivity there is that of the stop. So values
 //! change continuously when contacts come and go with a parameter, and what other states see of it
-//! is never beyond the stop. A stop may move with inputs and other states.
+//! is never beyond the stop. A stop may move with inputs, their past and other states; those that
+//! have stops themselves are put on them first. It takes the state along, but no faster than the
+//! state's `rate_max`: `x = x_0 +- R t` since the step began. So play is a state at rest between
+//! two stops, and a rate limit one whose stops are where it should be: neither is stiff.
 //!
 //! A velocity with friction, and one whose position has a stop, is held and let go at instants that
 //! are found inside a step (`contacts`): the step ends there, and another one takes its rest.
@@ -71,6 +74,8 @@ mod sweep_rows;
 #[cfg(test)]
 mod sweep_tests;
 mod tableau;
+#[cfg(test)]
+mod taken_along_tests;
 mod tangent;
 mod values;
 

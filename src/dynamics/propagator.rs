@@ -97,7 +97,13 @@ pub struct Propagator {
     pub(super) limits: Program,
     /// Whether they change along a trajectory.
     pub(super) limits_move: bool,
+    /// Whether they depend on delayed values.
+    pub(super) limits_are_late: bool,
+    /// States with limits, level by level, and the ends of the levels (`Model::limited_in_order`).
     pub(super) limited: Vec<usize>,
+    pub(super) level_ends: Vec<usize>,
+    /// Whether stops that move take some state along no faster than its rate allows.
+    pub(super) hurries: bool,
     /// Velocities that friction or a stop may hold, and what would move them.
     pub(super) moving: Vec<Moving>,
     pub(super) moving_values: Program,
@@ -158,6 +164,7 @@ impl Propagator {
         let leaves = model.graph.leaves(&nodes);
         let linear = model.linearize(&directions.parameters, &outputs);
         let (lanes, nx) = (directions.lanes(), model.states.len());
+        let (limited, level_ends) = model.limited_in_order();
         Ok(Propagator {
             rate_rows: Rows::new(&linear.rates, &linear.rates_program, nx, nx, lanes),
             output_rows: Rows::new(
@@ -174,7 +181,7 @@ impl Propagator {
                 nx,
                 lanes,
             ),
-            limit_rows: Rows::new(&linear.limits, &linear.limits_program, 2 * nx, nx, lanes),
+            limit_rows: Rows::new(&linear.limits, &linear.limits_program, 3 * nx, nx, lanes),
             moving_rows: Rows::new(
                 &linear.moving,
                 &linear.moving_program,
@@ -193,9 +200,10 @@ impl Propagator {
             limits_move: model.limits_move(),
             moving: model.moving.clone(),
             moving_values: model.moving_program(),
-            limited: (0..model.states.len())
-                .filter(|&i| model.states[i].min.is_some() || model.states[i].max.is_some())
-                .collect(),
+            limits_are_late: model.limits_are_late(),
+            limited,
+            level_ends,
+            hurries: (0..nx).any(|i| model.taken_along(i).is_some()),
             delays: model.delays.clone(),
             uses_input_rates: leaves
                 .iter()

@@ -5,9 +5,13 @@ use super::evaluate::{Programs, Single};
 use super::modes::{Mode, Span};
 use super::tableau::{AHEAD, OFFSET, WEIGHT};
 use super::values::{Chunk, Run};
+use std::ops::Range;
 
-/// A state on its stop, which it would leave outwards.
+/// How a limited state is: on its stop, which it would leave outwards; taken along by a stop that
+/// moves faster than the state may, upwards and downwards.
 pub(super) const RESTS: u8 = 3;
+pub(super) const UP: u8 = 4;
+pub(super) const DOWN: u8 = 5;
 
 impl Run<'_> {
     /// Takes the states `x` through a span, with the modes as they are.
@@ -32,13 +36,15 @@ impl Run<'_> {
             chunk.stages.resize(at + width, 0.0);
             let point = &mut chunk.stages[at..];
             self.arguments(span.k, span.at(OFFSET[stage]), &stage_x, point);
-            self.limits_at(point, &mut programs.limits);
             if stage == 0 {
                 self.remember(point[width - 1], x);
-            } else {
-                self.clip(&mut point[..nx], &mut chunk.clipped);
             }
             self.delayed(point, &mut programs.taus, stage > 0, &mut chunk.pasts);
+            if stage == 0 {
+                self.limits_at(point, &mut programs.limits);
+            } else {
+                self.put(point, (x, OFFSET[stage] * h), &mut programs.limits, &mut chunk.clipped);
+            }
             programs.rates.at(point);
             for i in 0..nx {
                 let f = programs.rates.get(i);
@@ -53,6 +59,9 @@ impl Run<'_> {
                 self.rests(x, &programs.rates, chunk);
             }
         }
+        let mut begin = std::mem::take(&mut self.begin);
+        begin.clear();
+        begin.extend_from_slice(x);
         for i in 0..nx {
             x[i] += h / 6.0 * sum[i];
         }
@@ -61,11 +70,34 @@ impl Run<'_> {
             chunk.ends.resize(at + width, 0.0);
             let end = &mut chunk.ends[at..];
             self.arguments(span.k, span.at(1.0), x, end);
-            self.limits_at(end, &mut programs.limits);
+            if self.propagator.limits_are_late {
+                self.delayed(end, &mut programs.taus, true, &mut chunk.end_pasts);
+            }
+            self.put(end, (&begin, h), &mut programs.limits, &mut chunk.held);
+            x.copy_from_slice(&end[..nx]);
+        } else {
+            self.clip(0..self.propagator.limited.len(), x, (&begin, h), &mut chunk.held);
         }
-        self.clip(x, &mut chunk.held);
         chunk.lengths.push(h);
-        (self.stage, self.sum) = (stage_x, sum);
+        (self.stage, self.sum, self.begin) = (stage_x, sum, begin);
+    }
+
+    /// Puts the states of a point on their stops where they would be beyond them, level by level;
+    /// `since`: the states at the begin of the step, and how long ago that is.
+    fn put(
+        &mut self,
+        point: &mut [f64],
+        since: (&[f64], f64),
+        limits: &mut Single,
+        how: &mut Vec<u8>,
+    ) {
+        let (propagator, nx) = (self.propagator, self.propagator.layout.states);
+        let mut from = 0;
+        for &to in &propagator.level_ends {
+            self.limits_at(point, limits);
+            self.clip(from..to, &mut point[..nx], since, how);
+            from = to;
+        }
     }
 
     /// The limits at a point, where they are not the same everywhere.
@@ -78,10 +110,18 @@ impl Run<'_> {
         }
     }
 
-    /// Puts states that are beyond a stop on it, and says which. A position whose velocity may be
-    /// held is on its stop, or is not, as its mode says.
-    fn clip(&self, x: &mut [f64], how: &mut Vec<u8>) {
-        for &i in &self.propagator.limited {
+    /// Puts states that are beyond a stop on it, or as near to it as it may take them since the
+    /// step began, and says which. A position whose velocity may be held is on its stop, or is not,
+    /// as its mode says.
+    fn clip(
+        &self,
+        which: Range<usize>,
+        x: &mut [f64],
+        (begin, since): (&[f64], f64),
+        how: &mut Vec<u8>,
+    ) {
+        let nx = self.propagator.layout.states;
+        for &i in &self.propagator.limited[which] {
             let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
             let mover = self.propagator.moving.iter().position(|m| m.position == Some(i));
             let beyond = match mover.map(|k| self.modes[k]) {
@@ -94,8 +134,15 @@ impl Run<'_> {
                 Some(Mode::AtMax) => 2,
                 Some(Mode::Rests) | None => u8::from(x[i] < low) + 2 * u8::from(x[i] > high),
             };
-            how.push(beyond);
-            x[i] = [x[i], low, high][usize::from(beyond.min(2))];
+            let stop = [x[i], low, high][usize::from(beyond)];
+            let reach = self.bounds[2 * nx + i] * since;
+            let (put, said) = match stop - begin[i] {
+                way if beyond > 0 && way > reach => (begin[i] + reach, UP),
+                way if beyond > 0 && way < -reach => (begin[i] - reach, DOWN),
+                _ => (stop, beyond),
+            };
+            how.push(said);
+            x[i] = put;
         }
     }
 

@@ -7,11 +7,11 @@ use super::modes::{Event, Jump};
 use super::propagator::Propagator;
 use super::remembered::Remembered;
 use super::rows::{Append, Block, LANES, Rows, append, product};
-use super::step::RESTS;
+use super::step::{DOWN, RESTS, UP};
 use super::steps::{Steps, steps};
 use super::sweep::Sweep;
 use super::sweep_rows::{Goal, RowSweep};
-use super::tableau::{AHEAD, WEIGHT};
+use super::tableau::{AHEAD, OFFSET, WEIGHT};
 use super::values::{Chunk, Run};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
@@ -27,6 +27,8 @@ pub struct Tangent<'p> {
     outputs: Jacobian<'p>,
     delays: Jacobian<'p>,
     point_delays: Jacobian<'p>,
+    /// Of the delays at the ends of steps, where limits depend on delayed values.
+    end_delays: Jacobian<'p>,
     /// Of the limits at stages and at the ends of steps, where they change along a trajectory.
     stage_limits: Jacobian<'p>,
     end_limits: Jacobian<'p>,
@@ -38,8 +40,10 @@ pub struct Tangent<'p> {
     /// Sensitivities of the states `[state][lanes]`, behind them those of the delayed values at a
     /// grid point.
     s: Aligned,
-    /// Sensitivities of the limits `[state][min, max][lanes]`.
+    /// Sensitivities of the limits `[row][lanes]`, rows as in `Model::limits_program`.
     limits: Vec<f64>,
+    /// Those of the states at the begin of a step, where stops take states along.
+    begin: Vec<f64>,
     /// Output sensitivities, per output `[point][direction]`, and how many points are done.
     pub rows: Vec<Vec<f64>>,
     done: usize,
@@ -144,7 +148,7 @@ impl<'p> Tangent<'p> {
         };
         let delays = || jacobian(&propagator.delay_rows, &linear.delays_program, &made.delays);
         let limits = || jacobian(&propagator.limit_rows, &linear.limits_program, &made.limits);
-        let of_limits = vec![0.0; if propagator.limited.is_empty() { 0 } else { nx * 2 * lanes }];
+        let of_limits = vec![0.0; if propagator.limited.is_empty() { 0 } else { 3 * nx * lanes }];
         let mut tangent = Tangent {
             propagator,
             width: Width::detect(),
@@ -152,6 +156,7 @@ impl<'p> Tangent<'p> {
             outputs: jacobian(&propagator.output_rows, &linear.outputs_program, &made.outputs),
             delays: delays(),
             point_delays: delays(),
+            end_delays: delays(),
             stage_limits: limits(),
             end_limits: limits(),
             pushes: jacobian(&propagator.moving_rows, &linear.moving_program, &made.moving),
@@ -159,6 +164,7 @@ impl<'p> Tangent<'p> {
             lanes,
             s,
             limits: of_limits,
+            begin: vec![0.0; if propagator.hurries { nx * lanes } else { 0 }],
             rows: (0..ny).map(|_| pool::take(points * nd)).collect(),
             done: 0,
             remembered: Remembered::of(propagator, points),
@@ -198,8 +204,9 @@ impl<'p> Tangent<'p> {
     pub fn advance(&mut self, run: &Run, chunk: &Chunk) {
         let points =
             [&mut self.outputs, &mut self.point_delays, &mut self.end_limits, &mut self.pushes];
+        let points = points.into_iter().chain([&mut self.end_delays]);
         let stages = [&mut self.rates, &mut self.delays, &mut self.stage_limits];
-        points.into_iter().chain(stages).for_each(Jacobian::forget);
+        points.chain(stages).for_each(Jacobian::forget);
         match (self.propagator.plain(), &self.propagator.native.sweep) {
             (true, Some((steps, rows))) => self.sweep(run, chunk, steps, rows),
             (true, None) => self.march(run, chunk),
@@ -348,21 +355,16 @@ impl<'p> Tangent<'p> {
                     self.remembered.begin(&self.s);
                 }
                 let weights = weights(chunk.lengths[substep]);
+                self.begin.iter_mut().zip(&self.s[..]).for_each(|(begin, s)| *begin = *s);
                 for _ in 0..4 {
                     let clipped = &chunk.clipped[stage * limited..(stage + 1) * limited];
                     let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
-                    self.stage(run, &chunk.stages, stage, clipped, pasts, weights);
+                    let length = chunk.lengths[substep];
+                    self.stage(run, &chunk.stages, (stage, length), clipped, pasts, weights);
                     stage += 1;
                 }
                 let held = &chunk.held[substep * limited..(substep + 1) * limited];
-                if propagator.limits_move && is_put(held) {
-                    let block = self.end_limits.at(&chunk.ends, substep);
-                    // SAFETY: the width is this machine's.
-                    unsafe {
-                        product(self.width, block, substep % LANES, &self.s, &mut self.limits)
-                    };
-                }
-                put_on_stops(propagator, &self.limits, self.lanes, held, &mut self.s);
+                self.end(run, chunk, substep, held);
                 substep += 1;
                 while let Some(jump) = jumps.next_if(|jump| jump.after <= substep) {
                     self.jump(jump, chunk, substep);
@@ -371,13 +373,39 @@ impl<'p> Tangent<'p> {
         }
     }
 
-    /// Stage `at` of a chunk's `stages`, and after the last one of a step the step. `pasts`: how
-    /// its delayed values were read.
+    /// Puts states on their stops at the end of a step of a chunk.
+    fn end(&mut self, run: &Run, chunk: &Chunk, step: usize, held: &[u8]) {
+        let moves = self.propagator.limits_move && is_put(held);
+        if moves && self.propagator.limits_are_late {
+            let delays = self.propagator.delays.len();
+            delayed(
+                self.propagator,
+                self.width,
+                run,
+                &chunk.end_pasts[step * delays..][..delays],
+                (self.end_delays.at(&chunk.ends, step), step),
+                &mut self.s,
+                &mut self.remembered,
+            );
+        }
+        let block = moves.then(|| (self.end_limits.at(&chunk.ends, step), step % LANES));
+        let put = Put {
+            propagator: self.propagator,
+            width: self.width,
+            how: held,
+            begin: &self.begin,
+            since: chunk.lengths[step],
+        };
+        put.on_stops(block, &mut self.limits, &mut self.s);
+    }
+
+    /// Stage `at` of a chunk's `stages`, and after the last one of a step the step, which takes
+    /// `length` s. `pasts`: how its delayed values were read.
     fn stage(
         &mut self,
         run: &Run,
         stages: &[f64],
-        at: usize,
+        (at, length): (usize, f64),
         clipped: &[u8],
         pasts: &[Past],
         weights: [[f64; 2]; 4],
@@ -389,12 +417,6 @@ impl<'p> Tangent<'p> {
             b[..size].copy_from_slice(&self.s[..size]);
         }
         let from = if number % 2 == 0 { &mut *b } else { &mut *a };
-        if self.propagator.limits_move && is_put(clipped) {
-            let block = self.stage_limits.at(stages, at);
-            // SAFETY: the width is this machine's.
-            unsafe { product(self.width, block, at % LANES, from, &mut self.limits) };
-        }
-        put_on_stops(self.propagator, &self.limits, self.lanes, clipped, from);
         if !pasts.is_empty() {
             delayed(
                 self.propagator,
@@ -406,6 +428,16 @@ impl<'p> Tangent<'p> {
                 &mut self.remembered,
             );
         }
+        let moves = self.propagator.limits_move && is_put(clipped);
+        let block = moves.then(|| (self.stage_limits.at(stages, at), at % LANES));
+        let put = Put {
+            propagator: self.propagator,
+            width: self.width,
+            how: clipped,
+            begin: &self.begin,
+            since: OFFSET[number] * length,
+        };
+        put.on_stops(block, &mut self.limits, from);
         let k = history.then_some(&mut **k);
         let mut job = Steps {
             s: &mut self.s,
@@ -494,18 +526,52 @@ pub(super) fn starts(propagator: &Propagator, file: &[[f64; 1]], s: &mut [f64]) 
     }
 }
 
-/// Whether any state was put on a stop.
+/// Whether any state was put on a stop, or taken along by one.
 fn is_put(how: &[u8]) -> bool {
-    how.iter().any(|how| (1..RESTS).contains(how))
+    how.iter().any(|how| *how != 0 && *how != RESTS)
 }
 
-/// The sensitivity of a state that was put on a stop is that of the stop.
-fn put_on_stops(propagator: &Propagator, limits: &[f64], lanes: usize, how: &[u8], s: &mut [f64]) {
-    for (&i, &how) in
-        propagator.limited.iter().zip(how).filter(|(_, how)| (1..RESTS).contains(*how))
-    {
-        let from = (2 * i + usize::from(how) - 1) * lanes;
-        s[i * lanes..(i + 1) * lanes].copy_from_slice(&limits[from..from + lanes]);
+/// States that were put on stops at a point: how, and what stops that take them along need, their
+/// sensitivities at the begin of the step and the time since then, s.
+struct Put<'a> {
+    propagator: &'a Propagator,
+    width: Width,
+    how: &'a [u8],
+    begin: &'a [f64],
+    since: f64,
+}
+
+impl Put<'_> {
+    /// The sensitivity of a state that was put on a stop is that of the stop; of one that was taken
+    /// along, x = x_0 +- R t, it is S_0 +- t dR. `block`: the Jacobian of limits that move, and the
+    /// point in it; `s`: sensitivities of the states, and those of the delayed values behind them.
+    fn on_stops(&self, block: Option<(Block<'_>, usize)>, limits: &mut [f64], s: &mut [f64]) {
+        let propagator = self.propagator;
+        let (lanes, nx) = (propagator.directions.lanes(), propagator.layout.states);
+        let mut from = 0;
+        for &to in &propagator.level_ends {
+            if let Some((block, at)) = block {
+                // SAFETY: the width is this machine's.
+                unsafe { product(self.width, block, at, s, limits) };
+            }
+            for (&i, &how) in propagator.limited[from..to].iter().zip(&self.how[from..to]) {
+                let row = |k: usize| k * lanes..(k + 1) * lanes;
+                match how {
+                    0 | RESTS => {}
+                    UP | DOWN => {
+                        let since = if how == UP { self.since } else { -self.since };
+                        let fastest = &limits[row(2 * nx + i)];
+                        let both = self.begin[row(i)].iter().zip(fastest);
+                        s[row(i)].iter_mut().zip(both).for_each(|(s, (s0, r))| *s = s0 + since * r);
+                    }
+                    stop => {
+                        let limit = &limits[row(2 * i + usize::from(stop) - 1)];
+                        s[row(i)].copy_from_slice(limit);
+                    }
+                }
+            }
+            from = to;
+        }
     }
 }
 

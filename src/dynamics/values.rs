@@ -20,7 +20,8 @@ pub(super) struct Run<'p> {
     between: Between,
     /// Inputs without their small movements, per delay.
     smooth: Vec<Option<Smooth>>,
-    /// Limits of the states at this instant: lower, upper.
+    /// Limits of the states at this instant: lower and upper of each, then how fast stops take each
+    /// along.
     pub(super) bounds: Vec<f64>,
     /// How each `Moving` is at this instant, and whether it has moved at all.
     pub(super) modes: Vec<Mode>,
@@ -32,6 +33,7 @@ pub(super) struct Run<'p> {
     /// Scratch of a step, and of a point.
     pub(super) stage: Vec<f64>,
     pub(super) sum: Vec<f64>,
+    pub(super) begin: Vec<f64>,
     pub(super) scratch: Vec<f64>,
 }
 
@@ -56,7 +58,7 @@ impl<'p> Run<'p> {
             Vec::new()
         };
         let nu = propagator.layout.inputs;
-        let (times, x_history, f_history, stage, sum) = Default::default();
+        let (times, x_history, f_history, stage, sum, begin) = Default::default();
         let count = propagator.moving.len();
         Run {
             propagator,
@@ -72,6 +74,7 @@ impl<'p> Run<'p> {
             f_history,
             stage,
             sum,
+            begin,
             scratch: vec![0.0; propagator.layout.time() + 1],
         }
     }
@@ -92,9 +95,12 @@ pub(super) struct Chunk {
     pub(super) substeps: Vec<usize>,
     /// Length of each step, s; empty for a plain model, whose steps are alike.
     pub(super) lengths: Vec<f64>,
-    /// Arguments at the end of each step, where limits change along a trajectory.
+    /// Arguments at the end of each step, where limits change along a trajectory, and how their
+    /// delayed states were read, where limits depend on them.
     pub(super) ends: Vec<f64>,
-    /// Per step and limited state: 0 free, 1 held at its minimum, 2 at its maximum.
+    pub(super) end_pasts: Vec<Past>,
+    /// Per step and limited state: 0 free, 1 held at its minimum, 2 at its maximum; 4 and 5 taken
+    /// along by them as fast as it may, upwards and downwards.
     pub(super) held: Vec<u8>,
     /// Where sensitivities jump.
     pub(super) jumps: Vec<Jump>,
@@ -112,6 +118,7 @@ impl Chunk {
         self.substeps.clear();
         self.lengths.clear();
         self.ends.clear();
+        self.end_pasts.clear();
         self.jumps.clear();
         self.held.clear();
         self.clipped.clear();

@@ -114,17 +114,24 @@ impl Case {
             let column = |k: usize, at: usize| grid.y[k * width + watch.value - from + at];
             let motion: Vec<f64> = (0..n).map(|k| watch.towards(column(k, 0))).collect();
             let bound: Vec<f64> = (0..n).map(|k| column(k, 1)).collect();
-            let on = |k: usize| {
-                let limit = watch.towards(bound[k]);
-                motion[k] >= limit - ON * limit.abs().max(f64::MIN_POSITIVE)
-            };
-            Seen { active: (0..n).map(on).collect(), motion, bound }
+            let mut seen = Seen { active: Vec::new(), motion, bound };
+            seen.active = (0..n).map(|k| on(watch, &seen, k)).collect();
+            seen
         };
         let mut all: Vec<Seen> = watches.iter().map(of).collect();
-        // On a stop there is no rate, whatever it would be without.
         for (w, watch) in watches.iter().enumerate().filter(|(_, w)| w.limit == "rate_max") {
             let stop = |other: &Watch| other.state == watch.state && other.limit != "rate_max";
-            for stop in (0..watches.len()).filter(|i| stop(&watches[*i])) {
+            let stops: Vec<usize> = (0..watches.len()).filter(|i| stop(&watches[*i])).collect();
+            if let Some(&stop) = stops.first()
+                && self.model.taken_along(watch.state).is_some()
+            {
+                // A stop that moves takes it along: its rate is how it moves.
+                all[w].motion = speeds(&all[stop].motion, self.records[s].dt);
+                all[w].active = (0..n).map(|k| on(watch, &all[w], k)).collect();
+                continue;
+            }
+            // On a stop there is no rate, whatever it would be without.
+            for stop in stops {
                 for k in (0..n).filter(|k| all[stop].active[*k]).collect::<Vec<_>>() {
                     (all[w].active[k], all[w].motion[k]) = (false, 0.0);
                 }
@@ -132,4 +139,16 @@ impl Case {
         }
         all
     }
+}
+
+/// Whether what is limited is on its limit at a grid point.
+fn on(watch: &Watch, seen: &Seen, k: usize) -> bool {
+    let limit = watch.towards(seen.bound[k]);
+    seen.motion[k] >= limit - ON * limit.abs().max(f64::MIN_POSITIVE)
+}
+
+/// How fast a value moves from each grid point to the next one.
+fn speeds(values: &[f64], dt: f64) -> Vec<f64> {
+    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs() / dt);
+    steps.chain((!values.is_empty()).then_some(0.0)).collect()
 }

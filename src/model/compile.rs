@@ -188,7 +188,7 @@ impl Compiler<'_> {
     }
 
     /// A number in the unit of its place, or an expression that must have that unit.
-    fn value(&mut self, value: &Value, at: &At, dim: Dim, what: &str) -> Option<Node> {
+    pub(super) fn value(&mut self, value: &Value, at: &At, dim: Dim, what: &str) -> Option<Node> {
         match value {
             Value::Number(x) => Some(self.model.graph.c(*x)),
             Value::Text(text) => {
@@ -202,20 +202,23 @@ impl Compiler<'_> {
     /// Like `value`, but of what is known at an instant without the motion there.
     pub(super) fn limit(&mut self, value: &Value, at: &At, dim: Dim, what: &str) -> Option<Node> {
         let node = self.value(value, at, dim, what)?;
-        self.known_at_once(node, at, what).then_some(node)
+        let is_late = self.leaves(node).iter().any(|leaf| matches!(leaf, Leaf::Delayed(_)));
+        if is_late {
+            self.error(at, 0, format!("{what} is of the present: no delays"));
+        }
+        (self.known_at_once(node, at, what) && !is_late).then_some(node)
     }
 
     /// Whether a limit or a level is of what is known at an instant without the motion there; an
     /// error where not.
     pub(super) fn known_at_once(&mut self, node: Node, at: &At, what: &str) -> bool {
-        let of_motion = |leaf: &Leaf| {
-            matches!(leaf, Leaf::Delayed(_) | Leaf::InputRate(_) | Leaf::Held(_) | Leaf::Side(_))
-        };
+        let of_motion =
+            |leaf: &Leaf| matches!(leaf, Leaf::InputRate(_) | Leaf::Held(_) | Leaf::Side(_));
         if self.leaves(node).iter().any(of_motion) {
             self.error(
                 at,
                 0,
-                format!("{what} is a number or an expression of inputs, states, constants and parameters: no delays and no rates"),
+                format!("{what} is a number or an expression of inputs, states, constants and parameters: no rates"),
             );
             return false;
         }

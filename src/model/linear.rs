@@ -39,8 +39,7 @@ pub struct Linear {
     /// Delay times (first) and their Jacobian entries.
     pub delays: Sparse,
     pub delays_program: Program,
-    /// Jacobian entries of the states' limits; row `2 i` is the `min` of state i, `2 i + 1` its
-    /// `max`.
+    /// Jacobian entries of the states' limits, row by row as in `Model::limits_program`.
     pub limits: Sparse,
     pub limits_program: Program,
     /// Jacobian entries of what would move the `Moving` states and of their frictions, in turn.
@@ -80,8 +79,8 @@ impl Model {
         Program::lower(&self.graph, &taus, &self.layout)
     }
 
-    /// Values of the limits of the states: `min` and `max` of each state in turn (infinite where
-    /// there is none).
+    /// Values of the limits of the states: `min` and `max` of each state in turn, then how fast the
+    /// stops of each may take it along (infinite where there is none).
     pub fn limits_program(&self) -> Program {
         let mut graph = self.graph.clone();
         let nodes = self.limit_nodes(&mut graph);
@@ -90,7 +89,48 @@ impl Model {
 
     fn limit_nodes(&self, graph: &mut Graph) -> Vec<Node> {
         let (low, high) = (graph.c(f64::NEG_INFINITY), graph.c(f64::INFINITY));
-        self.states.iter().flat_map(|s| [s.min.unwrap_or(low), s.max.unwrap_or(high)]).collect()
+        let stops = self.states.iter().flat_map(|s| [s.min.unwrap_or(low), s.max.unwrap_or(high)]);
+        let fastest = (0..self.states.len()).map(|i| self.taken_along(i).unwrap_or(high));
+        stops.chain(fastest).collect()
+    }
+
+    /// How fast the stops of state i may take it along; none where they stand still, or do so as
+    /// fast as they move.
+    pub fn taken_along(&self, i: usize) -> Option<Node> {
+        let state = &self.states[i];
+        let moves = |node: Node| self.graph.depends(node) & depends::TRAJECTORY != 0;
+        state.rate_max.filter(|_| [state.min, state.max].into_iter().flatten().any(moves))
+    }
+
+    /// States with limits in the order in which they are put on them, and where in it each level
+    /// ends: limits of a level depend on the states of those before it at most. States whose limits
+    /// depend on each other in a circle are left out.
+    pub fn limited_in_order(&self) -> (Vec<usize>, Vec<usize>) {
+        let of = |i: &usize| {
+            let nodes = [self.states[*i].min, self.states[*i].max, self.states[*i].rate_max];
+            self.graph.leaves(&nodes.into_iter().flatten().collect::<Vec<_>>())
+        };
+        let is_limited = |i: &usize| self.states[*i].min.or(self.states[*i].max).is_some();
+        let mut left: Vec<usize> = (0..self.states.len()).filter(is_limited).collect();
+        let (mut order, mut ends) = (Vec::new(), Vec::new());
+        loop {
+            let waits = |i: &usize| {
+                of(i).iter().any(|leaf| matches!(leaf, Leaf::State(j) if left.contains(j)))
+            };
+            let (later, level): (Vec<usize>, Vec<usize>) = left.iter().partition(|i| waits(i));
+            if level.is_empty() {
+                return (order, ends);
+            }
+            order.extend(level);
+            ends.push(order.len());
+            left = later;
+        }
+    }
+
+    /// Whether a limit depends on a delayed value.
+    pub fn limits_are_late(&self) -> bool {
+        let nodes: Vec<Node> = self.states.iter().flat_map(|s| [s.min, s.max]).flatten().collect();
+        self.graph.leaves(&nodes).iter().any(|leaf| matches!(leaf, Leaf::Delayed(_)))
     }
 
     /// Whether a limit changes along a trajectory.

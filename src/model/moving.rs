@@ -146,7 +146,8 @@ impl Compiler<'_> {
         };
         let at = self.at(self.state_at[i].source, format!("states.{name}.{field}"));
         self.once(&format!("{field}({name})"), &at, |c| {
-            let node = c.limit(&value, &at, dim, field)?;
+            let node = c.value(&value, &at, dim, field)?;
+            c.known_at_once(node, &at, field).then_some(())?;
             Some(Typed { node, dim: Some(dim) })
         })
     }

@@ -10,6 +10,7 @@ mod hashed;
 mod journal;
 mod limits;
 mod lineage;
+mod made;
 mod memo;
 mod order;
 mod origin;

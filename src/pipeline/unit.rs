@@ -1,14 +1,13 @@
 //! A unit of a stage as a function: a plan and the names of what the unit reads come in, its tables,
 //! files and notes go out, wherever it is run.
 
+use super::made::Made;
 use super::plan::Plan;
 use crate::engine::{Blobs, Function, Kept, Key, Said, Source, decode, encode};
-use crate::error::{Error, Errors, Place, Result};
-use crate::stage::{self, Inputs, Note, Part, Unit};
+use crate::error::{Error, Place, Result};
+use crate::stage::{Inputs, Part, Unit};
 use crate::table::{Table, Want};
-use bytes::Bytes;
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -91,9 +90,6 @@ pub fn place(path: &str, hash: &str) -> Key {
     Key(format!("{path} {hash}"))
 }
 
-/// What came of a unit.
-pub struct Made(pub std::result::Result<stage::Output, Errors>);
-
 /// Hash of everything that units take from a plan: flights, channel map, and of every unit of every
 /// stage its place, what it reads and the configuration it sees.
 fn fingerprint(plan: &Plan) -> Key {
@@ -153,7 +149,7 @@ impl Function for UnitOfStage {
             engine: source.engine,
             kept: source.kept,
         };
-        Ok(Made((stage.run)(campaign, &item.unit, &inputs)))
+        Ok(Made::here((stage.run)(campaign, &item.unit, &inputs)))
     }
 
     fn pack(work: &Work, _: &dyn Blobs) -> Result<Vec<u8>> {
@@ -199,72 +195,6 @@ impl Packed {
                 Err(Error::new(format!("{} says something else here", self.pipeline.display())))
             }
         }
-    }
-}
-
-/// A unit's output as bytes.
-#[derive(Serialize, Deserialize)]
-struct Parcel {
-    /// Name, flight, Parquet file.
-    tables: Vec<(String, Option<String>, Bytes)>,
-    files: Vec<(String, Bytes)>,
-    notes: Vec<Note>,
-}
-
-impl Parcel {
-    fn of(output: &stage::Output) -> Result<Parcel> {
-        let table = |(name, table): &(&'static str, Table)| {
-            let flight = match crate::table::schema(name)?.per_flight {
-                true => table.runs("flight")?.first().map(|(id, _)| id.to_string()),
-                false => None,
-            };
-            Ok((name.to_string(), flight, Bytes::from(table.to_parquet()?)))
-        };
-        Ok(Parcel {
-            tables: output.tables.iter().map(table).collect::<Result<_>>()?,
-            files: output
-                .files
-                .iter()
-                .map(|(path, bytes)| (path.clone(), Bytes::from(bytes.clone())))
-                .collect(),
-            notes: output.notes.clone(),
-        })
-    }
-
-    fn open(self) -> Result<stage::Output> {
-        let table = |(name, flight, bytes): (String, Option<String>, Bytes)| {
-            let schema = crate::table::schema(&name)?;
-            // A table without rows has no flight that could be told.
-            let flight = flight.as_deref().or(schema.per_flight.then_some(""));
-            Ok((schema.name.as_str(), Table::from_parquet(&name, bytes.into(), flight)?))
-        };
-        Ok(stage::Output {
-            tables: self.tables.into_iter().map(table).collect::<Result<_>>()?,
-            files: self.files.into_iter().map(|(path, bytes)| (path, bytes.into())).collect(),
-            notes: self.notes,
-        })
-    }
-}
-
-impl Serialize for Made {
-    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-        use serde::ser::Error as _;
-        let parcel = self.0.as_ref().map(Parcel::of);
-        match parcel {
-            Ok(Ok(parcel)) => Ok::<_, &Errors>(parcel).serialize(serializer),
-            Ok(Err(e)) => Err(S::Error::custom(e)),
-            Err(errors) => Err::<Parcel, _>(errors).serialize(serializer),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Made {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Made, D::Error> {
-        let parcel = std::result::Result::<Parcel, Errors>::deserialize(deserializer)?;
-        Ok(Made(match parcel {
-            Ok(parcel) => Ok(parcel.open().map_err(D::Error::custom)?),
-            Err(errors) => Err(errors),
-        }))
     }
 }
 

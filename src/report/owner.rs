@@ -47,6 +47,16 @@ impl Owners {
         self.segments.get(name).or_else(record).map(String::as_str)
     }
 
+    /// The first and the last of the names that are a flight's, all of them between: of one flight's
+    /// owners.
+    pub fn reach(&self, flight: &str) -> [String; 2] {
+        let named = || self.segments.keys().map(String::as_str);
+        let (first, last) = (flight.to_string(), format!("{flight}-{}", char::MAX));
+        let least = named().chain([first.as_str()]).min().unwrap_or_default().to_string();
+        let most = named().chain([last.as_str()]).max().unwrap_or_default().to_string();
+        [least, most]
+    }
+
     /// Whether a table says of its rows which flight they are about.
     pub fn can_tell(has: impl Fn(&str) -> bool) -> bool {
         has("flight") || ABOUT.iter().any(|name| has(name))

@@ -115,10 +115,10 @@ fn of_flight(
     if !HISTORIES.contains(&name) || schema(name)?.per_flight {
         return inputs.all(name);
     }
-    let (flight, owners) = (flight.clone(), owners.clone());
+    let (flight, owners, reach) = (flight.clone(), owners.clone(), owners.reach(flight));
     let is_mine = move |segment: &str| owners.flight(segment) == Some(flight.as_str());
     inputs.all_with(
         name,
-        Want { rows: Some(&Rows::Of("segment", Arc::new(is_mine))), ..Want::default() },
+        Want { rows: Some(&Rows::Within("segment", reach, Arc::new(is_mine))), ..Want::default() },
     )
 }

@@ -126,6 +126,9 @@ impl Table {
         };
         file.columns = file.columns.iter().filter(kept).cloned().collect();
         file.filter = want.filter(file.reader.parquet_schema());
+        if let Some(groups) = want.rows.and_then(|rows| rows.groups(file.reader.metadata())) {
+            file.reader = file.reader.with_row_groups(groups);
+        }
         let (schema, columns) = (file.schema, file.columns.clone());
         let arrays = file.read(flight)?;
         Table::from_arrays(schema, columns, arrays)

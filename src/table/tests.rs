@@ -603,3 +603,35 @@ fn a_choice_of_rows_is_read_as_it_is_taken_from_all_of_them() {
     assert_eq!(read(Rows::Ends("segment")), [0.0, 1.0, 2.0, 4.0, 5.0, 6.0]);
     assert_eq!(read(Rows::Ends("not there")).len(), 7);
 }
+
+#[test]
+fn row_groups_without_a_wanted_text_are_left_alone() {
+    // Some 400 000 rows, three row groups and a part of a fourth, 40 flights one behind the other.
+    let rows = 400_000;
+    let names: Vec<String> = (0..rows).map(|k| format!("f{:02}-{}", k / 10_000, k % 3)).collect();
+    let table = Table::build("conditions")
+        .strings("flight", vec!["one"; rows])
+        .strings("segment", names.iter().map(String::as_str))
+        .repeat("signal", "V")
+        .repeat("unit", "m/s")
+        .f64("value", (0..rows).map(|k| k as f64).collect::<Vec<_>>())
+        .finish()
+        .expect("a table");
+    let bytes = bytes::Bytes::from(table.to_parquet().expect("bytes"));
+    use ::parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+    let file = ParquetRecordBatchReaderBuilder::try_new(bytes.clone()).expect("a file");
+    for (flight, groups) in
+        [("f00", vec![0]), ("f13", vec![0, 1]), ("f20", vec![1]), ("f99", vec![])]
+    {
+        let is_mine = std::sync::Arc::new(move |s: &str| s.starts_with(flight));
+        let reach = [flight.to_string(), format!("{flight}-{}", char::MAX)];
+        let within = Rows::Within("segment", reach, is_mine.clone());
+        assert_eq!(within.groups(file.metadata()), Some(groups), "{flight}");
+        let read = |rows: &Rows| {
+            let want = Want { rows: Some(rows), ..Want::default() };
+            let read = Table::part_of_parquet("conditions", bytes.clone(), Some("one"), want);
+            read.expect("some of its rows").f64("value").expect("values").to_vec()
+        };
+        assert_eq!(read(&within), read(&Rows::Of("segment", is_mine)), "{flight}");
+    }
+}

@@ -4,6 +4,8 @@
 use arrow_array::{Array, BooleanArray, RecordBatch, StringArray};
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ArrowPredicateFn, RowFilter};
+use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, RowGroupMetaData};
+use parquet::file::statistics::Statistics;
 use parquet::schema::types::SchemaDescriptor;
 use std::fmt;
 use std::sync::Arc;
@@ -27,6 +29,9 @@ pub type Is = Arc<dyn Fn(&str) -> bool + Send + Sync>;
 pub enum Rows {
     /// Those whose text is wanted.
     Of(&'static str, Is),
+    /// The same; none is wanted that comes before the first or behind the last of these texts, so
+    /// that row groups outside of them are left alone.
+    Within(&'static str, [String; 2], Is),
     /// Of neighbours that are alike the first and the last one, and some between them where they are many.
     Ends(&'static str),
 }
@@ -34,7 +39,7 @@ pub enum Rows {
 impl fmt::Debug for Rows {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
-            Rows::Of(column, _) => write!(f, "rows of {column}"),
+            Rows::Of(column, _) | Rows::Within(column, ..) => write!(f, "rows of {column}"),
             Rows::Ends(column) => write!(f, "ends of {column}"),
         }
     }
@@ -49,14 +54,33 @@ impl Want<'_> {
     /// The rows that are read; of the other columns nothing else is decoded.
     pub(super) fn filter(&self, file: &SchemaDescriptor) -> Option<RowFilter> {
         let rows = self.rows?.clone();
-        let (Rows::Of(column, _) | Rows::Ends(column)) = &rows;
-        let mask = ProjectionMask::columns(file, [*column]);
+        let mask = ProjectionMask::columns(file, [rows.column()]);
         let keep = move |batch: RecordBatch| Ok(rows.kept(&batch));
         Some(RowFilter::new(vec![Box::new(ArrowPredicateFn::new(mask, keep))]))
     }
 }
 
 impl Rows {
+    fn column(&self) -> &'static str {
+        let (Rows::Of(column, _) | Rows::Within(column, ..) | Rows::Ends(column)) = self;
+        column
+    }
+
+    /// The row groups in which a row may be wanted: those whose texts, by the file's own statistics,
+    /// are not all outside.
+    pub(super) fn groups(&self, file: &ParquetMetaData) -> Option<Vec<usize>> {
+        let Rows::Within(column, [first, last], _) = self else { return None };
+        let is_it = |c: &ColumnChunkMetaData| c.column_path().string() == *column;
+        let may_be = |group: &RowGroupMetaData| {
+            let statistics = group.columns().iter().find(|c| is_it(c)).and_then(|c| c.statistics());
+            let Some(Statistics::ByteArray(texts)) = statistics else { return true };
+            let before = texts.max_opt().is_some_and(|max| max.data() < first.as_bytes());
+            let behind = texts.min_opt().is_some_and(|min| min.data() > last.as_bytes());
+            !before && !behind
+        };
+        Some((0..file.num_row_groups()).filter(|&i| may_be(file.row_group(i))).collect())
+    }
+
     /// All rows where the column is not there, or no text: whoever reads the table says so.
     fn kept(&self, batch: &RecordBatch) -> BooleanArray {
         let texts = (batch.num_columns() > 0).then(|| batch.column(0).as_any());
@@ -70,7 +94,7 @@ impl Rows {
         while from < kept.len() {
             let end = (from..kept.len()).find(|&row| text(row) != text(from)).unwrap_or(kept.len());
             match self {
-                Rows::Of(_, is) => kept[from..end].fill(is(text(from))),
+                Rows::Of(_, is) | Rows::Within(_, _, is) => kept[from..end].fill(is(text(from))),
                 Rows::Ends(_) => (kept[from], kept[end - 1]) = (true, true),
             }
             from = end;

@@ -290,12 +290,12 @@ fn mistakes_are_named_with_line_and_column() {
         ),
         ("[states]\nx = { unit = \"m\", rat = \"V\", start = 0.0 }", "m.model.toml:8:19: "),
         (
-            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, max = \"delay(V, t)\" }",
-            "max is a number or an expression of inputs, states, constants and parameters: no delays and no rates",
+            "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, max = \"rate(V)*t\" }",
+            "max is a number or an expression of inputs, states, constants and parameters: no rates",
         ),
         (
-            "[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = 1.0 }\nz = { unit = \"m\", rate = \"V\", start = 0.0, min = \"x\" }",
-            "the limits of \"z\" depend on \"x\", which has limits itself",
+            "[states]\nx = { unit = \"m\", rate = \"V\", start = 0.0, max = \"z\" }\nz = { unit = \"m\", rate = \"V\", start = 0.0, min = \"x\" }",
+            "the limits of \"x\", \"z\" depend on each other, or on themselves",
         ),
         (
             "[states]\nx = { unit = \"m/s\", rate = \"V/t\", start = 0.0, friction = -1.0 }",

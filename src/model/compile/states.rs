@@ -1,10 +1,10 @@
 //! The states of a model while it is compiled: their rates with limits and stops, starts, noise.
 
 use super::{At, Compiler, SECOND, Typed};
+use crate::model::StartKind;
 use crate::model::amend::Target;
 use crate::model::file::Value;
-use crate::model::graph::{Leaf, Node};
-use crate::model::{StartKind, State};
+use crate::model::graph::Leaf;
 use crate::units::Dim;
 
 impl Compiler<'_> {
@@ -57,30 +57,23 @@ impl Compiler<'_> {
         }
     }
 
-    /// A limit may depend on states, but not on those that have limits themselves: which of them is
-    /// put on its stop first would matter.
+    /// A limit may depend on states that have limits themselves: they are put on theirs first. In a
+    /// circle none of them is the first.
     fn limits_of_limits(&mut self) {
-        let limits = |s: &State| [s.min, s.max];
-        for i in 0..self.state_at.len() {
-            let state = &self.model.states[i];
-            let nodes: Vec<Node> = limits(state).into_iter().flatten().collect();
-            let name = state.quantity.name.clone();
-            let limited = self.model.graph.leaves(&nodes).into_iter().find_map(|leaf| match leaf {
-                Leaf::State(j) if limits(&self.model.states[j]) != [None, None] => Some(j),
-                _ => None,
-            });
-            if let Some(j) = limited {
-                let (at, other) = (self.state_at[i].clone(), &self.model.states[j].quantity.name);
-                let what = format!(
-                    "the limits of \"{name}\" depend on \"{other}\", which has limits itself"
-                );
-                self.error_help(
-                    &at,
-                    0,
-                    what,
-                    "let them depend on inputs, or on states without limits",
-                );
-            }
+        let (order, _) = self.model.limited_in_order();
+        let is_limited = |i: &usize| {
+            let state = &self.model.states[*i];
+            state.min.or(state.max).is_some() && !order.contains(i)
+        };
+        let circle: Vec<usize> = (0..self.state_at.len()).filter(is_limited).collect();
+        if let Some(first) = circle.first() {
+            let names =
+                circle.iter().map(|i| format!("\"{}\"", self.model.states[*i].quantity.name));
+            let names = names.collect::<Vec<_>>().join(", ");
+            let what = format!("the limits of {names} depend on each other, or on themselves");
+            let help = "let one of them depend on inputs, or on states without limits";
+            let at = self.state_at[*first].clone();
+            self.error_help(&at, 0, what, help);
         }
     }
 

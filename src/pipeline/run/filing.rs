@@ -4,11 +4,12 @@
 use super::{Outcome, Run};
 use crate::error::{Errors, Result};
 use crate::pipeline::assess::{Assessment, Content, State};
+use crate::pipeline::made::{Product, Sheet};
 use crate::pipeline::own::{Filed, Own, own_tables};
 use crate::pipeline::owners::Owners;
 use crate::pipeline::provenance::{Provenance, VERSION};
 use crate::pipeline::unit::keep;
-use crate::stage::{Output, Part, Stage, Unit};
+use crate::stage::{Part, Stage, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -60,7 +61,7 @@ impl Run<'_> {
         &self,
         stage: &Stage,
         a: &Assessment,
-        made: std::result::Result<Output, Errors>,
+        made: std::result::Result<Product, Errors>,
         owners: &Owners,
     ) -> Result<Outcome> {
         let mut record = Provenance {
@@ -76,8 +77,8 @@ impl Run<'_> {
             version: Some(VERSION.to_string()),
         };
         let failed = match made {
-            Ok(output) => {
-                self.file(&a.unit, output, &mut record)?;
+            Ok(product) => {
+                self.file(&a.unit, product, &mut record)?;
                 None
             }
             Err(errors) => {
@@ -92,18 +93,24 @@ impl Run<'_> {
     }
 
     /// Writes a unit's outputs and enters them in its record.
-    fn file(&self, unit: &Unit, output: Output, record: &mut Provenance) -> Result<()> {
-        for (name, table) in output.tables {
+    fn file(&self, unit: &Unit, product: Product, record: &mut Provenance) -> Result<()> {
+        for (name, sheet) in product.tables {
             let path = unit.part.path(name);
-            let hash = self.store.put_table(&path, &table)?;
-            keep(&self.kept, &path, &hash, table);
+            let hash = match sheet {
+                Sheet::File(bytes) => self.store.put(&path, &bytes)?,
+                Sheet::Table(table) => {
+                    let hash = self.store.put_table(&path, &table)?;
+                    keep(&self.kept, &path, &hash, table);
+                    hash
+                }
+            };
             record.outputs.insert(path, hash);
         }
-        for (path, bytes) in output.files {
+        for (path, bytes) in product.files {
             let hash = self.store.put(&path, &bytes)?;
             record.outputs.insert(path, hash);
         }
-        record.notes = output.notes;
+        record.notes = product.notes;
         // Whatever a unit of one flight says is about that flight.
         let silent = record.notes.iter_mut().filter(|note| note.flight.is_empty());
         silent.for_each(|note| note.flight = unit.flight().to_string());

@@ -1,0 +1,128 @@
+//! States that stops take along: play and rate limits against closed forms and against stiff
+//! followers, and exact sensitivities against differences.
+
+use super::contact_tests::{model, record, worst};
+use super::{Directions, Propagator};
+use crate::model::Model;
+
+/// A surface that its servo moves through play, the servo with a limited rate; what comes of both
+/// moves a first-order lag. `told`: what the servo is told.
+fn chain(told: &str) -> Model {
+    model(&format!(
+        r#"title = "chain"
+[inputs]
+u = "rad"
+[parameters]
+R = {{ unit = "rad/s", start = 0.8 }}
+b = {{ unit = "rad", start = 0.03 }}
+T = {{ unit = "s", start = 0.037 }}
+[states]
+surface = {{ unit = "rad", rate = "0", min = "servo - b", max = "servo + b", start = "servo" }}
+servo = {{ unit = "rad", rate = "0", min = "{told}", max = "{told}", rate_max = "R", start = "u" }}
+q = {{ unit = "rad", rate = "(surface - q)/one", start = 0.0 }}
+[constants]
+one = {{ unit = "s", value = 1.0 }}
+[outputs]
+servo = {{ unit = "rad", value = "servo" }}
+surface = {{ unit = "rad", value = "surface" }}
+q = {{ unit = "rad", value = "q" }}
+"#
+    ))
+}
+
+fn values(model: &Model, record: &super::Record) -> Vec<[f64; 3]> {
+    let propagator = Propagator::new(model, Directions::default()).expect("a propagator");
+    let grid = propagator.run(&model.parameter_starts(), &[], record, false);
+    assert!(grid.finite, "{:?}", grid.lost);
+    grid.y.chunks(3).map(|y| [y[0], y[1], y[2]]).collect()
+}
+
+#[test]
+fn truth_a_step_becomes_a_ramp_and_play_takes_its_share_of_it() {
+    let model = chain("u");
+    // One second at rest, a step of 1 rad within a sample, back after three seconds.
+    let record = record(600, 0.01, |t| if (1.0..4.0).contains(&t) { 1.0 } else { 0.0 });
+    for (k, [servo, surface, _]) in values(&model, &record).into_iter().enumerate() {
+        let t = k as f64 * 0.01;
+        // The ramp begins with the sample in which the record steps.
+        let up = (0.8 * (t - 0.99)).clamp(0.0, 1.0);
+        let down = (0.8 * (t - 3.99)).clamp(0.0, 1.0);
+        assert!((servo - (up - down)).abs() < 1e-12, "{t}: {servo}");
+        let wanted = match t < 3.99 {
+            true => (up - 0.03).max(0.0),
+            false => (1.0 - down + 0.03).min(0.97),
+        };
+        assert!((surface - wanted).abs() < 1e-12, "{t}: {surface} {wanted}");
+    }
+}
+
+#[test]
+fn what_is_slow_is_followed_to_the_bit_and_nothing_asks_for_short_steps() {
+    let model = chain("u");
+    let slow = record(900, 0.02, |t| 0.3 * (2.0 * t).sin());
+    let now = values(&model, &slow);
+    now.iter().zip(slow.inputs.iter()).for_each(|(y, u)| assert_eq!(y[0], *u));
+    let directions = Directions { parameters: vec![0, 1, 2], starts: Vec::new() };
+    let propagator = Propagator::new(&model, directions).expect("a propagator");
+    assert_eq!(propagator.substeps(&model.parameter_starts(), &[], &slow), 1);
+}
+
+#[test]
+fn it_is_what_a_stiff_follower_tends_to() {
+    let stiff = model(
+        r#"title = "stiff"
+[inputs]
+u = "rad"
+[parameters]
+R = { unit = "rad/s", start = 0.8 }
+b = { unit = "rad", start = 0.03 }
+T = { unit = "s", start = 0.037 }
+tau = { unit = "s", start = 2e-4 }
+[states]
+servo = { unit = "rad", rate = "clamp((u - servo)/tau, -R, R)", start = "u" }
+surface = { unit = "rad", rate = "deadband(servo - surface, b)/tau", start = "u" }
+q = { unit = "rad", rate = "(surface - q)/one", start = 0.0 }
+[constants]
+one = { unit = "s", value = 1.0 }
+[outputs]
+servo = { unit = "rad", value = "servo" }
+surface = { unit = "rad", value = "surface" }
+q = { unit = "rad", value = "q" }
+"#,
+    );
+    let motion = |t: f64| 0.4 * (1.7 * t).sin() + 0.2 * (6.1 * t).sin();
+    let (exact, near) = (
+        values(&chain("u"), &record(500, 0.02, motion)),
+        values(&stiff, &record(500, 0.02, motion)),
+    );
+    for (k, (a, b)) in exact.iter().zip(&near).enumerate() {
+        // The follower is tau late where it follows.
+        let far = (0..3).map(|j| (a[j] - b[j]).abs()).fold(0.0, f64::max);
+        assert!(far < 3.0 * 2e-4 * 0.8, "{k}: {a:?} {b:?}");
+    }
+}
+
+#[test]
+fn sensitivities_of_play_and_rate_limits_agree_with_differences() {
+    let motion = |t: f64| 0.4 * (1.7 * t).sin() + 0.2 * (6.1 * t).sin();
+    for told in ["u", "delay(u, T)", "u + 0.1*smooth(u, 10*T, b) + 0.2*q", "delay(q, 2*T) + 0.5*u"]
+    {
+        let worst = worst(&chain(told), &record(700, 0.02, motion));
+        assert!(worst < 1e-4, "{told}: {worst}");
+    }
+}
+
+#[test]
+fn hazard_limits_that_depend_on_each_other_are_an_error() {
+    let text = r#"title = "circle"
+[inputs]
+u = "m"
+[states]
+x = { unit = "m", rate = "0", min = "y", start = 0.0 }
+y = { unit = "m", rate = "0", max = "x + u", start = 0.0 }
+[outputs]
+x = { unit = "m", value = "x" }
+"#;
+    let told = Model::parse("circle", text, &Default::default()).expect_err("an error").to_string();
+    assert!(told.contains("the limits of \"x\", \"y\" depend on each other"), "{told}");
+}
