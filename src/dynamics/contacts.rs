@@ -66,7 +66,7 @@ struct Mark {
     x: Vec<f64>,
     bounds: Vec<f64>,
     history: usize,
-    lengths: [usize; 7],
+    lengths: [usize; 8],
 }
 
 impl Run<'_> {
@@ -388,6 +388,7 @@ impl Run<'_> {
                 chunk.held.len(),
                 chunk.ends.len(),
                 chunk.end_pasts.len(),
+                chunk.shares.len(),
                 chunk.lengths.len(),
             ],
         }
@@ -400,13 +401,14 @@ impl Run<'_> {
         self.times.truncate(mark.history);
         self.x_history.truncate(mark.history * nx);
         self.f_history.truncate(mark.history * nx);
-        let [stages, pasts, clipped, held, ends, end_pasts, lengths] = mark.lengths;
+        let [stages, pasts, clipped, held, ends, end_pasts, shares, lengths] = mark.lengths;
         chunk.stages.truncate(stages);
         chunk.pasts.truncate(pasts);
         chunk.clipped.truncate(clipped);
         chunk.held.truncate(held);
         chunk.ends.truncate(ends);
         chunk.end_pasts.truncate(end_pasts);
+        chunk.shares.truncate(shares);
         chunk.lengths.truncate(lengths);
     }
 }

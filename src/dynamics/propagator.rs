@@ -104,6 +104,8 @@ pub struct Propagator {
     pub(super) level_ends: Vec<usize>,
     /// Whether stops that move take some state along no faster than its rate allows.
     pub(super) hurries: bool,
+    /// Per state whether it moves where stops take it alone.
+    pub(super) rests: Vec<bool>,
     /// Velocities that friction or a stop may hold, and what would move them.
     pub(super) moving: Vec<Moving>,
     pub(super) moving_values: Program,
@@ -203,6 +205,7 @@ impl Propagator {
             limits_are_late: model.limits_are_late(),
             limited,
             level_ends,
+            rests: model.states.iter().map(|state| state.rests).collect(),
             hurries: (0..nx).any(|i| model.taken_along(i).is_some()),
             delays: model.delays.clone(),
             uses_input_rates: leaves

@@ -8,10 +8,36 @@ use super::values::{Chunk, Run};
 use std::ops::Range;
 
 /// How a limited state is: on its stop, which it would leave outwards; taken along by a stop that
-/// moves faster than the state may, upwards and downwards.
+/// moves faster than the state may, upwards and downwards; left by it inside a step, likewise.
 pub(super) const RESTS: u8 = 3;
 pub(super) const UP: u8 = 4;
 pub(super) const DOWN: u8 = 5;
+pub(super) const LEFT_UP: u8 = 6;
+pub(super) const LEFT_DOWN: u8 = 7;
+
+/// The parabola through a stop at the begin, the middle and the end of a step, as weights of the
+/// three at a share of the step.
+pub(super) fn parabola(share: f64) -> [f64; 3] {
+    let (s, r) = (share, 1.0 - share);
+    [r * (r - s), 4.0 * s * r, s * (s - r)]
+}
+
+/// Where such a parabola is at a share of the step.
+fn along(path: [f64; 3], share: f64) -> f64 {
+    parabola(share).iter().zip(path).map(|(w, b)| w * b).sum()
+}
+
+/// Its slopes at both ends, per step.
+fn ends([begin, middle, end]: [f64; 3]) -> [f64; 2] {
+    [4.0 * middle - 3.0 * begin - end, begin - 4.0 * middle + 3.0 * end]
+}
+
+/// A state that a stop left, at a share of the step, and where it is at the end.
+struct Left {
+    share: f64,
+    to: f64,
+    upwards: bool,
+}
 
 impl Run<'_> {
     /// Takes the states `x` through a span, with the modes as they are.
@@ -43,7 +69,11 @@ impl Run<'_> {
             if stage == 0 {
                 self.limits_at(point, &mut programs.limits);
             } else {
-                self.put(point, (x, OFFSET[stage] * h), &mut programs.limits, &mut chunk.clipped);
+                let since = (&*x, OFFSET[stage] * h);
+                self.put(point, since, &mut programs.limits, &mut chunk.clipped, None);
+            }
+            if self.propagator.limits_move && stage % 2 == 0 {
+                self.passed[stage / 2].clone_from(&self.bounds);
             }
             programs.rates.at(point);
             for i in 0..nx {
@@ -73,7 +103,8 @@ impl Run<'_> {
             if self.propagator.limits_are_late {
                 self.delayed(end, &mut programs.taus, true, &mut chunk.end_pasts);
             }
-            self.put(end, (&begin, h), &mut programs.limits, &mut chunk.held);
+            let shares = Some(&mut chunk.shares);
+            self.put(end, (&begin, h), &mut programs.limits, &mut chunk.held, shares);
             x.copy_from_slice(&end[..nx]);
         } else {
             self.clip(0..self.propagator.limited.len(), x, (&begin, h), &mut chunk.held);
@@ -83,21 +114,89 @@ impl Run<'_> {
     }
 
     /// Puts the states of a point on their stops where they would be beyond them, level by level;
-    /// `since`: the states at the begin of the step, and how long ago that is.
+    /// `since`: the states at the begin of the step, and how long ago that is. At its end, where
+    /// there are `shares`, some have left their stops meanwhile.
     fn put(
         &mut self,
         point: &mut [f64],
         since: (&[f64], f64),
         limits: &mut Single,
         how: &mut Vec<u8>,
+        mut shares: Option<&mut Vec<f64>>,
     ) {
-        let (propagator, nx) = (self.propagator, self.propagator.layout.states);
+        let (propagator, nx, told) = (self.propagator, self.propagator.layout.states, how.len());
         let mut from = 0;
         for &to in &propagator.level_ends {
             self.limits_at(point, limits);
             self.clip(from..to, &mut point[..nx], since, how);
+            if let Some(shares) = &mut shares {
+                self.leave(from..to, &mut point[..nx], since, &mut how[told + from..], shares);
+            }
             from = to;
         }
+    }
+
+    /// States that left a stop inside the step: it became faster than they may, or it turned round
+    /// and had taken along one that rests.
+    fn leave(
+        &self,
+        which: Range<usize>,
+        x: &mut [f64],
+        (begin, h): (&[f64], f64),
+        how: &mut [u8],
+        shares: &mut Vec<f64>,
+    ) {
+        let (propagator, nx) = (self.propagator, self.propagator.layout.states);
+        for (&i, how) in propagator.limited[which].iter().zip(how) {
+            let reach = self.bounds[2 * nx + i] * h;
+            let left = match reach.is_finite() {
+                true => self.outrun(i, begin[i], reach, *how),
+                false if propagator.rests[i] => self.turned(i, x[i]),
+                false => None,
+            };
+            if let Some(left) = left {
+                (x[i], *how) = (left.to, if left.upwards { LEFT_UP } else { LEFT_DOWN });
+                shares.push(left.share);
+            }
+        }
+    }
+
+    /// Where a stop of state `i` was in the step: its lower one, or the upper one with signs
+    /// reversed, so that it pushes upwards.
+    fn path(&self, i: usize, upwards: bool) -> [f64; 3] {
+        let (row, sign) = if upwards { (2 * i, 1.0) } else { (2 * i + 1, -1.0) };
+        [&self.passed[0], &self.passed[1], &self.bounds].map(|limits| sign * limits[row])
+    }
+
+    /// A state that began the step on a stop, which became faster than `reach` per step.
+    fn outrun(&self, i: usize, begin: f64, reach: f64, how: u8) -> Option<Left> {
+        let upwards = matches!(how, 1 | UP);
+        if how == 0 || how == RESTS {
+            return None;
+        }
+        let (path, sign) = (self.path(i, upwards), if upwards { 1.0 } else { -1.0 });
+        // It began on the stop but for rounding.
+        if (sign * begin - path[0]).abs() > 1e-9 * reach {
+            return None;
+        }
+        let [first, last] = ends(path);
+        let share = if first < reach { (reach - first) / (last - first) } else { 0.0 };
+        let to = || sign * (along(path, share) + (1.0 - share) * reach);
+        (last > reach).then(|| Left { share, to: to(), upwards })
+    }
+
+    /// A state at rest, which is at `x` at the end of the step, and was taken further by a stop that
+    /// turned round.
+    fn turned(&self, i: usize, x: f64) -> Option<Left> {
+        let of = |upwards: bool| {
+            let (path, sign) = (self.path(i, upwards), if upwards { 1.0 } else { -1.0 });
+            let [first, last] = ends(path);
+            let share = first / (first - last);
+            let to = || along(path, share);
+            let further = first > 0.0 && last < 0.0 && to() > sign * x;
+            further.then(|| Left { share, to: sign * to(), upwards })
+        };
+        of(true).or_else(|| of(false))
     }
 
     /// The limits at a point, where they are not the same everywhere.
@@ -124,22 +223,22 @@ impl Run<'_> {
         for &i in &self.propagator.limited[which] {
             let (low, high) = (self.bounds[2 * i], self.bounds[2 * i + 1]);
             let mover = self.propagator.moving.iter().position(|m| m.position == Some(i));
-            let beyond = match mover.map(|k| self.modes[k]) {
+            let side = match mover.map(|k| self.modes[k]) {
                 Some(Mode::Free(_)) if !self.propagator.limits_move => 0,
                 Some(Mode::Free(_)) => {
                     let v = mover.map_or(0.0, |k| x[self.propagator.moving[k].velocity]);
-                    u8::from(x[i] < low && v >= 0.0) + 2 * u8::from(x[i] > high && v <= 0.0)
+                    beyond(x[i] < low && v >= 0.0, x[i] > high && v <= 0.0)
                 }
                 Some(Mode::AtMin) => 1,
                 Some(Mode::AtMax) => 2,
-                Some(Mode::Rests) | None => u8::from(x[i] < low) + 2 * u8::from(x[i] > high),
+                Some(Mode::Rests) | None => beyond(x[i] < low, x[i] > high),
             };
-            let stop = [x[i], low, high][usize::from(beyond)];
+            let stop = [x[i], low, high][usize::from(side)];
             let reach = self.bounds[2 * nx + i] * since;
             let (put, said) = match stop - begin[i] {
-                way if beyond > 0 && way > reach => (begin[i] + reach, UP),
-                way if beyond > 0 && way < -reach => (begin[i] - reach, DOWN),
-                _ => (stop, beyond),
+                way if side > 0 && way > reach => (begin[i] + reach, UP),
+                way if side > 0 && way < -reach => (begin[i] - reach, DOWN),
+                _ => (stop, side),
             };
             how.push(said);
             x[i] = put;
@@ -159,4 +258,9 @@ impl Run<'_> {
             }
         }
     }
+}
+
+/// 1 beyond the lower stop, 2 beyond the upper one, also where they have crossed.
+fn beyond(low: bool, high: bool) -> u8 {
+    if high { 2 } else { u8::from(low) }
 }

@@ -10,6 +10,9 @@ use super::tableau::MOST_SUBSTEPS;
 use super::values::Run;
 use crate::model::Delayed;
 
+/// Steps per grid step where limits depend on a state that limits take along at its own rate.
+const CHAIN: usize = 4;
+
 /// Integration steps per grid step: the largest that the Jacobian asks for at the start state over
 /// inputs along the record, and where each of them is at its extremes: what is stiff only where an
 /// input has passed a threshold (the end of a play) shows there. A threshold between two states
@@ -46,6 +49,11 @@ pub fn substeps(
                 most = most.max(((record.dt / tau).ceil() as usize).min(16));
             }
         }
+    }
+    // What follows something as fast as it can comes to it, and turns, inside a step: what depends on
+    // that sees it at the ends of steps.
+    if propagator.hurries && propagator.level_ends.len() > 1 {
+        most = most.max(CHAIN);
     }
     most.min(MOST_SUBSTEPS)
 }

@@ -7,7 +7,7 @@ use super::modes::{Event, Jump};
 use super::propagator::Propagator;
 use super::remembered::Remembered;
 use super::rows::{Append, Block, LANES, Rows, append, product};
-use super::step::{DOWN, RESTS, UP};
+use super::step::{DOWN, LEFT_DOWN, LEFT_UP, RESTS, UP, parabola};
 use super::steps::{Steps, steps};
 use super::sweep::Sweep;
 use super::sweep_rows::{Goal, RowSweep};
@@ -44,6 +44,8 @@ pub struct Tangent<'p> {
     limits: Vec<f64>,
     /// Those of the states at the begin of a step, where stops take states along.
     begin: Vec<f64>,
+    /// Those of the limits at the begin and in the middle of a step, likewise.
+    passed: [Vec<f64>; 2],
     /// Output sensitivities, per output `[point][direction]`, and how many points are done.
     pub rows: Vec<Vec<f64>>,
     done: usize,
@@ -165,6 +167,9 @@ impl<'p> Tangent<'p> {
             s,
             limits: of_limits,
             begin: vec![0.0; if propagator.hurries { nx * lanes } else { 0 }],
+            passed: std::array::from_fn(|_| {
+                vec![0.0; if propagator.limits_move { 3 * nx * lanes } else { 0 }]
+            }),
             rows: (0..ny).map(|_| pool::take(points * nd)).collect(),
             done: 0,
             remembered: Remembered::of(propagator, points),
@@ -320,7 +325,7 @@ impl<'p> Tangent<'p> {
         let (delays, limited, history) =
             (propagator.delays.len(), propagator.limited.len(), run.keeps_history());
         let points = chunk.points.len() / (propagator.layout.time() + 1);
-        let (mut stage, mut substep) = (0, 0);
+        let (mut stage, mut substep, mut left) = (0, 0, 0);
         let mut jumps = chunk.jumps.iter().peekable();
         while let Some(jump) = jumps.next_if(|jump| jump.after == 0) {
             self.jump(jump, chunk, 0);
@@ -356,15 +361,21 @@ impl<'p> Tangent<'p> {
                 }
                 let weights = weights(chunk.lengths[substep]);
                 self.begin.iter_mut().zip(&self.s[..]).for_each(|(begin, s)| *begin = *s);
+                let held = &chunk.held[substep * limited..(substep + 1) * limited];
+                let leaves = held.iter().filter(|how| **how >= LEFT_UP).count();
                 for _ in 0..4 {
                     let clipped = &chunk.clipped[stage * limited..(stage + 1) * limited];
                     let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
                     let length = chunk.lengths[substep];
                     self.stage(run, &chunk.stages, (stage, length), clipped, pasts, weights);
+                    if leaves > 0 && stage % 2 == 0 {
+                        self.pass(&chunk.stages, stage);
+                    }
                     stage += 1;
                 }
-                let held = &chunk.held[substep * limited..(substep + 1) * limited];
-                self.end(run, chunk, substep, held);
+                let shares = &chunk.shares[left..left + leaves];
+                self.end(run, chunk, substep, held, shares);
+                left += leaves;
                 substep += 1;
                 while let Some(jump) = jumps.next_if(|jump| jump.after <= substep) {
                     self.jump(jump, chunk, substep);
@@ -373,8 +384,17 @@ impl<'p> Tangent<'p> {
         }
     }
 
-    /// Puts states on their stops at the end of a step of a chunk.
-    fn end(&mut self, run: &Run, chunk: &Chunk, step: usize, held: &[u8]) {
+    /// Keeps the sensitivities of the limits at the first or the third stage of a step, which is done.
+    fn pass(&mut self, stages: &[f64], at: usize) {
+        let block = self.stage_limits.at(stages, at);
+        let Work { between: [_, b], .. } = &self.work;
+        // SAFETY: the width is this machine's.
+        unsafe { product(self.width, block, at % LANES, b, &mut self.passed[at % 4 / 2]) };
+    }
+
+    /// Puts states on their stops at the end of a step of a chunk; `shares`: of the step, at which
+    /// some have left theirs.
+    fn end(&mut self, run: &Run, chunk: &Chunk, step: usize, held: &[u8], shares: &[f64]) {
         let moves = self.propagator.limits_move && is_put(held);
         if moves && self.propagator.limits_are_late {
             let delays = self.propagator.delays.len();
@@ -395,6 +415,7 @@ impl<'p> Tangent<'p> {
             how: held,
             begin: &self.begin,
             since: chunk.lengths[step],
+            left: (&self.passed, shares),
         };
         put.on_stops(block, &mut self.limits, &mut self.s);
     }
@@ -436,6 +457,7 @@ impl<'p> Tangent<'p> {
             how: clipped,
             begin: &self.begin,
             since: OFFSET[number] * length,
+            left: (&self.passed, &[]),
         };
         put.on_stops(block, &mut self.limits, from);
         let k = history.then_some(&mut **k);
@@ -532,23 +554,26 @@ fn is_put(how: &[u8]) -> bool {
 }
 
 /// States that were put on stops at a point: how, and what stops that take them along need, their
-/// sensitivities at the begin of the step and the time since then, s.
+/// sensitivities at the begin of the step and the time since then, s; `left`: those of the limits
+/// at the begin and in the middle of the step, and the shares of it at which states left them.
 struct Put<'a> {
     propagator: &'a Propagator,
     width: Width,
     how: &'a [u8],
     begin: &'a [f64],
     since: f64,
+    left: (&'a [Vec<f64>; 2], &'a [f64]),
 }
 
 impl Put<'_> {
     /// The sensitivity of a state that was put on a stop is that of the stop; of one that was taken
-    /// along, x = x_0 +- R t, it is S_0 +- t dR. `block`: the Jacobian of limits that move, and the
+    /// along, x = x_0 +- R t, it is S_0 +- t dR; of one that left the stop inside the step, when
+    /// its speed was R or nothing, x = b(t_1) +- R (t - t_1), where t_1 itself changes nothing. `block`: the Jacobian of limits that move, and the
     /// point in it; `s`: sensitivities of the states, and those of the delayed values behind them.
     fn on_stops(&self, block: Option<(Block<'_>, usize)>, limits: &mut [f64], s: &mut [f64]) {
         let propagator = self.propagator;
         let (lanes, nx) = (propagator.directions.lanes(), propagator.layout.states);
-        let mut from = 0;
+        let (mut from, mut shares) = (0, self.left.1.iter());
         for &to in &propagator.level_ends {
             if let Some((block, at)) = block {
                 // SAFETY: the width is this machine's.
@@ -563,6 +588,20 @@ impl Put<'_> {
                         let fastest = &limits[row(2 * nx + i)];
                         let both = self.begin[row(i)].iter().zip(fastest);
                         s[row(i)].iter_mut().zip(both).for_each(|(s, (s0, r))| *s = s0 + since * r);
+                    }
+                    LEFT_UP | LEFT_DOWN => {
+                        let Some(&share) = shares.next() else { continue };
+                        let (side, sign) = if how == LEFT_UP { (0, 1.0) } else { (1, -1.0) };
+                        let (stop, since) = (row(2 * i + side), sign * (1.0 - share) * self.since);
+                        let ([begin, middle], [a, b, c]) = (self.left.0, parabola(share));
+                        let fastest = &limits[row(2 * nx + i)];
+                        for (l, s) in s[row(i)].iter_mut().enumerate() {
+                            let at = stop.start + l;
+                            *s = a * begin[at]
+                                + b * middle[at]
+                                + c * limits[at]
+                                + since * fastest[l];
+                        }
                     }
                     stop => {
                         let limit = &limits[row(2 * i + usize::from(stop) - 1)];

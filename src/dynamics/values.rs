@@ -34,6 +34,8 @@ pub(super) struct Run<'p> {
     pub(super) stage: Vec<f64>,
     pub(super) sum: Vec<f64>,
     pub(super) begin: Vec<f64>,
+    /// Limits at the begin and in the middle of a step, where they change.
+    pub(super) passed: [Vec<f64>; 2],
     pub(super) scratch: Vec<f64>,
 }
 
@@ -75,6 +77,7 @@ impl<'p> Run<'p> {
             stage,
             sum,
             begin,
+            passed: Default::default(),
             scratch: vec![0.0; propagator.layout.time() + 1],
         }
     }
@@ -100,8 +103,10 @@ pub(super) struct Chunk {
     pub(super) ends: Vec<f64>,
     pub(super) end_pasts: Vec<Past>,
     /// Per step and limited state: 0 free, 1 held at its minimum, 2 at its maximum; 4 and 5 taken
-    /// along by them as fast as it may, upwards and downwards.
+    /// along by them as fast as it may, upwards and downwards; 6 and 7 left behind by them, and at
+    /// which share of the step, in turn.
     pub(super) held: Vec<u8>,
+    pub(super) shares: Vec<f64>,
     /// Where sensitivities jump.
     pub(super) jumps: Vec<Jump>,
     /// Per stage and limited state, likewise: its stage value was put on its minimum or maximum. Of
@@ -119,6 +124,7 @@ impl Chunk {
         self.lengths.clear();
         self.ends.clear();
         self.end_pasts.clear();
+        self.shares.clear();
         self.jumps.clear();
         self.held.clear();
         self.clipped.clear();

@@ -21,11 +21,11 @@ use crate::least_squares::{Fit, Layout, Method, minimise};
 /// Iterations that another start is followed for while its cost is above that of the solution.
 const FEW: usize = 4;
 /// A lower cost counts from here on: one standard deviation.
-const GAIN: f64 = 0.5;
+pub(super) const GAIN: f64 = 0.5;
 /// Ends closer than this, in standard deviations, are the same.
 const SAME: f64 = 0.5;
 
-const FILE: &str = "the start values";
+pub(super) const FILE: &str = "the start values";
 const EQUATIONS: &str = "regression on the equations";
 
 impl Case {
@@ -40,7 +40,7 @@ impl Case {
         let Some((from, start)) = self.other_start(&solution, regression, settings) else {
             return (solution, None);
         };
-        let fit = self.tried(start, settings, origin, here);
+        let fit = self.tried(start, FEW, settings, origin, here);
         let (old, new) = (solution.fit.cost(), fit.cost());
         let instead = if from == FILE { EQUATIONS } else { FILE };
         if new < old - GAIN {
@@ -93,18 +93,25 @@ impl Case {
         (!same).then_some((EQUATIONS, start))
     }
 
-    /// A few iterations from another start.
-    fn tried(&self, start: Vec<f64>, settings: &Settings, origin: &Origin, here: &Here) -> Fit {
+    /// So many iterations from another start.
+    pub(super) fn tried(
+        &self,
+        start: Vec<f64>,
+        max_iterations: usize,
+        settings: &Settings,
+        origin: &Origin,
+        here: &Here,
+    ) -> Fit {
         let within =
             |(i, value): (usize, f64)| value.clamp(self.layout.lower[i], self.layout.upper[i]);
         let start = start.into_iter().enumerate().map(within).collect();
         let layout = Layout { start, ..self.layout.clone() };
-        let method = Method { max_iterations: FEW, ..settings.method() };
+        let method = Method { max_iterations, ..settings.method() };
         minimise(&layout, &origin.spread(self, here), &method)
     }
 
     /// Parameters that stand elsewhere than in the solution, those that are farthest off first; at most three.
-    fn ends(&self, theta: &[f64], solution: &Solution) -> Vec<(String, f64)> {
+    pub(super) fn ends(&self, theta: &[f64], solution: &Solution) -> Vec<(String, f64)> {
         let off = |i: usize| {
             let (sd, _) = solution.deviation(i)?;
             let off = (theta[i] - solution.fit.theta[i]).abs() / sd;

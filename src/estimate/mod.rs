@@ -88,6 +88,7 @@ pub mod regression;
 mod regressors;
 mod residuals;
 mod result;
+mod rubbed;
 mod search;
 mod segment;
 mod selection;

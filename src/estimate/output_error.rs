@@ -212,8 +212,10 @@ fn by_motion(
 ) -> Result<(Option<Regression>, Solution, Option<Elsewhere>), Error> {
     let regression = case.start_by_regression(settings)?;
     let solution = case.solve(settings, origin, here);
-    let (mut solution, elsewhere) =
+    let (solution, elsewhere) =
         case.elsewhere(solution, regression.as_ref(), settings, (origin, here));
+    let (mut solution, by_friction) = case.rubbed(solution, settings, (origin, here));
+    let elsewhere = by_friction.or(elsewhere);
     if settings.stabilise.values().any(|gain| *gain != 0.0) {
         // Noise of the measured states drives the model: what residuals tell is not how far off it is.
         solution.covariance = None;

@@ -120,6 +120,7 @@ impl Compiler<'_> {
                         rate_max: None,
                         noise: None,
                         start_sd: None,
+                        rests: false,
                         hidden: false,
                     });
                     self.rates.push(None);

@@ -158,6 +158,7 @@ fn covariance_state(states: &[State], [i, j]: [usize; 2], start: Node) -> State 
         rate_max: None,
         noise: None,
         start_sd: None,
+        rests: false,
         hidden: true,
     }
 }

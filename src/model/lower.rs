@@ -336,6 +336,7 @@ impl Compiler<'_> {
             rate_max: None,
             noise: None,
             start_sd: None,
+            rests: false,
             hidden: true,
         });
         self.rates.push(Some(rate));

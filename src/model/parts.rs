@@ -90,6 +90,8 @@ pub struct State {
     pub noise: Option<Node>,
     /// Standard deviation of the start, in a model driven by noise.
     pub start_sd: Option<Node>,
+    /// Its rate is zero: it moves where its limits take it.
+    pub rests: bool,
     /// Made by the compiler for a `lag()`.
     pub hidden: bool,
 }

@@ -7,7 +7,7 @@ use indexmap::IndexMap;
 use rayon::prelude::*;
 
 use super::added::{Added, Check};
-use super::block::Block;
+use super::block::{Block, quoted};
 use super::candidate::{Candidate, Offer, Skipped};
 use super::context::Context;
 use super::file::{Bind, Effect, Size};
@@ -321,11 +321,23 @@ impl<'a> Binding<'a> {
         let lines =
             |of: &IndexMap<String, String>| of.iter().flat_map(|(t, x)| self.lines(t, x)).collect();
         let state = |(key, s): (&String, &crate::model::file::State)| {
-            let start = match &s.start {
+            let value = |value: &Value| match value {
                 Value::Number(x) => format!("{x:?}"),
-                Value::Text(text) => format!("\"{}\"", self.expression(text)),
+                Value::Text(text) => quoted(&self.expression(text)),
             };
-            (self.names[key.as_str()].clone(), self.unit(&s.unit), self.expression(&s.rate), start)
+            let more = [
+                ("min", &s.min),
+                ("max", &s.max),
+                ("rate_max", &s.rate_max),
+                ("friction", &s.friction),
+            ];
+            let mut keys = vec![
+                ("unit", quoted(&self.unit(&s.unit))),
+                ("rate", quoted(&self.expression(&s.rate))),
+                ("start", value(&s.start)),
+            ];
+            keys.extend(more.into_iter().filter_map(|(key, x)| Some((key, value(x.as_ref()?)))));
+            (self.names[key.as_str()].clone(), keys)
         };
         Block {
             title: self.prose(&file.title),
@@ -345,8 +357,9 @@ impl<'a> Binding<'a> {
     /// Constants that the effect needs and the model does not declare.
     fn constants(&self) -> Vec<(String, String, Option<f64>)> {
         let own = self.effect.file.constants.iter();
-        let mut out: Vec<_> =
-            own.map(|(k, c)| (self.names[k.as_str()].clone(), c.unit.clone(), c.value)).collect();
+        let mut out: Vec<_> = own
+            .map(|(k, c)| (self.names[k.as_str()].clone(), self.unit(&c.unit), c.value))
+            .collect();
         for (key, bind) in &self.effect.file.bind {
             let b = self.bound[key.as_str()];
             let of_aircraft = self.base.given().is_some_and(|g| g.0.contains_key(&b.text));

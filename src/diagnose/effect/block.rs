@@ -15,8 +15,8 @@ pub(super) struct Block {
     /// What each added parameter means, in their order.
     pub docs: Vec<String>,
     pub equations: Vec<(String, String)>,
-    /// Name, unit, rate, start.
-    pub states: Vec<(String, String, String, String)>,
+    /// Name, and its keys with their values as TOML.
+    pub states: Vec<(String, Vec<(&'static str, String)>)>,
     pub add: Vec<(String, String)>,
     pub replace: Vec<(String, String)>,
 }
@@ -66,14 +66,9 @@ impl Block {
         if !self.states.is_empty() {
             out += "\n[effect.states]\n";
         }
-        for (name, unit, rate, start) in &self.states {
-            let _ = writeln!(
-                out,
-                "{} = {{ unit = {}, rate = {}, start = {start} }}",
-                key(name),
-                quoted(unit),
-                quoted(rate)
-            );
+        for (name, keys) in &self.states {
+            let keys: Vec<String> = keys.iter().map(|(key, x)| format!("{key} = {x}")).collect();
+            let _ = writeln!(out, "{} = {{ {} }}", key(name), keys.join(", "));
         }
         section(&mut out, "add", &self.add);
         section(&mut out, "replace", &self.replace);
@@ -111,7 +106,7 @@ fn section(out: &mut String, name: &str, lines: &[(String, String)]) {
     }
 }
 
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', " "))
 }
 

@@ -12,7 +12,7 @@ use super::fill;
 use super::roles;
 use crate::config::{self, Doc};
 use crate::error::{Error, Errors, Place};
-use crate::model::file::{ConstantFull, State};
+use crate::model::file::{ConstantFull, State, Value};
 
 include!(concat!(env!("OUT_DIR"), "/effects.rs"));
 
@@ -288,6 +288,7 @@ pub fn parse(name: &str, place: &str, text: &str) -> Result<Effect, Errors> {
     let mut errors = Errors::default();
     check_binds(&file, &doc, &mut errors);
     check_placeholders(&file, &doc, &mut errors);
+    check_states(&file, &doc, &mut errors);
     check_sizes(&file, &doc, &mut errors);
     errors.or(Effect { name: name.to_string(), file, place: None })
 }
@@ -342,10 +343,35 @@ fn check_placeholders(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
     for (key, state) in &file.states {
         check(format!("states.{key}.rate"), &state.rate, &expression);
         check(format!("states.{key}.unit"), &state.unit, &bound);
+        let values = [
+            ("start", Some(&state.start)),
+            ("min", state.min.as_ref()),
+            ("max", state.max.as_ref()),
+            ("rate_max", state.rate_max.as_ref()),
+            ("friction", state.friction.as_ref()),
+        ];
+        for (field, value) in values {
+            if let Some(Value::Text(text)) = value {
+                check(format!("states.{key}.{field}"), text, &expression);
+            }
+        }
     }
     for (key, size) in &file.parameters {
         check(format!("parameters.{key}.unit"), &size.unit, &bound);
         check(format!("parameters.{key}.name"), size.name.as_deref().unwrap_or(""), &bound);
+    }
+}
+
+/// Noise drives a model as a whole, which is then filtered: no effect adds it to one that is not.
+fn check_states(file: &EffectFile, doc: &Doc, errors: &mut Errors) {
+    for (key, state) in &file.states {
+        let given = [("noise", &state.noise), ("start_sd", &state.start_sd)];
+        for (field, _) in given.into_iter().filter(|(_, value)| value.is_some()) {
+            let what = format!("a state of an effect has no {field}");
+            let help =
+                "put a gust into the model itself ([[use]]), and estimate it by filter error";
+            errors.push(doc.error(&format!("states.{key}.{field}"), what).help(help));
+        }
     }
 }
 

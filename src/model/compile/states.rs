@@ -93,6 +93,7 @@ impl Compiler<'_> {
         let target = Target::Rate(name.clone());
         let typed = self.amended_value(&target, self.amendments_of(&target), &key("rate"))?;
         let mut node = typed.node;
+        self.model.states[i].rests = self.model.graph.constant(node) == Some(0.0);
         if let Some(k) = self.model.moving.iter().position(|m| m.velocity == i) {
             node = self.held_rate(k, node, &key("friction"))?;
         }
@@ -103,6 +104,9 @@ impl Compiler<'_> {
             let low = g.neg(high);
             node = g.min(node, high);
             node = g.max(node, low);
+            // Below zero there is no motion that it allows.
+            let none = g.c(f64::NAN);
+            node = g.select(low, none, node);
         }
         if self.model.moving.iter().any(|m| m.position == Some(i)) {
             // its velocity is zero on the stop
