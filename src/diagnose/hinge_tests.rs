@@ -21,7 +21,7 @@ alpha = "rad"
 [constants]
 M_i = {{ unit = "rad/(s^2 A)", value = 30.0 }}
 one = {{ unit = "rad", value = 1.0 }}
-slow = {{ unit = "s", value = 0.01 }}
+slow = {{ unit = "s", value = 2e-4 }}
 [parameters]
 M_d = {{ unit = "1/s^2", start = -900.0 }}
 M_v = {{ unit = "1/s", start = -25.0 }}
@@ -52,9 +52,10 @@ fn flown(truth: &Model, seed: u64) -> Vec<Segment> {
         let t: Vec<f64> = (0..n).map(|k| k as f64 * dt).collect();
         let channels = vec![Channel { output: 0, t: t.into(), z: vec![0.0; n].into() }];
         let mut record =
-            Record { dt, n, inputs: inputs.into(), channels, substeps: 2, ..Record::default() };
+            Record { dt, n, inputs: inputs.into(), channels, substeps: 128, ..Record::default() };
         let given = propagator.given().iter().map(|_| 0.0).collect::<Vec<_>>();
         let response = propagator.respond(&truth.parameter_starts(), &given, &record, false);
+        record.substeps = 2;
         let mut stream = Stream::new(seed, &[&s.to_string()]);
         record.channels[0].z = response.y[0].iter().map(|y| y + 3e-4 * stream.normal()).collect();
         Segment {

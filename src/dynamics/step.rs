@@ -32,12 +32,33 @@ fn ends([begin, middle, end]: [f64; 3]) -> [f64; 2] {
     [4.0 * middle - 3.0 * begin - end, begin - 4.0 * middle + 3.0 * end]
 }
 
-/// A state that a stop left, at a share of the step, and where it is at the end.
+/// The share of a step at which such a parabola, which pushes upwards, meets what begins above it and
+/// comes down by `down` per step, and how fast they come together there, per step.
+fn met([begin, middle, end]: [f64; 3], above: f64, down: f64) -> Option<(f64, f64)> {
+    let a = 2.0 * begin - 4.0 * middle + 2.0 * end;
+    let b = 4.0 * middle - 3.0 * begin - end + down;
+    let c = begin - above;
+    if c >= 0.0 {
+        return None;
+    }
+    let speed = (b * b - 4.0 * a * c).sqrt();
+    let share = -2.0 * c / (b + speed);
+    (share > 0.0 && share < 1.0 && speed > 0.0).then_some((share, speed))
+}
+
+/// A state that a stop left, at a share of the step, and where it is at the end. Where it met the
+/// stop at that instant, `1` if it moved towards it before, and how the instant counts: see
+/// `Put::on_stops`.
 struct Left {
     share: f64,
     to: f64,
     upwards: bool,
+    moved: f64,
+    gain: f64,
 }
+
+/// Numbers that are kept of each.
+pub(super) const OF_LEFT: usize = 3;
 
 impl Run<'_> {
     /// Takes the states `x` through a span, with the modes as they are.
@@ -156,7 +177,7 @@ impl Run<'_> {
             };
             if let Some(left) = left {
                 (x[i], *how) = (left.to, if left.upwards { LEFT_UP } else { LEFT_DOWN });
-                shares.push(left.share);
+                shares.extend([left.share, left.moved, left.gain]);
             }
         }
     }
@@ -168,21 +189,40 @@ impl Run<'_> {
         [&self.passed[0], &self.passed[1], &self.bounds].map(|limits| sign * limits[row])
     }
 
-    /// A state that began the step on a stop, which became faster than `reach` per step.
+    /// A state that a stop pushes which is faster than `reach` per step: it began the step on it, or
+    /// met it on the way.
     fn outrun(&self, i: usize, begin: f64, reach: f64, how: u8) -> Option<Left> {
-        let upwards = matches!(how, 1 | UP);
         if how == 0 || how == RESTS {
             return None;
         }
+        let upwards = matches!(how, 1 | UP);
         let (path, sign) = (self.path(i, upwards), if upwards { 1.0 } else { -1.0 });
         // It began on the stop but for rounding.
-        if (sign * begin - path[0]).abs() > 1e-9 * reach {
-            return None;
+        if (sign * begin - path[0]).abs() <= 1e-9 * reach {
+            let [first, last] = ends(path);
+            let share = if first < reach { (reach - first) / (last - first) } else { 0.0 };
+            let to = || sign * (along(path, share) + (1.0 - share) * reach);
+            return (last > reach).then(|| Left {
+                share,
+                to: to(),
+                upwards,
+                moved: 0.0,
+                gain: 0.0,
+            });
         }
-        let [first, last] = ends(path);
-        let share = if first < reach { (reach - first) / (last - first) } else { 0.0 };
-        let to = || sign * (along(path, share) + (1.0 - share) * reach);
-        (last > reach).then(|| Left { share, to: to(), upwards })
+        self.overtaken(i, begin, reach, true).or_else(|| self.overtaken(i, begin, reach, false))
+    }
+
+    /// A state that began beyond the other stop and comes towards this one, or rests between them,
+    /// and is taken back by this one, which is faster than it.
+    fn overtaken(&self, i: usize, begin: f64, reach: f64, upwards: bool) -> Option<Left> {
+        let (path, sign) = (self.path(i, upwards), if upwards { 1.0 } else { -1.0 });
+        let begin = sign * begin;
+        let moved = f64::from(begin > -self.path(i, !upwards)[0]);
+        let (share, speed) = met(path, begin, moved * reach)?;
+        let to = sign * (begin + (1.0 - share - moved * share) * reach);
+        let gain = (1.0 + moved) * reach / speed;
+        (gain < 1.0).then_some(Left { share, to, upwards, moved, gain })
     }
 
     /// A state at rest, which is at `x` at the end of the step, and was taken further by a stop that
@@ -194,7 +234,8 @@ impl Run<'_> {
             let share = first / (first - last);
             let to = || along(path, share);
             let further = first > 0.0 && last < 0.0 && to() > sign * x;
-            further.then(|| Left { share, to: sign * to(), upwards })
+            let left = || Left { share, to: sign * to(), upwards, moved: 0.0, gain: 0.0 };
+            further.then(left)
         };
         of(true).or_else(|| of(false))
     }

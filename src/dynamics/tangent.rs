@@ -7,7 +7,7 @@ use super::modes::{Event, Jump};
 use super::propagator::Propagator;
 use super::remembered::Remembered;
 use super::rows::{Append, Block, LANES, Rows, append, product};
-use super::step::{DOWN, LEFT_DOWN, LEFT_UP, RESTS, UP, parabola};
+use super::step::{DOWN, LEFT_DOWN, LEFT_UP, OF_LEFT, RESTS, UP, parabola};
 use super::steps::{Steps, steps};
 use super::sweep::Sweep;
 use super::sweep_rows::{Goal, RowSweep};
@@ -166,7 +166,7 @@ impl<'p> Tangent<'p> {
             lanes,
             s,
             limits: of_limits,
-            begin: vec![0.0; if propagator.hurries { nx * lanes } else { 0 }],
+            begin: vec![0.0; if propagator.limits_move { nx * lanes } else { 0 }],
             passed: std::array::from_fn(|_| {
                 vec![0.0; if propagator.limits_move { 3 * nx * lanes } else { 0 }]
             }),
@@ -362,7 +362,7 @@ impl<'p> Tangent<'p> {
                 let weights = weights(chunk.lengths[substep]);
                 self.begin.iter_mut().zip(&self.s[..]).for_each(|(begin, s)| *begin = *s);
                 let held = &chunk.held[substep * limited..(substep + 1) * limited];
-                let leaves = held.iter().filter(|how| **how >= LEFT_UP).count();
+                let leaves = OF_LEFT * held.iter().filter(|how| **how >= LEFT_UP).count();
                 for _ in 0..4 {
                     let clipped = &chunk.clipped[stage * limited..(stage + 1) * limited];
                     let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
@@ -568,12 +568,14 @@ struct Put<'a> {
 impl Put<'_> {
     /// The sensitivity of a state that was put on a stop is that of the stop; of one that was taken
     /// along, x = x_0 +- R t, it is S_0 +- t dR; of one that left the stop inside the step, when
-    /// its speed was R or nothing, x = b(t_1) +- R (t - t_1), where t_1 itself changes nothing. `block`: the Jacobian of limits that move, and the
+    /// its speed was R or nothing, x = b(t_1) +- R (t - t_1), where t_1 itself changes nothing; of
+    /// one that met a stop at t_1 which is faster, x = x_0 -+ R t_1 +- R (t - t_1), with `gain` times
+    /// what it was off the stop then, 2 R/(R + b') or R/b' where it was at rest. `block`: the Jacobian of limits that move, and the
     /// point in it; `s`: sensitivities of the states, and those of the delayed values behind them.
     fn on_stops(&self, block: Option<(Block<'_>, usize)>, limits: &mut [f64], s: &mut [f64]) {
         let propagator = self.propagator;
         let (lanes, nx) = (propagator.directions.lanes(), propagator.layout.states);
-        let (mut from, mut shares) = (0, self.left.1.iter());
+        let (mut from, mut shares) = (0, self.left.1.as_chunks::<OF_LEFT>().0.iter());
         for &to in &propagator.level_ends {
             if let Some((block, at)) = block {
                 // SAFETY: the width is this machine's.
@@ -590,17 +592,19 @@ impl Put<'_> {
                         s[row(i)].iter_mut().zip(both).for_each(|(s, (s0, r))| *s = s0 + since * r);
                     }
                     LEFT_UP | LEFT_DOWN => {
-                        let Some(&share) = shares.next() else { continue };
+                        let Some(&[share, moved, gain]) = shares.next() else { continue };
                         let (side, sign) = if how == LEFT_UP { (0, 1.0) } else { (1, -1.0) };
-                        let (stop, since) = (row(2 * i + side), sign * (1.0 - share) * self.since);
+                        let stop = row(2 * i + side);
+                        let [before, since] =
+                            [moved * share, 1.0 - share].map(|part| sign * part * self.since);
                         let ([begin, middle], [a, b, c]) = (self.left.0, parabola(share));
                         let fastest = &limits[row(2 * nx + i)];
                         for (l, s) in s[row(i)].iter_mut().enumerate() {
                             let at = stop.start + l;
-                            *s = a * begin[at]
-                                + b * middle[at]
-                                + c * limits[at]
-                                + since * fastest[l];
+                            let stop = a * begin[at] + b * middle[at] + c * limits[at];
+                            let own = self.begin[i * lanes + l] - before * fastest[l];
+                            let met = if gain == 0.0 { stop } else { own - gain * (own - stop) };
+                            *s = met + since * fastest[l];
                         }
                     }
                     stop => {

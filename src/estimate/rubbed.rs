@@ -23,6 +23,8 @@ use std::collections::BTreeMap;
 const FACTORS: [f64; 4] = [1.5, 1.0 / 1.5, 2.0, 0.5];
 /// Friction that was found to be next to nothing is taken to be at least this share of its start.
 const LEAST: f64 = 0.1;
+/// No friction is tried that is so many standard deviations off its prior.
+const KNOWN: f64 = 3.0;
 /// Iterations that another friction is followed for before its cost is compared.
 const FEW: usize = 10;
 /// Better minima, one behind the other, that are gone to at most.
@@ -83,6 +85,10 @@ impl Case {
         let mut start = now.fit.theta.clone();
         for &i in places {
             start[i] = factor * start[i].max(LEAST * begin[i]);
+            let off = (start[i] - self.layout.centre[i]).abs();
+            if off > KNOWN * self.layout.prior_sd[i] {
+                return None;
+            }
         }
         let fit = self.tried(start, FEW, settings, origin, here);
         let before = now.fit.cost() - GAIN;

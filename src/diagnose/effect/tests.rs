@@ -174,6 +174,35 @@ fn every_effect_binds_to_a_shipped_model_and_leaves_it_as_it_is_at_null() {
     assert!(unbound.is_empty(), "no shipped model has {unbound:?}");
 }
 
+#[test]
+fn a_state_of_an_effect_keeps_what_its_file_says_of_it() {
+    let base = shipped("hfb320/hfb320.model.toml");
+    let offer = candidates(&base, &Context::default(), &library());
+    let of = |effect: &str| offer.candidates.iter().find(|c| c.effect == effect).expect("bound");
+    for (effect, limited) in [("actuator-rate-limit", true), ("actuator-backlash", false)] {
+        let state = of(effect).model.states.last().expect("a state").clone();
+        assert!(state.rests && state.min.is_some() && state.max.is_some(), "{effect}");
+        assert_eq!(state.rate_max.is_some(), limited, "{effect}");
+    }
+    let text = r#"
+title = "a state with friction"
+family = "actuator"
+signature = "a test"
+separate = "a test"
+source = "a test"
+[bind]
+control = "surface"
+[parameters]
+k = { unit = "1/s", null = 0.0, typical = 0.1 }
+[states]
+v = { unit = "{control}", rate = "{k}*{control}", start = 0.0, friction = 0.5, noise = 0.1 }
+[add]
+"{control}" = "{v}"
+"#;
+    let told = super::file::parse("own", "own.toml", text).expect_err("noise").to_string();
+    assert!(told.contains("a state of an effect has no noise"), "{told}");
+}
+
 /// The parameters of an effect with its sizes away from null.
 fn active(c: &Candidate, row: usize) -> Vec<f64> {
     let start = c.start(row);
