@@ -6,7 +6,7 @@
 //! away, with damping and stiffness that make up for it. An iteration ends in the minimum that its
 //! start lies above, and its standard deviations are of that one. So where a solution leaves more
 //! than noise, the iteration goes on from it with more friction and with less, as long as that leads
-//! lower.
+//! lower: at first with that friction held, then with all.
 
 use super::case::Case;
 use super::elsewhere::{FILE, GAIN};
@@ -16,6 +16,7 @@ use super::solution::Solution;
 use super::watched::parameters;
 use super::{Settings, Stop};
 use crate::engine::Here;
+use crate::least_squares::{Layout, Method, minimise};
 use crate::signal::adequacy::{Adequacy, Leaves};
 use std::collections::BTreeMap;
 
@@ -90,7 +91,14 @@ impl Case {
                 return None;
             }
         }
-        let fit = self.tried(start, FEW, settings, origin, here);
+        // Damping and stiffness make up for it first.
+        let mut held = Layout { start, ..self.layout.clone() };
+        for &i in places {
+            (held.lower[i], held.upper[i]) = (held.start[i], held.start[i]);
+        }
+        let method = Method { max_iterations: FEW, ..settings.method() };
+        let adapted = minimise(&held, &origin.spread(self, here), &method);
+        let fit = self.tried(adapted.theta, FEW, settings, origin, here);
         let before = now.fit.cost() - GAIN;
         if fit.cost() >= before {
             return None;
