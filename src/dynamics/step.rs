@@ -200,15 +200,10 @@ impl Run<'_> {
         // It began on the stop but for rounding.
         if (sign * begin - path[0]).abs() <= 1e-9 * reach {
             let [first, last] = ends(path);
-            let share = if first < reach { (reach - first) / (last - first) } else { 0.0 };
+            let share = (reach - first) / (last - first);
             let to = || sign * (along(path, share) + (1.0 - share) * reach);
-            return (last > reach).then(|| Left {
-                share,
-                to: to(),
-                upwards,
-                moved: 0.0,
-                gain: 0.0,
-            });
+            let leaves = first < reach && last > reach;
+            return leaves.then(|| Left { share, to: to(), upwards, moved: 0.0, gain: 0.0 });
         }
         self.overtaken(i, begin, reach, true).or_else(|| self.overtaken(i, begin, reach, false))
     }
