@@ -54,6 +54,7 @@ mod history;
 mod innovation_slopes;
 mod innovations;
 mod job;
+mod left;
 mod modes;
 mod numbers;
 mod propagate;
