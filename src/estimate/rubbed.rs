@@ -59,10 +59,7 @@ impl Case {
             };
             best = Some(better);
         }
-        let Some(better) = best else {
-            self.layout.start = begin;
-            return (first, None);
-        };
+        let Some(better) = best else { return (first, None) };
         let said = Elsewhere {
             from: FILE,
             taken: true,
@@ -103,9 +100,13 @@ impl Case {
         if fit.cost() >= before {
             return None;
         }
-        self.layout.start = fit.theta;
+        let earlier = std::mem::replace(&mut self.layout.start, fit.theta);
         let better = self.solve(settings, origin, here);
-        (better.fit.stop == Stop::Converged && better.fit.cost() < before).then_some(better)
+        if better.fit.stop == Stop::Converged && better.fit.cost() < before {
+            return Some(better);
+        }
+        self.layout.start = earlier;
+        None
     }
 
     /// The unknowns that the friction of some state depends on.
