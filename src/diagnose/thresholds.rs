@@ -181,6 +181,11 @@ thresholds! {
     /// other simulator in view.
     held_out_p: f64 = 0.01, "probability";
 
+    /// Held-out maneuvers must gain this share of what is predicted, all together, or as much as noise leaves of
+    /// it. *Convention* (a half). Lower: what only imitates an effect where it was fitted is named. Higher:
+    /// true effects in imperfect models are contradicted.
+    held_out_half: f64 = 0.5, "share of the gain";
+
     /// The gain in a held-out maneuver is taken to scatter as if at least this had been predicted
     /// (its sd is the root of twice that): that of one parameter by chance. *Convention*.
     least_predicted: f64 = 0.5, "log-likelihood";

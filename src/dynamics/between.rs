@@ -63,7 +63,7 @@ fn fill(row: &mut [f64], record: &Record, from: &[f64], k: usize, c: f64) {
     for (j, value) in row.iter_mut().enumerate() {
         *value = match record.interpolation.get(j).copied().unwrap_or_default() {
             Interpolation::Hold => here[j],
-            Interpolation::Linear => here[j] + c * (next[j] - here[j]),
+            Interpolation::Linear | Interpolation::Ramps => here[j] + c * (next[j] - here[j]),
             Interpolation::Cubic if s >= 1.0 => next[j],
             Interpolation::Cubic => history::value([before[j], here[j], next[j], behind[j]], s),
         };

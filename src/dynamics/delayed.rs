@@ -44,10 +44,15 @@ pub(super) fn delayed(
     for (k, (delay, past)) in propagator.delays.iter().zip(pasts).enumerate() {
         let (row, next) = out[k * lanes..].split_at_mut(lanes);
         if let Delayed::Smooth(_) = delay.of {
-            // d smooth = by_reach dT + by_width dw; the row of w stands behind that of T.
+            // d smooth = by_reach dT + by_width dw - smooth' dtau; the row of w stands behind that of T, and that
+            // of tau behind it.
             row.iter_mut()
                 .zip(&next[..lanes])
                 .for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
+            if matches!(propagator.delays.get(k + 2).map(|d| d.of), Some(Delayed::Ago(_))) {
+                let ago = &next[lanes..2 * lanes];
+                row.iter_mut().zip(ago).for_each(|(by, dtau)| *by -= past.slope[2] * dtau);
+            }
             continue;
         }
         remembered.late(state(delay), past, slope(run, delay, past), row);

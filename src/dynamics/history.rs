@@ -25,6 +25,21 @@ pub fn input(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> 
     (value(around, s), (c1 + s * (2.0 * c2 + 3.0 * s * c3)) / dt)
 }
 
+/// The same along straight lines.
+pub fn on_lines(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> (f64, f64) {
+    let n = inputs.len() / stride.max(1);
+    let u = |i: usize| inputs[i.min(n - 1) * stride + column];
+    if n == 0 || at.is_nan() {
+        return (f64::NAN, f64::NAN);
+    }
+    if at <= 0.0 {
+        return (u(0), 0.0);
+    }
+    let i = at.floor() as usize;
+    let step = u(i + 1) - u(i);
+    (u(i) + at.fract() * step, step / dt)
+}
+
 /// Catmull-Rom: passes through the two in the middle, slope continuous.
 fn cubic([a, b, c, d]: [f64; 4]) -> [f64; 4] {
     [b, 0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d, 0.5 * (d - a) + 1.5 * (b - c)]

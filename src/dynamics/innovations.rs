@@ -76,12 +76,14 @@ impl Filter {
             return out;
         }
         let mut programs = Programs::new(propagator, parameters);
-        let run = Run::new(propagator, record, &mut programs.taus);
+        let mut run = Run::new(propagator, record, &mut programs.taus);
         let starts = &propagator.starts;
         let file =
             start_file(starts, propagator.layout, &propagator.tables, parameters, given, record);
         let mut slopes = derivatives.then(|| Slopes::new(self, propagator, parameters, &file));
-        let x = (0..propagator.layout.states).map(|i| starts.program.output(&file, i)[0]).collect();
+        let x: Vec<f64> =
+            (0..propagator.layout.states).map(|i| starts.program.output(&file, i)[0]).collect();
+        run.limit(&x, &mut programs);
         let mut walk = Walk::new(self, propagator, run, programs, parameters, x);
         walk.correct = correct;
         let mut samples = schedule(record).into_iter().peekable();

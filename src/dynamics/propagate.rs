@@ -50,9 +50,7 @@ pub fn run(
         .by(propagator.native.values.as_ref());
     let mut run = Run::new(propagator, record, &mut programs.taus);
     let mut look = vec![0.0; propagator.layout.time() + 1];
-    run.arguments(0, 0.0, &x, &mut look);
-    programs.limits.at(&look);
-    run.bounds = (0..3 * nx).map(|k| programs.limits.get(k)).collect();
+    run.limit(&x, &mut programs);
     let mut lost = run.begin(&x, &mut programs).err().map(|why| (0, why));
     let mut tangent = sensitivities.then(|| Tangent::new(propagator, parameters, &file, n));
     if let Some(tangent) = &mut tangent {

@@ -51,6 +51,16 @@ pub enum Interpolation {
     /// cubic half a step of the grid later, so that the delay has a gradient: a value that holds from one
     /// point to the next stands in the middle between them.
     Hold,
+    /// Straight lines, which a `delay()` reads too, where it reads a smooth cubic otherwise: for commands made
+    /// of ramps, whose corners a cubic overshoots.
+    Ramps,
+}
+
+impl Interpolation {
+    /// Whether it is straight between two points of the grid.
+    pub fn is_straight(self) -> bool {
+        matches!(self, Interpolation::Linear | Interpolation::Ramps)
+    }
 }
 
 /// Inputs on a uniform grid and what was measured meanwhile.

@@ -72,15 +72,18 @@ impl Smooth {
         Smooth(out)
     }
 
-    /// At fractional grid position `at`; the first and the last value hold outside.
-    pub fn at(&self, at: f64) -> [f64; 3] {
+    /// At fractional grid position `at`, and behind it its slope there, per grid step; the first and the last
+    /// value hold outside.
+    pub fn at(&self, at: f64) -> [f64; 4] {
         let last = self.0.len().saturating_sub(1);
         let inside = at.clamp(0.0, last as f64);
         let (i, part) = (inside.floor() as usize, inside - inside.floor());
         let [Some(a), Some(b)] = [i, i + 1].map(|i| self.0.get(i.min(last))) else {
-            return [f64::NAN; 3];
+            return [f64::NAN; 4];
         };
-        std::array::from_fn(|k| a[k] + part * (b[k] - a[k]))
+        let [value, by_reach, by_width] = std::array::from_fn(|k| a[k] + part * (b[k] - a[k]));
+        let slope = if at == inside { b[0] - a[0] } else { 0.0 };
+        [value, by_reach, by_width, slope]
     }
 }
 

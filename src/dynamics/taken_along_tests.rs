@@ -2,7 +2,7 @@
 //! followers, and exact sensitivities against differences.
 
 use super::contact_tests::{model, record, worst};
-use super::{Directions, Propagator, Record};
+use super::{Directions, Interpolation, Propagator, Record};
 use crate::model::Model;
 
 /// A surface that its servo moves through play, the servo with a limited rate; what comes of both
@@ -57,6 +57,45 @@ fn truth_a_step_becomes_a_ramp_and_play_takes_its_share_of_it() {
 }
 
 #[test]
+fn a_delay_reads_what_is_smoothed_and_ramps_as_they_are() {
+    let model = model(
+        r#"title = "late"
+[inputs]
+u = "rad"
+[parameters]
+T = { unit = "s", start = 0.3 }
+w = { unit = "rad", start = 0.2 }
+tau = { unit = "s", start = 0.1 }
+[states]
+x = { unit = "rad", rate = "0/one", start = 0.0 }
+[constants]
+one = { unit = "s", value = 1.0 }
+[outputs]
+now = { unit = "rad", value = "smooth(u, T, w)" }
+late = { unit = "rad", value = "delay(smooth(u, T, w), tau)" }
+ago = { unit = "rad", value = "delay(u, tau)" }
+"#,
+    );
+    // A ramp that begins at a sample; a tenth of a second are five samples, and 0.11 s five and a half.
+    let ramp = record(200, 0.02, |t| (t - 1.0).clamp(0.0, 1.0));
+    let y = values(&model, &ramp);
+    (5..200).for_each(|k| assert!((y[k][1] - y[k - 5][0]).abs() < 1e-12, "{k}"));
+    let mut between = model.clone();
+    between.parameters[2].start = 0.11;
+    let corner = |kind: Interpolation| {
+        let ramps = Record { interpolation: vec![kind], ..ramp.clone() };
+        (0..200)
+            .map(|k| {
+                let truth = (k as f64 * 0.02 - 1.11).clamp(0.0, 1.0);
+                (values(&between, &ramps)[k][2] - truth).abs()
+            })
+            .fold(0.0, f64::max)
+    };
+    assert!(corner(Interpolation::Ramps) < 1e-12);
+    assert!(corner(Interpolation::Linear) > 1e-3);
+}
+
+#[test]
 fn what_is_slow_is_followed_and_nothing_asks_for_short_steps() {
     let model = chain("u");
     let slow = record(900, 0.02, |t| 0.3 * (2.0 * t).sin());
@@ -107,8 +146,13 @@ q = { unit = "rad", value = "q" }
 #[test]
 fn sensitivities_of_play_and_rate_limits_agree_with_differences() {
     let motion = |t: f64| 0.4 * (1.7 * t).sin() + 0.2 * (6.1 * t).sin();
-    for told in ["u", "delay(u, T)", "u + 0.1*smooth(u, 10*T, b) + 0.2*q", "delay(q, 2*T) + 0.5*u"]
-    {
+    for told in [
+        "u",
+        "delay(u, T)",
+        "u + 0.1*smooth(u, 10*T, b) + 0.2*q",
+        "delay(q, 2*T) + 0.5*u",
+        "delay(smooth(u, 10*T, b), 2*T) + 0.2*q",
+    ] {
         let worst = worst(&chain(told), &record(700, 0.02, motion));
         assert!(worst < 1e-4, "{told}: {worst}");
     }

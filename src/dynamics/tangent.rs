@@ -3,29 +3,28 @@
 use super::delayed::delayed;
 use super::evaluate::Many;
 use super::history::Past;
-use super::left::OF_LEFT;
-use super::modes::{Event, Jump};
 use super::propagator::Propagator;
 use super::remembered::Remembered;
 use super::rows::{Append, Block, LANES, Rows, append, product};
-use super::step::{LEFT_UP, RESTS};
 use super::steps::{Steps, steps};
 use super::sweep::Sweep;
 use super::sweep_rows::{Goal, RowSweep};
-use super::tableau::{AHEAD, OFFSET, WEIGHT};
+use super::tableau::{AHEAD, WEIGHT};
 use super::values::{Chunk, Run};
 use crate::math::pool;
 use crate::math::simd::{Aligned, Width};
 use crate::model::Program;
 use crate::model::machine::Lanes;
-use stops::{Put, is_put};
 
 mod glide;
 mod stops;
+mod walk;
+
+pub(super) use walk::Place;
 
 pub struct Tangent<'p> {
     propagator: &'p Propagator,
-    width: Width,
+    pub(super) width: Width,
     rates: Jacobian<'p>,
     outputs: Jacobian<'p>,
     delays: Jacobian<'p>,
@@ -39,10 +38,10 @@ pub struct Tangent<'p> {
     pushes: Jacobian<'p>,
     pushed: Vec<f64>,
     /// Directions, padded.
-    lanes: usize,
+    pub(super) lanes: usize,
     /// Sensitivities of the states `[state][lanes]`, behind them those of the delayed values at a
     /// grid point.
-    s: Aligned,
+    pub(super) s: Aligned,
     /// Sensitivities of the limits `[row][lanes]`, rows as in `Model::limits_program`.
     limits: Vec<f64>,
     /// Those of the states at the begin of a step, where stops take states along.
@@ -210,17 +209,22 @@ impl<'p> Tangent<'p> {
 
     /// Takes the sensitivities through a chunk whose values are done.
     pub fn advance(&mut self, run: &Run, chunk: &Chunk) {
-        let points =
-            [&mut self.outputs, &mut self.point_delays, &mut self.end_limits, &mut self.pushes];
-        let points = points.into_iter().chain([&mut self.end_delays]);
-        let stages = [&mut self.rates, &mut self.delays, &mut self.stage_limits];
-        points.chain(stages).for_each(Jacobian::forget);
+        self.forget();
         match (self.propagator.plain(), &self.propagator.native.sweep) {
             (true, Some((steps, rows))) => self.sweep(run, chunk, steps, rows),
             (true, None) => self.march(run, chunk),
             (false, Some((steps, rows))) => self.glide(run, chunk, steps, rows),
             (false, None) => self.walk(run, chunk),
         }
+    }
+
+    /// The points are those of another chunk.
+    pub(super) fn forget(&mut self) {
+        let points =
+            [&mut self.outputs, &mut self.point_delays, &mut self.end_limits, &mut self.pushes];
+        let points = points.into_iter().chain([&mut self.end_delays]);
+        let stages = [&mut self.rates, &mut self.delays, &mut self.stage_limits];
+        points.chain(stages).for_each(Jacobian::forget);
     }
 
     /// Sensitivities of the delayed values at a point of a chunk, behind those of the states.
@@ -233,6 +237,12 @@ impl<'p> Tangent<'p> {
         let at = (self.point_delays.at(&chunk.points, point), point);
         let s = &mut self.s;
         delayed(self.propagator, self.width, run, pasts, at, s, &mut self.remembered);
+    }
+
+    /// The same at any point, of a Jacobian of the delays at such points.
+    pub(super) fn delayed_by(&mut self, run: &Run, pasts: &[Past], at: (Block<'_>, usize)) {
+        let (s, remembered) = (&mut self.s, &mut self.remembered);
+        delayed(self.propagator, self.width, run, pasts, at, s, remembered);
     }
 
     /// A chunk of a plain model, by machine code.
@@ -269,6 +279,30 @@ impl<'p> Tangent<'p> {
         if !goal.is_finite() {
             self.zeros = [f64::NAN; 8];
         }
+    }
+
+    /// One step of a plain model.
+    pub(super) fn plain_step(&mut self, chunk: &Chunk, step: usize) {
+        let (first, weights) = (4 * step, weights(chunk.lengths[step]));
+        let at = first % LANES;
+        if let Some((sweep, _)) = &self.propagator.native.sweep {
+            let registers = self.rates.registers(&chunk.stages, first);
+            return sweep.steps(registers, at..at + 4, &weights, &mut self.s, [0, 0]);
+        }
+        let Work { between: [a, b], sum, .. } = &mut self.work;
+        let mut job = Steps {
+            s: &mut self.s,
+            sum,
+            between: [a, b],
+            k: None,
+            weights,
+            plain: true,
+            kept: &mut [],
+            every: 0,
+            phase: 0,
+        };
+        // SAFETY: the width is this machine's.
+        unsafe { steps(self.width, self.rates.at(&chunk.stages, first), at..at + 4, &mut job) };
     }
 
     /// A chunk of a plain model, a block of stages at a time.
@@ -319,217 +353,6 @@ impl<'p> Tangent<'p> {
                 )
             };
             self.done += n;
-        }
-    }
-
-    /// A chunk of any model, stage by stage.
-    fn walk(&mut self, run: &Run, chunk: &Chunk) {
-        let propagator = self.propagator;
-        let (delays, limited, history) =
-            (propagator.delays.len(), propagator.limited.len(), run.keeps_history());
-        let points = chunk.points.len() / (propagator.layout.time() + 1);
-        let (mut stage, mut substep, mut left) = (0, 0, 0);
-        let mut jumps = chunk.jumps.iter().peekable();
-        while let Some(jump) = jumps.next_if(|jump| jump.after == 0) {
-            self.jump(jump, chunk, 0);
-        }
-        for point in 0..points {
-            if history {
-                self.remembered.begin(&self.s);
-            }
-            self.delayed_at(run, chunk, point);
-            let to = Append {
-                lists: &mut self.rows,
-                directions: propagator.directions.len(),
-                k: self.done,
-                zeros: &mut self.zeros,
-            };
-            let at = point % LANES;
-            // SAFETY: the width is this machine's.
-            unsafe {
-                append(
-                    self.width,
-                    self.outputs.at(&chunk.points, point),
-                    at..at + 1,
-                    &self.s,
-                    0,
-                    to,
-                )
-            };
-            self.done += 1;
-            let Some(&steps) = chunk.substeps.get(point) else { continue };
-            for s in 0..steps {
-                if history && s > 0 {
-                    self.remembered.begin(&self.s);
-                }
-                let weights = weights(chunk.lengths[substep]);
-                self.begin.iter_mut().zip(&self.s[..]).for_each(|(begin, s)| *begin = *s);
-                let held = &chunk.held[substep * limited..(substep + 1) * limited];
-                let leaves = OF_LEFT * held.iter().filter(|how| **how >= LEFT_UP).count();
-                for _ in 0..4 {
-                    let clipped = &chunk.clipped[stage * limited..(stage + 1) * limited];
-                    let pasts = &chunk.pasts[stage * delays..(stage + 1) * delays];
-                    let length = chunk.lengths[substep];
-                    self.stage(run, &chunk.stages, (stage, length), clipped, pasts, weights);
-                    if leaves > 0 && stage % 2 == 0 {
-                        self.pass(&chunk.stages, stage);
-                    }
-                    stage += 1;
-                }
-                let shares = &chunk.shares[left..left + leaves];
-                self.end(run, chunk, substep, held, shares);
-                left += leaves;
-                substep += 1;
-                while let Some(jump) = jumps.next_if(|jump| jump.after <= substep) {
-                    self.jump(jump, chunk, substep);
-                }
-            }
-        }
-    }
-
-    /// Keeps the sensitivities of the limits at the first or the third stage of a step, which is done.
-    fn pass(&mut self, stages: &[f64], at: usize) {
-        let block = self.stage_limits.at(stages, at);
-        let Work { between: [_, b], .. } = &self.work;
-        // SAFETY: the width is this machine's.
-        unsafe { product(self.width, block, at % LANES, b, &mut self.passed[at % 4 / 2]) };
-    }
-
-    /// Puts states on their stops at the end of a step of a chunk; `shares`: of the step, at which
-    /// some have left theirs.
-    fn end(&mut self, run: &Run, chunk: &Chunk, step: usize, held: &[u8], shares: &[f64]) {
-        let moves = self.propagator.limits_move && is_put(held);
-        if moves && self.propagator.limits_are_late {
-            let delays = self.propagator.delays.len();
-            delayed(
-                self.propagator,
-                self.width,
-                run,
-                &chunk.end_pasts[step * delays..][..delays],
-                (self.end_delays.at(&chunk.ends, step), step),
-                &mut self.s,
-                &mut self.remembered,
-            );
-        }
-        let block = moves.then(|| (self.end_limits.at(&chunk.ends, step), step % LANES));
-        let put = Put {
-            propagator: self.propagator,
-            width: self.width,
-            how: held,
-            begin: &self.begin,
-            since: chunk.lengths[step],
-            left: (&self.passed, shares),
-        };
-        put.on_stops(block, &mut self.limits, &mut self.s);
-    }
-
-    /// Stage `at` of a chunk's `stages`, and after the last one of a step the step, which takes
-    /// `length` s. `pasts`: how its delayed values were read.
-    fn stage(
-        &mut self,
-        run: &Run,
-        stages: &[f64],
-        (at, length): (usize, f64),
-        clipped: &[u8],
-        pasts: &[Past],
-        weights: [[f64; 2]; 4],
-    ) {
-        let (number, history, size) =
-            (at % 4, self.remembered.is_kept(), self.propagator.layout.states * self.lanes);
-        let Work { between: [a, b], sum, k, .. } = &mut self.work;
-        if number == 0 {
-            b[..size].copy_from_slice(&self.s[..size]);
-        }
-        let from = if number % 2 == 0 { &mut *b } else { &mut *a };
-        if !pasts.is_empty() {
-            delayed(
-                self.propagator,
-                self.width,
-                run,
-                pasts,
-                (self.delays.at(stages, at), at),
-                from,
-                &mut self.remembered,
-            );
-        }
-        let moves = self.propagator.limits_move && is_put(clipped);
-        let block = moves.then(|| (self.stage_limits.at(stages, at), at % LANES));
-        let put = Put {
-            propagator: self.propagator,
-            width: self.width,
-            how: clipped,
-            begin: &self.begin,
-            since: OFFSET[number] * length,
-            left: (&self.passed, &[]),
-        };
-        put.on_stops(block, &mut self.limits, from);
-        let k = history.then_some(&mut **k);
-        let mut job = Steps {
-            s: &mut self.s,
-            sum,
-            between: [a, b],
-            k,
-            weights,
-            plain: false,
-            kept: &mut [],
-            every: 0,
-            phase: 0,
-        };
-        // SAFETY: the width is this machine's.
-        unsafe {
-            steps(self.width, self.rates.at(stages, at), at % LANES..at % LANES + 1, &mut job)
-        };
-        if number == 0 && history {
-            let limited = &self.propagator.limited;
-            let rests = |i: usize| {
-                limited.iter().zip(clipped).any(|(&limited, &how)| limited == i && how == RESTS)
-            };
-            self.remembered.rates(&self.work.k, rests);
-        }
-    }
-
-    /// The sensitivities behind an instant at which a velocity jumps (see `contacts`); `done`: steps
-    /// of the chunk before it.
-    fn jump(&mut self, jump: &Jump, chunk: &Chunk, done: usize) {
-        let (lanes, mover) = (self.lanes, self.propagator.moving[jump.moving]);
-        let leaves = jump.event == Event::Loose;
-        if self.propagator.limits_move && jump.limit.is_some() && done > 0 {
-            let at = (done - 1) % LANES;
-            // SAFETY: the width is this machine's.
-            unsafe {
-                let block = self.end_limits.at(&chunk.ends, done - 1);
-                product(self.width, block, at, &self.s, &mut self.limits);
-                let block = self.pushes.at(&chunk.ends, done - 1);
-                product(self.width, block, at, &self.s, &mut self.pushed);
-            }
-        }
-        for l in 0..lanes {
-            let s = |state: usize| self.s[state * lanes + l];
-            let of_limit = jump.limit.map_or(0.0, |limit| self.limits[limit * lanes + l]);
-            let met = mover.position.zip(jump.limit).map(|(i, _)| i);
-            // The sensitivity of the instant.
-            let (gap, speed) = match met {
-                Some(_) if leaves => {
-                    let side =
-                        if jump.limit.is_some_and(|limit| limit % 2 == 1) { 1.0 } else { -1.0 };
-                    let of = |row: usize| self.pushed[(2 * jump.moving + row) * lanes + l];
-                    (side * of(0) - of(1), jump.gap)
-                }
-                Some(i) => (s(i) - of_limit, jump.before[i] - jump.drift),
-                None => (s(mover.velocity), jump.before[mover.velocity]),
-            };
-            let instant = if speed == 0.0 { 0.0 } else { -gap / speed };
-            if let Some(i) = met.filter(|_| leaves) {
-                self.s[i * lanes + l] += jump.drift * instant;
-                continue;
-            }
-            for (state, (before, behind)) in jump.before.iter().zip(&jump.behind).enumerate() {
-                self.s[state * lanes + l] += (before - behind) * instant;
-            }
-            self.s[mover.velocity * lanes + l] = -jump.behind[mover.velocity] * instant;
-            if let Some(i) = met {
-                self.s[i * lanes + l] = of_limit;
-            }
         }
     }
 }

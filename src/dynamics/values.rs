@@ -174,6 +174,14 @@ impl Run<'_> {
         point[l.time()] = (k as f64 - self.record.start as f64 + c) * self.record.dt;
     }
 
+    /// The limits at the start.
+    pub(super) fn limit(&mut self, x: &[f64], programs: &mut Programs) {
+        let mut point = vec![0.0; self.propagator.layout.time() + 1];
+        self.arguments(0, 0.0, x, &mut point);
+        programs.limits.at(&point);
+        self.bounds = (0..3 * x.len()).map(|k| programs.limits.get(k)).collect();
+    }
+
     /// Fills the delayed values of a point and says how the states among them were read.
     pub(super) fn delayed(
         &self,
@@ -194,24 +202,27 @@ impl Run<'_> {
             point[l.delayed() + k] = match delay.of {
                 Delayed::Input(j) => {
                     let at = t / record.dt + record.start as f64 - record.behind(j);
-                    let (value, slope) = history::input(
-                        &record.inputs[..record.n * l.inputs],
-                        l.inputs,
-                        j,
-                        record.dt,
-                        at,
-                    );
+                    let read = match record.interpolation.get(j) {
+                        Some(Interpolation::Ramps) => history::on_lines,
+                        _ => history::input,
+                    };
+                    let inputs = &record.inputs[..record.n * l.inputs];
+                    let (value, slope) = read(inputs, l.inputs, j, record.dt, at);
                     past.slope[0] = slope;
                     value
                 }
                 Delayed::Smooth(_) => {
-                    let at = now / record.dt + record.start as f64;
-                    let [value, by_reach, by_width] =
-                        self.smooth[k].as_ref().map_or([f64::NAN; 3], |smooth| smooth.at(at));
-                    past.slope = [by_reach, by_width, 0.0, 0.0];
+                    let ago = match propagator.delays.get(k + 2).map(|d| d.of) {
+                        Some(Delayed::Ago(_)) => taus.get(k + 2),
+                        _ => 0.0,
+                    };
+                    let at = (now - ago) / record.dt + record.start as f64;
+                    let [value, by_reach, by_width, slope] =
+                        self.smooth[k].as_ref().map_or([f64::NAN; 4], |smooth| smooth.at(at));
+                    past.slope = [by_reach, by_width, slope / record.dt, 0.0];
                     value
                 }
-                Delayed::Within(_) => 0.0,
+                Delayed::Within(_) | Delayed::Ago(_) => 0.0,
                 Delayed::State(i) => {
                     past = history::locate(&self.times, t, slope_known);
                     self.past_value(i, &past, &past.w)
@@ -289,7 +300,7 @@ impl Run<'_> {
     fn lay_out(&mut self, first: usize, m: usize, rows: &mut [f64]) {
         let (l, record) = (&self.propagator.layout, self.record);
         let (nu, width) = (l.inputs, l.time() + 1);
-        if m > 1 || record.interpolation.iter().any(|i| *i != Interpolation::Linear) {
+        if m > 1 || record.interpolation.iter().any(|i| !i.is_straight()) {
             let nothing = vec![0.0; l.states];
             for (i, row) in rows.chunks_exact_mut(width).enumerate() {
                 let (step, stage) = (i / 4, i % 4);

@@ -2,9 +2,11 @@
 //! made of them and kept, out.
 
 use crate::error::{Error, Result};
+use crate::table::Unfinished;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -40,7 +42,7 @@ pub trait Blobs: Send + Sync {
     fn get(&self, key: &Key) -> Result<Vec<u8>>;
 }
 
-/// Blobs as files of a folder that all processes see.
+/// Blobs as files of a folder that all processes see, for as long as a run lasts.
 #[derive(Debug, Clone)]
 pub struct Folder(pub PathBuf);
 
@@ -49,7 +51,11 @@ impl Blobs for Folder {
         let key = Key::of(bytes);
         let path = self.0.join(&key.0);
         if !path.is_file() {
-            crate::table::write_atomic(&path, bytes)?;
+            let mut file = Unfinished::beside(&path)?;
+            file.0
+                .write_all(bytes)
+                .map_err(|e| Error::new(format!("cannot write {}: {e}", path.display())))?;
+            file.pass_on(&path)?;
         }
         Ok(key)
     }

@@ -32,10 +32,10 @@ pub struct Chords {
 }
 
 /// An input of a record as it is known: a sample every so many points of the grid, from one on.
-struct Known {
-    every: usize,
-    first: usize,
-    smooth: bool,
+pub(super) struct Known {
+    pub(super) every: usize,
+    pub(super) first: usize,
+    pub(super) smooth: bool,
     finer: bool,
 }
 
@@ -68,13 +68,16 @@ impl Case {
 /// Puts every second sample of the inputs that are not held, and what lies beside it, onto the curve through the
 /// others; how each of them is known.
 fn thinned(record: &mut Record, nu: usize) -> Vec<Known> {
-    let held =
-        |i: &usize| record.interpolation.get(*i).is_some_and(|kind| *kind == Interpolation::Hold);
+    // How commands run is known.
+    let held = |i: &usize| {
+        let kind = record.interpolation.get(*i);
+        matches!(kind, Some(Interpolation::Hold | Interpolation::Ramps))
+    };
     let mut inputs = record.inputs.to_vec();
     let mut all = Vec::new();
     for i in (0..nu).filter(|i| !held(i)) {
         let column: Vec<f64> = record.inputs.iter().skip(i).step_by(nu).copied().collect();
-        let known = known(record, i, &column);
+        let known = Known::of(record, i, &column);
         let step = 2 * known.every;
         if record.n <= known.first + step {
             continue;
@@ -96,24 +99,26 @@ fn thinned(record: &mut Record, nu: usize) -> Vec<Known> {
     all
 }
 
-/// How an input is known. One that is made of others is taken to have the samples of what is measured.
-fn known(record: &Record, input: usize, column: &[f64]) -> Known {
-    let measured = || record.channels.iter().map(Channel::spacing).filter(|s| s.is_finite());
-    let own = record.spacings.get(input).copied().unwrap_or(record.dt);
-    let own = if own.is_finite() { own } else { measured().fold(f64::INFINITY, f64::min) };
-    let own = if own.is_finite() { own } else { record.dt };
-    let every = (own / record.dt).round().max(1.0) as usize;
-    // Between samples a line does not bend.
-    let bend = |phase: usize| {
-        let at = (phase..column.len().saturating_sub(1)).step_by(every).filter(|k| *k > 0);
-        at.map(|k| (column[k - 1] - 2.0 * column[k] + column[k + 1]).abs()).sum::<f64>()
-    };
-    let bends: Vec<f64> = (0..every).map(bend).collect();
-    let first = (0..every).fold(0, |best, k| if bends[k] > bends[best] { k } else { best });
-    let rest = bends.iter().sum::<f64>() - bends[first];
-    let is_cubic = record.interpolation.get(input) == Some(&Interpolation::Cubic);
-    let bent = every > 1 && rest > ON_LINES * bends[first];
-    Known { every, first, smooth: is_cubic || bent, finer: own < 0.75 * record.dt }
+impl Known {
+    /// How an input is known. One that is made of others is taken to have the samples of what is measured.
+    pub(super) fn of(record: &Record, input: usize, column: &[f64]) -> Known {
+        let measured = || record.channels.iter().map(Channel::spacing).filter(|s| s.is_finite());
+        let own = record.spacings.get(input).copied().unwrap_or(record.dt);
+        let own = if own.is_finite() { own } else { measured().fold(f64::INFINITY, f64::min) };
+        let own = if own.is_finite() { own } else { record.dt };
+        let every = (own / record.dt).round().max(1.0) as usize;
+        // Between samples a line does not bend.
+        let bend = |phase: usize| {
+            let at = (phase..column.len().saturating_sub(1)).step_by(every).filter(|k| *k > 0);
+            at.map(|k| (column[k - 1] - 2.0 * column[k] + column[k + 1]).abs()).sum::<f64>()
+        };
+        let bends: Vec<f64> = (0..every).map(bend).collect();
+        let first = (0..every).fold(0, |best, k| if bends[k] > bends[best] { k } else { best });
+        let rest = bends.iter().sum::<f64>() - bends[first];
+        let is_cubic = record.interpolation.get(input) == Some(&Interpolation::Cubic);
+        let bent = every > 1 && rest > ON_LINES * bends[first];
+        Known { every, first, smooth: is_cubic || bent, finer: own < 0.75 * record.dt }
+    }
 }
 
 #[cfg(test)]

@@ -8,8 +8,10 @@ use super::decision::Decision;
 use super::edges::Edges;
 use super::influential::Influential;
 use super::modes::Mode;
+use super::noisy_inputs::NoisyInputs;
 use super::preroll::TooShort;
 use super::profile::Profile;
+use super::ramps::Ramps;
 use super::rank::Verdict;
 use super::reached::Reached;
 use super::regression;
@@ -164,6 +166,10 @@ pub struct Estimation {
     pub edges: Option<Edges>,
     /// What straight lines between the points of the grid move.
     pub chords: Option<Chords>,
+    /// What the noise of measured inputs moves, and what it alone determines.
+    pub noisy_inputs: Option<NoisyInputs>,
+    /// Delayed inputs that run along straight lines.
+    pub ramps: Option<Ramps>,
     /// Parameters of the model that times of delays depend on.
     pub delaying: Vec<String>,
     /// Another start that ended elsewhere.

@@ -48,6 +48,8 @@
 //! | `idle` | why nothing shows a parameter |
 //! | `coarse` | what finer integration steps would move |
 //! | `chords` | what the estimates owe to straight lines between the points of the grid |
+//! | `noisy_inputs` | what the noise of measured inputs moves, and what it alone determines |
+//! | `ramps` | what the estimates owe to the curve that a delay reads of its input |
 //! | `edges` | what the estimates owe to when inputs stepped between two samples |
 //! | `influential` | the one sample on which an estimate hangs |
 //! | `reached` | which limits of the states the motion reaches, and how near it comes to the others |
@@ -77,11 +79,13 @@ mod measured_limits;
 mod modes;
 mod neighbours;
 mod noise_covariance;
+mod noisy_inputs;
 mod output_error;
 mod plateaus;
 mod prepared;
 mod preroll;
 mod profile;
+mod ramps;
 mod rank;
 mod reached;
 pub mod regression;
@@ -121,11 +125,13 @@ pub use extend::{extended, not_filtered};
 pub use idle::Idle;
 pub use influential::Influential;
 pub use modes::{Mode, Uncertain};
+pub use noisy_inputs::NoisyInputs;
 pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use plateaus::Piece;
 pub use prepared::Prepared;
 pub use preroll::TooShort;
 pub use profile::{End, Point, Profile};
+pub use ramps::Ramps;
 pub use rank::{Combination, Term, Verdict};
 pub use reached::{Follows, Over, Reached};
 pub use search::unsearchable;

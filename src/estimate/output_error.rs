@@ -191,6 +191,8 @@ fn told(
             coarse: case.coarse(solution, settings),
             edges: case.edges(solution, settings),
             chords: case.chords(solution, settings),
+            noisy_inputs: case.noisy_inputs(solution, settings),
+            ramps: case.ramps(solution, settings),
         },
         // Nothing moves: there are no limits, and nothing that friction could hold.
         By::EquationError => {

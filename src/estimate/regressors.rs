@@ -120,8 +120,12 @@ fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Samp
             };
             point[l.delayed() + d] = match delay.of {
                 Delayed::Input(j) => back((k + first) as f64 - record.behind(j), &|i| input(i, j)),
-                Delayed::Smooth(_) | Delayed::Within(_) => {
-                    without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64)[0])
+                Delayed::Smooth(_) | Delayed::Within(_) | Delayed::Ago(_) => {
+                    let ago = match model.delays.get(d + 2).map(|d| d.of) {
+                        Some(Delayed::Ago(_)) => taus[d + 2] / dt,
+                        _ => 0.0,
+                    };
+                    without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64 - ago)[0])
                 }
                 Delayed::State(i) => {
                     back(k as f64, &|m| raw[i].get(m).copied().unwrap_or(f64::NAN))

@@ -6,8 +6,10 @@ use super::chords::Chords;
 use super::coarse::Coarse;
 use super::edges::Edges;
 use super::influential::Influential;
+use super::noisy_inputs::NoisyInputs;
 use super::preroll::TooShort;
 use super::profile::Profile;
+use super::ramps::Ramps;
 use super::rank::{Combination, Term, Verdict, Weak};
 use super::reached::Reached;
 use super::regression::Regression;
@@ -37,6 +39,8 @@ pub struct Told {
     pub coarse: Option<Coarse>,
     pub edges: Option<Edges>,
     pub chords: Option<Chords>,
+    pub noisy_inputs: Option<NoisyInputs>,
+    pub ramps: Option<Ramps>,
 }
 
 /// What was compared with measurements: the outputs of the model, or its equations.
@@ -121,6 +125,8 @@ pub fn name(
         coarse: told.coarse,
         edges: told.edges,
         chords: told.chords,
+        noisy_inputs: told.noisy_inputs,
+        ramps: told.ramps,
         delaying: Vec::new(),
         elsewhere: None,
         tried: Vec::new(),

@@ -5,8 +5,9 @@
 //! of such events has a minimum of its own, and the next one may be half as much friction again
 //! away, with damping and stiffness that make up for it. An iteration ends in the minimum that its
 //! start lies above, and its standard deviations are of that one. So where a solution leaves more
-//! than noise, the iteration goes on from it with more friction and with less, as long as that leads
-//! lower: at first with that friction held, then with all.
+//! than noise, friction is followed upwards and downwards in steps, all else adapted to each, and the
+//! iteration goes on from the best of these, and from other friction with all else as it was found,
+//! as long as that leads lower.
 
 use super::case::Case;
 use super::elsewhere::{FILE, GAIN};
@@ -20,7 +21,11 @@ use crate::least_squares::{Layout, Method, minimise};
 use crate::signal::adequacy::{Adequacy, Leaves};
 use std::collections::BTreeMap;
 
-/// How much friction is tried, of what was found.
+/// Friction is followed in steps of this factor, so many upwards and downwards.
+const STEP: f64 = 1.25;
+const STEPS: i32 = 5;
+/// So many of them are gone on from, the best first, then from these factors.
+const BEST: usize = 4;
 const FACTORS: [f64; 4] = [1.5, 1.0 / 1.5, 2.0, 0.5];
 /// Friction that was found to be next to nothing is taken to be at least this share of its start.
 const LEAST: f64 = 0.1;
@@ -51,12 +56,9 @@ impl Case {
             if self.is_noise(&now.fit.theta) {
                 break;
             }
-            let lower = |case: &mut Case, factor: f64| {
-                case.with_friction(&places, &begin, factor, now, settings, (origin, here))
-            };
-            let Some(better) = FACTORS.into_iter().find_map(|factor| lower(self, factor)) else {
-                break;
-            };
+            let starts = self.other_frictions(&places, &begin, now, settings, (origin, here));
+            let lower = |start| self.from_friction(start, now, settings, (origin, here));
+            let Some(better) = starts.into_iter().find_map(lower) else { break };
             best = Some(better);
         }
         let Some(better) = best else { return (first, None) };
@@ -69,33 +71,63 @@ impl Case {
         (better, Some(said))
     }
 
-    /// The solution that a solution with so many times its friction leads to; none where it is no
-    /// better.
-    fn with_friction(
-        &mut self,
+    /// Starts with other friction, those first that leave least.
+    fn other_frictions(
+        &self,
         places: &[usize],
         begin: &[f64],
-        factor: f64,
+        now: &Solution,
+        settings: &Settings,
+        (origin, here): (&Origin, &Here),
+    ) -> Vec<Vec<f64>> {
+        let method = Method { max_iterations: FEW, ..settings.method() };
+        let mut adapted: Vec<(f64, Vec<f64>)> = Vec::new();
+        for direction in [1, -1] {
+            let mut theta = now.fit.theta.clone();
+            for step in 1..=STEPS {
+                let of = |i: usize| now.fit.theta[i].max(LEAST * begin[i]);
+                for &i in places {
+                    theta[i] = of(i) * STEP.powi(direction * step);
+                }
+                if !self.is_likely(places, &theta) {
+                    break;
+                }
+                let mut held = Layout { start: theta, ..self.layout.clone() };
+                for &i in places {
+                    (held.lower[i], held.upper[i]) = (held.start[i], held.start[i]);
+                }
+                let fit = minimise(&held, &origin.spread(self, here), &method);
+                theta = fit.theta.clone();
+                adapted.push((fit.cost(), fit.theta));
+            }
+        }
+        adapted.retain(|(cost, _)| cost.is_finite());
+        adapted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let alone = |factor: f64| {
+            let mut start = now.fit.theta.clone();
+            places.iter().for_each(|&i| start[i] = factor * start[i].max(LEAST * begin[i]));
+            start
+        };
+        let others = FACTORS.into_iter().map(alone).filter(|start| self.is_likely(places, start));
+        adapted.into_iter().take(BEST).map(|(_, theta)| theta).chain(others).collect()
+    }
+
+    /// Whether friction is as its prior lets it be.
+    fn is_likely(&self, places: &[usize], theta: &[f64]) -> bool {
+        places
+            .iter()
+            .all(|&i| (theta[i] - self.layout.centre[i]).abs() <= KNOWN * self.layout.prior_sd[i])
+    }
+
+    /// The solution that a start leads to; none where it is no better.
+    fn from_friction(
+        &mut self,
+        start: Vec<f64>,
         now: &Solution,
         settings: &Settings,
         (origin, here): (&Origin, &Here),
     ) -> Option<Solution> {
-        let mut start = now.fit.theta.clone();
-        for &i in places {
-            start[i] = factor * start[i].max(LEAST * begin[i]);
-            let off = (start[i] - self.layout.centre[i]).abs();
-            if off > KNOWN * self.layout.prior_sd[i] {
-                return None;
-            }
-        }
-        // Damping and stiffness make up for it first.
-        let mut held = Layout { start, ..self.layout.clone() };
-        for &i in places {
-            (held.lower[i], held.upper[i]) = (held.start[i], held.start[i]);
-        }
-        let method = Method { max_iterations: FEW, ..settings.method() };
-        let adapted = minimise(&held, &origin.spread(self, here), &method);
-        let fit = self.tried(adapted.theta, FEW, settings, origin, here);
+        let fit = self.tried(start, FEW, settings, origin, here);
         let before = now.fit.cost() - GAIN;
         if fit.cost() >= before {
             return None;

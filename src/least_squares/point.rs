@@ -142,6 +142,18 @@ pub fn normal_matrix<F: Evaluate>(layout: &Layout, evaluate: &F, theta: &[f64]) 
     Point::at(layout, evaluate, theta.to_vec()).map(|point| point.matrix)
 }
 
+/// The same with the whole Gauss-Newton step from there.
+pub fn stepped<F: Evaluate>(
+    layout: &Layout,
+    evaluate: &F,
+    theta: &[f64],
+    method: &Method,
+) -> Option<(Arrow, Vec<f64>)> {
+    let point = Point::at(layout, evaluate, theta.to_vec())?;
+    let step = point.step(layout, method, None)?;
+    Some((point.matrix, step))
+}
+
 /// The Gauss-Newton step inside the bounds: components that would cross a bound end on it, the
 /// others are solved for given that (an active set, found afresh in every iteration, so that a
 /// parameter leaves its bound when the data pull it off). `held` stays where it is. A parameter

@@ -167,11 +167,7 @@ impl Compiler<'_> {
         match Unit::parse(text) {
             Ok(unit) if unit.is_si() => unit.dim,
             Ok(unit) => {
-                let si = if unit.dim == Dim::NONE {
-                    "rad or -".to_string()
-                } else {
-                    unit.dim.to_string()
-                };
+                let si = Unit::si_of(text, unit.dim);
                 self.error_help(
                     at,
                     0,

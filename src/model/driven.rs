@@ -7,7 +7,9 @@
 //!
 //! between two measurements. As states of the model its entries are integrated by the same steps as
 //! all others, and their derivatives with respect to parameters, those of `A` included, are made by
-//! the same compiler. What a delayed value owes to the present state is left out of `A`.
+//! the same compiler. What a delayed value owes to the present state is left out of `A`. A state that
+//! follows from inputs and parameters alone, such as a linkage with play or a servo that is
+//! commanded, has no covariance, and may have stops.
 
 use super::covariance::{Covariance, Scored, noise_of};
 use super::graph::{Leaf, Node};
@@ -47,8 +49,8 @@ impl Model {
     /// The noise of outputs holds where `scope` says.
     ///
     /// # Errors
-    /// Stops, friction and delayed states, whose covariance goes by other rules; a name that is
-    /// taken: all at once.
+    /// Friction, delayed states, and stops of states that are not known for certain, whose
+    /// covariance goes by other rules; a name that is taken: all at once.
     pub fn with_covariance(
         &self,
         scored: &[Scored],
@@ -56,7 +58,8 @@ impl Model {
         scope: &Scope,
     ) -> std::result::Result<Model, Errors> {
         let (mut model, mut errors) = (self.clone(), Errors::default());
-        errors.take(self.takes_noise());
+        let in_doubt = self.in_doubt(exact);
+        errors.take(self.takes_noise(&in_doubt));
         let mut sd = vec![None; self.outputs.len()];
         for one in scored {
             sd[one.output] = errors.take(model.add_noise(one, scope));
@@ -66,9 +69,12 @@ impl Model {
         for i in 0..covariance.motion {
             for j in 0..=i {
                 let start = if i == j { model.start_variance(i, exact, &covariance) } else { None };
-                let rate = model.covariance_rate(i, j, &covariance);
-                model.rates.push(rate);
                 let nothing = model.graph.c(0.0);
+                let rate = match in_doubt[i] && in_doubt[j] {
+                    true => model.covariance_rate(i, j, (&covariance, &in_doubt)),
+                    false => nothing,
+                };
+                model.rates.push(rate);
                 model.states.push(covariance_state(&self.states, [i, j], start.unwrap_or(nothing)));
             }
         }
@@ -77,16 +83,55 @@ impl Model {
         Ok(model)
     }
 
-    fn takes_noise(&self) -> Result<()> {
-        let limited = |s: &&State| s.min.is_some() || s.max.is_some() || s.rate_max.is_some();
-        let state = self.states.iter().find(limited);
-        let held = self.moving.first().map(|m| &self.states[m.velocity]);
-        let what = match state.or(held) {
-            Some(state) => format!("\"{}\" has a stop or friction", state.quantity.name),
-            None if self.delays.iter().any(|d| matches!(d.of, super::Delayed::State(_))) => {
-                "a state is read with a delay".to_string()
+    /// Per state whether noise reaches it, or a start that is in doubt: its own, or that of a state
+    /// which it moves with. The others follow from inputs and parameters; their covariance is zero.
+    fn in_doubt(&self, exact: &[usize]) -> Vec<bool> {
+        let starts = |i: usize| {
+            let state = &self.states[i];
+            let measured = state.start == StartKind::Measured;
+            !exact.contains(&i) && (state.start_sd.is_some() || measured)
+        };
+        let own = |i: usize| self.states[i].noise.is_some() || starts(i);
+        let mut doubt: Vec<bool> = (0..self.states.len()).map(own).collect();
+        let moves_with: Vec<Vec<usize>> =
+            (0..self.states.len()).map(|i| self.moves_with(i)).collect();
+        loop {
+            let reached = |i: &usize| !doubt[*i] && moves_with[*i].iter().any(|&j| doubt[j]);
+            let more: Vec<usize> = (0..doubt.len()).filter(reached).collect();
+            if more.is_empty() {
+                return doubt;
             }
-            None => return Ok(()),
+            more.into_iter().for_each(|i| doubt[i] = true);
+        }
+    }
+
+    /// The states on which the rate and the stops of a state depend.
+    fn moves_with(&self, i: usize) -> Vec<usize> {
+        let State { min, max, rate_max, .. } = self.states[i];
+        let mut nodes = vec![self.rates[i]];
+        nodes.extend([min, max, rate_max].into_iter().flatten());
+        let late = |leaf: Leaf| match leaf {
+            Leaf::Delayed(k) => Some(self.delays[k].tau),
+            _ => None,
+        };
+        nodes.extend(self.graph.leaves(&nodes).into_iter().filter_map(late));
+        let state = |leaf: Leaf| match leaf {
+            Leaf::State(j) => Some(j),
+            _ => None,
+        };
+        self.graph.leaves(&nodes).into_iter().filter_map(state).collect()
+    }
+
+    fn takes_noise(&self, in_doubt: &[bool]) -> Result<()> {
+        let limited = |s: &State| s.min.is_some() || s.max.is_some();
+        let reached = (0..self.states.len()).find(|&i| in_doubt[i] && limited(&self.states[i]));
+        let name = |i: usize| &self.states[i].quantity.name;
+        let late = |d: &super::Delay| matches!(d.of, super::Delayed::State(_));
+        let what = match (self.moving.first(), reached) {
+            (Some(mover), _) => format!("\"{}\" has a stop or friction", name(mover.velocity)),
+            (_, Some(i)) => format!("\"{}\" has a stop, and noise reaches it", name(i)),
+            _ if self.delays.iter().any(late) => "a state is read with a delay".to_string(),
+            _ => return Ok(()),
         };
         let what = format!("model {} cannot be filtered: {what}", self.name);
         Err(Error::new(what).help(
@@ -127,11 +172,16 @@ impl Model {
         Some(self.graph.mul(sd, sd))
     }
 
-    /// `(A P + P A' + F F')_ij`
-    fn covariance_rate(&mut self, i: usize, j: usize, all: &Covariance) -> Node {
+    /// `(A P + P A' + F F')_ij`; of states that are not in doubt `P` is zero.
+    fn covariance_rate(
+        &mut self,
+        i: usize,
+        j: usize,
+        (all, in_doubt): (&Covariance, &[bool]),
+    ) -> Node {
         let mut rate = self.graph.c(0.0);
         for (row, other) in [(i, j), (j, i)] {
-            for k in 0..all.motion {
+            for k in (0..all.motion).filter(|&k| in_doubt[k]) {
                 let slope = self.graph.derivative(self.rates[row], Leaf::State(k));
                 let p = self.graph.leaf(Leaf::State(all.place(k, other)));
                 rate = self.graph.fma(slope, p, rate);

@@ -241,6 +241,7 @@ impl Compiler<'_> {
                     self.model.graph.sub(now, tau)
                 }
                 Leaf::Parameter(_) | Leaf::StartValue(_) => continue,
+                Leaf::Delayed(k) if self.is_smooth_now(k) => self.smooth_ago(k, tau),
                 Leaf::Delayed(_) | Leaf::InputRate(_) | Leaf::Held(_) | Leaf::Side(_) => {
                     self.error(
                         at,
@@ -296,13 +297,36 @@ impl Compiler<'_> {
             Delay { of: Delayed::Smooth(input), tau: reach },
             Delay { of: Delayed::Within(input), tau: within },
         ];
-        let known = self.model.delays.windows(2).position(|d| *d == pair);
+        let known = (0..self.model.delays.len())
+            .find(|&k| self.model.delays[k..].starts_with(&pair) && self.is_smooth_now(k));
         let k = known.unwrap_or_else(|| {
             self.model.delays.extend(pair);
             self.model.delays.len() - 2
         });
         let smooth = self.model.graph.leaf(Leaf::Delayed(k));
         Some(self.model.graph.substitute(x, &BTreeMap::from([(Leaf::Input(input), smooth)])))
+    }
+
+    /// Whether a delay is a `smooth()` of the present.
+    fn is_smooth_now(&self, k: usize) -> bool {
+        let of = |k: usize| self.model.delays.get(k).map(|d| d.of);
+        matches!(of(k), Some(Delayed::Smooth(_))) && !matches!(of(k + 2), Some(Delayed::Ago(_)))
+    }
+
+    /// The same `smooth()` at time t - tau.
+    fn smooth_ago(&mut self, k: usize, tau: Node) -> Node {
+        let of = match self.model.delays[k].of {
+            Delayed::Smooth(i) => Delayed::Ago(i),
+            other => other,
+        };
+        let late = Delay { of, tau };
+        let three = [self.model.delays[k], self.model.delays[k + 1], late];
+        let known = self.model.delays.windows(3).position(|d| *d == three);
+        let k = known.unwrap_or_else(|| {
+            self.model.delays.extend(three);
+            self.model.delays.len() - 3
+        });
+        self.model.graph.leaf(Leaf::Delayed(k))
     }
 
     fn delay(&mut self, of: Delayed, tau: Node) -> Node {

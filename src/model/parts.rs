@@ -120,13 +120,18 @@ pub enum Delayed {
     Smooth(usize),
     /// How small these movements are (`tau`, in the input's unit); no value of its own.
     Within(usize),
+    /// How long ago the input without its small movements is read (`tau`), where that is not now: it stands
+    /// behind `Within`, and has no value of its own.
+    Ago(usize),
 }
 
 impl Delayed {
     /// What it is of, at the present time.
     pub fn now(self) -> Leaf {
         match self {
-            Delayed::Input(i) | Delayed::Smooth(i) | Delayed::Within(i) => Leaf::Input(i),
+            Delayed::Input(i) | Delayed::Smooth(i) | Delayed::Within(i) | Delayed::Ago(i) => {
+                Leaf::Input(i)
+            }
             Delayed::State(i) => Leaf::State(i),
         }
     }

@@ -70,6 +70,12 @@ pub fn search(t: &[f64], u: &[f64], settings: &Settings) -> Found {
     let cut = scanned.iter().enumerate().filter_map(|(k, (work, (_, cut)))| {
         let cut = cut.filter(|cut| cut.peak >= least)?;
         let (from, to) = (work.time(cut.start as f64), work.time(work.v.len() as f64 - 1.0));
+        // The last edge of a maneuver that is whole begins nothing.
+        let is_edge =
+            |m: &Maneuver| m.kind != Kind::Step && (from - m.t_end).abs() <= 0.5 * m.unit_time;
+        if maneuvers.iter().any(is_edge) {
+            return None;
+        }
         Some(CutOff { from, to, steps: cut.count, by_gap: k + 1 < pieces.len() })
     });
     let cut = cut.collect();

@@ -153,6 +153,21 @@ impl Unit {
         self.scale == 1.0 && self.offset == 0.0
     }
 
+    /// The coherent SI unit of what a unit measures: angles stay angles, `rad/s` for `deg/s`.
+    pub fn si_of(text: &str, dim: Dim) -> String {
+        let angles = ["deg/s", "dps", "rpm", "RPM", "degrees", "degree", "deg", "°", "mrad", "rev"];
+        let rad = |name: &str| {
+            if matches!(name, "deg/s" | "dps" | "rpm" | "RPM") { "rad/s" } else { "rad" }
+        };
+        let renamed =
+            angles.iter().fold(text.to_string(), |text, name| text.replace(name, rad(name)));
+        match Unit::parse(&renamed) {
+            Ok(unit) if unit.is_si() && unit.dim == dim && renamed != text => renamed,
+            _ if dim == Dim::NONE => "rad or -".to_string(),
+            _ => dim.to_string(),
+        }
+    }
+
     /// Whether both measure the same quantity with the same scale and zero, whatever they are
     /// called: `knots` and `kt`.
     pub fn same(&self, other: &Unit) -> bool {
@@ -337,6 +352,23 @@ mod tests {
             assert!((unit.to_si(value) - si).abs() < 1e-12 * si.abs(), "{text}");
             assert!((unit.from_si(si) - value).abs() < 1e-12 * value.abs(), "{text}");
             assert_eq!(unit.dim.to_string(), dim, "{text}");
+        }
+    }
+
+    #[test]
+    fn the_si_unit_of_an_angle_is_one_of_angles() {
+        for (text, si) in [
+            ("deg/s", "rad/s"),
+            ("dps", "rad/s"),
+            ("1/deg", "1/rad"),
+            ("deg", "rad"),
+            ("%", "rad or -"),
+            ("rpm", "rad/s"),
+            ("kt", "m/s"),
+            ("N m/deg", "N m/rad"),
+            ("lbf", "kg m/s^2"),
+        ] {
+            assert_eq!(Unit::si_of(text, Unit::parse(text).expect("a unit").dim), si, "{text}");
         }
     }
 

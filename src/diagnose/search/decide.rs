@@ -97,6 +97,18 @@ fn least(predicted: f64, settings: &Settings, count: usize, of_noise: bool) -> f
     }
 }
 
+/// The least that all of them must gain together: the half of what is predicted, or what noise leaves of it,
+/// whichever is less.
+fn least_of_all(predicted: f64, settings: &Settings, of_noise: bool) -> f64 {
+    let thresholds = &settings.thresholds;
+    let normal = normal_quantile(1.0 - thresholds.held_out_p);
+    let allowed = match of_noise {
+        true => thresholds.noise_bias + thresholds.noise_scatter * normal,
+        false => normal,
+    };
+    (predicted - allowed * (2.0 * predicted).sqrt()).min(thresholds.held_out_half * predicted)
+}
+
 /// The rule of the held-out maneuvers, one by one and together.
 pub fn held_out_objection(
     gains: &[Gain],
@@ -120,7 +132,7 @@ pub fn held_out_objection(
         );
         return Some((Standing::Untold, why));
     }
-    if !(realised > settings.decisive) {
+    if !(realised > settings.decisive.max(least_of_all(predicted, settings, of_noise))) {
         return Some((
             Standing::HeldOut,
             format!("held-out maneuvers gain {realised:.1} where {predicted:.1} is predicted"),

@@ -89,6 +89,67 @@ fn recovery_of_friction_from_several_sizes() {
     assert!(e.tried.iter().all(|t| t.there || !t.rivals(there[0].cost)));
 }
 
+/// A column on a spring, let go four times.
+const COLUMN: &str = r#"
+title = "A column on a spring, let go"
+
+[inputs]
+M = "N m"
+
+[constants]
+J = { unit = "kg m^2", value = 2.0 }
+
+[parameters]
+k   = { unit = "N m/rad", start = 90.0 }
+c   = { unit = "N m s", start = 5.0, min = 0.0 }
+F_c = { unit = "N m", start = 4.0, min = 0.0 }
+
+[states]
+delta     = { unit = "rad", rate = "delta_dot", start = "measured" }
+delta_dot = { unit = "rad/s", rate = "(M - k*delta - c*delta_dot)/J", start = 0.0, friction = "F_c/J" }
+
+[outputs]
+delta = { unit = "rad", value = "delta" }
+"#;
+
+/// Decays of a column with 8 N m of friction, each from another place, and what a fit from half as much
+/// says of it.
+fn let_go(seed: u64) -> Estimation {
+    let model = Model::parse("column", COLUMN, &Constants::default()).unwrap();
+    let mut rng = rng(seed);
+    let propagator = Propagator::new(&model, Directions::default()).unwrap();
+    let records: Vec<Record> = (0..3)
+        .map(|m| {
+            let (n, dt) = (300, 0.02);
+            let from = (0.55 + 0.2 * normal(&mut rng).clamp(-1.0, 1.0)) * [1.0, -1.0][m % 2];
+            let mut record = Record { dt, n, inputs: vec![0.0; n].into(), ..Record::default() };
+            let flown = Record { substeps: 16, ..record.clone() };
+            let y = propagator.run(&[120.0, 2.5, 8.0], &[from], &flown, false).y;
+            // Where it is let go from is known: a model that starts "measured" takes that sample.
+            let mut z: Vec<f64> = y.iter().map(|y| y + 2e-3 * normal(&mut rng)).collect();
+            z[0] = y[0];
+            record.channels =
+                vec![Channel { output: 0, t: (0..n).map(|k| k as f64 * dt).collect(), z }];
+            record
+        })
+        .collect();
+    estimate(&model, &records, &Settings::default()).unwrap()
+}
+
+#[test]
+fn recovery_of_friction_from_decays_and_poor_starts() {
+    let found: Vec<Estimation> = (0..20).into_par_iter().map(|seed| let_go(900 + seed)).collect();
+    let right = |e: &&Estimation| (e.rows[2].value - 8.0).abs() < 4.0 * e.rows[2].sd.unwrap();
+    for e in &found {
+        let rows = e.rows.iter().map(|r| {
+            let sd = r.sd.unwrap_or(f64::NAN);
+            format!("{} {:.4} +- {:.4}", r.name, r.value, sd)
+        });
+        println!("{:?} {:?} {:?}", e.stop, rows.collect::<Vec<_>>(), e.elsewhere.is_some());
+    }
+    assert!(found.iter().filter(right).count() >= 18);
+}
+
 #[test]
 fn recovery_coverage_of_friction_and_its_profile() {
     let trials = 200;

@@ -14,6 +14,7 @@ mod linear_algebra;
 mod modes;
 mod named;
 mod noise;
+mod noisy_inputs;
 mod points;
 mod shifts;
 mod starts;

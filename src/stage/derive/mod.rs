@@ -92,7 +92,9 @@ fn run(campaign: &Campaign, unit: &Unit, inputs: &Inputs) -> std::result::Result
         let max_gap = config.settings.max_gap * spacing(t);
         let values = match (config.settings.averaged.get(*name), between) {
             (Some(width), _) => mean(t, values, &grid, max_gap, *width),
-            (None, Interpolation::Linear) => linear(t, values, &grid, max_gap),
+            (None, Interpolation::Linear | Interpolation::Ramps) => {
+                linear(t, values, &grid, max_gap)
+            }
             (None, Interpolation::Cubic) => cubic(t, values, &grid, max_gap),
             (None, Interpolation::Hold) => hold(t, values, &grid, max_gap),
         };

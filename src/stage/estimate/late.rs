@@ -187,7 +187,7 @@ fn of(record: &Record, input: usize) -> Vec<f64> {
 
 fn onto(kind: Interpolation, (t, y): (&[f64], &[f64]), grid: &Grid, most: f64) -> Vec<f64> {
     let onto = match kind {
-        Interpolation::Linear => linear,
+        Interpolation::Linear | Interpolation::Ramps => linear,
         Interpolation::Cubic => cubic,
         Interpolation::Hold => hold,
     };

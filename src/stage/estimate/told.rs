@@ -56,6 +56,8 @@ pub fn notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Not
     notes.extend(coarse_note(config, batch, estimation));
     notes.extend(edges_note(config, batch, estimation));
     notes.extend(chords_note(config, batch, estimation));
+    notes.extend(noisy_notes(config, batch, estimation));
+    notes.extend(ramps_note(config, batch, estimation));
     notes.extend(moved_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
     notes.extend(elsewhere_note(config, batch, estimation));
@@ -197,6 +199,16 @@ fn edges_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option
 /// Estimates that straight lines between the points of the grid move.
 fn chords_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
     let chords = estimation.chords.as_ref()?;
+    // Noise is not on the curve through its neighbours either: what it moves is told beside.
+    let by_noise = |name: &String| {
+        let noisy = estimation.noisy_inputs.iter().flat_map(|noisy| &noisy.moved);
+        noisy.filter(|(moved, _)| moved == name).map(|(_, by)| *by).fold(0.0, f64::max)
+    };
+    let mut chords = chords.clone();
+    chords.moved.retain(|(name, by)| *by > 2.0 * by_noise(name));
+    if chords.moved.is_empty() || estimation.ramps.is_some() {
+        return None;
+    }
     let (points, remedy) = match chords.finer {
         true => ("points of the grid", "the record has more samples: a finer grid (`rate_hz`)"),
         false => ("samples of the record", "nothing but a faster record"),
@@ -215,6 +227,61 @@ fn chords_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Optio
         moved(&chords.moved)
     );
     Some(config.note("", Severity::Warning, batch.group.clone(), chords.moved.len(), text))
+}
+
+/// Delays of inputs that run along straight lines.
+fn ramps_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let ramps = estimation.ramps.as_ref()?;
+    let each = |name: &String| format!("{name} = \"ramps\"");
+    let settings: Vec<String> = ramps.inputs.iter().map(each).collect();
+    let text = format!(
+        "{}: a delay() reads a smooth curve through the samples of {}; straight lines leave less (log-likelihood {:.1}), and move {}: say `interpolation = {{ {} }}` in [[estimate]]",
+        batch.group,
+        ramps.inputs.join(", "),
+        ramps.less,
+        moved(&ramps.moved),
+        settings.join(", ")
+    );
+    Some(config.note("", Severity::Warning, batch.group.clone(), ramps.moved.len(), text))
+}
+
+/// Estimates that noise of the inputs moves, and parameters of which it alone tells.
+fn noisy_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Note> {
+    let Some(noisy) = &estimation.noisy_inputs else { return Vec::new() };
+    let each = |(name, sd): &(String, f64)| format!("{name} ({sd:.1e})");
+    let inputs: Vec<String> = noisy.inputs.iter().map(each).collect();
+    let inputs = inputs.join(", ");
+    let of = |count: usize, text: String| {
+        config.note(
+            "",
+            Severity::Warning,
+            batch.group.clone(),
+            count,
+            format!("{}: {text}", batch.group),
+        )
+    };
+    let mut notes = Vec::new();
+    if !noisy.alone.is_empty() {
+        let names = noisy.alone.join(", ");
+        notes.push(of(
+            noisy.alone.len(),
+            format!(
+                "nothing but noise of the inputs (SI: {inputs}) determines {names}: value and sd mean nothing; hold it (`fixed`), or fly what moves its input"
+            ),
+        ));
+    }
+    let moved: Vec<(String, f64)> =
+        noisy.moved.iter().filter(|(name, _)| !noisy.alone.contains(name)).cloned().collect();
+    if !moved.is_empty() {
+        notes.push(of(
+            moved.len(),
+            format!(
+                "the model is driven by measured inputs, and their noise (SI: {inputs}) is expected to have moved {}: smooth them (`koehler` reconstructs the flight path), or make a state of what is noisy",
+                self::moved(&moved)
+            ),
+        ));
+    }
+    notes
 }
 
 /// Estimates by equation error that the noise of the regressors is expected to have moved.

@@ -1,0 +1,153 @@
+//! A solution in; what the noise of measured inputs moves, and what it alone determines, out.
+//!
+//! A model is driven by inputs as they were measured, `u + v`. What the noise `v` does to the outputs
+//! it does to their sensitivities too, so that the gradient has a mean at the truth, and to second
+//! order in `v`
+//!
+//! `E[theta - truth] = -M^-1 sum E[S_v' R^-1 y_v]`
+//!
+//! with `y_v` and `S_v` the parts of outputs and sensitivities that go with it (errors in variables:
+//! Fuller 1987, sec. 1.1). Inputs with as much noise again move the estimates by as much once more
+//! (Cook & Stefanski 1994). It is added with both signs, and half of the two steps of the iteration is
+//! taken: what goes with the first power of the noise cancels.
+//!
+//! A parameter that only noise determines, as of a trim tab that stands still and is measured, is
+//! determined the better the more noise there is: that is held against the information without more.
+
+use super::case::Case;
+use super::chords::Known;
+use super::solution::Solution;
+use super::{Settings, Stop};
+use crate::dynamics::{Interpolation, Record, between_samples};
+use crate::least_squares::{Arrow, Layout, stepped};
+use crate::signal::robust::commanded_sd;
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64;
+
+/// Estimates that are moved by more than this share of their standard deviation are named: what many
+/// maneuvers have in common does not become less in their mean.
+const MOVES: f64 = 0.5;
+/// As much noise again adds so much of the information on a parameter: more than half of it was noise.
+const ALONE: f64 = 0.5;
+/// Noise below this share of an input's range is not added.
+const LEAST: f64 = 1e-9;
+
+/// What noise of the inputs does.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NoisyInputs {
+    /// Inputs with the standard deviation of their noise, SI; the largest of any segment.
+    pub inputs: Vec<(String, f64)>,
+    /// Parameters with the standard deviations by which they are moved, those that are moved most first.
+    pub moved: Vec<(String, f64)>,
+    /// Parameters of which noise alone tells.
+    pub alone: Vec<String>,
+}
+
+impl Case {
+    /// What noise of the inputs moves or determines; none where it does neither.
+    pub(super) fn noisy_inputs(
+        &self,
+        solution: &Solution,
+        settings: &Settings,
+    ) -> Option<NoisyInputs> {
+        if self.is_filtered() || settings.briefly || solution.fit.stop != Stop::Converged {
+            return None;
+        }
+        let nu = self.model.inputs.len();
+        let mut sds = vec![0.0f64; nu];
+        let mut noises = Vec::new();
+        for (s, record) in self.records.iter().enumerate() {
+            noises.push(noise(record, nu, s as u64, &mut sds));
+        }
+        if sds.iter().all(|sd| *sd == 0.0) {
+            return None;
+        }
+        let (more, less) = (
+            self.with_noise(&noises, 1.0, solution, settings)?,
+            self.with_noise(&noises, -1.0, solution, settings)?,
+        );
+        let mut told = NoisyInputs::default();
+        for (i, unknown) in self.unknowns.iter().enumerate() {
+            let Some((sd, crlb)) = solution.deviation(i) else { continue };
+            let by = 0.5 * (more.1[i] + less.1[i]) / sd;
+            if by.abs() > MOVES {
+                told.moved.push((unknown.name.clone(), by.abs()));
+            }
+            let gained =
+                (0.5 * (information(&more.0, i)? + information(&less.0, i)?)) * crlb * crlb;
+            if gained - 1.0 > ALONE && self.layout.prior_sd[i].is_infinite() {
+                told.alone.push(unknown.name.clone());
+            }
+        }
+        told.moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let named = self.model.inputs.iter().zip(sds).filter(|(_, sd)| *sd > 0.0);
+        told.inputs = named.map(|(input, sd)| (input.name.clone(), sd)).collect();
+        (!told.moved.is_empty() || !told.alone.is_empty()).then_some(told)
+    }
+
+    /// The normal matrix and the step from a solution where the inputs have so much more noise.
+    fn with_noise(
+        &self,
+        noises: &[Vec<f64>],
+        sign: f64,
+        solution: &Solution,
+        settings: &Settings,
+    ) -> Option<(Arrow, Vec<f64>)> {
+        let mut noisy = self.clone();
+        for (record, noise) in noisy.records.iter_mut().zip(noises) {
+            let inputs = record.inputs.iter().zip(noise);
+            let inputs: Vec<f64> = inputs.map(|(u, v)| u + sign * v).collect();
+            record.inputs = inputs.into();
+        }
+        let evaluate =
+            |s: usize, local: &[f64], sensitivities: bool| noisy.evaluate(s, local, sensitivities);
+        let layout = Layout { start: solution.fit.theta.clone(), ..self.layout.clone() };
+        stepped(&layout, &evaluate, &solution.fit.theta, &settings.method())
+    }
+}
+
+/// The information on a parameter that is left when all others are estimated with it.
+fn information(matrix: &Arrow, i: usize) -> Option<f64> {
+    let factor = matrix.factor().ok()?;
+    let mut unit = vec![0.0; matrix.diagonal().len()];
+    unit[i] = 1.0;
+    Some(1.0 / factor.solve(&unit)[i])
+}
+
+/// Noise like that of the inputs of a record, `[point][input]`, drawn by the record's number; `sds`
+/// become the largest seen.
+fn noise(record: &Record, nu: usize, number: u64, sds: &mut [f64]) -> Vec<f64> {
+    let mut all = vec![0.0; record.n * nu];
+    for (i, most) in sds.iter_mut().enumerate() {
+        let column: Vec<f64> =
+            record.inputs.iter().skip(i).step_by(nu).take(record.n).copied().collect();
+        let known = Known::of(record, i, &column);
+        let samples: Vec<f64> =
+            column.iter().skip(known.first).step_by(known.every).copied().collect();
+        let sd = commanded_sd(&samples);
+        let largest = samples.iter().fold(0.0f64, |m, u| m.max(u.abs()));
+        if !(sd > LEAST * largest) {
+            continue;
+        }
+        *most = most.max(sd);
+        let mut random = Pcg64::seed_from_u64(number << 16 | i as u64);
+        let drawn: Vec<f64> = samples
+            .iter()
+            .map(|_| sd * Distribution::<f64>::sample(&StandardNormal, &mut random))
+            .collect();
+        let held = record.interpolation.get(i) == Some(&Interpolation::Hold);
+        let at = |j: isize| drawn[j.clamp(0, drawn.len() as isize - 1) as usize];
+        for k in 0..record.n {
+            let behind = k as isize - known.first as isize;
+            let j = behind.div_euclid(known.every as isize);
+            let share = behind.rem_euclid(known.every as isize) as f64 / known.every as f64;
+            all[k * nu + i] = match (held, known.smooth) {
+                (true, _) => at(j),
+                (_, true) => between_samples([j - 1, j, j + 1, j + 2].map(at), share),
+                (_, false) => (1.0 - share) * at(j) + share * at(j + 1),
+            };
+        }
+    }
+    all
+}
