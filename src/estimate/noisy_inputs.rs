@@ -30,6 +30,10 @@ use rand_pcg::Pcg64;
 const MOVES: f64 = 0.5;
 /// As much noise again adds so much of the information on a parameter: more than half of it was noise.
 const ALONE: f64 = 0.5;
+/// Noise is that of samples where it grows by less than this factor at twice the stride, which is sought up
+/// to so many points of the grid. *Convention*: on a line between two samples its power is two thirds.
+const GROWS: f64 = 1.2;
+const WIDEST: usize = 8;
 /// Noise below this share of an input's range is not added.
 const LEAST: f64 = 1e-9;
 
@@ -115,6 +119,32 @@ fn information(matrix: &Arrow, i: usize) -> Option<f64> {
     Some(1.0 / factor.solve(&unit)[i])
 }
 
+/// Which points of a column are samples, and whether what lies between them is on a smooth curve.
+struct Samples {
+    every: usize,
+    first: usize,
+    smooth: bool,
+}
+
+impl Samples {
+    /// Of a column that is made of others nobody knows the spacing. Between samples there is less noise
+    /// than at them, so that noise grows with the stride as far as that.
+    fn of(record: &Record, input: usize, column: &[f64]) -> Samples {
+        if record.spacings.get(input).is_none_or(|spacing| spacing.is_finite()) {
+            let Known { every, first, smooth, .. } = Known::of(record, input, column);
+            return Samples { every, first, smooth };
+        }
+        let at = |first: usize, every: usize| {
+            commanded_sd(&column.iter().skip(first).step_by(every).copied().collect::<Vec<f64>>())
+        };
+        let sd = |every: usize| (0..every).map(|first| at(first, every)).fold(0.0, f64::max);
+        let every = (1..=WIDEST).find(|every| sd(2 * every) < GROWS * sd(*every)).unwrap_or(1);
+        let first = (0..every)
+            .fold(0, |best, first| if at(first, every) > at(best, every) { first } else { best });
+        Samples { every, first, smooth: true }
+    }
+}
+
 /// Noise like that of the inputs of a record, `[point][input]`, drawn by the record's number; `sds`
 /// become the largest seen.
 fn noise(record: &Record, nu: usize, number: u64, sds: &mut [f64]) -> Vec<f64> {
@@ -122,9 +152,8 @@ fn noise(record: &Record, nu: usize, number: u64, sds: &mut [f64]) -> Vec<f64> {
     for (i, most) in sds.iter_mut().enumerate() {
         let column: Vec<f64> =
             record.inputs.iter().skip(i).step_by(nu).take(record.n).copied().collect();
-        let known = Known::of(record, i, &column);
-        let samples: Vec<f64> =
-            column.iter().skip(known.first).step_by(known.every).copied().collect();
+        let Samples { every, first, smooth } = Samples::of(record, i, &column);
+        let samples: Vec<f64> = column.iter().skip(first).step_by(every).copied().collect();
         let sd = commanded_sd(&samples);
         let largest = samples.iter().fold(0.0f64, |m, u| m.max(u.abs()));
         if !(sd > LEAST * largest) {
@@ -139,10 +168,10 @@ fn noise(record: &Record, nu: usize, number: u64, sds: &mut [f64]) -> Vec<f64> {
         let held = record.interpolation.get(i) == Some(&Interpolation::Hold);
         let at = |j: isize| drawn[j.clamp(0, drawn.len() as isize - 1) as usize];
         for k in 0..record.n {
-            let behind = k as isize - known.first as isize;
-            let j = behind.div_euclid(known.every as isize);
-            let share = behind.rem_euclid(known.every as isize) as f64 / known.every as f64;
-            all[k * nu + i] = match (held, known.smooth) {
+            let behind = k as isize - first as isize;
+            let j = behind.div_euclid(every as isize);
+            let share = behind.rem_euclid(every as isize) as f64 / every as f64;
+            all[k * nu + i] = match (held, smooth) {
                 (true, _) => at(j),
                 (_, true) => between_samples([j - 1, j, j + 1, j + 2].map(at), share),
                 (_, false) => (1.0 - share) * at(j) + share * at(j + 1),

@@ -5,7 +5,7 @@ use super::format::{few, number, plain};
 use super::grid::{Cell, Grid, Level};
 use super::place::On;
 use super::section::{Body, Section};
-use crate::signal::adequacy::{COLOUR, Leaves, SHARE, WORSE, is_far, words};
+use crate::signal::adequacy::{COLOUR, Leaves, SHARE, WORSE, words};
 
 pub const SECTION: Section = Section {
     id: "matches",
@@ -142,12 +142,11 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     let worst = rows.first()?;
     let poor: Vec<&(usize, usize)> = rows.iter().filter(|(row, _)| is_poor(table, *row)).collect();
     let times = |row: usize| table.number("left", row) / table.number("noise", row);
-    let is_far = |(row, _): &&(usize, usize)| {
-        is_far(table.number("left", *row), table.number("noise", *row))
-    };
-    if let (true, Some(far)) = (poor.is_empty(), rows.iter().find(is_far)) {
+    let beyond = |(row, _): &&(usize, usize)| table.text("leaves", *row) == Leaves::Little.as_str();
+    let most = rows.iter().filter(beyond).max_by(|a, b| times(a.0).total_cmp(&times(b.0)));
+    if let (true, Some(far)) = (poor.is_empty(), most) {
         let text = format!(
-            "What the estimates leave is little beside the measured variation, but more than noise of the sensors: most of {}, {:.0} times its noise. \
+            "What the estimates leave is little beside the measured variation, but more than noise of the sensors: most of {}, {:.1} times its noise. \
              A term that is missing moves the others; diagnose tells whether one is.",
             name(far),
             times(far.0)
@@ -156,7 +155,7 @@ pub fn summary(table: Option<&Columns>) -> Option<(Level, String)> {
     }
     if poor.is_empty() {
         let text = format!(
-            "What the estimates leave is no more than noise of the sensors, or little beside the measured variation; most is left of {}.",
+            "What the estimates leave is no more than noise of the sensors; most is left of {}.",
             name(worst)
         );
         return Some((Level::Good, text));

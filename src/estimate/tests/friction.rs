@@ -128,8 +128,11 @@ fn let_go(seed: u64) -> Estimation {
             // Where it is let go from is known: a model that starts "measured" takes that sample.
             let mut z: Vec<f64> = y.iter().map(|y| y + 2e-3 * normal(&mut rng)).collect();
             z[0] = y[0];
-            record.channels =
-                vec![Channel { output: 0, t: (0..n).map(|k| k as f64 * dt).collect(), z }];
+            record.channels = vec![Channel {
+                output: 0,
+                t: (0..n).map(|k| k as f64 * dt).collect(),
+                z: z.into(),
+            }];
             record
         })
         .collect();
@@ -138,7 +141,7 @@ fn let_go(seed: u64) -> Estimation {
 
 #[test]
 fn recovery_of_friction_from_decays_and_poor_starts() {
-    let found: Vec<Estimation> = (0..20).into_par_iter().map(|seed| let_go(900 + seed)).collect();
+    let found: Vec<Estimation> = (0..8).into_par_iter().map(|seed| let_go(900 + seed)).collect();
     let right = |e: &&Estimation| (e.rows[2].value - 8.0).abs() < 4.0 * e.rows[2].sd.unwrap();
     for e in &found {
         let rows = e.rows.iter().map(|r| {
@@ -147,7 +150,7 @@ fn recovery_of_friction_from_decays_and_poor_starts() {
         });
         println!("{:?} {:?} {:?}", e.stop, rows.collect::<Vec<_>>(), e.elsewhere.is_some());
     }
-    assert!(found.iter().filter(right).count() >= 18);
+    assert!(found.iter().filter(right).count() >= 7);
 }
 
 #[test]

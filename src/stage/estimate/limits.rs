@@ -147,7 +147,10 @@ fn not_reached(limit: &Reached) -> String {
 
 /// What is said of a parameter that no output notices: the verdict, and the sentence.
 pub fn idle(estimation: &Estimation, row: &Row) -> (&'static str, String) {
-    let held = format!("held at {}; the other estimates hold for that", row.start);
+    // Coefficients of one limit start together, where the motion is: not always where the file says.
+    let at =
+        if row.value == row.start { row.start.to_string() } else { format!("{:.4e}", row.value) };
+    let held = format!("held at {at}; the other estimates hold for that");
     match estimation.why_idle(row) {
         Idle::NotReached(limit) => {
             let (which, state) = (limit.limit, &limit.state);
