@@ -159,7 +159,7 @@ mod tests {
             .map(|k| (smooth.at(k as f64)[0] - if k < 200 { 0.0 } else { 1.0 }).abs())
             .fold(0.0, f64::max);
         assert!(worst < 0.01, "{worst}: one sd of the noise, which has passed 2.5 of them");
-        assert_eq!(smooth.at(-3.0), smooth.at(0.0));
+        assert_eq!(smooth.at(-3.0)[..3], smooth.at(0.0)[..3]);
         assert_eq!(Smooth::new(&u, (1, 0), 0.02, 0.0, 0.1).at(7.0)[0], u[7]);
         // A reach beyond the record is all of it.
         assert!((Smooth::new(&u, (1, 0), 0.02, f64::INFINITY, 0.1).at(7.0)[0]).abs() < 0.005);
