@@ -8,13 +8,14 @@
 
 use super::case::Case;
 use super::coarse::MOVES;
-use super::elsewhere::GAIN;
 use super::solution::Solution;
 use super::{Settings, Stop};
 use crate::dynamics::Interpolation;
 use crate::least_squares::{Layout, Method, minimise};
 use crate::model::Delayed;
 
+/// So much less in log-likelihood is less. *Convention*: what chance gives one parameter once in a hundred.
+const LESS: f64 = 3.3;
 /// Iterations with the other reading.
 const FEW: usize = 5;
 
@@ -55,7 +56,7 @@ impl Case {
         let layout = Layout { start: solution.fit.theta.clone(), ..self.layout.clone() };
         let method = Method { max_iterations: FEW, ..settings.method() };
         let less = solution.fit.cost() - minimise(&layout, &evaluate, &method).cost();
-        let moved = match less > GAIN {
+        let moved = match less > LESS {
             true => self.moved(&other, solution, settings, MOVES),
             false => return None,
         };
