@@ -28,12 +28,15 @@ pub fn input(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> 
 /// The same along straight lines.
 pub fn on_lines(inputs: &[f64], stride: usize, column: usize, dt: f64, at: f64) -> (f64, f64) {
     let n = inputs.len() / stride.max(1);
-    let u = |i: usize| inputs[i.min(n - 1) * stride + column];
+    let u = |i: usize| inputs[i * stride + column];
     if n == 0 || at.is_nan() {
         return (f64::NAN, f64::NAN);
     }
     if at <= 0.0 {
         return (u(0), 0.0);
+    }
+    if at >= (n - 1) as f64 {
+        return (u(n - 1), 0.0);
     }
     let i = at.floor() as usize;
     let step = u(i + 1) - u(i);

@@ -86,27 +86,28 @@ fn undetermined(values: &[Value]) -> Option<&str> {
 fn least(predicted: f64, settings: &Settings, count: usize, of_noise: bool) -> f64 {
     let thresholds = &settings.thresholds;
     let noise = (2.0 * predicted.max(thresholds.least_predicted)).sqrt();
-    let normal = normal_quantile(1.0 - thresholds.held_out_p / count as f64);
-    let allowed = match of_noise {
-        true => thresholds.noise_bias + thresholds.noise_scatter * normal,
-        false => normal,
-    };
+    let allowed = allowed(settings, count, of_noise);
     match predicted > settings.decisive {
         true => (predicted - allowed * noise).min(0.0),
         false => -allowed.max(thresholds.loss_sds) * noise,
     }
 }
 
+/// By how many sd noise lets `count` gains together fall short of what is predicted.
+fn allowed(settings: &Settings, count: usize, of_noise: bool) -> f64 {
+    let thresholds = &settings.thresholds;
+    let normal = normal_quantile(1.0 - thresholds.held_out_p / count as f64);
+    match of_noise {
+        true => thresholds.noise_bias + thresholds.noise_scatter * normal,
+        false => normal,
+    }
+}
+
 /// The least that all of them must gain together: the half of what is predicted, or what noise leaves of it,
 /// whichever is less.
 fn least_of_all(predicted: f64, settings: &Settings, of_noise: bool) -> f64 {
-    let thresholds = &settings.thresholds;
-    let normal = normal_quantile(1.0 - thresholds.held_out_p);
-    let allowed = match of_noise {
-        true => thresholds.noise_bias + thresholds.noise_scatter * normal,
-        false => normal,
-    };
-    (predicted - allowed * (2.0 * predicted).sqrt()).min(thresholds.held_out_half * predicted)
+    let by_noise = predicted - allowed(settings, 1, of_noise) * (2.0 * predicted).sqrt();
+    by_noise.min(settings.thresholds.held_out_half * predicted)
 }
 
 /// The rule of the held-out maneuvers, one by one and together.
