@@ -118,6 +118,9 @@ pub enum Verb {
     Check {
         /// The pipeline file
         pipeline: PathBuf,
+        /// Number of threads [default: one per core]
+        #[arg(long, value_name = "N")]
+        jobs: Option<usize>,
         #[command(flatten)]
         form: Form,
     },

@@ -92,7 +92,7 @@ fn dispatch(verb: Verb, engines: &[(&str, &dyn Engine)]) -> Result<End, Errors> 
         Verb::Sql { run, query, csv, form } => sql::sql(&run, &query, sql::Rows::of(csv, form)),
         Verb::Gc { files, dry_run } => provenance::gc(&files, dry_run),
         Verb::Verify { files, form } => provenance::verify(&files, form),
-        Verb::Check { pipeline, form } => run::check(&pipeline, form),
+        Verb::Check { pipeline, jobs, form } => run::check(&pipeline, jobs, form),
         Verb::Inspect { log, form } => inspect(&log, form),
         Verb::Init { logs, out } => shown(&log::starter::run(&logs, &out)?),
         Verb::Import { description, out, force } => {

@@ -34,9 +34,9 @@ struct Checked {
 }
 
 /// `koehler check`
-pub fn check(pipeline: &Path, form: Form) -> Result<End, Errors> {
+pub fn check(pipeline: &Path, jobs: Option<usize>, form: Form) -> Result<End, Errors> {
     let plan = Plan::read(pipeline)?;
-    let seen = plan.summaries();
+    let seen = on_threads(jobs, || plan.summaries())?;
     said(&seen);
     for source in &plan.sources {
         source.lacking.0.iter().for_each(|e| note(&format!("{}; a run makes it first", e.what)));

@@ -86,7 +86,7 @@ mod tests {
     use super::schemas;
 
     /// Editors check configuration files against `schemas/config/`;
-    /// `UPDATE_SCHEMAS=1 cargo test committed_schemas` rewrites them.
+    /// `UPDATE_SCHEMAS=1 cargo test --release committed_schemas` rewrites them.
     #[test]
     fn the_committed_schemas_are_those_of_the_settings() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schemas/config");
@@ -98,7 +98,7 @@ mod tests {
             let committed = std::fs::read_to_string(&path).unwrap_or_default();
             assert!(
                 committed == text,
-                "{} is behind the settings: UPDATE_SCHEMAS=1 cargo test committed_schemas",
+                "{} is behind the settings: UPDATE_SCHEMAS=1 cargo test --release committed_schemas",
                 path.display()
             );
         }

@@ -204,6 +204,12 @@ thresholds! {
     /// is contradicted. Higher: what only imitates it passes.
     noise_scatter: f64 = 1.45, "times";
 
+    /// An effect that as much noise of the inputs again makes larger by more than this share of it may be nothing
+    /// but that noise. *Set* on campaigns of a reversible control system with a noisy vane: false effects grow by
+    /// 0.07 to 0.4 of their size, a friction that is there by less than 0.02. Lower: effects that are there, beside noise of the inputs, lose their names.
+    /// Higher: noise of the inputs gets names.
+    noise_grows: f64 = 0.05, "share of the size";
+
     /// A name takes this many times the gain that chance gives the best candidate of its round.
     /// That gain supposes the noise to be known; where slow noise is stronger than it is taken for,
     /// every gain is larger by that factor. *Set* on null campaigns (docs/thresholds.md). Lower:

@@ -49,7 +49,7 @@ pub(super) fn delayed(
             row.iter_mut()
                 .zip(&next[..lanes])
                 .for_each(|(by, dw)| *by = past.slope[0] * *by + past.slope[1] * dw);
-            if matches!(propagator.delays.get(k + 2).map(|d| d.of), Some(Delayed::Ago(_))) {
+            if Delayed::ago(k, |k| propagator.delays.get(k).map(|d| d.of)).is_some() {
                 let ago = &next[lanes..2 * lanes];
                 row.iter_mut().zip(ago).for_each(|(by, dtau)| *by -= past.slope[2] * dtau);
             }

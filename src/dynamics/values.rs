@@ -212,10 +212,8 @@ impl Run<'_> {
                     value
                 }
                 Delayed::Smooth(_) => {
-                    let ago = match propagator.delays.get(k + 2).map(|d| d.of) {
-                        Some(Delayed::Ago(_)) => taus.get(k + 2),
-                        _ => 0.0,
-                    };
+                    let of = |k: usize| propagator.delays.get(k).map(|d| d.of);
+                    let ago = Delayed::ago(k, of).map_or(0.0, |at| taus.get(at));
                     let at = (now - ago) / record.dt + record.start as f64;
                     let [value, by_reach, by_width, slope] =
                         self.smooth[k].as_ref().map_or([f64::NAN; 4], |smooth| smooth.at(at));

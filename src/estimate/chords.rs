@@ -21,8 +21,8 @@ const ON_LINES: f64 = 0.1;
 /// What the estimates owe to the curves between samples of the inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chords {
-    /// The time between two samples, or points of the grid where that is coarser, s; the largest.
-    pub spacing: f64,
+    /// The time between two samples, or points of the grid where that is coarser, s; the least and the largest.
+    pub spacing: [f64; 2],
     /// The record has samples between the points of the grid.
     pub finer: bool,
     /// All of the curves are smooth ones.
@@ -47,16 +47,18 @@ impl Case {
         }
         let mut coarser = self.clone();
         let nu = self.model.inputs.len();
-        let mut told = Chords { spacing: 0.0, finer: false, smooth: true, moved: Vec::new() };
+        let mut told =
+            Chords { spacing: [f64::INFINITY, 0.0], finer: false, smooth: true, moved: Vec::new() };
         for record in &mut coarser.records {
             let dt = record.dt;
             for known in thinned(record, nu) {
-                told.spacing = told.spacing.max(known.every as f64 * dt);
+                let spacing = known.every as f64 * dt;
+                told.spacing = [told.spacing[0].min(spacing), told.spacing[1].max(spacing)];
                 told.finer |= known.finer;
                 told.smooth &= known.smooth;
             }
         }
-        if told.spacing == 0.0 {
+        if told.spacing[1] == 0.0 {
             return None;
         }
         told.moved = self.moved(&coarser, solution, settings, RICHARDSON);

@@ -16,6 +16,7 @@ use super::rank::Verdict;
 use super::reached::Reached;
 use super::regression;
 use super::segment::Label;
+use super::solution::NoisyStarts;
 use super::terms::Step;
 use super::trace::Trace;
 use crate::least_squares::{Iteration, Stop};
@@ -168,6 +169,8 @@ pub struct Estimation {
     pub chords: Option<Chords>,
     /// What the noise of measured inputs moves, and what it alone determines.
     pub noisy_inputs: Option<NoisyInputs>,
+    /// What noise of the samples that states start at adds to the standard deviations.
+    pub noisy_starts: Option<NoisyStarts>,
     /// Delayed inputs that run along straight lines.
     pub ramps: Option<Ramps>,
     /// Parameters of the model that times of delays depend on.

@@ -80,6 +80,7 @@ mod modes;
 mod neighbours;
 mod noise_covariance;
 mod noisy_inputs;
+mod noisy_starts;
 mod output_error;
 mod plateaus;
 mod prepared;
@@ -125,7 +126,7 @@ pub use extend::{extended, not_filtered};
 pub use idle::Idle;
 pub use influential::Influential;
 pub use modes::{Mode, Uncertain};
-pub use noisy_inputs::NoisyInputs;
+pub use noisy_inputs::{Noise, NoisyInputs};
 pub use output_error::{estimate, estimate_segments, estimate_where};
 pub use plateaus::Piece;
 pub use prepared::Prepared;
@@ -139,6 +140,7 @@ pub use segment::{Grouping, Label, Made, SEGMENT, Segment, Stretch};
 pub use settings::{
     By, InitialFrom, Line, NoiseKind, Search, Settings, Shifts, StartFrom, WithoutEffect,
 };
+pub use solution::NoisyStarts;
 pub use terms::Step;
 pub use trace::{Filtered, Trace};
 pub use tries::too_many;

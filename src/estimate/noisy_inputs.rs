@@ -34,8 +34,19 @@ const ALONE: f64 = 0.5;
 /// to so many points of the grid. *Convention*: on a line between two samples its power is two thirds.
 const GROWS: f64 = 1.2;
 const WIDEST: usize = 8;
+/// Share of the power of samples' noise in third differences of a smooth curve through them, in the mean
+/// of all places between two samples: the integral of the squared differences of its weights.
+const SEEN: f64 = 0.6025;
 /// Noise below this share of an input's range is not added.
 const LEAST: f64 = 1e-9;
+
+/// Noise of inputs.
+pub struct Noise {
+    /// Standard deviation by input, SI, the largest of any segment; 0 of one without.
+    sds: Vec<f64>,
+    /// By segment, `[point][input]`.
+    drawn: Vec<Vec<f64>>,
+}
 
 /// What noise of the inputs does.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -58,18 +69,10 @@ impl Case {
         if self.is_filtered() || settings.briefly || solution.fit.stop != Stop::Converged {
             return None;
         }
-        let nu = self.model.inputs.len();
-        let mut sds = vec![0.0f64; nu];
-        let mut noises = Vec::new();
-        for (s, record) in self.records.iter().enumerate() {
-            noises.push(noise(record, nu, s as u64, &mut sds));
-        }
-        if sds.iter().all(|sd| *sd == 0.0) {
-            return None;
-        }
+        let noise = self.noise_of_inputs(0)?;
         let (more, less) = (
-            self.with_noise(&noises, 1.0, solution, settings)?,
-            self.with_noise(&noises, -1.0, solution, settings)?,
+            self.with(&noise, 1.0).normal_step(solution, settings)?,
+            self.with(&noise, -1.0).normal_step(solution, settings)?,
         );
         let mut told = NoisyInputs::default();
         for (i, unknown) in self.unknowns.iter().enumerate() {
@@ -85,27 +88,42 @@ impl Case {
             }
         }
         told.moved.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        let named = self.model.inputs.iter().zip(sds).filter(|(_, sd)| *sd > 0.0);
-        told.inputs = named.map(|(input, sd)| (input.name.clone(), sd)).collect();
+        told.inputs = self.noisy(&noise);
         (!told.moved.is_empty() || !told.alone.is_empty()).then_some(told)
     }
 
-    /// The normal matrix and the step from a solution where the inputs have so much more noise.
-    fn with_noise(
-        &self,
-        noises: &[Vec<f64>],
-        sign: f64,
-        solution: &Solution,
-        settings: &Settings,
-    ) -> Option<(Arrow, Vec<f64>)> {
+    /// Noise like that of the inputs, drawn by a number; none where they have none.
+    pub fn noise_of_inputs(&self, draw: u64) -> Option<Noise> {
+        let nu = self.model.inputs.len();
+        let mut sds = vec![0.0f64; nu];
+        let mut drawn = Vec::with_capacity(self.records.len());
+        for (s, record) in self.records.iter().enumerate() {
+            drawn.push(noise(record, nu, draw << 32 | s as u64, &mut sds));
+        }
+        sds.iter().any(|sd| *sd > 0.0).then_some(Noise { sds, drawn })
+    }
+
+    /// The case with so many times this noise in its inputs, in addition to what they have.
+    pub fn with(&self, noise: &Noise, times: f64) -> Case {
         let mut noisy = self.clone();
-        for (record, noise) in noisy.records.iter_mut().zip(noises) {
+        for (record, noise) in noisy.records.iter_mut().zip(&noise.drawn) {
             let inputs = record.inputs.iter().zip(noise);
-            let inputs: Vec<f64> = inputs.map(|(u, v)| u + sign * v).collect();
+            let inputs: Vec<f64> = inputs.map(|(u, v)| u + times * v).collect();
             record.inputs = inputs.into();
         }
+        noisy
+    }
+
+    /// Names of the inputs that have noise, with its standard deviations.
+    pub fn noisy(&self, noise: &Noise) -> Vec<(String, f64)> {
+        let named = self.model.inputs.iter().zip(&noise.sds).filter(|(_, sd)| **sd > 0.0);
+        named.map(|(input, sd)| (input.name.clone(), *sd)).collect()
+    }
+
+    /// The normal matrix and the step from a solution.
+    fn normal_step(&self, solution: &Solution, settings: &Settings) -> Option<(Arrow, Vec<f64>)> {
         let evaluate =
-            |s: usize, local: &[f64], sensitivities: bool| noisy.evaluate(s, local, sensitivities);
+            |s: usize, local: &[f64], sensitivities: bool| self.evaluate(s, local, sensitivities);
         let layout = Layout { start: solution.fit.theta.clone(), ..self.layout.clone() };
         stepped(&layout, &evaluate, &solution.fit.theta, &settings.method())
     }
@@ -143,6 +161,21 @@ impl Samples {
             .fold(0, |best, first| if at(first, every) > at(best, every) { first } else { best });
         Samples { every, first, smooth: true }
     }
+
+    /// The sd of the noise of the samples. They lie anywhere between the points of the grid, and are seen
+    /// there through curves that take away what is fast; `SEEN` of their noise's power is left to third
+    /// differences in the mean of all places between two samples, of which the points have every kind.
+    fn sd(&self, column: &[f64]) -> f64 {
+        let at = |phase: usize| {
+            let phase: Vec<f64> = column.iter().skip(phase).step_by(self.every).copied().collect();
+            commanded_sd(&phase)
+        };
+        if !self.smooth || self.every == 1 {
+            return at(self.first);
+        }
+        let squares: f64 = (0..self.every).map(|phase| at(phase).powi(2)).sum();
+        (squares / (SEEN * self.every as f64)).sqrt()
+    }
 }
 
 /// Noise like that of the inputs of a record, `[point][input]`, drawn by the record's number; `sds`
@@ -152,9 +185,10 @@ fn noise(record: &Record, nu: usize, number: u64, sds: &mut [f64]) -> Vec<f64> {
     for (i, most) in sds.iter_mut().enumerate() {
         let column: Vec<f64> =
             record.inputs.iter().skip(i).step_by(nu).take(record.n).copied().collect();
-        let Samples { every, first, smooth } = Samples::of(record, i, &column);
+        let known = Samples::of(record, i, &column);
+        let Samples { every, first, smooth } = known;
         let samples: Vec<f64> = column.iter().skip(first).step_by(every).copied().collect();
-        let sd = commanded_sd(&samples);
+        let sd = known.sd(&column);
         let largest = samples.iter().fold(0.0f64, |m, u| m.max(u.abs()));
         if !(sd > LEAST * largest) {
             continue;
@@ -179,4 +213,28 @@ fn noise(record: &Record, nu: usize, number: u64, sds: &mut [f64]) -> Vec<f64> {
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Samples at every second point of the grid, and at shares of that between the points.
+    #[test]
+    fn noise_is_that_of_the_samples_wherever_they_lie() {
+        let mut random = Pcg64::seed_from_u64(1);
+        let sample = |random: &mut Pcg64| Distribution::<f64>::sample(&StandardNormal, random);
+        let noise: Vec<f64> = (0..4000).map(|_| 0.3 * sample(&mut random)).collect();
+        for beside in [0.0, 0.2, 0.5, 0.8] {
+            let at = |k: usize| {
+                let place = 1.0 + 0.5 * (k as f64 + beside);
+                let j = place.floor() as usize;
+                let samples = [noise[j - 1], noise[j], noise[j + 1], noise[j + 2]];
+                between_samples(samples, place - j as f64)
+            };
+            let column: Vec<f64> = (0..7900).map(at).collect();
+            let sd = Samples { every: 2, first: 0, smooth: true }.sd(&column);
+            assert!((sd / 0.3 - 1.0).abs() < 0.05, "{beside}: {sd}");
+        }
+    }
 }

@@ -218,6 +218,9 @@ fn by_motion(
         case.elsewhere(solution, regression.as_ref(), settings, (origin, here));
     let (mut solution, by_friction) = case.rubbed(solution, settings, (origin, here));
     let elsewhere = by_friction.or(elsewhere);
+    if !settings.briefly {
+        solution = case.with_noise_of_starts(solution, settings);
+    }
     if settings.stabilise.values().any(|gain| *gain != 0.0) {
         // Noise of the measured states drives the model: what residuals tell is not how far off it is.
         solution.covariance = None;

@@ -10,7 +10,7 @@
 //! integrated over time.
 
 use super::case::Case;
-use super::sides::{Considered, Seen, Side, measured, sides};
+use super::sides::{Considered, Seen, Side, is_itself, measured, sides};
 use super::{Settings, Trace};
 use crate::dynamics::{self, Numbers, Record};
 use crate::error::Result;
@@ -60,6 +60,9 @@ pub(super) struct Problem<'a> {
 
 const ORDER: usize = 3;
 
+/// Passes over what an output adds to its state: of a tenth of it a millionth is left.
+const PASSES: usize = 6;
+
 /// What becomes of a parameter of the equations, and of one that none of them has.
 pub(super) const ESTIMATED: &str = "estimated";
 pub(super) const NOWHERE: &str = "in none of these equations";
@@ -78,69 +81,25 @@ fn on_grid(record: &Record, output: usize, first: usize) -> Vec<f64> {
 
 fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Sampled {
     let (model, record) = (&case.model, &case.records[s]);
-    let (l, first, dt) = (model.layout, record.start, record.dt);
+    let (first, dt) = (record.start, record.dt);
     let n = record.n.saturating_sub(first);
-    let width = l.time() + 1;
-    let mut points = vec![0.0; n * width];
-    let raw: Vec<Vec<f64>> = (0..model.states.len())
+    let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
+    let grid = OnGrid { model, record, n, taus: delays(model, &parameters) };
+    let seen: Vec<Vec<f64>> = (0..model.states.len())
         .map(|i| {
             measured(case, i)
                 .map_or_else(|| vec![f64::NAN; n], |output| on_grid(record, output, first))
         })
         .collect();
-    let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
-    let (parameters, _) = case.place(s, &case.layout.local(s, &case.layout.start));
-    let taus = delays(model, &parameters);
-    let without_noise = dynamics::smoothed(
-        &model.delays,
-        &record.inputs[..record.n * l.inputs],
-        l.inputs,
-        dt,
-        |d| taus[d],
-    );
-    for k in 0..n {
-        let point = &mut points[k * width..(k + 1) * width];
-        raw.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
-        for j in 0..l.inputs {
-            let (before, after) =
-                ((k + first).saturating_sub(1), (k + first + 1).min(record.n - 1));
-            point[l.input() + j] = input(k + first, j);
-            point[l.input_rate() + j] =
-                (input(after, j) - input(before, j)) / ((after - before).max(1) as f64 * dt);
-        }
-        for (d, delay) in model.delays.iter().enumerate() {
-            let back = |from: f64, value: &dyn Fn(usize) -> f64| {
-                let at = (from - taus[d] / dt).max(0.0);
-                let (low, part) = (at.floor() as usize, at - at.floor());
-                if part == 0.0 {
-                    value(low)
-                } else {
-                    (1.0 - part) * value(low) + part * value(low + 1)
-                }
-            };
-            point[l.delayed() + d] = match delay.of {
-                Delayed::Input(j) => back((k + first) as f64 - record.behind(j), &|i| input(i, j)),
-                Delayed::Smooth(_) | Delayed::Within(_) | Delayed::Ago(_) => {
-                    let ago = match model.delays.get(d + 2).map(|d| d.of) {
-                        Some(Delayed::Ago(_)) => taus[d + 2] / dt,
-                        _ => 0.0,
-                    };
-                    without_noise[d].as_ref().map_or(0.0, |s| s.at((k + first) as f64 - ago)[0])
-                }
-                Delayed::State(i) => {
-                    back(k as f64, &|m| raw[i].get(m).copied().unwrap_or(f64::NAN))
-                }
-            };
-        }
-        point[l.time()] = record.t0 + (k + first) as f64 * dt;
-    }
+    let (states, points) = grid.states(case, seen, &parameters);
     let left = sides.iter().map(|side| {
-        let known = |k: usize| side.states.iter().all(|&i| raw[i][k].is_finite());
-        let z: Vec<f64> = on_grid(record, side.output, first)
-            .into_iter()
-            .enumerate()
-            .map(|(k, z)| if known(k) { z } else { f64::NAN })
-            .collect();
+        let known = |k: usize| side.states.iter().all(|&i| states[i][k].is_finite());
+        let z = match side.is_rate {
+            true => states[side.row].clone(),
+            false => on_grid(record, side.output, first),
+        };
+        let z: Vec<f64> =
+            z.into_iter().enumerate().map(|(k, z)| if known(k) { z } else { f64::NAN }).collect();
         match side.seen() {
             Seen::Rate => filters.rate.apply(&z),
             Seen::Smoothed => filters.smooth.apply(&z),
@@ -149,6 +108,116 @@ fn prepare(case: &Case, sides: &[Side], s: usize, filters: Arc<Filters>) -> Samp
     });
     let left = left.collect();
     Sampled { points, n, dt, filters, left }
+}
+
+/// A segment's grid from its first scored point on.
+struct OnGrid<'a> {
+    model: &'a Model,
+    record: &'a Record,
+    n: usize,
+    /// Times of the delays, s.
+    taus: Vec<f64>,
+}
+
+impl OnGrid<'_> {
+    /// The states that were measured, and the points with them. An output of a state's name that is more than
+    /// the state (a vane away from the centre of gravity, a scale) gives the state less what that adds at the
+    /// states themselves: `x = z - (h(x, u) - x)`, `PASSES` times, at the starting values of the parameters.
+    fn states(
+        &self,
+        case: &Case,
+        seen: Vec<Vec<f64>>,
+        parameters: &[f64],
+    ) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let indirect: Vec<(usize, usize)> = (0..self.model.states.len())
+            .filter(|&i| !is_itself(self.model, i))
+            .filter_map(|i| Some((i, measured(case, i)?)))
+            .collect();
+        let outputs: Vec<usize> = indirect.iter().map(|(_, output)| *output).collect();
+        let program = self.model.outputs_program(&outputs);
+        let mut states = seen.clone();
+        let mut points = self.points(&states);
+        for _ in 0..if indirect.is_empty() { 0 } else { PASSES } {
+            let all = run(&program, self.model, parameters, &points);
+            for (place, &(i, _)) in indirect.iter().enumerate() {
+                let h = all.iter().skip(place).step_by(outputs.len());
+                for ((x, h), z) in states[i].iter_mut().zip(h).zip(&seen[i]) {
+                    *x = z - (h - *x);
+                }
+            }
+            points = self.points(&states);
+        }
+        (states, points)
+    }
+
+    /// `[n][width]`
+    fn points(&self, states: &[Vec<f64>]) -> Vec<f64> {
+        let OnGrid { model, record, n, taus } = self;
+        let (l, first, dt) = (model.layout, record.start, record.dt);
+        let width = l.time() + 1;
+        let mut points = vec![0.0; n * width];
+        let input = |k: usize, j: usize| record.inputs[k.min(record.n - 1) * l.inputs + j];
+        let without_noise = dynamics::smoothed(
+            &model.delays,
+            &record.inputs[..record.n * l.inputs],
+            l.inputs,
+            dt,
+            |d| taus[d],
+        );
+        for k in 0..*n {
+            let point = &mut points[k * width..(k + 1) * width];
+            states.iter().enumerate().for_each(|(i, x)| point[i] = x[k]);
+            for j in 0..l.inputs {
+                let (before, after) =
+                    ((k + first).saturating_sub(1), (k + first + 1).min(record.n - 1));
+                point[l.input() + j] = input(k + first, j);
+                point[l.input_rate() + j] =
+                    (input(after, j) - input(before, j)) / ((after - before).max(1) as f64 * dt);
+            }
+            for (d, delay) in model.delays.iter().enumerate() {
+                let back = |from: f64, value: &dyn Fn(usize) -> f64| {
+                    let at = (from - taus[d] / dt).max(0.0);
+                    let (low, part) = (at.floor() as usize, at - at.floor());
+                    if part == 0.0 {
+                        value(low)
+                    } else {
+                        (1.0 - part) * value(low) + part * value(low + 1)
+                    }
+                };
+                point[l.delayed() + d] = match delay.of {
+                    Delayed::Input(j) => {
+                        back((k + first) as f64 - record.behind(j), &|i| input(i, j))
+                    }
+                    Delayed::Smooth(_) | Delayed::Within(_) | Delayed::Ago(_) => {
+                        let of = |d: usize| model.delays.get(d).map(|d| d.of);
+                        let ago = Delayed::ago(d, of).map_or(0.0, |at| taus[at] / dt);
+                        let smooth = without_noise[d].as_ref();
+                        smooth.map_or(0.0, |s| s.at((k + first) as f64 - ago)[0])
+                    }
+                    Delayed::State(i) => {
+                        back(k as f64, &|m| states[i].get(m).copied().unwrap_or(f64::NAN))
+                    }
+                };
+            }
+            point[l.time()] = record.t0 + (k + first) as f64 * dt;
+        }
+        points
+    }
+}
+
+/// All outputs of a program at these points, `[n][outputs]`.
+fn run(program: &Program, model: &Model, parameters: &[f64], points: &[f64]) -> Vec<f64> {
+    let mut file = program.registers::<1>();
+    parameters.iter().enumerate().for_each(|(p, v)| file[model.layout.parameter() + p] = [*v]);
+    program.prepare(&mut file, &model.tables);
+    let width = model.layout.time() + 1;
+    let mut all = Vec::with_capacity(points.len() / width * program.outputs());
+    for point in points.chunks_exact(width) {
+        point.iter().zip(&mut file).for_each(|(v, slot)| *slot = [*v]);
+        program.run(&mut file, &model.tables);
+        all.extend((0..program.outputs()).map(|k| program.output(&file, k)[0]));
+    }
+    all
 }
 
 /// Delay times at these parameters.
@@ -259,18 +328,7 @@ impl<'a> Problem<'a> {
 
     /// All outputs of a program at all points of a segment, `[n][outputs]`.
     pub fn over(&self, program: &Program, s: usize, parameters: &[f64]) -> Vec<f64> {
-        let (model, sampled) = (&self.case.model, &self.segments[s]);
-        let mut file = program.registers::<1>();
-        parameters.iter().enumerate().for_each(|(p, v)| file[model.layout.parameter() + p] = [*v]);
-        program.prepare(&mut file, &model.tables);
-        let width = model.layout.time() + 1;
-        let mut all = Vec::with_capacity(sampled.n * program.outputs());
-        for point in sampled.points.chunks_exact(width) {
-            point.iter().zip(&mut file).for_each(|(v, slot)| *slot = [*v]);
-            program.run(&mut file, &model.tables);
-            all.extend((0..program.outputs()).map(|k| program.output(&file, k)[0]));
-        }
-        all
+        run(program, &self.case.model, parameters, &self.segments[s].points)
     }
 
     /// A column of the right side of segment `s` as the left one is seen.

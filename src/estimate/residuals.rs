@@ -56,7 +56,29 @@ impl Case {
         sensitivities: bool,
     ) -> Option<Vec<Block>> {
         let (parameters, starts) = self.place(s, local);
-        let response = propagator.respond(&parameters, &starts, &self.records[s], sensitivities);
+        self.from(propagator, s, (&parameters, &starts), sensitivities)
+    }
+
+    /// Residuals where a start value from outside (by its place) is so much larger.
+    pub(super) fn started(
+        &self,
+        s: usize,
+        local: &[f64],
+        (place, by): (usize, f64),
+    ) -> Option<Vec<Block>> {
+        let (parameters, mut starts) = self.place(s, local);
+        starts[place] += by;
+        self.from(&self.propagator, s, (&parameters, &starts), false)
+    }
+
+    fn from(
+        &self,
+        propagator: &Propagator,
+        s: usize,
+        (parameters, starts): (&[f64], &[f64]),
+        sensitivities: bool,
+    ) -> Option<Vec<Block>> {
+        let response = propagator.respond(parameters, starts, &self.records[s], sensitivities);
         if !response.finite {
             return None;
         }

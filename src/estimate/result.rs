@@ -97,6 +97,7 @@ pub fn name(
     Estimation {
         stop: solution.fit.stop,
         correlations: correlations(&case.layout, &solution),
+        noisy_starts: solution.noisy_starts.clone(),
         det_r: libm::exp(solution.fit.ln_det),
         outputs: scatter(case, &solution, &traced.compared, &responses, &noise_groups),
         settled: solution.settled,

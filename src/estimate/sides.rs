@@ -1,7 +1,7 @@
 //! A case in; its equations, and which of them its measurements allow, out.
 
 use super::case::Case;
-use crate::model::graph::{Leaf, Node};
+use crate::model::graph::{Leaf, Node, View};
 use crate::model::{Delayed, Model};
 
 /// An equation in use: the row of its program, what is on its left side, what it needs.
@@ -63,7 +63,7 @@ pub(super) fn sides(case: &Case) -> (Vec<Side>, Vec<Considered>) {
                    output: Option<usize>,
                    of_state: bool| {
         let outcome = match (needed(model, node), output) {
-            (_, _) if of_state => "the state itself: its rate is used".to_string(),
+            (_, Some(o)) if of_state => of_its_state(model, o),
             (Err(hidden), _) => format!("needs {hidden}, which is not measured"),
             (_, None) => "the state is not measured".to_string(),
             (Ok(states), Some(output)) => {
@@ -108,6 +108,34 @@ pub(super) fn sides(case: &Case) -> (Vec<Side>, Vec<Considered>) {
         );
     }
     (sides, equations)
+}
+
+/// Whether what is measured under a state's name is the state, and nothing else.
+pub(super) fn is_itself(model: &Model, state: usize) -> bool {
+    let output = model.output(&model.states[state].quantity.name);
+    let node = output.and_then(|o| model.output_nodes.get(o));
+    node.is_none_or(
+        |node| matches!(model.graph.view(*node), View::Leaf(Leaf::State(i)) if i == state),
+    )
+}
+
+/// What becomes of an output that measures a state.
+fn of_its_state(model: &Model, output: usize) -> String {
+    let name = &model.outputs[output].name;
+    if model.state(name).is_some_and(|state| is_itself(model, state)) {
+        return "the state itself: its rate is used".to_string();
+    }
+    let leaves = model.graph.leaves(&[model.output_nodes[output]]);
+    let parameter = |leaf: &Leaf| match leaf {
+        Leaf::Parameter(p) => Some(model.parameters[*p].quantity.name.clone()),
+        _ => None,
+    };
+    let names: Vec<String> = leaves.iter().filter_map(parameter).collect();
+    let at = match names.is_empty() {
+        true => String::new(),
+        false => format!(" ({} at the start)", names.join(", ")),
+    };
+    format!("the state, and more that is taken off{at}: its rate is used")
 }
 
 /// States that a node depends on, those behind delays included, or the name of one that nobody can

@@ -8,6 +8,15 @@ use super::{By, Settings};
 use crate::least_squares::{Arrow, Evaluate, Fit, Layout, Stop};
 use crate::noise::Modelled;
 
+/// What the noise of samples that states start at does.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NoisyStarts {
+    /// The states that start at a sample.
+    pub states: Vec<String>,
+    /// Parameters with the factor by which their sd are larger, those with the largest first.
+    pub larger: Vec<(String, f64)>,
+}
+
 /// What an estimation yields before names are put to it.
 #[derive(Debug, Clone)]
 pub struct Solution {
@@ -21,6 +30,8 @@ pub struct Solution {
     pub colour: Vec<Modelled>,
     /// Whether that colour and what the fit absorbed of it agree with each other.
     pub settled: bool,
+    /// What noise of the samples that states start at adds to the covariance.
+    pub noisy_starts: Option<NoisyStarts>,
     pub condition: f64,
     pub singular: bool,
     pub weak: Vec<Weak>,
@@ -62,6 +73,7 @@ pub fn judged<F: Evaluate>(
         covariance: None,
         colour: Vec::new(),
         settled: true,
+        noisy_starts: None,
         condition: f64::NAN,
         singular: false,
         weak: Vec::new(),

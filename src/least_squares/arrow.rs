@@ -136,6 +136,37 @@ impl Arrow {
         }
     }
 
+    /// Of the same form, with nothing in it.
+    pub fn empty(&self) -> Arrow {
+        let own = self.own.iter().map(|own| Own::empty(own.n, &own.columns)).collect();
+        Arrow { shared: self.shared, cc: vec![0.0; self.cc.len()], own }
+    }
+
+    /// Adds another one of the same form.
+    pub fn add(&mut self, other: &Arrow) {
+        let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(a, b)| *a += b);
+        add(&mut self.cc, &other.cc);
+        for (own, other) in self.own.iter_mut().zip(&other.own) {
+            add(&mut own.ss, &other.ss);
+            add(&mut own.sc, &other.sc);
+        }
+    }
+
+    /// Adds the blocks of `x x'`.
+    pub fn add_outer(&mut self, x: &[f64]) {
+        let nc = self.shared;
+        self.cc.iter_mut().enumerate().for_each(|(k, c)| *c += x[k / nc] * x[k % nc]);
+        let mut offset = nc;
+        for own in &mut self.own {
+            let (n, m) = (own.n, own.columns.len());
+            let mine = &x[offset..offset + n];
+            own.ss.iter_mut().enumerate().for_each(|(k, c)| *c += mine[k / n] * mine[k % n]);
+            let columns = &own.columns;
+            own.sc.iter_mut().enumerate().for_each(|(k, c)| *c += mine[k / m] * x[columns[k % m]]);
+            offset += n;
+        }
+    }
+
     /// Multiplies rows and columns by these numbers, one per parameter of the whole vector.
     pub fn scale(&mut self, by: &[f64]) {
         let nc = self.shared;
@@ -268,6 +299,21 @@ impl Factor {
             offset += own.n;
         }
         d
+    }
+
+    /// The same for a right side that is nothing but in segment `s`: the shared parameters, and those of this
+    /// segment.
+    pub fn solve_in(&self, s: usize, shared: &[f64], own: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let (nc, e) = (self.shared, &self.own[s]);
+        let mut reduced = shared.to_vec();
+        for (t, r) in e.rows().zip(own) {
+            e.columns.iter().zip(t).for_each(|(&c, t)| reduced[c] -= t * r);
+        }
+        let d = multiply(&self.v, &reduced, nc, nc, 1);
+        let mut part = multiply(&e.inverse, own, e.n, e.n, 1);
+        let seen = pick(&d, &e.columns);
+        part.iter_mut().zip(e.rows()).for_each(|(p, t)| *p -= dot(t, &seen));
+        (d, part)
     }
 
     /// The blocks of `M^-1 Q M^-1` on the border and of every segment with itself and the border;

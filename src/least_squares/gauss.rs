@@ -11,6 +11,9 @@ use super::problem::Evaluate;
 /// A step of this length, in standard deviations, is nothing: if no part of it improves the
 /// likelihood, rounding is the reason.
 const NOTHING: f64 = 1e-3;
+/// A step that promises less log-likelihood than this decides nothing, whether or not any part of it brings
+/// something: a twentieth of an sd.
+const FLAT: f64 = 1e-3;
 /// A step cut short that changes `det R` by less than this share of it is no progress.
 const CREEP: f64 = 1e-8;
 /// So many steps in a row that are cut short and bring next to nothing are a valley with kinks.
@@ -94,6 +97,7 @@ pub fn minimise<F: Evaluate>(layout: &Layout, evaluate: &F, method: &Method) -> 
             stop = match length {
                 None => Stop::Singular,
                 Some(_) if !is_long => Stop::Converged,
+                Some(_) if whole.is_some_and(|step| point.promise(&step) < FLAT) => Stop::Converged,
                 Some(_) => Stop::NoImprovement,
             };
             break;

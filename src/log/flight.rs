@@ -12,6 +12,7 @@ use super::decode::{self, FieldInfo};
 use super::file::LogFile;
 use super::left_out::Seen;
 use super::parts::{PartData, TopicPlan, decode_parts};
+use super::pauses::{self, Recorded};
 use super::series::{Account, DAY_NS, Series};
 use super::signal::Context;
 use super::{Buffer, Note, agree};
@@ -71,7 +72,14 @@ pub fn read_flight(path: &Path, map: &ChannelMap, doc: &Doc) -> Result<FlightLog
             out.insert(name.clone(), signal);
         }
     }
+    notes.extend(pauses::notes(&out.iter().map(recorded).collect::<Vec<_>>()));
     errors.or(FlightLog { name: log.name(), start_ns, signals: out, notes })
+}
+
+fn recorded<'a>((name, signal): (&'a String, &'a SignalLog)) -> Recorded<'a> {
+    let SignalLog { account, series, .. } = signal;
+    let (topic, field, rate_hz) = (&account.topic, &account.field, account.rate_hz);
+    Recorded { name, topic, field, rate_hz, t_s: &series.t_s }
 }
 
 /// The earliest log time of a flight. What stands more than a day before the middle one was given by a

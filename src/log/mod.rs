@@ -19,6 +19,7 @@ mod layout;
 mod left_out;
 pub mod memory;
 mod parts;
+mod pauses;
 mod recorded;
 mod records;
 mod series;

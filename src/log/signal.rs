@@ -201,15 +201,6 @@ impl Context<'_> {
         let strays = a.dropped_times - a.dropped_twice;
         say(strays, format!("{strays} {of} with times more than a day from the others, dropped"));
         say(a.clock_jumps, format!("the clock jumps by more than 1 s at {} places", a.clock_jumps));
-        say(
-            a.gaps,
-            format!(
-                "{} gaps, the longest {:.3} s at a usual spacing of {:.4} s",
-                a.gaps,
-                a.longest_gap_s,
-                1.0 / a.rate_hz
-            ),
-        );
         notes.append(&mut few);
         if a.reordered > 0 {
             notes.push(Note::info(

@@ -164,8 +164,8 @@ fn duplicates_late_messages_nan_bursts_and_gaps_are_counted() {
             "/t x: 3 of 380 messages unreadable",
             "/t x: 12 of 380 messages hold NaN, dropped",
             "/t x: 1 of 380 messages repeat a time stamp, dropped",
-            "/t x: 3 gaps, the longest 0.210 s at a usual spacing of 0.0100 s",
             "/t x: 1 of 380 messages out of order, sorted",
+            "/t x: 3 gaps, the longest 0.210 s at a usual spacing of 0.0100 s",
         ]
     );
 }

@@ -6,7 +6,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use toml::{Table, Value};
 
-const START: &str = "<!-- from here on written by `UPDATE_DOCS=1 cargo test fragments_page` -->\n";
+const START: &str =
+    "<!-- from here on written by `UPDATE_DOCS=1 cargo test --release fragments_page` -->\n";
 
 /// Kinds of quantities, by their sections, in the order of a model file.
 const SECTIONS: [(&str, &str); 6] = [
@@ -136,7 +137,7 @@ fn fragments_page_is_that_of_the_files() {
     } else {
         assert!(
             text == wanted,
-            "docs/fragments.md is behind: UPDATE_DOCS=1 cargo test fragments_page"
+            "docs/fragments.md is behind: UPDATE_DOCS=1 cargo test --release fragments_page"
         );
     }
 }

@@ -310,7 +310,7 @@ impl Compiler<'_> {
     /// Whether a delay is a `smooth()` of the present.
     fn is_smooth_now(&self, k: usize) -> bool {
         let of = |k: usize| self.model.delays.get(k).map(|d| d.of);
-        matches!(of(k), Some(Delayed::Smooth(_))) && !matches!(of(k + 2), Some(Delayed::Ago(_)))
+        matches!(of(k), Some(Delayed::Smooth(_))) && Delayed::ago(k, of).is_none()
     }
 
     /// The same `smooth()` at time t - tau.

@@ -135,6 +135,12 @@ impl Delayed {
             Delayed::State(i) => Leaf::State(i),
         }
     }
+
+    /// The place of the time before at which a `smooth()` at place `k` of all delays is read; none where it is
+    /// of the present.
+    pub fn ago(k: usize, of: impl Fn(usize) -> Option<Delayed>) -> Option<usize> {
+        matches!(of(k + 2), Some(Delayed::Ago(_))).then_some(k + 2)
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -17,6 +17,11 @@ pub struct Ar {
 }
 
 impl Ar {
+    /// Share of the variance that the past foretells.
+    pub fn foretold(&self) -> f64 {
+        1.0 - self.partial.iter().map(|k| 1.0 - k * k).product::<f64>()
+    }
+
     /// White noise.
     pub fn white(variance: f64) -> Ar {
         Ar { partial: Vec::new(), variance }

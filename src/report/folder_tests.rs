@@ -1,5 +1,5 @@
 //! A made-up campaign in; checks of its index, of the pages of its flights, and of what they weigh, out.
-//! `KOEHLER_REPORT_PAGE=/some/folder/page.html cargo test --lib report` writes them below that folder.
+//! `KOEHLER_REPORT_PAGE=/some/folder/page.html cargo test --release --lib report` writes them below that folder.
 
 use super::tests::{Tables, all_of, campaign, frame};
 use super::*;

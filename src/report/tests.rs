@@ -1,5 +1,5 @@
 //! A made-up campaign of three flights in, checks of the whole page out.
-//! `KOEHLER_REPORT_PAGE=/some/file.html cargo test --lib report` writes the page down for a look in
+//! `KOEHLER_REPORT_PAGE=/some/file.html cargo test --release --lib report` writes the page down for a look in
 //! a browser.
 
 use super::*;

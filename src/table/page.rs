@@ -42,7 +42,7 @@ mod tests {
     #[test]
     fn the_page_in_docs_is_that_of_the_schemas() {
         const START: &str =
-            "<!-- from here on written by `UPDATE_DOCS=1 cargo test docs_is_that` -->\n";
+            "<!-- from here on written by `UPDATE_DOCS=1 cargo test --release docs_is_that` -->\n";
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/tables.md");
         let text = std::fs::read_to_string(&path).unwrap();
         let (head, _) = text.split_once(START).expect("the page's marker");
@@ -52,7 +52,7 @@ mod tests {
         } else {
             assert!(
                 text == wanted,
-                "docs/tables.md is behind the schemas: UPDATE_DOCS=1 cargo test docs_is_that"
+                "docs/tables.md is behind the schemas: UPDATE_DOCS=1 cargo test --release docs_is_that"
             );
         }
     }

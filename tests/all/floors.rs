@@ -130,13 +130,14 @@ fn every_file_opens_with_its_sentence() {
 }
 
 /// Files that may call the thread pool themselves, and why. All other work goes through the engine.
-const THREADS: [(&str, &str); 34] = [
+const THREADS: [(&str, &str); 35] = [
     ("engine/threads.rs", "the engine of this process"),
     ("cli/words.rs", "the number of threads that a user asks for"),
     ("least_squares/problem.rs", "sums of a problem that belongs to one unit of a diagnosis"),
     ("estimate/colour.rs", "series of residuals of one estimate, once at its end"),
     ("estimate/influential.rs", "segments of one estimate, once at its end"),
     ("estimate/neighbours.rs", "segments of one estimate, each alone"),
+    ("estimate/noisy_starts.rs", "segments of one estimate, once at its end"),
     ("estimate/profile.rs", "the two sides of an interval of one estimate"),
     ("stage/estimate/mod.rs", "groups of maneuvers of one estimate, whose sums go to the engine"),
     ("stage/inputs.rs", "files of one table, which one unit reads"),

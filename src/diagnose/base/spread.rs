@@ -97,6 +97,16 @@ impl Task<'_> {
         Some(moved)
     }
 
+    /// One Gauss-Newton step of the shared parameters from `theta`, bounds not asked.
+    pub fn shared_step(&self, theta: &[f64]) -> Option<Vec<f64>> {
+        let n = self.free.len();
+        let mut all = self.together(&self.parts(theta)?, theta);
+        all.eliminate(0, n);
+        let mut step = vec![0.0; n + 1];
+        all.solve(0, n, n, &mut step);
+        Some(step[..n].to_vec())
+    }
+
     /// Sums of every segment; none where the model is not finite.
     pub fn parts(&self, theta: &[f64]) -> Option<Vec<Part>> {
         self.segments.par_iter().map(|&s| self.part(s, theta)).collect()

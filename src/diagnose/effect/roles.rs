@@ -202,6 +202,11 @@ const ROLES: &[(&str, Find, &str)] = &[
         "each measured surface that follows its command in one state, with .rate",
     ),
     ("input", List(inputs), "each input"),
+    (
+        "motion-input",
+        List(motion_inputs),
+        "each input that is an angle or a rate of the aircraft's motion",
+    ),
     ("sensor", List(sensors), "each output"),
     ("instrument", List(instruments), "each output that is no flow vane"),
     (
@@ -412,6 +417,12 @@ fn instruments(model: &Model) -> Vec<Bound> {
 
 fn inputs(model: &Model) -> Vec<Bound> {
     model.inputs.iter().map(|i| Bound::new(&i.name, &i.name, &i.unit)).collect()
+}
+
+/// Angles and rates that are measured and drive a model.
+fn motion_inputs(model: &Model) -> Vec<Bound> {
+    let is_motion = |i: &&Quantity| i.unit == "rad/s" || (i.unit == "rad" && !is_surface(i));
+    model.inputs.iter().filter(is_motion).map(|i| Bound::new(&i.name, &i.name, &i.unit)).collect()
 }
 
 /// Inputs in rad that are no angle of the motion.

@@ -361,7 +361,7 @@ fn fault_effect_files_say_what_is_wrong() {
     }
 }
 
-/// `UPDATE_DOCS=1 cargo test --lib roles_are_in_the_docs` rewrites the table.
+/// `UPDATE_DOCS=1 cargo test --release --lib roles_are_in_the_docs` rewrites the table.
 #[test]
 fn roles_are_in_the_docs() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/effects.md");
@@ -381,6 +381,6 @@ fn roles_are_in_the_docs() {
     }
     assert!(
         std::fs::read_to_string(&path).unwrap() == new,
-        "UPDATE_DOCS=1 cargo test --lib roles_are_in_the_docs"
+        "UPDATE_DOCS=1 cargo test --release --lib roles_are_in_the_docs"
     );
 }

@@ -11,6 +11,9 @@ use crate::diagnose::thresholds::Thresholds;
 use crate::math::distribution::normal_quantile;
 use crate::math::products::dot;
 
+/// A size that is fewer sd from null may be none. *Convention*.
+const NONE_SDS: f64 = 2.0;
+
 /// Why a candidate that passes is not named yet, at the round's null maximum (99%).
 pub fn is_faint(judged: &Judged, limit: f64, thresholds: &Thresholds) -> Option<String> {
     let wanted = times(thresholds.name_factor, limit, judged.screened.taken, thresholds);
@@ -52,8 +55,10 @@ pub fn objection(judged: &Judged, settings: &Settings) -> Option<(Standing, Stri
     if let Some(objection) = held_out_objection(&refit.held_out, settings, judged.noise) {
         return Some(objection);
     }
+    // What share of the small movements did not happen is another one where more of them did.
     let scatter = refit
         .heterogeneity
+        .filter(|_| !judged.noise)
         .filter(|c| c.p < thresholds.scatter_p && c.share > thresholds.scatter_share)?;
     let words = format!(
         "its size differs from maneuver to maneuver by {:.0}% more than its uncertainty",
@@ -70,13 +75,20 @@ fn is_against(v: &Value, expected: f64, within: f64, sds: f64) -> bool {
 }
 
 /// The parameter without which an effect is not known. One with a size of its own needs all it has:
-/// what size it is hangs on its shape. One that is there or not (its size held) needs one shape: of
+/// what size it is hangs on its shape. Of several sizes (a sensor's place along two axes) one must be known,
+/// and the others may be none. One that is there or not (its size held) needs one shape: of
 /// two stops the flights may reach one, of a stall show where it begins, not how late it ends.
 fn undetermined(values: &[Value]) -> Option<&str> {
     let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && !v.own).collect();
-    let loose = fitted.iter().find(|v| !v.is_determined)?;
+    let known = fitted.iter().any(|v| v.null.is_some() && v.is_determined);
+    let loose = fitted.iter().find(|v| !v.is_determined && !(known && is_none(v)))?;
     let sized = fitted.iter().any(|v| v.null.is_some());
     (sized || fitted.iter().all(|v| !v.is_determined)).then_some(&loose.name)
+}
+
+/// Whether a size is none, as far as the flights tell.
+fn is_none(v: &Value) -> bool {
+    v.null.zip(v.sd).is_some_and(|(null, sd)| (v.value - null).abs() < NONE_SDS * sd)
 }
 
 /// The least that a maneuver must gain. A gain predicted to be `g` is normal about `g` with the sd
@@ -270,6 +282,11 @@ mod tests {
         assert_eq!(undetermined(&[size.clone(), high.clone()]), None);
         assert_eq!(undetermined(&[size, low]), Some("low"));
         assert_eq!(undetermined(&[value("size", Some(0.0), Some(0.6)), high]), Some("size"));
+        // Of two sizes one may be none.
+        let (x, none) = (value("x", Some(0.0), Some(0.1)), value("z", Some(0.0), Some(0.7)));
+        assert_eq!(undetermined(&[x.clone(), none.clone()]), None);
+        assert_eq!(undetermined(&[none.clone(), none.clone()]), Some("z"));
+        assert_eq!(undetermined(&[x, value("z", Some(0.0), None)]), Some("z"));
     }
 
     /// A candidate that passes with this evidence.

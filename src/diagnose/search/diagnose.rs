@@ -50,7 +50,7 @@ struct Link {
     rivals: Vec<String>,
     /// Why it is not believed although nothing explains more.
     doubt: Option<String>,
-    /// It takes noise out of a record.
+    /// It takes noise out of a record, or is nothing but that.
     noise: bool,
     /// Everything that the fit found in which it was added.
     known: Known,
@@ -300,11 +300,13 @@ impl Search<'_> {
 
 /// The candidate to add: the first of the class, unless another one has more evidence by far that
 /// held-out maneuvers hardly take away. Beside a name that one may be one that the flights do not
-/// determine: the name would be wrong where something else explains far more.
+/// determine: the name would be wrong where something else explains far more. What noise of the inputs makes is
+/// not added.
 fn to_add(round: &Round, settings: &Settings) -> Option<usize> {
     let gain = |j: &Judged| j.refit.as_ref().map_or(f64::NAN, |r| r.gain);
     let held = |j: &Judged| {
         j.standing.is_doubt()
+            && j.standing != Standing::ByNoise
             && !(j.standing == Standing::Unidentifiable && round.class.is_empty())
             && j.evidence > round.limit
             && j.evidence > (1.0 - settings.thresholds.held_out_taken) * gain(j)
@@ -339,7 +341,7 @@ fn link(round: &Round, judged: &Judged, rivals: usize) -> Option<Link> {
         limit: round.limit,
         rivals: near.iter().take(rivals).map(|j| j.name.clone()).collect(),
         doubt: None,
-        noise: judged.noise,
+        noise: judged.is_of_record(),
         known: refit.known.clone(),
     })
 }

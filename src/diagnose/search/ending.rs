@@ -47,14 +47,14 @@ pub fn ended(
         && out.unphysical.is_empty();
     out.verdict = verdict(out, doubted, &settings.thresholds);
     let but_records = is_but_records(out, &settings.thresholds);
-    let refuted = is_refuted(out, &settings.thresholds);
+    let is_located = out.verdict == Verdict::Located;
+    let refuted = is_located && is_refuted(out, &settings.thresholds);
     out.left = left(last);
-    if !out.left.iter().any(|l| l.adequacy.is_poor()) {
-        if but_records {
-            out.verdict = Verdict::ButRecords;
-        }
-    } else if out.verdict != Verdict::Located || but_records || refuted {
-        progress("more than noise is left: does turbulence account for it?");
+    let is_poor = out.left.iter().any(|l| l.adequacy.is_poor());
+    if !is_poor && but_records {
+        out.verdict = Verdict::ButRecords;
+    } else if refuted || is_poor && (!is_located || but_records) {
+        progress("does turbulence account for what is left?");
         let turbulence = turbulence(subject, stand, last, &out.left);
         // Beside a name gusts may be left that last, which noise on the rates does not account for;
         // but nothing that goes with an input.
@@ -95,13 +95,16 @@ fn is_but_records(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     found && else_nothing && quiet && !out.comparison.shifts.iter().any(moves)
 }
 
-/// Whether nothing was found, and all that shows on the training maneuvers is contradicted: what gusts do goes with anything, a little, for a while.
+/// Whether nothing was found, and all that shows on the training maneuvers is contradicted, or noise of a record: what gusts do goes with anything,
+/// a little, for a while.
 fn is_refuted(out: &Diagnosis, thresholds: &Thresholds) -> bool {
     let Some(round) = out.rounds.first().filter(|_| out.findings.is_empty() && out.complete) else {
         return false;
     };
     let contradicted = |j: &Judged| {
-        matches!(j.standing, Standing::HeldOut | Standing::Inconsistent | Standing::Bounds)
+        let refused =
+            matches!(j.standing, Standing::HeldOut | Standing::Inconsistent | Standing::Bounds);
+        refused || j.is_of_record()
     };
     round.judged.iter().filter(|j| is_shown(j, round, thresholds)).all(contradicted)
 }

@@ -29,6 +29,8 @@ pub enum Standing {
     Untold,
     /// Its size differs from maneuver to maneuver by more than its uncertainty.
     Inconsistent,
+    /// It grows with the noise of the inputs, which may be all it is.
+    ByNoise,
     /// It passes, but with little more evidence than chance gives where the noise is what it is
     /// taken for.
     Faint,
@@ -43,7 +45,13 @@ pub enum Standing {
 impl Standing {
     /// Whether it explains something, and may not be named all the same.
     pub fn is_doubt(self) -> bool {
-        matches!(self, Standing::HeldOut | Standing::Inconsistent | Standing::Unidentifiable)
+        matches!(
+            self,
+            Standing::HeldOut
+                | Standing::Inconsistent
+                | Standing::Unidentifiable
+                | Standing::ByNoise
+        )
     }
 
     /// The stable text that tables carry.
@@ -59,6 +67,7 @@ impl Standing {
             Standing::HeldOut => "fails held out",
             Standing::Untold => "nothing predicted held out",
             Standing::Inconsistent => "inconsistent",
+            Standing::ByNoise => "by noise of inputs",
             Standing::Faint => "faint",
             Standing::Beaten => "beaten",
             Standing::Alike => "alike",
@@ -95,6 +104,13 @@ pub struct Judged {
     pub standing: Standing,
     /// The standing in words, with its figures.
     pub why: String,
+}
+
+impl Judged {
+    /// Whether it takes noise out of a record, or is what such noise makes.
+    pub fn is_of_record(&self) -> bool {
+        self.noise || self.standing == Standing::ByNoise
+    }
 }
 
 /// One round: a base fit and all candidates held against it.

@@ -79,16 +79,12 @@ pub fn refit(
     candidate: &Candidate,
     at: &[f64],
 ) -> Result<Option<(Refit, Left)>, Errors> {
-    let stand = joined(ground.stand, candidate, at);
-    let prepared =
-        Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?.compiled();
-    if prepared.used != ground.prepared.used {
+    let known = Known::of(ground.case, ground.prepared, &ground.fit.theta);
+    let Some(Attached { stand, prepared, mut case, theta }) =
+        attached(ground, (candidate, at), &known)?
+    else {
         return Ok(None);
-    }
-    let mut case = prepared.case();
-    let theta = Known::of(ground.case, ground.prepared, &ground.fit.theta).placed(&case, &prepared);
-    let least: Vec<usize> = ground.case.records.iter().map(|r| r.substeps).collect();
-    settle_steps(&mut case, &theta, &least);
+    };
     let names: Vec<String> = candidate.added.iter().map(|a| a.name.clone()).collect();
     let theta = nearest(ground, &case, candidate, &theta);
     let (mut free, mut fit) =
@@ -140,6 +136,37 @@ pub fn refit(
         known: Known::of(&case, &prepared, &fit.theta),
     };
     Ok(Some((refit, left)))
+}
+
+/// The base with a candidate, over all maneuvers.
+pub struct Attached {
+    pub stand: Stand,
+    pub prepared: Prepared,
+    pub case: Case,
+    pub theta: Vec<f64>,
+}
+
+/// Attaches a candidate whose parameters start at `at`, all else where it is `known`; none where its model
+/// does not run over all maneuvers.
+///
+/// # Errors
+/// Its model does not fit the settings of the base's estimation.
+pub fn attached(
+    ground: &Ground,
+    (candidate, at): (&Candidate, &[f64]),
+    known: &Known,
+) -> Result<Option<Attached>, Errors> {
+    let stand = joined(ground.stand, candidate, at);
+    let prepared =
+        Prepared::new(&stand.model, &ground.prepared.segments, &stand.method)?.compiled();
+    if prepared.used != ground.prepared.used {
+        return Ok(None);
+    }
+    let mut case = prepared.case();
+    let theta = known.placed(&case, &prepared);
+    let least: Vec<usize> = ground.case.records.iter().map(|r| r.substeps).collect();
+    settle_steps(&mut case, &theta, &least);
+    Ok(Some(Attached { stand, prepared, case, theta }))
 }
 
 /// What the base leaves, before anything is added.

@@ -1,5 +1,6 @@
 //! A fitted base and candidates in; all of them screened, the best refitted and judged, out.
 
+use super::by_noise::by_noise;
 use super::decide::{Distance, class, distances, is_faint, objection};
 use super::fits::Fits;
 use super::ground;
@@ -104,7 +105,11 @@ pub fn held_against(
         judged.refit = Some(one);
         let faint =
             || is_faint(judged, limit, &settings.thresholds).map(|why| (Standing::Faint, why));
-        match objection(judged, settings).or_else(faint) {
+        let mut against = objection(judged, settings).or_else(faint);
+        if let (None, Some(refit)) = (&against, &judged.refit) {
+            against = by_noise(&ground, &candidates[i], refit)?.map(|why| (Standing::ByNoise, why));
+        }
+        match against {
             Some((standing, why)) => {
                 (judged.standing, judged.why) = (standing, why);
                 if Some(&judged.name[..]) == tested {

@@ -1,6 +1,6 @@
 //! The rounds of a search in; the verdict and what it rests on, out.
 
-use super::judged::Round;
+use super::judged::{Judged, Round};
 use super::stability::Stability;
 use super::turbulence::Turbulence;
 use super::unseen::Missed;
@@ -112,8 +112,11 @@ impl Diagnosis {
         !self.findings.is_empty() && !nothing
     }
 
-    /// Whether a candidate of this name takes small movements out of the record of an input.
+    /// Whether a candidate of this name takes small movements out of the record of an input, or is what they
+    /// make, as the last round has it that fitted it.
     pub fn is_of_record(&self, name: &str) -> bool {
-        self.rounds.iter().flat_map(|round| &round.judged).any(|j| j.noise && j.name == name)
+        let fitted = |j: &&Judged| j.name == name && j.refit.is_some();
+        let last = self.rounds.iter().rev().find_map(|round| round.judged.iter().find(fitted));
+        last.is_some_and(Judged::is_of_record)
     }
 }

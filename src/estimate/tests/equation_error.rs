@@ -374,3 +374,90 @@ fn the_noise_that_drives_a_model_is_in_no_equation() {
     let names: Vec<&str> = e.responses[0].iter().map(|t| t.name.as_str()).collect();
     assert_eq!(names, ["rate of alpha", "rate of q"]);
 }
+
+const LATERAL: &str = r#"title = "Lateral motion, the vane ahead of the centre of gravity and the accelerometer, too"
+[inputs]
+da = "rad"
+dr = "rad"
+[parameters]
+Y_b = { unit = "1/s", start = -0.2 }
+L_b = { unit = "1/s^2", start = -10.0 }
+L_p = { unit = "1/s", start = -4.0 }
+L_r = { unit = "1/s", start = 1.0 }
+L_a = { unit = "1/s^2", start = 20.0 }
+N_b = { unit = "1/s^2", start = 5.0 }
+N_p = { unit = "1/s", start = 0.0 }
+N_r = { unit = "1/s", start = -0.5 }
+N_d = { unit = "1/s^2", start = -5.0 }
+L_0 = { unit = "rad/s^2", start = 0.0, per = "segment" }
+N_0 = { unit = "rad/s^2", start = 0.0, per = "segment" }
+[constants]
+g_V = { unit = "1/s", value = 0.4 }
+V = { unit = "m/s", value = 25.0 }
+x_v = { unit = "m", value = 0.7 }
+x_a = { unit = "m", value = 0.2 }
+[equations]
+pdot = "L_0 + L_b*beta + L_p*p + L_r*r + L_a*da"
+rdot = "N_0 + N_b*beta + N_p*p + N_r*r + N_d*dr"
+[states]
+beta = { unit = "rad", rate = "Y_b*beta - r + g_V*sin(phi)", start = 0.0 }
+p = { unit = "rad/s", rate = "pdot", start = 0.0 }
+r = { unit = "rad/s", rate = "rdot", start = 0.0 }
+phi = { unit = "rad", rate = "p", start = 0.0 }
+[outputs]
+beta = { unit = "rad", value = "beta + x_v*r/V" }
+p = { unit = "rad/s", value = "p" }
+r = { unit = "rad/s", value = "r" }
+phi = { unit = "rad", value = "phi" }
+ay = { unit = "m/s^2", value = "V*Y_b*beta + x_a*rdot" }
+"#;
+
+const LATERAL_TRUTH: [f64; 9] = [-0.3, -16.0, -6.0, 2.0, 40.0, 9.0, -0.6, -0.9, -8.0];
+
+/// Maneuvers of it, with noise of these sd per output.
+fn lateral(model: &Model, seed: u64, sd: [f64; 5]) -> Vec<Record> {
+    use crate::dynamics::{Directions, Propagator};
+    let propagator = Propagator::new(model, Directions::default()).unwrap();
+    let mut random = rng(seed);
+    let one = |s: usize| {
+        let (dt, n) = (0.01, 600);
+        let step = |k: usize, at: f64| {
+            let t = k as f64 * dt - at;
+            if t < 0.0 || t > 1.0 { 0.0 } else { 0.05 * (2.0 * std::f64::consts::PI * t).sin() }
+        };
+        let size = [1.0, -0.7, 0.8, -1.2][s % 4];
+        let da: Vec<f64> = (0..n).map(|k| size * step(k, 0.5)).collect();
+        let dr: Vec<f64> = (0..n).map(|k| size * step(k, 2.0)).collect();
+        let nothing: Vec<(usize, Vec<f64>)> = (0..5).map(|o| (o, vec![0.0; n])).collect();
+        let mut flown = record(dt, &[da, dr], &nothing);
+        flown.substeps = 4;
+        let mut parameters = model.parameter_starts();
+        parameters[..9].copy_from_slice(&LATERAL_TRUTH);
+        let response = propagator.respond(&parameters, &[], &flown, false);
+        for (channel, (y, sd)) in flown.channels.iter_mut().zip(response.y.iter().zip(sd)) {
+            channel.z = sums(y, &noise(&mut random, n, sd, 0.0)).into();
+        }
+        flown
+    };
+    (0..6).map(one).collect()
+}
+
+/// What the output of a state's name has besides the state is taken off it.
+#[test]
+fn truth_a_vane_away_from_the_centre_of_gravity_is_brought_there() {
+    let model = model(LATERAL);
+    let exact = estimate(&model, &lateral(&model, 1, [0.0; 5]), &method()).unwrap();
+    for (row, truth) in exact.rows.iter().zip(LATERAL_TRUTH) {
+        assert!((row.value - truth).abs() < 2e-3 * truth.abs(), "{row:?} for {truth}");
+    }
+    let beta = exact.regression.as_ref().unwrap().equations.iter().find(|e| e.name == "beta");
+    assert_eq!(beta.unwrap().outcome, "the state, and more that is taken off: its rate is used");
+    for seed in 2..6 {
+        let records = lateral(&model, seed, [2e-3, 3e-3, 3e-3, 2e-3, 0.05]);
+        let e = estimate(&model, &records, &method()).unwrap();
+        assert_eq!(e.stop, Stop::Converged, "{:?}", e.iterations);
+        for (row, truth) in e.rows.iter().zip(LATERAL_TRUTH) {
+            assert!((row.value - truth).abs() < 0.1 * truth.abs() + 0.1, "{row:?} for {truth}");
+        }
+    }
+}

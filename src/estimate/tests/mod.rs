@@ -15,6 +15,7 @@ mod modes;
 mod named;
 mod noise;
 mod noisy_inputs;
+mod noisy_starts;
 mod points;
 mod shifts;
 mod starts;

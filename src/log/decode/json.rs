@@ -6,6 +6,7 @@
 
 use super::encoding::{Encoding, FieldInfo, Prepared, Reader, UNREADABLE, finite};
 use crate::log::channel::Channel;
+use crate::units::Unit;
 use std::sync::Arc;
 
 pub const ENCODING: Encoding =
@@ -302,12 +303,19 @@ fn schema_fields(
         let text = |keys: &[&str]| {
             keys.iter().find_map(|k| node.get(*k)?.as_str()).unwrap_or_default().to_string()
         };
-        out.push(FieldInfo {
-            path: path.to_string(),
-            unit: text(&["unit", "units", "x-unit", "x-units"]),
-            doc: text(&["description", "title"]),
-        });
+        let doc = text(&["description", "title"]);
+        let unit = text(&["unit", "units", "x-unit", "x-units"]);
+        let unit = if unit.is_empty() { unit_in(&doc) } else { unit };
+        out.push(FieldInfo { path: path.to_string(), unit, doc });
     }
+}
+
+/// The unit that a description says: in brackets, or as all of it. One letter alone may be anything.
+fn unit_in(doc: &str) -> String {
+    let bracketed = doc.rsplit_once('[').and_then(|(_, rest)| rest.split_once(']'));
+    let text = bracketed.map_or(doc, |(inside, _)| inside).trim();
+    let is_unit = (bracketed.is_some() || text.len() > 1) && Unit::parse(text).is_ok();
+    if is_unit { text.to_string() } else { String::new() }
 }
 
 fn has_number(kind: Option<&serde_json::Value>) -> bool {
@@ -412,12 +420,27 @@ mod tests {
     fn fields_carry_unit_and_description_from_the_schema() {
         let schema = br#"{"type":"object","properties":{
             "p":{"type":"number","unit":"rad/s","description":"Roll rate"},
+            "q":{"type":"number","description":"Pitch rate [deg/s]"}, "a":{"type":"number","description":"deg"},
+            "h":{"type":"number","description":"h"}, "n":{"type":"number","description":"[rows]"},
             "list":{"type":"array","items":{"type":"number","unit":"V"}}, "label":{"type":"string"}}}"#;
-        let got = fields(schema, Some(br#"{"p":1,"list":[1,2],"label":"on","extra":3}"#));
+        let got = fields(
+            schema,
+            Some(br#"{"p":1,"q":2,"a":3,"h":4,"n":5,"list":[1,2],"label":"on","extra":3}"#),
+        );
         let text: Vec<String> =
             got.iter().map(|f| format!("{} [{}] {}", f.path, f.unit, f.doc)).collect();
-        assert_eq!(text, ["p [rad/s] Roll rate", "list.0 [V] ", "list.1 [V] ", "extra [] "]);
-        assert_eq!(fields(schema, None).len(), 2);
+        let expected = [
+            "p [rad/s] Roll rate",
+            "q [deg/s] Pitch rate [deg/s]",
+            "a [deg] deg",
+            "h [] h",
+            "n [] [rows]",
+            "list.0 [V] ",
+            "list.1 [V] ",
+            "extra [] ",
+        ];
+        assert_eq!(text, expected);
+        assert_eq!(fields(schema, None).len(), 6);
     }
 
     proptest::proptest! {

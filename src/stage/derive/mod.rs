@@ -243,32 +243,41 @@ pub fn spacing(t: &[f64]) -> f64 {
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// One note per column that has gaps between its first and its last value.
+/// One note per column that has gaps between its first and its last value, and one on the points where no
+/// column has a value.
 fn masked(flight: &str, columns: &IndexMap<String, Column>) -> Vec<Note> {
+    let note = |severity: Severity, subject: &str, count: usize, text: String| Note {
+        flight: flight.to_string(),
+        stage: STAGE.name.to_string(),
+        severity,
+        subject: subject.to_string(),
+        count: count as u64,
+        text,
+    };
+    let points = columns.values().map(|c| c.values.len()).max().unwrap_or(0);
+    let mut silent = vec![columns.len() > 1; points];
+    for column in columns.values().filter(|c| c.values.iter().any(|v| v.is_finite())) {
+        silent.iter_mut().zip(&column.values).for_each(|(silent, v)| *silent &= !v.is_finite());
+    }
     let mut notes = Vec::new();
+    let mut paused = 0;
     for (name, column) in columns {
         let first = column.values.iter().position(|v| v.is_finite()).unwrap_or(0);
         let last = column.values.iter().rposition(|v| v.is_finite()).map_or(0, |i| i + 1);
-        let count = column
-            .values
-            .get(first..last)
-            .unwrap_or_default()
-            .iter()
-            .filter(|v| !v.is_finite())
-            .count();
+        let gaps: Vec<usize> = (first..last).filter(|&k| !column.values[k].is_finite()).collect();
+        let count = gaps.iter().filter(|&&k| !silent[k]).count();
+        paused = paused.max(gaps.len() - count);
         if count > 0 {
-            notes.push(Note {
-                flight: flight.to_string(),
-                stage: STAGE.name.to_string(),
-                severity: Severity::Warning,
-                subject: name.clone(),
-                count: count as u64,
-                text: format!(
-                    "{name}: {count} of {} grid points lie in gaps and are masked",
-                    last - first
-                ),
-            });
+            let of = last - first;
+            let text = format!("{name}: {count} of {of} grid points lie in gaps and are masked");
+            notes.push(note(Severity::Warning, name, count, text));
         }
+    }
+    if paused > 0 {
+        let text = format!(
+            "{paused} of {points} grid points lie where nothing was recorded, and are masked"
+        );
+        notes.push(note(Severity::Info, "", paused, text));
     }
     notes
 }

@@ -152,8 +152,9 @@ fn missing(outcome: &Outcome) -> String {
             format!("The model lacks (+- is 95%): {}.{rest}{turned}", classes())
         }
         Verdict::Located if !d.findings.is_empty() => {
+            let what = if left.is_empty() { left } else { format!(": {left}") };
             format!(
-                "{evidence}Something is missing that no effect of the library is trusted to explain: {left}. {} (+- is 95%): {}.",
+                "{evidence}Something is missing that no effect of the library is trusted to explain{what}. {} (+- is 95%): {}.",
                 smaller(&d.comparison.channels),
                 classes()
             )
@@ -188,7 +189,12 @@ fn smaller(channels: &[Channel]) -> &'static str {
 fn records(outcome: &Outcome) -> String {
     let d = &outcome.diagnosis;
     let found = d.findings.iter().map(|f| class(outcome, f));
-    let some = d.doubts.iter().map(|(name, why)| format!("{name} in some maneuvers only ({why})"));
+    let is_noise =
+        |name: &str| d.rounds.iter().flat_map(|r| &r.judged).any(|j| j.noise && j.name == name);
+    let some = d.doubts.iter().map(|(name, why)| match is_noise(name) {
+        true => format!("{name} in some maneuvers only ({why})"),
+        false => format!("{name} ({why})"),
+    });
     let moved = match d.findings.is_empty() {
         true => "what parameters are without them is not known",
         false => "no parameter moves by three of its sd when they are taken out (+- is 95%)",

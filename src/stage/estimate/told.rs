@@ -57,6 +57,7 @@ pub fn notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Not
     notes.extend(edges_note(config, batch, estimation));
     notes.extend(chords_note(config, batch, estimation));
     notes.extend(noisy_notes(config, batch, estimation));
+    notes.extend(starts_note(config, batch, estimation));
     notes.extend(ramps_note(config, batch, estimation));
     notes.extend(moved_note(config, batch, estimation));
     notes.extend(tried_notes(config, batch, estimation));
@@ -69,6 +70,7 @@ pub fn notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<Not
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
     }
     notes.extend(colour_notes(config, batch, estimation));
+    notes.extend(not_white_note(config, batch, estimation));
     for row in estimation.rows.iter().filter(|row| row.idle) {
         let text = format!("{}: {}", batch.group, limits::idle(estimation, row).1);
         notes.push(config.note("", Severity::Warning, batch.group.clone(), 1, text));
@@ -220,10 +222,14 @@ fn chords_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Optio
             "; where inputs have no edges, `interpolation = \"cubic\"` in [[estimate]]",
         ),
     };
+    let [least, largest] = chords.spacing;
+    let spacing = match largest - least > 0.1 * least {
+        true => format!("{least:.3} to {largest:.3} s"),
+        false => format!("{largest:.3} s"),
+    };
     let text = format!(
-        "{}: inputs run on {curve} between {points} ({:.3} s), which moves {}: {remedy} tells more, and half the spacing leaves a quarter of it{smooth}",
+        "{}: inputs run on {curve} between {points} ({spacing}), which moves {}: {remedy} tells more, and half the spacing leaves a quarter of it{smooth}",
         batch.group,
-        chords.spacing,
         moved(&chords.moved)
     );
     Some(config.note("", Severity::Warning, batch.group.clone(), chords.moved.len(), text))
@@ -282,6 +288,27 @@ fn noisy_notes(config: &Config, batch: &Batch, estimation: &Estimation) -> Vec<N
         ));
     }
     notes
+}
+
+/// Standard deviations that noise of the samples which states start at makes larger.
+fn starts_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let noisy = estimation.noisy_starts.as_ref()?;
+    let each = |(name, by): &(String, f64)| format!("{name} {by:.1}");
+    let larger: Vec<String> = noisy.larger.iter().take(NAMED).map(each).collect();
+    let more = match noisy.larger.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} others"),
+    };
+    let quoted = |name: &String| format!("\"{name}\"");
+    let states: Vec<String> = noisy.states.iter().map(quoted).collect();
+    let text = format!(
+        "{}: {} start at one measured sample, whose noise makes sd so many times larger: {}{more} (it is in `sd`, not in `sd_crlb`): `initial = [{}]` under [estimate.method] estimates the starts",
+        batch.group,
+        noisy.states.join(", "),
+        larger.join(", "),
+        states.join(", ")
+    );
+    Some(config.note("", Severity::Warning, batch.group.clone(), noisy.larger.len(), text))
 }
 
 /// Estimates by equation error that the noise of the regressors is expected to have moved.
@@ -358,6 +385,34 @@ fn elsewhere_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Op
     };
     let text = format!("{}: {text}", batch.group);
     Some(config.note("", Severity::Warning, batch.group.clone(), 1, text))
+}
+
+/// Innovations are white if the noise that drives the model is what drove the aircraft: their past foretells
+/// no more of them than this. *Convention* (a tenth), as for the turbulence of a diagnosis.
+const FORETOLD: f64 = 0.1;
+/// And they are so, or not, beyond chance.
+const DEMONSTRATED: f64 = 0.999;
+
+/// Outputs of a filter whose innovations are not white.
+fn not_white_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Option<Note> {
+    let mut traces = estimation.responses.iter().flatten();
+    if !traces.any(|trace| trace.filtered.is_some()) {
+        return None;
+    }
+    let of = |output: &estimate::OutputScatter| {
+        let colour = output.colour.as_ref()?;
+        let share = colour.model.foretold();
+        let is_poor = share > FORETOLD && colour.coloured > DEMONSTRATED;
+        is_poor.then(|| format!("{} ({:.0}%)", output.name, 100.0 * share))
+    };
+    let outputs: Vec<String> = estimation.outputs.iter().filter_map(of).collect();
+    let text = format!(
+        "{}: what is new at each sample is not white: its past foretells a part of {}. Noise of another kind drives the aircraft (gusts that last, say), or a sensor: estimates may be off by more than their sd. Give the model that noise (gusts are fragments), or compare with output error",
+        batch.group,
+        outputs.join(", ")
+    );
+    let note = config.note("", Severity::Warning, batch.group.clone(), outputs.len(), text);
+    (!outputs.is_empty()).then_some(note)
 }
 
 /// What was cut off where the colour of the residuals was found.

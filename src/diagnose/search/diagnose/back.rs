@@ -66,6 +66,7 @@ impl Search<'_> {
             };
             let doubt = this.filter(|j| j.standing.is_doubt()).filter(kept).map(|j| j.why.clone());
             if doubt.is_some() {
+                self.links[i].noise |= this.is_some_and(Judged::is_of_record);
                 self.links[i].doubt = doubt;
                 continue;
             }
