@@ -81,7 +81,7 @@ fn is_against(v: &Value, expected: f64, within: f64, sds: f64) -> bool {
 fn undetermined(values: &[Value]) -> Option<&str> {
     let fitted: Vec<&Value> = values.iter().filter(|v| !v.held && !v.own).collect();
     let known = fitted.iter().any(|v| v.null.is_some() && v.is_determined);
-    let loose = fitted.iter().find(|v| !v.is_determined && !(known && is_none(v)))?;
+    let loose = fitted.iter().find(|v| !(v.is_determined || known && is_none(v)))?;
     let sized = fitted.iter().any(|v| v.null.is_some());
     (sized || fitted.iter().all(|v| !v.is_determined)).then_some(&loose.name)
 }

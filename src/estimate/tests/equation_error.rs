@@ -423,7 +423,11 @@ fn lateral(model: &Model, seed: u64, sd: [f64; 5]) -> Vec<Record> {
         let (dt, n) = (0.01, 600);
         let step = |k: usize, at: f64| {
             let t = k as f64 * dt - at;
-            if t < 0.0 || t > 1.0 { 0.0 } else { 0.05 * (2.0 * std::f64::consts::PI * t).sin() }
+            if !(0.0..=1.0).contains(&t) {
+                0.0
+            } else {
+                0.05 * (2.0 * std::f64::consts::PI * t).sin()
+            }
         };
         let size = [1.0, -0.7, 0.8, -1.2][s % 4];
         let da: Vec<f64> = (0..n).map(|k| size * step(k, 0.5)).collect();
