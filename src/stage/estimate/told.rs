@@ -390,6 +390,8 @@ fn elsewhere_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Op
 /// Innovations are white if the noise that drives the model is what drove the aircraft: their past foretells
 /// no more of them than this. *Convention* (a tenth), as for the turbulence of a diagnosis.
 const FORETOLD: f64 = 0.1;
+/// Innovations below this share of what was measured are rounding, of which nothing is told.
+const ROUNDING: f64 = 1e-4;
 /// And they are so, or not, beyond chance.
 const DEMONSTRATED: f64 = 0.999;
 
@@ -402,7 +404,9 @@ fn not_white_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Op
     let of = |output: &estimate::OutputScatter| {
         let colour = output.colour.as_ref()?;
         let share = colour.model.foretold();
-        let is_poor = share > FORETOLD && colour.coloured > DEMONSTRATED;
+        let traces = estimation.responses.iter().flatten().filter(|t| t.name == output.name);
+        let is_poor =
+            share > FORETOLD && colour.coloured > DEMONSTRATED && traces.into_iter().any(tells);
         is_poor.then(|| format!("{} ({:.0}%)", output.name, 100.0 * share))
     };
     let outputs: Vec<String> = estimation.outputs.iter().filter_map(of).collect();
@@ -413,6 +417,15 @@ fn not_white_note(config: &Config, batch: &Batch, estimation: &Estimation) -> Op
     );
     let note = config.note("", Severity::Warning, batch.group.clone(), outputs.len(), text);
     (!outputs.is_empty()).then_some(note)
+}
+
+/// Whether what is new in an output is more than rounding of it.
+fn tells(trace: &Trace) -> bool {
+    let largest = |of: &dyn Fn((&f64, &f64)) -> f64| {
+        let both = trace.measured.iter().zip(trace.modelled.iter());
+        both.map(of).filter(|x| x.is_finite()).fold(0.0, f64::max)
+    };
+    largest(&|(z, y)| (z - y).abs()) > ROUNDING * largest(&|(z, _)| z.abs())
 }
 
 /// What was cut off where the colour of the residuals was found.
